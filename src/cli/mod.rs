@@ -1,0 +1,75 @@
+//! The command line: arguments in, library calls, readable reports out.
+//!
+//! Each subcommand has a file with its arguments and a `run`. Only this module writes to stdout and stderr, reads
+//! the environment and decides exit statuses: 0 done, 1 failed, 2 wrong arguments.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "the command line is where output belongs")]
+
+mod bench;
+mod doctor;
+mod golden;
+mod inspect;
+mod output;
+mod phantom;
+mod render;
+mod serve;
+mod source;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Headless CT volume rendering, in colour and depth, for glasses-free 3D displays.
+#[derive(Debug, Parser)]
+#[command(name = "relief", version, about, long_about = None, after_help = AFTER_HELP)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  relief phantom --kind head --out head          make a CT series of a procedural head
+  relief render --series head --preset bone --out head.png
+  relief inspect head.png                        decode the 2D-plus-depth header of a frame
+  relief serve --series head                     serve it; the page is at the printed address
+
+Log detail is set by RELIEF_LOG (error, warn, info, debug, trace; default warn).
+Exit status: 0 done, 1 failed, 2 wrong arguments.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Phantom(phantom::Arguments),
+    Inspect(inspect::Arguments),
+    Render(render::Arguments),
+    Bench(bench::Arguments),
+    Serve(serve::Arguments),
+    Golden(golden::Arguments),
+    Doctor(doctor::Arguments),
+}
+
+/// Parses the command line, runs the subcommand and reports errors.
+#[must_use]
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse(); // exits with status 2 on wrong arguments
+    start_logging();
+    let outcome = match arguments.command {
+        Command::Phantom(arguments) => phantom::run(arguments),
+        Command::Inspect(arguments) => inspect::run(arguments),
+        Command::Render(arguments) => render::run(arguments),
+        Command::Bench(arguments) => bench::run(arguments),
+        Command::Serve(arguments) => serve::run(arguments),
+        Command::Golden(arguments) => golden::run(arguments),
+        Command::Doctor(arguments) => doctor::run(arguments),
+    };
+    outcome.unwrap_or_else(|error| {
+        eprintln!("relief: {}", output::report(&error));
+        ExitCode::FAILURE
+    })
+}
+
+/// Logs go to stderr, so that stdout carries results alone.
+fn start_logging() {
+    let filter = tracing_subscriber::EnvFilter::try_from_env("RELIEF_LOG")
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+}

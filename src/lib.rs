@@ -1,0 +1,30 @@
+//! Relief: headless CT volume rendering, in colour and depth, for glasses-free 3D displays.
+//!
+//! A CT series becomes a [`volume::Volume`] in HU and patient millimetres; a render request becomes a picture with
+//! a view depth for every pixel; both become a 2D-plus-depth frame that a display takes. Data flows one way, and
+//! modules import only from ranks below their own:
+//!
+//! | rank | modules |
+//! |---|---|
+//! | 0 | [`units`], [`space`] |
+//! | 1 | [`volume`], [`transfer`], [`camera`] |
+//! | 2 | [`gpu`], [`dicom`], [`display`] |
+//! | 3 | [`render`] |
+//! | 4 | [`session`] |
+//! | 5 | [`server`] |
+//! | 6 | [`cli`] |
+//!
+//! `ARCHITECTURE.md` has the map and the invariants, each with the test that keeps it.
+
+pub mod camera;
+pub mod cli;
+pub mod dicom;
+pub mod display;
+pub mod gpu;
+pub mod render;
+pub mod server;
+pub mod session;
+pub mod space;
+pub mod transfer;
+pub mod units;
+pub mod volume;

@@ -1,0 +1,7 @@
+//! (to come)
+/// (to come)
+#[derive(Debug)]
+pub struct BrickRanges;
+/// (to come)
+#[derive(Debug)]
+pub struct DistanceMap;
