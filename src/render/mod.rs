@@ -1,1 +1,14 @@
-//! (to come)
+//! Rendering: a [`RenderRequest`] and a volume become a [`RenderedFrame`].
+//!
+//! What it is: the passes that run on the GPU, the JSON form of requests, and [`mod@reference`], an f64 twin of the
+//! shaders on the CPU. What it is not: it knows no display format (see `display`) and no network.
+//!
+//! Spaces: rays start in view space (mm) and sample in voxel indices. Depth is view depth in mm.
+
+mod frame;
+mod request;
+mod scene;
+
+pub use frame::{RenderedFrame, Timings};
+pub use request::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RequestError, Shading};
+pub use scene::{Scene, SceneError, SceneFile};

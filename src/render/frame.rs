@@ -1,0 +1,61 @@
+//! What a render gives back: a picture with the view depth of every pixel, and the camera it was made with.
+
+use crate::camera::Camera;
+use crate::space::{Patient, Point, View};
+use crate::units::{DepthLimits, ViewDepth};
+
+/// Where a frame's time went, ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Timings {
+    /// Uploading what had changed; 0 when nothing had.
+    pub upload_ms: f64,
+    /// Ray casting and read-back.
+    pub render_ms: f64,
+}
+
+/// A rendered picture.
+#[derive(Clone, Debug)]
+pub struct RenderedFrame {
+    /// Width and height in pixels.
+    pub size_px: [u32; 2],
+    /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is the coverage.
+    pub color_rgba: Vec<[u8; 4]>,
+    /// Rows from the top. View depth in mm, `+inf` where the ray hit nothing.
+    pub depth_mm: Vec<f32>,
+    /// The camera of the request.
+    pub camera: Camera,
+    /// Limits that keep depth steady while this volume turns: its bounding sphere around the focal point.
+    pub limits: DepthLimits,
+    /// Where the time went.
+    pub timings: Timings,
+}
+
+impl RenderedFrame {
+    /// View depth of a pixel (column, row).
+    ///
+    /// # Panics
+    /// When the pixel is outside the picture.
+    #[must_use]
+    pub fn depth_at(&self, [column, row]: [u32; 2]) -> ViewDepth {
+        ViewDepth(self.depth_mm[(row * self.size_px[0] + column) as usize])
+    }
+
+    /// The patient position that a pixel shows; `None` where its ray hit nothing.
+    ///
+    /// # Panics
+    /// When the pixel is outside the picture.
+    #[must_use]
+    pub fn pick(&self, pixel: [u32; 2]) -> Option<Point<Patient>> {
+        let depth = self.depth_at(pixel);
+        let [half_x, half_y] = self.camera.half_extent(self.size_px);
+        let x = ((f64::from(pixel[0]) + 0.5) / f64::from(self.size_px[0]) * 2.0 - 1.0) * half_x;
+        let y = (1.0 - (f64::from(pixel[1]) + 0.5) / f64::from(self.size_px[1]) * 2.0) * half_y;
+        let depth_mm = f64::from(depth.0);
+        let spread = match self.camera.projection() {
+            crate::camera::Projection::Perspective { .. } => depth_mm,
+            crate::camera::Projection::Orthographic { .. } => 1.0,
+        };
+        let in_view = Point::<View>::new(x * spread, y * spread, -depth_mm);
+        depth.is_hit().then(|| self.camera.patient_from_view() * in_view)
+    }
+}

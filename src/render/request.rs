@@ -1,0 +1,178 @@
+//! A complete, immutable order for one picture: everything that the renderer needs beside the volume.
+//!
+//! Values here are valid by construction of their parts plus [`RenderRequest::validate`]; the JSON form with its
+//! defaults and error paths is in `scene`.
+
+use crate::camera::Camera;
+use crate::space::{Patient, Point, Vector};
+use crate::transfer::TransferFunction;
+
+/// How the samples of a ray become a colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Samples are shaded and blended front to back.
+    Composite,
+    /// The largest value along the ray, through the transfer function, unshaded.
+    Mip,
+}
+
+/// Which depth a semi-transparent ray has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DepthRule {
+    /// The first visible point: where opacity leaves zero.
+    FirstHit,
+    /// Where accumulated opacity crosses this fraction of the ray's final opacity.
+    Threshold {
+        /// Share of the final opacity, above 0 and up to 1.
+        fraction: f64,
+    },
+}
+
+/// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
+///
+/// With the light at the eye the reflected and the half vector are both along `v`, so the highlight is a power of
+/// the same cosine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shading {
+    /// Share of light from everywhere, 0..1.
+    pub ambient: f64,
+    /// Share of light reflected evenly, 0..1.
+    pub diffuse: f64,
+    /// Share of light reflected as a highlight, 0..1.
+    pub specular: f64,
+    /// Exponent of the highlight, 1..1000.
+    pub shininess: f64,
+}
+
+impl Shading {
+    /// Colours as the transfer function has them.
+    pub const NONE: Self = Self { ambient: 1.0, diffuse: 0.0, specular: 0.0, shininess: 1.0 };
+
+    /// Whether a sample's gradient matters.
+    #[must_use]
+    pub fn needs_gradient(&self) -> bool {
+        self.diffuse > 0.0 || self.specular > 0.0
+    }
+}
+
+/// A half-space: what lies on the side that `normal` points to is kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClipPlane {
+    /// A point of the plane.
+    pub point: Point<Patient>,
+    /// Points to the side that is kept; any length above zero.
+    pub normal: Vector<Patient>,
+}
+
+/// The part of the volume that is shown: what all planes keep.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Clip {
+    /// At most [`Clip::MAX_PLANES`]; the six faces of a clip box count among them.
+    pub planes: Vec<ClipPlane>,
+}
+
+impl Clip {
+    /// Six planes of a box and six free ones.
+    pub const MAX_PLANES: usize = 12;
+
+    /// Adds the six faces of a box in patient space.
+    pub fn add_box(&mut self, min: Point<Patient>, max: Point<Patient>) {
+        for axis in glam::DMat3::IDENTITY.to_cols_array_2d() {
+            let normal = Vector::from_xyz(axis.into());
+            self.planes.push(ClipPlane { point: min, normal });
+            self.planes.push(ClipPlane { point: max, normal: -normal });
+        }
+    }
+}
+
+/// One picture of one volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderRequest {
+    /// Where the eye is and how it projects.
+    pub camera: Camera,
+    /// Width and height in pixels.
+    pub size_px: [u32; 2],
+    /// How samples become a colour.
+    pub mode: Mode,
+    /// Colour and opacity of values.
+    pub transfer: TransferFunction,
+    /// Light.
+    pub shading: Shading,
+    /// Distance between samples along a ray, mm.
+    pub sample_distance_mm: f64,
+    /// Which depth a ray has.
+    pub depth: DepthRule,
+    /// Which part is shown.
+    pub clip: Clip,
+    /// Display-referred sRGB, 0..1, behind everything.
+    pub background_rgb: [f64; 3],
+}
+
+/// A part of a request that is out of range: where, what, and what it may be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{path} is {found}, allowed: {allowed}")]
+pub struct RequestError {
+    /// Key path as in the JSON form, such as `camera.projection.perspective.vertical_fov_deg`.
+    pub path: String,
+    /// The value found.
+    pub found: String,
+    /// The values that are allowed.
+    pub allowed: String,
+}
+
+impl RequestError {
+    pub(super) fn new(path: &str, found: impl ToString, allowed: &str) -> Self {
+        Self { path: path.to_owned(), found: found.to_string(), allowed: allowed.to_owned() }
+    }
+}
+
+impl RenderRequest {
+    /// Largest width or height of a picture.
+    pub const MAX_SIDE_PX: u32 = 8192;
+
+    /// Checks every range that the parts' own constructors do not.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), RequestError> {
+        let within = |path: &str, value: f64, low: f64, high: f64| {
+            let inside = (low..=high).contains(&value);
+            inside.then_some(()).ok_or_else(|| RequestError::new(path, value, &format!("{low} to {high}")))
+        };
+        for side in self.size_px {
+            within("size_px", f64::from(side), 1.0, f64::from(Self::MAX_SIDE_PX))?;
+        }
+        within("sample_distance_mm", self.sample_distance_mm, 0.01, 100.0)?;
+        for (path, value) in [
+            ("shading.ambient", self.shading.ambient),
+            ("shading.diffuse", self.shading.diffuse),
+            ("shading.specular", self.shading.specular),
+        ] {
+            within(path, value, 0.0, 1.0)?;
+        }
+        within("shading.shininess", self.shading.shininess, 1.0, 1000.0)?;
+        for channel in self.background_rgb {
+            within("background_rgb", channel, 0.0, 1.0)?;
+        }
+        if let DepthRule::Threshold { fraction } = self.depth {
+            within("depth.fraction", fraction, 0.001, 1.0)?;
+        }
+        self.validate_clip()
+    }
+
+    fn validate_clip(&self) -> Result<(), RequestError> {
+        let count = self.clip.planes.len();
+        if count > Clip::MAX_PLANES {
+            return Err(RequestError::new("clip.planes", format!("{count} planes"), "at most 6 beside the box"));
+        }
+        let usable = |plane: &ClipPlane| plane.point.xyz.is_finite() && plane.normal.normalized().is_some();
+        match self.clip.planes.iter().position(|plane| !usable(plane)) {
+            Some(i) => Err(RequestError::new(
+                &format!("clip.planes[{i}].normal"),
+                format!("{:?}", self.clip.planes[i].normal.xyz.to_array()),
+                "a direction of finite length above zero",
+            )),
+            None => Ok(()),
+        }
+    }
+}
