@@ -6,9 +6,14 @@
 //! Spaces: rays start in view space (mm) and sample in voxel indices. Depth is view depth in mm.
 
 mod frame;
+mod pipelines;
+mod renderer;
 mod request;
 mod scene;
+mod uniform;
+mod upload;
 
 pub use frame::{RenderedFrame, Timings};
+pub use renderer::{RenderError, Renderer, Skipping};
 pub use request::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RequestError, Shading};
 pub use scene::{Scene, SceneError, SceneFile};

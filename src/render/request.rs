@@ -8,7 +8,7 @@ use crate::space::{Patient, Point, Vector};
 use crate::transfer::TransferFunction;
 
 /// How the samples of a ray become a colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// Samples are shaded and blended front to back.
     Composite,

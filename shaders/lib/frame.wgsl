@@ -1,0 +1,120 @@
+// One frame's parameters, and the ray of a pixel.
+//
+// Spaces: view (mm; x right, y up, looking along -z), voxel index (integers are voxel centres). Lengths in mm.
+
+struct Frame {
+    // Voxel index of a view position.
+    voxel_from_view: mat4x4<f32>,
+    // Voxels along i, j, k.
+    dims: vec3<f32>,
+    sample_distance_mm: f32,
+    // Half the picture: at 1 mm before the eye (perspective) or everywhere (orthographic), mm.
+    half_extent: vec2<f32>,
+    size_px: vec2<u32>,
+    background_rgb: vec3<f32>,
+    is_orthographic: u32,
+    ambient: f32,
+    diffuse: f32,
+    specular: f32,
+    shininess: f32,
+    // The transfer table: HU of entry 0, HU per entry, index of the last entry.
+    table_first_hu: f32,
+    table_step_hu: f32,
+    table_last: u32,
+    // Share of a ray's final opacity at which the threshold rule puts its depth.
+    depth_fraction: f32,
+    clip_plane_count: u32,
+    // Edge of a brick in voxels; 0 turns skipping off.
+    brick_edge: u32,
+    padding: vec2<u32>,
+    // View space: what dot(n, p) + d >= 0 holds for is kept.
+    clip_planes: array<vec4<f32>, 12>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+
+// Points origin + direction * t for t in mm; `entry` and `exit` bound what is inside the box and the clip planes.
+struct Ray {
+    // View space, unit length.
+    direction: vec3<f32>,
+    // Voxel index of the ray's start, and voxels per mm along it.
+    origin_voxel: vec3<f32>,
+    step_voxel: vec3<f32>,
+    entry: f32,
+    exit: f32,
+    // View depth at t = 0 and per mm of t.
+    depth_origin: f32,
+    depth_step: f32,
+}
+
+fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
+    let ndc = (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size_px) * 2.0 - 1.0;
+    let across = vec2<f32>(ndc.x, -ndc.y) * frame.half_extent;
+    var origin = vec3<f32>(0.0);
+    var direction = vec3<f32>(0.0, 0.0, -1.0);
+    if frame.is_orthographic != 0u {
+        origin = vec3<f32>(across, 0.0);
+    } else {
+        direction = normalize(vec3<f32>(across, -1.0));
+    }
+    var ray: Ray;
+    ray.direction = direction;
+    ray.origin_voxel = (frame.voxel_from_view * vec4<f32>(origin, 1.0)).xyz;
+    ray.step_voxel = (frame.voxel_from_view * vec4<f32>(direction, 0.0)).xyz;
+    ray.depth_origin = -origin.z;
+    ray.depth_step = -direction.z;
+    let interval = clip_interval(origin, direction, box_interval(ray.origin_voxel, ray.step_voxel));
+    ray.entry = interval.x;
+    ray.exit = interval.y;
+    return ray;
+}
+
+// The part of a ray before the eye's plane and inside the outer faces of the outermost voxels.
+fn box_interval(origin: vec3<f32>, step: vec3<f32>) -> vec2<f32> {
+    // A component of zero would give 0/0 on a face; a tiny one gives a huge interval, as it should.
+    let safe = select(step, vec3<f32>(1e-20), abs(step) < vec3<f32>(1e-20));
+    let a = (vec3<f32>(-0.5) - origin) / safe;
+    let b = (frame.dims - 0.5 - origin) / safe;
+    let low = min(a, b);
+    let high = max(a, b);
+    let entry = max(max(low.x, low.y), max(low.z, 0.0));
+    let exit = min(min(high.x, high.y), high.z);
+    return vec2<f32>(entry, exit);
+}
+
+fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -> vec2<f32> {
+    var kept = interval;
+    for (var i = 0u; i < frame.clip_plane_count; i++) {
+        let plane = frame.clip_planes[i];
+        let height = dot(plane.xyz, origin) + plane.w;
+        let slope = dot(plane.xyz, direction);
+        if abs(slope) < 1e-12 {
+            if height < 0.0 {
+                kept.y = kept.x - 1.0;
+            }
+        } else if slope > 0.0 {
+            kept.x = max(kept.x, -height / slope);
+        } else {
+            kept.y = min(kept.y, -height / slope);
+        }
+    }
+    return kept;
+}
+
+// Samples of a ray: the first lies half a sample distance behind its entry.
+fn sample_count(ray: Ray) -> i32 {
+    return i32(max(0.0, ceil((ray.exit - ray.entry) / frame.sample_distance_mm - 0.5)));
+}
+
+// Distance along the ray of sample k, mm; fractional k lie between samples.
+fn sample_t(ray: Ray, k: f32) -> f32 {
+    return ray.entry + (k + 0.5) * frame.sample_distance_mm;
+}
+
+fn voxel_at(ray: Ray, t: f32) -> vec3<f32> {
+    return ray.origin_voxel + ray.step_voxel * t;
+}
+
+fn view_depth(ray: Ray, t: f32) -> f32 {
+    return ray.depth_origin + ray.depth_step * t;
+}

@@ -1,0 +1,221 @@
+// Casts one ray per pixel: colour over the background, and view depth in mm.
+//
+// The twin of every function here and in lib/ has the same name in `render::reference`. Modes and depth rules are
+// pipeline constants, so a pipeline contains only what it uses.
+
+override MODE: u32 = 0u;
+override DEPTH_RULE: u32 = 0u;
+override SHADED: bool = true;
+// Writes the number of volume samples in place of the depth, for measuring.
+override COUNT_SAMPLES: bool = false;
+
+const MODE_COMPOSITE: u32 = 0u;
+const MODE_MIP: u32 = 1u;
+const DEPTH_FIRST_HIT: u32 = 0u;
+const DEPTH_THRESHOLD: u32 = 1u;
+
+// A ray ends when what is left of it could change no colour by more than a quarter of 1/255.
+const OPAQUE: f32 = 1.0 - 1.0 / 1024.0;
+// Parts of a sample distance that the threshold rule integrates near its crossing: 2^3, see `part_opacity`.
+const PARTS: i32 = 8;
+const BISECTIONS: i32 = 12;
+const MISS: f32 = 0x1p+127f;
+
+// Rows from the top: red, green, blue, coverage as bytes from the lowest on.
+@group(0) @binding(5) var<storage, read_write> color_out: array<u32>;
+// Rows from the top: view depth in mm; anything above 1e38 is a miss.
+@group(0) @binding(6) var<storage, read_write> depth_out: array<f32>;
+
+struct Hit {
+    // Premultiplied colour and coverage.
+    color: vec4<f32>,
+    // Distance along the ray, mm; MISS when nothing is visible.
+    t: f32,
+    // Volume samples taken, gradients and depth refinement left out.
+    samples: u32,
+}
+
+@compute @workgroup_size(8, 8)
+fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size_px) {
+        return;
+    }
+    let ray = ray_of_pixel(id.xy);
+    var hit: Hit;
+    if MODE == MODE_MIP {
+        hit = project_maximum(ray);
+    } else {
+        hit = composite(ray);
+    }
+    let over = hit.color.rgb + (1.0 - hit.color.a) * frame.background_rgb;
+    let at = id.y * frame.size_px.x + id.x;
+    color_out[at] = pack4x8unorm(vec4<f32>(over, hit.color.a));
+    if COUNT_SAMPLES {
+        depth_out[at] = f32(hit.samples);
+    } else {
+        depth_out[at] = select(view_depth(ray, hit.t), MISS, hit.t >= MISS);
+    }
+}
+
+fn composite(ray: Ray) -> Hit {
+    let count = sample_count(ray);
+    var color = vec3<f32>(0.0);
+    var opacity = 0.0;
+    var first = count;
+    var samples = 0u;
+    var k = 0;
+    while k < count && opacity < OPAQUE {
+        let p = voxel_at(ray, sample_t(ray, f32(k)));
+        let skip = samples_to_skip(p, ray);
+        if skip > 0 {
+            k += skip;
+            continue;
+        }
+        let sample = classify(sample_hu(p));
+        samples += 1u;
+        if sample.a > 0.0 {
+            var rgb = sample.rgb;
+            if SHADED {
+                rgb = shade(rgb, gradient_hu(p), ray);
+            }
+            let weight = (1.0 - opacity) * sample.a;
+            color += weight * rgb;
+            opacity += weight;
+            first = min(first, k);
+        }
+        k += 1;
+    }
+    var hit: Hit;
+    hit.color = vec4<f32>(color, opacity);
+    hit.samples = samples;
+    hit.t = MISS;
+    if first < count {
+        if DEPTH_RULE == DEPTH_THRESHOLD {
+            hit.t = threshold_crossing(ray, first, frame.depth_fraction * opacity);
+        } else {
+            hit.t = first_hit(ray, first);
+        }
+    }
+    return hit;
+}
+
+fn opacity_at(ray: Ray, t: f32) -> f32 {
+    return opacity_of(sample_hu(voxel_at(ray, t)));
+}
+
+// Where opacity leaves zero between the sample before the first visible one and that one.
+fn first_hit(ray: Ray, first: i32) -> f32 {
+    var outside = max(ray.entry, sample_t(ray, f32(first) - 1.0));
+    var inside = sample_t(ray, f32(first));
+    if opacity_at(ray, outside) > 0.0 {
+        return outside;
+    }
+    for (var i = 0; i < BISECTIONS; i++) {
+        let middle = 0.5 * (outside + inside);
+        if opacity_at(ray, middle) > 0.0 {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    return inside;
+}
+
+// Opacity of one of PARTS equal parts of a sample: 1 - (1 - a)^(1/8), by three square roots.
+fn part_opacity(opacity: f32) -> f32 {
+    return 1.0 - sqrt(sqrt(sqrt(max(1.0 - opacity, 0.0))));
+}
+
+// Where accumulated opacity crosses `target_opacity`, which the whole ray reaches.
+//
+// First the sample whose slab holds the crossing, then that slab and the one before it in finer parts: a sharp edge
+// between two samples is seen by the later one alone, though it may lie nearer to the earlier.
+fn threshold_crossing(ray: Ray, first: i32, target_opacity: f32) -> f32 {
+    let count = sample_count(ray);
+    var before = 0.0;
+    var accumulated = 0.0;
+    var k = first;
+    while k < count {
+        let next = accumulated + (1.0 - accumulated) * opacity_at(ray, sample_t(ray, f32(k)));
+        if next >= target_opacity {
+            break;
+        }
+        before = accumulated;
+        accumulated = next;
+        k += 1;
+    }
+    var start = k - 1;
+    if start < 0 {
+        start = 0;
+        before = accumulated;
+    }
+    return part_crossing(ray, start, before, k + 1 - start, target_opacity);
+}
+
+// The crossing within `slabs` sample distances from slab `start` on, before which `before` has accumulated.
+fn part_crossing(ray: Ray, start: i32, before: f32, slabs: i32, target_opacity: f32) -> f32 {
+    let begin = ray.entry + f32(start) * frame.sample_distance_mm;
+    let part = frame.sample_distance_mm / f32(PARTS);
+    var accumulated = before;
+    for (var j = 0; j < slabs * PARTS; j++) {
+        let a = part_opacity(opacity_at(ray, begin + (f32(j) + 0.5) * part));
+        let next = accumulated + (1.0 - accumulated) * a;
+        if next >= target_opacity {
+            // Opacity grows exponentially within the part.
+            let whole = log(max(1.0 - a, 1e-30));
+            let needed = log(max((1.0 - target_opacity) / (1.0 - accumulated), 1e-30));
+            return begin + (f32(j) + clamp(needed / min(whole, -1e-30), 0.0, 1.0)) * part;
+        }
+        accumulated = next;
+    }
+    return min(begin + f32(slabs) * frame.sample_distance_mm, ray.exit);
+}
+
+// The largest value along the ray, through the transfer function; its depth is where that value lies.
+fn project_maximum(ray: Ray) -> Hit {
+    let count = sample_count(ray);
+    var largest = -1e30;
+    var at = -1;
+    var samples = 0u;
+    var k = 0;
+    while k < count {
+        let p = voxel_at(ray, sample_t(ray, f32(k)));
+        let skip = samples_to_skip(p, ray);
+        if skip > 0 {
+            k += skip;
+            continue;
+        }
+        let hu = sample_hu(p);
+        samples += 1u;
+        if hu > largest {
+            largest = hu;
+            at = k;
+        }
+        k += 1;
+    }
+    var hit: Hit;
+    hit.color = vec4<f32>(0.0);
+    hit.samples = samples;
+    hit.t = MISS;
+    if at >= 0 {
+        let sample = classify(largest);
+        hit.color = vec4<f32>(sample.rgb * sample.a, sample.a);
+        if sample.a > 0.0 {
+            hit.t = peak_t(ray, at, largest);
+        }
+    }
+    return hit;
+}
+
+// The top of the parabola through the largest sample and its neighbours, at most half a sample away.
+fn peak_t(ray: Ray, at: i32, largest: f32) -> f32 {
+    let t = sample_t(ray, f32(at));
+    let before = sample_hu(voxel_at(ray, t - frame.sample_distance_mm));
+    let after = sample_hu(voxel_at(ray, t + frame.sample_distance_mm));
+    let curvature = before - 2.0 * largest + after;
+    var offset = 0.0;
+    if curvature < 0.0 {
+        offset = clamp(0.5 * (before - after) / curvature, -0.5, 0.5);
+    }
+    return clamp(t + offset * frame.sample_distance_mm, ray.entry, ray.exit);
+}

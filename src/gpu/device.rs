@@ -1,0 +1,204 @@
+//! An open device, read-back from it, and its errors as values.
+
+use std::sync::mpsc::sync_channel;
+use std::time::Duration;
+
+use super::adapter::{AdapterChoice, AdapterDescription, choose};
+
+/// How long a frame may take before the device counts as hung. Software adapters need seconds for large pictures.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// Why the GPU could not do its work.
+#[derive(Debug, thiserror::Error)]
+pub enum GpuError {
+    /// No adapter of the wanted kind.
+    #[error(
+        "no graphics adapter for {wanted:?}; available: {}. `relief doctor` says what is missing and how to get it",
+        if available.is_empty() { "none".to_owned() } else { available.join(", ") }
+    )]
+    NoAdapter {
+        /// What was asked for.
+        wanted: AdapterChoice,
+        /// What there is.
+        available: Vec<String>,
+    },
+    /// The driver refused to open the device.
+    #[error("{adapter} cannot be opened: {reason}")]
+    Device {
+        /// The adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// An allocation failed.
+    #[error("the adapter has not enough memory for {what}")]
+    OutOfMemory {
+        /// What was to be stored.
+        what: &'static str,
+    },
+    /// A command was refused: a defect of this program.
+    #[error("the adapter refused {what}: {reason}")]
+    Refused {
+        /// What was to be done.
+        what: &'static str,
+        /// The validation message.
+        reason: String,
+    },
+    /// The device did not answer.
+    #[error("the adapter did not finish {what}: {reason}")]
+    Stalled {
+        /// What was to be done.
+        what: &'static str,
+        /// The driver's words.
+        reason: String,
+    },
+}
+
+/// What an adapter can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Limits {
+    /// Largest side of a 3D texture, voxels.
+    pub texture_3d_side: u32,
+    /// Largest buffer that a shader can write, bytes.
+    pub storage_bytes: u64,
+    /// Whether signed normalised 16-bit textures can be filtered; otherwise values are stored as half floats.
+    pub norm16_textures: bool,
+}
+
+/// An open device and its queue.
+#[derive(Debug)]
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    description: AdapterDescription,
+    limits: Limits,
+}
+
+impl Gpu {
+    /// Opens the adapter of this choice.
+    ///
+    /// # Errors
+    /// When there is none, or its driver refuses.
+    pub fn open(choice: &AdapterChoice) -> Result<Self, GpuError> {
+        let adapter = choose(choice)?;
+        let description = AdapterDescription::of(&adapter);
+        let features = adapter.features() & wgpu::Features::TEXTURE_FORMAT_16BIT_NORM;
+        let limits = adapter.limits();
+        let request = wgpu::DeviceDescriptor {
+            label: Some("relief"),
+            required_features: features,
+            required_limits: limits.clone(),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(|error| {
+            GpuError::Device { adapter: description.to_string(), reason: error.to_string() }
+        })?;
+        // Errors are caught in scopes; one that escapes is logged, where the default would end the process.
+        device.on_uncaptured_error(std::sync::Arc::new(|error| tracing::error!(%error, "uncaptured GPU error")));
+        let limits = Limits {
+            texture_3d_side: limits.max_texture_dimension_3d,
+            storage_bytes: limits.max_storage_buffer_binding_size,
+            norm16_textures: !features.is_empty(),
+        };
+        Ok(Self { device, queue, description, limits })
+    }
+
+    /// The adapter in words.
+    #[must_use]
+    pub fn description(&self) -> &AdapterDescription {
+        &self.description
+    }
+
+    /// What the adapter can hold.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        self.limits
+    }
+
+    /// Compiles WGSL sources joined in this order.
+    pub(crate) fn shader(&self, label: &'static str, sources: &[&str]) -> wgpu::ShaderModule {
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(label),
+            source: wgpu::ShaderSource::Wgsl(sources.join("\n").into()),
+        })
+    }
+}
+
+/// Catches the errors of the commands between its opening and [`ErrorScope::close`].
+pub(crate) struct ErrorScope {
+    what: &'static str,
+    memory: wgpu::ErrorScopeGuard,
+    validation: wgpu::ErrorScopeGuard,
+}
+
+impl ErrorScope {
+    /// Opens a scope; `what` names the work in messages.
+    pub(crate) fn open(gpu: &Gpu, what: &'static str) -> Self {
+        let memory = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        Self { what, memory, validation }
+    }
+
+    /// The first error since the scope was opened.
+    pub(crate) fn close(self) -> Result<(), GpuError> {
+        let refused = pollster::block_on(self.validation.pop());
+        let exhausted = pollster::block_on(self.memory.pop());
+        match (exhausted, refused) {
+            (Some(_), _) => Err(GpuError::OutOfMemory { what: self.what }),
+            (None, Some(error)) => Err(GpuError::Refused { what: self.what, reason: error.to_string() }),
+            (None, None) => Ok(()),
+        }
+    }
+}
+
+/// A buffer on the device and the one that brings its content back.
+pub(crate) struct Readback {
+    pub(crate) storage: wgpu::Buffer,
+    staging: wgpu::Buffer,
+    bytes: u64,
+}
+
+impl Readback {
+    /// A pair of buffers of this size.
+    pub(crate) fn new(gpu: &Gpu, label: &'static str, bytes: u64) -> Self {
+        let buffer = |usage| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: bytes,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let storage = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
+        let staging = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+        Self { storage, staging, bytes }
+    }
+
+    /// Records the copy from device to host.
+    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.copy_buffer_to_buffer(&self.storage, 0, &self.staging, 0, self.bytes);
+    }
+
+    /// Waits for the submitted work and hands the bytes to `read`.
+    pub(crate) fn read<T>(&self, gpu: &Gpu, read: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+        let what = "a frame";
+        let stalled = |reason: String| GpuError::Stalled { what, reason };
+        let (sender, receiver) = sync_channel(1);
+        self.staging.map_async(wgpu::MapMode::Read, .., move |outcome| {
+            // The receiver is gone only when the wait below has already failed.
+            let _ = sender.send(outcome);
+        });
+        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
+        gpu.device.poll(wait).map_err(|error| stalled(error.to_string()))?;
+        receiver
+            .try_recv()
+            .map_err(|error| stalled(error.to_string()))?
+            .map_err(|error| stalled(error.to_string()))?;
+        let result = {
+            let view = self.staging.get_mapped_range(..).map_err(|error| stalled(error.to_string()))?;
+            read(&view)
+        };
+        self.staging.unmap();
+        Ok(result)
+    }
+}

@@ -1,0 +1,153 @@
+//! The ray-casting pipelines: one for each combination of mode, depth rule and shading that is asked for.
+
+use std::collections::HashMap;
+
+use super::request::{DepthRule, Mode, RenderRequest};
+use crate::gpu::{ErrorScope, Gpu, GpuError};
+
+/// The stage's sources, in the order in which they are joined.
+pub(super) const RAYCAST_SOURCES: [&str; 4] = [
+    include_str!("../../shaders/lib/frame.wgsl"),
+    include_str!("../../shaders/lib/volume.wgsl"),
+    include_str!("../../shaders/lib/classify.wgsl"),
+    include_str!("../../shaders/raycast.wgsl"),
+];
+
+/// The stage's resources by binding.
+pub(super) const BINDINGS: [(u32, &str); 7] = [
+    (0, "frame"),
+    (1, "volume"),
+    (2, "volume_sampler"),
+    (3, "brick_distances"),
+    (4, "transfer_table"),
+    (5, "color_out"),
+    (6, "depth_out"),
+];
+
+/// Pixels along each side of a workgroup's tile.
+pub(super) const WORKGROUP_SIDE: u32 = 8;
+
+/// What a pipeline is specialised for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct PipelineKey {
+    mode: Mode,
+    threshold: bool,
+    shaded: bool,
+    output: Output,
+}
+
+/// What a ray writes beside its colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Output {
+    /// View depth, mm.
+    Depth,
+    /// The number of volume samples that the ray took, for measuring.
+    SampleCount,
+}
+
+impl PipelineKey {
+    pub(super) fn new(request: &RenderRequest, output: Output) -> Self {
+        let composite = request.mode == Mode::Composite;
+        Self {
+            mode: request.mode,
+            threshold: composite && matches!(request.depth, DepthRule::Threshold { .. }),
+            shaded: composite && request.shading.needs_gradient(),
+            output,
+        }
+    }
+
+    /// Values of the shader's `override` constants.
+    fn constants(self, hu_scale: f64) -> Vec<(&'static str, f64)> {
+        let mode = match self.mode {
+            Mode::Composite => 0.0,
+            Mode::Mip => 1.0,
+        };
+        let flag = |on: bool| f64::from(u8::from(on));
+        vec![
+            ("MODE", mode),
+            ("DEPTH_RULE", flag(self.threshold)),
+            ("SHADED", flag(self.shaded)),
+            ("COUNT_SAMPLES", flag(self.output == Output::SampleCount)),
+            ("HU_SCALE", hu_scale),
+        ]
+    }
+}
+
+/// Pipelines by key, compiled when first asked for.
+pub(super) struct Pipelines {
+    module: wgpu::ShaderModule,
+    pub(super) bind_group_layout: wgpu::BindGroupLayout,
+    layout: wgpu::PipelineLayout,
+    hu_scale: f64,
+    compiled: HashMap<PipelineKey, wgpu::ComputePipeline>,
+}
+
+impl Pipelines {
+    /// `hu_scale` is the HU of a texel value of 1.
+    pub(super) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
+        let scope = ErrorScope::open(gpu, "the ray-casting shader");
+        let module = gpu.shader("raycast", &RAYCAST_SOURCES);
+        let bind_group_layout = bind_group_layout(gpu);
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("raycast"),
+            bind_group_layouts: &[Some(&bind_group_layout)],
+            immediate_size: 0,
+        });
+        scope.close()?;
+        Ok(Self { module, bind_group_layout, layout, hu_scale, compiled: HashMap::new() })
+    }
+
+    /// The pipeline of this key.
+    pub(super) fn get(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<&wgpu::ComputePipeline, GpuError> {
+        if !self.compiled.contains_key(&key) {
+            let scope = ErrorScope::open(gpu, "the ray-casting pipeline");
+            let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some("raycast"),
+                layout: Some(&self.layout),
+                module: &self.module,
+                entry_point: Some("raycast"),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &key.constants(self.hu_scale),
+                    ..Default::default()
+                },
+                cache: None,
+            });
+            scope.close()?;
+            self.compiled.insert(key, pipeline);
+        }
+        Ok(&self.compiled[&key])
+    }
+}
+
+fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    use wgpu::{BindingType, BufferBindingType, SamplerBindingType, TextureSampleType, TextureViewDimension};
+    let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let texture = |sample_type| BindingType::Texture {
+        sample_type,
+        view_dimension: TextureViewDimension::D3,
+        multisampled: false,
+    };
+    let types = [
+        buffer(BufferBindingType::Uniform),
+        texture(TextureSampleType::Float { filterable: true }),
+        BindingType::Sampler(SamplerBindingType::Filtering),
+        texture(TextureSampleType::Uint),
+        buffer(BufferBindingType::Storage { read_only: true }),
+        buffer(BufferBindingType::Storage { read_only: false }),
+        buffer(BufferBindingType::Storage { read_only: false }),
+    ];
+    let entries: Vec<_> = BINDINGS
+        .iter()
+        .zip(types)
+        .map(|(&(binding, _), ty)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty,
+            count: None,
+        })
+        .collect();
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("raycast"),
+        entries: &entries,
+    })
+}

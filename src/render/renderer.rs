@@ -1,0 +1,285 @@
+//! The renderer: owns the device, keeps what is uploaded, casts rays and brings the picture back.
+
+use std::time::Instant;
+
+use super::frame::{RenderedFrame, Timings};
+use super::pipelines::{Output, PipelineKey, Pipelines, WORKGROUP_SIDE};
+use super::request::{RenderRequest, RequestError};
+use super::uniform::FrameUniform;
+use super::upload::{Appearance, BRICK_EDGE, VolumeOnGpu, VoxelFormat};
+use crate::camera::Camera;
+use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
+use crate::units::DepthLimits;
+use crate::volume::{Grid, Volume};
+
+/// Volumes and appearances kept on the GPU; the least recently used goes first.
+const KEPT_VOLUMES: usize = 4;
+const KEPT_APPEARANCES: usize = 16;
+
+/// Why a picture could not be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The request is out of range.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// The volume exceeds the adapter's limit.
+    #[error(
+        "the volume has {dims:?} voxels, this adapter takes at most {limit} along a side; \
+         load it with --downsample {factor}"
+    )]
+    VolumeTooLarge {
+        /// Voxels along i, j, k.
+        dims: [usize; 3],
+        /// Most voxels along a side.
+        limit: usize,
+        /// The smallest factor that fits.
+        factor: usize,
+    },
+    /// The GPU failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+/// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn it off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Skipping {
+    /// Empty bricks are stepped over.
+    #[default]
+    On,
+    /// Every sample is taken.
+    Off,
+}
+
+/// Renders requests on one GPU. Lives on one thread; a volume goes up when first asked for.
+pub struct Renderer {
+    gpu: Gpu,
+    format: VoxelFormat,
+    pipelines: Pipelines,
+    sampler: wgpu::Sampler,
+    uniform: wgpu::Buffer,
+    volumes: Vec<VolumeOnGpu>,
+    appearances: Vec<Appearance>,
+    target: Option<Target>,
+}
+
+/// Where the rays of a picture of some size write.
+struct Target {
+    pixels: usize,
+    color: Readback,
+    depth: Readback,
+}
+
+impl Renderer {
+    /// A renderer on this GPU.
+    ///
+    /// # Errors
+    /// When the adapter refuses the shaders.
+    pub fn new(gpu: Gpu) -> Result<Self, RenderError> {
+        let format = VoxelFormat::of(gpu.limits());
+        let pipelines = Pipelines::new(&gpu, format.hu_scale())?;
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("trilinear"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        let uniform = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("frame"),
+            size: size_of::<FrameUniform>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let (volumes, appearances) = (Vec::new(), Vec::new());
+        Ok(Self { gpu, format, pipelines, sampler, uniform, volumes, appearances, target: None })
+    }
+
+    /// The GPU in use.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Renders one picture.
+    ///
+    /// # Errors
+    /// When the request is out of range, the volume too large for the adapter, or the adapter fails.
+    pub fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
+        self.render_with(volume, request, Skipping::On)
+    }
+
+    /// As [`Renderer::render`], with a say over empty-space skipping.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn render_with(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: Skipping,
+    ) -> Result<RenderedFrame, RenderError> {
+        let (start, upload_ms) = self.cast(volume, request, skipping, Output::Depth)?;
+        let target = self.target.as_ref().expect("cast has made one");
+        let color_rgba = target.color.read(&self.gpu, |bytes| bytemuck::cast_slice(bytes).to_vec())?;
+        let depth_mm = target.depth.read(&self.gpu, depths)?;
+        Ok(RenderedFrame {
+            size_px: request.size_px,
+            color_rgba,
+            depth_mm,
+            camera: request.camera,
+            limits: depth_limits(&request.camera, volume.grid()),
+            timings: Timings { upload_ms, render_ms: milliseconds(start) },
+        })
+    }
+
+    /// How many volume samples the rays of a picture take, gradients and depth refinement left out.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn count_samples(&mut self, volume: &Volume, request: &RenderRequest) -> Result<u64, RenderError> {
+        self.cast(volume, request, Skipping::On, Output::SampleCount)?;
+        let target = self.target.as_ref().expect("cast has made one");
+        let sum = |bytes: &[u8]| bytemuck::cast_slice::<u8, f32>(bytes).iter().map(|&n| f64::from(n)).sum();
+        let total: f64 = target.depth.read(&self.gpu, sum)?;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of whole counts")]
+        Ok(total as u64)
+    }
+
+    /// Uploads what is missing and submits the rays; gives the start of the render and the upload's time in ms.
+    fn cast(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: Skipping,
+        output: Output,
+    ) -> Result<(Instant, f64), RenderError> {
+        request.validate()?;
+        let start = Instant::now();
+        let uploaded = self.upload(volume, request)?;
+        self.make_target(request.size_px)?;
+        let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
+        let start = Instant::now();
+        self.submit(volume, request, skipping, output)?;
+        Ok((start, upload_ms))
+    }
+
+    /// Puts the volume and the appearance of a request last in their lists; says whether anything went up.
+    fn upload(&mut self, volume: &Volume, request: &RenderRequest) -> Result<bool, RenderError> {
+        let hash = volume.content_hash();
+        let had_volume = move_to_end(&mut self.volumes, |known| known.hash == hash);
+        if !had_volume {
+            if self.volumes.len() == KEPT_VOLUMES {
+                self.volumes.remove(0);
+            }
+            self.volumes.push(VolumeOnGpu::upload(&self.gpu, volume, self.format)?);
+        }
+        let had_appearance = move_to_end(&mut self.appearances, |known| known.fits(hash, request));
+        if !had_appearance {
+            if self.appearances.len() == KEPT_APPEARANCES {
+                self.appearances.remove(0);
+            }
+            let volume = self.volumes.last().expect("pushed or moved there above");
+            self.appearances.push(Appearance::upload(&self.gpu, volume, request)?);
+        }
+        Ok(!(had_volume && had_appearance))
+    }
+
+    fn make_target(&mut self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
+        let pixels = width as usize * height as usize;
+        if self.target.as_ref().is_some_and(|target| target.pixels == pixels) {
+            return Ok(());
+        }
+        let bytes = pixels as u64 * 4;
+        let limit = self.gpu.limits().storage_bytes;
+        if bytes > limit {
+            let allowed = format!("at most {} pixels on this adapter", limit / 4);
+            let path = "size_px".to_owned();
+            return Err(RequestError { path, found: format!("{width} x {height}"), allowed }.into());
+        }
+        self.target = None; // frees the old one first
+        let scope = ErrorScope::open(&self.gpu, "a picture");
+        let color = Readback::new(&self.gpu, "colour", bytes);
+        let depth = Readback::new(&self.gpu, "depth", bytes);
+        scope.close()?;
+        self.target = Some(Target { pixels, color, depth });
+        Ok(())
+    }
+
+    /// Records and submits the one dispatch and its read-back.
+    fn submit(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: Skipping,
+        output: Output,
+    ) -> Result<(), RenderError> {
+        let appearance = self.appearances.last().expect("uploaded before");
+        let target = self.target.as_ref().expect("made before");
+        #[expect(clippy::cast_possible_truncation, reason = "a small constant")]
+        let brick_edge = if skipping == Skipping::On { BRICK_EDGE as u32 } else { 0 };
+        let uniform = FrameUniform::new(request, volume.grid(), &appearance.table, brick_edge);
+        self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+        let pipeline = self.pipelines.get(&self.gpu, PipelineKey::new(request, output))?.clone();
+        let scope = ErrorScope::open(&self.gpu, "a frame");
+        let bindings = self.bind(appearance, target);
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &bindings, &[]);
+            let [x, y] = request.size_px.map(|side| side.div_ceil(WORKGROUP_SIDE));
+            pass.dispatch_workgroups(x, y, 1);
+        }
+        target.color.record(&mut encoder);
+        target.depth.record(&mut encoder);
+        self.gpu.queue.submit([encoder.finish()]);
+        Ok(scope.close()?)
+    }
+
+    fn bind(&self, appearance: &Appearance, target: &Target) -> wgpu::BindGroup {
+        let volume = self.volumes.last().expect("uploaded before");
+        let resources = [
+            self.uniform.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&volume.view),
+            wgpu::BindingResource::Sampler(&self.sampler),
+            wgpu::BindingResource::TextureView(&appearance.distances),
+            appearance.table_buffer.as_entire_binding(),
+            target.color.storage.as_entire_binding(),
+            target.depth.storage.as_entire_binding(),
+        ];
+        let entries: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("raycast"),
+            layout: &self.pipelines.bind_group_layout,
+            entries: &entries,
+        })
+    }
+}
+
+/// Moves the first item for which `is_it` holds to the end; says whether there was one.
+fn move_to_end<T>(items: &mut [T], is_it: impl Fn(&T) -> bool) -> bool {
+    let found = items.iter().position(is_it);
+    if let Some(i) = found {
+        items[i..].rotate_left(1);
+    }
+    found.is_some()
+}
+
+/// The shader cannot write an infinity portably; it writes the largest power of two for a miss.
+fn depths(bytes: &[u8]) -> Vec<f32> {
+    let depth = |&mm: &f32| if mm > 1e38 { f32::INFINITY } else { mm };
+    bytemuck::cast_slice::<u8, f32>(bytes).iter().map(depth).collect()
+}
+
+/// The volume's bounding sphere around the focal point, along the viewing axis: steady while the camera circles.
+pub(super) fn depth_limits(camera: &Camera, grid: &Grid) -> DepthLimits {
+    let radius = grid.corners().into_iter().map(|corner| corner.distance(camera.look_at())).fold(0.0, f64::max);
+    let (near_mm, far_mm) = ((camera.distance_mm() - radius).max(0.0), camera.distance_mm() + radius);
+    DepthLimits { near_mm, far_mm }
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}

@@ -1,0 +1,131 @@
+//! The Rust mirror of `struct Frame` in `shaders/lib/frame.wgsl`, and how a request fills it.
+//!
+//! The test below compares names, offsets and sizes with what naga reads out of the shader.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::request::{Clip, DepthRule, RenderRequest};
+use crate::camera::{Camera, Projection};
+use crate::space::{Transform, View, Voxel};
+use crate::transfer::TransferTable;
+use crate::volume::Grid;
+
+/// One frame's parameters as the shader has them; meanings and units are there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct FrameUniform {
+    voxel_from_view: [[f32; 4]; 4],
+    dims: [f32; 3],
+    sample_distance_mm: f32,
+    half_extent: [f32; 2],
+    size_px: [u32; 2],
+    background_rgb: [f32; 3],
+    is_orthographic: u32,
+    ambient: f32,
+    diffuse: f32,
+    specular: f32,
+    shininess: f32,
+    table_first_hu: f32,
+    table_step_hu: f32,
+    table_last: u32,
+    depth_fraction: f32,
+    clip_plane_count: u32,
+    brick_edge: u32,
+    padding: [u32; 2],
+    clip_planes: [[f32; 4]; Clip::MAX_PLANES],
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
+impl FrameUniform {
+    /// The parameters of `request` on a volume of this grid. `brick_edge` 0 turns skipping off.
+    pub(super) fn new(request: &RenderRequest, grid: &Grid, table: &TransferTable, brick_edge: u32) -> Self {
+        let camera = &request.camera;
+        let light = &request.shading;
+        Self {
+            voxel_from_view: glam::DMat4::from(voxel_from_view(camera, grid).affine).as_mat4().to_cols_array_2d(),
+            dims: grid.dims().map(|n| n as f32),
+            sample_distance_mm: request.sample_distance_mm as f32,
+            half_extent: camera.half_extent(request.size_px).map(|mm| mm as f32),
+            size_px: request.size_px,
+            background_rgb: request.background_rgb.map(|channel| channel as f32),
+            is_orthographic: matches!(camera.projection(), Projection::Orthographic { .. }).into(),
+            ambient: light.ambient as f32,
+            diffuse: light.diffuse as f32,
+            specular: light.specular as f32,
+            shininess: light.shininess as f32,
+            table_first_hu: table.first_hu,
+            table_step_hu: table.step_hu,
+            table_last: (table.entries.len() - 1) as u32,
+            depth_fraction: match request.depth {
+                DepthRule::Threshold { fraction } => fraction as f32,
+                DepthRule::FirstHit => 0.0,
+            },
+            clip_plane_count: request.clip.planes.len() as u32,
+            brick_edge,
+            padding: [0; 2],
+            clip_planes: clip_planes_in_view(camera, &request.clip).map(|plane| plane.map(|x| x as f32)),
+        }
+    }
+}
+
+/// Voxel index of a view position.
+pub(super) fn voxel_from_view(camera: &Camera, grid: &Grid) -> Transform<Voxel, View> {
+    grid.voxel_from_patient() * camera.patient_from_view()
+}
+
+/// Clip planes as (n, d) in view space: kept where `n·p + d >= 0`. Unused ones are zero.
+pub(super) fn clip_planes_in_view(camera: &Camera, clip: &Clip) -> [[f64; 4]; Clip::MAX_PLANES] {
+    let view_from_patient = camera.view_from_patient();
+    let mut planes = [[0.0; 4]; Clip::MAX_PLANES];
+    for (plane, out) in clip.planes.iter().zip(&mut planes) {
+        let normal = (view_from_patient * plane.normal).xyz.normalize();
+        let point = (view_from_patient * plane.point).xyz;
+        *out = normal.extend(-normal.dot(point)).to_array();
+    }
+    planes
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::{offset_of, size_of};
+
+    use super::super::pipelines::{BINDINGS, RAYCAST_SOURCES, WORKGROUP_SIDE};
+    use super::FrameUniform;
+
+    fn reflected() -> naga::Module {
+        naga::front::wgsl::parse_str(&RAYCAST_SOURCES.join("\n")).expect("the shader parses")
+    }
+
+    #[test]
+    fn frame_uniform_mirrors_the_shader() {
+        macro_rules! mirror {
+            ($($field:ident),* $(,)?) => {
+                vec![$((stringify!($field), offset_of!(FrameUniform, $field) as u32)),*]
+            };
+        }
+        let mirror = mirror!(
+            voxel_from_view, dims, sample_distance_mm, half_extent, size_px, background_rgb, is_orthographic,
+            ambient, diffuse, specular, shininess, table_first_hu, table_step_hu, table_last, depth_fraction,
+            clip_plane_count, brick_edge, padding, clip_planes,
+        );
+        let module = reflected();
+        let (_, frame) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Frame")).unwrap();
+        let naga::TypeInner::Struct { members, span } = &frame.inner else { panic!("Frame is a struct") };
+        let shader: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset)).collect();
+        assert_eq!(mirror, shader);
+        assert_eq!(size_of::<FrameUniform>(), *span as usize);
+    }
+
+    #[test]
+    fn bindings_and_workgroup_mirror_the_shader() {
+        let module = reflected();
+        let mut bindings: Vec<(u32, &str)> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, global)| Some((global.binding?.binding, global.name.as_deref()?)))
+            .collect();
+        bindings.sort_unstable();
+        assert_eq!(bindings, BINDINGS);
+        assert_eq!(module.entry_points[0].workgroup_size, [WORKGROUP_SIDE, WORKGROUP_SIDE, 1]);
+    }
+}

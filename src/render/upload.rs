@@ -1,0 +1,196 @@
+//! Volumes and appearances on the GPU: what goes up, once for each content.
+
+use super::RenderError;
+use super::request::{Mode, RenderRequest};
+use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
+use crate::transfer::{TransferFunction, TransferTable};
+use crate::volume::{BrickRanges, ContentHash, DistanceMap, Volume};
+
+/// Edge of a brick in voxels. Smaller bricks skip more closely but cost more map reads; see ARCHITECTURE.md.
+pub(super) const BRICK_EDGE: usize = 4;
+
+/// Bytes handed to the queue at once: staging memory stays small beside the volume.
+const SLAB_BYTES: usize = 16 << 20;
+
+/// How voxels are stored in texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum VoxelFormat {
+    /// Signed normalised 16 bit: every HU is exact.
+    Norm16,
+    /// Half float: exact between ±2048 HU, to 2 HU up to 4095.
+    Half,
+}
+
+impl VoxelFormat {
+    pub(super) fn of(limits: Limits) -> Self {
+        if limits.norm16_textures { Self::Norm16 } else { Self::Half }
+    }
+
+    /// HU of a texel value of 1.
+    pub(super) fn hu_scale(self) -> f64 {
+        match self {
+            Self::Norm16 => f64::from(i16::MAX),
+            Self::Half => 1.0,
+        }
+    }
+
+    fn texture_format(self) -> wgpu::TextureFormat {
+        match self {
+            Self::Norm16 => wgpu::TextureFormat::R16Snorm,
+            Self::Half => wgpu::TextureFormat::R16Float,
+        }
+    }
+
+    fn texels(self, voxels_hu: &[i16]) -> std::borrow::Cow<'_, [u8]> {
+        match self {
+            Self::Norm16 => bytemuck::cast_slice(voxels_hu).into(),
+            Self::Half => {
+                let halves: Vec<half::f16> =
+                    voxels_hu.iter().map(|&hu| half::f16::from_f32(f32::from(hu))).collect();
+                bytemuck::cast_slice::<half::f16, u8>(&halves).to_vec().into()
+            }
+        }
+    }
+}
+
+/// A volume's texture and its bricks' ranges.
+pub(super) struct VolumeOnGpu {
+    pub(super) hash: ContentHash,
+    pub(super) view: wgpu::TextureView,
+    bricks: BrickRanges,
+}
+
+impl VolumeOnGpu {
+    pub(super) fn upload(gpu: &Gpu, volume: &Volume, format: VoxelFormat) -> Result<Self, RenderError> {
+        check_size(gpu.limits(), volume)?;
+        let scope = ErrorScope::open(gpu, "a volume");
+        let dims = volume.grid().dims();
+        let texture = texture_3d(gpu, "volume", dims, format.texture_format());
+        let [nx, ny, _] = dims;
+        let layers = (SLAB_BYTES / (nx * ny * 2)).max(1);
+        for (i, slab) in volume.voxels_hu().chunks(layers * nx * ny).enumerate() {
+            write_layers(gpu, &texture, i * layers, [nx, ny, slab.len() / (nx * ny)], &format.texels(slab));
+            // Submitting frees the staging memory of the slabs before.
+            gpu.queue.submit([]);
+        }
+        scope.close()?;
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(Self { hash: volume.content_hash(), view, bricks: BrickRanges::new(volume, BRICK_EDGE) })
+    }
+}
+
+/// Refuses what the adapter cannot hold, with the factor that would fit.
+fn check_size(limits: Limits, volume: &Volume) -> Result<(), RenderError> {
+    let dims = volume.grid().dims();
+    let limit = limits.texture_3d_side as usize;
+    let largest = dims.into_iter().max().unwrap_or(0);
+    if largest > limit {
+        return Err(RenderError::VolumeTooLarge { dims, limit, factor: largest.div_ceil(limit) });
+    }
+    Ok(())
+}
+
+/// A transfer function on the GPU, tabulated for a sample distance, and the empty space of a volume under it.
+pub(super) struct Appearance {
+    volume: ContentHash,
+    transfer: TransferFunction,
+    sample_distance_mm: f64,
+    mode: Mode,
+    pub(super) table: TransferTable,
+    pub(super) table_buffer: wgpu::Buffer,
+    pub(super) distances: wgpu::TextureView,
+}
+
+impl Appearance {
+    pub(super) fn upload(gpu: &Gpu, volume: &VolumeOnGpu, request: &RenderRequest) -> Result<Self, GpuError> {
+        let table = table_for(request);
+        let map = volume.bricks.distance_map(|low, high| is_of_interest(&table, request.mode, low, high));
+        let scope = ErrorScope::open(gpu, "a transfer function and its distance map");
+        let entries: &[u8] = bytemuck::cast_slice(&table.entries);
+        let table_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("transfer table"),
+            size: entries.len() as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        gpu.queue.write_buffer(&table_buffer, 0, entries);
+        let distances = upload_distances(gpu, &map);
+        scope.close()?;
+        Ok(Self {
+            volume: volume.hash,
+            transfer: request.transfer.clone(),
+            sample_distance_mm: request.sample_distance_mm,
+            mode: request.mode,
+            table,
+            table_buffer,
+            distances,
+        })
+    }
+
+    pub(super) fn fits(&self, volume: ContentHash, request: &RenderRequest) -> bool {
+        self.volume == volume
+            && self.mode == request.mode
+            && self.sample_distance_mm == request.sample_distance_mm
+            && self.transfer == request.transfer
+    }
+}
+
+/// The table that a request's samples look up. A projection shows one value, so its opacity is per opacity unit.
+pub(super) fn table_for(request: &RenderRequest) -> TransferTable {
+    let step_mm = match request.mode {
+        Mode::Composite => request.sample_distance_mm,
+        Mode::Mip => request.transfer.opacity_unit_mm(),
+    };
+    TransferTable::new(&request.transfer, step_mm)
+}
+
+/// Whether a brick with values in this range can change the picture.
+///
+/// For a maximum every value above the lowest visible one counts, even an invisible one: it hides lower values.
+fn is_of_interest(table: &TransferTable, mode: Mode, low_hu: i16, high_hu: i16) -> bool {
+    match mode {
+        Mode::Composite => table.is_visible(low_hu, high_hu),
+        Mode::Mip => table.is_visible(i16::MIN, high_hu),
+    }
+}
+
+fn upload_distances(gpu: &Gpu, map: &DistanceMap) -> wgpu::TextureView {
+    let texture = texture_3d(gpu, "brick distances", map.dims, wgpu::TextureFormat::R8Uint);
+    write_layers(gpu, &texture, 0, map.dims, &map.distances);
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "checked against the adapter's limit")]
+fn extent([width, height, depth]: [usize; 3]) -> wgpu::Extent3d {
+    wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: depth as u32 }
+}
+
+fn texture_3d(gpu: &Gpu, label: &str, dims: [usize; 3], format: wgpu::TextureFormat) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: extent(dims),
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+/// Writes `dims[2]` whole layers from layer `first` on.
+#[expect(clippy::cast_possible_truncation, reason = "checked against the adapter's limit")]
+fn write_layers(gpu: &Gpu, texture: &wgpu::Texture, first: usize, dims: [usize; 3], texels: &[u8]) {
+    let row_bytes = (texels.len() / (dims[1] * dims[2])) as u32;
+    let origin = wgpu::Origin3d { x: 0, y: 0, z: first as u32 };
+    gpu.queue.write_texture(
+        wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin, aspect: wgpu::TextureAspect::All },
+        texels,
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(row_bytes),
+            rows_per_image: Some(dims[1] as u32),
+        },
+        extent(dims),
+    );
+}
