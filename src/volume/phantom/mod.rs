@@ -1,1 +1,277 @@
-//! (to come)
+//! Procedural phantoms: volumes made by formula, each with its [`Truth`].
+//!
+//! A [`Recipe`] (kind, size, seed) makes a [`Phantom`] (volume and truth). Equal recipes make equal voxels, whatever
+//! the number of threads. Nothing is read or written here: `dicom::write` makes files of it.
+//!
+//! | kind | size is | what it is for |
+//! |---|---|---|
+//! | `head` | voxels across 240 mm; 256 x 256 x 220 by default | anatomy worth showing, landmarks |
+//! | `sphere` | voxels across 256 mm | depth and normals in closed form |
+//! | `slab` | voxels across 256 mm | absorption in closed form |
+//! | `ramp` | voxels of 1 mm | interpolation and gradients: HU is linear in x, y and z |
+//! | `axes` | voxels across 128 mm | orientation and handedness: six balls that differ |
+//!
+//! Space: patient LPS, mm. Values: HU.
+
+mod solids;
+mod truth;
+
+use std::str::FromStr;
+
+use sha2::{Digest, Sha256};
+
+use super::{Grid, Volume};
+pub use truth::{Landmark, Material, Surface, SurfaceShape, TRUTH_SCHEMA, Truth};
+
+/// What a phantom shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// A human head with skin, skull, teeth, brain, vessels and air cavities.
+    Head,
+    /// A ball of 80 mm radius, 500 HU, in air.
+    Sphere,
+    /// A slab of 300 HU, 100 mm thick along y, endless in x and z, in air.
+    Slab,
+    /// HU linear in x, y and z: 2, 4 and -6 HU per mm.
+    Ramp,
+    /// Six balls of different value and radius on the patient axes.
+    Axes,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [Self::Head, Self::Sphere, Self::Slab, Self::Ramp, Self::Axes];
+
+    /// The name on the command line and in `truth.json`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Head => "head",
+            Self::Sphere => "sphere",
+            Self::Slab => "slab",
+            Self::Ramp => "ramp",
+            Self::Axes => "axes",
+        }
+    }
+
+    /// Voxels across when no size is asked for.
+    #[must_use]
+    pub const fn default_size(self) -> usize {
+        match self {
+            Self::Head | Self::Sphere | Self::Slab => 256,
+            Self::Ramp | Self::Axes => 64,
+        }
+    }
+}
+
+/// A name that is no phantom's.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no phantom is called {0:?}; there are head, sphere, slab, ramp and axes")]
+pub struct UnknownKind(String);
+
+impl FromStr for Kind {
+    type Err = UnknownKind;
+
+    fn from_str(name: &str) -> Result<Self, UnknownKind> {
+        let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
+        found.ok_or_else(|| UnknownKind(name.to_owned()))
+    }
+}
+
+/// A size outside [`Recipe::SIZES`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a phantom of {found} voxels across is out of range; sizes are {low} to {high}")]
+pub struct SizeError {
+    found: usize,
+    low: usize,
+    high: usize,
+}
+
+/// Everything that decides a phantom's voxels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Recipe {
+    kind: Kind,
+    size: usize,
+    seed: u64,
+}
+
+/// A volume made by formula, and what is known about it.
+#[derive(Clone, Debug)]
+pub struct Phantom {
+    /// The voxels.
+    pub volume: Volume,
+    /// What was put where.
+    pub truth: Truth,
+}
+
+impl Recipe {
+    /// Voxels across that can be asked for. The largest makes about 2 GiB of voxels.
+    pub const SIZES: std::ops::RangeInclusive<usize> = 16..=1024;
+
+    /// The kind in its default size, seed 0.
+    #[must_use]
+    pub const fn new(kind: Kind) -> Self {
+        Self { kind, size: kind.default_size(), seed: 0 }
+    }
+
+    /// The same with `size` voxels across.
+    ///
+    /// # Errors
+    /// When the size is outside [`Recipe::SIZES`].
+    pub fn with_size(self, size: usize) -> Result<Self, SizeError> {
+        if !Self::SIZES.contains(&size) {
+            let (low, high) = (*Self::SIZES.start(), *Self::SIZES.end());
+            return Err(SizeError { found: size, low, high });
+        }
+        Ok(Self { size, ..self })
+    }
+
+    /// The same with another seed for its noise and its irregular shapes (only the head has any).
+    #[must_use]
+    pub const fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// Voxels along x, y and z.
+    #[must_use]
+    pub fn dims(&self) -> [usize; 3] {
+        self.placement().dims
+    }
+
+    /// Makes the phantom.
+    #[must_use]
+    pub fn make(&self) -> Phantom {
+        self.make_reporting(&|_| {})
+    }
+
+    /// Makes the phantom and calls `report` with the number of slices just finished, from any thread.
+    #[must_use]
+    pub fn make_reporting(&self, report: &(dyn Fn(usize) + Sync)) -> Phantom {
+        let placement = self.placement();
+        let (voxels, facts) = match self.kind {
+            Kind::Sphere => solids::sphere(&placement, report),
+            Kind::Slab => solids::slab(&placement, report),
+            Kind::Ramp => solids::ramp(&placement, report),
+            Kind::Axes => solids::axes(&placement, report),
+            Kind::Head => solids::sphere(&placement, report), // the head follows
+        };
+        self.assemble(&placement, voxels, facts)
+    }
+
+    fn assemble(&self, placement: &Placement, voxels: Vec<i16>, facts: Facts) -> Phantom {
+        let Placement { dims, spacing_mm, origin_mm } = *placement;
+        let truth = Truth {
+            schema: TRUTH_SCHEMA.to_owned(),
+            kind: self.kind.name().to_owned(),
+            size: self.size,
+            seed: self.seed,
+            dims,
+            spacing_mm,
+            origin_mm,
+            stack_sha256: stack_sha256(&voxels),
+            noise_sigma_hu: facts.noise_sigma_hu,
+            gradient_hu_per_mm: facts.gradient_hu_per_mm,
+            materials: facts.materials,
+            surfaces: facts.surfaces,
+            landmarks: facts.landmarks,
+        };
+        let grid = Grid::axis_aligned(dims, spacing_mm, origin_mm)
+            .expect("sizes are at least 16 and extents positive, so the grid holds voxels");
+        let volume = Volume::new(grid, voxels).expect("one value was made for each voxel of the placement");
+        Phantom { volume, truth }
+    }
+
+    /// Where the voxels lie: around the patient origin, except for the head, whose origin is between the ears.
+    fn placement(&self) -> Placement {
+        let n = self.size;
+        match self.kind {
+            Kind::Sphere | Kind::Slab => Placement::centered([n; 3], [256.0; 3], [0.0; 3]),
+            Kind::Ramp => Placement::centered([n; 3], [n as f64; 3], [0.0; 3]),
+            Kind::Axes => Placement::centered([n; 3], [128.0; 3], [0.0; 3]),
+            Kind::Head => Placement::centered([n; 3], [256.0; 3], [0.0; 3]),
+        }
+    }
+}
+
+impl Phantom {
+    /// The ball of 80 mm radius with `size` voxels across.
+    ///
+    /// # Errors
+    /// When the size is outside [`Recipe::SIZES`]; so for the others.
+    pub fn sphere(size: usize) -> Result<Self, SizeError> {
+        Ok(Recipe::new(Kind::Sphere).with_size(size)?.make())
+    }
+
+    /// The slab of 100 mm along y with `size` voxels across.
+    ///
+    /// # Errors
+    /// As [`Phantom::sphere`].
+    pub fn slab(size: usize) -> Result<Self, SizeError> {
+        Ok(Recipe::new(Kind::Slab).with_size(size)?.make())
+    }
+
+    /// The head with `size` voxels across, seed 0.
+    ///
+    /// # Errors
+    /// As [`Phantom::sphere`].
+    pub fn head(size: usize) -> Result<Self, SizeError> {
+        Ok(Recipe::new(Kind::Head).with_size(size)?.make())
+    }
+
+    /// The linear ramp of `size` voxels of 1 mm across.
+    ///
+    /// # Errors
+    /// As [`Phantom::sphere`].
+    pub fn ramp(size: usize) -> Result<Self, SizeError> {
+        Ok(Recipe::new(Kind::Ramp).with_size(size)?.make())
+    }
+
+    /// The six balls with `size` voxels across.
+    ///
+    /// # Errors
+    /// As [`Phantom::sphere`].
+    pub fn axes(size: usize) -> Result<Self, SizeError> {
+        Ok(Recipe::new(Kind::Axes).with_size(size)?.make())
+    }
+}
+
+/// Dimensions and patient placement of the voxels to be made.
+#[derive(Clone, Copy, Debug)]
+struct Placement {
+    dims: [usize; 3],
+    spacing_mm: [f64; 3],
+    origin_mm: [f64; 3],
+}
+
+impl Placement {
+    /// Voxels that fill a box of `extent_mm` around `center_mm`.
+    fn centered(dims: [usize; 3], extent_mm: [f64; 3], center_mm: [f64; 3]) -> Self {
+        let spacing_mm = std::array::from_fn(|a| extent_mm[a] / dims[a] as f64);
+        let origin_mm = std::array::from_fn(|a| center_mm[a] - spacing_mm[a] * (dims[a] as f64 - 1.0) / 2.0);
+        Self { dims, spacing_mm, origin_mm }
+    }
+
+    /// Patient coordinate of a voxel centre along one axis, mm.
+    fn coordinate(&self, axis: usize, index: usize) -> f64 {
+        self.origin_mm[axis] + self.spacing_mm[axis] * index as f64
+    }
+}
+
+/// What a phantom's maker knows, beside the voxels.
+#[derive(Debug, Default)]
+struct Facts {
+    noise_sigma_hu: f64,
+    gradient_hu_per_mm: Option<[f64; 3]>,
+    materials: Vec<Material>,
+    surfaces: Vec<Surface>,
+    landmarks: Vec<Landmark>,
+}
+
+fn stack_sha256(voxels: &[i16]) -> String {
+    let mut hasher = Sha256::new();
+    for chunk in voxels.chunks(1 << 16) {
+        let bytes: Vec<u8> = chunk.iter().flat_map(|hu| hu.to_le_bytes()).collect();
+        hasher.update(&bytes);
+    }
+    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
