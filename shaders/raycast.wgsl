@@ -16,8 +16,9 @@ const DEPTH_THRESHOLD: u32 = 1u;
 
 // A ray ends when what is left of it could change no colour by more than a quarter of 1/255.
 const OPAQUE: f32 = 1.0 - 1.0 / 1024.0;
-// Parts of a sample distance that the threshold rule integrates near its crossing: 2^3, see `part_opacity`.
-const PARTS: i32 = 8;
+// The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a sample distance.
+const PARTS: i32 = 4;
+const LEVELS: i32 = 3;
 const BISECTIONS: i32 = 12;
 const MISS: f32 = 0x1p+127f;
 
@@ -74,9 +75,9 @@ fn composite(ray: Ray) -> Hit {
         let sample = classify(sample_hu(p));
         samples += 1u;
         if sample.a > 0.0 {
-            var rgb = sample.rgb;
+            var rgb = sample.rgb * frame.ambient;
             if SHADED {
-                rgb = shade(rgb, gradient_hu(p), ray);
+                rgb = shade(sample.rgb, gradient_hu(p), ray);
             }
             let weight = (1.0 - opacity) * sample.a;
             color += weight * rgb;
@@ -121,15 +122,19 @@ fn first_hit(ray: Ray, first: i32) -> f32 {
     return inside;
 }
 
-// Opacity of one of PARTS equal parts of a sample: 1 - (1 - a)^(1/8), by three square roots.
-fn part_opacity(opacity: f32) -> f32 {
-    return 1.0 - sqrt(sqrt(sqrt(max(1.0 - opacity, 0.0))));
+// Opacity of 1/4^level of a sample's path: 1 - (1 - a)^(1 / 4^level), by square roots.
+fn part_opacity(opacity: f32, level: i32) -> f32 {
+    var transparency = max(1.0 - opacity, 0.0);
+    for (var i = 0; i < level; i++) {
+        transparency = sqrt(sqrt(transparency));
+    }
+    return 1.0 - transparency;
 }
 
 // Where accumulated opacity crosses `target_opacity`, which the whole ray reaches.
 //
-// First the sample whose slab holds the crossing, then that slab and the one before it in finer parts: a sharp edge
-// between two samples is seen by the later one alone, though it may lie nearer to the earlier.
+// First the sample whose slab holds the crossing, then that slab and the one before it in finer and finer parts: a
+// sharp edge between two samples is seen by the later one alone, though it may lie nearer to the earlier.
 fn threshold_crossing(ray: Ray, first: i32, target_opacity: f32) -> f32 {
     let count = sample_count(ray);
     var before = 0.0;
@@ -144,31 +149,52 @@ fn threshold_crossing(ray: Ray, first: i32, target_opacity: f32) -> f32 {
         accumulated = next;
         k += 1;
     }
-    var start = k - 1;
-    if start < 0 {
-        start = 0;
-        before = accumulated;
-    }
-    return part_crossing(ray, start, before, k + 1 - start, target_opacity);
+    let start = max(k - 1, 0);
+    let slabs = k + 1 - start;
+    return refine_crossing(ray, ray.entry + f32(start) * frame.sample_distance_mm, slabs, before, target_opacity);
 }
 
-// The crossing within `slabs` sample distances from slab `start` on, before which `before` has accumulated.
-fn part_crossing(ray: Ray, start: i32, before: f32, slabs: i32, target_opacity: f32) -> f32 {
-    let begin = ray.entry + f32(start) * frame.sample_distance_mm;
-    let part = frame.sample_distance_mm / f32(PARTS);
-    var accumulated = before;
-    for (var j = 0; j < slabs * PARTS; j++) {
-        let a = part_opacity(opacity_at(ray, begin + (f32(j) + 0.5) * part));
-        let next = accumulated + (1.0 - accumulated) * a;
-        if next >= target_opacity {
-            // Opacity grows exponentially within the part.
-            let whole = log(max(1.0 - a, 1e-30));
-            let needed = log(max((1.0 - target_opacity) / (1.0 - accumulated), 1e-30));
-            return begin + (f32(j) + clamp(needed / min(whole, -1e-30), 0.0, 1.0)) * part;
+// The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has accumulated.
+fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity: f32) -> f32 {
+    var start = begin;
+    var parts = slabs * PARTS;
+    var settled = before;
+    var part = frame.sample_distance_mm;
+    var t = begin;
+    for (var level = 1; level <= LEVELS; level++) {
+        part /= f32(PARTS);
+        var previous = settled;
+        var accumulated = settled;
+        var a = 0.0;
+        var j = 0;
+        while j < parts {
+            a = part_opacity(opacity_at(ray, start + (f32(j) + 0.5) * part), level);
+            let next = accumulated + (1.0 - accumulated) * a;
+            if next >= target_opacity {
+                break;
+            }
+            previous = accumulated;
+            accumulated = next;
+            j += 1;
         }
-        accumulated = next;
+        t = start + (f32(j) + share_of_part(a, accumulated, target_opacity)) * part;
+        if j == parts {
+            // Finer parts add up to a little less than the coarse ones did: the crossing is at the end.
+            t = start + f32(parts) * part;
+            break;
+        }
+        start += f32(max(j - 1, 0)) * part;
+        settled = previous;
+        parts = min(j + 1, 2) * PARTS;
     }
-    return min(begin + f32(slabs) * frame.sample_distance_mm, ray.exit);
+    return min(t, ray.exit);
+}
+
+// How far into a part of opacity `a` the crossing lies, 0..1: opacity grows exponentially within it.
+fn share_of_part(a: f32, accumulated: f32, target_opacity: f32) -> f32 {
+    let whole = log(max(1.0 - a, 1e-30));
+    let needed = log(max((1.0 - target_opacity) / (1.0 - accumulated), 1e-30));
+    return clamp(needed / min(whole, -1e-30), 0.0, 1.0);
 }
 
 // The largest value along the ray, through the transfer function; its depth is where that value lies.

@@ -239,8 +239,7 @@ mod tests {
         let p = Point::<Voxel>::new(4.0, 5.0, 6.0);
         let back = patient_from_voxel.inverse().unwrap() * (patient_from_voxel * p);
         assert!(back.distance(p) < 1e-12);
-        let flat: Transform<Patient, Voxel> =
-            Transform::from_axes(DVec3::X, DVec3::X, DVec3::Z, DVec3::ZERO);
+        let flat: Transform<Patient, Voxel> = Transform::from_axes(DVec3::X, DVec3::X, DVec3::Z, DVec3::ZERO);
         assert!(flat.inverse().is_none());
     }
 }

@@ -83,7 +83,9 @@ mod tests {
     #[test]
     fn limits_scale_linearly_and_clamp() {
         let limits = DepthLimits::new(100.0, 300.0).unwrap();
-        for (mm, z) in [(100.0, 0.0), (150.0, 0.25), (300.0, 1.0), (50.0, 0.0), (400.0, 1.0), (f32::INFINITY, 1.0)] {
+        for (mm, z) in
+            [(100.0, 0.0), (150.0, 0.25), (300.0, 1.0), (50.0, 0.0), (400.0, 1.0), (f32::INFINITY, 1.0)]
+        {
             assert_eq!(limits.scaled(ViewDepth(mm)), ScaledDepth(z), "{mm} mm");
         }
         assert_eq!(limits.view_depth(ScaledDepth(0.25)), ViewDepth(150.0));

@@ -86,7 +86,9 @@ impl Camera {
             return Err(CameraError::NoUp(up.xyz.to_array()));
         }
         match projection {
-            Projection::Perspective { vertical_fov } if !(0.1..=170.0).contains(&vertical_fov.to_degrees()) => {
+            Projection::Perspective { vertical_fov }
+                if !(0.1..=170.0).contains(&vertical_fov.to_degrees()) =>
+            {
                 Err(CameraError::FieldOfView(vertical_fov.to_degrees()))
             }
             Projection::Orthographic { height_mm } if !(1e-3..=1e6).contains(&height_mm) => {
@@ -206,7 +208,10 @@ mod tests {
         let up = Vector::new(0.0, 0.0, 1.0);
         let eye = Point::new(0.0, -1.0, 0.0);
         assert!(matches!(make(at, up, perspective(20.0)), Err(CameraError::NoDirection(_))));
-        assert!(matches!(make(eye, Vector::new(0.0, 2.0, 0.0), perspective(20.0)), Err(CameraError::NoUp(_))));
+        assert!(matches!(
+            make(eye, Vector::new(0.0, 2.0, 0.0), perspective(20.0)),
+            Err(CameraError::NoUp(_))
+        ));
         assert!(matches!(make(eye, up, perspective(180.0)), Err(CameraError::FieldOfView(_))));
         assert!(matches!(
             make(eye, up, Projection::Orthographic { height_mm: 0.0 }),

@@ -94,7 +94,9 @@ impl Gpu {
             GpuError::Device { adapter: description.to_string(), reason: error.to_string() }
         })?;
         // Errors are caught in scopes; one that escapes is logged, where the default would end the process.
-        device.on_uncaptured_error(std::sync::Arc::new(|error| tracing::error!(%error, "uncaptured GPU error")));
+        device.on_uncaptured_error(std::sync::Arc::new(
+            |error| tracing::error!(%error, "uncaptured GPU error"),
+        ));
         let limits = Limits {
             texture_3d_side: limits.max_texture_dimension_3d,
             storage_bytes: limits.max_storage_buffer_binding_size,

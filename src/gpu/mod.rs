@@ -7,5 +7,5 @@ mod adapter;
 mod device;
 
 pub use adapter::{AdapterChoice, AdapterDescription, AdapterKind, adapters};
-pub use device::{Gpu, GpuError, Limits};
 pub(crate) use device::{ErrorScope, Readback};
+pub use device::{Gpu, GpuError, Limits};

@@ -7,6 +7,7 @@
 
 mod frame;
 mod pipelines;
+pub mod reference;
 mod renderer;
 mod request;
 mod scene;

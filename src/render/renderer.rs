@@ -275,7 +275,8 @@ fn depths(bytes: &[u8]) -> Vec<f32> {
 
 /// The volume's bounding sphere around the focal point, along the viewing axis: steady while the camera circles.
 pub(super) fn depth_limits(camera: &Camera, grid: &Grid) -> DepthLimits {
-    let radius = grid.corners().into_iter().map(|corner| corner.distance(camera.look_at())).fold(0.0, f64::max);
+    let radius =
+        grid.corners().into_iter().map(|corner| corner.distance(camera.look_at())).fold(0.0, f64::max);
     let (near_mm, far_mm) = ((camera.distance_mm() - radius).max(0.0), camera.distance_mm() + radius);
     DepthLimits { near_mm, far_mm }
 }

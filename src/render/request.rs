@@ -163,7 +163,11 @@ impl RenderRequest {
     fn validate_clip(&self) -> Result<(), RequestError> {
         let count = self.clip.planes.len();
         if count > Clip::MAX_PLANES {
-            return Err(RequestError::new("clip.planes", format!("{count} planes"), "at most 6 beside the box"));
+            return Err(RequestError::new(
+                "clip.planes",
+                format!("{count} planes"),
+                "at most 6 beside the box",
+            ));
         }
         let usable = |plane: &ClipPlane| plane.point.xyz.is_finite() && plane.normal.normalized().is_some();
         match self.clip.planes.iter().position(|plane| !usable(plane)) {

@@ -321,7 +321,11 @@ impl ClipFile {
         let mut clip = Clip::default();
         if let Some([min, max]) = self.box_mm {
             if !min.iter().zip(&max).all(|(low, high)| low < high && low.is_finite() && high.is_finite()) {
-                return Err(RequestError::new("clip.box_mm", format!("{min:?} to {max:?}"), "[min, max] with min < max"));
+                return Err(RequestError::new(
+                    "clip.box_mm",
+                    format!("{min:?} to {max:?}"),
+                    "[min, max] with min < max",
+                ));
             }
             clip.add_box(Point::from_xyz(min.into()), Point::from_xyz(max.into()));
         }
@@ -342,8 +346,8 @@ mod tests {
     }
 
     fn refused(json: &str) -> String {
-        let resolved = SceneFile::parse(json.as_bytes())
-            .and_then(|scene| scene.resolve(&grid(), &Orbit::default()));
+        let resolved =
+            SceneFile::parse(json.as_bytes()).and_then(|scene| scene.resolve(&grid(), &Orbit::default()));
         resolved.expect_err("a refusal").to_string()
     }
 
@@ -372,7 +376,10 @@ mod tests {
             (r#"{"depth":{"rule":"threshold","fraction":2}}"#.to_owned(), &["depth.fraction is 2", "to 1"]),
             (r#"{"shading":{"ambient":2,"diffuse":0}}"#.to_owned(), &["shading.ambient is 2", "0 to 1"]),
             (r#"{"clip":{"box_mm":[[0,0,0],[1,-1,1]]}}"#.to_owned(), &["clip.box_mm", "min < max"]),
-            (r#"{"clip":{"planes":[{"point_mm":[0,0,0],"normal":[0,0,0]}]}}"#.to_owned(), &["clip.planes[0]"]),
+            (
+                r#"{"clip":{"planes":[{"point_mm":[0,0,0],"normal":[0,0,0]}]}}"#.to_owned(),
+                &["clip.planes[0]"],
+            ),
             (camera(r#"{"perspective":{"vertical_fov_deg":400}}"#), &["camera", "400", "0.1 to 170"]),
             (camera(r#"{"fisheye":{}}"#), &["camera.projection", "fisheye"]),
             ("{} trailing".to_owned(), &["trailing"]),

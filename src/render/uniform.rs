@@ -42,7 +42,9 @@ impl FrameUniform {
         let camera = &request.camera;
         let light = &request.shading;
         Self {
-            voxel_from_view: glam::DMat4::from(voxel_from_view(camera, grid).affine).as_mat4().to_cols_array_2d(),
+            voxel_from_view: glam::DMat4::from(voxel_from_view(camera, grid).affine)
+                .as_mat4()
+                .to_cols_array_2d(),
             dims: grid.dims().map(|n| n as f32),
             sample_distance_mm: request.sample_distance_mm as f32,
             half_extent: camera.half_extent(request.size_px).map(|mm| mm as f32),
@@ -104,9 +106,25 @@ mod tests {
             };
         }
         let mirror = mirror!(
-            voxel_from_view, dims, sample_distance_mm, half_extent, size_px, background_rgb, is_orthographic,
-            ambient, diffuse, specular, shininess, table_first_hu, table_step_hu, table_last, depth_fraction,
-            clip_plane_count, brick_edge, padding, clip_planes,
+            voxel_from_view,
+            dims,
+            sample_distance_mm,
+            half_extent,
+            size_px,
+            background_rgb,
+            is_orthographic,
+            ambient,
+            diffuse,
+            specular,
+            shininess,
+            table_first_hu,
+            table_step_hu,
+            table_last,
+            depth_fraction,
+            clip_plane_count,
+            brick_edge,
+            padding,
+            clip_planes,
         );
         let module = reflected();
         let (_, frame) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Frame")).unwrap();

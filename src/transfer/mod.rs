@@ -35,7 +35,9 @@ pub enum TransferError {
     #[error("{0} control points, allowed: 1 to {max}", max = TransferFunction::MAX_POINTS)]
     Count(usize),
     /// HU values must rise from point to point.
-    #[error("control point {index} is at {found} HU, allowed: more than {previous} HU, that of the point before")]
+    #[error(
+        "control point {index} is at {found} HU, allowed: more than {previous} HU, that of the point before"
+    )]
     Order {
         /// Which point, from 0.
         index: usize,
@@ -117,7 +119,8 @@ impl TransferFunction {
     #[must_use]
     pub fn at(&self, hu: f64) -> [f64; 4] {
         let next = self.points.partition_point(|point| point.hu <= hu);
-        let (Some(low), Some(high)) = (next.checked_sub(1).map(|i| self.points[i]), self.points.get(next)) else {
+        let (Some(low), Some(high)) = (next.checked_sub(1).map(|i| self.points[i]), self.points.get(next))
+        else {
             return self.points[next.saturating_sub(1)].rgba;
         };
         let f = (hu - low.hu) / (high.hu - low.hu);
@@ -171,7 +174,9 @@ mod tests {
     fn bad_points_are_named_with_value_and_range() {
         let refused = |points| TransferFunction::new(points, 1.0).unwrap_err().to_string();
         assert!(refused(vec![]).starts_with("0 control points, allowed: 1 to"));
-        assert!(refused(vec![point(5.0, 0.1), point(5.0, 0.1)]).contains("point 1 is at 5 HU, allowed: more"));
+        assert!(
+            refused(vec![point(5.0, 0.1), point(5.0, 0.1)]).contains("point 1 is at 5 HU, allowed: more")
+        );
         assert!(refused(vec![point(5.0, 1.5)]).contains("opacity is 1.5, allowed: 0 to 1"));
         assert!(refused(vec![point(f64::NAN, 0.5)]).contains("HU is NaN"));
         assert!(TransferFunction::new(vec![point(0.0, 0.0)], 0.0).is_err());

@@ -21,7 +21,11 @@ impl TransferTable {
     ///
     /// Entries lie at whole HU, so control points at whole HU are met exactly while their span allows.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "control points are within ±1e5")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "control points are within ±1e5"
+    )]
     pub fn new(transfer: &TransferFunction, step_mm: f64) -> Self {
         let points = transfer.points();
         let (first, last) = (points[0].hu.floor(), points[points.len() - 1].hu.ceil());

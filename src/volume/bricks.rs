@@ -35,7 +35,8 @@ impl BrickRanges {
     pub fn new(volume: &Volume, edge: usize) -> Self {
         assert!(edge > 0, "a brick has at least one voxel");
         let dims = volume.grid().dims().map(|n| n.div_ceil(edge));
-        let ranges_hu = (0..dims[2]).into_par_iter().flat_map_iter(|c| layer(volume, edge, dims, c)).collect();
+        let ranges_hu =
+            (0..dims[2]).into_par_iter().flat_map_iter(|c| layer(volume, edge, dims, c)).collect();
         Self { edge, dims, ranges_hu }
     }
 
@@ -86,10 +87,12 @@ fn sweep(distances: &mut [u8], [nx, ny, nz]: [usize; 3]) {
             let (rows, row) = distances.split_at_mut((k * ny + j) * nx);
             let row = &mut row[..nx];
             // Rows already final for this sweep: three of the layer before, one of this layer.
-            let before = [(k > 0 && j > 0).then(|| ((k - 1) * ny + j - 1) * nx),
+            let before = [
+                (k > 0 && j > 0).then(|| ((k - 1) * ny + j - 1) * nx),
                 (k > 0).then(|| ((k - 1) * ny + j) * nx),
                 (k > 0 && j + 1 < ny).then(|| ((k - 1) * ny + j + 1) * nx),
-                (j > 0).then(|| (k * ny + j - 1) * nx)];
+                (j > 0).then(|| (k * ny + j - 1) * nx),
+            ];
             for start in before.into_iter().flatten() {
                 take_nearer(row, &rows[start..start + nx]);
             }
@@ -152,8 +155,12 @@ mod tests {
         let cells: Vec<[i32; 3]> = (0..nz as i32)
             .flat_map(|k| (0..ny as i32).flat_map(move |j| (0..nx as i32).map(move |i| [i, j, k])))
             .collect();
-        let occupied: Vec<&[i32; 3]> =
-            cells.iter().zip(&bricks.ranges_hu).filter(|(_, range)| range.1 > 30_000).map(|(c, _)| c).collect();
+        let occupied: Vec<&[i32; 3]> = cells
+            .iter()
+            .zip(&bricks.ranges_hu)
+            .filter(|(_, range)| range.1 > 30_000)
+            .map(|(c, _)| c)
+            .collect();
         assert!(occupied.len() > 3, "the search needs something to find");
         for (cell, &distance) in cells.iter().zip(&map.distances) {
             let chebyshev = |o: &&[i32; 3]| (0..3).map(|x| (o[x] - cell[x]).abs()).max();

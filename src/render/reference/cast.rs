@@ -1,0 +1,178 @@
+//! One ray after another; twin of `shaders/raycast.wgsl`, without empty-space skipping, which changes nothing.
+
+use glam::{DVec3, DVec4};
+
+use super::classify::{classify, shade};
+use super::field::{gradient_hu, sample_hu};
+use super::ray::{Ray, Rays};
+use crate::render::request::{DepthRule, Mode, RenderRequest};
+use crate::render::upload::table_for;
+use crate::transfer::TransferTable;
+use crate::volume::Volume;
+
+const OPAQUE: f64 = 1.0 - 1.0 / 1024.0;
+const PARTS: i32 = 4;
+const LEVELS: i32 = 3;
+const BISECTIONS: i32 = 12;
+
+/// A volume under a request.
+pub(super) struct Caster<'a> {
+    volume: &'a Volume,
+    request: &'a RenderRequest,
+    rays: Rays<'a>,
+    table: TransferTable,
+}
+
+/// Premultiplied colour and coverage, and the distance along the ray in mm; `None` when nothing is visible.
+struct Hit {
+    color: DVec4,
+    t: Option<f64>,
+}
+
+impl<'a> Caster<'a> {
+    pub(super) fn new(volume: &'a Volume, request: &'a RenderRequest) -> Self {
+        let rays = Rays::new(request, volume.grid());
+        Self { volume, request, rays, table: table_for(request) }
+    }
+
+    /// Colour over the background as bytes, and view depth in mm.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..1")]
+    pub(super) fn raycast(&self, pixel: [u32; 2]) -> ([u8; 4], f32) {
+        let ray = self.rays.ray_of_pixel(pixel);
+        let hit = match self.request.mode {
+            Mode::Mip => self.project_maximum(&ray),
+            Mode::Composite => self.composite(&ray),
+        };
+        let over = hit.color.truncate() + (1.0 - hit.color.w) * DVec3::from(self.request.background_rgb);
+        let bytes = over.extend(hit.color.w).to_array().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);
+        (bytes, hit.t.map_or(f32::INFINITY, |t| ray.view_depth(t) as f32))
+    }
+
+    fn composite(&self, ray: &Ray) -> Hit {
+        let (mut color, mut opacity, mut first) = (DVec3::ZERO, 0.0, None);
+        for k in 0..ray.sample_count() {
+            if opacity >= OPAQUE {
+                break;
+            }
+            let p = ray.voxel_at(ray.sample_t(k));
+            let sample = classify(&self.table, sample_hu(self.volume, p));
+            if sample.w > 0.0 {
+                let weight = (1.0 - opacity) * sample.w;
+                color += weight * self.lit(sample.truncate(), p, ray);
+                opacity += weight;
+                first = first.or(Some(k));
+            }
+        }
+        let t = first.map(|first| match self.request.depth {
+            DepthRule::Threshold { fraction } => self.threshold_crossing(ray, first, fraction * opacity),
+            DepthRule::FirstHit => self.first_hit(ray, first),
+        });
+        Hit { color: color.extend(opacity), t }
+    }
+
+    fn lit(&self, rgb: DVec3, p: DVec3, ray: &Ray) -> DVec3 {
+        let light = &self.request.shading;
+        if !light.needs_gradient() {
+            return rgb * light.ambient;
+        }
+        let gradient = self.rays.gradient_in_view(gradient_hu(self.volume, p));
+        shade(light, rgb, gradient, ray.direction)
+    }
+
+    fn opacity_at(&self, ray: &Ray, t: f64) -> f64 {
+        classify(&self.table, sample_hu(self.volume, ray.voxel_at(t))).w
+    }
+
+    fn first_hit(&self, ray: &Ray, first: i32) -> f64 {
+        let mut outside = ray.entry.max(ray.sample_t(first - 1));
+        let mut inside = ray.sample_t(first);
+        if self.opacity_at(ray, outside) > 0.0 {
+            return outside;
+        }
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (outside + inside);
+            if self.opacity_at(ray, middle) > 0.0 { inside = middle } else { outside = middle }
+        }
+        inside
+    }
+
+    fn threshold_crossing(&self, ray: &Ray, first: i32, target: f64) -> f64 {
+        let (mut before, mut accumulated, mut k) = (0.0, 0.0, first);
+        while k < ray.sample_count() {
+            let next = accumulated + (1.0 - accumulated) * self.opacity_at(ray, ray.sample_t(k));
+            if next >= target {
+                break;
+            }
+            (before, accumulated) = (accumulated, next);
+            k += 1;
+        }
+        let start = (k - 1).max(0);
+        let begin = ray.entry + f64::from(start) * ray.sample_distance_mm;
+        self.refine_crossing(ray, begin, k + 1 - start, before, target)
+    }
+
+    fn refine_crossing(&self, ray: &Ray, begin: f64, slabs: i32, before: f64, target: f64) -> f64 {
+        let (mut start, mut parts, mut settled) = (begin, slabs * PARTS, before);
+        let (mut part, mut t) = (ray.sample_distance_mm, begin);
+        for level in 1..=LEVELS {
+            part /= f64::from(PARTS);
+            let (mut previous, mut accumulated, mut a, mut j) = (settled, settled, 0.0, 0);
+            while j < parts {
+                a = part_opacity(self.opacity_at(ray, start + (f64::from(j) + 0.5) * part), level);
+                let next = accumulated + (1.0 - accumulated) * a;
+                if next >= target {
+                    break;
+                }
+                (previous, accumulated) = (accumulated, next);
+                j += 1;
+            }
+            t = start + (f64::from(j) + share_of_part(a, accumulated, target)) * part;
+            if j == parts {
+                t = start + f64::from(parts) * part;
+                break;
+            }
+            start += f64::from((j - 1).max(0)) * part;
+            settled = previous;
+            parts = (j + 1).min(2) * PARTS;
+        }
+        t.min(ray.exit)
+    }
+
+    fn project_maximum(&self, ray: &Ray) -> Hit {
+        let (mut largest, mut at) = (f64::NEG_INFINITY, 0);
+        for k in 0..ray.sample_count() {
+            let hu = sample_hu(self.volume, ray.voxel_at(ray.sample_t(k)));
+            if hu > largest {
+                (largest, at) = (hu, k);
+            }
+        }
+        if largest == f64::NEG_INFINITY {
+            return Hit { color: DVec4::ZERO, t: None };
+        }
+        let sample = classify(&self.table, largest);
+        let t = (sample.w > 0.0).then(|| self.peak_t(ray, at, largest));
+        Hit { color: (sample.truncate() * sample.w).extend(sample.w), t }
+    }
+
+    fn peak_t(&self, ray: &Ray, at: i32, largest: f64) -> f64 {
+        let t = ray.sample_t(at);
+        let value = |t: f64| sample_hu(self.volume, ray.voxel_at(t));
+        let (before, after) = (value(t - ray.sample_distance_mm), value(t + ray.sample_distance_mm));
+        let curvature = before - 2.0 * largest + after;
+        let offset =
+            if curvature < 0.0 { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+        (t + offset * ray.sample_distance_mm).clamp(ray.entry, ray.exit)
+    }
+}
+
+/// Opacity of 1/4^level of a sample's path.
+fn part_opacity(opacity: f64, level: i32) -> f64 {
+    1.0 - (1.0 - opacity).max(0.0).powf(0.25f64.powi(level))
+}
+
+/// How far into a part of opacity `a` the crossing lies, 0..1.
+fn share_of_part(a: f64, accumulated: f64, target: f64) -> f64 {
+    let whole = (1.0 - a).max(1e-30).ln();
+    let needed = ((1.0 - target) / (1.0 - accumulated)).max(1e-30).ln();
+    (needed / whole.min(-1e-30)).clamp(0.0, 1.0)
+}

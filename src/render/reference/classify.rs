@@ -1,0 +1,25 @@
+//! From a value to a lit colour; twin of `shaders/lib/classify.wgsl`.
+
+use glam::{DVec3, DVec4};
+
+use crate::render::request::Shading;
+use crate::transfer::TransferTable;
+
+/// Colour and opacity of one sample.
+pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {
+    let last = (table.entries.len() - 1) as f64;
+    let x = ((hu - f64::from(table.first_hu)) / f64::from(table.step_hu)).clamp(0.0, last);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
+    let i = (x as usize).min(table.entries.len() - 2);
+    let entry = |i: usize| DVec4::from(table.entries[i].map(f64::from));
+    entry(i).lerp(entry(i + 1), x - i as f64)
+}
+
+/// Headlight at the eye, two-sided; ambient light alone where the gradient has no length.
+pub(super) fn shade(light: &Shading, rgb: DVec3, gradient_in_view: DVec3, direction: DVec3) -> DVec3 {
+    if gradient_in_view.length_squared() < 1e-12 {
+        return rgb * light.ambient;
+    }
+    let facing = gradient_in_view.normalize().dot(direction).abs().min(1.0);
+    rgb * (light.ambient + light.diffuse * facing) + light.specular * facing.powf(light.shininess)
+}

@@ -1,0 +1,27 @@
+//! Values and gradients of a volume; twin of `shaders/lib/volume.wgsl`. Voxel index in, HU out.
+
+use glam::DVec3;
+
+use crate::volume::Volume;
+
+/// Trilinear between voxel centres, clamped outside the outermost ones.
+pub(super) fn sample_hu(volume: &Volume, p: DVec3) -> f64 {
+    let dims = volume.grid().dims();
+    let last = DVec3::from(dims.map(|n| (n - 1) as f64));
+    let p = p.clamp(DVec3::ZERO, last);
+    let base = p.floor();
+    let f = p - base;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
+    let low = base.to_array().map(|x| x as usize);
+    let high: [usize; 3] = std::array::from_fn(|axis| (low[axis] + 1).min(dims[axis] - 1));
+    let corner = |x: usize, y: usize, z: usize| f64::from(volume.hu([x, y, z]));
+    let along_x = |y, z| corner(low[0], y, z) * (1.0 - f.x) + corner(high[0], y, z) * f.x;
+    let along_y = |z| along_x(low[1], z) * (1.0 - f.y) + along_x(high[1], z) * f.y;
+    along_y(low[2]) * (1.0 - f.z) + along_y(high[2]) * f.z
+}
+
+/// Central differences over one voxel to both sides: HU per two voxels.
+pub(super) fn gradient_hu(volume: &Volume, p: DVec3) -> DVec3 {
+    let along = |axis: DVec3| sample_hu(volume, p + axis) - sample_hu(volume, p - axis);
+    DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+}

@@ -1,0 +1,48 @@
+//! The f64 twin of the ray-casting shaders: the same functions under the same names, on the CPU.
+//!
+//! It exists to be compared with, not to be fast: tests render a request here and on the GPU and compare pixels. It
+//! takes the request itself, not the GPU's uniform, and samples voxels by plain trilinear interpolation. What it
+//! shares with the GPU path is the transfer table and the definition of a request.
+//!
+//! | here | shader |
+//! |---|---|
+//! | `ray` | `shaders/lib/frame.wgsl` |
+//! | `field` | `shaders/lib/volume.wgsl` |
+//! | `classify` | `shaders/lib/classify.wgsl` |
+//! | `cast` | `shaders/raycast.wgsl` |
+
+mod cast;
+mod classify;
+mod field;
+mod ray;
+
+use rayon::prelude::*;
+
+use super::frame::{RenderedFrame, Timings};
+use super::renderer::{RenderError, depth_limits};
+use super::request::RenderRequest;
+use crate::volume::Volume;
+
+/// Renders one picture on the CPU in f64.
+///
+/// # Errors
+/// When the request is out of range.
+pub fn render(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
+    request.validate()?;
+    let scene = cast::Caster::new(volume, request);
+    let [width, height] = request.size_px;
+    let pixels: Vec<([u8; 4], f32)> = (0..height)
+        .into_par_iter()
+        .flat_map_iter(|row| (0..width).map(move |column| [column, row]))
+        .map(|pixel| scene.raycast(pixel))
+        .collect();
+    let (color_rgba, depth_mm) = pixels.into_iter().unzip();
+    Ok(RenderedFrame {
+        size_px: request.size_px,
+        color_rgba,
+        depth_mm,
+        camera: request.camera,
+        limits: depth_limits(&request.camera, volume.grid()),
+        timings: Timings::default(),
+    })
+}

@@ -1,0 +1,116 @@
+//! The ray of a pixel; twin of `shaders/lib/frame.wgsl`. View space and voxel index, mm along the ray.
+
+use glam::{DAffine3, DVec3};
+
+use crate::camera::Projection;
+use crate::render::request::{Clip, RenderRequest};
+use crate::render::uniform::{clip_planes_in_view, voxel_from_view};
+use crate::volume::Grid;
+
+/// Points `origin + direction * t` for t in mm between `entry` and `exit`.
+pub(super) struct Ray {
+    pub(super) direction: DVec3,
+    origin_voxel: DVec3,
+    step_voxel: DVec3,
+    pub(super) entry: f64,
+    pub(super) exit: f64,
+    depth_origin: f64,
+    depth_step: f64,
+    pub(super) sample_distance_mm: f64,
+}
+
+/// What the rays of one picture share.
+pub(super) struct Rays<'a> {
+    request: &'a RenderRequest,
+    voxel_from_view: DAffine3,
+    dims: DVec3,
+    clip_planes: [[f64; 4]; Clip::MAX_PLANES],
+}
+
+impl<'a> Rays<'a> {
+    pub(super) fn new(request: &'a RenderRequest, grid: &Grid) -> Self {
+        let dims = DVec3::from(grid.dims().map(|n| n as f64));
+        let voxel_from_view = voxel_from_view(&request.camera, grid).affine;
+        let clip_planes = clip_planes_in_view(&request.camera, &request.clip);
+        Self { request, voxel_from_view, dims, clip_planes }
+    }
+
+    /// Gradient in view space of one in voxel index: by the transpose of the points' inverse.
+    pub(super) fn gradient_in_view(&self, gradient_voxel: DVec3) -> DVec3 {
+        self.voxel_from_view.matrix3.transpose() * gradient_voxel
+    }
+
+    pub(super) fn ray_of_pixel(&self, [column, row]: [u32; 2]) -> Ray {
+        let [width, height] = self.request.size_px.map(f64::from);
+        let [half_x, half_y] = self.request.camera.half_extent(self.request.size_px);
+        let x = ((f64::from(column) + 0.5) / width * 2.0 - 1.0) * half_x;
+        let y = -((f64::from(row) + 0.5) / height * 2.0 - 1.0) * half_y;
+        let (origin, direction) = match self.request.camera.projection() {
+            Projection::Orthographic { .. } => (DVec3::new(x, y, 0.0), DVec3::NEG_Z),
+            Projection::Perspective { .. } => (DVec3::ZERO, DVec3::new(x, y, -1.0).normalize()),
+        };
+        let origin_voxel = self.voxel_from_view.transform_point3(origin);
+        let step_voxel = self.voxel_from_view.transform_vector3(direction);
+        let inside = self.box_interval(origin_voxel, step_voxel);
+        let (entry, exit) = self.clip_interval(origin, direction, inside);
+        let sample_distance_mm = self.request.sample_distance_mm;
+        let (depth_origin, depth_step) = (-origin.z, -direction.z);
+        Ray { direction, origin_voxel, step_voxel, entry, exit, depth_origin, depth_step, sample_distance_mm }
+    }
+
+    fn box_interval(&self, origin: DVec3, step: DVec3) -> (f64, f64) {
+        let (mut entry, mut exit) = (0.0f64, f64::INFINITY);
+        for axis in 0..3 {
+            let (low, high) = (-0.5 - origin[axis], self.dims[axis] - 0.5 - origin[axis]);
+            if step[axis] == 0.0 {
+                if low > 0.0 || high < 0.0 {
+                    exit = -1.0;
+                }
+                continue;
+            }
+            let (a, b) = (low / step[axis], high / step[axis]);
+            entry = entry.max(a.min(b));
+            exit = exit.min(a.max(b));
+        }
+        (entry, exit)
+    }
+
+    fn clip_interval(&self, origin: DVec3, direction: DVec3, (entry, exit): (f64, f64)) -> (f64, f64) {
+        let (mut entry, mut exit) = (entry, exit);
+        for &[nx, ny, nz, offset] in &self.clip_planes[..self.request.clip.planes.len()] {
+            let normal = DVec3::new(nx, ny, nz);
+            let (height, slope) = (normal.dot(origin) + offset, normal.dot(direction));
+            if slope.abs() < 1e-12 {
+                if height < 0.0 {
+                    exit = entry - 1.0;
+                }
+            } else if slope > 0.0 {
+                entry = entry.max(-height / slope);
+            } else {
+                exit = exit.min(-height / slope);
+            }
+        }
+        (entry, exit)
+    }
+}
+
+impl Ray {
+    /// Samples of the ray: the first lies half a sample distance behind its entry.
+    #[expect(clippy::cast_possible_truncation, reason = "a ray of a valid request has below 2^31 samples")]
+    pub(super) fn sample_count(&self) -> i32 {
+        ((self.exit - self.entry) / self.sample_distance_mm - 0.5).ceil().max(0.0) as i32
+    }
+
+    /// Distance along the ray of sample k, mm.
+    pub(super) fn sample_t(&self, k: i32) -> f64 {
+        self.entry + (f64::from(k) + 0.5) * self.sample_distance_mm
+    }
+
+    pub(super) fn voxel_at(&self, t: f64) -> DVec3 {
+        self.origin_voxel + self.step_voxel * t
+    }
+
+    pub(super) fn view_depth(&self, t: f64) -> f64 {
+        self.depth_origin + self.depth_step * t
+    }
+}

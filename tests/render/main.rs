@@ -1,0 +1,30 @@
+//! Rendering, from outside: closed forms, the f64 twin, skipping, refusals.
+//!
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+
+mod closed_forms;
+mod refusals;
+mod skipping;
+mod twin;
+
+use std::sync::{Mutex, MutexGuard, OnceLock};
+
+use relief::gpu::{AdapterChoice, Gpu};
+use relief::render::Renderer;
+
+/// The one renderer of this test program: software adapters compile pipelines slowly. `None` without an adapter.
+fn renderer(test: &str) -> Option<MutexGuard<'static, Renderer>> {
+    static RENDERER: OnceLock<Option<Mutex<Renderer>>> = OnceLock::new();
+    let shared = RENDERER.get_or_init(|| match Gpu::open(&AdapterChoice::Software) {
+        Ok(gpu) => Some(Mutex::new(Renderer::new(gpu).expect("the shaders compile"))),
+        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
+            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
+        }
+        Err(_) => None,
+    });
+    if shared.is_none() {
+        eprintln!("SKIPPED: {test} (no software graphics adapter)");
+    }
+    // A test that failed while it held the renderer left nothing half done: every frame starts anew.
+    shared.as_ref().map(|shared| shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+}

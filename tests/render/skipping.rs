@@ -1,0 +1,50 @@
+//! Stepping over empty space changes not one byte, and does skip.
+
+use relief::camera::{Orbit, Projection};
+use relief::render::{DepthRule, Mode, RenderRequest, SceneFile, Skipping};
+use relief::volume::Volume;
+use relief::volume::phantom::Phantom;
+
+use super::renderer;
+
+fn requests(volume: &Volume) -> Vec<RenderRequest> {
+    let mut requests = Vec::new();
+    for preset in ["bone", "skin", "lung", "vessels", "soft-tissue"] {
+        for (azimuth_deg, elevation_deg) in [(0.0, 0.0), (37.0, 21.0), (180.0, 0.0), (0.0, 90.0)] {
+            for vertical_fov_deg in [0.0, 30.0] {
+                let orbit = Orbit { azimuth_deg, elevation_deg, zoom: 1.3, vertical_fov_deg };
+                let scene = SceneFile::default().with_preset(preset).with_size([97, 61]);
+                requests.push(scene.resolve(volume.grid(), &orbit).unwrap().request);
+            }
+        }
+    }
+    requests
+}
+
+#[test]
+fn skipping_changes_not_one_byte() {
+    let Some(mut renderer) = renderer("skipping_changes_not_one_byte") else { return };
+    let volume = Phantom::head(64).unwrap().volume;
+    for (i, mut request) in requests(&volume).into_iter().enumerate() {
+        request.sample_distance_mm = [0.7, 1.0, 2.3][i % 3];
+        request.mode = if i % 4 == 3 { Mode::Mip } else { Mode::Composite };
+        request.depth = if i % 2 == 0 { DepthRule::FirstHit } else { DepthRule::Threshold { fraction: 0.5 } };
+        let on = renderer.render_with(&volume, &request, Skipping::On).unwrap();
+        let off = renderer.render_with(&volume, &request, Skipping::Off).unwrap();
+        assert!(on.color_rgba == off.color_rgba, "colour of request {i}: {request:?}");
+        let bits = |depths: &[f32]| depths.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
+        assert!(bits(&on.depth_mm) == bits(&off.depth_mm), "depth of request {i}: {request:?}");
+    }
+}
+
+#[test]
+fn skipping_skips() {
+    let Some(mut renderer) = renderer("skipping_skips") else { return };
+    let volume = Phantom::sphere(128).unwrap().volume;
+    let scene = SceneFile::default().with_size([64, 64]).resolve(volume.grid(), &Orbit::default()).unwrap();
+    let taken = renderer.count_samples(&volume, &scene.request).unwrap();
+    let Projection::Perspective { .. } = scene.request.camera.projection() else { panic!("a perspective") };
+    // Without skipping each of some 2000 rays that meet the box would take about 256 samples.
+    assert!(taken < 2000 * 40, "{taken} samples");
+    assert!(taken > 1000, "{taken} samples");
+}

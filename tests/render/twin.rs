@@ -1,0 +1,83 @@
+//! The GPU against the f64 twin, over mode x projection x depth rule x shading.
+
+use relief::camera::Orbit;
+use relief::render::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, SceneFile, reference};
+use relief::space::{Point, Vector};
+use relief::volume::phantom::Phantom;
+use relief::volume::{Grid, Volume};
+
+use super::renderer;
+
+/// Shares of pixels that may differ: rounding moves a sample across an edge now and then.
+const ALLOWED_SHARE: f64 = 0.001;
+const ALLOWED_DEPTH_MM: f32 = 0.05;
+
+fn compare(volume: &Volume, request: &RenderRequest, what: &str) {
+    let Some(mut renderer) = renderer(what) else { return };
+    let gpu = renderer.render(volume, request).unwrap();
+    drop(renderer);
+    let twin = reference::render(volume, request).unwrap();
+    let pixels = gpu.color_rgba.len() as f64;
+    let apart = |(a, b): (&[u8; 4], &[u8; 4])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
+    let colors = gpu.color_rgba.iter().zip(&twin.color_rgba).filter(|pair| apart(*pair)).count();
+    let depth_apart =
+        |(a, b): (&f32, &f32)| a.is_finite() != b.is_finite() || (a - b).abs() > ALLOWED_DEPTH_MM;
+    let depths = gpu.depth_mm.iter().zip(&twin.depth_mm).filter(|pair| depth_apart(*pair)).count();
+    let hits = twin.depth_mm.iter().filter(|mm| mm.is_finite()).count();
+    println!("{what}: {colors} colours and {depths} depths of {pixels} differ, {hits} hits");
+    assert!(hits as f64 > pixels * 0.05, "{what}: {hits} hits show too little to compare");
+    assert!(colors as f64 <= pixels * ALLOWED_SHARE, "{what}: {colors} colours of {pixels} differ");
+    assert!(depths as f64 <= pixels * ALLOWED_SHARE, "{what}: {depths} depths of {pixels} differ");
+}
+
+fn request(volume: &Volume, preset: &str, vertical_fov_deg: f64) -> RenderRequest {
+    let orbit = Orbit { azimuth_deg: 31.0, elevation_deg: 17.0, zoom: 1.2, vertical_fov_deg };
+    let scene = SceneFile::default().with_preset(preset).with_size([160, 120]);
+    scene.resolve(volume.grid(), &orbit).unwrap().request
+}
+
+/// The head, turned and stretched in patient space: axes must not be taken for granted.
+fn oblique_head() -> Volume {
+    let head = Phantom::head(64).unwrap().volume;
+    let grid = head.grid();
+    let turn = glam::DAffine3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 0.5).normalize(), 0.6);
+    let stretch = glam::DAffine3::from_scale(glam::DVec3::new(1.0, 1.1, 0.8));
+    let placed = relief::space::Transform::from_affine(turn * stretch * grid.patient_from_voxel().affine);
+    Volume::new(Grid::new(grid.dims(), placed).unwrap(), head.voxels_hu().to_vec()).unwrap()
+}
+
+#[test]
+fn gpu_and_twin_agree_in_every_mode_projection_and_depth_rule() {
+    let volume = oblique_head();
+    for mode in [Mode::Composite, Mode::Mip] {
+        for (projection, fov) in [("perspective", 25.0), ("orthographic", 0.0)] {
+            for rule in [
+                DepthRule::FirstHit,
+                DepthRule::Threshold { fraction: 0.5 },
+                DepthRule::Threshold { fraction: 0.95 },
+            ] {
+                for preset in ["bone", "soft-tissue"] {
+                    let request = RenderRequest { mode, depth: rule, ..request(&volume, preset, fov) };
+                    compare(&volume, &request, &format!("{mode:?}, {projection}, {rule:?}, {preset}"));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn gpu_and_twin_agree_under_clip_planes_and_without_shading() {
+    let volume = oblique_head();
+    let center = volume.grid().center();
+    let mut clipped = request(&volume, "bone", 25.0);
+    clipped.background_rgb = [0.2, 0.4, 0.6];
+    let mut clip = Clip::default();
+    let arm = glam::DVec3::splat(60.0);
+    clip.add_box(Point::from_xyz(center.xyz - arm), Point::from_xyz(center.xyz + arm));
+    clip.planes.push(ClipPlane { point: center, normal: Vector::new(0.3, -1.0, 0.2) });
+    clipped.clip = clip;
+    compare(&volume, &clipped, "clip planes");
+    let mut unshaded = request(&volume, "skin", 25.0);
+    unshaded.shading = relief::render::Shading { ambient: 0.7, ..relief::render::Shading::NONE };
+    compare(&volume, &unshaded, "no shading");
+}
