@@ -1,0 +1,46 @@
+# Makes programs of this shell use what scripts/setup-driver and scripts/setup-peers put under .relief.
+#
+# usage: . scripts/env.sh       (in bash; in another shell, from the project's folder)
+#
+# Sets VK_DRIVER_FILES to the pinned software driver, LD_LIBRARY_PATH to the libraries unpacked with it, and
+# RELIEF_PEERS_PYTHON to the Python that has the peers. What is not set up is left out. A VK_DRIVER_FILES or
+# VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the system's own
+# (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software driver even then.
+# shellcheck shell=sh disable=SC3028,SC3054,SC2128
+
+relief_root=$(cd -- "$(dirname -- "${BASH_SOURCE:-scripts/env.sh}")/.." && pwd)
+
+relief_add_libraries() {
+    case ":${LD_LIBRARY_PATH:-}:" in
+    *":$1:"*) ;;
+    *) export LD_LIBRARY_PATH="$1${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" ;;
+    esac
+}
+
+relief_has_card() { [ -e /dev/nvidiactl ] || [ -n "$(find /dev/dri -name 'renderD*' 2>/dev/null)" ]; }
+
+relief_icd=$relief_root/.relief/driver/lvp_icd.json
+if [ -f "$relief_icd" ]; then
+    relief_add_libraries "$relief_root/.relief/driver/lib"
+    if [ "${VK_DRIVER_FILES:-}" = "$relief_icd" ]; then
+        : # sourced before
+    elif [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ]; then
+        echo "relief: keeping the Vulkan driver that the environment names: ${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}" >&2
+    elif [ "${RELIEF_DRIVER:-}" != pinned ] && relief_has_card; then
+        export VK_ADD_DRIVER_FILES="$relief_icd"
+    else
+        export VK_DRIVER_FILES="$relief_icd"
+    fi
+fi
+
+if [ -f "$relief_root/.relief/peers/stamp" ]; then
+    export RELIEF_PEERS_PYTHON="$relief_root/.relief/peers/bin/python"
+    # VTK's GPU mapper draws in memory, without a window system.
+    export VTK_DEFAULT_OPENGL_WINDOW="${VTK_DEFAULT_OPENGL_WINDOW:-vtkOSOpenGLRenderWindow}"
+fi
+if [ -f "$relief_root/.relief/osmesa/stamp" ]; then
+    relief_add_libraries "$relief_root/.relief/osmesa/lib"
+fi
+
+unset relief_root relief_icd
+unset -f relief_add_libraries relief_has_card
