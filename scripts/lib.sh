@@ -199,6 +199,22 @@ unpack_pinned() { # TARGET PACKAGE...
     rm -rf "$work"
 }
 
+# The folder of shared libraries in a folder of unpacked packages.
+libraries_of() { # FOLDER
+    case "$(dpkg --print-architecture)" in
+    amd64) printf '%s/usr/lib/x86_64-linux-gnu\n' "$1" ;;
+    arm64) printf '%s/usr/lib/aarch64-linux-gnu\n' "$1" ;;
+    *) die "the folder of libraries of $(dpkg --print-architecture) is not known" ;;
+    esac
+}
+
+# Gives that folder one name on every architecture: FOLDER/lib.
+link_libraries() { # FOLDER
+    local libraries
+    libraries=$(libraries_of "$1")
+    ln -sfn "${libraries#"$1"/}" "$1/lib"
+}
+
 # Unpacks a series of the shared test data, once; prints its folder.
 unpack_series() { # NAME
     local archive=$RELIEF_SHARED/data/$1.tar.xz folder=$RELIEF_PRIVATE/data/$1 work
