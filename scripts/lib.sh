@@ -166,8 +166,8 @@ check_pins() { # FOLDER_OF_DEBS
     done
 }
 
-# Unpacks a pinned package, and what it and the others need and the machine lacks, into TARGET/usr. The system's own
-# packages are left alone. TARGET appears whole or not at all.
+# Puts the shared libraries of a pinned package, of the others, and of what these need and the machine lacks, into
+# TARGET/lib. The system's own packages are left alone. TARGET appears whole or not at all.
 unpack_pinned() { # TARGET PACKAGE...
     local target=$1 work package version requests=() lacking
     shift
@@ -183,7 +183,7 @@ unpack_pinned() { # TARGET PACKAGE...
     work=$(mktemp -d "$RELIEF_PRIVATE/unpack.XXXXXX")
     # shellcheck disable=SC2064
     trap "rm -rf '$work'" EXIT
-    mkdir "$work/apt" "$work/debs" "$work/root"
+    mkdir -p "$work/apt" "$work/debs" "$work/root" "$work/new/lib"
     make_private_apt "$work/apt" || return 1
     lacking=$(lacking_packages "$work/apt" "${requests[@]}") || return 1
     # shellcheck disable=SC2086
@@ -193,26 +193,11 @@ unpack_pinned() { # TARGET PACKAGE...
     }
     check_pins "$work/debs" || return 1
     for package in "$work/debs"/*.deb; do dpkg-deb -x "$package" "$work/root" || return 1; done
-    chmod 755 "$work/root"
+    # Packages keep libraries under /usr/lib or, from before these two were merged, under /lib.
+    find "$work/root" -path '*/lib/*-linux-gnu/*.so*' -exec mv -t "$work/new/lib" {} + || return 1
     rm -rf "$target"
-    mv -T "$work/root" "$target"
+    mv -T "$work/new" "$target"
     rm -rf "$work"
-}
-
-# The folder of shared libraries in a folder of unpacked packages.
-libraries_of() { # FOLDER
-    case "$(dpkg --print-architecture)" in
-    amd64) printf '%s/usr/lib/x86_64-linux-gnu\n' "$1" ;;
-    arm64) printf '%s/usr/lib/aarch64-linux-gnu\n' "$1" ;;
-    *) die "the folder of libraries of $(dpkg --print-architecture) is not known" ;;
-    esac
-}
-
-# Gives that folder one name on every architecture: FOLDER/lib.
-link_libraries() { # FOLDER
-    local libraries
-    libraries=$(libraries_of "$1")
-    ln -sfn "${libraries#"$1"/}" "$1/lib"
 }
 
 # Unpacks a series of the shared test data, once; prints its folder.
