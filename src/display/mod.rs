@@ -1,4 +1,30 @@
-//! (to come)
-/// (to come)
-#[derive(Clone, Debug, Default, serde::Deserialize)]
-pub struct DisplaySettings {}
+//! From a picture with view depth to the bytes that a glasses-free 3D display takes, and back.
+//!
+//! What it is: display profiles and their curve D(Z), the WoWvx header, layouts with their encoders and decoders,
+//! PNG, JPEG and OpenEXR files, and a strict inspection of frames. What it is not: it renders nothing and knows no
+//! GPU, no camera and no volume; it turns slices into bytes.
+//!
+//! The way of a frame: [`DisplaySettings`] (the request's JSON) becomes a [`FrameEncoder`], which says at which size
+//! to render and packs a [`Picture`] into a [`Frame`]; [`encode_png`] makes a file of it, [`inspect_png`] says what
+//! is in one. Depth comes in as view depth in mm, is scaled to Z between [`crate::units::DepthLimits`], and leaves as
+//! disparity bytes D (255 nearest) or as 16-bit Z.
+
+mod encode;
+mod header;
+mod inspect;
+mod layout;
+mod problem;
+mod profile;
+mod settings;
+
+pub use encode::{
+    Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, encode_exr, encode_jpeg, encode_png,
+};
+pub use header::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
+pub use inspect::{DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, inspect_frame, inspect_png};
+pub use layout::{
+    DecodedDepth, DecodedFrame, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels, UnknownLayout,
+};
+pub use problem::FrameProblem;
+pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
+pub use settings::{DisplaySettings, ProfileSetting, SettingsError};

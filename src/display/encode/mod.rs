@@ -1,0 +1,96 @@
+//! Files in memory: PNG for frames, JPEG for the picture alone, OpenEXR for depth in mm.
+//!
+//! What it is: encoders to `Vec<u8>`; the same input gives the same bytes. What it is not: the writing of files;
+//! that is the caller's.
+
+mod exr;
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use super::layout::{Frame, Pixels};
+
+pub use exr::{Attribute, CameraMatrices, DecodedDepthImage, DepthImage, decode_exr, encode_exr};
+
+/// A picture that could not be made into a file.
+#[derive(Debug, thiserror::Error)]
+pub enum EncodeError {
+    /// The PNG encoder failed.
+    #[error("cannot encode a PNG")]
+    Png(#[source] image::ImageError),
+    /// The JPEG encoder failed.
+    #[error("cannot encode a JPEG")]
+    Jpeg(#[source] jpeg_encoder::EncodingError),
+    /// JPEG stores sizes in 16 bits, its quality is a percentage.
+    #[error("a JPEG of {}x{} with quality {quality}; allowed: 1 to 65535 pixels each way, quality 1 to 100",
+        size_px[0], size_px[1])]
+    JpegRange {
+        /// Width and height.
+        size_px: [u32; 2],
+        /// Quality in percent.
+        quality: u8,
+    },
+    /// The slices do not fill the size.
+    #[error("{what} of {}x{} has {found} values, expected {expected}", size_px[0], size_px[1])]
+    PixelCount {
+        /// What it is.
+        what: &'static str,
+        /// Width and height.
+        size_px: [u32; 2],
+        /// Values there.
+        found: usize,
+        /// Values for this size.
+        expected: usize,
+    },
+    /// The OpenEXR encoder or decoder failed.
+    #[error("OpenEXR: {0}")]
+    Exr(String),
+    /// An attribute that OpenEXR cannot hold.
+    #[error("the OpenEXR attribute {0:?} is not allowed: names have 1 to 255 ASCII characters, texts are Latin-1")]
+    Attribute(String),
+}
+
+/// A PNG of a frame: 8-bit RGB or 16-bit grey, without gAMA, cHRM, iCCP or sRGB chunks, which would let viewers
+/// alter the header's bits.
+///
+/// # Errors
+/// When the encoder fails.
+pub fn encode_png(frame: &Frame) -> Result<Vec<u8>, EncodeError> {
+    let [width, height] = frame.size_px();
+    let (samples, kind): (&[u8], _) = match frame.pixels() {
+        Pixels::Rgb8(samples) => (samples, ExtendedColorType::Rgb8),
+        Pixels::Gray16(samples) => (bytemuck::cast_slice(samples), ExtendedColorType::L16),
+    };
+    let mut file = Vec::with_capacity(samples.len() / 4);
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(samples, width, height, kind)
+        .map_err(EncodeError::Png)?;
+    Ok(file)
+}
+
+/// A JPEG of the colours alone, for previews: never for 2D+Z frames, whose header would not survive.
+///
+/// # Errors
+/// When `quality` is not 1..=100, the slice does not fill the size, or the size is not one a JPEG can have.
+pub fn encode_jpeg(size_px: [u32; 2], color: &[[u8; 4]], quality: u8) -> Result<Vec<u8>, EncodeError> {
+    check_count("the colour", size_px, color.len())?;
+    let [Ok(width @ 1..), Ok(height @ 1..)] = size_px.map(u16::try_from) else {
+        return Err(EncodeError::JpegRange { size_px, quality });
+    };
+    if !(1..=100).contains(&quality) {
+        return Err(EncodeError::JpegRange { size_px, quality });
+    }
+    let mut file = Vec::with_capacity(color.len() / 4);
+    jpeg_encoder::Encoder::new(&mut file, quality)
+        .encode(color.as_flattened(), width, height, jpeg_encoder::ColorType::Rgba)
+        .map_err(EncodeError::Jpeg)?;
+    Ok(file)
+}
+
+fn check_count(what: &'static str, size_px: [u32; 2], found: usize) -> Result<(), EncodeError> {
+    let expected = size_px[0] as usize * size_px[1] as usize;
+    if found != expected {
+        return Err(EncodeError::PixelCount { what, size_px, found, expected });
+    }
+    Ok(())
+}

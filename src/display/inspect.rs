@@ -1,0 +1,310 @@
+//! Inspection: which layout a picture has, what its header says, and everything that is wrong with it.
+//!
+//! What it is: a strict reading of foreign pictures. What it is not: the decoder that gives pixels back; that is
+//! [`Layout::decode`].
+//!
+//! The layout is told by what displays look at: the header, the frame's size, black odd lines, a grey right half.
+//! Layouts without a header cannot be told from any other picture: `rgbd` is a picture whose right half alone is
+//! grey, `color` is the rest. At a display's own frame size a missing header is a problem whatever the pixels are,
+//! because the display would show plain 2D.
+
+use std::io::Cursor;
+
+use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
+
+use super::header::{ContentType, HeaderPart, HeaderProblem, HeaderReading};
+use super::layout::{Frame, Layout, LayoutError, Pixels, depth_problems, odd_and_even_lines};
+use super::problem::FrameProblem;
+
+/// The largest width and height of a picture that is opened.
+pub const MAX_FRAME_SIDE_PX: u32 = 16384;
+
+/// The most memory that decoding may take: an 8-bit RGB picture of 16384x16384 and some room.
+const MAX_DECODED_BYTES: u64 = 1 << 30;
+
+/// Frame sizes of the displays that read the header.
+const DISPLAY_FRAMES_PX: [[u32; 2]; 2] = [[1920, 1080], [3840, 2160]];
+
+const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+const JPEG_SIGNATURE: &[u8] = b"\xFF\xD8\xFF";
+
+/// PNG chunks that make viewers change pixel values.
+const COLOR_CHUNKS: [&str; 5] = ["gAMA", "cHRM", "iCCP", "sRGB", "cICP"];
+
+/// What is in a frame and what is wrong with it; in JSON as `relief inspect FRAME.png --json` prints it.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct FrameReport {
+    /// The layout that the frame has, or comes nearest to.
+    pub layout: Layout,
+    /// Width and height.
+    pub frame_px: [u32; 2],
+    /// H0 to H9 as 20 hexadecimal digits; `None` without a header.
+    pub header_hex: Option<String>,
+    /// Kind of content; `None` without a header, or when H1 is unknown.
+    pub content: Option<ContentType>,
+    /// H2.
+    pub factor: Option<u8>,
+    /// H3.
+    pub offset: Option<u8>,
+    /// Which of the two the display is told to use.
+    pub select: Option<Select>,
+    /// H10 to H31 as 44 hexadecimal digits (fewer when cut); `None` without the extended part.
+    pub extended_hex: Option<String>,
+    /// Everything that is wrong, in the order of file, size, header, pixels.
+    pub problems: Vec<FrameProblem>,
+    /// What the depth of the frame spans; `None` where it carries none.
+    #[serde(skip)]
+    pub depth: Option<DepthExtent>,
+}
+
+/// Bits 7 and 6 of H4: what the display takes from the header rather than from its own settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Select {
+    /// The factor.
+    pub factor: bool,
+    /// The offset.
+    pub offset: bool,
+}
+
+/// The values that occur in a frame's depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DepthExtent {
+    /// The farthest value: D, or 16-bit Z for `depth16`.
+    pub farthest: u16,
+    /// The nearest value.
+    pub nearest: u16,
+    /// Different values that occur.
+    pub distinct: usize,
+    /// Pixels at 0: the far limit or no hit.
+    pub at_far_limit: usize,
+    /// Pixels in all.
+    pub pixels: usize,
+}
+
+/// A file that cannot be inspected.
+#[derive(Debug, thiserror::Error)]
+pub enum InspectError {
+    /// JPEG, where no header survives.
+    #[error("this is a JPEG file; 2D+Z frames are PNG, because lossy compression alters the header's bits")]
+    Jpeg,
+    /// Not a picture that can be a frame.
+    #[error("this is not a PNG file: it begins with {0:02x?}, expected {PNG_SIGNATURE:02x?}")]
+    NotPng(Vec<u8>),
+    /// The first chunk is not the one with the size.
+    #[error("the PNG file is damaged: it does not begin with an IHDR chunk of 13 bytes")]
+    NoImageHeader,
+    /// Too large, told before anything is decoded.
+    #[error("the picture is {}x{}; allowed: 1 to {MAX_FRAME_SIDE_PX} pixels each way", .0[0], .0[1])]
+    Size([u32; 2]),
+    /// The decoder gave up.
+    #[error("the PNG file is damaged or cut")]
+    Damaged(#[source] image::ImageError),
+    /// The pixels do not fill the size.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+}
+
+/// Inspects a PNG file.
+///
+/// # Errors
+/// When the file is not a whole PNG within the size limit. What is wrong with a readable one is in the report.
+pub fn inspect_png(file: &[u8]) -> Result<FrameReport, InspectError> {
+    let header = PngHeader::read(file)?;
+    let mut problems = header.format_problems();
+    problems.extend(color_chunks(file).map(FrameProblem::ColorChunk));
+    let frame = to_frame(decode(file)?, &mut problems)?;
+    let mut report = inspect_frame(&frame);
+    report.problems.splice(0..0, problems);
+    Ok(report)
+}
+
+/// Inspects the pixels of a frame.
+#[must_use]
+pub fn inspect_frame(frame: &Frame) -> FrameReport {
+    let frame_px = frame.size_px();
+    match frame.pixels() {
+        Pixels::Gray16(samples) => FrameReport {
+            depth: Some(DepthExtent::of(samples.iter().copied())),
+            ..FrameReport::empty(Layout::Depth16, frame_px)
+        },
+        Pixels::Rgb8(samples) => inspect_rgb(frame_px, samples),
+    }
+}
+
+impl FrameReport {
+    fn empty(layout: Layout, frame_px: [u32; 2]) -> Self {
+        Self {
+            layout,
+            frame_px,
+            header_hex: None,
+            content: None,
+            factor: None,
+            offset: None,
+            select: None,
+            extended_hex: None,
+            problems: Vec::new(),
+            depth: None,
+        }
+    }
+
+    /// Fills in what the header says, as far as it is there.
+    fn with_header(mut self, reading: &HeaderReading) -> Self {
+        if let Some([factor, offset, select]) = reading.bytes.get(2..5).and_then(|b| b.first_chunk()) {
+            (self.factor, self.offset) = (Some(*factor), Some(*offset));
+            self.select = Some(Select { factor: select & 0x80 != 0, offset: select & 0x40 != 0 });
+        }
+        self.content = reading.header.map(|header| header.content);
+        let (base, extended) = reading.bytes.split_at(reading.bytes.len().min(10));
+        self.header_hex = Some(hex(base));
+        self.extended_hex = (!extended.is_empty()).then(|| hex(extended));
+        self
+    }
+}
+
+impl DepthExtent {
+    fn of(values: impl Iterator<Item = u16>) -> Self {
+        let mut counts = vec![0usize; 1 << 16];
+        for value in values {
+            counts[usize::from(value)] += 1;
+        }
+        let seen = || (0..=u16::MAX).zip(&counts).filter(|(_, count)| **count > 0).map(|(value, _)| value);
+        Self {
+            farthest: seen().next().unwrap_or(0),
+            nearest: seen().next_back().unwrap_or(0),
+            distinct: seen().count(),
+            at_far_limit: counts[0],
+            pixels: counts.iter().sum(),
+        }
+    }
+}
+
+fn inspect_rgb(frame_px: [u32; 2], samples: &[u8]) -> FrameReport {
+    let width = frame_px[0] as usize;
+    let reading = HeaderReading::of_line(&samples[..3 * width]);
+    let display_frame = DISPLAY_FRAMES_PX.contains(&frame_px);
+    // Any picture may begin with 0xF1 by chance; at other sizes the checksum has to agree.
+    let crc_wrong =
+        |problem: &HeaderProblem| matches!(problem, HeaderProblem::Crc { part: HeaderPart::Base, .. });
+    let has_header = reading.is_present() && (display_frame || !reading.problems.iter().any(crc_wrong));
+    let layout = guess_layout(frame_px, samples, has_header);
+    let mut report = FrameReport::empty(layout, frame_px);
+    if has_header {
+        report = report.with_header(&reading);
+        if !display_frame {
+            let expected = "1920x1080 or 3840x2160";
+            report.problems.push(FrameProblem::FrameSize { found_px: frame_px, expected });
+        }
+    }
+    if has_header || display_frame {
+        report.problems.extend(reading.problems.into_iter().map(FrameProblem::Header));
+    }
+    report.problems.extend(depth_problems(layout, frame_px, samples));
+    report.depth = (layout != Layout::Color).then(|| disparity_extent(layout, width, samples));
+    report
+}
+
+fn guess_layout(frame_px: [u32; 2], samples: &[u8], has_header: bool) -> Layout {
+    let width = frame_px[0] as usize;
+    let [odd, even] = odd_and_even_lines(width, samples);
+    let interleaved = even > 0 && 2 * odd <= even;
+    let gray_right = depth_problems(Layout::Rgbd, frame_px, samples).is_empty();
+    let display_frame = DISPLAY_FRAMES_PX.contains(&frame_px);
+    let for_display = has_header || display_frame && (gray_right || interleaved);
+    match frame_px {
+        [3840, 2160] if for_display => Layout::Wowvx4k,
+        _ if for_display && interleaved => Layout::Wowvx,
+        _ if for_display => Layout::WowvxFullHeight,
+        _ if gray_right && width.is_multiple_of(2) && !is_gray(samples) => Layout::Rgbd,
+        _ => Layout::Color,
+    }
+}
+
+fn is_gray(samples: &[u8]) -> bool {
+    samples.as_chunks::<3>().0.iter().all(|[r, g, b]| r == g && g == b)
+}
+
+fn disparity_extent(layout: Layout, width: usize, samples: &[u8]) -> DepthExtent {
+    let lines = samples.chunks_exact(3 * width).step_by(layout.line_step());
+    DepthExtent::of(lines.flat_map(|line| line[3 * (width / 2)..].iter().step_by(3).map(|&d| u16::from(d))))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
+}
+
+/// What IHDR says of the samples.
+struct PngHeader {
+    bit_depth: u8,
+    color_type: u8,
+}
+
+impl PngHeader {
+    fn read(file: &[u8]) -> Result<Self, InspectError> {
+        if file.starts_with(JPEG_SIGNATURE) {
+            return Err(InspectError::Jpeg);
+        }
+        let Some(chunks) = file.strip_prefix(PNG_SIGNATURE) else {
+            return Err(InspectError::NotPng(file.iter().take(8).copied().collect()));
+        };
+        let header = chunks.strip_prefix(b"\0\0\0\x0DIHDR").and_then(|data| data.first_chunk::<13>());
+        let Some(&[w0, w1, w2, w3, h0, h1, h2, h3, bit_depth, color_type, ..]) = header else {
+            return Err(InspectError::NoImageHeader);
+        };
+        let size = [u32::from_be_bytes([w0, w1, w2, w3]), u32::from_be_bytes([h0, h1, h2, h3])];
+        if size.iter().any(|side| !(1..=MAX_FRAME_SIDE_PX).contains(side)) {
+            return Err(InspectError::Size(size));
+        }
+        Ok(Self { bit_depth, color_type })
+    }
+
+    /// Frames are 8-bit RGB, and 16-bit grey for `depth16`.
+    fn format_problems(&self) -> Vec<FrameProblem> {
+        let found = match (self.color_type, self.bit_depth) {
+            (2, 8) | (0, 16) | (6, 8) => return Vec::new(), // alpha is judged by the pixels
+            (3, _) => "colours of a palette",
+            (2 | 6, _) => "16-bit colours",
+            _ => "grey of up to 8 bits or grey with alpha",
+        };
+        vec![FrameProblem::PixelFormat { found, expected: "8-bit RGB, or 16-bit grey for depth16" }]
+    }
+}
+
+/// The chunks of [`COLOR_CHUNKS`] that a PNG file has.
+fn color_chunks(file: &[u8]) -> impl Iterator<Item = &'static str> + '_ {
+    let mut rest = file.get(PNG_SIGNATURE.len()..).unwrap_or_default();
+    std::iter::from_fn(move || {
+        let (head, data) = rest.split_first_chunk::<8>()?;
+        let [l0, l1, l2, l3, name @ ..] = *head;
+        let length = u32::from_be_bytes([l0, l1, l2, l3]) as usize;
+        rest = data.get(length.checked_add(4)?..).unwrap_or_default(); // data and its CRC
+        Some(name)
+    })
+    .filter_map(|name| COLOR_CHUNKS.into_iter().find(|color| color.as_bytes() == name))
+}
+
+fn decode(file: &[u8]) -> Result<DynamicImage, InspectError> {
+    let mut reader = ImageReader::with_format(Cursor::new(file), ImageFormat::Png);
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(MAX_FRAME_SIDE_PX);
+    limits.max_image_height = Some(MAX_FRAME_SIDE_PX);
+    limits.max_alloc = Some(MAX_DECODED_BYTES);
+    reader.limits(limits);
+    reader.decode().map_err(InspectError::Damaged)
+}
+
+/// The pixels as a frame has them; what had to be converted has its problem already, but for alpha.
+fn to_frame(image: DynamicImage, problems: &mut Vec<FrameProblem>) -> Result<Frame, InspectError> {
+    let size_px = [image.width(), image.height()];
+    let pixels = match image {
+        DynamicImage::ImageLuma16(gray) => Pixels::Gray16(gray.into_raw()),
+        other => {
+            if other.color() == ColorType::Rgba8 {
+                let alpha = other.as_bytes().iter().skip(3).step_by(4);
+                let pixels = alpha.filter(|&&alpha| alpha != 255).count();
+                problems.extend((pixels > 0).then_some(FrameProblem::Transparent { pixels }));
+            }
+            Pixels::Rgb8(other.into_rgb8().into_raw())
+        }
+    };
+    Ok(Frame::new(size_px, pixels)?)
+}

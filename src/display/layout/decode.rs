@@ -1,0 +1,164 @@
+//! Unpacking: frames into picture and depth, strictly. What an encoder would not have written is refused by name.
+
+use super::{Frame, Layout, Pixels};
+use crate::display::header::{Header, HeaderReading};
+use crate::display::problem::FrameProblem;
+
+/// What was in a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DecodedFrame {
+    /// Width and height of the picture, pixels.
+    pub size_px: [u32; 2],
+    /// The header, for layouts with one.
+    pub header: Option<Header>,
+    /// Red, green, blue of every pixel; empty for `depth16`. Under a header, the top bit of blue at every other
+    /// pixel of line 0 is the header's and not the picture's.
+    pub color: Vec<[u8; 3]>,
+    /// The depth of every pixel.
+    pub depth: DecodedDepth,
+}
+
+/// The depth that was in a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DecodedDepth {
+    /// The layout carries none.
+    None,
+    /// D, 255 nearest.
+    Disparity(Vec<u8>),
+    /// Z in 16 bits, 65535 nearest.
+    Scaled16(Vec<u16>),
+}
+
+impl Layout {
+    /// Takes a frame of this layout apart.
+    ///
+    /// # Errors
+    /// Everything about the frame that this layout's encoder would not have written.
+    pub fn decode(self, frame: &Frame) -> Result<DecodedFrame, Vec<FrameProblem>> {
+        match (self, frame.pixels()) {
+            (Self::Depth16, Pixels::Gray16(samples)) => Ok(DecodedFrame {
+                size_px: frame.size_px(),
+                header: None,
+                color: Vec::new(),
+                depth: DecodedDepth::Scaled16(samples.clone()),
+            }),
+            (Self::Depth16, Pixels::Rgb8(_)) => {
+                Err(vec![FrameProblem::PixelFormat { found: "8-bit RGB", expected: "16-bit grey" }])
+            }
+            (_, Pixels::Gray16(_)) => {
+                Err(vec![FrameProblem::PixelFormat { found: "16-bit grey", expected: "8-bit RGB" }])
+            }
+            (Self::Color, Pixels::Rgb8(samples)) => Ok(DecodedFrame {
+                size_px: frame.size_px(),
+                header: None,
+                color: rgb_pixels(samples).collect(),
+                depth: DecodedDepth::None,
+            }),
+            (_, Pixels::Rgb8(samples)) => decode_halves(self, frame.size_px(), samples),
+        }
+    }
+
+    /// Width and height of each half of a frame; the problem when the frame cannot be halved so.
+    fn half_px(self, frame_px: [u32; 2]) -> Result<[u32; 2], FrameProblem> {
+        let [width, height] = frame_px;
+        let wrong = |expected| Err(FrameProblem::FrameSize { found_px: frame_px, expected });
+        match self {
+            Self::Wowvx4k if frame_px != super::FRAME_4K_PX => wrong("3840x2160"),
+            _ if width % 2 != 0 => wrong("an even width"),
+            Self::Wowvx if height % 2 != 0 => wrong("an even height"),
+            Self::Wowvx => Ok([width / 2, height / 2]),
+            _ => Ok([width / 2, height]),
+        }
+    }
+}
+
+fn decode_halves(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Result<DecodedFrame, Vec<FrameProblem>> {
+    let size_px = layout.half_px(frame_px).map_err(|problem| vec![problem])?;
+    let mut problems = Vec::new();
+    let header = if layout.has_header() { read_header(frame_px, samples, &mut problems) } else { None };
+    problems.extend(depth_problems(layout, frame_px, samples));
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let [width, height] = size_px.map(|side| side as usize);
+    let mut color = Vec::with_capacity(width * height);
+    let mut disparity = Vec::with_capacity(width * height);
+    for line in samples.chunks_exact(6 * width).step_by(layout.line_step()) {
+        let (left, right) = line.split_at(3 * width);
+        color.extend(rgb_pixels(left));
+        disparity.extend(right.iter().step_by(3));
+    }
+    Ok(DecodedFrame { size_px, header, color, depth: DecodedDepth::Disparity(disparity) })
+}
+
+fn read_header(frame_px: [u32; 2], samples: &[u8], problems: &mut Vec<FrameProblem>) -> Option<Header> {
+    // The left half alone: a header never reaches into the depth.
+    let half_line = samples.get(..3 * (frame_px[0] as usize / 2)).unwrap_or_default();
+    let reading = HeaderReading::of_line(half_line);
+    problems.extend(reading.problems.into_iter().map(FrameProblem::Header));
+    reading.header
+}
+
+/// What is wrong with the depth half and with the lines that have to be black.
+pub(in crate::display) fn depth_problems(
+    layout: Layout,
+    frame_px: [u32; 2],
+    samples: &[u8],
+) -> Vec<FrameProblem> {
+    let mut problems = Vec::new();
+    if layout.has_halves() {
+        problems.extend(gray_problem(frame_px, samples, layout.line_step()));
+    }
+    if layout.line_step() == 2 {
+        problems.extend(odd_line_problem(frame_px, samples));
+    }
+    problems
+}
+
+/// Pixels right of the middle that are not grey, on lines 0, `step`, 2 `step`, ...
+fn gray_problem(frame_px: [u32; 2], samples: &[u8], step: usize) -> Option<FrameProblem> {
+    let width = frame_px[0] as usize;
+    let (mut pixels, mut first) = (0, None);
+    for (y, line) in samples.chunks_exact(3 * width).enumerate().step_by(step) {
+        let depth = rgb_pixels(line).enumerate().skip(width / 2);
+        for (x, rgb) in depth.filter(|(_, [r, g, b])| r != g || g != b) {
+            pixels += 1;
+            first.get_or_insert((position(x, y), rgb));
+        }
+    }
+    first.map(|(first, rgb)| FrameProblem::DepthNotGrey { pixels, first, rgb })
+}
+
+/// Pixels on odd lines that are not black.
+fn odd_line_problem(frame_px: [u32; 2], samples: &[u8]) -> Option<FrameProblem> {
+    let (mut lines, mut pixels, mut first) = (0, 0, None);
+    for (y, line) in samples.chunks_exact(3 * frame_px[0] as usize).enumerate().skip(1).step_by(2) {
+        if line.iter().all(|&sample| sample == 0) {
+            continue;
+        }
+        lines += 1;
+        for (x, _) in rgb_pixels(line).enumerate().filter(|(_, rgb)| *rgb != [0; 3]) {
+            pixels += 1;
+            first.get_or_insert(position(x, y));
+        }
+    }
+    first.map(|first| FrameProblem::OddLinesNotBlack { lines, pixels, first })
+}
+
+/// How many odd and how many even lines are not all black.
+pub(in crate::display) fn odd_and_even_lines(width: usize, samples: &[u8]) -> [usize; 2] {
+    let mut counts = [0; 2];
+    for (y, line) in samples.chunks_exact(3 * width).enumerate() {
+        counts[usize::from(y % 2 == 0)] += usize::from(line.iter().any(|&sample| sample != 0));
+    }
+    counts
+}
+
+fn rgb_pixels(samples: &[u8]) -> impl Iterator<Item = [u8; 3]> + '_ {
+    samples.as_chunks::<3>().0.iter().copied()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "frames have at most 16384 pixels each way")]
+fn position(x: usize, y: usize) -> [u32; 2] {
+    [x as u32, y as u32]
+}

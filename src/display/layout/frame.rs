@@ -1,0 +1,102 @@
+//! The two ends of a layout: the picture that goes in and the frame that comes out.
+
+use super::LayoutError;
+use crate::display::MAX_FRAME_SIDE_PX;
+
+/// A rendered picture: colour and view depth of every pixel, in rows from the top left. Borrowed, never copied.
+#[derive(Clone, Copy, Debug)]
+pub struct Picture<'a> {
+    size_px: [u32; 2],
+    color: &'a [[u8; 4]],
+    depth_mm: &'a [f32],
+}
+
+/// A frame as a display or a file takes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    size_px: [u32; 2],
+    pixels: Pixels,
+}
+
+/// The samples of a frame, in rows from the top left without padding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Pixels {
+    /// Red, green, blue; 8 bits each.
+    Rgb8(Vec<u8>),
+    /// Grey; 16 bits.
+    Gray16(Vec<u16>),
+}
+
+impl<'a> Picture<'a> {
+    /// A picture of `size_px` (width, height): display-referred sRGB with alpha, which layouts leave out, and view
+    /// depth in mm, `+inf` where the ray hit nothing.
+    ///
+    /// # Errors
+    /// When a side is 0 or above 16384, or the slices do not fill the size.
+    pub fn new(size_px: [u32; 2], color: &'a [[u8; 4]], depth_mm: &'a [f32]) -> Result<Self, LayoutError> {
+        let expected = pixel_count("a picture", size_px)?;
+        for (what, found) in [("the colour", color.len()), ("the depth", depth_mm.len())] {
+            if found != expected {
+                return Err(LayoutError::PixelCount { what, size_px, found, expected });
+            }
+        }
+        Ok(Self { size_px, color, depth_mm })
+    }
+
+    /// Width and height, pixels.
+    #[must_use]
+    pub const fn size_px(&self) -> [u32; 2] {
+        self.size_px
+    }
+
+    /// Red, green, blue and alpha of every pixel.
+    #[must_use]
+    pub const fn color(&self) -> &'a [[u8; 4]] {
+        self.color
+    }
+
+    /// View depth of every pixel, mm; `+inf` for a miss.
+    #[must_use]
+    pub const fn depth_mm(&self) -> &'a [f32] {
+        self.depth_mm
+    }
+}
+
+impl Frame {
+    /// A frame of `size_px` (width, height).
+    ///
+    /// # Errors
+    /// When a side is 0 or above 16384, or the samples do not fill the size.
+    pub fn new(size_px: [u32; 2], pixels: Pixels) -> Result<Self, LayoutError> {
+        let count = pixel_count("a frame", size_px)?;
+        let (found, expected) = match &pixels {
+            Pixels::Rgb8(samples) => (samples.len(), 3 * count),
+            Pixels::Gray16(samples) => (samples.len(), count),
+        };
+        if found != expected {
+            return Err(LayoutError::PixelCount { what: "a frame", size_px, found, expected });
+        }
+        Ok(Self { size_px, pixels })
+    }
+
+    /// Width and height, pixels.
+    #[must_use]
+    pub const fn size_px(&self) -> [u32; 2] {
+        self.size_px
+    }
+
+    /// The samples.
+    #[must_use]
+    pub const fn pixels(&self) -> &Pixels {
+        &self.pixels
+    }
+}
+
+/// The number of pixels of a size within the limits.
+fn pixel_count(what: &'static str, size_px: [u32; 2]) -> Result<usize, LayoutError> {
+    let [width, height] = size_px;
+    if !(1..=MAX_FRAME_SIDE_PX).contains(&width) || !(1..=MAX_FRAME_SIDE_PX).contains(&height) {
+        return Err(LayoutError::Size { what, size_px });
+    }
+    Ok(width as usize * height as usize)
+}

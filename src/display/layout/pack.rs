@@ -1,0 +1,62 @@
+//! Packing: pictures into frames, row by row. This runs for every live frame.
+
+use super::{Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels};
+use crate::units::{DepthLimits, ViewDepth};
+
+/// The frame of a picture whose size the encoder has checked.
+pub(super) fn pack(
+    encoder: &FrameEncoder,
+    picture: &Picture<'_>,
+    limits: DepthLimits,
+) -> Result<Frame, LayoutError> {
+    let [width, height] = picture.size_px();
+    match encoder.layout {
+        Layout::Color => Frame::new([width, height], Pixels::Rgb8(color_alone(picture))),
+        Layout::Depth16 => Frame::new([width, height], Pixels::Gray16(depth_alone(picture, limits))),
+        Layout::Rgbd => {
+            Frame::new([2 * width, height], Pixels::Rgb8(side_by_side(encoder, picture, limits)))
+        }
+        Layout::Wowvx | Layout::WowvxFullHeight | Layout::Wowvx4k => {
+            let mut samples = side_by_side(encoder, picture, limits);
+            encoder.header.write_into_line(&mut samples[..6 * width as usize]);
+            Frame::new(encoder.profile.frame_px(), Pixels::Rgb8(samples))
+        }
+    }
+}
+
+fn color_alone(picture: &Picture<'_>) -> Vec<u8> {
+    let mut samples = vec![0; 3 * picture.color().len()];
+    copy_color(&mut samples, picture.color());
+    samples
+}
+
+/// Z in 16 bits, 65535 nearest, 0 farthest or missed.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Z is 0..=1")]
+fn depth_alone(picture: &Picture<'_>, limits: DepthLimits) -> Vec<u16> {
+    let gray = |&mm: &f32| ((1.0 - limits.scaled(ViewDepth(mm)).0) * 65535.0).round() as u16;
+    picture.depth_mm().iter().map(gray).collect()
+}
+
+/// The picture on the left and its disparity on the right, on every line or on every other one.
+fn side_by_side(encoder: &FrameEncoder, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u8> {
+    let [width, height] = picture.size_px().map(|side| side as usize);
+    let line = 6 * width;
+    let step = encoder.layout.line_step();
+    let mut samples = vec![0; line * height * step];
+    let rows = picture.color().chunks_exact(width).zip(picture.depth_mm().chunks_exact(width));
+    for (lines, (color, depth_mm)) in samples.chunks_exact_mut(line * step).zip(rows) {
+        let (left, rest) = lines.split_at_mut(3 * width);
+        copy_color(left, color);
+        for (gray, &mm) in rest.chunks_exact_mut(3).zip(depth_mm) {
+            gray.fill(encoder.profile.disparity(limits.scaled(ViewDepth(mm))).to_byte());
+        }
+    }
+    samples
+}
+
+/// Red, green and blue of every pixel; alpha is left out, the colour is already over the background.
+fn copy_color(rgb: &mut [u8], color: &[[u8; 4]]) {
+    for (rgb, [r, g, b, _]) in rgb.chunks_exact_mut(3).zip(color) {
+        rgb.copy_from_slice(&[*r, *g, *b]);
+    }
+}

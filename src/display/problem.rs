@@ -1,0 +1,129 @@
+//! What can be wrong with a frame, as values: shared by the strict decoders and by the inspection.
+//!
+//! Every problem has a code that stays the same (for programs), a message with what was found and expected, and
+//! advice for the person who has to mend it.
+
+use super::header::HeaderProblem;
+
+/// Something wrong with a frame or with the PNG file that carries it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FrameProblem {
+    /// The frame's size is not one that displays take.
+    #[error(
+        "the frame is {}x{}, expected {expected}", found_px[0], found_px[1]
+    )]
+    FrameSize {
+        /// Width and height.
+        found_px: [u32; 2],
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// The header is missing or wrong.
+    #[error("{0}")]
+    Header(HeaderProblem),
+    /// Lines between those of the sub-images carry something.
+    #[error(
+        "{lines} odd lines are not black ({pixels} pixels; first: x {}, y {}); the display ignores odd lines",
+        first[0], first[1]
+    )]
+    OddLinesNotBlack {
+        /// How many lines.
+        lines: usize,
+        /// How many pixels.
+        pixels: usize,
+        /// The first one, (x, y) from the top left.
+        first: [u32; 2],
+    },
+    /// The depth half has colours.
+    #[error(
+        "{pixels} pixels of the depth half are not grey (first: x {}, y {} is {}, {}, {})",
+        first[0], first[1], rgb[0], rgb[1], rgb[2]
+    )]
+    DepthNotGrey {
+        /// How many pixels.
+        pixels: usize,
+        /// The first one, (x, y) from the top left.
+        first: [u32; 2],
+        /// Its colour.
+        rgb: [u8; 3],
+    },
+    /// The samples are not of the kind the layout has.
+    #[error("the pixels are {found}, expected {expected}")]
+    PixelFormat {
+        /// What they are.
+        found: &'static str,
+        /// What they have to be.
+        expected: &'static str,
+    },
+    /// Pixels that are not opaque.
+    #[error("{pixels} pixels are not opaque: what a viewer puts behind them is not known")]
+    Transparent {
+        /// How many pixels.
+        pixels: usize,
+    },
+    /// A PNG chunk that asks viewers to change the pixel values.
+    #[error("the file has a {0} chunk: viewers that follow it alter the header's bits and the depth")]
+    ColorChunk(&'static str),
+}
+
+impl FrameProblem {
+    /// A short name that stays the same, for programs.
+    #[must_use]
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::FrameSize { .. } => "frame-size",
+            Self::Header(HeaderProblem::Magic { .. }) => "no-header",
+            Self::Header(HeaderProblem::Length { .. }) => "header-cut",
+            Self::Header(HeaderProblem::Crc { .. }) => "header-crc",
+            Self::Header(HeaderProblem::UnknownContent { .. }) => "header-content",
+            Self::Header(HeaderProblem::Reserved { .. }) => "header-reserved",
+            Self::Header(HeaderProblem::ExtendedStart { .. } | HeaderProblem::UnknownExtended { .. }) => {
+                "header-extended"
+            }
+            Self::OddLinesNotBlack { .. } => "odd-lines",
+            Self::DepthNotGrey { .. } => "depth-not-grey",
+            Self::PixelFormat { .. } => "pixel-format",
+            Self::Transparent { .. } => "transparent",
+            Self::ColorChunk(_) => "color-chunk",
+        }
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub const fn advice(&self) -> &'static str {
+        match self {
+            Self::FrameSize { .. } => "send frames at the panel's own size, 1:1; scaling destroys the header",
+            Self::Header(HeaderProblem::Magic { .. }) => {
+                "a display shows this as plain 2D; check that nothing scaled, cropped, dithered or colour-managed it"
+            }
+            Self::Header(HeaderProblem::Crc { .. } | HeaderProblem::Length { .. }) => {
+                "some of the header's pixels changed on the way; the link must be RGB 4:4:4, 1:1, without dithering"
+            }
+            Self::Header(_) => "the program that wrote the header set bits it must not; newer firmware may refuse it",
+            Self::OddLinesNotBlack { .. } => {
+                "put line i of both halves on line 2i and leave the odd lines black, or use wowvx-full-height"
+            }
+            Self::DepthNotGrey { .. } => "store the depth half losslessly with R = G = B, without chroma subsampling",
+            Self::PixelFormat { .. } => "write an 8-bit RGB PNG",
+            Self::Transparent { .. } => "write an 8-bit RGB PNG without alpha",
+            Self::ColorChunk(_) => "write the PNG without gAMA, cHRM, iCCP, sRGB and cICP chunks",
+        }
+    }
+}
+
+impl From<HeaderProblem> for FrameProblem {
+    fn from(problem: HeaderProblem) -> Self {
+        Self::Header(problem)
+    }
+}
+
+/// Problems are `{"code", "message"}` in JSON.
+impl serde::Serialize for FrameProblem {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let mut object = serializer.serialize_struct("Problem", 2)?;
+        object.serialize_field("code", self.code())?;
+        object.serialize_field("message", &self.to_string())?;
+        object.end()
+    }
+}

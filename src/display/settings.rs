@@ -1,0 +1,263 @@
+//! The `display` object of a render request: which display, which layout, what the header says, which depth limits.
+//!
+//! What it is: the JSON and its checks. What it is not: the packing; [`DisplaySettings::encoder`] makes the object
+//! that packs. Depth limits are view depth in mm.
+
+use serde::de::{self, MapAccess, Visitor, value::MapAccessDeserializer};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::header::{ContentType, Header};
+use super::layout::{FrameEncoder, Layout, LayoutError};
+use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName, VZ_RANGE};
+use crate::units::DepthLimits;
+
+/// How a picture becomes a frame. Every key has a default; unknown keys are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DisplaySettings {
+    /// The display; `null` is the usual one of the layout: `dimenco-4k` for `wowvx-4k`, else `philips-42`.
+    pub profile: Option<ProfileSetting>,
+    /// Where picture and depth go in the frame.
+    pub layout: Layout,
+    /// Kind of content, for the header.
+    pub content: ContentType,
+    /// Depth effect, 0..=255; 64 is 100 % of what the display recommends. Any other value also sets the header's
+    /// factor-select bit, without which displays take their own optimum.
+    #[serde(deserialize_with = "byte")]
+    pub factor: u8,
+    /// Disparity on the screen plane, 0..=255. Any value but 128 also sets the header's offset-select bit.
+    #[serde(deserialize_with = "byte")]
+    pub offset: u8,
+    /// View depth that becomes Z = 0, mm; `null` takes the caller's, which belongs to the volume.
+    pub near_mm: Option<f64>,
+    /// View depth that becomes Z = 1, mm; `null` takes the caller's, which belongs to the volume.
+    pub far_mm: Option<f64>,
+}
+
+/// What a request says of the display: a name, its viewing distance, or all constants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ProfileSetting {
+    /// `"philips-42"`
+    Named(ProfileName),
+    /// `{"vz": 7.6}`: the constants follow by the one-parameter family.
+    Custom {
+        /// Zd, vz, M and C.
+        constants: DisparityConstants,
+        /// The frame; `None` is the usual one of the layout.
+        frame_px: Option<[u32; 2]>,
+        /// The sub-image; `None` is the layout's half of the frame.
+        sub_image_px: Option<[u32; 2]>,
+    },
+}
+
+/// A setting that is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{path} is {value}; allowed: {allowed}")]
+pub struct SettingsError {
+    /// The key's path in the request.
+    pub path: &'static str,
+    /// What it was set to.
+    pub value: String,
+    /// What it may be.
+    pub allowed: String,
+}
+
+impl Default for DisplaySettings {
+    fn default() -> Self {
+        let Header { content, factor, offset, .. } = Header::default();
+        Self { profile: None, layout: Layout::default(), content, factor, offset, near_mm: None, far_mm: None }
+    }
+}
+
+impl DisplaySettings {
+    /// The first setting that is out of range or does not fit the others, if there is one.
+    ///
+    /// # Errors
+    /// That setting with its path, value and what is allowed.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        for (path, limit) in [("display.near_mm", self.near_mm), ("display.far_mm", self.far_mm)] {
+            if let Some(mm) = limit.filter(|mm| !mm.is_finite()) {
+                return Err(refusal(path, &mm, "a finite number or null"));
+            }
+        }
+        if let (Some(near), Some(far)) = (self.near_mm, self.far_mm) {
+            checked_limits(near, far)?;
+        }
+        self.encoder().map(|_| ())
+    }
+
+    /// The display that the settings name.
+    ///
+    /// # Errors
+    /// When a constant or size of it is out of range.
+    pub fn profile(&self) -> Result<DisplayProfile, SettingsError> {
+        let of_layout = match self.layout {
+            Layout::Wowvx4k => ProfileName::Dimenco4k,
+            _ => ProfileName::Philips42,
+        };
+        match self.profile.unwrap_or(ProfileSetting::Named(of_layout)) {
+            ProfileSetting::Named(name) => Ok(DisplayProfile::named(name)),
+            ProfileSetting::Custom { constants, frame_px, sub_image_px } => {
+                let frame_px = frame_px.unwrap_or(self.layout.usual_frame_px());
+                let sub_image_px = sub_image_px.unwrap_or_else(|| usual_sub_image(self.layout, frame_px));
+                DisplayProfile::new(frame_px, sub_image_px, constants).map_err(|error| profile_refusal(&error))
+            }
+        }
+    }
+
+    /// The header that frames carry.
+    #[must_use]
+    pub fn header(&self) -> Header {
+        let usual = Header::default();
+        Header {
+            content: self.content,
+            factor: self.factor,
+            offset: self.offset,
+            use_factor: self.factor != usual.factor,
+            use_offset: self.offset != usual.offset,
+            extended: usual.extended,
+        }
+    }
+
+    /// The encoder for these settings; it says at which size to render.
+    ///
+    /// # Errors
+    /// When the profile is out of range or does not fit the layout.
+    pub fn encoder(&self) -> Result<FrameEncoder, SettingsError> {
+        FrameEncoder::new(self.layout, self.profile()?, self.header()).map_err(|error| match error {
+            LayoutError::Profile { remedy, frame_px: [w, h], .. } => {
+                let value = format!("for frames of {w}x{h}");
+                SettingsError { path: "display.profile", value, allowed: format!("for {}: {remedy}", self.layout) }
+            }
+            other => SettingsError {
+                path: "display.layout",
+                value: self.layout.to_string(),
+                allowed: format!("layouts that fit the profile ({other})"),
+            },
+        })
+    }
+
+    /// The limits between which depth is scaled: the request's, and the volume's where the request has `null`.
+    ///
+    /// # Errors
+    /// When near is not below far, or one is not finite.
+    pub fn limits(&self, of_volume: DepthLimits) -> Result<DepthLimits, SettingsError> {
+        checked_limits(self.near_mm.unwrap_or(of_volume.near_mm), self.far_mm.unwrap_or(of_volume.far_mm))
+    }
+}
+
+fn checked_limits(near: f64, far: f64) -> Result<DepthLimits, SettingsError> {
+    DepthLimits::new(near, far)
+        .ok_or_else(|| refusal("display.near_mm", &near, &format!("finite and below the far limit ({far} mm)")))
+}
+
+fn refusal(path: &'static str, value: &dyn std::fmt::Display, allowed: &str) -> SettingsError {
+    SettingsError { path, value: value.to_string(), allowed: allowed.to_owned() }
+}
+
+fn profile_refusal(error: &ProfileError) -> SettingsError {
+    let size = |[w, h]: [u32; 2]| format!("{w}x{h}");
+    let (path, value): (_, String) = match error {
+        ProfileError::ViewingDistance(vz) | ProfileError::ViewerInside { vz, .. } => {
+            ("display.profile.vz", vz.to_string())
+        }
+        ProfileError::DisplayPlane(zd) => ("display.profile.zd", zd.to_string()),
+        ProfileError::Slope(m) => ("display.profile.m", m.to_string()),
+        ProfileError::ScreenDisparity(c) => ("display.profile.c", c.to_string()),
+        ProfileError::Size { what: "frame_px", size_px } => ("display.profile.frame_px", size(*size_px)),
+        ProfileError::Size { size_px, .. } => ("display.profile.sub_image_px", size(*size_px)),
+    };
+    let message = error.to_string();
+    let allowed = message.split_once("allowed: ").map_or(message.as_str(), |(_, allowed)| allowed);
+    SettingsError { path, value, allowed: allowed.to_owned() }
+}
+
+/// The layout's half of a frame.
+fn usual_sub_image(layout: Layout, [width, height]: [u32; 2]) -> [u32; 2] {
+    match layout {
+        Layout::WowvxFullHeight | Layout::Wowvx4k => [width / 2, height],
+        _ => [width / 2, height / 2],
+    }
+}
+
+/// A whole number 0..=255, with a message that says so.
+fn byte<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
+    let value = f64::deserialize(deserializer)?;
+    if value.fract() != 0.0 || !(0.0..=255.0).contains(&value) {
+        return Err(de::Error::custom(format!("{value} is out of range; allowed: whole numbers 0 to 255")));
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+    Ok(value as u8)
+}
+
+/// The object form of a profile: `vz` alone, or all four constants; sizes as needed.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CustomProfile {
+    vz: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    zd: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    m: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    c: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    frame_px: Option<[u32; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sub_image_px: Option<[u32; 2]>,
+}
+
+impl CustomProfile {
+    fn setting(self) -> Result<ProfileSetting, String> {
+        let Self { vz, zd, m, c, frame_px, sub_image_px } = self;
+        let constants = match (zd, m, c) {
+            (None, None, None) => DisparityConstants::from_viewing_distance(vz).map_err(|e| e.to_string())?,
+            (Some(zd), Some(m), Some(c)) => {
+                DisparityConstants { zd, vz, m, c }.checked().map_err(|e| e.to_string())?
+            }
+            _ => return Err("a profile has vz alone, or all of zd, vz, m and c".to_owned()),
+        };
+        Ok(ProfileSetting::Custom { constants, frame_px, sub_image_px })
+    }
+}
+
+impl Serialize for ProfileSetting {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match *self {
+            Self::Named(name) => serializer.serialize_str(name.name()),
+            Self::Custom { constants: DisparityConstants { zd, vz, m, c }, frame_px, sub_image_px } => {
+                let (zd, m, c) = (Some(zd), Some(m), Some(c));
+                CustomProfile { vz, zd, m, c, frame_px, sub_image_px }.serialize(serializer)
+            }
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for ProfileSetting {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ProfileVisitor)
+    }
+}
+
+struct ProfileVisitor;
+
+impl<'de> Visitor<'de> for ProfileVisitor {
+    type Value = ProfileSetting;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names = ProfileName::ALL.map(ProfileName::name).join(", ");
+        let (low, high) = (VZ_RANGE.start(), VZ_RANGE.end());
+        write!(f, "a profile: one of {names}, or {{\"vz\": {low} to {high}}}, or all of zd, vz, m and c")
+    }
+
+    fn visit_str<E: de::Error>(self, name: &str) -> Result<Self::Value, E> {
+        ProfileName::from_name(name)
+            .map(ProfileSetting::Named)
+            .ok_or_else(|| E::invalid_value(de::Unexpected::Str(name), &self))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        let custom = CustomProfile::deserialize(MapAccessDeserializer::new(map))?;
+        custom.setting().map_err(de::Error::custom)
+    }
+}
