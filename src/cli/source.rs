@@ -1,1 +1,117 @@
-//! (to come)
+//! `--series` and its companions: what render, bench and serve share to load a volume.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::dicom::{self, Discovery, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
+
+/// A CT series to load.
+#[derive(Debug, clap::Args)]
+pub(super) struct SeriesArguments {
+    /// CT series: a folder, a file, a DICOMDIR or a zip
+    #[arg(long, value_name = "PATH")]
+    pub(super) series: PathBuf,
+    #[command(flatten)]
+    pub(super) options: SeriesOptions,
+}
+
+/// How to choose and load a series.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(super) struct SeriesOptions {
+    /// Which series, where PATH holds several (`relief inspect PATH` lists them)
+    #[arg(long, value_name = "UID")]
+    pub(super) series_uid: Option<String>,
+    /// Fail on any defective file instead of leaving it out with a warning
+    #[arg(long)]
+    pub(super) strict: bool,
+    /// Load every N³ voxels as their mean, for adapters whose limits the volume exceeds
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
+    pub(super) downsample: u8,
+}
+
+impl SeriesArguments {
+    /// Loads the series, with progress and warnings on stderr.
+    pub(super) fn load(&self) -> anyhow::Result<Loaded> {
+        load(&self.series, &self.options)
+    }
+}
+
+/// Loads the chosen series under `path`, with progress and warnings on stderr.
+pub(super) fn load(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
+    let strictness = strictness(options.strict);
+    let found = discover(path, strictness)?;
+    let entry = found.select(options.series_uid.as_deref())?;
+    warn(&found.warnings());
+    let loaded = load_entry(entry, strictness)?;
+    warn(&loaded.warnings);
+    Ok(loaded.downsampled(options.downsample.into()))
+}
+
+/// What `--strict` means.
+pub(super) fn strictness(strict: bool) -> Strictness {
+    if strict { Strictness::Strict } else { Strictness::Lenient }
+}
+
+/// [`dicom::discover`] with progress on stderr.
+pub(super) fn discover(path: &Path, strictness: Strictness) -> anyhow::Result<Discovery> {
+    let reporter = Reporter::default();
+    Ok(dicom::discover(path, strictness, &|progress| reporter.report(progress))?)
+}
+
+/// [`dicom::load`] with progress on stderr.
+pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow::Result<Loaded> {
+    let reporter = Reporter::default();
+    let loaded = dicom::load(entry, strictness, &|progress| reporter.report(progress));
+    loaded.with_context(|| format!("cannot load the series {}", entry.uid()))
+}
+
+/// Shows warnings on stderr.
+pub(super) fn warn(warnings: &[Warning]) {
+    for warning in warnings {
+        eprintln!("warning: {}", warning.message);
+    }
+}
+
+/// A progress bar on a terminal, log lines at quarters elsewhere.
+#[derive(Default)]
+struct Reporter {
+    bar: Mutex<Option<ProgressBar>>,
+    quarters: AtomicUsize,
+}
+
+impl Reporter {
+    fn report(&self, Progress { stage, done, total }: Progress) {
+        self.log_quarter(stage, done, total);
+        let Ok(mut bar) = self.bar.lock() else { return };
+        let bar = bar.get_or_insert_with(|| new_bar(stage, total));
+        bar.inc(1);
+        if bar.position() >= total as u64 {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn log_quarter(&self, stage: Stage, done: usize, total: usize) {
+        let quarter = done * 4 / total.max(1);
+        if self.quarters.fetch_max(quarter, Ordering::Relaxed) < quarter {
+            tracing::info!("{}: {done} of {total}", verb(stage));
+        }
+    }
+}
+
+/// Draws on a terminal only; a series that loads at once shows nothing.
+fn new_bar(stage: Stage, total: usize) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(10));
+    let style = ProgressStyle::with_template("{prefix} {bar:40} {pos}/{len} {eta}");
+    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())).with_prefix(verb(stage))
+}
+
+fn verb(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Headers => "reading headers",
+        Stage::Slices => "decoding slices",
+    }
+}

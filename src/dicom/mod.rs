@@ -1,3 +1,42 @@
-//! (to come)
+//! DICOM: from files of a CT series to a [`Volume`](crate::volume::Volume) in HU and patient LPS.
+//!
+//! [`discover`] reads the headers of everything a path leads to (folder, file, DICOMDIR, zip) and groups CT slices
+//! into series; [`load`] decodes one of them. Slices are ordered and placed by ImagePositionPatient and
+//! ImageOrientationPatient alone. Sheared (gantry-tilted) and unevenly spaced stacks are resampled on their true
+//! positions, with a warning. Nothing is assumed silently: what is missing or unreadable is an error or a
+//! [`Warning`]. Nothing panics on any bytes, and memory is bounded by file sizes or by limits stated where they apply.
+//!
+//! ```no_run
+//! use relief::dicom::{self, Strictness};
+//! # fn main() -> Result<(), dicom::Error> {
+//! let found = dicom::discover("study".as_ref(), Strictness::Lenient, &|_| ())?;
+//! let loaded = dicom::load(found.select(None)?, Strictness::Lenient, &|_| ())?;
+//! println!("{:?} voxels, {:?} HU", loaded.volume.grid().dims(), loaded.volume.range_hu());
+//! # Ok(()) }
+//! ```
+//!
+//! The data set is walked by a reader of our own (`dataset`), since the pixels of 300 slices should be read once, and
+//! a parser that recurses can be made to overflow the stack; codecs, dictionary and transfer syntaxes are dicom-rs's.
+//!
+//! What it is not: a DICOM toolkit. Objects other than CT images are listed as skipped.
 
+mod codec;
+mod dataset;
+mod discover;
+mod error;
+mod header;
+mod load;
+mod part10;
+mod pixels;
+mod resample;
+mod series;
+mod source;
+mod stack;
+mod warnings;
 pub mod write;
+
+pub use discover::{Discovery, Skipped, Strictness, discover};
+pub use error::{Attribute, Defect, Error, Reasons};
+pub use load::{Loaded, Progress, Stage, load};
+pub use series::SeriesEntry;
+pub use warnings::{Warning, WarningCode};

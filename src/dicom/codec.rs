@@ -1,0 +1,222 @@
+//! Compressed frames: fragments to frames, frames to samples.
+//!
+//! Fragments are told apart by their lengths, never by scanning for delimiters, which may occur inside of compressed
+//! data. Samples come from the decoders of dicom-rs, and for 12-bit DCT JPEG, which those lack, from `jpeg12`. A
+//! codestream's own header is checked against the data set first, since decoders allocate what it says.
+
+use std::borrow::Cow;
+use std::io::{Seek, SeekFrom};
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use dicom_dictionary_std::tags;
+use dicom_encoding::adapters::{PixelDataObject, RawPixelData};
+use dicom_encoding::transfer_syntax::{Codec, TransferSyntaxIndex};
+use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
+
+use super::dataset::{self, Encoding};
+use super::error::Defect;
+use super::header::FileHeader;
+use super::part10::Syntax;
+use super::pixels::PixelLayout;
+use super::source::Bytes;
+
+/// A fragment: where its bytes lie in the file.
+type Fragment = Range<u64>;
+
+/// Which fragments make up each frame.
+#[derive(Debug)]
+pub(super) struct Frames(Vec<Vec<Fragment>>);
+
+impl Frames {
+    /// Finds the fragments of each frame.
+    ///
+    /// # Errors
+    /// When fragments are cut short or cannot be attributed to frames.
+    pub(super) fn index(header: &FileHeader, bytes: &Bytes) -> Result<Self, Defect> {
+        let (offsets, fragments) = fragments(header, bytes)?;
+        let frames = header.layout.frames as usize;
+        let starts = match frames {
+            1 => Some(vec![0]),
+            _ if fragments.len() == frames => Some((0..frames).collect()),
+            _ => starts_from_offsets(&extended(&header.extended_offsets), &fragments, frames)
+                .or_else(|| starts_from_offsets(&offsets, &fragments, frames))
+                .or_else(|| starts_from_markers(bytes, &fragments, frames)),
+        };
+        let unclear = || Defect::Fragments { fragments: fragments.len(), frames: header.layout.frames };
+        let starts = starts.filter(|_| !fragments.is_empty()).ok_or_else(unclear)?;
+        let ends = starts.iter().skip(1).copied().chain([fragments.len()]);
+        Ok(Self(starts.iter().zip(ends).map(|(&start, end)| fragments[start..end].to_vec()).collect()))
+    }
+
+    /// The compressed bytes of a frame.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub(super) fn read(&self, frame: u32, bytes: &Bytes) -> Result<Vec<u8>, Defect> {
+        let fragments = &self.0[frame as usize];
+        // Fragments were checked to lie within the file, so this is no more than its size.
+        let total: u64 = fragments.iter().map(|fragment| fragment.end - fragment.start).sum();
+        let mut data = vec![0; total as usize];
+        let mut rest = data.as_mut_slice();
+        for fragment in fragments {
+            let (part, behind) = rest.split_at_mut((fragment.end - fragment.start) as usize);
+            bytes.read_exact_at(fragment.start, part)?;
+            rest = behind;
+        }
+        Ok(data)
+    }
+}
+
+/// The Basic Offset Table and the fragments behind it.
+fn fragments(header: &FileHeader, bytes: &Bytes) -> Result<(Vec<u64>, Vec<Fragment>), Defect> {
+    let (mut reader, end) = bytes.open()?;
+    let mut position = header.pixels.position;
+    reader.seek(SeekFrom::Start(position))?;
+    let mut items = Vec::new();
+    // A missing delimiter at the end of the file loses nothing.
+    while end - position >= 8 {
+        let item = dataset::read_header(&mut reader, &mut position, end, Encoding::ExplicitLittle)?;
+        if item.tag == dataset::SEQUENCE_DELIMITATION {
+            break;
+        }
+        let (dataset::ITEM, Some(length)) = (item.tag, item.length) else {
+            return Err(Defect::NotAnItem { found: item.tag });
+        };
+        let (found, expected) = (end - position, u64::from(length));
+        if found < expected {
+            return Err(Defect::Short { tag: tags::PIXEL_DATA, found, expected });
+        }
+        items.push(position..position + expected);
+        position += expected;
+        reader.seek_relative(length.into())?;
+    }
+    if items.is_empty() {
+        return Ok((Vec::new(), items));
+    }
+    let table = items.remove(0);
+    // Each frame has an entry of four bytes; a longer table is none.
+    let length = (table.end - table.start).min(u64::from(header.layout.frames) * 4) as usize;
+    let mut offsets = vec![0; length];
+    bytes.read_exact_at(table.start, &mut offsets)?;
+    let offsets = offsets.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes).into());
+    Ok((offsets.collect(), items))
+}
+
+fn extended(table: &[u8]) -> Vec<u64> {
+    table.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes)).collect()
+}
+
+/// The first fragment of each frame by an offset table: offsets of item tags from the first fragment's.
+fn starts_from_offsets(offsets: &[u64], fragments: &[Fragment], frames: usize) -> Option<Vec<usize>> {
+    let origin = fragments.first()?.start;
+    let starts: Option<Vec<usize>> = offsets
+        .iter()
+        .map(|offset| fragments.binary_search_by_key(&offset.checked_add(origin)?, |f| f.start).ok())
+        .collect();
+    starts.filter(|starts| {
+        starts.len() == frames && starts.first() == Some(&0) && starts.is_sorted_by(|a, b| a < b)
+    })
+}
+
+/// The first fragment of each frame by the marker that begins a JPEG (FFD8) or JPEG 2000 (FF4F) codestream.
+fn starts_from_markers(bytes: &Bytes, fragments: &[Fragment], frames: usize) -> Option<Vec<usize>> {
+    let mut starts = Vec::new();
+    for (index, fragment) in fragments.iter().enumerate() {
+        let mut marker = [0; 2];
+        if fragment.end - fragment.start >= 2 {
+            bytes.read_exact_at(fragment.start, &mut marker).ok()?;
+        }
+        if matches!(marker, [0xFF, 0xD8 | 0x4F]) {
+            starts.push(index);
+        }
+    }
+    (starts.len() == frames && starts.first() == Some(&0)).then_some(starts)
+}
+
+/// Decodes one compressed frame to samples of 8 or 16 bits, little-endian.
+///
+/// # Errors
+/// When no decoder is there for the transfer syntax, or the decoder cannot make sense of the data.
+pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Result<Vec<u8>, Defect> {
+    let cannot = |why| Defect::TransferSyntax { found: format!("{} ({})", syntax.uid, syntax.name()), why };
+    let Some(entry) = TransferSyntaxRegistry.get(&syntax.uid) else {
+        return Err(cannot("is not a transfer syntax of DICOM"));
+    };
+    let Codec::EncapsulatedPixelData(Some(reader), _) = entry.codec() else {
+        return Err(cannot("cannot be decoded by this build"));
+    };
+    let codec = entry.name();
+    let problem = |problem: String| Defect::Codec { codec, problem };
+    let frame = Frame { data, uid: &syntax.uid, layout };
+    let mut samples = Vec::new();
+    // Decoders index and unwrap on what damaged codestreams say. A panic there concerns this frame alone.
+    let decoded = catch_unwind(AssertUnwindSafe(|| reader.decode_frame(&frame, 0, &mut samples)));
+    match decoded {
+        Ok(Ok(())) => Ok(samples),
+        Ok(Err(error)) => Err(problem(with_causes(&error))),
+        Err(_) => Err(problem("the decoder gave up on damaged data".to_owned())),
+    }
+}
+
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(error.source(), |cause| cause.source());
+    causes.fold(error.to_string(), |message, cause| format!("{message}: {cause}"))
+}
+
+/// One frame as dicom-rs decoders want it: an object of a single frame in a single fragment.
+struct Frame<'a> {
+    data: Vec<u8>,
+    uid: &'a str,
+    layout: &'a PixelLayout,
+}
+
+impl PixelDataObject for Frame<'_> {
+    fn transfer_syntax_uid(&self) -> &str {
+        self.uid
+    }
+
+    fn rows(&self) -> Option<u16> {
+        self.layout.rows.try_into().ok()
+    }
+
+    fn cols(&self) -> Option<u16> {
+        self.layout.columns.try_into().ok()
+    }
+
+    fn samples_per_pixel(&self) -> Option<u16> {
+        Some(1)
+    }
+
+    fn bits_allocated(&self) -> Option<u16> {
+        self.layout.bits_allocated.try_into().ok()
+    }
+
+    fn bits_stored(&self) -> Option<u16> {
+        self.layout.bits_stored.try_into().ok()
+    }
+
+    fn photometric_interpretation(&self) -> Option<&str> {
+        Some("MONOCHROME2")
+    }
+
+    fn number_of_frames(&self) -> Option<u32> {
+        Some(1)
+    }
+
+    fn number_of_fragments(&self) -> Option<u32> {
+        Some(1)
+    }
+
+    fn fragment(&self, fragment: usize) -> Option<Cow<'_, [u8]>> {
+        (fragment == 0).then_some(Cow::Borrowed(&self.data))
+    }
+
+    fn offset_table(&self) -> Option<Cow<'_, [u32]>> {
+        Some(Cow::Borrowed(&[]))
+    }
+
+    fn raw_pixel_data(&self) -> Option<RawPixelData> {
+        Some(RawPixelData { fragments: vec![self.data.clone()].into(), offset_table: [].as_slice().into() })
+    }
+}

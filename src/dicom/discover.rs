@@ -1,0 +1,162 @@
+//! Discovery: which CT series a path leads to, from headers alone.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::error::{Defect, Error, Reasons};
+use super::header::{self, FrameHeader, Rejection};
+use super::load::{Progress, Stage};
+use super::series::{self, SeriesEntry};
+use super::source;
+use super::warnings::{Warning, WarningCode};
+
+/// What to do about files that are defective.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strictness {
+    /// Leave them out, with a warning.
+    #[default]
+    Lenient,
+    /// Fail.
+    Strict,
+}
+
+/// A file that gives no slices, and why.
+#[derive(Clone, Debug, Serialize)]
+pub struct Skipped {
+    /// The file, as a path or as `ZIP:ENTRY`.
+    pub file: String,
+    /// Why it is not used.
+    pub reason: String,
+    /// What is wrong with it; `None` for sound objects of another kind.
+    #[serde(skip)]
+    pub defect: Option<Defect>,
+}
+
+/// The series under a path.
+#[derive(Debug)]
+pub struct Discovery {
+    path: PathBuf,
+    files: usize,
+    /// All CT series, in a stable order.
+    pub series: Vec<SeriesEntry>,
+    /// Files that belong to none.
+    pub skipped: Vec<Skipped>,
+}
+
+/// Finds the CT series in a folder (with all folders below), a file, a DICOMDIR or a zip.
+///
+/// Reads headers only, in parallel. Files that are not CT images are listed in [`Discovery::skipped`].
+///
+/// # Errors
+/// When the path cannot be read, or, under [`Strictness::Strict`], when any file is defective.
+pub fn discover(
+    path: &Path,
+    strictness: Strictness,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Discovery, Error> {
+    let files = source::collect(path)?;
+    let step = Progress::counter(Stage::Headers, files.len(), progress);
+    let read = |file| {
+        let outcome = header::read(file);
+        step();
+        outcome
+    };
+    let outcomes: Vec<_> = files.par_iter().map(read).collect();
+    let (mut frames, mut skipped) = (Vec::new(), Vec::new());
+    for (file, outcome) in files.iter().zip(outcomes) {
+        match outcome {
+            Ok(of_file) => frames.extend(of_file),
+            Err(rejection) => skipped.push(Skipped::new(file.to_string(), rejection)),
+        }
+    }
+    let mut discovery = Discovery { path: path.to_owned(), files: files.len(), series: Vec::new(), skipped };
+    discovery.check(strictness)?;
+    discovery.series = series::group(frames);
+    Ok(discovery)
+}
+
+impl Skipped {
+    fn new(file: String, rejection: Rejection) -> Self {
+        match rejection {
+            Rejection::Unwanted(reason) => Self { file, reason, defect: None },
+            Rejection::Defective(defect) => Self { file, reason: defect.to_string(), defect: Some(defect) },
+        }
+    }
+
+    fn line(&self) -> String {
+        format!("{}: {}", self.file, self.reason)
+    }
+}
+
+impl Discovery {
+    fn check(&self, strictness: Strictness) -> Result<(), Error> {
+        let defective: Vec<String> = self.defective().map(Skipped::line).collect();
+        match strictness {
+            Strictness::Strict if !defective.is_empty() => {
+                Err(Error::Strict { count: defective.len(), reasons: Reasons(defective) })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Files that something is wrong with.
+    pub fn defective(&self) -> impl Iterator<Item = &Skipped> {
+        self.skipped.iter().filter(|skipped| skipped.defect.is_some())
+    }
+
+    /// A warning for each defective file.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<Warning> {
+        self.defective().map(|skipped| Warning::new(WarningCode::BadFile, skipped.line())).collect()
+    }
+
+    /// The series with this UID, or the only one.
+    ///
+    /// # Errors
+    /// When there is none, when there are several and no UID is given, or when no series has the UID; the messages
+    /// list what there is.
+    pub fn select(&self, uid: Option<&str>) -> Result<&SeriesEntry, Error> {
+        let listing = || series::listing(&self.series);
+        match (self.series.as_slice(), uid) {
+            ([], _) => {
+                let reasons = Reasons(self.skipped.iter().map(Skipped::line).collect());
+                Err(Error::NoSeries { path: self.path.clone(), files: self.files, reasons })
+            }
+            (series, Some(uid)) => series
+                .iter()
+                .find(|entry| entry.uid() == uid)
+                .ok_or_else(|| Error::UnknownSeries { uid: uid.to_owned(), listing: listing() }),
+            ([only], None) => Ok(only),
+            (several, None) => Err(Error::SeveralSeries { count: several.len(), listing: listing() }),
+        }
+    }
+}
+
+/// The warnings that headers alone give reason for.
+pub(super) fn header_warnings(frames: &[FrameHeader]) -> Vec<Warning> {
+    let warn = |code, applies: fn(&FrameHeader) -> bool, what: &str| {
+        let mut concerned = frames.iter().filter(|frame| applies(frame));
+        let first = concerned.next()?;
+        let count = concerned.count() + 1;
+        Some(Warning::new(code, format!("{count} slice(s): {what}; first: {first}")))
+    };
+    let rescale = warn(
+        WarningCode::MissingRescale,
+        |frame| frame.file.missing_rescale,
+        "RescaleSlope (0028,1053) and RescaleIntercept (0028,1052): found nothing, expected two numbers; stored values \
+         were taken as HU",
+    );
+    let guessed = warn(
+        WarningCode::GuessedEncoding,
+        |frame| frame.file.syntax.guessed,
+        "TransferSyntaxUID (0002,0010): found nothing, expected a UID; the encoding was guessed from the first element",
+    );
+    let lossy = warn(
+        WarningCode::LossyCompression,
+        |frame| frame.file.lossy,
+        "LossyImageCompression (0028,2110): found 01; HU are those of the compressed images",
+    );
+    [rescale, guessed, lossy].into_iter().flatten().collect()
+}

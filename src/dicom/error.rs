@@ -1,0 +1,283 @@
+//! What can be wrong with a path, a file or a stack of slices.
+//!
+//! [`Error`] ends a call. [`Defect`] is what is wrong with one file: a warning when other files of the series are
+//! good, an error when none is or under [`Strictness::Strict`](super::Strictness::Strict). Messages say what, where,
+//! what was found and what was expected; they hold file names and geometry, never who was scanned.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use dicom_core::Tag;
+
+use crate::volume::{GridError, VoxelCountError};
+
+/// Why a series could not be found or loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The path itself cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Unreadable {
+        /// The path as given.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The path is an archive or index that cannot be used.
+    #[error("cannot use {}: {problem}", path.display())]
+    Container {
+        /// The path as given.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// No CT slice was found.
+    #[error("no CT slices in {}: looked at {files} file(s){reasons}", path.display())]
+    NoSeries {
+        /// The path as given.
+        path: PathBuf,
+        /// How many files were looked at.
+        files: usize,
+        /// Why the first of them were not taken, one line each.
+        reasons: Reasons,
+    },
+    /// There are several series, and none was chosen.
+    #[error("{count} series found; choose one with --series-uid:{listing}")]
+    SeveralSeries {
+        /// How many.
+        count: usize,
+        /// One line for each.
+        listing: Reasons,
+    },
+    /// The chosen series is not there.
+    #[error("no series has the UID {uid:?}; found:{listing}")]
+    UnknownSeries {
+        /// What was asked for.
+        uid: String,
+        /// One line for each series found.
+        listing: Reasons,
+    },
+    /// Strict reading met files that are defective.
+    #[error("{count} file(s) cannot be used, and reading is strict:{reasons}")]
+    Strict {
+        /// How many.
+        count: usize,
+        /// What is wrong with the first of them, one line each.
+        reasons: Reasons,
+    },
+    /// No slice of the series could be decoded.
+    #[error("none of the {slices} slices can be decoded:{reasons}")]
+    NothingDecoded {
+        /// How many slices were tried.
+        slices: usize,
+        /// What is wrong with the first of them, one line each.
+        reasons: Reasons,
+    },
+    /// Many slices lie at the same positions: several images of one region under one series UID.
+    #[error(
+        "{duplicates} of {slices} slices share a position with another one (ImagePositionPatient (0020,0032)); \
+         expected one slice per position. First: {first} and {second}"
+    )]
+    Ambiguous {
+        /// Slices whose position another slice has already.
+        duplicates: usize,
+        /// All slices.
+        slices: usize,
+        /// The first slice of a pair.
+        first: String,
+        /// The second slice of that pair.
+        second: String,
+    },
+    /// A regular grid over the slice positions would be far larger than the slices themselves.
+    #[error(
+        "the slice positions are too uneven for a regular grid: it would need {needed} voxels for the {given} that \
+         were read (limit {limit}); check ImagePositionPatient (0020,0032)"
+    )]
+    TooUneven {
+        /// Voxels of the regular grid.
+        needed: u64,
+        /// Voxels read.
+        given: u64,
+        /// Voxels allowed.
+        limit: u64,
+    },
+    /// There is not enough memory.
+    #[error("{voxels} voxels need {} MiB of memory, which cannot be had", voxels * 2 / (1 << 20))]
+    Memory {
+        /// Voxels wanted, two bytes each.
+        voxels: u64,
+    },
+    /// The geometry does not make a grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The voxels do not fill the grid.
+    #[error(transparent)]
+    Voxels(#[from] VoxelCountError),
+}
+
+/// Lines of a message, each indented on a line of its own; only the first few are shown.
+#[derive(Clone, Debug)]
+pub struct Reasons(pub Vec<String>);
+
+/// How many lines of [`Reasons`] a message shows.
+const SHOWN: usize = 8;
+
+impl fmt::Display for Reasons {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for line in self.0.iter().take(SHOWN) {
+            write!(f, "\n  {line}")?;
+        }
+        match self.0.len().saturating_sub(SHOWN) {
+            0 => Ok(()),
+            more => write!(f, "\n  and {more} more"),
+        }
+    }
+}
+
+/// A DICOM attribute as messages name it: keyword and tag.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Attribute {
+    pub(super) tag: Tag,
+    pub(super) keyword: &'static str,
+}
+
+impl fmt::Display for Attribute {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.keyword, self.tag)
+    }
+}
+
+/// What is wrong with one file.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum Defect {
+    /// Not DICOM at all.
+    #[error("not a DICOM file: found {found}, expected \"DICM\" at byte 128 or a data set")]
+    NotDicom {
+        /// The first bytes, or that there are none.
+        found: String,
+    },
+    /// The system could not read it.
+    #[error("cannot be read: {0}")]
+    Unreadable(String),
+    /// The file ends inside a header.
+    #[error("cut short at byte {position}: found {found} bytes for {what}, expected {expected}")]
+    Cut {
+        /// What was being read.
+        what: &'static str,
+        /// Where, in bytes from the start.
+        position: u64,
+        /// Bytes left.
+        found: u64,
+        /// Bytes needed.
+        expected: u64,
+    },
+    /// The file ends inside a value.
+    #[error("element {tag}: found {found} bytes, expected {expected} (the file is cut short)")]
+    Short {
+        /// The element.
+        tag: Tag,
+        /// Bytes left.
+        found: u64,
+        /// Bytes the element says it has.
+        expected: u64,
+    },
+    /// A value is longer than any such attribute is.
+    #[error("element {tag}: found {found} bytes, expected at most {limit}")]
+    LongValue {
+        /// The element.
+        tag: Tag,
+        /// Its length.
+        found: u32,
+        /// The longest that is read.
+        limit: u32,
+    },
+    /// Sequences nest too deep.
+    #[error("sequences nest deeper than {limit} levels, which no CT object does")]
+    Nesting {
+        /// The limit.
+        limit: u32,
+    },
+    /// Something else where a sequence item belongs.
+    #[error("found element {found} where a sequence item (FFFE,E000) is expected")]
+    NotAnItem {
+        /// The element found.
+        found: Tag,
+    },
+    /// An attribute is missing or has an unusable value.
+    #[error("{attribute}: found {found}, expected {expected}")]
+    Attribute {
+        /// Which.
+        attribute: Attribute,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: &'static str,
+    },
+    /// No Pixel Data.
+    #[error("Pixel Data (7FE0,0010): missing, expected {expected}")]
+    NoPixels {
+        /// What should be there.
+        expected: String,
+    },
+    /// Too few pixels.
+    #[error("Pixel Data (7FE0,0010): found {found} bytes, expected {expected}")]
+    FewPixels {
+        /// Bytes there.
+        found: u64,
+        /// Bytes the image size asks for.
+        expected: u64,
+    },
+    /// A larger frame than is ever decoded.
+    #[error("found a frame of {rows} x {columns} pixels, expected at most {limit} pixels")]
+    LargeFrame {
+        /// Rows (0028,0010).
+        rows: u32,
+        /// Columns (0028,0011).
+        columns: u32,
+        /// The limit.
+        limit: u64,
+    },
+    /// Deflated data that unpacks to more than is read.
+    #[error("the deflated data set unpacks to more than {} MiB", limit >> 20)]
+    LargeInflated {
+        /// The limit in bytes.
+        limit: u64,
+    },
+    /// A transfer syntax nobody here can decode.
+    #[error("TransferSyntaxUID (0002,0010): found {found}, which {why}")]
+    TransferSyntax {
+        /// UID and name.
+        found: String,
+        /// Why it cannot be used.
+        why: &'static str,
+    },
+    /// Compressed frames that cannot be told apart.
+    #[error("found {fragments} fragments for {frames} frames and no offset table that divides them")]
+    Fragments {
+        /// Fragments found.
+        fragments: usize,
+        /// NumberOfFrames (0028,0008).
+        frames: u32,
+    },
+    /// The compressed image says something else than the data set.
+    #[error("the compressed image is {found}, but the data set says {expected}")]
+    Codestream {
+        /// What the codestream's own header says.
+        found: String,
+        /// What Rows, Columns and SamplesPerPixel say.
+        expected: String,
+    },
+    /// The decoder gave up.
+    #[error("the {codec} image cannot be decoded: {problem}")]
+    Codec {
+        /// Which decoder.
+        codec: &'static str,
+        /// What it said.
+        problem: String,
+    },
+}
+
+impl From<std::io::Error> for Defect {
+    fn from(error: std::io::Error) -> Self {
+        Self::Unreadable(error.to_string())
+    }
+}

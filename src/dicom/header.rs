@@ -1,0 +1,441 @@
+//! What one file says about its CT slices: geometry, rescale and pixel layout of every frame.
+//!
+//! Classic CT objects have one frame and say everything at the top level; enhanced ones say it in functional groups,
+//! shared by all frames or per frame (PS3.3 A.38.1, C.7.6.16). Nothing is assumed: an attribute that placement or HU
+//! depend on and that is missing or unusable is a [`Defect`]. The one exception is an absent rescale, noted in
+//! [`FileHeader::missing_rescale`].
+//!
+//! Spaces and units: positions and directions in patient LPS, mm; stored values become HU by slope and intercept.
+
+use std::sync::Arc;
+
+use dicom_core::Tag;
+use dicom_dictionary_std::{tags, uids};
+use glam::DVec3;
+
+use super::dataset::{DataSet, Keep, PixelElement};
+use super::error::{Attribute, Defect};
+use super::part10::{self, Object, Syntax};
+use super::pixels::{PixelLayout, Rescale};
+use super::source::FileSource;
+
+/// A CT file: what its frames share, and the frames.
+#[derive(Debug)]
+pub(super) struct FileHeader {
+    pub(super) source: FileSource,
+    pub(super) series_uid: String,
+    pub(super) instance_uid: String,
+    pub(super) acquisition: String,
+    pub(super) modality: String,
+    pub(super) sop_class: String,
+    pub(super) syntax: Syntax,
+    pub(super) layout: PixelLayout,
+    pub(super) pixels: PixelElement,
+    /// Extended Offset Table (7FE0,0001), 64-bit little-endian offsets; empty when absent.
+    pub(super) extended_offsets: Vec<u8>,
+    pub(super) missing_rescale: bool,
+    pub(super) lossy: bool,
+}
+
+/// One frame: one slice of a series.
+#[derive(Clone, Debug)]
+pub(super) struct FrameHeader {
+    pub(super) file: Arc<FileHeader>,
+    /// Index in the file, from 0.
+    pub(super) index: u32,
+    /// Centre of the first voxel, patient mm.
+    pub(super) position: DVec3,
+    /// Unit vector along a row (to the next column), patient.
+    pub(super) row: DVec3,
+    /// Unit vector along a column (to the next row), patient.
+    pub(super) column: DVec3,
+    /// Distance between columns and between rows, mm: voxel steps along i and j.
+    pub(super) spacing_mm: [f64; 2],
+    /// SliceThickness, or else SpacingBetweenSlices; both optional, mm.
+    pub(super) thickness_mm: Option<f64>,
+    pub(super) rescale: Rescale,
+}
+
+impl std::fmt::Display for FrameHeader {
+    /// The file, and the frame's number from 1 where there are several.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.file.layout.frames {
+            1 => write!(f, "{}", self.file.source),
+            _ => write!(f, "{} frame {}", self.file.source, self.index + 1),
+        }
+    }
+}
+
+/// Why a file gives no slices.
+#[derive(Debug)]
+pub(super) enum Rejection {
+    /// A sound file that is no CT slice.
+    Unwanted(String),
+    /// A file that something is wrong with.
+    Defective(Defect),
+}
+
+impl From<Defect> for Rejection {
+    fn from(defect: Defect) -> Self {
+        Self::Defective(defect)
+    }
+}
+
+const fn attribute(tag: Tag, keyword: &'static str) -> Attribute {
+    Attribute { tag, keyword }
+}
+
+const ROWS: Attribute = attribute(tags::ROWS, "Rows");
+const COLUMNS: Attribute = attribute(tags::COLUMNS, "Columns");
+const FRAMES: Attribute = attribute(tags::NUMBER_OF_FRAMES, "NumberOfFrames");
+const SAMPLES: Attribute = attribute(tags::SAMPLES_PER_PIXEL, "SamplesPerPixel");
+const BITS_ALLOCATED: Attribute = attribute(tags::BITS_ALLOCATED, "BitsAllocated");
+const BITS_STORED: Attribute = attribute(tags::BITS_STORED, "BitsStored");
+const HIGH_BIT: Attribute = attribute(tags::HIGH_BIT, "HighBit");
+const REPRESENTATION: Attribute = attribute(tags::PIXEL_REPRESENTATION, "PixelRepresentation");
+const PADDING: Attribute = attribute(tags::PIXEL_PADDING_VALUE, "PixelPaddingValue");
+const POSITION: Attribute = attribute(tags::IMAGE_POSITION_PATIENT, "ImagePositionPatient");
+const ORIENTATION: Attribute = attribute(tags::IMAGE_ORIENTATION_PATIENT, "ImageOrientationPatient");
+const SPACING: Attribute = attribute(tags::PIXEL_SPACING, "PixelSpacing");
+const THICKNESS: Attribute = attribute(tags::SLICE_THICKNESS, "SliceThickness");
+const BETWEEN: Attribute = attribute(tags::SPACING_BETWEEN_SLICES, "SpacingBetweenSlices");
+const SLOPE: Attribute = attribute(tags::RESCALE_SLOPE, "RescaleSlope");
+const INTERCEPT: Attribute = attribute(tags::RESCALE_INTERCEPT, "RescaleIntercept");
+const PER_FRAME: Attribute =
+    attribute(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, "PerFrameFunctionalGroupsSequence");
+
+fn keep(tag: Tag) -> Keep {
+    match tag {
+        tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE
+        | tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE
+        | tags::PLANE_POSITION_SEQUENCE
+        | tags::PLANE_ORIENTATION_SEQUENCE
+        | tags::PIXEL_MEASURES_SEQUENCE
+        | tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE
+        | tags::CT_IMAGE_FRAME_TYPE_SEQUENCE => Keep::Items,
+        tags::IMAGE_TYPE
+        | tags::FRAME_TYPE
+        | tags::SOP_CLASS_UID
+        | tags::SOP_INSTANCE_UID
+        | tags::SERIES_INSTANCE_UID
+        | tags::MODALITY
+        | tags::ACQUISITION_NUMBER
+        | tags::SLICE_THICKNESS
+        | tags::SPACING_BETWEEN_SLICES
+        | tags::IMAGE_POSITION_PATIENT
+        | tags::IMAGE_ORIENTATION_PATIENT
+        | tags::SAMPLES_PER_PIXEL
+        | tags::PHOTOMETRIC_INTERPRETATION
+        | tags::NUMBER_OF_FRAMES
+        | tags::ROWS
+        | tags::COLUMNS
+        | tags::PIXEL_SPACING
+        | tags::BITS_ALLOCATED
+        | tags::BITS_STORED
+        | tags::HIGH_BIT
+        | tags::PIXEL_REPRESENTATION
+        | tags::PIXEL_PADDING_VALUE
+        | tags::RESCALE_INTERCEPT
+        | tags::RESCALE_SLOPE
+        | tags::LOSSY_IMAGE_COMPRESSION
+        | tags::EXTENDED_OFFSET_TABLE => Keep::Value,
+        _ => Keep::Nothing,
+    }
+}
+
+/// Reads a file's header, up to its pixels.
+///
+/// # Errors
+/// [`Rejection::Unwanted`] for sound objects other than CT slices, else what is wrong with the file.
+pub(super) fn read(source: &FileSource) -> Result<Vec<FrameHeader>, Rejection> {
+    let object = part10::open(source.bytes()?)?;
+    if object.is_directory() {
+        return Err(Rejection::Unwanted("a DICOMDIR beside the images".to_owned()));
+    }
+    let walked = object.walk(keep)?;
+    check_wanted(&walked.data)?;
+    let frames = frame_count(&walked.data)?;
+    let layout = layout(&walked.data, frames)?;
+    let groups = Groups::new(&walked.data, frames)?;
+    let pixels = pixels(walked.pixels, &object, &layout)?; // bounds the number of frames by the file's size
+    let rescales =
+        (0..frames).map(|index| rescale(&groups, index, &layout)).collect::<Result<Vec<_>, _>>()?;
+    let file = Arc::new(FileHeader {
+        source: source.clone(),
+        series_uid: text(&walked.data, tags::SERIES_INSTANCE_UID),
+        instance_uid: text(&walked.data, tags::SOP_INSTANCE_UID),
+        acquisition: text(&walked.data, tags::ACQUISITION_NUMBER),
+        modality: text(&walked.data, tags::MODALITY),
+        sop_class: text(&walked.data, tags::SOP_CLASS_UID),
+        pixels,
+        extended_offsets: walked.data.bytes(tags::EXTENDED_OFFSET_TABLE).unwrap_or_default().to_vec(),
+        missing_rescale: rescales.iter().any(Option::is_none),
+        lossy: text(&walked.data, tags::LOSSY_IMAGE_COMPRESSION) == "01",
+        syntax: object.syntax,
+        layout,
+    });
+    (0..frames).zip(rescales).map(|(index, rescale)| frame(&file, &groups, index, rescale)).collect()
+}
+
+fn frame(
+    file: &Arc<FileHeader>,
+    groups: &Groups<'_>,
+    index: u32,
+    rescale: Option<Rescale>,
+) -> Result<FrameHeader, Rejection> {
+    let frame_type =
+        text(groups.find(index, tags::CT_IMAGE_FRAME_TYPE_SEQUENCE, tags::FRAME_TYPE), tags::FRAME_TYPE);
+    if is_localizer(&frame_type) {
+        return Err(Rejection::Unwanted("a CT localizer (scout) frame".to_owned()));
+    }
+    let [x, y, z] = numbers(groups.plane_position(index), POSITION, "three numbers in mm")?;
+    let [row, column] = orientation(groups.plane_orientation(index))?;
+    let measures = groups.measures(index);
+    let [between_rows, between_columns] = spacing(measures)?;
+    Ok(FrameHeader {
+        file: Arc::clone(file),
+        index,
+        position: DVec3::new(x, y, z),
+        row,
+        column,
+        spacing_mm: [between_columns, between_rows],
+        thickness_mm: positive(measures, THICKNESS).or_else(|| positive(measures, BETWEEN)),
+        rescale: rescale.unwrap_or_default(),
+    })
+}
+
+/// The functional groups of an object; a classic one is its own only group.
+struct Groups<'a> {
+    top: &'a DataSet,
+    shared: Option<&'a DataSet>,
+    per_frame: &'a [DataSet],
+}
+
+impl<'a> Groups<'a> {
+    fn new(top: &'a DataSet, frames: u32) -> Result<Self, Defect> {
+        let shared = top.items(tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).first();
+        let per_frame = top.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE);
+        if !per_frame.is_empty() && per_frame.len() != frames as usize {
+            return Err(Defect::Attribute {
+                attribute: PER_FRAME,
+                found: format!("{} items", per_frame.len()),
+                expected: "one for each frame",
+            });
+        }
+        Ok(Self { top, shared, per_frame })
+    }
+
+    /// The data set that holds `wanted` for a frame: the macro's item per frame, else shared, else the top level.
+    fn find(&self, frame: u32, group: Tag, wanted: Tag) -> &'a DataSet {
+        let per_frame = self.per_frame.get(frame as usize);
+        let items = per_frame.into_iter().chain(self.shared).filter_map(|groups| groups.items(group).first());
+        items.into_iter().find(|item| item.bytes(wanted).is_some()).unwrap_or(self.top)
+    }
+
+    fn plane_position(&self, frame: u32) -> &'a DataSet {
+        self.find(frame, tags::PLANE_POSITION_SEQUENCE, tags::IMAGE_POSITION_PATIENT)
+    }
+
+    fn plane_orientation(&self, frame: u32) -> &'a DataSet {
+        self.find(frame, tags::PLANE_ORIENTATION_SEQUENCE, tags::IMAGE_ORIENTATION_PATIENT)
+    }
+
+    fn measures(&self, frame: u32) -> &'a DataSet {
+        self.find(frame, tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING)
+    }
+
+    fn transformation(&self, frame: u32, wanted: Tag) -> &'a DataSet {
+        self.find(frame, tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, wanted)
+    }
+}
+
+/// Only images of the CT classes, or with Modality CT where the class is empty (anonymisers do that).
+fn check_wanted(data: &DataSet) -> Result<(), Rejection> {
+    let unwanted = |why: String| Err(Rejection::Unwanted(why));
+    let (modality, class) = (text(data, tags::MODALITY), text(data, tags::SOP_CLASS_UID));
+    let ct_class = [
+        uids::CT_IMAGE_STORAGE,
+        uids::ENHANCED_CT_IMAGE_STORAGE,
+        uids::LEGACY_CONVERTED_ENHANCED_CT_IMAGE_STORAGE,
+    ]
+    .contains(&class.as_str());
+    if !ct_class && modality != "CT" {
+        let shown = if modality.is_empty() { "no Modality" } else { &modality };
+        return unwanted(format!("not CT: {shown}, SOP class {}", or_absent(&class)));
+    }
+    if !ct_class && !class.is_empty() {
+        return unwanted(format!("Modality is CT, but the SOP class is {}", or_absent(&class)));
+    }
+    if is_localizer(&text(data, tags::IMAGE_TYPE)) {
+        return unwanted("a CT localizer (scout)".to_owned());
+    }
+    let photometric = text(data, tags::PHOTOMETRIC_INTERPRETATION);
+    if !photometric.is_empty() && !photometric.starts_with("MONOCHROME") {
+        return unwanted(format!("a colour image ({photometric})"));
+    }
+    Ok(())
+}
+
+fn or_absent(uid: &str) -> &str {
+    if uid.is_empty() { "absent" } else { uid }
+}
+
+/// Value 3 of Image Type and Frame Type (PS3.3 C.8.2.1.1.1).
+fn is_localizer(image_type: &str) -> bool {
+    image_type.split('\\').any(|value| value.trim() == "LOCALIZER")
+}
+
+fn frame_count(data: &DataSet) -> Result<u32, Defect> {
+    let found = text(data, tags::NUMBER_OF_FRAMES);
+    if found.is_empty() {
+        return Ok(1);
+    }
+    let expected = "a whole number, 1 to 65536";
+    match found.parse() {
+        Ok(frames @ 1..=65536) => Ok(frames),
+        _ => Err(Defect::Attribute { attribute: FRAMES, found: format!("{found:?}"), expected }),
+    }
+}
+
+fn layout(data: &DataSet, frames: u32) -> Result<PixelLayout, Defect> {
+    let samples = unsigned(data, SAMPLES)?.unwrap_or(1);
+    check(samples == 1, SAMPLES, samples, "1")?;
+    let [rows, columns] = [required(data, ROWS, "1 to 65535")?, required(data, COLUMNS, "1 to 65535")?];
+    check((1..=65535).contains(&rows), ROWS, rows, "1 to 65535")?;
+    check((1..=65535).contains(&columns), COLUMNS, columns, "1 to 65535")?;
+    let allocated = required(data, BITS_ALLOCATED, "8 or 16")?;
+    check(matches!(allocated, 8 | 16), BITS_ALLOCATED, allocated, "8 or 16")?;
+    let stored = unsigned(data, BITS_STORED)?.unwrap_or(allocated);
+    check((1..=allocated).contains(&stored), BITS_STORED, stored, "1 to BitsAllocated")?;
+    let high_bit = unsigned(data, HIGH_BIT)?.unwrap_or(stored - 1);
+    check(
+        (stored - 1..allocated).contains(&high_bit),
+        HIGH_BIT,
+        high_bit,
+        "BitsStored - 1 to BitsAllocated - 1",
+    )?;
+    let representation = unsigned(data, REPRESENTATION)?.unwrap_or(0);
+    check(representation <= 1, REPRESENTATION, representation, "0 (unsigned) or 1 (signed)")?;
+    PixelLayout::new(frames, [rows, columns], [allocated, stored, high_bit], representation == 1)
+}
+
+/// Pixel Data, checked against the image size as far as that is possible without decoding.
+fn pixels(
+    element: Option<PixelElement>,
+    object: &Object,
+    layout: &PixelLayout,
+) -> Result<PixelElement, Defect> {
+    let Some(element) = element else {
+        return Err(Defect::NoPixels { expected: layout.to_string() });
+    };
+    let left = object.bytes.open()?.1.saturating_sub(element.position);
+    match (element.length, object.syntax.is_native()) {
+        (Some(length), true) => {
+            let (found, expected) = (length.min(left), layout.native_bytes());
+            if found < expected { Err(Defect::FewPixels { found, expected }) } else { Ok(element) }
+        }
+        (None, true) => Err(Defect::TransferSyntax {
+            found: format!("{} ({})", object.syntax.uid, object.syntax.name()),
+            why: "is uncompressed, but Pixel Data is divided into fragments as compressed data are",
+        }),
+        // Each frame has a fragment of at least a header.
+        (_, false) if left < u64::from(layout.frames) * 8 => {
+            Err(Defect::FewPixels { found: left, expected: u64::from(layout.frames) * 8 })
+        }
+        (_, false) => Ok(element),
+    }
+}
+
+/// Slope and intercept of a frame; `None` when both are absent. One alone, or a value that cannot be read, is a defect:
+/// they are required of CT images (PS3.3 C.8.2.1), and a wrong guess would shift every HU.
+fn rescale(groups: &Groups<'_>, frame: u32, layout: &PixelLayout) -> Result<Option<Rescale>, Defect> {
+    let intercepts = groups.transformation(frame, tags::RESCALE_INTERCEPT);
+    let slopes = groups.transformation(frame, tags::RESCALE_SLOPE);
+    let is_absent = |data: &DataSet, tag| data.bytes(tag).is_none();
+    let padding_hu = |rescale: Rescale| Rescale { padding: padding(groups.top, layout), ..rescale };
+    if is_absent(intercepts, tags::RESCALE_INTERCEPT) && is_absent(slopes, tags::RESCALE_SLOPE) {
+        return Ok(None);
+    }
+    let [slope] = numbers(slopes, SLOPE, "a number other than 0")?;
+    let [intercept] = numbers(intercepts, INTERCEPT, "a number")?;
+    check(slope != 0.0, SLOPE, slope, "a number other than 0")?;
+    Ok(Some(padding_hu(Rescale { slope, intercept, padding: None })))
+}
+
+/// PixelPaddingValue as a stored value; its sign follows PixelRepresentation.
+fn padding(data: &DataSet, layout: &PixelLayout) -> Option<i32> {
+    let raw = unsigned(data, PADDING).ok()??;
+    let raw = u16::try_from(raw).ok()?;
+    Some(layout.stored_value(raw))
+}
+
+fn orientation(data: &DataSet) -> Result<[DVec3; 2], Defect> {
+    let expected = "six numbers: two perpendicular unit vectors";
+    let v = numbers::<6>(data, ORIENTATION, expected)?;
+    let (row, column) = (DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5]));
+    // Written with a few digits; beyond that it is no orientation, and normalising it would move voxels.
+    let wrong = (row.length() - 1.0).abs().max((column.length() - 1.0).abs()).max(row.dot(column).abs());
+    check(wrong < 0.01, ORIENTATION, format!("{v:?}"), expected)?;
+    // Rows keep their direction; columns are made exactly perpendicular, so that the grid is.
+    let row = row.normalize();
+    Ok([row, (column - row * row.dot(column)).normalize()])
+}
+
+fn spacing(data: &DataSet) -> Result<[f64; 2], Defect> {
+    let expected = "two positive numbers in mm";
+    let spacing = numbers::<2>(data, SPACING, expected)?;
+    let usable = spacing.iter().all(|&mm| (1e-4..1e4).contains(&mm));
+    check(usable, SPACING, format!("{spacing:?}"), expected)?;
+    Ok(spacing)
+}
+
+fn positive(data: &DataSet, attribute: Attribute) -> Option<f64> {
+    let [mm] = numbers(data, attribute, "a positive number in mm").ok()?;
+    (1e-4..1e4).contains(&mm).then_some(mm)
+}
+
+fn text(data: &DataSet, tag: Tag) -> String {
+    data.text(tag).unwrap_or_default()
+}
+
+/// `N` finite decimal numbers.
+fn numbers<const N: usize>(
+    data: &DataSet,
+    attribute: Attribute,
+    expected: &'static str,
+) -> Result<[f64; N], Defect> {
+    let Some(text) = data.text(attribute.tag) else {
+        return Err(Defect::Attribute { attribute, found: "nothing".to_owned(), expected });
+    };
+    let parsed: Option<Vec<f64>> = text
+        .split('\\')
+        .map(|part| part.trim().parse().ok().filter(|value: &f64| value.abs() < 1e9))
+        .collect();
+    let parsed = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
+    parsed.ok_or_else(|| Defect::Attribute { attribute, found: format!("{text:.80?}"), expected })
+}
+
+fn unsigned(data: &DataSet, attribute: Attribute) -> Result<Option<u32>, Defect> {
+    data.unsigned(attribute.tag).map_err(|found| Defect::Attribute {
+        attribute,
+        found,
+        expected: "an unsigned integer",
+    })
+}
+
+fn required(data: &DataSet, attribute: Attribute, expected: &'static str) -> Result<u32, Defect> {
+    unsigned(data, attribute)?.ok_or_else(|| Defect::Attribute {
+        attribute,
+        found: "nothing".to_owned(),
+        expected,
+    })
+}
+
+fn check(
+    holds: bool,
+    attribute: Attribute,
+    found: impl ToString,
+    expected: &'static str,
+) -> Result<(), Defect> {
+    if holds { Ok(()) } else { Err(Defect::Attribute { attribute, found: found.to_string(), expected }) }
+}

@@ -1,0 +1,214 @@
+//! The file around a data set (PS3.10): preamble, file meta information, transfer syntax, deflation.
+//!
+//! Files without preamble or meta information, as old archives have them, are taken when they begin like a data set.
+//! The transfer syntax decides how elements are read here and how pixels are decoded in `codec`.
+
+use std::io::{Read, Seek, SeekFrom};
+use std::sync::Arc;
+
+use dicom_core::Tag;
+use dicom_dictionary_std::{tags, uids};
+use dicom_encoding::transfer_syntax::TransferSyntaxIndex;
+use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
+
+use super::dataset::{self, Encoding, Keep, Walked};
+use super::error::Defect;
+use super::source::{Bytes, Reader};
+
+/// The largest deflated data set that is unpacked, in bytes: an enhanced CT of 1000 frames.
+const LARGEST_INFLATED: u64 = 1 << 29;
+/// Retired by the standard, and so deprecated in the dictionary, but not by archives.
+const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
+
+/// An opened file: where its data set lies and how it is encoded.
+pub(super) struct Object {
+    /// The bytes that hold the data set: the file's, or the inflated ones.
+    pub(super) bytes: Bytes,
+    /// Where the data set begins in them.
+    start: u64,
+    pub(super) syntax: Syntax,
+}
+
+/// A transfer syntax.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Syntax {
+    /// TransferSyntaxUID (0002,0010), or the UID of what was guessed.
+    pub(super) uid: String,
+    pub(super) encoding: Encoding,
+    /// Whether the file did not say and the encoding was guessed.
+    pub(super) guessed: bool,
+    directory: bool,
+}
+
+/// What the file meta information says.
+#[derive(Default)]
+struct Meta {
+    syntax: Option<String>,
+    class: Option<String>,
+}
+
+impl Object {
+    /// Walks the data set up to Pixel Data; see [`dataset::walk`].
+    pub(super) fn walk(&self, keep: fn(Tag) -> Keep) -> Result<Walked, Defect> {
+        let (mut reader, end) = self.bytes.open()?;
+        reader.seek(SeekFrom::Start(self.start))?;
+        dataset::walk(&mut reader, (self.start, end), self.syntax.encoding, keep)
+    }
+
+    /// Whether this is a DICOMDIR.
+    pub(super) fn is_directory(&self) -> bool {
+        self.syntax.directory
+    }
+}
+
+impl Syntax {
+    /// Whether pixels are stored as they are, in the data set's byte order.
+    pub(super) fn is_native(&self) -> bool {
+        matches!(
+            self.uid.as_str(),
+            uids::IMPLICIT_VR_LITTLE_ENDIAN
+                | uids::EXPLICIT_VR_LITTLE_ENDIAN
+                | EXPLICIT_VR_BIG_ENDIAN
+                | uids::DEFLATED_EXPLICIT_VR_LITTLE_ENDIAN
+        )
+    }
+
+    /// The name of the transfer syntax.
+    pub(super) fn name(&self) -> &'static str {
+        TransferSyntaxRegistry.get(&self.uid).map_or("unknown", |syntax| syntax.name())
+    }
+}
+
+/// Opens a file as far as its data set.
+///
+/// # Errors
+/// When it is not DICOM, or its beginning is cut short.
+pub(super) fn open(bytes: Bytes) -> Result<Object, Defect> {
+    let (mut reader, length) = bytes.open()?;
+    let mut position = find_start(&mut reader)?;
+    reader.seek(SeekFrom::Start(position))?;
+    let meta = read_meta(&mut reader, &mut position, length)?;
+    let syntax = syntax(&meta, &mut reader, position)?;
+    if syntax.uid != uids::DEFLATED_EXPLICIT_VR_LITTLE_ENDIAN {
+        return Ok(Object { bytes, start: position, syntax });
+    }
+    reader.seek(SeekFrom::Start(position))?;
+    Ok(Object { bytes: Bytes::Memory(inflate(reader)?), start: 0, syntax })
+}
+
+/// Where file meta information or the bare data set begins.
+fn find_start(reader: &mut Reader) -> Result<u64, Defect> {
+    let mut head = Vec::new();
+    reader.by_ref().take(132).read_to_end(&mut head)?;
+    if head.get(128..132) == Some(b"DICM") {
+        return Ok(132);
+    }
+    if head.starts_with(b"DICM") {
+        return Ok(4);
+    }
+    // A bare data set begins with file meta (0002,....), a file-set (0004,....) or identifying group (0008,....).
+    let plausible = match head.get(..8) {
+        Some(&[2 | 4 | 8, 0, _, _, ..]) => guess_encoding(&head).is_some(),
+        Some(&[0, 8, _, _, ..]) => guess_encoding(&head) == Some(Encoding::ExplicitBig),
+        _ => false,
+    };
+    if plausible { Ok(0) } else { Err(Defect::NotDicom { found: describe(&head) }) }
+}
+
+fn describe(head: &[u8]) -> String {
+    if head.is_empty() {
+        return "an empty file".to_owned();
+    }
+    let shown: Vec<String> = head.iter().take(8).map(|byte| format!("{byte:02X}")).collect();
+    format!("bytes {}", shown.join(" "))
+}
+
+/// How the element at the start of `head` is encoded; `None` when it does not look like an element.
+fn guess_encoding(head: &[u8]) -> Option<Encoding> {
+    let &[a, b, c, d, e, f, g, h] = head.first_chunk::<8>()?;
+    if dataset::is_vr([e, f]) {
+        // The first group is a small number; its high byte is zero in the file's byte order.
+        return Some(if a == 0 && b != 0 { Encoding::ExplicitBig } else { Encoding::ExplicitLittle });
+    }
+    let length = u32::from_le_bytes([e, f, g, h]);
+    let plausible = b == 0 && (c, d) != (0xFF, 0xFF) && length < 1 << 16;
+    plausible.then_some(Encoding::ImplicitLittle)
+}
+
+/// Reads group 0002, whatever its group length says, since writers get it wrong.
+fn read_meta(reader: &mut Reader, position: &mut u64, end: u64) -> Result<Meta, Defect> {
+    let mut meta = Meta::default();
+    loop {
+        let before = *position;
+        if end - before < 8 {
+            return Ok(meta);
+        }
+        let header = dataset::read_header(reader, position, end, Encoding::ExplicitLittle)?;
+        if header.tag.0 != 0x0002 {
+            reader.seek(SeekFrom::Start(before))?;
+            *position = before;
+            return Ok(meta);
+        }
+        let length = u64::from(header.length.unwrap_or(0));
+        let found = end - *position;
+        if found < length {
+            return Err(Defect::Short { tag: header.tag, found, expected: length });
+        }
+        match header.tag {
+            tags::TRANSFER_SYNTAX_UID => meta.syntax = Some(read_uid(reader, length)?),
+            tags::MEDIA_STORAGE_SOP_CLASS_UID => meta.class = Some(read_uid(reader, length)?),
+            _ => {}
+        }
+        *position += length;
+        reader.seek(SeekFrom::Start(*position))?;
+    }
+}
+
+/// A UID: at most 64 characters (PS3.5 9.1); longer values are cut, and then match nothing.
+fn read_uid(reader: &mut Reader, length: u64) -> Result<String, Defect> {
+    let mut bytes = Vec::new();
+    reader.by_ref().take(length.min(66)).read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).trim_matches(['\0', ' ']).to_owned())
+}
+
+fn syntax(meta: &Meta, reader: &mut Reader, position: u64) -> Result<Syntax, Defect> {
+    let directory = meta.class.as_deref() == Some(uids::MEDIA_STORAGE_DIRECTORY_STORAGE);
+    if let Some(uid) = meta.syntax.clone().filter(|uid| !uid.is_empty()) {
+        let encoding = match uid.as_str() {
+            uids::IMPLICIT_VR_LITTLE_ENDIAN => Encoding::ImplicitLittle,
+            EXPLICIT_VR_BIG_ENDIAN => Encoding::ExplicitBig,
+            _ => Encoding::ExplicitLittle, // all compressed ones (PS3.5 A.4)
+        };
+        return Ok(Syntax { uid, encoding, guessed: false, directory });
+    }
+    reader.seek(SeekFrom::Start(position))?;
+    let mut head = Vec::new();
+    reader.by_ref().take(8).read_to_end(&mut head)?;
+    let encoding = guess_encoding(&head).unwrap_or(Encoding::ImplicitLittle);
+    let uid = match encoding {
+        Encoding::ImplicitLittle => uids::IMPLICIT_VR_LITTLE_ENDIAN,
+        Encoding::ExplicitLittle => uids::EXPLICIT_VR_LITTLE_ENDIAN,
+        Encoding::ExplicitBig => EXPLICIT_VR_BIG_ENDIAN,
+    };
+    Ok(Syntax { uid: uid.to_owned(), encoding, guessed: true, directory })
+}
+
+fn inflate(reader: Reader) -> Result<Arc<[u8]>, Defect> {
+    let mut bytes = Vec::new();
+    flate2::read::DeflateDecoder::new(reader)
+        .take(LARGEST_INFLATED + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| Defect::Codec { codec: "deflate", problem: error.to_string() })?;
+    if bytes.len() as u64 > LARGEST_INFLATED {
+        return Err(Defect::LargeInflated { limit: LARGEST_INFLATED });
+    }
+    Ok(bytes.into())
+}
+
+/// The bytes that positions in a header refer to: the file's, or its inflated data set.
+///
+/// # Errors
+/// As [`open`].
+pub(super) fn open_bytes(source: &super::source::FileSource) -> Result<Bytes, Defect> {
+    open(source.bytes()?).map(|object| object.bytes)
+}

@@ -1,0 +1,239 @@
+//! From stored pixel values to HU.
+//!
+//! Uncompressed frames are read from the file straight into their place of the volume and converted there; compressed
+//! ones come from `codec`. Stored values are masked and sign-extended to BitsStored (PS3.5 8.1.1), whatever a codec
+//! or a writer left in the other bits. MONOCHROME1 asks for an inverted display and does not concern HU.
+
+use std::fmt;
+
+use super::dataset::Encoding;
+use super::error::Defect;
+use super::source::Bytes;
+
+/// The most pixels of a frame: 8192 x 8192, far beyond any CT detector's reconstruction.
+const LARGEST_FRAME: u64 = 1 << 26;
+
+/// Size and storage of a file's frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PixelLayout {
+    pub(super) frames: u32,
+    pub(super) rows: u32,
+    pub(super) columns: u32,
+    /// 8 or 16.
+    pub(super) bits_allocated: u32,
+    pub(super) bits_stored: u32,
+    high_bit: u32,
+    signed: bool,
+}
+
+/// HU = stored value * slope + intercept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rescale {
+    pub(super) slope: f64,
+    pub(super) intercept: f64,
+    /// PixelPaddingValue as stored, for places that no slice covers.
+    pub(super) padding: Option<i32>,
+}
+
+impl Default for Rescale {
+    fn default() -> Self {
+        Self { slope: 1.0, intercept: 0.0, padding: None }
+    }
+}
+
+impl Rescale {
+    /// HU of a stored value and whether it had to be clipped to 16 bits; fractions round to nearest.
+    #[expect(clippy::cast_possible_truncation, reason = "clamped to the range first")]
+    pub(super) fn hu(self, stored: i32) -> (i16, bool) {
+        let hu = (f64::from(stored) * self.slope + self.intercept).round();
+        let clipped = hu.clamp(i16::MIN.into(), i16::MAX.into());
+        (clipped as i16, hu != clipped)
+    }
+
+    /// The intercept, when adding it is all there is to do.
+    #[expect(clippy::cast_possible_truncation, reason = "checked to be a whole number in the range")]
+    fn offset(self) -> Option<i32> {
+        let whole = self.slope == 1.0 && self.intercept.fract() == 0.0 && self.intercept.abs() < 1e6;
+        whole.then_some(self.intercept as i32)
+    }
+}
+
+impl PixelLayout {
+    /// The layout of `frames` images of rows x columns with bits allocated, stored and the high bit.
+    ///
+    /// # Errors
+    /// When a frame is larger than any that is read.
+    pub(super) fn new(
+        frames: u32,
+        [rows, columns]: [u32; 2],
+        [bits_allocated, bits_stored, high_bit]: [u32; 3],
+        signed: bool,
+    ) -> Result<Self, Defect> {
+        if u64::from(rows) * u64::from(columns) > LARGEST_FRAME {
+            return Err(Defect::LargeFrame { rows, columns, limit: LARGEST_FRAME });
+        }
+        Ok(Self { frames, rows, columns, bits_allocated, bits_stored, high_bit, signed })
+    }
+
+    /// Pixels of one frame.
+    pub(super) fn frame_pixels(&self) -> usize {
+        self.rows as usize * self.columns as usize
+    }
+
+    /// Bytes of one uncompressed frame.
+    pub(super) fn frame_bytes(&self) -> u64 {
+        self.frame_pixels() as u64 * u64::from(self.bits_allocated / 8)
+    }
+
+    /// Bytes of all frames, uncompressed.
+    pub(super) fn native_bytes(&self) -> u64 {
+        u64::from(self.frames) * self.frame_bytes()
+    }
+
+    /// The value in the stored bits of a native pixel cell.
+    pub(super) fn stored_value(&self, cell: u16) -> i32 {
+        let above = 15 - self.high_bit;
+        self.extend(cell << above, 16 - self.bits_stored)
+    }
+
+    /// The value in the low bits of a decoded sample: codecs deliver samples aligned to bit 0.
+    fn decoded_value(&self, sample: u16) -> i32 {
+        let above = 16 - self.bits_stored;
+        self.extend(sample << above, above)
+    }
+
+    fn extend(&self, aligned_to_top: u16, shift: u32) -> i32 {
+        if self.signed {
+            i32::from(aligned_to_top.cast_signed() >> shift)
+        } else {
+            i32::from(aligned_to_top >> shift)
+        }
+    }
+}
+
+impl fmt::Display for PixelLayout {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { frames, rows, columns, bits_allocated, .. } = self;
+        write!(f, "{frames} frame(s) of {columns} x {rows} pixels of {bits_allocated} bits")
+    }
+}
+
+/// Reads an uncompressed frame that begins at `position` into `hu`; returns how many values were clipped.
+///
+/// # Errors
+/// When the bytes cannot be read.
+pub(super) fn read_native(
+    bytes: &Bytes,
+    position: u64,
+    encoding: Encoding,
+    (layout, rescale): (&PixelLayout, Rescale),
+    hu: &mut [i16],
+) -> Result<u64, Defect> {
+    if layout.bits_allocated == 8 {
+        let mut cells = vec![0u8; hu.len()];
+        bytes.read_exact_at(position, &mut cells)?;
+        hu.iter_mut().zip(cells).for_each(|(value, cell)| *value = i16::from(cell));
+    } else {
+        bytes.read_exact_at(position, bytemuck::cast_slice_mut(hu))?;
+        let of_file = if encoding == Encoding::ExplicitBig { i16::from_be } else { i16::from_le };
+        hu.iter_mut().for_each(|value| *value = of_file(*value));
+    }
+    Ok(convert(hu, rescale, |cell| layout.stored_value(cell)))
+}
+
+/// Converts a decoded frame, 8 or 16 bits per sample in little-endian order, into `hu`; returns how many were clipped.
+///
+/// # Errors
+/// When the decoder delivered another number of samples.
+pub(super) fn take_decoded(
+    decoded: &[u8],
+    (layout, rescale): (&PixelLayout, Rescale),
+    hu: &mut [i16],
+) -> Result<u64, Defect> {
+    if decoded.len() == hu.len() {
+        hu.iter_mut().zip(decoded).for_each(|(value, &sample)| *value = i16::from(sample));
+    } else if decoded.len() == hu.len() * 2 {
+        let samples = decoded.chunks_exact(2).map(|pair| i16::from_le_bytes([pair[0], pair[1]]));
+        hu.iter_mut().zip(samples).for_each(|(value, sample)| *value = sample);
+    } else {
+        return Err(Defect::FewPixels { found: decoded.len() as u64, expected: layout.frame_bytes() });
+    }
+    Ok(convert(hu, rescale, |sample| layout.decoded_value(sample)))
+}
+
+/// Turns cells into HU in place.
+fn convert(hu: &mut [i16], rescale: Rescale, stored: impl Fn(u16) -> i32) -> u64 {
+    let mut clipped = 0;
+    if let Some(offset) = rescale.offset() {
+        for value in hu {
+            let exact = stored(value.cast_unsigned()) + offset;
+            let clamped = exact.clamp(i16::MIN.into(), i16::MAX.into());
+            clipped += u64::from(exact != clamped);
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the range first")]
+            let narrow = clamped as i16;
+            *value = narrow;
+        }
+    } else {
+        for value in hu {
+            let (converted, was_clipped) = rescale.hu(stored(value.cast_unsigned()));
+            clipped += u64::from(was_clipped);
+            *value = converted;
+        }
+    }
+    clipped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(bits: [u32; 3], signed: bool) -> PixelLayout {
+        PixelLayout::new(1, [1, 2], bits, signed).unwrap()
+    }
+
+    #[test]
+    fn stored_values_are_masked_and_sign_extended() {
+        for (bits, signed, cell, value) in [
+            ([16, 12, 11], false, 0xF123, 0x123), // overlay bits above
+            ([16, 12, 11], true, 0x0FFF, -1),
+            ([16, 12, 15], true, 0xFFF7, -1), // aligned to the top, bits below unused
+            ([16, 16, 15], true, 0x8000, -32768),
+            ([16, 16, 15], false, 0x8000, 32768),
+            ([8, 8, 7], true, 0x00FF, -1),
+            ([8, 8, 7], false, 0x00FF, 255),
+        ] {
+            assert_eq!(layout(bits, signed).stored_value(cell), value, "{bits:?} {signed} {cell:#06x}");
+        }
+    }
+
+    #[test]
+    fn a_fractional_slope_rounds_to_nearest_and_clips() {
+        let rescale = Rescale { slope: 2.000_244_2, intercept: -4047.0, padding: None };
+        assert_eq!(rescale.hu(498), (-3051, false)); // -3050.878...
+        assert_eq!(rescale.hu(65535), (i16::MAX, true));
+    }
+
+    #[test]
+    fn native_frames_of_both_byte_orders_become_hu() {
+        let rescale = Rescale { slope: 1.0, intercept: -1024.0, padding: None };
+        let mut hu = [0; 2];
+        for (encoding, bytes) in
+            [(Encoding::ImplicitLittle, [0, 4, 0xFF, 0x0F]), (Encoding::ExplicitBig, [4, 0, 0x0F, 0xFF])]
+        {
+            let source = Bytes::Memory(bytes.to_vec().into());
+            let layout = layout([16, 12, 11], false);
+            let clipped = read_native(&source, 0, encoding, (&layout, rescale), &mut hu).unwrap();
+            assert_eq!((hu, clipped), ([0, 3071], 0), "{encoding:?}");
+        }
+    }
+
+    #[test]
+    fn values_beyond_16_bits_are_clipped_and_counted() {
+        let rescale = Rescale { slope: 1.0, intercept: -1000.0, padding: None };
+        let source = Bytes::Memory(vec![0xFF, 0xFF, 0, 0].into());
+        let layout = layout([16, 16, 15], false);
+        let mut hu = [0; 2];
+        let clipped = read_native(&source, 0, Encoding::ExplicitLittle, (&layout, rescale), &mut hu).unwrap();
+        assert_eq!((hu, clipped), ([i16::MAX, -1000], 1));
+    }
+}

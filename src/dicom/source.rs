@@ -1,0 +1,274 @@
+//! Where files come from: a folder, a file, a DICOMDIR, a zip.
+//!
+//! A [`FileSource`] is one file that may be DICOM. It is opened anew for each use, so that reading in parallel shares
+//! nothing; entries of a zip are unpacked in memory, each up to [`LARGEST_ENTRY`]. This module knows where bytes are,
+//! not what they mean (see `part10`).
+
+use std::fmt;
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+
+use dicom_core::Tag;
+use dicom_dictionary_std::tags;
+use zip::ZipArchive;
+
+use super::dataset::Keep;
+use super::error::{Defect, Error};
+use super::part10;
+
+/// The largest zip entry that is unpacked, in bytes: an enhanced CT of 1000 frames has half as much.
+const LARGEST_ENTRY: u64 = 1 << 30;
+/// The largest zip that is held in memory, in bytes.
+const LARGEST_ZIP: u64 = 4 << 30;
+/// The most files one path may lead to: far more than any study has, few enough to list.
+const MOST_FILES: usize = 200_000;
+
+type SharedZip = ZipArchive<Cursor<Arc<[u8]>>>;
+
+/// One file that may hold a DICOM object.
+#[derive(Clone)]
+pub(super) enum FileSource {
+    Disk(PathBuf),
+    Zipped { archive: Arc<SharedZip>, index: usize, label: String },
+}
+
+/// A file's bytes, on disk or in memory.
+pub(super) enum Bytes {
+    Disk(PathBuf),
+    Memory(Arc<[u8]>),
+}
+
+/// A reader of either.
+pub(super) enum Reader {
+    Disk(BufReader<File>),
+    Memory(Cursor<Arc<[u8]>>),
+}
+
+impl FileSource {
+    /// The file's bytes; those of a zip entry are unpacked here.
+    pub(super) fn bytes(&self) -> Result<Bytes, Defect> {
+        match self {
+            Self::Disk(path) => Ok(Bytes::Disk(path.clone())),
+            Self::Zipped { archive, index, .. } => {
+                unpack(&mut SharedZip::clone(archive), *index).map(Bytes::Memory)
+            }
+        }
+    }
+}
+
+impl fmt::Display for FileSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Disk(path) => path.display().fmt(f),
+            Self::Zipped { label, .. } => f.write_str(label),
+        }
+    }
+}
+
+impl fmt::Debug for FileSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl Bytes {
+    /// A reader at the start, and the length in bytes.
+    pub(super) fn open(&self) -> Result<(Reader, u64), Defect> {
+        match self {
+            Self::Disk(path) => {
+                let file = File::open(path)?;
+                let length = file.metadata()?.len();
+                Ok((Reader::Disk(BufReader::new(file)), length))
+            }
+            Self::Memory(bytes) => Ok((Reader::Memory(Cursor::new(Arc::clone(bytes))), bytes.len() as u64)),
+        }
+    }
+
+    /// Fills `target` with the bytes from `position` on.
+    pub(super) fn read_exact_at(&self, position: u64, target: &mut [u8]) -> Result<(), Defect> {
+        match self {
+            Self::Disk(path) => {
+                let mut file = File::open(path)?;
+                file.seek(SeekFrom::Start(position))?;
+                file.read_exact(target)?;
+            }
+            Self::Memory(bytes) => {
+                let mut cursor = Cursor::new(bytes);
+                cursor.set_position(position);
+                cursor.read_exact(target)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Read for Reader {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        match self {
+            Self::Disk(reader) => reader.read(buffer),
+            Self::Memory(reader) => reader.read(buffer),
+        }
+    }
+}
+
+impl std::io::BufRead for Reader {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        match self {
+            Self::Disk(reader) => reader.fill_buf(),
+            Self::Memory(reader) => reader.fill_buf(),
+        }
+    }
+
+    fn consume(&mut self, amount: usize) {
+        match self {
+            Self::Disk(reader) => reader.consume(amount),
+            Self::Memory(reader) => reader.consume(amount),
+        }
+    }
+}
+
+impl Seek for Reader {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        match self {
+            Self::Disk(reader) => reader.seek(to),
+            Self::Memory(reader) => reader.seek(to),
+        }
+    }
+
+    // The default would seek from the start and drop the buffer, a system call for every skipped element.
+    fn seek_relative(&mut self, offset: i64) -> std::io::Result<()> {
+        match self {
+            Self::Disk(reader) => reader.seek_relative(offset),
+            Self::Memory(reader) => reader.seek_relative(offset),
+        }
+    }
+}
+
+/// All files that `path` leads to, in a stable order.
+///
+/// # Errors
+/// When the path cannot be read, or is a zip or DICOMDIR that cannot be used.
+pub(super) fn collect(path: &Path) -> Result<Vec<FileSource>, Error> {
+    let unreadable = |source| Error::Unreadable { path: path.to_owned(), source };
+    if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
+        return collect_folder(path);
+    }
+    let mut magic = Vec::new();
+    File::open(path).and_then(|file| file.take(4).read_to_end(&mut magic)).map_err(unreadable)?;
+    if magic.starts_with(b"PK") {
+        return collect_zip(path);
+    }
+    let file = FileSource::Disk(path.to_owned());
+    match directory_records(&file) {
+        Some(references) => collect_references(path, references),
+        None => Ok(vec![file]),
+    }
+}
+
+fn collect_folder(folder: &Path) -> Result<Vec<FileSource>, Error> {
+    let mut files = Vec::new();
+    // Links are followed (archives are often farms of links); walkdir refuses loops.
+    for entry in walkdir::WalkDir::new(folder).follow_links(true).sort_by_file_name() {
+        // A folder or link inside that cannot be read hides files, but what is readable may be a whole series;
+        // the entry itself then fails to open and is reported.
+        let path = match entry {
+            Ok(entry) if entry.file_type().is_file() => entry.into_path(),
+            Ok(_) => continue,
+            Err(error) => match error.path() {
+                Some(path) => path.to_owned(),
+                None => continue,
+            },
+        };
+        files.push(FileSource::Disk(path));
+        check_count(folder, files.len())?;
+    }
+    Ok(files)
+}
+
+fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
+    let unreadable = |source| Error::Unreadable { path: path.to_owned(), source };
+    let container = |problem| Error::Container { path: path.to_owned(), problem };
+    let length = std::fs::metadata(path).map_err(unreadable)?.len();
+    if length > LARGEST_ZIP {
+        let limit = LARGEST_ZIP >> 20;
+        return Err(container(format!("found a zip of {} MiB, expected at most {limit}", length >> 20)));
+    }
+    let bytes: Arc<[u8]> = std::fs::read(path).map_err(unreadable)?.into();
+    let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| container(error.to_string()))?;
+    check_count(path, archive.len())?;
+    let archive = Arc::new(archive);
+    let mut files = Vec::new();
+    for index in 0..archive.len() {
+        // The name only labels messages; nothing is ever written under it.
+        let name = archive.name_for_index(index).and_then(Result::ok).unwrap_or_default().into_owned();
+        if !name.ends_with('/') {
+            let label = format!("{}:{name}", path.display());
+            files.push(FileSource::Zipped { archive: Arc::clone(&archive), index, label });
+        }
+    }
+    Ok(files)
+}
+
+fn unpack(archive: &mut SharedZip, index: usize) -> Result<Arc<[u8]>, Defect> {
+    let problem = |error: zip::result::ZipError| Defect::Unreadable(error.to_string());
+    let entry = archive.by_index(index).map_err(problem)?;
+    let mut bytes = Vec::new();
+    // The size in the zip's directory is a claim; what counts is what comes out.
+    entry.take(LARGEST_ENTRY + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LARGEST_ENTRY {
+        let limit = LARGEST_ENTRY >> 20;
+        return Err(Defect::Unreadable(format!("the zip entry unpacks to more than {limit} MiB")));
+    }
+    Ok(bytes.into())
+}
+
+/// The file references of a DICOMDIR; `None` when the file is not one.
+fn directory_records(file: &FileSource) -> Option<Vec<String>> {
+    let keep = |tag: Tag| match tag {
+        tags::DIRECTORY_RECORD_SEQUENCE => Keep::Items,
+        tags::REFERENCED_FILE_ID => Keep::Value,
+        _ => Keep::Nothing,
+    };
+    let object = part10::open(file.bytes().ok()?).ok().filter(part10::Object::is_directory)?;
+    let walked = object.walk(keep).ok()?;
+    let records = walked.data.items(tags::DIRECTORY_RECORD_SEQUENCE);
+    Some(records.iter().filter_map(|record| record.text(tags::REFERENCED_FILE_ID)).collect())
+}
+
+fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<FileSource>, Error> {
+    check_count(directory, references.len())?;
+    let folder = directory.parent().unwrap_or(Path::new(""));
+    let container = |problem| Error::Container { path: directory.to_owned(), problem };
+    if references.is_empty() {
+        return Err(container("the DICOMDIR refers to no files".to_owned()));
+    }
+    let mut files = Vec::new();
+    for reference in references {
+        let relative: PathBuf = reference.split('\\').map(str::trim).collect();
+        // A DICOMDIR names files below itself (PS3.10 8.5); anything else would reach outside of the folder.
+        if !relative.components().all(|part| matches!(part, Component::Normal(_))) {
+            let found =
+                format!("ReferencedFileID (0004,1500): found {reference:?}, expected a path below it");
+            return Err(container(found));
+        }
+        files.push(FileSource::Disk(find_ignoring_case(folder, &relative)));
+    }
+    Ok(files)
+}
+
+/// The file as named, or, since discs are often copied by systems that change case, in lower case.
+fn find_ignoring_case(folder: &Path, relative: &Path) -> PathBuf {
+    let exact = folder.join(relative);
+    let lower = folder.join(relative.to_string_lossy().to_lowercase());
+    if !exact.exists() && lower.exists() { lower } else { exact }
+}
+
+fn check_count(path: &Path, count: usize) -> Result<(), Error> {
+    if count > MOST_FILES {
+        let problem = format!("found more than {MOST_FILES} files; choose a folder nearer to the series");
+        return Err(Error::Container { path: path.to_owned(), problem });
+    }
+    Ok(())
+}
