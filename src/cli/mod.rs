@@ -11,6 +11,7 @@ mod inspect;
 mod output;
 mod phantom;
 mod render;
+mod scene;
 mod serve;
 mod source;
 

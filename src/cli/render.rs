@@ -1,11 +1,118 @@
-//! `relief render` (to come).
+//! `relief render`: a picture of a series as a file.
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// (to come)
-#[derive(Debug, clap::Args)]
-pub(super) struct Arguments {}
+use anyhow::Context;
 
-pub(super) fn run(_arguments: Arguments) -> anyhow::Result<ExitCode> {
-    anyhow::bail!("not written yet")
+use super::output::{print_json, write_whole};
+use super::scene::SceneArguments;
+use super::source::SeriesArguments;
+use crate::gpu::{AdapterChoice, Gpu};
+use crate::render::{RenderedFrame, Renderer};
+use crate::session::{FileFormat, Product, encode};
+
+/// Render a series to a file: a 2D-plus-depth frame, colour, or depth.
+///
+/// The ending of --out decides: .png is lossless in the chosen layout, .jpg is the colour alone, .exr has colour and
+/// view depth in mm. --depth-out writes depth alone: .png as 16-bit grey (nearest brightest), .exr in mm.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  relief render --series head --preset bone --out head.png
+  relief render --series head --preset skin --azimuth-deg 40 --layout color --out side.png
+  relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    series: SeriesArguments,
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Where the picture goes: .png, .jpg or .exr
+    #[arg(long, value_name = "FILE", value_parser = parse_picture)]
+    out: Output,
+    /// Where the depth alone goes: .png or .exr
+    #[arg(long, value_name = "FILE", value_parser = parse_depth)]
+    depth_out: Option<Output>,
+    /// Print what was made as one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// A file to write and how.
+#[derive(Clone, Debug)]
+struct Output {
+    path: PathBuf,
+    format: FileFormat,
+}
+
+fn parse_picture(text: &str) -> Result<Output, String> {
+    parse_output(text, &[("png", FileFormat::Png), ("jpg", FileFormat::Jpeg), ("jpeg", FileFormat::Jpeg), ("exr", FileFormat::Exr)])
+}
+
+fn parse_depth(text: &str) -> Result<Output, String> {
+    parse_output(text, &[("png", FileFormat::Png), ("exr", FileFormat::Exr)])
+}
+
+fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, String> {
+    let path = PathBuf::from(text);
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
+    match formats.iter().find(|(known, _)| *known == ending) {
+        Some(&(_, format)) => Ok(Output { path, format }),
+        None => {
+            let known: Vec<String> = formats.iter().map(|(known, _)| format!(".{known}")).collect();
+            Err(format!("the file's ending is {ending:?}, allowed: {}", known.join(", ")))
+        }
+    }
+}
+
+pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    let Arguments { series, scene, out, depth_out, json } = arguments;
+    let scene_file = scene.read()?; // before the long work: a wrong scene is known at once
+    let loaded = series.load()?;
+    let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
+    let mut renderer = open_renderer()?;
+    let frame = renderer.render(&loaded.volume, &scene.request)?;
+    let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
+    for (output, product) in outputs.into_iter().flatten() {
+        let bytes = encode(&frame, &scene.display, product, output.format)?;
+        write_whole(&output.path, &bytes)?;
+    }
+    report(&renderer, &frame, &out.path, depth_out.as_ref().map(|out| out.path.as_path()), json)
+}
+
+/// The renderer on the adapter that `RELIEF_ADAPTER` names: `best` (default), `software`, or part of a name.
+pub(super) fn open_renderer() -> anyhow::Result<Renderer> {
+    let choice = AdapterChoice::parse(&std::env::var("RELIEF_ADAPTER").unwrap_or_default());
+    let gpu = Gpu::open(&choice)?;
+    Renderer::new(gpu).context("the renderer cannot start")
+}
+
+fn report(
+    renderer: &Renderer,
+    frame: &RenderedFrame,
+    out: &Path,
+    depth_out: Option<&Path>,
+    json: bool,
+) -> anyhow::Result<ExitCode> {
+    let adapter = renderer.gpu().description();
+    if json {
+        print_json(&serde_json::json!({
+            "out": out,
+            "depth_out": depth_out,
+            "size_px": frame.size_px,
+            "near_mm": frame.limits.near_mm,
+            "far_mm": frame.limits.far_mm,
+            "adapter": adapter.name,
+            "driver": adapter.driver,
+            "upload_ms": frame.timings.upload_ms,
+            "render_ms": frame.timings.render_ms,
+        }))?;
+    } else {
+        let [width, height] = frame.size_px;
+        println!("{}: {width}x{height} in {:.0} ms on {adapter}", out.display(), frame.timings.render_ms);
+        if let Some(path) = depth_out {
+            println!("{}: depth", path.display());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
 }
