@@ -151,7 +151,7 @@ fn threshold_crossing(ray: Ray, first: i32, target_opacity: f32) -> f32 {
     }
     let start = max(k - 1, 0);
     let slabs = k + 1 - start;
-    return refine_crossing(ray, ray.entry + f32(start) * frame.sample_distance_mm, slabs, before, target_opacity);
+    return refine_crossing(ray, sample_t(ray, f32(start) - 0.5), slabs, before, target_opacity);
 }
 
 // The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has accumulated.
@@ -187,7 +187,7 @@ fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity
         settled = previous;
         parts = min(j + 1, 2) * PARTS;
     }
-    return min(t, ray.exit);
+    return clamp(t, ray.entry, ray.exit);
 }
 
 // How far into a part of opacity `a` the crossing lies, 0..1: opacity grows exponentially within it.

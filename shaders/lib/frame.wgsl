@@ -34,6 +34,9 @@ struct Frame {
 @group(0) @binding(0) var<uniform> frame: Frame;
 
 // Points origin + direction * t for t in mm; `entry` and `exit` bound what is inside the box and the clip planes.
+//
+// Samples lie at whole sample distances from where the ray meets the box of voxel centres, half a voxel inside the
+// volume's own: VTK's place for them. Clip planes hide samples but do not move them.
 struct Ray {
     // View space, unit length.
     direction: vec3<f32>,
@@ -42,6 +45,8 @@ struct Ray {
     step_voxel: vec3<f32>,
     entry: f32,
     exit: f32,
+    // Distance of the first sample, mm.
+    first: f32,
     // View depth at t = 0 and per mm of t.
     depth_origin: f32,
     depth_step: f32,
@@ -63,23 +68,33 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
     ray.step_voxel = (frame.voxel_from_view * vec4<f32>(direction, 0.0)).xyz;
     ray.depth_origin = -origin.z;
     ray.depth_step = -direction.z;
-    let interval = clip_interval(origin, direction, box_interval(ray.origin_voxel, ray.step_voxel));
+    let volume_box = box_interval(ray.origin_voxel, ray.step_voxel, 0.5);
+    let interval = clip_interval(origin, direction, vec2<f32>(max(volume_box.x, 0.0), volume_box.y));
     ray.entry = interval.x;
     ray.exit = interval.y;
+    var anchor = box_interval(ray.origin_voxel, ray.step_voxel, 0.0).x;
+    if !(abs(anchor - ray.entry) < FAR_OFF) {
+        anchor = ray.entry;
+    }
+    let distance = frame.sample_distance_mm;
+    ray.first = anchor + ceil((ray.entry - anchor) / distance + ON_FACE) * distance;
     return ray;
 }
 
-// The part of a ray before the eye's plane and inside the outer faces of the outermost voxels.
-fn box_interval(origin: vec3<f32>, step: vec3<f32>) -> vec2<f32> {
+// A sample that lies on a face but for rounding, in sample distances: it counts as outside.
+const ON_FACE: f32 = 1e-3;
+// A ray along a face, between the two boxes, never meets the inner one, or only this far away, mm.
+const FAR_OFF: f32 = 1e4;
+
+// Where a ray is inside the box of voxel centres, grown by `margin` voxels: entry and exit.
+fn box_interval(origin: vec3<f32>, step: vec3<f32>, margin: f32) -> vec2<f32> {
     // A component of zero would give 0/0 on a face; a tiny one gives a huge interval, as it should.
     let safe = select(step, vec3<f32>(1e-20), abs(step) < vec3<f32>(1e-20));
-    let a = (vec3<f32>(-0.5) - origin) / safe;
-    let b = (frame.dims - 0.5 - origin) / safe;
+    let a = (vec3<f32>(-margin) - origin) / safe;
+    let b = (frame.dims - 1.0 + margin - origin) / safe;
     let low = min(a, b);
     let high = max(a, b);
-    let entry = max(max(low.x, low.y), max(low.z, 0.0));
-    let exit = min(min(high.x, high.y), high.z);
-    return vec2<f32>(entry, exit);
+    return vec2<f32>(max(max(low.x, low.y), low.z), min(min(high.x, high.y), high.z));
 }
 
 fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -> vec2<f32> {
@@ -101,14 +116,13 @@ fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -
     return kept;
 }
 
-// Samples of a ray: the first lies half a sample distance behind its entry.
 fn sample_count(ray: Ray) -> i32 {
-    return i32(max(0.0, ceil((ray.exit - ray.entry) / frame.sample_distance_mm - 0.5)));
+    return i32(max(0.0, floor((ray.exit - ray.first) / frame.sample_distance_mm - ON_FACE) + 1.0));
 }
 
 // Distance along the ray of sample k, mm; fractional k lie between samples.
 fn sample_t(ray: Ray, k: f32) -> f32 {
-    return ray.entry + (k + 0.5) * frame.sample_distance_mm;
+    return ray.first + k * frame.sample_distance_mm;
 }
 
 fn voxel_at(ray: Ray, t: f32) -> vec3<f32> {

@@ -46,7 +46,15 @@ struct Output {
 }
 
 fn parse_picture(text: &str) -> Result<Output, String> {
-    parse_output(text, &[("png", FileFormat::Png), ("jpg", FileFormat::Jpeg), ("jpeg", FileFormat::Jpeg), ("exr", FileFormat::Exr)])
+    parse_output(
+        text,
+        &[
+            ("png", FileFormat::Png),
+            ("jpg", FileFormat::Jpeg),
+            ("jpeg", FileFormat::Jpeg),
+            ("exr", FileFormat::Exr),
+        ],
+    )
 }
 
 fn parse_depth(text: &str) -> Result<Output, String> {

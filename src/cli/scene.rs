@@ -62,7 +62,9 @@ impl SceneArguments {
             None => SceneFile::default(),
         };
         if scene.has_camera() && self.orbit() != Orbit::default() {
-            bail!("the scene file has a camera; leave --azimuth-deg, --elevation-deg, --zoom and --fov-deg out");
+            bail!(
+                "the scene file has a camera; leave --azimuth-deg, --elevation-deg, --zoom and --fov-deg out"
+            );
         }
         if let Some(name) = &self.preset {
             scene = scene.with_preset(name);
@@ -75,7 +77,11 @@ impl SceneArguments {
         match (self.size, needed) {
             (Some(size), Some(needed)) if size != needed => bail!(
                 "--size is {}x{}, layout {} of this display needs {}x{}",
-                size[0], size[1], scene.display().layout, needed[0], needed[1]
+                size[0],
+                size[1],
+                scene.display().layout,
+                needed[0],
+                needed[1]
             ),
             (Some(size), _) | (None, Some(size)) => Ok(scene.with_size(size)),
             (None, None) => Ok(scene),

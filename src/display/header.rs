@@ -247,7 +247,8 @@ impl Header {
     /// The header's bytes: 10, or 32 with the extended part.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let select = if self.use_factor { USE_FACTOR } else { 0 } | if self.use_offset { USE_OFFSET } else { 0 };
+        let select =
+            if self.use_factor { USE_FACTOR } else { 0 } | if self.use_offset { USE_OFFSET } else { 0 };
         let mut bytes = vec![MAGIC, self.content.byte(), self.factor, self.offset, select, 0];
         bytes.extend(CRC_32.checksum(&bytes).to_be_bytes());
         if let Some(extended) = self.extended {
@@ -295,7 +296,8 @@ impl HeaderReading {
     pub fn of_line(line_rgb: &[u8]) -> Self {
         let bits: Vec<u8> =
             line_rgb.iter().skip(2).step_by(6).take(8 * FULL_LEN).map(|blue| blue >> 7).collect();
-        let bytes: Vec<u8> = bits.chunks_exact(8).map(|bits| bits.iter().fold(0, |b, bit| b << 1 | bit)).collect();
+        let bytes: Vec<u8> =
+            bits.chunks_exact(8).map(|bits| bits.iter().fold(0, |b, bit| b << 1 | bit)).collect();
         match bytes.get(..BASE_LEN) {
             Some(base) if !has_extended_part(&bytes) => Self::of_bytes(base),
             _ => Self::of_bytes(&bytes),

@@ -18,10 +18,13 @@ mod profile;
 mod settings;
 
 pub use encode::{
-    Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, encode_exr, encode_jpeg, encode_png,
+    Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, encode_exr,
+    encode_jpeg, encode_png,
 };
 pub use header::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
-pub use inspect::{DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, inspect_frame, inspect_png};
+pub use inspect::{
+    DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, inspect_frame, inspect_png,
+};
 pub use layout::{
     DecodedDepth, DecodedFrame, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels, UnknownLayout,
 };

@@ -99,11 +99,15 @@ impl FrameProblem {
             Self::Header(HeaderProblem::Crc { .. } | HeaderProblem::Length { .. }) => {
                 "some of the header's pixels changed on the way; the link must be RGB 4:4:4, 1:1, without dithering"
             }
-            Self::Header(_) => "the program that wrote the header set bits it must not; newer firmware may refuse it",
+            Self::Header(_) => {
+                "the program that wrote the header set bits it must not; newer firmware may refuse it"
+            }
             Self::OddLinesNotBlack { .. } => {
                 "put line i of both halves on line 2i and leave the odd lines black, or use wowvx-full-height"
             }
-            Self::DepthNotGrey { .. } => "store the depth half losslessly with R = G = B, without chroma subsampling",
+            Self::DepthNotGrey { .. } => {
+                "store the depth half losslessly with R = G = B, without chroma subsampling"
+            }
             Self::PixelFormat { .. } => "write an 8-bit RGB PNG",
             Self::Transparent { .. } => "write an 8-bit RGB PNG without alpha",
             Self::ColorChunk(_) => "write the PNG without gAMA, cHRM, iCCP, sRGB and cICP chunks",

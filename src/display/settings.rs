@@ -65,7 +65,15 @@ pub struct SettingsError {
 impl Default for DisplaySettings {
     fn default() -> Self {
         let Header { content, factor, offset, .. } = Header::default();
-        Self { profile: None, layout: Layout::default(), content, factor, offset, near_mm: None, far_mm: None }
+        Self {
+            profile: None,
+            layout: Layout::default(),
+            content,
+            factor,
+            offset,
+            near_mm: None,
+            far_mm: None,
+        }
     }
 }
 
@@ -100,7 +108,8 @@ impl DisplaySettings {
             ProfileSetting::Custom { constants, frame_px, sub_image_px } => {
                 let frame_px = frame_px.unwrap_or(self.layout.usual_frame_px());
                 let sub_image_px = sub_image_px.unwrap_or_else(|| usual_sub_image(self.layout, frame_px));
-                DisplayProfile::new(frame_px, sub_image_px, constants).map_err(|error| profile_refusal(&error))
+                DisplayProfile::new(frame_px, sub_image_px, constants)
+                    .map_err(|error| profile_refusal(&error))
             }
         }
     }
@@ -127,7 +136,11 @@ impl DisplaySettings {
         FrameEncoder::new(self.layout, self.profile()?, self.header()).map_err(|error| match error {
             LayoutError::Profile { remedy, frame_px: [w, h], .. } => {
                 let value = format!("for frames of {w}x{h}");
-                SettingsError { path: "display.profile", value, allowed: format!("for {}: {remedy}", self.layout) }
+                SettingsError {
+                    path: "display.profile",
+                    value,
+                    allowed: format!("for {}: {remedy}", self.layout),
+                }
             }
             other => SettingsError {
                 path: "display.layout",
@@ -147,8 +160,9 @@ impl DisplaySettings {
 }
 
 fn checked_limits(near: f64, far: f64) -> Result<DepthLimits, SettingsError> {
-    DepthLimits::new(near, far)
-        .ok_or_else(|| refusal("display.near_mm", &near, &format!("finite and below the far limit ({far} mm)")))
+    DepthLimits::new(near, far).ok_or_else(|| {
+        refusal("display.near_mm", &near, &format!("finite and below the far limit ({far} mm)"))
+    })
 }
 
 fn refusal(path: &'static str, value: &dyn std::fmt::Display, allowed: &str) -> SettingsError {

@@ -119,7 +119,8 @@ pub fn decode_exr(file: &[u8]) -> Result<DecodedDepthImage, EncodeError> {
         let found = layer.channel_data.list.iter().find(|channel| channel.name == *name);
         found.map(|channel| channel.sample_data.values_as_f32())
     };
-    let depth_mm = channel("Z").ok_or_else(|| EncodeError::Exr("the file has no channel Z".to_owned()))?.collect();
+    let depth_mm =
+        channel("Z").ok_or_else(|| EncodeError::Exr("the file has no channel Z".to_owned()))?.collect();
     let color = match (channel("R"), channel("G"), channel("B"), channel("A")) {
         (Some(r), Some(g), Some(b), Some(a)) => {
             let rgb = r.zip(g).zip(b).map(|((r, g), b)| [r, g, b].map(srgb_from_linear));
@@ -128,7 +129,8 @@ pub fn decode_exr(file: &[u8]) -> Result<DecodedDepthImage, EncodeError> {
         _ => None,
     };
     let attributes = layer.attributes.other.iter();
-    let attributes = attributes.filter_map(|(name, value)| Some((name.to_string(), own_value(value)?))).collect();
+    let attributes =
+        attributes.filter_map(|(name, value)| Some((name.to_string(), own_value(value)?))).collect();
     Ok(DecodedDepthImage { size_px, depth_mm, color, attributes })
 }
 
@@ -138,7 +140,8 @@ fn checked_size(file: &[u8]) -> Result<[u32; 2], EncodeError> {
     let mut size_px = None;
     for header in &meta.headers {
         let size = [header.layer_size.width(), header.layer_size.height()];
-        let [Ok(width @ 1..=MAX_FRAME_SIDE_PX), Ok(height @ 1..=MAX_FRAME_SIDE_PX)] = size.map(u32::try_from) else {
+        let [Ok(width @ 1..=MAX_FRAME_SIDE_PX), Ok(height @ 1..=MAX_FRAME_SIDE_PX)] = size.map(u32::try_from)
+        else {
             return Err(EncodeError::Exr(format!(
                 "the picture is {}x{}; allowed: 1 to {MAX_FRAME_SIDE_PX} pixels each way",
                 size[0], size[1]
@@ -201,7 +204,8 @@ fn layer_attributes(image: &DepthImage<'_>) -> Result<LayerAttributes, EncodeErr
         // OpenEXR's camera space looks along +z.
         let camera_from_patient = DMat4::from_scale(DVec3::new(1.0, 1.0, -1.0)) * DMat4::from(affine);
         attributes.world_to_camera = Some(row_vector_matrix(camera_from_patient));
-        attributes.world_to_normalized_device = Some(row_vector_matrix(camera.ndc_from_view * DMat4::from(affine)));
+        attributes.world_to_normalized_device =
+            Some(row_vector_matrix(camera.ndc_from_view * DMat4::from(affine)));
     }
     Ok(attributes)
 }

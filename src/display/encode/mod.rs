@@ -46,7 +46,9 @@ pub enum EncodeError {
     #[error("OpenEXR: {0}")]
     Exr(String),
     /// An attribute that OpenEXR cannot hold.
-    #[error("the OpenEXR attribute {0:?} is not allowed: names have 1 to 255 ASCII characters, texts are Latin-1")]
+    #[error(
+        "the OpenEXR attribute {0:?} is not allowed: names have 1 to 255 ASCII characters, texts are Latin-1"
+    )]
     Attribute(String),
 }
 

@@ -72,7 +72,11 @@ impl Layout {
     }
 }
 
-fn decode_halves(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Result<DecodedFrame, Vec<FrameProblem>> {
+fn decode_halves(
+    layout: Layout,
+    frame_px: [u32; 2],
+    samples: &[u8],
+) -> Result<DecodedFrame, Vec<FrameProblem>> {
     let size_px = layout.half_px(frame_px).map_err(|problem| vec![problem])?;
     let mut problems = Vec::new();
     let header = if layout.has_header() { read_header(frame_px, samples, &mut problems) } else { None };

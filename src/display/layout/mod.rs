@@ -126,14 +126,8 @@ pub struct FrameEncoder {
 
 impl Layout {
     /// All layouts of this version.
-    pub const ALL: [Self; 6] = [
-        Self::Wowvx,
-        Self::WowvxFullHeight,
-        Self::Wowvx4k,
-        Self::Rgbd,
-        Self::Color,
-        Self::Depth16,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Wowvx, Self::WowvxFullHeight, Self::Wowvx4k, Self::Rgbd, Self::Color, Self::Depth16];
 
     /// The name in requests and on the command line.
     #[must_use]
@@ -187,11 +181,13 @@ impl Layout {
         let refuse = |remedy| Err(LayoutError::Profile { layout: self, frame_px, sub_image_px, remedy });
         match self {
             Self::Wowvx if height % 2 != 0 || width % 2 != 0 => refuse("it needs an even width and height"),
-            Self::Wowvx if sub_image_px != [width / 2, height / 2] => {
-                refuse("its sub-images are half as wide and half as high as the frame; use wowvx-4k for dimenco-4k")
-            }
+            Self::Wowvx if sub_image_px != [width / 2, height / 2] => refuse(
+                "its sub-images are half as wide and half as high as the frame; use wowvx-4k for dimenco-4k",
+            ),
             Self::WowvxFullHeight if width % 2 != 0 => refuse("it needs an even width"),
-            Self::Wowvx4k if frame_px != FRAME_4K_PX => refuse("it needs frames of 3840x2160, as dimenco-4k has"),
+            Self::Wowvx4k if frame_px != FRAME_4K_PX => {
+                refuse("it needs frames of 3840x2160, as dimenco-4k has")
+            }
             _ => Ok(()),
         }
     }

@@ -13,9 +13,7 @@ pub(super) fn pack(
     match encoder.layout {
         Layout::Color => Frame::new([width, height], Pixels::Rgb8(color_alone(picture))),
         Layout::Depth16 => Frame::new([width, height], Pixels::Gray16(depth_alone(picture, limits))),
-        Layout::Rgbd => {
-            Frame::new([2 * width, height], Pixels::Rgb8(side_by_side(encoder, picture, limits)))
-        }
+        Layout::Rgbd => Frame::new([2 * width, height], Pixels::Rgb8(side_by_side(encoder, picture, limits))),
         Layout::Wowvx | Layout::WowvxFullHeight | Layout::Wowvx4k => {
             let mut samples = side_by_side(encoder, picture, limits);
             encoder.header.write_into_line(&mut samples[..6 * width as usize]);

@@ -54,7 +54,7 @@ impl<'a> Caster<'a> {
             if opacity >= OPAQUE {
                 break;
             }
-            let p = ray.voxel_at(ray.sample_t(k));
+            let p = ray.voxel_at(ray.sample_t(f64::from(k)));
             let sample = classify(&self.table, sample_hu(self.volume, p));
             if sample.w > 0.0 {
                 let weight = (1.0 - opacity) * sample.w;
@@ -84,8 +84,8 @@ impl<'a> Caster<'a> {
     }
 
     fn first_hit(&self, ray: &Ray, first: i32) -> f64 {
-        let mut outside = ray.entry.max(ray.sample_t(first - 1));
-        let mut inside = ray.sample_t(first);
+        let mut outside = ray.entry.max(ray.sample_t(f64::from(first) - 1.0));
+        let mut inside = ray.sample_t(f64::from(first));
         if self.opacity_at(ray, outside) > 0.0 {
             return outside;
         }
@@ -99,7 +99,7 @@ impl<'a> Caster<'a> {
     fn threshold_crossing(&self, ray: &Ray, first: i32, target: f64) -> f64 {
         let (mut before, mut accumulated, mut k) = (0.0, 0.0, first);
         while k < ray.sample_count() {
-            let next = accumulated + (1.0 - accumulated) * self.opacity_at(ray, ray.sample_t(k));
+            let next = accumulated + (1.0 - accumulated) * self.opacity_at(ray, ray.sample_t(f64::from(k)));
             if next >= target {
                 break;
             }
@@ -107,7 +107,7 @@ impl<'a> Caster<'a> {
             k += 1;
         }
         let start = (k - 1).max(0);
-        let begin = ray.entry + f64::from(start) * ray.sample_distance_mm;
+        let begin = ray.sample_t(f64::from(start) - 0.5);
         self.refine_crossing(ray, begin, k + 1 - start, before, target)
     }
 
@@ -135,13 +135,13 @@ impl<'a> Caster<'a> {
             settled = previous;
             parts = (j + 1).min(2) * PARTS;
         }
-        t.min(ray.exit)
+        t.clamp(ray.entry, ray.exit)
     }
 
     fn project_maximum(&self, ray: &Ray) -> Hit {
         let (mut largest, mut at) = (f64::NEG_INFINITY, 0);
         for k in 0..ray.sample_count() {
-            let hu = sample_hu(self.volume, ray.voxel_at(ray.sample_t(k)));
+            let hu = sample_hu(self.volume, ray.voxel_at(ray.sample_t(f64::from(k))));
             if hu > largest {
                 (largest, at) = (hu, k);
             }
@@ -155,7 +155,7 @@ impl<'a> Caster<'a> {
     }
 
     fn peak_t(&self, ray: &Ray, at: i32, largest: f64) -> f64 {
-        let t = ray.sample_t(at);
+        let t = ray.sample_t(f64::from(at));
         let value = |t: f64| sample_hu(self.volume, ray.voxel_at(t));
         let (before, after) = (value(t - ray.sample_distance_mm), value(t + ray.sample_distance_mm));
         let curvature = before - 2.0 * largest + after;

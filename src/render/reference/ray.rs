@@ -7,6 +7,11 @@ use crate::render::request::{Clip, RenderRequest};
 use crate::render::uniform::{clip_planes_in_view, voxel_from_view};
 use crate::volume::Grid;
 
+/// A sample that lies on a face but for rounding, in sample distances.
+const ON_FACE: f64 = 1e-3;
+/// A ray along a face never meets the box of voxel centres, or only this far away, mm.
+const FAR_OFF: f64 = 1e4;
+
 /// Points `origin + direction * t` for t in mm between `entry` and `exit`.
 pub(super) struct Ray {
     pub(super) direction: DVec3,
@@ -14,6 +19,7 @@ pub(super) struct Ray {
     step_voxel: DVec3,
     pub(super) entry: f64,
     pub(super) exit: f64,
+    first: f64,
     depth_origin: f64,
     depth_step: f64,
     pub(super) sample_distance_mm: f64,
@@ -51,28 +57,32 @@ impl<'a> Rays<'a> {
         };
         let origin_voxel = self.voxel_from_view.transform_point3(origin);
         let step_voxel = self.voxel_from_view.transform_vector3(direction);
-        let inside = self.box_interval(origin_voxel, step_voxel);
-        let (entry, exit) = self.clip_interval(origin, direction, inside);
+        let (box_entry, box_exit) = self.box_interval(origin_voxel, step_voxel, 0.5);
+        let (entry, exit) = self.clip_interval(origin, direction, (box_entry.max(0.0), box_exit));
+        let (inner_entry, _) = self.box_interval(origin_voxel, step_voxel, 0.0);
+        let anchor = if (inner_entry - entry).abs() < FAR_OFF { inner_entry } else { entry };
+        let distance = self.request.sample_distance_mm;
+        let first = anchor + ((entry - anchor) / distance + ON_FACE).ceil() * distance;
         let sample_distance_mm = self.request.sample_distance_mm;
         let (depth_origin, depth_step) = (-origin.z, -direction.z);
-        Ray { direction, origin_voxel, step_voxel, entry, exit, depth_origin, depth_step, sample_distance_mm }
+        Ray {
+            direction,
+            origin_voxel,
+            step_voxel,
+            entry,
+            exit,
+            first,
+            depth_origin,
+            depth_step,
+            sample_distance_mm,
+        }
     }
 
-    fn box_interval(&self, origin: DVec3, step: DVec3) -> (f64, f64) {
-        let (mut entry, mut exit) = (0.0f64, f64::INFINITY);
-        for axis in 0..3 {
-            let (low, high) = (-0.5 - origin[axis], self.dims[axis] - 0.5 - origin[axis]);
-            if step[axis] == 0.0 {
-                if low > 0.0 || high < 0.0 {
-                    exit = -1.0;
-                }
-                continue;
-            }
-            let (a, b) = (low / step[axis], high / step[axis]);
-            entry = entry.max(a.min(b));
-            exit = exit.min(a.max(b));
-        }
-        (entry, exit)
+    fn box_interval(&self, origin: DVec3, step: DVec3, margin: f64) -> (f64, f64) {
+        let safe = step.map(|x| if x.abs() < 1e-20 { 1e-20 } else { x });
+        let a = (DVec3::splat(-margin) - origin) / safe;
+        let b = (self.dims - 1.0 + margin - origin) / safe;
+        (a.min(b).max_element(), a.max(b).min_element())
     }
 
     fn clip_interval(&self, origin: DVec3, direction: DVec3, (entry, exit): (f64, f64)) -> (f64, f64) {
@@ -95,15 +105,14 @@ impl<'a> Rays<'a> {
 }
 
 impl Ray {
-    /// Samples of the ray: the first lies half a sample distance behind its entry.
     #[expect(clippy::cast_possible_truncation, reason = "a ray of a valid request has below 2^31 samples")]
     pub(super) fn sample_count(&self) -> i32 {
-        ((self.exit - self.entry) / self.sample_distance_mm - 0.5).ceil().max(0.0) as i32
+        (((self.exit - self.first) / self.sample_distance_mm - ON_FACE).floor() + 1.0).max(0.0) as i32
     }
 
-    /// Distance along the ray of sample k, mm.
-    pub(super) fn sample_t(&self, k: i32) -> f64 {
-        self.entry + (f64::from(k) + 0.5) * self.sample_distance_mm
+    /// Distance along the ray of sample k, mm; fractional k lie between samples.
+    pub(super) fn sample_t(&self, k: f64) -> f64 {
+        self.first + k * self.sample_distance_mm
     }
 
     pub(super) fn voxel_at(&self, t: f64) -> DVec3 {
