@@ -47,7 +47,10 @@ fn readable(report: &FrameReport) -> String {
         let source = |selected| if selected { "to be used" } else { "the display's own optimum is used" };
         let content = report.content.map_or("unknown".to_owned(), |content| content.to_string());
         line("content", format_args!("{content}"));
-        line("factor", format_args!("{factor} = {:.0} % ({})", f64::from(factor) / 0.64, source(select.factor)));
+        line(
+            "factor",
+            format_args!("{factor} = {:.0} % ({})", f64::from(factor) / 0.64, source(select.factor)),
+        );
         line("offset", format_args!("{offset} ({})", source(select.offset)));
     }
     if let Some(extended) = &report.extended_hex {
@@ -55,10 +58,13 @@ fn readable(report: &FrameReport) -> String {
     }
     if let Some(depth) = report.depth {
         let far = 100.0 * depth.at_far_limit as f64 / depth.pixels.max(1) as f64;
-        line("depth", format_args!(
-            "{} (farthest) to {} (nearest), {} values, {far:.1} % at the far limit",
-            depth.farthest, depth.nearest, depth.distinct
-        ));
+        line(
+            "depth",
+            format_args!(
+                "{} (farthest) to {} (nearest), {} values, {far:.1} % at the far limit",
+                depth.farthest, depth.nearest, depth.distinct
+            ),
+        );
     }
     line("problems", format_args!("{}", problems(report)));
     text
@@ -83,4 +89,67 @@ fn problems(report: &FrameReport) -> String {
         let _ = write!(text, "\n  {}: {problem}\n    {}", problem.code(), problem.advice());
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::display::{DisplaySettings, Frame, Picture, Pixels, encode_png, inspect_frame};
+    use crate::units::DepthLimits;
+
+    /// A frame of the usual layout: everything at half depth, one pixel missed.
+    fn frame() -> Frame {
+        let mut depth_mm = vec![200.0; 960 * 540];
+        depth_mm[7] = f32::INFINITY;
+        let color = vec![[9, 8, 7, 255]; 960 * 540];
+        let picture = Picture::new([960, 540], &color, &depth_mm).unwrap();
+        let limits = DepthLimits::new(100.0, 300.0).unwrap();
+        DisplaySettings::default().encoder().unwrap().encode(&picture, limits).unwrap()
+    }
+
+    #[test]
+    fn the_report_reads_as_documented() {
+        let text = readable(&inspect_frame(&frame()));
+        assert_eq!(
+            text,
+            "layout    wowvx (picture and depth side by side on the even lines, odd lines black)\n\
+             frame     1920x1080\n\
+             header    F10440800000ADD437A1\n\
+             content   cgi\n\
+             factor    64 = 100 % (the display's own optimum is used)\n\
+             offset    128 (the display's own optimum is used)\n\
+             extended  F2140000000000000000000000000000000036958221\n\
+             depth     0 (farthest) to 119 (nearest), 2 values, 0.0 % at the far limit\n\
+             problems  none\n"
+        );
+    }
+
+    #[test]
+    fn problems_come_with_their_code_and_what_to_do() {
+        let Pixels::Rgb8(mut samples) = frame().pixels().clone() else { unreachable!("the layout is RGB") };
+        samples[3 * 1920] = 1;
+        let text = readable(&inspect_frame(&Frame::new([1920, 1080], Pixels::Rgb8(samples)).unwrap()));
+        let (_, problems) = text.split_once("problems  ").unwrap();
+        assert_eq!(
+            problems,
+            "1\n  odd-lines: odd lines that are not black: 1, with 1 coloured pixels, the first at x 0, y 1\n    \
+             put line i of both halves on line 2i and leave the odd lines black, or use wowvx-full-height\n"
+        );
+    }
+
+    #[test]
+    fn the_exit_status_says_whether_the_frame_is_right() {
+        let folder = tempfile::tempdir().unwrap();
+        let status = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            run(&path, true).map(|status| status == ExitCode::SUCCESS)
+        };
+        let right = encode_png(&frame()).unwrap();
+        assert!(status("right.png", &right).unwrap());
+        let black = Frame::new([1920, 1080], Pixels::Rgb8(vec![0; 3 * 1920 * 1080])).unwrap();
+        assert!(!status("wrong.png", &encode_png(&black).unwrap()).unwrap());
+        let error = status("cut.png", &right[..1000]).unwrap_err();
+        assert!(format!("{error:#}").contains("damaged or cut"), "{error:#}");
+    }
 }

@@ -278,14 +278,20 @@ impl Header {
         if self.extended.is_some() { 511 } else { 159 }
     }
 
-    /// Writes the header into the first line of a frame (RGB, 8 bits): top blue bits of even pixels, nothing else.
+    /// Writes the header into the left half of a frame's first line (RGB, 8 bits): top blue bits of even pixels, nothing else.
     ///
-    /// A line of fewer than [`Header::width_px`] pixels gets only the bits that fit; layouts refuse such frames.
+    /// Where the picture's own bits behind a header of ten bytes would read as an extended part, two of them (pixels
+    /// 160 and 510) change as well. A line of fewer than [`Header::width_px`] pixels gets only the bits that fit; layouts refuse such frames.
     pub(super) fn write_into_line(&self, line_rgb: &mut [u8]) {
         let bytes = self.to_bytes();
         let bits = bytes.iter().flat_map(|byte| (0..8).rev().map(move |y| byte >> y & 1));
         for (blue, bit) in line_rgb.iter_mut().skip(2).step_by(6).zip(bits) {
             *blue = *blue & 0x7F | bit << 7;
+        }
+        if self.extended.is_none() && has_extended_part(&bytes_of_line(line_rgb)) {
+            let mut blues = line_rgb.iter_mut().skip(2).step_by(6);
+            blues.nth(8 * BASE_LEN).into_iter().for_each(|first_bit| *first_bit &= 0x7F);
+            blues.nth(8 * (FULL_LEN - BASE_LEN) - 2).into_iter().for_each(|last_bit| *last_bit ^= 0x80);
         }
     }
 }
@@ -294,10 +300,7 @@ impl HeaderReading {
     /// Reads the first line of a frame (RGB, 8 bits). A blue channel of 128 or more is a set bit.
     #[must_use]
     pub fn of_line(line_rgb: &[u8]) -> Self {
-        let bits: Vec<u8> =
-            line_rgb.iter().skip(2).step_by(6).take(8 * FULL_LEN).map(|blue| blue >> 7).collect();
-        let bytes: Vec<u8> =
-            bits.chunks_exact(8).map(|bits| bits.iter().fold(0, |b, bit| b << 1 | bit)).collect();
+        let bytes = bytes_of_line(line_rgb);
         match bytes.get(..BASE_LEN) {
             Some(base) if !has_extended_part(&bytes) => Self::of_bytes(base),
             _ => Self::of_bytes(&bytes),
@@ -329,6 +332,12 @@ impl HeaderReading {
     pub fn is_present(&self) -> bool {
         self.bytes.len() >= BASE_LEN && self.bytes.first() == Some(&MAGIC)
     }
+}
+
+/// The bytes in the top blue bits of a line, 32 or as many as it is wide enough for.
+fn bytes_of_line(line_rgb: &[u8]) -> Vec<u8> {
+    let bits: Vec<u8> = line_rgb.iter().skip(2).step_by(6).take(8 * FULL_LEN).map(|blue| blue >> 7).collect();
+    bits.chunks_exact(8).map(|bits| bits.iter().fold(0, |byte, bit| byte << 1 | bit)).collect()
 }
 
 /// Whether an extended part follows H9: past a header of ten bytes the same pixels carry the picture alone.

@@ -23,7 +23,7 @@ pub enum FrameProblem {
     Header(HeaderProblem),
     /// Lines between those of the sub-images carry something.
     #[error(
-        "{lines} odd lines are not black ({pixels} pixels; first: x {}, y {}); the display ignores odd lines",
+        "odd lines that are not black: {lines}, with {pixels} coloured pixels, the first at x {}, y {}",
         first[0], first[1]
     )]
     OddLinesNotBlack {
@@ -36,7 +36,7 @@ pub enum FrameProblem {
     },
     /// The depth half has colours.
     #[error(
-        "{pixels} pixels of the depth half are not grey (first: x {}, y {} is {}, {}, {})",
+        "pixels of the depth half that are not grey: {pixels}, the first at x {}, y {} is {}, {}, {}",
         first[0], first[1], rgb[0], rgb[1], rgb[2]
     )]
     DepthNotGrey {
@@ -56,7 +56,7 @@ pub enum FrameProblem {
         expected: &'static str,
     },
     /// Pixels that are not opaque.
-    #[error("{pixels} pixels are not opaque: what a viewer puts behind them is not known")]
+    #[error("pixels that are not opaque: {pixels}; what a viewer puts behind them is not known")]
     Transparent {
         /// How many pixels.
         pixels: usize,

@@ -25,6 +25,9 @@ use crate::display::MAX_FRAME_SIDE_PX;
 use crate::space::{Patient, Transform, View};
 use crate::units::DepthLimits;
 
+/// The most memory that the channels of a file may take.
+const MAX_DECODED_BYTES: u64 = 2 << 30;
+
 /// The value of an attribute.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Attribute {
@@ -94,7 +97,7 @@ pub fn encode_exr(image: &DepthImage<'_>) -> Result<Vec<u8>, EncodeError> {
         AnyChannels::sort(channels.into()),
     );
     let mut file = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().to_buffered(&mut file).map_err(exr_error)?;
+    Image::from_layer(layer).write().to_buffered(&mut file).map_err(EncodeError::Exr)?;
     let mut file = file.into_inner();
     sort_attributes(&mut file)?;
     Ok(file)
@@ -103,9 +106,10 @@ pub fn encode_exr(image: &DepthImage<'_>) -> Result<Vec<u8>, EncodeError> {
 /// Reads an OpenEXR file with a channel `Z`.
 ///
 /// # Errors
-/// When the file is damaged, has no `Z`, or is larger than 16384 pixels each way.
+/// When the file is damaged, has no `Z`, is larger than 16384 pixels each way or than 2 GiB in all.
+#[expect(clippy::cast_possible_truncation, reason = "the size is checked first")]
 pub fn decode_exr(file: &[u8]) -> Result<DecodedDepthImage, EncodeError> {
-    let size_px = checked_size(file)?;
+    check_size(file)?;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -113,47 +117,43 @@ pub fn decode_exr(file: &[u8]) -> Result<DecodedDepthImage, EncodeError> {
         .first_valid_layer()
         .all_attributes()
         .from_buffered(Cursor::new(file))
-        .map_err(exr_error)?;
+        .map_err(EncodeError::Exr)?;
     let layer = image.layer_data;
+    let size_px = [layer.size.width(), layer.size.height()].map(|side| side as u32);
     let channel = |name: &str| {
         let found = layer.channel_data.list.iter().find(|channel| channel.name == *name);
         found.map(|channel| channel.sample_data.values_as_f32())
     };
-    let depth_mm =
-        channel("Z").ok_or_else(|| EncodeError::Exr("the file has no channel Z".to_owned()))?.collect();
-    let color = match (channel("R"), channel("G"), channel("B"), channel("A")) {
+    let depth_mm: Vec<f32> = channel("Z").ok_or(EncodeError::NoDepthChannel)?.collect();
+    check_count("the channel Z", size_px, depth_mm.len())?; // other programs may subsample
+    let color: Option<Vec<_>> = match (channel("R"), channel("G"), channel("B"), channel("A")) {
         (Some(r), Some(g), Some(b), Some(a)) => {
             let rgb = r.zip(g).zip(b).map(|((r, g), b)| [r, g, b].map(srgb_from_linear));
             Some(rgb.zip(a).map(|([r, g, b], a)| [r, g, b, to_byte(a)]).collect())
         }
         _ => None,
     };
+    if let Some(color) = &color {
+        check_count("the colour", size_px, color.len())?;
+    }
     let attributes = layer.attributes.other.iter();
     let attributes =
         attributes.filter_map(|(name, value)| Some((name.to_string(), own_value(value)?))).collect();
     Ok(DecodedDepthImage { size_px, depth_mm, color, attributes })
 }
 
-/// Width and height of the first layer, refused before anything of that size is allocated.
-fn checked_size(file: &[u8]) -> Result<[u32; 2], EncodeError> {
-    let meta = MetaData::read_from_buffered(Cursor::new(file), false).map_err(exr_error)?;
-    let mut size_px = None;
+/// Refuses what is too large, before anything of that size is allocated.
+fn check_size(file: &[u8]) -> Result<(), EncodeError> {
+    let meta = MetaData::read_from_buffered(Cursor::new(file), false).map_err(EncodeError::Exr)?;
     for header in &meta.headers {
-        let size = [header.layer_size.width(), header.layer_size.height()];
-        let [Ok(width @ 1..=MAX_FRAME_SIDE_PX), Ok(height @ 1..=MAX_FRAME_SIDE_PX)] = size.map(u32::try_from)
-        else {
-            return Err(EncodeError::Exr(format!(
-                "the picture is {}x{}; allowed: 1 to {MAX_FRAME_SIDE_PX} pixels each way",
-                size[0], size[1]
-            )));
-        };
-        size_px.get_or_insert([width, height]);
+        let size @ [width, height] = [header.layer_size.width(), header.layer_size.height()];
+        let side = 1..=MAX_FRAME_SIDE_PX as usize;
+        let bytes = || width as u64 * height as u64 * header.channels.bytes_per_pixel as u64;
+        if !side.contains(&width) || !side.contains(&height) || bytes() > MAX_DECODED_BYTES {
+            return Err(EncodeError::ExrSize(size));
+        }
     }
-    size_px.ok_or_else(|| EncodeError::Exr("the file has no layer".to_owned()))
-}
-
-fn exr_error(error: ::exr::error::Error) -> EncodeError {
-    EncodeError::Exr(error.to_string())
+    Ok(())
 }
 
 fn color_channels(color: &[[u8; 4]]) -> [AnyChannel<FlatSamples>; 4] {
@@ -243,7 +243,7 @@ fn own_value(value: &AttributeValue) -> Option<Attribute> {
 /// changes from run to run. The header's length stays, so the offsets behind it stay right.
 fn sort_attributes(file: &mut [u8]) -> Result<(), EncodeError> {
     const START: usize = 8; // magic number and version
-    let broken = || EncodeError::Exr("the encoder wrote a header that cannot be read".to_owned());
+    let broken = || EncodeError::ExrHeader;
     let mut attributes: Vec<Vec<u8>> = Vec::new();
     let mut rest = file.get(START..).ok_or_else(broken)?;
     while rest.first().ok_or_else(broken)? != &0 {

@@ -42,9 +42,18 @@ pub enum EncodeError {
         /// Values for this size.
         expected: usize,
     },
-    /// The OpenEXR encoder or decoder failed.
-    #[error("OpenEXR: {0}")]
-    Exr(String),
+    /// The OpenEXR encoder failed, or the file is damaged.
+    #[error("cannot encode or decode an OpenEXR file")]
+    Exr(#[source] ::exr::error::Error),
+    /// A file without depth.
+    #[error("the OpenEXR file has no channel Z, where view depth in mm is expected")]
+    NoDepthChannel,
+    /// A file that is larger than any frame, told before anything of its size is allocated.
+    #[error("the OpenEXR picture is {}x{}; allowed: 1 to 16384 pixels each way, 2 GiB in all", .0[0], .0[1])]
+    ExrSize([usize; 2]),
+    /// The OpenEXR encoder's header is not as the format has it.
+    #[error("the OpenEXR encoder wrote a header that cannot be read")]
+    ExrHeader,
     /// An attribute that OpenEXR cannot hold.
     #[error(
         "the OpenEXR attribute {0:?} is not allowed: names have 1 to 255 ASCII characters, texts are Latin-1"
@@ -64,7 +73,9 @@ pub fn encode_png(frame: &Frame) -> Result<Vec<u8>, EncodeError> {
         Pixels::Gray16(samples) => (bytemuck::cast_slice(samples), ExtendedColorType::L16),
     };
     let mut file = Vec::with_capacity(samples.len() / 4);
-    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+    // One filter for all lines: a third of the time of a search on each line, and the same size within 10 %. The
+    // filter looks along the line, because neighbouring lines of the interleaved layout are black.
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Sub)
         .write_image(samples, width, height, kind)
         .map_err(EncodeError::Png)?;
     Ok(file)

@@ -16,7 +16,7 @@ pub(super) fn pack(
         Layout::Rgbd => Frame::new([2 * width, height], Pixels::Rgb8(side_by_side(encoder, picture, limits))),
         Layout::Wowvx | Layout::WowvxFullHeight | Layout::Wowvx4k => {
             let mut samples = side_by_side(encoder, picture, limits);
-            encoder.header.write_into_line(&mut samples[..6 * width as usize]);
+            encoder.header.write_into_line(&mut samples[..3 * width as usize]);
             Frame::new(encoder.profile.frame_px(), Pixels::Rgb8(samples))
         }
     }
