@@ -1,22 +1,26 @@
 //! Compressed frames: fragments to frames, frames to samples.
 //!
 //! Fragments are told apart by their lengths, never by scanning for delimiters, which may occur inside of compressed
-//! data. Samples come from the decoders of dicom-rs, and for 12-bit DCT JPEG, which those lack, from `jpeg12`. A
+//! data. Samples come from the decoders of dicom-rs, and for 12-bit DCT JPEG, which those lack, from `jpeg_dct`. A
 //! codestream's own header is checked against the data set first, since decoders allocate what it says.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::io::{Seek, SeekFrom};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Once;
 
 use dicom_dictionary_std::tags;
 use dicom_encoding::adapters::{PixelDataObject, RawPixelData};
 use dicom_encoding::transfer_syntax::{Codec, TransferSyntaxIndex};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
+use super::codestream::{self, Coding, Header};
 use super::dataset::{self, Encoding};
 use super::error::Defect;
 use super::header::FileHeader;
+use super::jpeg_dct;
 use super::part10::Syntax;
 use super::pixels::PixelLayout;
 use super::source::Bytes;
@@ -139,24 +143,84 @@ fn starts_from_markers(bytes: &Bytes, fragments: &[Fragment], frames: usize) -> 
 /// # Errors
 /// When no decoder is there for the transfer syntax, or the decoder cannot make sense of the data.
 pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Result<Vec<u8>, Defect> {
+    let header = codestream::read(&data);
+    if let Some(header) = header {
+        header.check(layout)?;
+    } else if syntax.name().contains("JPEG") {
+        return Err(Defect::Codec { codec: syntax.name(), problem: "found no image header".to_owned() });
+    }
+    match header {
+        Some(header) if header.coding == Coding::JpegDct && header.precision > 8 => {
+            let samples =
+                jpeg_dct::decode(&data, layout.columns as usize, layout.rows as usize, header.precision);
+            let samples = samples.map_err(|problem| Defect::Codec { codec: syntax.name(), problem })?;
+            Ok(samples.into_iter().flat_map(u16::to_le_bytes).collect())
+        }
+        _ => decode_with_registry(data, syntax, layout, bits_per_sample(header, layout)),
+    }
+}
+
+/// The bits that a decoder delivers for each sample.
+fn bits_per_sample(header: Option<Header>, layout: &PixelLayout) -> u32 {
+    match header {
+        // Sixteen bits keep the sign of whatever precision the codestream has.
+        Some(Header { coding: Coding::Jpeg2000, .. }) => 16,
+        Some(header) => {
+            if header.precision == 8 {
+                8
+            } else {
+                16
+            }
+        }
+        None => layout.bits_allocated,
+    }
+}
+
+fn decode_with_registry(
+    data: Vec<u8>,
+    syntax: &Syntax,
+    layout: &PixelLayout,
+    bits_allocated: u32,
+) -> Result<Vec<u8>, Defect> {
     let cannot = |why| Defect::TransferSyntax { found: format!("{} ({})", syntax.uid, syntax.name()), why };
     let Some(entry) = TransferSyntaxRegistry.get(&syntax.uid) else {
-        return Err(cannot("is not a transfer syntax of DICOM"));
+        return Err(cannot("is not a transfer syntax that is known here"));
     };
     let Codec::EncapsulatedPixelData(Some(reader), _) = entry.codec() else {
         return Err(cannot("cannot be decoded by this build"));
     };
-    let codec = entry.name();
-    let problem = |problem: String| Defect::Codec { codec, problem };
-    let frame = Frame { data, uid: &syntax.uid, layout };
+    let problem = |problem: String| Defect::Codec { codec: syntax.name(), problem };
+    let frame = Frame { data, uid: &syntax.uid, layout, bits_allocated };
     let mut samples = Vec::new();
-    // Decoders index and unwrap on what damaged codestreams say. A panic there concerns this frame alone.
-    let decoded = catch_unwind(AssertUnwindSafe(|| reader.decode_frame(&frame, 0, &mut samples)));
-    match decoded {
-        Ok(Ok(())) => Ok(samples),
-        Ok(Err(error)) => Err(problem(with_causes(&error))),
-        Err(_) => Err(problem("the decoder gave up on damaged data".to_owned())),
+    match quietly(|| reader.decode_frame(&frame, 0, &mut samples)) {
+        Some(Ok(())) => Ok(samples),
+        Some(Err(error)) => Err(problem(with_causes(&error))),
+        None => Err(problem("the decoder gave up on damaged data".to_owned())),
     }
+}
+
+/// Calls a decoder; `None` when it panics.
+///
+/// Decoders index and unwrap on what damaged codestreams say, and a panic there concerns this frame alone. The hook
+/// keeps such a panic from being reported as a bug on stderr; all others are passed on.
+fn quietly<T>(decode: impl FnOnce() -> T) -> Option<T> {
+    thread_local! {
+        static DECODING: Cell<bool> = const { Cell::new(false) };
+    }
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let report = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if !DECODING.get() {
+                report(panic);
+            }
+        }));
+    });
+    DECODING.set(true);
+    // What a decoder leaves half done is the sample buffer, which is dropped.
+    let outcome = catch_unwind(AssertUnwindSafe(decode)).ok();
+    DECODING.set(false);
+    outcome
 }
 
 fn with_causes(error: &dyn std::error::Error) -> String {
@@ -169,6 +233,7 @@ struct Frame<'a> {
     data: Vec<u8>,
     uid: &'a str,
     layout: &'a PixelLayout,
+    bits_allocated: u32,
 }
 
 impl PixelDataObject for Frame<'_> {
@@ -189,7 +254,7 @@ impl PixelDataObject for Frame<'_> {
     }
 
     fn bits_allocated(&self) -> Option<u16> {
-        self.layout.bits_allocated.try_into().ok()
+        self.bits_allocated.try_into().ok()
     }
 
     fn bits_stored(&self) -> Option<u16> {

@@ -21,10 +21,12 @@
 //! What it is not: a DICOM toolkit. Objects other than CT images are listed as skipped.
 
 mod codec;
+mod codestream;
 mod dataset;
 mod discover;
 mod error;
 mod header;
+mod jpeg_dct;
 mod load;
 mod part10;
 mod pixels;

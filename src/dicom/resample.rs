@@ -15,6 +15,8 @@ use super::stack::Stack;
 /// The new grid may have this many times the voxels that were read. Missing slices at most double a stack, and a
 /// tilt of 45 degrees adds rows as long as the stack is high.
 const GROWTH_LIMIT: u64 = 8;
+/// Or this many, whatever was read: 128 MiB.
+const ALWAYS_ALLOWED: u64 = 1 << 26;
 /// Shifts this near to whole pixels and heights this near to slices are taken as such, so that copies stay exact.
 const SNAP: f64 = 1e-3;
 
@@ -93,7 +95,7 @@ fn shift_range(stack: &Stack, axis: usize) -> (f64, f64) {
 }
 
 fn check_growth(sizes: [f64; 3], given: u64) -> Result<(), Error> {
-    let limit = given.saturating_mul(GROWTH_LIMIT);
+    let limit = given.saturating_mul(GROWTH_LIMIT).max(ALWAYS_ALLOWED);
     let needed = sizes.iter().product::<f64>();
     if needed > limit as f64 {
         #[expect(
