@@ -1,11 +1,171 @@
-//! `relief bench` (to come).
+//! `relief bench`: how fast this machine renders a scene, against what its driver could do.
 
 use std::process::ExitCode;
+use std::time::Instant;
 
-/// (to come)
+use super::output::print_json;
+use super::render::open_renderer;
+use super::scene::SceneArguments;
+use super::source::SeriesArguments;
+use crate::render::{RenderRequest, Renderer};
+use crate::volume::Volume;
+
+/// Measure frame times and samples per second of a scene.
+///
+/// Each frame turns the camera about the up axis, so that nothing is reused; times include read-back. The share
+/// compares the samples taken per second with what the driver filters when it does nothing else.
 #[derive(Debug, clap::Args)]
-pub(super) struct Arguments {}
+#[command(after_help = "\
+Examples:
+  relief bench --series head --preset bone
+  relief bench --series chest --scene scene.json --frames 20 --json")]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    series: SeriesArguments,
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Frames that are measured, after one that is not
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    frames: u32,
+    /// Angle from frame to frame
+    #[arg(long, value_name = "DEG", default_value_t = 20.0, allow_negative_numbers = true)]
+    orbit_deg: f64,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
 
-pub(super) fn run(_arguments: Arguments) -> anyhow::Result<ExitCode> {
-    anyhow::bail!("not written yet")
+/// What was measured; the JSON form is documented in the README.
+#[derive(Debug, serde::Serialize)]
+struct Report {
+    adapter: String,
+    driver: String,
+    size_px: [u32; 2],
+    frames: u32,
+    median_ms: f64,
+    min_ms: f64,
+    samples_per_frame: u64,
+    samples_per_s: f64,
+    driver_samples_per_s: f64,
+    share: f64,
+    load_ms: f64,
+    upload_ms: f64,
+    first_frame_ms: f64,
+    peak_rss_mib: Option<f64>,
+}
+
+pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    let Arguments { series, scene, frames, orbit_deg, json } = arguments;
+    let scene_file = scene.read()?;
+    let start = Instant::now();
+    let loaded = series.load()?;
+    let load_ms = milliseconds(start);
+    let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
+    let report = measure(&loaded.volume, &scene.request, frames, orbit_deg.to_radians(), load_ms)?;
+    if json {
+        print_json(&report)?;
+    } else {
+        print(&report);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn measure(
+    volume: &Volume,
+    request: &RenderRequest,
+    frames: u32,
+    orbit: f64,
+    load_ms: f64,
+) -> anyhow::Result<Report> {
+    let mut renderer = open_renderer()?;
+    let start = Instant::now();
+    let first = renderer.render(volume, &turned(request, -orbit))?;
+    let first_frame_ms = milliseconds(start);
+    let mut times: Vec<f64> = (1..=frames)
+        .map(|i| frame_time(&mut renderer, volume, &turned(request, f64::from(i) * orbit)))
+        .collect::<anyhow::Result<_>>()?;
+    times.sort_by(f64::total_cmp);
+    let median_ms = times[times.len() / 2];
+    let samples_per_frame = mean_samples(&mut renderer, volume, request, frames, orbit)?;
+    let driver_samples_per_s = renderer.sampling_rate(volume)?;
+    let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
+    let adapter = renderer.gpu().description();
+    Ok(Report {
+        adapter: adapter.name.clone(),
+        driver: adapter.driver.clone(),
+        size_px: request.size_px,
+        frames,
+        median_ms,
+        min_ms: times[0],
+        samples_per_frame,
+        samples_per_s,
+        driver_samples_per_s,
+        share: samples_per_s / driver_samples_per_s,
+        load_ms,
+        upload_ms: first.timings.upload_ms,
+        first_frame_ms,
+        peak_rss_mib: peak_rss_mib(),
+    })
+}
+
+fn turned(request: &RenderRequest, angle: f64) -> RenderRequest {
+    RenderRequest { camera: request.camera.orbited(angle), ..request.clone() }
+}
+
+fn frame_time(renderer: &mut Renderer, volume: &Volume, request: &RenderRequest) -> anyhow::Result<f64> {
+    let start = Instant::now();
+    renderer.render(volume, request)?;
+    Ok(milliseconds(start))
+}
+
+/// Samples per frame over the same frames, counted apart so that counting costs no time.
+fn mean_samples(
+    renderer: &mut Renderer,
+    volume: &Volume,
+    request: &RenderRequest,
+    frames: u32,
+    orbit: f64,
+) -> anyhow::Result<u64> {
+    let mut total = 0;
+    for i in 1..=frames {
+        total += renderer.count_samples(volume, &turned(request, f64::from(i) * orbit))?;
+    }
+    Ok(total / u64::from(frames))
+}
+
+/// The most memory this process has held, where the system says.
+fn peak_rss_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib / 1024.0)
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}
+
+fn print(report: &Report) {
+    let Report { size_px: [width, height], frames, .. } = report;
+    println!("{} ({})", report.adapter, report.driver);
+    println!(
+        "{width}x{height}, {frames} frames: median {:.1} ms ({:.1} frames/s), fastest {:.1} ms",
+        report.median_ms,
+        1e3 / report.median_ms,
+        report.min_ms
+    );
+    println!(
+        "samples: {:.2} million per frame, {:.0} million/s, {:.0} % of the driver's {:.0} million/s",
+        report.samples_per_frame as f64 / 1e6,
+        report.samples_per_s / 1e6,
+        report.share * 100.0,
+        report.driver_samples_per_s / 1e6
+    );
+    println!(
+        "load {:.0} ms, upload {:.0} ms, first frame {:.0} ms, peak memory {}",
+        report.load_ms,
+        report.upload_ms,
+        report.first_frame_ms,
+        report.peak_rss_mib.map_or_else(|| "unknown".to_owned(), |mib| format!("{mib:.0} MiB"))
+    );
 }

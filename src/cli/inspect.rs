@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::dicom::{Loaded, SeriesEntry, Skipped, Warning};
 
-use super::{output, source};
+use super::{inspect_frame, output, source};
 
 /// Show what is in a CT series and what is wrong with it, or decode a frame's header
 #[derive(Debug, clap::Args)]
@@ -50,7 +50,7 @@ struct SeriesReport {
 #[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     if is_png(&arguments.path) {
-        return inspect_frame(&arguments.path, arguments.json);
+        return inspect_frame::run(&arguments.path, arguments.json);
     }
     let report = report(&arguments)?;
     if arguments.json {
@@ -63,10 +63,6 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn inspect_frame(path: &Path, _json: bool) -> anyhow::Result<ExitCode> {
-    anyhow::bail!("{} is a picture; its header cannot be decoded yet", path.display())
 }
 
 /// By its signature, since frames are often served and saved without extension.

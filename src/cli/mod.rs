@@ -8,6 +8,7 @@ mod bench;
 mod doctor;
 mod golden;
 mod inspect;
+mod inspect_frame;
 mod output;
 mod phantom;
 mod render;

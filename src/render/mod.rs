@@ -5,6 +5,7 @@
 //!
 //! Spaces: rays start in view space (mm) and sample in voxel indices. Depth is view depth in mm.
 
+mod calibrate;
 mod frame;
 mod pipelines;
 pub mod reference;

@@ -144,6 +144,16 @@ impl Renderer {
         Ok(total as u64)
     }
 
+    /// Trilinear samples per second that the driver takes of this volume when it does nothing else.
+    ///
+    /// # Errors
+    /// When the volume is too large for the adapter, or the adapter fails.
+    pub fn sampling_rate(&mut self, volume: &Volume) -> Result<f64, RenderError> {
+        self.upload_volume(volume)?;
+        let volume = self.volumes.last().expect("uploaded above");
+        Ok(super::calibrate::sampling_rate(&self.gpu, &volume.view, &self.sampler)?)
+    }
+
     /// Uploads what is missing and submits the rays; gives the start of the render and the upload's time in ms.
     fn cast(
         &mut self,
@@ -165,13 +175,7 @@ impl Renderer {
     /// Puts the volume and the appearance of a request last in their lists; says whether anything went up.
     fn upload(&mut self, volume: &Volume, request: &RenderRequest) -> Result<bool, RenderError> {
         let hash = volume.content_hash();
-        let had_volume = move_to_end(&mut self.volumes, |known| known.hash == hash);
-        if !had_volume {
-            if self.volumes.len() == KEPT_VOLUMES {
-                self.volumes.remove(0);
-            }
-            self.volumes.push(VolumeOnGpu::upload(&self.gpu, volume, self.format)?);
-        }
+        let had_volume = !self.upload_volume(volume)?;
         let had_appearance = move_to_end(&mut self.appearances, |known| known.fits(hash, request));
         if !had_appearance {
             if self.appearances.len() == KEPT_APPEARANCES {
@@ -181,6 +185,19 @@ impl Renderer {
             self.appearances.push(Appearance::upload(&self.gpu, volume, request)?);
         }
         Ok(!(had_volume && had_appearance))
+    }
+
+    /// Puts a volume last in its list; says whether it went up.
+    fn upload_volume(&mut self, volume: &Volume) -> Result<bool, RenderError> {
+        let hash = volume.content_hash();
+        if move_to_end(&mut self.volumes, |known| known.hash == hash) {
+            return Ok(false);
+        }
+        if self.volumes.len() == KEPT_VOLUMES {
+            self.volumes.remove(0);
+        }
+        self.volumes.push(VolumeOnGpu::upload(&self.gpu, volume, self.format)?);
+        Ok(true)
     }
 
     fn make_target(&mut self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
