@@ -5,6 +5,7 @@
 
 use std::path::Path;
 use std::process::Command;
+use std::sync::OnceLock;
 
 use dicom_dictionary_std::tags;
 use relief::dicom::write::{Existing, SeriesFolder, SeriesLabels, slice_file_name};
@@ -184,6 +185,177 @@ fn the_truth_survives_its_json() {
     assert_eq!(serde_json::from_str::<Truth>(&text).unwrap(), truth);
 }
 
+/// The head in its default size, made once for all tests that look at it.
+fn head() -> &'static Phantom {
+    static HEAD: OnceLock<Phantom> = OnceLock::new();
+    HEAD.get_or_init(|| Recipe::new(Kind::Head).make())
+}
+
+const HEAD_LANDMARKS: [&str; 20] = [
+    "vertex",
+    "pronasale",
+    "nasion",
+    "anterior nasal spine",
+    "tip of left upper central incisor",
+    "tip of left lower central incisor",
+    "pogonion",
+    "menton",
+    "left gonion",
+    "right gonion",
+    "left zygion",
+    "right zygion",
+    "left orbitale",
+    "right orbitale",
+    "left external auditory meatus",
+    "right external auditory meatus",
+    "inion",
+    "basion",
+    "opisthion",
+    "sella",
+];
+
+#[test]
+fn the_head_has_its_landmarks_in_a_stable_order_at_every_seed() {
+    for seed in [0, 1, 99] {
+        let recipe = Recipe::new(Kind::Head).with_size(32).unwrap().with_seed(seed);
+        let names: Vec<String> = recipe.make().truth.landmarks.into_iter().map(|l| l.name).collect();
+        assert_eq!(names, HEAD_LANDMARKS, "seed {seed}");
+    }
+}
+
+#[test]
+fn the_value_crosses_within_a_voxel_of_every_landmark() {
+    let Phantom { volume, truth } = head();
+    let voxel = truth.spacing_mm.into_iter().fold(0.0, f64::max);
+    for landmark in &truth.landmarks {
+        let at = |mm: f64| {
+            let p: [f64; 3] = std::array::from_fn(|a| landmark.position_mm[a] + mm * landmark.outward[a]);
+            sample_hu(volume, Point::new(p[0], p[1], p[2]))
+        };
+        let (inside, outside) = (at(-voxel), at(voxel));
+        let level = landmark.level_hu;
+        assert!(
+            inside > level && outside < level,
+            "{}: {inside} to {outside}, not over {level}",
+            landmark.name
+        );
+    }
+}
+
+#[test]
+fn the_head_is_oriented_left_posterior_superior_and_has_human_measures() {
+    let truth = &head().truth;
+    let at = |name: &str| truth.landmark(name).unwrap().position_mm;
+    for pair in ["gonion", "zygion", "orbitale", "external auditory meatus"] {
+        let [left, right] = ["left", "right"].map(|side| at(&format!("{side} {pair}")));
+        assert!(left[0] > 20.0 && right[0] < -20.0, "{pair}: left at {left:?}, right at {right:?}");
+        assert!((left[0] + right[0]).abs() < 2.0 && (left[1] - right[1]).abs() < 2.0, "{pair}");
+    }
+    assert!(at("pronasale")[1] < at("nasion")[1] && at("nasion")[1] < -80.0, "the nose points to -y");
+    assert!(at("inion")[1] > 80.0 && at("vertex")[2] > 120.0 && at("menton")[2] < -80.0);
+    // Adult males of Gordon et al., ANSUR 1988, 1st to 99th percentile or wider: face height and breadth, mm.
+    let distance =
+        |a: &str, b: &str| Point::<Patient>::from_xyz(at(a).into()).distance(Point::from_xyz(at(b).into()));
+    assert!((105.0..140.0).contains(&distance("nasion", "menton")), "face height");
+    assert!((125.0..155.0).contains(&distance("left zygion", "right zygion")), "face breadth");
+    assert!((85.0..125.0).contains(&distance("left gonion", "right gonion")), "jaw breadth");
+}
+
+#[test]
+fn the_one_filling_is_in_a_left_lower_molar() {
+    let Phantom { volume, truth } = head();
+    let limit = (0.5 * (truth.material_hu("enamel").unwrap() + truth.material_hu("amalgam").unwrap())) as i16;
+    let [nx, ny, _] = volume.grid().dims();
+    let bright = volume.voxels_hu().iter().enumerate().filter(|&(_, &hu)| hu > limit);
+    let places: Vec<[f64; 3]> = bright
+        .map(|(n, _)| [n % nx, n / nx % ny, n / nx / ny].map(|v| v as f64))
+        .map(|[i, j, k]| (volume.grid().patient_from_voxel() * Point::new(i, j, k)).xyz.to_array())
+        .collect();
+    assert!(places.len() > 10, "{} voxels of amalgam", places.len());
+    for [x, y, z] in places {
+        assert!((18.0..32.0).contains(&x) && (-75.0..-45.0).contains(&y) && (-48.0..-38.0).contains(&z));
+    }
+}
+
+#[test]
+fn eyeballs_are_spheres_of_the_told_place_and_size() {
+    let Phantom { volume, truth } = head();
+    for name in ["left eyeball", "right eyeball"] {
+        let surface = truth.surfaces.iter().find(|surface| surface.name == name).unwrap();
+        let SurfaceShape::Sphere { center_mm: [x, y, z], radius_mm } = surface.shape else {
+            panic!("{name}")
+        };
+        let vitreous = truth.material_hu("vitreous body").unwrap();
+        let center = sample_hu(volume, Point::new(x, y, z));
+        assert!((center - vitreous).abs() < 30.0, "{name}: {center} HU in the middle");
+        // Behind and between the muscles there is fat: the mean over four such directions crosses at the radius.
+        let mean = |r: f64| {
+            let c = r * (1.0f64 / 3.0).sqrt();
+            let corners = [(c, c), (c, -c), (-c, c), (-c, -c)];
+            corners.iter().map(|(a, b)| sample_hu(volume, Point::new(x + a, y + c, z + b))).sum::<f64>() / 4.0
+        };
+        assert!(mean(radius_mm - 0.8) > 0.0, "{name}: {} HU inside", mean(radius_mm - 0.8));
+        assert!(mean(radius_mm + 2.0) < -60.0, "{name}: {} HU outside", mean(radius_mm + 2.0));
+    }
+}
+
+#[test]
+fn the_brain_has_the_values_of_its_tissues_and_the_noise_its_deviation() {
+    let Phantom { volume, truth } = head();
+    let around = |x: f64, y: f64, z: f64, half: i32| {
+        let offsets = -half..=half;
+        let mut values = Vec::new();
+        for (a, b, c) in offsets
+            .clone()
+            .flat_map(|a| offsets.clone().flat_map(move |b| (-half..=half).map(move |c| (a, b, c))))
+        {
+            let at = volume.grid().voxel_from_patient() * Point::new(x, y, z);
+            let index = [at.xyz.x, at.xyz.y, at.xyz.z].map(|v| v.round() as i32);
+            values.push(f64::from(volume.hu([index[0] + a, index[1] + b, index[2] + c].map(|v| v as usize))));
+        }
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+        (mean, variance.sqrt())
+    };
+    let (ventricle, _) = around(9.5, -19.0, 57.0, 2);
+    let fluid = truth.material_hu("cerebrospinal fluid").unwrap();
+    let (midbrain, sigma) = around(0.0, 8.0, 8.0, 4);
+    assert!((ventricle - fluid).abs() < 12.0, "{ventricle} HU in the left frontal horn");
+    assert!(midbrain > fluid + 15.0, "{midbrain} HU in the pons");
+    let ratio = sigma / truth.noise_sigma_hu;
+    assert!((0.85..1.15).contains(&ratio), "noise of {sigma} HU, told {}", truth.noise_sigma_hu);
+}
+
+#[test]
+fn equal_recipes_make_equal_heads_on_any_number_of_threads_and_other_seeds_others() {
+    let recipe = Recipe::new(Kind::Head).with_size(64).unwrap();
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let many = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
+    let (first, second) = (alone.install(|| recipe.make()), many.install(|| recipe.make()));
+    assert_eq!(first.volume.grid().dims(), [64, 64, 55]);
+    assert_eq!(first.volume.content_hash(), second.volume.content_hash());
+    assert_eq!(first.truth, second.truth);
+    let other = recipe.with_seed(1).make();
+    assert_ne!(first.volume.content_hash(), other.volume.content_hash());
+    assert_ne!(first.truth.stack_sha256, other.truth.stack_sha256);
+}
+
+#[test]
+fn a_finer_head_is_the_same_head() {
+    let (coarse, fine) = (Phantom::head(48).unwrap(), Phantom::head(96).unwrap());
+    let means = fine.volume.downsampled(2);
+    assert_eq!(means.grid().dims()[..2], coarse.volume.grid().dims()[..2]);
+    for (a, b) in coarse.truth.landmarks.iter().zip(&fine.truth.landmarks) {
+        assert_eq!(a, b);
+    }
+    let total = |volume: &Volume| {
+        let sum: f64 = volume.voxels_hu().iter().map(|&hu| f64::from(hu) - AIR_HU).sum();
+        sum * volume.grid().spacing_mm().iter().product::<f64>()
+    };
+    let ratio = total(&coarse.volume) / total(&fine.volume);
+    assert!((ratio - 1.0).abs() < 0.01, "mass changes by {ratio} with the size");
+}
+
 fn labels() -> SeriesLabels {
     SeriesLabels {
         patient_name: "PHANTOM^TEST".to_owned(),
@@ -195,9 +367,9 @@ fn labels() -> SeriesLabels {
 }
 
 fn write(volume: &Volume, place: &Path, existing: Existing) {
-    let folder = SeriesFolder::create(place, existing).unwrap();
-    folder.write_slices(volume, &labels(), &|_| {}).unwrap();
-    folder.finish().unwrap();
+    let folder = SeriesFolder::create(place, existing).expect("the place is free");
+    folder.write_slices(volume, &labels(), &|_| {}).expect("the volume is a small one");
+    folder.finish().expect("nothing came in between");
 }
 
 #[test]

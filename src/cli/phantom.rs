@@ -84,9 +84,9 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         seconds: started.elapsed().as_secs_f64(),
     };
     if json {
-        output::print_json(&report)?
+        output::print_json(&report)?;
     } else {
-        print_text(&report)
+        print_text(&report);
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -13,6 +13,9 @@
 //!
 //! Space: patient LPS, mm. Values: HU.
 
+mod head;
+mod noise;
+mod sdf;
 mod solids;
 mod truth;
 
@@ -153,7 +156,7 @@ impl Recipe {
             Kind::Slab => solids::slab(&placement, report),
             Kind::Ramp => solids::ramp(&placement, report),
             Kind::Axes => solids::axes(&placement, report),
-            Kind::Head => solids::sphere(&placement, report), // the head follows
+            Kind::Head => head::head(&placement, self.seed, report),
         };
         self.assemble(&placement, voxels, facts)
     }
@@ -188,7 +191,7 @@ impl Recipe {
             Kind::Sphere | Kind::Slab => Placement::centered([n; 3], [256.0; 3], [0.0; 3]),
             Kind::Ramp => Placement::centered([n; 3], [n as f64; 3], [0.0; 3]),
             Kind::Axes => Placement::centered([n; 3], [128.0; 3], [0.0; 3]),
-            Kind::Head => Placement::centered([n; 3], [256.0; 3], [0.0; 3]),
+            Kind::Head => head::placement(n),
         }
     }
 }

@@ -1,0 +1,127 @@
+//! The head: anatomy by signed distance fields, tissue by tissue, with the truth about it.
+//!
+//! It is a model of no person: proportions are an adult's, courses a textbook's, folds and grain a seed's. What it is
+//! not: a dose phantom, an atlas, or fit to train a diagnosis on.
+//!
+//! Model space is patient space: LPS mm, origin midway between the ear canals, the Frankfort plane (ear canal to
+//! lower orbital rim) at z = 0. Tissues are painted over each other from the skin inwards; at an edge, a voxel takes
+//! the share of each side that its distance tells, so partial volume looks as a CT's does.
+
+mod brain;
+mod cavities;
+mod face;
+mod jaw;
+mod landmarks;
+mod skull;
+mod soft;
+mod teeth;
+mod tissue;
+mod vessels;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::noise::grain;
+use super::sdf::{Box3, smooth_step};
+use super::{Facts, Placement};
+use tissue::Anatomy;
+
+/// Width, depth and height of the volume, mm.
+const EXTENT_MM: [f64; 3] = [240.0, 240.0, 264.0];
+/// The middle of the volume.
+const CENTER_MM: [f64; 3] = [0.0, -12.0, 5.0];
+/// Slices for 256 voxels across.
+const SLICES: usize = 220;
+/// Standard deviation of the grain, HU.
+const NOISE_SIGMA_HU: f32 = 9.0;
+/// Voxels along each side of a block that is culled and painted together.
+const BLOCK: usize = 8;
+/// What a CT can store.
+const RANGE_HU: (f32, f32) = (-1024.0, 3071.0);
+
+/// Where a head of `size` voxels across lies.
+pub(super) fn placement(size: usize) -> Placement {
+    let slices = (size * SLICES + 128) / 256;
+    Placement::centered([size, size, slices], EXTENT_MM, CENTER_MM)
+}
+
+/// How sharp the edges between tissues are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edge {
+    half_width_mm: f32,
+}
+
+impl Edge {
+    /// Edges as wide as a voxel and the blur of a scanner make them.
+    fn of_voxels(spacing_mm: [f64; 3]) -> Self {
+        let voxel = spacing_mm.iter().product::<f64>().cbrt() as f32;
+        Self { half_width_mm: 0.7 * (voxel * voxel + 0.35).sqrt() }
+    }
+
+    /// Share of a voxel that lies inside a surface at this signed distance, 0..1.
+    fn cover(self, distance: f32) -> f32 {
+        smooth_step(self.half_width_mm, -self.half_width_mm, distance)
+    }
+
+    /// `hu` with a tissue of value `over` painted over it.
+    fn paint(self, hu: f32, over: f32, distance: f32) -> f32 {
+        hu + (over - hu) * self.cover(distance)
+    }
+}
+
+/// Voxels of the head and what is known about it.
+pub(super) fn head(placement: &Placement, seed: u64, report: &(dyn Fn(usize) + Sync)) -> (Vec<i16>, Facts) {
+    let anatomy = Anatomy::new(seed);
+    let [nx, ny, nz] = placement.dims;
+    let mut voxels = vec![0i16; nx * ny * nz];
+    voxels.par_chunks_mut(nx * ny * BLOCK).enumerate().for_each(|(n, slab)| {
+        paint_slab(&anatomy, placement, n * BLOCK, slab, seed);
+        report(slab.len() / (nx * ny));
+    });
+    let facts = Facts {
+        noise_sigma_hu: f64::from(NOISE_SIGMA_HU),
+        gradient_hu_per_mm: None,
+        materials: landmarks::materials(),
+        surfaces: landmarks::surfaces(),
+        landmarks: landmarks::landmarks(&anatomy),
+    };
+    (voxels, facts)
+}
+
+/// Paints up to [`BLOCK`] slices from slice `first` on.
+fn paint_slab(anatomy: &Anatomy, placement: &Placement, first: usize, slab: &mut [i16], seed: u64) {
+    let [nx, ny, _] = placement.dims;
+    let depth = slab.len() / (nx * ny);
+    let edge = Edge::of_voxels(placement.spacing_mm);
+    let mut hu = vec![tissue::AIR_HU; slab.len()];
+    for y0 in (0..ny).step_by(BLOCK) {
+        for x0 in (0..nx).step_by(BLOCK) {
+            let (x1, y1) = ((x0 + BLOCK).min(nx), (y0 + BLOCK).min(ny));
+            let low = center_of(placement, [x0, y0, first]);
+            let high = center_of(placement, [x1 - 1, y1 - 1, first + depth - 1]);
+            let Some(local) = anatomy.near(&Box3 { min: low, max: high }) else { continue };
+            for k in 0..depth {
+                for j in y0..y1 {
+                    for i in x0..x1 {
+                        let p = center_of(placement, [i, j, first + k]);
+                        hu[(k * ny + j) * nx + i] = local.hu(p, edge);
+                    }
+                }
+            }
+        }
+    }
+    for (k, (clean, noisy)) in hu.chunks(nx * ny).zip(slab.chunks_mut(nx * ny)).enumerate() {
+        let grain = grain(nx, ny, first + k, seed ^ 0x67_7261);
+        for ((out, clean), grain) in noisy.iter_mut().zip(clean).zip(grain) {
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the range of CT first")]
+            let value = (clean + NOISE_SIGMA_HU * grain).clamp(RANGE_HU.0, RANGE_HU.1).round() as i16;
+            *out = value;
+        }
+    }
+}
+
+fn center_of(placement: &Placement, index: [usize; 3]) -> Vec3 {
+    #[expect(clippy::cast_possible_truncation, reason = "positions in the head need no more than f32")]
+    let at = [0, 1, 2].map(|axis| placement.coordinate(axis, index[axis]) as f32);
+    at.into()
+}
