@@ -1,0 +1,406 @@
+//! Keeps the rules of the house that no compiler and no linter keeps.
+//!
+//! Every file says at its head what it is; files and functions stay short; no mark of unfinished work, path of one
+//! machine or address of a registry is left; scripts are runnable; shaders parse; the README knows every subcommand;
+//! every invariant of ARCHITECTURE.md names a test that exists. Each rule is a function from files to complaints, and is
+//! itself tried on files that break it.
+
+use std::path::{Path, PathBuf};
+
+const MAX_FILE_LINES: usize = 500;
+const MAX_FUNCTION_LINES: usize = 70;
+
+/// Folders that are read, besides the files at the root.
+const FOLDERS: &[&str] = &["src", "tests", "shaders", "scripts", "golden", ".ci"];
+
+/// A text file: its path from the package's root and its content.
+struct File {
+    path: String,
+    text: String,
+    executable: bool,
+}
+
+type Rule = fn(&[File]) -> Vec<String>;
+
+macro_rules! rules {
+    ($($name:ident),* $(,)?) => {$(
+        #[test]
+        fn $name() {
+            let found = rule::$name(&project());
+            assert!(found.is_empty(), "{} complaints:\n{}", found.len(), found.join("\n"));
+        }
+    )*};
+}
+
+rules! {
+    files_say_what_they_are,
+    files_and_functions_are_short,
+    nothing_unfinished_is_left,
+    no_machine_is_named,
+    scripts_are_runnable,
+    shaders_parse,
+    root_documents_are_there,
+    readme_knows_every_subcommand,
+    invariants_name_tests,
+}
+
+#[test]
+fn rules_about_files_find_what_breaks_them() {
+    let long_file = "//! Long.\n".to_owned() + &"\n".repeat(MAX_FILE_LINES);
+    let long_function = format!("//! Long.\nfn f() {{\n{}}}\n", "    g();\n".repeat(MAX_FUNCTION_LINES));
+    let unfinished = format!("//! Head.\n// {}: finish\n", concat!("TO", "DO"));
+    let machine = format!("//! Head.\nconst A: &str = \"{}x\";\n", concat!("/ho", "me/"));
+
+    breaks(rule::files_say_what_they_are, &[("src/a.rs", "use b;")]);
+    breaks(rule::files_say_what_they_are, &[("shaders/a.wgsl", "fn f() {}")]);
+    keeps(rule::files_say_what_they_are, &[("src/a.rs", "//! Says."), ("shaders/a.wgsl", "// Says.")]);
+    breaks(rule::files_and_functions_are_short, &[("src/a.rs", &long_file)]);
+    breaks(rule::files_and_functions_are_short, &[("src/a.rs", &long_function)]);
+    keeps(rule::files_and_functions_are_short, &[("src/a.rs", "//! A.\nfn f() {\n}")]);
+    breaks(rule::nothing_unfinished_is_left, &[("src/a.rs", &unfinished)]);
+    keeps(rule::nothing_unfinished_is_left, &[("scripts/a", "mktemp XXXXXX")]);
+    breaks(rule::no_machine_is_named, &[("src/a.rs", &machine)]);
+    breaks(rule::no_machine_is_named, &[("scripts/a", "curl https://example.org\n")]);
+    keeps(rule::no_machine_is_named, &[("src/a.rs", "//! https://example.org/home/x, ../home/x")]);
+    breaks(rule::scripts_are_runnable, &[("scripts/a", "#!/bin/sh\ntrue\n")]);
+    breaks(rule::scripts_are_runnable, &[("scripts/not-executable", "#!/bin/sh\n# A.\n")]);
+    breaks(rule::scripts_are_runnable, &[("scripts/a", "# Names no interpreter.\n")]);
+    keeps(
+        rule::scripts_are_runnable,
+        &[("scripts/a", "#!/bin/sh\n# A.\n"), ("scripts/a.sh", "# Sourced.\n")],
+    );
+    breaks(rule::shaders_parse, &[("shaders/a.wgsl", "fn f( {}")]);
+    breaks(rule::shaders_parse, &[("src/a.rs", "//! No shader at all.")]);
+    keeps(rule::shaders_parse, &[("shaders/a.wgsl", "fn f() { g(); }"), ("shaders/lib/b.wgsl", "fn g() {}")]);
+}
+
+#[test]
+fn rules_about_documents_find_what_breaks_them() {
+    let cli = (
+        "src/cli/mod.rs",
+        "enum Command {\n    /// Docs.\n    Phantom(phantom::Arguments),\n    GoldenCheck,\n}\n",
+    );
+    let map =
+        ("ARCHITECTURE.md", "# Map\n## Invariants\n- Imports go down only.\n  Kept by: `tests/a.rs::down`\n");
+    let lint = ("ARCHITECTURE.md", "## Invariants\n- No unsafe. Kept by: `Cargo.toml::unsafe_code`\n");
+    let types = ("ARCHITECTURE.md", "## Invariants\n- No mixing. Kept by: `src/space.rs::compile_fail`\n");
+    let unkept =
+        ("ARCHITECTURE.md", "## Invariants\n- One.\n- No unsafe. Kept by: `Cargo.toml::unsafe_code`\n");
+
+    breaks(rule::root_documents_are_there, &[("README.md", "x")]);
+    keeps(rule::root_documents_are_there, &ROOT_DOCUMENTS.map(|name| (name, "x")));
+    breaks(rule::readme_knows_every_subcommand, &[("README.md", "relief phantom"), cli]);
+    breaks(rule::readme_knows_every_subcommand, &[("README.md", "relief phantom"), ("src/cli/mod.rs", "")]);
+    keeps(
+        rule::readme_knows_every_subcommand,
+        &[("README.md", "`relief phantom`, relief golden-check"), cli],
+    );
+    breaks(rule::invariants_name_tests, &[("ARCHITECTURE.md", "# Map\n")]);
+    breaks(rule::invariants_name_tests, &[map]);
+    breaks(rule::invariants_name_tests, &[map, ("tests/a.rs", "fn down() {}")]);
+    breaks(rule::invariants_name_tests, &[unkept, ("Cargo.toml", "unsafe_code = \"forbid\"")]);
+    keeps(rule::invariants_name_tests, &[map, ("tests/a.rs", "#[test]\nfn down() {}")]);
+    keeps(rule::invariants_name_tests, &[map, ("tests/a.rs", "rules! {\n    down,\n}")]);
+    keeps(rule::invariants_name_tests, &[lint, ("Cargo.toml", "unsafe_code = \"forbid\"")]);
+    keeps(rule::invariants_name_tests, &[types, ("src/space.rs", "//! ```compile_fail\n")]);
+}
+
+/// The rule finds something in these made-up files.
+fn breaks(rule: Rule, files: &[(&str, &str)]) {
+    assert!(!rule(&made_up(files)).is_empty(), "nothing was found in {files:?}");
+}
+
+/// The rule finds nothing in these made-up files.
+fn keeps(rule: Rule, files: &[(&str, &str)]) {
+    assert_eq!(rule(&made_up(files)), Vec::<String>::new(), "{files:?}");
+}
+
+const ROOT_DOCUMENTS: [&str; 5] =
+    ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"];
+
+mod rule {
+    use super::{File, MAX_FILE_LINES, MAX_FUNCTION_LINES, ROOT_DOCUMENTS, extension, find, holds_word};
+
+    pub(super) fn files_say_what_they_are(files: &[File]) -> Vec<String> {
+        let heads = [("rs", "//! "), ("wgsl", "// ")];
+        let mut found = Vec::new();
+        for (kind, head) in heads {
+            for file in
+                files.iter().filter(|file| extension(&file.path) == kind && !file.text.starts_with(head))
+            {
+                found.push(format!(
+                    "{} does not begin with a comment ({head}) that says what it is",
+                    file.path
+                ));
+            }
+        }
+        found
+    }
+
+    pub(super) fn files_and_functions_are_short(files: &[File]) -> Vec<String> {
+        let mut found = Vec::new();
+        for file in files.iter().filter(|file| matches!(extension(&file.path), "rs" | "wgsl")) {
+            let lines = file.text.lines().count();
+            if lines >= MAX_FILE_LINES {
+                found.push(format!("{} has {lines} lines; the most is {}", file.path, MAX_FILE_LINES - 1));
+            }
+            for (at, length) in
+                functions(&file.text).into_iter().filter(|(_, length)| *length > MAX_FUNCTION_LINES)
+            {
+                found.push(format!(
+                    "{}:{at}: a function of {length} lines; the most is {MAX_FUNCTION_LINES}",
+                    file.path
+                ));
+            }
+        }
+        found
+    }
+
+    /// Line and length of each function. The formatter puts its closing brace under its beginning.
+    fn functions(text: &str) -> Vec<(usize, usize)> {
+        let lines: Vec<_> = text.lines().collect();
+        let mut functions = Vec::new();
+        for (start, line) in lines.iter().enumerate() {
+            let code = line.trim_start();
+            let is_function = code.split(['(', '<']).next().is_some_and(|head| holds_word(head, "fn"));
+            if !is_function || code.starts_with("//") || code.ends_with([';', '}']) {
+                continue;
+            }
+            let close = format!("{}}}", &line[..line.len() - code.len()]);
+            if let Some(length) = lines[start..].iter().position(|line| *line == close) {
+                functions.push((start + 1, length + 1));
+            }
+        }
+        functions
+    }
+
+    pub(super) fn nothing_unfinished_is_left(files: &[File]) -> Vec<String> {
+        // Put together here, so that this file does not find itself.
+        let marks = [
+            concat!("TO", "DO"),
+            concat!("FIX", "ME"),
+            concat!("XX", "X"),
+            concat!("HA", "CK"),
+            concat!("(to ", "come)"),
+        ];
+        complaints(files, |_, line| marks.into_iter().find(|mark| holds_word(line, mark)).map(str::to_owned))
+    }
+
+    pub(super) fn no_machine_is_named(files: &[File]) -> Vec<String> {
+        let roots =
+            [concat!("/ho", "me/"), concat!("/ro", "ot/"), concat!("/wo", "rk/"), concat!("/Us", "ers/")];
+        complaints(files, |file, line| {
+            let path = roots.into_iter().find(|root| {
+                let outside = |c: char| !(c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '}'));
+                line.match_indices(root).any(|(at, _)| line[..at].chars().next_back().is_none_or(outside))
+            });
+            // Where packages come from is the machine's configuration, not the project's.
+            let host = (file.path.starts_with("scripts/") || file.path.starts_with(".ci/")).then_some("://");
+            path.or(host.filter(|host| line.contains(host))).map(str::to_owned)
+        })
+    }
+
+    pub(super) fn scripts_are_runnable(files: &[File]) -> Vec<String> {
+        let mut found = Vec::new();
+        for file in
+            files.iter().filter(|file| file.path.starts_with("scripts/") || file.path.starts_with(".ci/"))
+        {
+            let is_run = extension(&file.path).is_empty();
+            let mut lines = file.text.lines();
+            if is_run && !(file.executable && lines.next().is_some_and(|line| line.starts_with("#!"))) {
+                found.push(format!("{} is not executable or names no interpreter", file.path));
+            }
+            if !lines.next().is_some_and(|line| line.starts_with("# ")) {
+                found.push(format!("{} does not begin with a comment that says what it does", file.path));
+            }
+        }
+        found
+    }
+
+    /// Each stage parses together with all of `shaders/lib`; declarations may come in any order.
+    pub(super) fn shaders_parse(files: &[File]) -> Vec<String> {
+        let shaders = files.iter().filter(|file| extension(&file.path) == "wgsl");
+        let (library, stages): (Vec<_>, Vec<_>) =
+            shaders.partition(|file| file.path.starts_with("shaders/lib/"));
+        if stages.is_empty() {
+            return vec!["there are no shaders".to_owned()];
+        }
+        let library: String = library.iter().map(|file| file.text.as_str()).collect();
+        let mut found = Vec::new();
+        for stage in stages {
+            let source = format!("{}\n{library}", stage.text);
+            if let Err(error) = naga::front::wgsl::parse_str(&source) {
+                found.push(error.emit_to_string_with_path(&source, &stage.path));
+            }
+        }
+        found
+    }
+
+    pub(super) fn root_documents_are_there(files: &[File]) -> Vec<String> {
+        let missing =
+            ROOT_DOCUMENTS.iter().filter(|name| find(files, name).is_none_or(|text| text.is_empty()));
+        missing.map(|name| format!("{name} is not there")).collect()
+    }
+
+    pub(super) fn readme_knows_every_subcommand(files: &[File]) -> Vec<String> {
+        let (Some(readme), Some(cli)) = (find(files, "README.md"), find(files, "src/cli/mod.rs")) else {
+            return vec!["README.md or src/cli/mod.rs is not there".to_owned()];
+        };
+        let commands = subcommands(cli);
+        if commands.is_empty() {
+            return vec!["src/cli/mod.rs: no subcommand in `enum Command`".to_owned()];
+        }
+        let missing = commands.iter().filter(|command| !holds_word(readme, &format!("relief {command}")));
+        missing.map(|command| format!("README.md does not mention `relief {command}`")).collect()
+    }
+
+    /// The variants of `enum Command` as the command line spells them: `GoldenCheck` is `golden-check`.
+    fn subcommands(cli: &str) -> Vec<String> {
+        let variants = cli.lines().skip_while(|line| !line.contains("enum Command {")).skip(1);
+        let variants = variants.take_while(|line| *line != "}").map(str::trim);
+        let names = variants.filter(|line| line.starts_with(char::is_uppercase));
+        names.map(|line| kebab(line.split(|c: char| !c.is_alphanumeric()).next().unwrap_or(line))).collect()
+    }
+
+    fn kebab(name: &str) -> String {
+        let mut kebab = String::new();
+        for c in name.chars() {
+            if c.is_uppercase() && !kebab.is_empty() {
+                kebab.push('-');
+            }
+            kebab.extend(c.to_lowercase());
+        }
+        kebab
+    }
+
+    /// Every item of the list under "Invariants" says ``Kept by: `file::name` ``, and that is a test, a documentation
+    /// test of that kind, or a key of a configuration file.
+    pub(super) fn invariants_name_tests(files: &[File]) -> Vec<String> {
+        let Some(map) = find(files, "ARCHITECTURE.md") else {
+            return vec!["ARCHITECTURE.md is not there".to_owned()];
+        };
+        let invariants = invariants(map);
+        if invariants.is_empty() {
+            return vec!["ARCHITECTURE.md lists nothing under a heading with \"Invariants\"".to_owned()];
+        }
+        let mut found = Vec::new();
+        for invariant in invariants {
+            let keepers = invariant.split_once("Kept by:").map(|(_, keepers)| keepers).unwrap_or_default();
+            let keepers: Vec<_> = keepers.split('`').skip(1).step_by(2).collect();
+            if keepers.is_empty() {
+                found.push(format!("ARCHITECTURE.md: nothing keeps: {invariant}"));
+            }
+            let missing = keepers.into_iter().filter(|keeper| !keeper_exists(files, keeper));
+            found.extend(missing.map(|keeper| format!("ARCHITECTURE.md: there is no test {keeper}")));
+        }
+        found
+    }
+
+    /// The items of the list, each on one line.
+    fn invariants(map: &str) -> Vec<String> {
+        let section =
+            map.lines().skip_while(|line| !(line.starts_with('#') && line.contains("Invariants"))).skip(1);
+        let mut items: Vec<String> = Vec::new();
+        for line in section.take_while(|line| !line.starts_with('#')) {
+            if line.starts_with("- ") || line.starts_with(|c: char| c.is_ascii_digit()) {
+                items.push(line.to_owned());
+            } else if let Some(item) = items.last_mut().filter(|_| line.starts_with(' ')) {
+                item.push(' ');
+                item.push_str(line.trim());
+            }
+        }
+        items
+    }
+
+    fn keeper_exists(files: &[File], keeper: &str) -> bool {
+        let Some((path, name)) = keeper.split_once("::") else { return false };
+        let Some(text) = find(files, path) else { return false };
+        let name = name.rsplit("::").next().unwrap_or(name);
+        if extension(path) == "toml" {
+            return text.lines().any(|line| line.split(['=', ' ']).next() == Some(name));
+        }
+        let lines: Vec<_> = text.lines().map(str::trim).collect();
+        let is_test = |at: usize| {
+            let above =
+                lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
+            above.into_iter().any(|line| line.starts_with("#[") && line.contains("test"))
+        };
+        let declares = |line: &str| {
+            line.split(['(', '<']).next().is_some_and(|head| head.ends_with(&format!("fn {name}")))
+        };
+        lines.iter().enumerate().any(|(at, line)| declares(line) && is_test(at))
+            || lines.iter().any(|line| line.ends_with(&format!("```{name}")))
+            || lines.contains(&format!("{name},").as_str()) // in a list from which a macro makes tests
+    }
+
+    fn complaints(files: &[File], complaint: impl Fn(&File, &str) -> Option<String>) -> Vec<String> {
+        let mut found = Vec::new();
+        for file in files {
+            let lines = file.text.lines().enumerate();
+            let lines = lines.filter_map(|(at, line)| Some((at + 1, complaint(file, line)?)));
+            found.extend(lines.map(|(at, what)| format!("{}:{at}: {what}", file.path)));
+        }
+        found
+    }
+}
+
+/// The project's text files. Pictures and other binary files are left out.
+fn project() -> Vec<File> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut paths: Vec<PathBuf> = Vec::new();
+    for entry in std::fs::read_dir(root).expect("the root can be read").flatten() {
+        let is_project_file = entry.path().is_file() && entry.file_name() != ".git"; // a file in a second worktree
+        paths.extend(is_project_file.then(|| entry.path()));
+    }
+    for folder in FOLDERS.iter().map(|folder| root.join(folder)).filter(|folder| folder.exists()) {
+        let files = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().flatten();
+        paths.extend(files.filter(|entry| entry.file_type().is_file()).map(walkdir::DirEntry::into_path));
+    }
+    let files: Vec<_> = paths.iter().filter_map(|path| read(root, path)).collect();
+    assert!(files.len() > 20, "only {} files were found: the rules would check nothing", files.len());
+    files
+}
+
+fn read(root: &Path, path: &Path) -> Option<File> {
+    let text = String::from_utf8(std::fs::read(path).expect("files can be read")).ok()?;
+    let inner = path.strip_prefix(root).expect("walked from the root");
+    Some(File { path: inner.to_string_lossy().replace('\\', "/"), text, executable: is_executable(path) })
+}
+
+#[cfg(unix)]
+fn is_executable(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::metadata(path).is_ok_and(|metadata| metadata.permissions().mode() & 0o111 != 0)
+}
+
+#[cfg(not(unix))]
+fn is_executable(_path: &Path) -> bool {
+    true // not a property of files here
+}
+
+fn made_up(files: &[(&str, &str)]) -> Vec<File> {
+    let file = |(path, text): &(&str, &str)| File {
+        path: (*path).to_owned(),
+        text: (*text).to_owned(),
+        executable: !path.contains("not-executable"),
+    };
+    files.iter().map(file).collect()
+}
+
+fn find<'a>(files: &'a [File], path: &str) -> Option<&'a str> {
+    files.iter().find(|file| file.path == path).map(|file| file.text.as_str())
+}
+
+fn extension(path: &str) -> &str {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.rsplit_once('.').map_or("", |(_, extension)| extension)
+}
+
+/// Whether `word` stands in `text` with no letter, digit or underscore on either side.
+fn holds_word(text: &str, word: &str) -> bool {
+    let inside = |c: char| c.is_alphanumeric() || c == '_';
+    text.match_indices(word).any(|(at, _)| {
+        let (before, after) = (&text[..at], &text[at + word.len()..]);
+        !before.ends_with(inside) && !after.starts_with(inside)
+    })
+}
