@@ -1,11 +1,203 @@
-//! `relief serve` (to come).
+//! `relief serve`: an HTTP server and its web page, until it is told to stop.
+//!
+//! The address is printed as soon as it answers; series load behind it, and `/readyz` says when frames can be had.
 
+use std::net::{IpAddr, SocketAddr};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
 
-/// (to come)
+use anyhow::Context;
+use tokio::sync::oneshot;
+
+use super::source::{self, SeriesOptions};
+use crate::dicom::{self, Strictness};
+use crate::gpu::{AdapterChoice, Gpu};
+use crate::render::Renderer;
+use crate::server::{
+    self, Config, ConnectionLimits, Drained, LoadedVolume, Server, UploadLimits, VolumeLoader,
+};
+use crate::session::{QueueConfig, RenderService};
+
+/// Serve frames over HTTP, with a web page that shows them.
 #[derive(Debug, clap::Args)]
-pub(super) struct Arguments {}
+#[command(after_help = "\
+Examples:
+  relief serve --series head                     the page is at the printed address
+  relief serve --series chest --series head --listen 127.0.0.1:0
+  curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
-pub(super) fn run(_arguments: Arguments) -> anyhow::Result<ExitCode> {
-    anyhow::bail!("not written yet")
+There is no authentication. Another address than loopback is for trusted networks, or behind a proxy that has it.")]
+pub(super) struct Arguments {
+    /// CT series to serve: a folder, a file, a DICOMDIR or a zip; may be given several times
+    #[arg(long, value_name = "PATH")]
+    series: Vec<PathBuf>,
+    #[command(flatten)]
+    options: SeriesOptions,
+    /// Address to listen on; port 0 takes a free one
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
+    listen: SocketAddr,
+    /// Serve requests to this name too (they say it in Host); a loopback address serves loopback names alone
+    #[arg(long, value_name = "NAME")]
+    allow_host: Vec<String>,
+    /// Whether clients may upload series; `auto` is on for a loopback address
+    #[arg(long, value_enum, default_value_t = Uploads::Auto)]
+    uploads: Uploads,
+    /// Graphics adapter: best, software, or a part of its name
+    #[arg(long, value_name = "NAME", default_value = "best")]
+    adapter: String,
+    /// Orders that may wait while one renders; more are answered with 503
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=4096))]
+    queue: u16,
+}
+
+/// Who may add volumes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Uploads {
+    /// On for a loopback address, else off
+    Auto,
+    /// Whoever reaches the address
+    On,
+    /// Nobody
+    Off,
+}
+
+pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    for path in &arguments.series {
+        // Told before anything is opened: a typo should not cost a wait.
+        std::fs::metadata(path).with_context(|| format!("cannot read --series {}", path.display()))?;
+    }
+    let gpu = Gpu::open(&AdapterChoice::parse(&arguments.adapter))?;
+    let adapter = gpu.description().to_string();
+    let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
+    let service = Arc::new(RenderService::start(Renderer::new(gpu)?, queue)?);
+    let config = config(&arguments, &adapter);
+    let server = Arc::new(Server::new(Arc::clone(&service), upload_loader(), config));
+    server.expect_volumes(arguments.series.len());
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let outcome = runtime.block_on(serve(&arguments, server));
+    service.shut_down();
+    // An upload that is being read when the time is up is not waited for.
+    runtime.shutdown_timeout(Duration::from_secs(1));
+    outcome
+}
+
+/// Binds, loads and serves until a signal, or until a series turns out to be unusable.
+async fn serve(arguments: &Arguments, server: Arc<Server>) -> anyhow::Result<ExitCode> {
+    let listener = tokio::net::TcpListener::bind(arguments.listen).await;
+    let listener = listener.with_context(|| format!("cannot listen on {}", arguments.listen))?;
+    let address = listener.local_addr()?;
+    println!("listening on http://{}/", reachable(address));
+    if !address.ip().is_loopback() {
+        eprintln!("warning: {address} can be reached from other machines, and there is no authentication");
+    }
+    let failed = load_behind(arguments, &server)?;
+    let mut failure = None;
+    let stop = async {
+        tokio::select! {
+            () = signal() => eprintln!("stopping: finishing what is being answered"),
+            Ok(error) = failed => failure = Some(error),
+        }
+    };
+    let drained = server::serve(listener, server::app(server), ConnectionLimits::default(), stop).await;
+    if drained == Drained::CutOff {
+        eprintln!("warning: some requests were cut off");
+    }
+    failure.map_or(Ok(ExitCode::SUCCESS), Err)
+}
+
+/// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when all went well.
+fn load_behind(
+    arguments: &Arguments,
+    server: &Arc<Server>,
+) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
+    let (report, failed) = oneshot::channel();
+    let (paths, options, server) = (arguments.series.clone(), arguments.options.clone(), Arc::clone(server));
+    std::thread::Builder::new().name("relief-load".into()).spawn(move || {
+        for path in paths {
+            match source::load(&path, &options) {
+                Ok(loaded) => server.add_volume(served(loaded)),
+                Err(error) => {
+                    let _ = report.send(error.context(format!("cannot serve {}", path.display())));
+                    return;
+                }
+            }
+        }
+    })?;
+    Ok(failed)
+}
+
+fn served(loaded: dicom::Loaded) -> LoadedVolume {
+    LoadedVolume { warnings: loaded.warnings.len(), volume: loaded.volume }
+}
+
+fn config(arguments: &Arguments, adapter: &str) -> Config {
+    let loopback = arguments.listen.ip().is_loopback();
+    let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
+    let hosts = own.into_iter().chain([host_of(arguments.listen.ip())]).chain(arguments.allow_host.clone());
+    let uploads = arguments.uploads == Uploads::On || (arguments.uploads == Uploads::Auto && loopback);
+    Config {
+        identity: format!("{} {adapter}", build()),
+        adapter: adapter.to_owned(),
+        allowed_hosts: (loopback || !arguments.allow_host.is_empty()).then(|| hosts.collect()),
+        uploads: uploads.then(UploadLimits::default),
+        ..Config::default()
+    }
+}
+
+/// Reads an uploaded file. Its name here is nobody else's business.
+fn upload_loader() -> VolumeLoader {
+    let read = |path: &Path| -> Result<LoadedVolume, dicom::Error> {
+        let found = dicom::discover(path, Strictness::Lenient, &|_| ())?;
+        dicom::load(found.select(None)?, Strictness::Lenient, &|_| ()).map(served)
+    };
+    Arc::new(move |path| {
+        read(path)
+            .map_err(|error| error.to_string().replace(&path.display().to_string(), "the uploaded file"))
+    })
+}
+
+/// Tells two builds of one version apart: a frame cached from the one is not a frame of the other.
+fn build() -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    let program = std::env::current_exe().and_then(std::fs::metadata).ok();
+    let changed = program.as_ref().and_then(|file| file.modified().ok());
+    let nanos =
+        changed.and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok()).map_or(0, |t| t.as_nanos());
+    format!("{version}-{nanos}")
+}
+
+/// An address that a browser on this machine can open.
+fn reachable(address: SocketAddr) -> SocketAddr {
+    let ip = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => IpAddr::V4(std::net::Ipv4Addr::LOCALHOST),
+        IpAddr::V6(ip) if ip.is_unspecified() => IpAddr::V6(std::net::Ipv6Addr::LOCALHOST),
+        ip => ip,
+    };
+    SocketAddr::new(ip, address.port())
+}
+
+/// An address as it stands in a `Host` header.
+fn host_of(ip: IpAddr) -> String {
+    match ip {
+        IpAddr::V4(ip) => ip.to_string(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+    }
+}
+
+/// Returns at SIGINT (Ctrl-C) or SIGTERM.
+async fn signal() {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        if let Ok(mut terminate) = signal(SignalKind::terminate()) {
+            tokio::select! {
+                _ = tokio::signal::ctrl_c() => {}
+                _ = terminate.recv() => {}
+            }
+            return;
+        }
+    }
+    let _ = tokio::signal::ctrl_c().await;
 }

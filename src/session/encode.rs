@@ -39,6 +39,30 @@ pub enum FileFormat {
     Raw,
 }
 
+impl FileFormat {
+    /// The media type's name.
+    #[must_use]
+    pub const fn media_type(self) -> &'static str {
+        match self {
+            Self::Png => "image/png",
+            Self::Jpeg => "image/jpeg",
+            Self::Exr => "image/x-exr",
+            Self::Raw => "application/octet-stream",
+        }
+    }
+}
+
+impl Product {
+    /// The formats that it can be written in, the preferred one first.
+    #[must_use]
+    pub const fn formats(self) -> &'static [FileFormat] {
+        match self {
+            Self::Frame => &[FileFormat::Png, FileFormat::Jpeg, FileFormat::Exr, FileFormat::Raw],
+            Self::Depth => &[FileFormat::Png, FileFormat::Exr, FileFormat::Raw],
+        }
+    }
+}
+
 /// Why a frame could not be encoded.
 #[derive(Debug, thiserror::Error)]
 pub enum EncodingError {

@@ -1,5 +1,80 @@
-//! The live core (render service to come) and the encoding of its frames.
+//! The live core: one thread that renders, a bounded queue before it, and the frames it made last.
+//!
+//! What it is: [`RenderService`] owns whatever renders (a [`RenderBackend`]) on a named thread and hands out
+//! [`Ticket`]s, futures that bring the frame. What it is not: it knows no network and no async runtime; a ticket can
+//! be awaited anywhere or waited for. Camera and depth are those of `render`: patient mm and view depth in mm.
 
+mod backend;
+mod cache;
 mod encode;
+mod service;
+mod ticket;
+
+use std::sync::Arc;
+
+use crate::render::{RenderRequest, RenderedFrame};
+use crate::volume::Volume;
 
 pub use encode::{EncodingError, FileFormat, Product, encode};
+pub use service::{QueueConfig, RenderService};
+pub use ticket::Ticket;
+
+/// Whatever turns requests into frames. It lives on the service's thread and is called by it alone.
+pub trait RenderBackend: Send + 'static {
+    /// Renders one picture.
+    ///
+    /// # Errors
+    /// When this request cannot be rendered; the service answers with the error and goes on.
+    fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError>;
+}
+
+/// Why a backend gave no frame.
+#[derive(Debug, thiserror::Error)]
+pub enum BackendError {
+    /// The request asks for more than this adapter has; the message says which limit and what to do.
+    #[error("{0}")]
+    Refused(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The adapter or the driver failed.
+    #[error("rendering failed: {0}")]
+    Failed(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// Why the service gave no frame.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The queue is full.
+    #[error("{0} pictures are waiting already; try again soon")]
+    Busy(usize),
+    /// The render thread has ended.
+    #[error("the render thread has ended")]
+    Stopped,
+    /// Rendering this request panicked; the thread goes on.
+    #[error("rendering panicked: {0}")]
+    Panicked(String),
+    /// The backend refused or failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+}
+
+/// A frame and where its time went.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// The frame, shared with the service's memory of recent ones.
+    pub frame: Arc<RenderedFrame>,
+    /// Time from the order to the start of its rendering, ms.
+    pub queue_ms: f64,
+    /// Whether the frame was rendered for this order.
+    pub origin: Origin,
+}
+
+/// Whether a frame had to be rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Rendered for this order.
+    Rendered,
+    /// Made for an equal order shortly before: another encoding of it, or a pick in it.
+    Reused,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,27 @@
+//! A camera in the words of a request, as the header `Relief-Camera` and picks carry it.
+
+use serde_json::{Value, json};
+
+use crate::camera::{Camera, Projection};
+use crate::units::DepthLimits;
+
+/// The camera in a request's own words, with the size and the depth limits: the header `Relief-Camera`.
+pub(super) fn camera_json(camera: &Camera, size_px: [u32; 2], limits: DepthLimits) -> Value {
+    let projection = match camera.projection() {
+        Projection::Perspective { vertical_fov } => {
+            json!({ "perspective": { "vertical_fov_deg": vertical_fov.to_degrees() } })
+        }
+        Projection::Orthographic { height_mm } => json!({ "orthographic": { "height_mm": height_mm } }),
+    };
+    json!({
+        "camera": {
+            "eye_mm": camera.eye().xyz.to_array(),
+            "look_at_mm": camera.look_at().xyz.to_array(),
+            "up": camera.up().xyz.to_array(),
+            "projection": projection,
+        },
+        "size_px": size_px,
+        "near_mm": limits.near_mm,
+        "far_mm": limits.far_mm,
+    })
+}

@@ -1,0 +1,316 @@
+//! Frames, depth and picks: from a scene in a query or a body to the picture, its depth or a point in it.
+//!
+//! The order of things: volume, media type, scene, then the `ETag`, and only then the render queue. Encoding runs on
+//! blocking threads. A client that leaves drops its handler, and with it the order.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use axum::Json;
+use axum::body::{Body, Bytes};
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::camera::camera_json;
+use super::guard::read_body;
+use super::negotiate::negotiate;
+use super::problem::Problem;
+use super::query::{Order, Query};
+use super::state::Server;
+use super::volumes::Entry;
+use crate::render::{RequestError, Scene};
+use crate::session::{FileFormat, Origin, Product, Rendered, encode};
+
+/// A browser asks again after a minute, and gets 304 for what has not changed.
+const CACHE_CONTROL: &str = "private, max-age=60";
+
+/// Largest scene in a body: 1024 control points and 12 planes fit several times.
+const SCENE_BYTES: usize = 1 << 20;
+
+static RELIEF_CAMERA: HeaderName = HeaderName::from_static("relief-camera");
+static SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
+
+type Shared = State<Arc<Server>>;
+
+pub(super) async fn get_frame(
+    s: Shared,
+    id: Path<String>,
+    uri: Uri,
+    h: HeaderMap,
+) -> Result<Response, Problem> {
+    by_query(&s, &id, &uri, &h, Product::Frame).await
+}
+
+pub(super) async fn get_depth(
+    s: Shared,
+    id: Path<String>,
+    uri: Uri,
+    h: HeaderMap,
+) -> Result<Response, Problem> {
+    by_query(&s, &id, &uri, &h, Product::Depth).await
+}
+
+pub(super) async fn post_frame(
+    s: Shared,
+    id: Path<String>,
+    uri: Uri,
+    h: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    by_body(&s, &id, &uri, &h, body, Product::Frame).await
+}
+
+pub(super) async fn post_depth(
+    s: Shared,
+    id: Path<String>,
+    uri: Uri,
+    h: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    by_body(&s, &id, &uri, &h, body, Product::Depth).await
+}
+
+pub(super) async fn get_pick(
+    State(server): Shared,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<Json<Value>, Problem> {
+    let entry = server.volumes.find(&id)?;
+    let mut query = Query::of(&uri)?;
+    let at = [query.take_number("u")?, query.take_number("v")?];
+    let picked = async {
+        let scene = resolve(Order::from_query(&query, entry.volume.grid())?, &entry, SizeRule::Any)?;
+        pick(&server, &entry, scene, at).await
+    };
+    picked.await.map_err(|problem| query.blame(problem))
+}
+
+pub(super) async fn post_pick(
+    State(server): Shared,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<Value>, Problem> {
+    let entry = server.volumes.find(&id)?;
+    let mut query = Query::of(&uri)?;
+    let at = [query.take_number("u")?, query.take_number("v")?];
+    query.expect_empty()?;
+    let order = read_order(&server, &headers, body).await?;
+    let scene = resolve(order, &entry, SizeRule::Any)?;
+    pick(&server, &entry, scene, at).await
+}
+
+async fn by_query(
+    server: &Server,
+    id: &str,
+    uri: &Uri,
+    headers: &HeaderMap,
+    product: Product,
+) -> Result<Response, Problem> {
+    let entry = server.volumes.find(id)?;
+    let media = negotiate(headers, product.formats())?;
+    let query = Query::of(uri)?;
+    let answered = async {
+        let order = Order::from_query(&query, entry.volume.grid())?;
+        let scene = resolve(order, &entry, SizeRule::of(product, media))?;
+        answer(server, &entry, scene, headers, (Method::GET, product, media)).await
+    };
+    answered.await.map_err(|problem| query.blame(problem))
+}
+
+async fn by_body(
+    server: &Server,
+    id: &str,
+    uri: &Uri,
+    headers: &HeaderMap,
+    body: Body,
+    product: Product,
+) -> Result<Response, Problem> {
+    let entry = server.volumes.find(id)?;
+    let media = negotiate(headers, product.formats())?;
+    Query::of(uri)?.expect_empty()?;
+    let scene = resolve(read_order(server, headers, body).await?, &entry, SizeRule::of(product, media))?;
+    answer(server, &entry, scene, headers, (Method::POST, product, media)).await
+}
+
+async fn read_order(server: &Server, headers: &HeaderMap, body: Body) -> Result<Order, Problem> {
+    super::guard::expect_content_type(headers, "application/json")?;
+    let body = read_body(body, SCENE_BYTES, server.config.body_timeout).await?;
+    Order::from_body(&body)
+}
+
+/// What a size in a scene may be. Where a scene has none, it is the layout's in both cases.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SizeRule {
+    /// The answer is a frame in a layout, which may fix the size.
+    OfLayout,
+    /// The answer is the picture or its depth alone.
+    Any,
+}
+
+impl SizeRule {
+    fn of(product: Product, media: FileFormat) -> Self {
+        if (product, media) == (Product::Frame, FileFormat::Png) { Self::OfLayout } else { Self::Any }
+    }
+}
+
+/// The complete scene. A size that contradicts the layout is refused where the answer has that layout.
+fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem> {
+    let display = order.file.display();
+    display.validate()?;
+    let (layout, fixed) = (display.layout, display.encoder()?.render_size_px());
+    let mut scene = order.file.resolve(entry.volume.grid(), &order.orbit)?;
+    match fixed {
+        Some(size) if !order.has_size => scene.request.size_px = size,
+        Some([w, h]) if rule == SizeRule::OfLayout && scene.request.size_px != [w, h] => {
+            let [found_w, found_h] = scene.request.size_px;
+            return Err(Problem::out_of_range(&RequestError {
+                path: "size_px".to_owned(),
+                found: format!("{found_w},{found_h}"),
+                allowed: format!("{w},{h}, the size that layout {layout} needs (rgbd and color take any)"),
+            }));
+        }
+        _ => {}
+    }
+    Ok(scene)
+}
+
+/// Answers from the tag alone where that will do, else renders and encodes.
+async fn answer(
+    server: &Server,
+    entry: &Entry,
+    scene: Scene,
+    headers: &HeaderMap,
+    (method, product, media): (Method, Product, FileFormat),
+) -> Result<Response, Problem> {
+    let tag = entity_tag(server, entry, &scene, product, media);
+    if let Some(status) = unchanged(headers, &tag, &method) {
+        server.metrics.not_modified();
+        return Ok((status, validators(&tag)).into_response());
+    }
+    let rendered = render(server, entry, &scene).await?;
+    let limits = scene.display.limits(rendered.frame.limits)?;
+    let camera = camera_json(&rendered.frame.camera, rendered.frame.size_px, limits).to_string();
+    let (bytes, encode_ms) = encode_apart(server, &rendered, scene, product, media).await?;
+    let mut response = (validators(&tag), bytes).into_response();
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media.media_type()));
+    headers.insert(&SERVER_TIMING, ascii(&timing(&rendered, encode_ms)));
+    headers.insert(&RELIEF_CAMERA, ascii(&camera));
+    Ok(response)
+}
+
+async fn render(server: &Server, entry: &Entry, scene: &Scene) -> Result<Rendered, Problem> {
+    let ticket = server.service.render(&entry.volume, scene.request.clone());
+    let outcome = match ticket {
+        Ok(ticket) => ticket.await,
+        Err(refused) => Err(refused),
+    };
+    server.metrics.rendered(&outcome);
+    Ok(outcome?)
+}
+
+/// Encodes on a blocking thread, as many at a time as there are cores.
+async fn encode_apart(
+    server: &Server,
+    rendered: &Rendered,
+    scene: Scene,
+    product: Product,
+    media: FileFormat,
+) -> Result<(Bytes, f64), Problem> {
+    let permit = server.encoders.acquire().await.map_err(|closed| Problem::internal("encoding", closed))?;
+    let frame = Arc::clone(&rendered.frame);
+    let since = Instant::now();
+    let job = tokio::task::spawn_blocking(move || encode(&frame, &scene.display, product, media));
+    let encoded = job.await.map_err(|panic| Problem::internal("encoding", panic))?;
+    drop(permit);
+    let bytes = encoded.map_err(|error| Problem::internal("encoding", error))?;
+    Ok((bytes.into(), since.elapsed().as_secs_f64() * 1e3))
+}
+
+async fn pick(server: &Server, entry: &Entry, scene: Scene, at: [f64; 2]) -> Result<Json<Value>, Problem> {
+    let pixel = pixel_at(at, scene.request.size_px)?;
+    let frame = render(server, entry, &scene).await?.frame;
+    let limits = scene.display.limits(frame.limits)?;
+    let depth = frame.depth_at(pixel);
+    let mut found = camera_json(&frame.camera, frame.size_px, limits);
+    found["u"] = json!(at[0]);
+    found["v"] = json!(at[1]);
+    found["pixel"] = json!(pixel);
+    found["hit"] = json!(depth.is_hit());
+    found["depth_mm"] = depth.is_hit().then_some(depth.0).into();
+    found["patient_mm"] =
+        frame.pick(pixel).map(|point| point.xyz.to_array()).map_or(Value::Null, Value::from);
+    Ok(Json(found))
+}
+
+/// The pixel (column, row) that holds a point of the picture.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "checked to be inside the picture"
+)]
+fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
+    for ((name, value), side) in ["u", "v"].into_iter().zip(at).zip(size_px) {
+        if !(0.0..f64::from(side)).contains(&value) {
+            let (path, found) = (name.to_owned(), value.to_string());
+            let allowed = format!("0 to below {side}, pixels of the picture");
+            return Err(Problem::out_of_range(&RequestError { path, found, allowed }));
+        }
+    }
+    Ok(at.map(|value| value as u32))
+}
+
+/// A name for the bytes that this order gives: everything that decides them goes into the hash.
+///
+/// The scene enters by its derived `Debug` form: that has every field there is or will be, and writes numbers with
+/// all their digits. It may change with a build, and so may frames; the identity has the build.
+fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, product: Product, media: FileFormat) -> String {
+    let order = format!("{}\n{scene:?}\n{product:?} {media:?}", server.config.identity);
+    let hash = Sha256::new().chain_update(entry.volume.content_hash().0).chain_update(order).finalize();
+    let digits: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    // Weak: another adapter of the same name may round a pixel another way.
+    format!("W/\"{digits}\"")
+}
+
+/// 304 for a GET, and 412 for a POST, whose `If-None-Match` names what it would get (RFC 9110, 13.1.2).
+fn unchanged(headers: &HeaderMap, tag: &str, method: &Method) -> Option<StatusCode> {
+    let values = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+    let opaque = tag.trim_start_matches("W/");
+    let mut known = values.flat_map(|value| value.split(',')).map(str::trim);
+    let matches = known.any(|known| known == "*" || known.trim_start_matches("W/") == opaque);
+    let status =
+        if *method == Method::GET { StatusCode::NOT_MODIFIED } else { StatusCode::PRECONDITION_FAILED };
+    matches.then_some(status)
+}
+
+fn validators(tag: &str) -> HeaderMap {
+    HeaderMap::from_iter([
+        (header::ETAG, ascii(tag)),
+        (header::CACHE_CONTROL, HeaderValue::from_static(CACHE_CONTROL)),
+        (header::VARY, HeaderValue::from_static("Accept")),
+    ])
+}
+
+fn timing(rendered: &Rendered, encode_ms: f64) -> String {
+    let queue_ms = rendered.queue_ms;
+    let timings = rendered.frame.timings;
+    match rendered.origin {
+        Origin::Reused => {
+            format!("queue;dur={queue_ms:.2}, render;dur=0;desc=reused, encode;dur={encode_ms:.2}")
+        }
+        Origin::Rendered => format!(
+            "queue;dur={queue_ms:.2}, upload;dur={:.2}, render;dur={:.2}, encode;dur={encode_ms:.2}",
+            timings.upload_ms, timings.render_ms
+        ),
+    }
+}
+
+/// A header of our own making: digits, names and JSON of numbers.
+fn ascii(text: &str) -> HeaderValue {
+    HeaderValue::from_str(text).unwrap_or_else(|_| HeaderValue::from_static(""))
+}

@@ -1,0 +1,130 @@
+//! What stands before the handlers: who may ask, how long it may take, how much it may send.
+//!
+//! There is no CORS: pages of other sites can neither read nor embed what is served here. Names that a page could
+//! make point at a loopback address are refused by their `Host`, cross-site writes by their `Origin`.
+
+use std::any::Any;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header, uri::Authority};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use http_body_util::BodyExt;
+
+use super::problem::Problem;
+use super::state::Server;
+
+/// Refuses requests under a foreign name, and writes that come from another site's page.
+pub(super) async fn same_site(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
+    let named = authority(request.headers().get(header::HOST)).or_else(|| request.uri().authority().cloned());
+    if let Some(allowed) = &server.config.allowed_hosts {
+        let known =
+            named.as_ref().is_some_and(|name| allowed.iter().any(|a| a.eq_ignore_ascii_case(name.host())));
+        if !known {
+            let detail = "this server does not answer to the name in Host; start it with --allow-host NAME if it should";
+            return Problem::new(StatusCode::MISDIRECTED_REQUEST, "unknown-host", detail).into_response();
+        }
+    }
+    if let Some(origin) = request.headers().get(header::ORIGIN).filter(|_| !request.method().is_safe()) {
+        let site = origin.to_str().ok().and_then(|origin| origin.split_once("://")).map(|(_, site)| site);
+        if site.is_none() || site != named.as_ref().map(Authority::as_str) {
+            let detail = "writes from pages of another site are refused";
+            return Problem::new(StatusCode::FORBIDDEN, "cross-site", detail).into_response();
+        }
+    }
+    next.run(request).await
+}
+
+fn authority(host: Option<&HeaderValue>) -> Option<Authority> {
+    host?.to_str().ok()?.parse().ok()
+}
+
+/// Ends a request that takes too long. Its order leaves the render queue with it.
+pub(super) async fn deadline(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
+    let limit = server.config.request_timeout;
+    match tokio::time::timeout(limit, next.run(request)).await {
+        Ok(response) => response,
+        Err(_) => {
+            let detail = format!("no answer within {} s", limit.as_secs_f64());
+            Problem::unavailable("timeout", detail).into_response()
+        }
+    }
+}
+
+/// Headers that keep browsers from guessing types, embedding and leaking addresses.
+pub(super) async fn harden(request: Request, next: Next) -> Response {
+    const POLICY: &str = "default-src 'none'; frame-ancestors 'none'";
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    headers.entry(header::CONTENT_SECURITY_POLICY).or_insert(HeaderValue::from_static(POLICY));
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    let corp = HeaderName::from_static("cross-origin-resource-policy");
+    headers.insert(corp, HeaderValue::from_static("same-origin"));
+    response
+}
+
+/// A handler that panicked is a bug here, and one failed request for its client.
+#[expect(clippy::needless_pass_by_value, reason = "the signature is tower-http's")]
+pub(super) fn on_panic(panic: Box<dyn Any + Send>) -> Response {
+    let text = panic.downcast_ref::<&str>().copied();
+    let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    Problem::internal("the request", format!("panic: {}", text.unwrap_or("no message"))).into_response()
+}
+
+/// Refuses a body of another media type. A page of another site cannot send these without being asked first.
+pub(super) fn expect_content_type(headers: &HeaderMap, expected: &'static str) -> Result<(), Problem> {
+    let found = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");
+    let essence = found.split(';').next().unwrap_or("").trim();
+    if essence.eq_ignore_ascii_case(expected) {
+        return Ok(());
+    }
+    let detail = format!("Content-Type is {essence:?}, allowed: {expected}");
+    Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported-media-type", detail)
+        .with("allowed", expected))
+}
+
+/// The whole body.
+///
+/// # Errors
+/// 413 when it is larger than the limit, 408 when its next part does not come in time.
+pub(super) async fn read_body(mut body: Body, limit: usize, patience: Duration) -> Result<Vec<u8>, Problem> {
+    let mut whole = Vec::new();
+    while let Some(part) = next_part(&mut body, patience).await? {
+        if whole.len() + part.len() > limit {
+            return Err(too_large(limit as u64));
+        }
+        whole.extend_from_slice(&part);
+    }
+    Ok(whole)
+}
+
+/// The next part of a body; `None` at its end.
+pub(super) async fn next_part(body: &mut Body, patience: Duration) -> Result<Option<Bytes>, Problem> {
+    loop {
+        let frame = tokio::time::timeout(patience, body.frame()).await.map_err(|_| {
+            let detail = format!("nothing more of the body came within {} s", patience.as_secs_f64());
+            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", detail)
+        })?;
+        match frame {
+            None => return Ok(None),
+            Some(Err(_)) => {
+                let detail = "the body could not be read to its end";
+                return Err(Problem::new(StatusCode::BAD_REQUEST, "broken-body", detail));
+            }
+            // Trailers carry nothing that is needed here.
+            Some(Ok(frame)) => match frame.into_data() {
+                Ok(part) => return Ok(Some(part)),
+                Err(_trailers) => {}
+            },
+        }
+    }
+}
+
+pub(super) fn too_large(limit: u64) -> Problem {
+    let detail = format!("the body is larger than the limit of {limit} bytes");
+    Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too-large", detail).with("limit_bytes", limit)
+}

@@ -1,0 +1,110 @@
+//! What is on offer and how the server is: presets, health, metrics, the description for programs.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use serde_json::{Value, json};
+
+use super::metrics::Gauges;
+use super::problem::Problem;
+use super::state::Server;
+use crate::display::{Layout, ProfileName};
+use crate::transfer::PRESETS;
+
+/// OpenAPI 3.1, written by hand; tests compare its paths and parameters with the code's.
+const OPENAPI: &str = include_str!("openapi.json");
+
+pub(super) async fn presets() -> Json<Value> {
+    let presets: Vec<Value> =
+        PRESETS.iter().map(|preset| json!({ "name": preset.name, "purpose": preset.purpose })).collect();
+    let layouts = Layout::ALL.map(Layout::name);
+    let profiles = ProfileName::ALL.map(ProfileName::name);
+    Json(json!({ "presets": presets, "layouts": layouts, "profiles": profiles }))
+}
+
+/// The process runs and answers.
+pub(super) async fn healthz() -> Json<Value> {
+    Json(json!({ "status": "alive", "version": env!("CARGO_PKG_VERSION") }))
+}
+
+/// Frames can be rendered: the render thread lives and a volume is here.
+pub(super) async fn readyz(State(server): State<Arc<Server>>) -> Result<Json<Value>, Problem> {
+    let (volumes, loading) = server.volumes.count();
+    if !server.service.is_alive() {
+        return Err(Problem::unavailable("renderer-ended", "the render thread has ended"));
+    }
+    if volumes == 0 {
+        let detail = match loading {
+            0 => "no volume is loaded; upload one".to_owned(),
+            n => format!("{n} series are being loaded"),
+        };
+        return Err(Problem::unavailable("no-volume", detail).with("loading", loading));
+    }
+    let adapter = &server.config.adapter;
+    Ok(Json(json!({ "status": "ready", "adapter": adapter, "volumes": volumes, "loading": loading })))
+}
+
+pub(super) async fn metrics(State(server): State<Arc<Server>>) -> impl IntoResponse {
+    let (volumes, _) = server.volumes.count();
+    let gauges = Gauges {
+        waiting: server.service.waiting(),
+        volumes,
+        ready: server.service.is_alive() && volumes > 0,
+        uptime: server.started.elapsed(),
+    };
+    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], server.metrics.text(gauges))
+}
+
+pub(super) async fn openapi() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "application/vnd.oai.openapi+json;version=3.1")], OPENAPI)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::display::ContentType;
+    use crate::server::query::parameter_names;
+
+    fn document() -> Value {
+        serde_json::from_str(OPENAPI).unwrap()
+    }
+
+    #[test]
+    fn openapi_lists_every_route_but_the_pages_files() {
+        // axum keeps no list of its routes; the calls that make them are one.
+        let source = include_str!("mod.rs");
+        let routed: BTreeSet<&str> =
+            source.split(".route(\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        let document = document();
+        let listed: BTreeSet<&str> =
+            document["paths"].as_object().unwrap().keys().map(String::as_str).collect();
+        let page = BTreeSet::from(["/", "/app.js", "/view.js", "/style.css", "/icon.svg"]);
+        assert_eq!(routed, listed.union(&page).copied().collect());
+    }
+
+    #[test]
+    fn openapi_lists_every_parameter_of_a_scene() {
+        let document = document();
+        let own: BTreeSet<&str> = parameter_names().collect();
+        for operation in ["frame", "depth", "pick"] {
+            let parameters =
+                &document["paths"][format!("/v1/volumes/{{id}}/{operation}")]["get"]["parameters"];
+            let references = parameters.as_array().unwrap().iter().map(|p| p["$ref"].as_str().unwrap());
+            let listed: BTreeSet<&str> =
+                references.map(|r| r.strip_prefix("#/components/parameters/").unwrap()).collect();
+            assert_eq!(own, listed, "{operation}");
+        }
+        let names = |name: &str| document["components"]["parameters"][name]["schema"]["enum"].clone();
+        assert_eq!(names("layout"), json!(Layout::ALL.map(Layout::name)));
+        assert_eq!(names("profile"), json!(ProfileName::ALL.map(ProfileName::name)));
+        assert_eq!(names("content"), json!(ContentType::ALL.map(ContentType::name)));
+        for (name, parameter) in document["components"]["parameters"].as_object().unwrap() {
+            assert_eq!(parameter["name"], name.as_str());
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Counters and durations in the Prometheus text format (0.0.4). Labels are closed sets: no ids, no paths.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use crate::session::{Origin, Rendered, ServiceError};
+
+/// Method, route pattern and status of an answer.
+type Answer = (&'static str, String, u16);
+
+/// Everything that is counted.
+#[derive(Debug, Default)]
+pub(super) struct Metrics {
+    answers: Mutex<BTreeMap<Answer, u64>>,
+    in_flight: AtomicI64,
+    not_modified: AtomicU64,
+    outcomes: [AtomicU64; OUTCOMES.len()],
+    queue: Histogram,
+    render: Histogram,
+}
+
+/// What is read at the moment of asking.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gauges {
+    pub(super) waiting: usize,
+    pub(super) volumes: usize,
+    pub(super) ready: bool,
+    pub(super) uptime: Duration,
+}
+
+/// How a render order ended; the index is that of [`Metrics::outcomes`].
+const OUTCOMES: [&str; 5] = ["rendered", "reused", "busy", "refused", "failed"];
+
+/// Counts a request while it is held.
+#[derive(Debug)]
+pub(super) struct InFlight<'a>(&'a AtomicI64);
+
+impl Drop for InFlight<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+impl Metrics {
+    pub(super) fn enter(&self) -> InFlight<'_> {
+        self.in_flight.fetch_add(1, Ordering::Relaxed);
+        InFlight(&self.in_flight)
+    }
+
+    pub(super) fn answered(&self, method: &'static str, route: &str, status: u16) {
+        let mut answers = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
+        *answers.entry((method, route.to_owned(), status)).or_default() += 1;
+    }
+
+    pub(super) fn not_modified(&self) {
+        self.not_modified.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn rendered(&self, outcome: &Result<Rendered, ServiceError>) {
+        let index = match outcome {
+            Ok(rendered) => {
+                self.queue.observe(rendered.queue_ms);
+                if rendered.origin == Origin::Rendered {
+                    let timings = rendered.frame.timings;
+                    self.render.observe(timings.upload_ms + timings.render_ms);
+                }
+                usize::from(rendered.origin == Origin::Reused)
+            }
+            Err(ServiceError::Busy(_)) => 2,
+            Err(ServiceError::Backend(crate::session::BackendError::Refused(_))) => 3,
+            Err(_) => 4,
+        };
+        self.outcomes[index].fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// The text that a scraper reads.
+    pub(super) fn text(&self, gauges: Gauges) -> String {
+        let mut text = String::new();
+        head(&mut text, "relief_requests_total", "counter", "HTTP requests answered.");
+        for ((method, route, status), count) in
+            self.answers.lock().unwrap_or_else(PoisonError::into_inner).iter()
+        {
+            let labels = format!("method=\"{method}\",route=\"{route}\",status=\"{status}\"");
+            line(&mut text, "relief_requests_total", &labels, count);
+        }
+        head(&mut text, "relief_render_orders_total", "counter", "Render orders by how they ended.");
+        for (outcome, count) in OUTCOMES.iter().zip(&self.outcomes) {
+            let labels = format!("outcome=\"{outcome}\"");
+            line(&mut text, "relief_render_orders_total", &labels, count.load(Ordering::Relaxed));
+        }
+        let not_modified = self.not_modified.load(Ordering::Relaxed) as f64;
+        let in_flight = self.in_flight.load(Ordering::Relaxed) as f64;
+        let ready = f64::from(u8::from(gauges.ready));
+        for (name, kind, help, value) in [
+            (
+                "relief_not_modified_total",
+                "counter",
+                "Frames answered by their tag, not rendered.",
+                not_modified,
+            ),
+            ("relief_requests_in_flight", "gauge", "HTTP requests being answered.", in_flight),
+            ("relief_render_queue_length", "gauge", "Render orders that wait.", gauges.waiting as f64),
+            ("relief_volumes", "gauge", "Volumes in memory.", gauges.volumes as f64),
+            ("relief_ready", "gauge", "1 when frames can be rendered.", ready),
+            ("relief_uptime_seconds", "gauge", "Time since the start.", gauges.uptime.as_secs_f64()),
+        ] {
+            head(&mut text, name, kind, help);
+            line(&mut text, name, "", value);
+        }
+        self.queue.write(&mut text, "relief_render_queue_seconds", "Time that orders waited.");
+        self.render.write(&mut text, "relief_render_seconds", "Time of upload and rendering.");
+        text
+    }
+}
+
+/// Upper bounds of the buckets, seconds.
+const BOUNDS: [f64; 10] = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
+
+/// Durations in buckets.
+#[derive(Debug, Default)]
+struct Histogram {
+    buckets: [AtomicU64; BOUNDS.len()],
+    count: AtomicU64,
+    sum_us: AtomicU64,
+}
+
+impl Histogram {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "durations of a render in µs"
+    )]
+    fn observe(&self, ms: f64) {
+        for (bucket, bound) in self.buckets.iter().zip(BOUNDS) {
+            bucket.fetch_add(u64::from(ms <= bound * 1e3), Ordering::Relaxed);
+        }
+        self.sum_us.fetch_add((ms * 1e3) as u64, Ordering::Relaxed);
+        self.count.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn write(&self, text: &mut String, name: &str, help: &str) {
+        head(text, name, "histogram", help);
+        let count = self.count.load(Ordering::Relaxed);
+        for (bucket, bound) in self.buckets.iter().zip(BOUNDS) {
+            line(text, &format!("{name}_bucket"), &format!("le=\"{bound}\""), bucket.load(Ordering::Relaxed));
+        }
+        line(text, &format!("{name}_bucket"), "le=\"+Inf\"", count);
+        line(text, &format!("{name}_sum"), "", self.sum_us.load(Ordering::Relaxed) as f64 / 1e6);
+        line(text, &format!("{name}_count"), "", count);
+    }
+}
+
+fn head(text: &mut String, name: &str, kind: &str, help: &str) {
+    let _ = write!(text, "# HELP {name} {help}\n# TYPE {name} {kind}\n"); // writing to a String cannot fail
+}
+
+fn line(text: &mut String, name: &str, labels: &str, value: impl std::fmt::Display) {
+    let braced = if labels.is_empty() { String::new() } else { format!("{{{labels}}}") };
+    let _ = writeln!(text, "{name}{braced} {value}");
+}

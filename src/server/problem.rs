@@ -1,0 +1,141 @@
+//! Errors as RFC 9457 problem documents.
+//!
+//! A [`Problem`] has two faces: what the client is told, and the cause, which stays here and is logged once with the
+//! request's id (see `observe`). The first never holds the second.
+
+use std::fmt::Display;
+
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Map, Value, json};
+
+use crate::display::SettingsError;
+use crate::render::{RequestError, SceneError};
+use crate::session::{BackendError, ServiceError};
+
+/// The media type of a problem document.
+pub(super) const MEDIA_TYPE: &str = "application/problem+json";
+
+/// A refusal or failure, as told to the client.
+#[derive(Debug)]
+pub(super) struct Problem {
+    status: StatusCode,
+    /// Last part of the problem's type.
+    kind: &'static str,
+    detail: String,
+    members: Map<String, Value>,
+    cause: Option<String>,
+}
+
+/// The internal cause of a response, for the log.
+#[derive(Clone, Debug)]
+pub(super) struct Cause(pub(super) String);
+
+impl Problem {
+    /// A problem of this status; `kind` is the last part of its type, `detail` a sentence for the client.
+    pub(super) fn new(status: StatusCode, kind: &'static str, detail: impl Display) -> Self {
+        Self { status, kind, detail: detail.to_string(), members: Map::new(), cause: None }
+    }
+
+    /// Adds a member for programs.
+    pub(super) fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
+        self.members.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// Something failed here: the client learns that, the log learns why.
+    pub(super) fn internal(what: &str, cause: impl Display) -> Self {
+        let problem = Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", format!("{what} failed"));
+        Self { cause: Some(cause.to_string()), ..problem }
+    }
+
+    /// The server can do this, but not now.
+    pub(super) fn unavailable(kind: &'static str, detail: impl Display) -> Self {
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, kind, detail)
+    }
+
+    /// A value that may not be so.
+    pub(super) fn out_of_range(error: &RequestError) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)
+            .with("path", error.path.as_str())
+            .with("found", error.found.as_str())
+            .with("allowed", error.allowed.as_str())
+    }
+
+    /// The path member and the detail with this name in place of the JSON path: for what came in a query.
+    pub(super) fn renamed(mut self, from_path: &str, name: &str) -> Self {
+        self.detail = self.detail.replacen(from_path, name, 1);
+        self.with("path", name)
+    }
+
+    /// The JSON path that this problem is about.
+    pub(super) fn path(&self) -> Option<&str> {
+        self.members.get("path").and_then(Value::as_str)
+    }
+}
+
+impl From<SceneError> for Problem {
+    fn from(error: SceneError) -> Self {
+        match &error {
+            SceneError::Syntax { path, .. } => {
+                Self::new(StatusCode::BAD_REQUEST, "malformed-scene", &error).with("path", path.as_str())
+            }
+            SceneError::Range(range) => Self::out_of_range(range),
+            SceneError::Camera(_) => {
+                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", &error).with("path", "camera")
+            }
+            SceneError::Transfer(_) => {
+                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", &error).with("path", "transfer")
+            }
+        }
+    }
+}
+
+impl From<SettingsError> for Problem {
+    fn from(error: SettingsError) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", &error)
+            .with("path", error.path)
+            .with("found", error.value)
+            .with("allowed", error.allowed)
+    }
+}
+
+impl From<ServiceError> for Problem {
+    fn from(error: ServiceError) -> Self {
+        match error {
+            ServiceError::Busy(_) => Self::unavailable("busy", error),
+            ServiceError::Stopped => Self::unavailable("stopping", "the renderer has stopped"),
+            ServiceError::Panicked(_) => Self::internal("rendering", error),
+            ServiceError::Backend(BackendError::Refused(reason)) => {
+                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "over-adapter-limits", reason)
+            }
+            ServiceError::Backend(BackendError::Failed(cause)) => Self::internal("rendering", cause),
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let mut document = Map::from_iter([
+            ("type".to_owned(), json!(format!("urn:relief:problem:{}", self.kind))),
+            ("title".to_owned(), json!(self.status.canonical_reason().unwrap_or("Error"))),
+            ("status".to_owned(), json!(self.status.as_u16())),
+            ("detail".to_owned(), json!(self.detail)),
+        ]);
+        document.extend(self.members);
+        let mut response = (self.status, Value::Object(document).to_string()).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        if self.status == StatusCode::SERVICE_UNAVAILABLE {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+        }
+        if self.status == StatusCode::NOT_ACCEPTABLE {
+            headers.insert(header::VARY, HeaderValue::from_static("Accept"));
+        }
+        if let Some(cause) = self.cause {
+            response.extensions_mut().insert(Cause(cause));
+        }
+        response
+    }
+}

@@ -1,0 +1,356 @@
+//! A scene from a query string: the same scene that a JSON body gives, part by part.
+//!
+//! Each parameter stands for a key of the JSON form (see `render::SceneFile`), or for a part of an orbit around the
+//! volume where no eye is given. What is unknown, twofold or contradictory is refused; nothing is ignored. Lengths
+//! in mm, angles in degrees.
+
+use axum::http::{StatusCode, Uri};
+use serde_json::{Map, Value};
+
+use super::problem::Problem;
+use crate::camera::Orbit;
+use crate::render::{RequestError, SceneFile};
+use crate::volume::Grid;
+
+/// What the text of a parameter must be.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// A word.
+    Text,
+    /// A finite number.
+    Number,
+    /// So many finite numbers with commas between them.
+    Numbers(usize),
+    /// So many whole numbers with commas between them.
+    Whole(usize),
+}
+
+/// Where a parameter goes.
+#[derive(Clone, Copy, Debug)]
+enum Target {
+    /// A key of the JSON form.
+    Key(&'static str),
+    /// A part of the orbit, and the values it may have.
+    Orbit(fn(&mut Orbit) -> &mut f64, f64, f64),
+    /// Field of view: the orbit's, or that of a camera that is given by its eye.
+    FieldOfView,
+    /// Centre and width of a grey ramp.
+    Window,
+    /// Two corners of a box.
+    ClipBox,
+}
+
+/// One parameter of a scene.
+#[derive(Clone, Copy, Debug)]
+struct Parameter {
+    name: &'static str,
+    kind: Kind,
+    target: Target,
+}
+
+const fn key(name: &'static str, kind: Kind, path: &'static str) -> Parameter {
+    Parameter { name, kind, target: Target::Key(path) }
+}
+
+const fn to(name: &'static str, kind: Kind, target: Target) -> Parameter {
+    Parameter { name, kind, target }
+}
+
+/// All parameters of a scene. `openapi.json` lists the same ones; a test compares them.
+const PARAMETERS: &[Parameter] = &[
+    key("preset", Kind::Text, "transfer"),
+    to("window_hu", Kind::Numbers(2), Target::Window),
+    key("mode", Kind::Text, "mode"),
+    key("size_px", Kind::Whole(2), "size_px"),
+    to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg, -3600.0, 3600.0)),
+    to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg, -90.0, 90.0)),
+    to("zoom", Kind::Number, Target::Orbit(|orbit| &mut orbit.zoom, 0.05, 50.0)),
+    to("vertical_fov_deg", Kind::Number, Target::FieldOfView),
+    key("eye_mm", Kind::Numbers(3), "camera.eye_mm"),
+    key("look_at_mm", Kind::Numbers(3), "camera.look_at_mm"),
+    key("up", Kind::Numbers(3), "camera.up"),
+    key("height_mm", Kind::Number, "camera.projection.orthographic.height_mm"),
+    key("sample_distance_mm", Kind::Number, "sample_distance_mm"),
+    key("depth_rule", Kind::Text, "depth.rule"),
+    key("depth_fraction", Kind::Number, "depth.fraction"),
+    to("clip_box_mm", Kind::Numbers(6), Target::ClipBox),
+    key("background_rgb", Kind::Numbers(3), "background_rgb"),
+    key("layout", Kind::Text, "display.layout"),
+    key("profile", Kind::Text, "display.profile"),
+    key("vz", Kind::Number, "display.profile.vz"),
+    key("content", Kind::Text, "display.content"),
+    key("factor", Kind::Whole(1), "display.factor"),
+    key("offset", Kind::Whole(1), "display.offset"),
+    key("near_mm", Kind::Number, "display.near_mm"),
+    key("far_mm", Kind::Number, "display.far_mm"),
+];
+
+/// Parameters that exclude each other: two ways to say the same thing.
+const EXCLUSIVE: &[(&str, &str)] = &[
+    ("preset", "window_hu"),
+    ("profile", "vz"),
+    ("eye_mm", "azimuth_deg"),
+    ("eye_mm", "elevation_deg"),
+    ("eye_mm", "zoom"),
+    ("height_mm", "vertical_fov_deg"),
+];
+
+/// Parameters that mean nothing without another one.
+const NEEDS: &[(&str, &str)] =
+    &[("look_at_mm", "eye_mm"), ("up", "eye_mm"), ("height_mm", "eye_mm"), ("depth_fraction", "depth_rule")];
+
+/// Names of the parameters that a scene's query may have.
+#[cfg(test)]
+pub(super) fn parameter_names() -> impl Iterator<Item = &'static str> {
+    PARAMETERS.iter().map(|parameter| parameter.name)
+}
+
+/// Decoded name-value pairs of a query string.
+#[derive(Debug)]
+pub(super) struct Query(Vec<(String, String)>);
+
+impl Query {
+    /// The query of a request's target.
+    ///
+    /// # Errors
+    /// When it is not `application/x-www-form-urlencoded`, or a name appears twice.
+    pub(super) fn of(uri: &Uri) -> Result<Self, Problem> {
+        let pairs = axum::extract::Query::<Vec<(String, String)>>::try_from_uri(uri)
+            .map_err(|error| bad_parameter(error.body_text()))?
+            .0;
+        let twice =
+            pairs.iter().enumerate().find(|(i, (name, _))| pairs[..*i].iter().any(|(n, _)| n == name));
+        match twice {
+            Some((_, (name, _))) => {
+                Err(bad_parameter(format!("the parameter {name} is there twice")).with("path", name.as_str()))
+            }
+            None => Ok(Self(pairs)),
+        }
+    }
+
+    /// Takes out the number of this name, which must be there.
+    pub(super) fn take_number(&mut self, name: &'static str) -> Result<f64, Problem> {
+        let at = self.0.iter().position(|(n, _)| n == name).ok_or_else(|| {
+            bad_parameter(format!("the parameter {name} is missing, allowed: a number")).with("path", name)
+        })?;
+        let (_, text) = self.0.swap_remove(at);
+        number(name, &text)
+    }
+
+    /// Refuses whatever is left.
+    pub(super) fn expect_empty(&self) -> Result<(), Problem> {
+        self.0.first().map_or(Ok(()), |(name, _)| Err(unknown(name, "none here")))
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|(n, _)| n == name)
+    }
+}
+
+/// A scene as ordered, before its gaps are filled for a volume.
+#[derive(Debug)]
+pub(super) struct Order {
+    /// What the request wrote.
+    pub(super) file: SceneFile,
+    /// The camera where it wrote none.
+    pub(super) orbit: Orbit,
+    /// Whether it wrote a size.
+    pub(super) has_size: bool,
+}
+
+impl Order {
+    /// The scene of a query.
+    ///
+    /// # Errors
+    /// When a parameter is unknown, malformed, out of range or contradicts another.
+    pub(super) fn from_query(query: &Query, grid: &Grid) -> Result<Self, Problem> {
+        check_combination(query)?;
+        let (mut scene, mut orbit) = (Map::new(), Orbit::default());
+        if query.has("eye_mm") {
+            let center = grid.center().xyz.to_array();
+            set(&mut scene, "camera.look_at_mm", center.to_vec().into());
+            if !query.has("height_mm") {
+                let usual = orbit.vertical_fov_deg.into();
+                set(&mut scene, "camera.projection.perspective.vertical_fov_deg", usual);
+            }
+        }
+        for (name, text) in &query.0 {
+            let parameter = PARAMETERS.iter().find(|parameter| parameter.name == name);
+            let parameter = parameter.ok_or_else(|| unknown(name, &names()))?;
+            parameter.apply(text, query, &mut scene, &mut orbit)?;
+        }
+        let json = Value::Object(scene).to_string();
+        let file = SceneFile::parse(json.as_bytes())?;
+        Ok(Self { file, orbit, has_size: query.has("size_px") })
+    }
+
+    /// The scene of a JSON body.
+    ///
+    /// # Errors
+    /// When it is not JSON, has an unknown key, or a value of the wrong kind.
+    pub(super) fn from_body(body: &[u8]) -> Result<Self, Problem> {
+        let file = SceneFile::parse(body)?;
+        let has_size = serde_json::from_slice::<Value>(body).is_ok_and(|value| value["size_px"].is_array());
+        Ok(Self { file, orbit: Orbit::default(), has_size })
+    }
+}
+
+impl Parameter {
+    /// Whether a problem with this JSON path is about this parameter.
+    fn sets(&self, path: &str) -> bool {
+        match self.target {
+            Target::Key(known) => known == path,
+            Target::Window => path.starts_with("transfer"),
+            Target::ClipBox => path == "clip.box_mm",
+            Target::FieldOfView | Target::Orbit(..) => false,
+        }
+    }
+
+    fn apply(
+        &self,
+        text: &str,
+        query: &Query,
+        scene: &mut Map<String, Value>,
+        orbit: &mut Orbit,
+    ) -> Result<(), Problem> {
+        let value = self.kind.read(self.name, text)?;
+        match self.target {
+            Target::Key(path) => set(scene, path, value),
+            Target::FieldOfView if query.has("eye_mm") => {
+                set(scene, "camera.projection.perspective.vertical_fov_deg", value);
+            }
+            Target::FieldOfView => {
+                orbit.vertical_fov_deg = field_of_view(self.name, number(self.name, text)?)?
+            }
+            Target::Orbit(part, low, high) => {
+                *part(orbit) = within(self.name, number(self.name, text)?, low, high)?
+            }
+            Target::Window => {
+                set(scene, "transfer.window.center_hu", value[0].clone());
+                set(scene, "transfer.window.width_hu", value[1].clone());
+            }
+            Target::ClipBox => {
+                let corners = value.as_array().map_or(&[][..], Vec::as_slice).chunks(3);
+                set(scene, "clip.box_mm", corners.map(<[Value]>::to_vec).map(Value::from).collect());
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Kind {
+    fn read(self, name: &str, text: &str) -> Result<Value, Problem> {
+        match self {
+            Self::Text => Ok(text.into()),
+            Self::Number => number(name, text).map(Value::from),
+            Self::Numbers(count) => {
+                let values: Option<Vec<f64>> = text.split(',').map(finite).collect();
+                let values = values.filter(|values| values.len() == count);
+                values
+                    .map(Value::from)
+                    .ok_or_else(|| malformed(name, text, &format!("{count} numbers, a,b,...")))
+            }
+            Self::Whole(count) => {
+                let values: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+                let values = values.filter(|values| values.len() == count);
+                let value =
+                    values.map(|values| if count == 1 { values[0].into() } else { Value::from(values) });
+                value.ok_or_else(|| malformed(name, text, &format!("{count} whole number(s), a,b")))
+            }
+        }
+    }
+}
+
+fn check_combination(query: &Query) -> Result<(), Problem> {
+    for (a, b) in EXCLUSIVE {
+        if query.has(a) && query.has(b) {
+            return Err(bad_parameter(format!("{a} and {b} exclude each other")).with("path", *b));
+        }
+    }
+    for (name, needed) in NEEDS {
+        if query.has(name) && !query.has(needed) {
+            return Err(bad_parameter(format!("{name} means nothing without {needed}")).with("path", *name));
+        }
+    }
+    Ok(())
+}
+
+/// Sets a key by its dotted path. The paths of [`PARAMETERS`] that may come together never cross.
+fn set(scene: &mut Map<String, Value>, path: &str, value: Value) {
+    match path.split_once('.') {
+        None => {
+            scene.insert(path.to_owned(), value);
+        }
+        Some((outer, rest)) => {
+            let inner = scene.entry(outer).or_insert_with(|| Map::new().into());
+            if let Value::Object(inner) = inner {
+                set(inner, rest, value);
+            }
+        }
+    }
+}
+
+impl Query {
+    /// A problem about a JSON path, told as one about the parameter that set it.
+    pub(super) fn blame(&self, problem: Problem) -> Problem {
+        let Some(path) = problem.path().map(str::to_owned) else { return problem };
+        let about: Vec<&Parameter> = PARAMETERS.iter().filter(|parameter| parameter.sets(&path)).collect();
+        // A value can be wrong beside one that is not there: a far limit before the volume's own near limit.
+        let named = about.iter().find(|parameter| self.has(parameter.name)).or(about.first());
+        match named {
+            Some(parameter) if parameter.name != path => problem.renamed(&path, parameter.name),
+            _ => problem,
+        }
+    }
+}
+
+fn finite(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+fn number(name: &str, text: &str) -> Result<f64, Problem> {
+    finite(text).ok_or_else(|| malformed(name, text, "a finite number"))
+}
+
+fn within(name: &str, value: f64, low: f64, high: f64) -> Result<f64, Problem> {
+    if (low..=high).contains(&value) {
+        return Ok(value);
+    }
+    Err(out_of_range(name, value, &format!("{low} to {high}")))
+}
+
+fn field_of_view(name: &str, degrees: f64) -> Result<f64, Problem> {
+    if degrees == 0.0 || (0.1..=170.0).contains(&degrees) {
+        return Ok(degrees);
+    }
+    Err(out_of_range(name, degrees, "0.1 to 170, or 0 for a parallel projection"))
+}
+
+fn out_of_range(name: &str, value: f64, allowed: &str) -> Problem {
+    let (path, found, allowed) = (name.to_owned(), value.to_string(), allowed.to_owned());
+    Problem::out_of_range(&RequestError { path, found, allowed })
+}
+
+fn malformed(name: &str, text: &str, allowed: &str) -> Problem {
+    let found: String = text.chars().take(60).collect();
+    bad_parameter(format!("{name} is {found:?}, allowed: {allowed}"))
+        .with("path", name)
+        .with("found", found)
+        .with("allowed", allowed)
+}
+
+fn unknown(name: &str, allowed: &str) -> Problem {
+    let name: String = name.chars().take(60).collect();
+    let detail = format!("{name:?} is not a parameter, allowed: {allowed}");
+    Problem::new(StatusCode::BAD_REQUEST, "unknown-parameter", detail)
+        .with("path", name)
+        .with("allowed", allowed)
+}
+
+fn names() -> String {
+    PARAMETERS.iter().map(|parameter| parameter.name).collect::<Vec<_>>().join(", ")
+}
+
+fn bad_parameter(detail: impl std::fmt::Display) -> Problem {
+    Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", detail)
+}

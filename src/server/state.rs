@@ -1,0 +1,110 @@
+//! What all handlers share: the render service, the volumes, the counters and the configuration.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use tokio::sync::Semaphore;
+
+use super::metrics::Metrics;
+use super::volumes::{LoadedVolume, Volumes};
+use crate::session::RenderService;
+
+/// Reads a series from a file that was uploaded. Blocks. Its error is told to the client, so it names no path here.
+pub type VolumeLoader = Arc<dyn Fn(&Path) -> Result<LoadedVolume, String> + Send + Sync>;
+
+/// How a server behaves.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// What besides the request decides a frame's bytes: build and adapter. Part of every `ETag`.
+    pub identity: String,
+    /// The adapter's name, for `/readyz`.
+    pub adapter: String,
+    /// Values of `Host` (without port) that are served; `None` serves all. A list defends a loopback address
+    /// against web pages whose name was made to point at it.
+    pub allowed_hosts: Option<Vec<String>>,
+    /// Longest time from a request to its answer, uploads apart.
+    pub request_timeout: Duration,
+    /// Longest wait for the next part of a request's body.
+    pub body_timeout: Duration,
+    /// Limits of uploads; `None` refuses them.
+    pub uploads: Option<UploadLimits>,
+}
+
+/// How much may be uploaded.
+#[derive(Clone, Copy, Debug)]
+pub struct UploadLimits {
+    /// Largest file, bytes.
+    pub file_bytes: u64,
+    /// Most volumes that uploads may add.
+    pub volumes: usize,
+    /// Most bytes of voxels that uploads may add.
+    pub voxel_bytes: usize,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            identity: env!("CARGO_PKG_VERSION").to_owned(),
+            adapter: String::new(),
+            allowed_hosts: None,
+            request_timeout: Duration::from_secs(60),
+            body_timeout: Duration::from_secs(15),
+            uploads: Some(UploadLimits::default()),
+        }
+    }
+}
+
+impl Default for UploadLimits {
+    fn default() -> Self {
+        Self { file_bytes: 2 << 30, volumes: 8, voxel_bytes: 4 << 30 }
+    }
+}
+
+/// A server's parts, shared by all handlers.
+pub struct Server {
+    pub(super) config: Config,
+    pub(super) service: Arc<RenderService>,
+    pub(super) volumes: Volumes,
+    pub(super) metrics: Metrics,
+    pub(super) loader: VolumeLoader,
+    /// Encoders at work, so that they leave the async threads and the machine's memory alone.
+    pub(super) encoders: Semaphore,
+    /// Uploads at work: one at a time.
+    pub(super) upload: Semaphore,
+    pub(super) started: Instant,
+}
+
+impl Server {
+    /// A server without volumes.
+    #[must_use]
+    pub fn new(service: Arc<RenderService>, loader: VolumeLoader, config: Config) -> Self {
+        let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
+        Self {
+            config,
+            service,
+            volumes: Volumes::default(),
+            metrics: Metrics::default(),
+            loader,
+            encoders: Semaphore::new(cores),
+            upload: Semaphore::new(1),
+            started: Instant::now(),
+        }
+    }
+
+    /// Says that this many volumes will be added: the server is not ready before.
+    pub fn expect_volumes(&self, count: usize) {
+        self.volumes.expect(count);
+    }
+
+    /// Adds a volume of the operator's own; it cannot be removed over HTTP.
+    pub fn add_volume(&self, loaded: LoadedVolume) {
+        self.volumes.add_own(loaded);
+    }
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server").field("config", &self.config).finish_non_exhaustive()
+    }
+}

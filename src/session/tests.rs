@@ -1,0 +1,129 @@
+//! The render service with a backend that counts, waits at a gate, refuses or panics on demand.
+
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+use super::*;
+use crate::camera::Orbit;
+use crate::render::{SceneFile, Timings};
+use crate::units::DepthLimits;
+use crate::volume::Grid;
+
+/// Renders 1x1 pictures; each one waits for a word from the test and says which it is.
+struct Gated {
+    go: Receiver<()>,
+    started: SyncSender<f64>,
+}
+
+impl RenderBackend for Gated {
+    fn render(&mut self, _: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError> {
+        let _ = self.started.try_send(request.sample_distance_mm);
+        self.go.recv().map_err(|gone| BackendError::Failed(gone.into()))?;
+        match request.sample_distance_mm {
+            13.0 => panic!("unlucky"),
+            14.0 => Err(BackendError::Refused("too large".into())),
+            _ => Ok(RenderedFrame {
+                size_px: [1, 1],
+                color_rgba: vec![[1; 4]],
+                depth_mm: vec![5.0],
+                camera: request.camera,
+                limits: DepthLimits::new(1.0, 9.0).expect("1 < 9"),
+                timings: Timings::default(),
+            }),
+        }
+    }
+}
+
+struct Bench {
+    service: RenderService,
+    go: SyncSender<()>,
+    started: Receiver<f64>,
+    volume: Volume,
+}
+
+impl Bench {
+    fn new(capacity: usize) -> Self {
+        let ((go, gate), (starting, started)) = (sync_channel(64), sync_channel(64));
+        let config = QueueConfig { capacity, ..QueueConfig::default() };
+        let service = RenderService::start(Gated { go: gate, started: starting }, config).unwrap();
+        let grid = Grid::axis_aligned([2; 3], [1.0; 3], [0.0; 3]).unwrap();
+        Self { service, go, started, volume: Volume::new(grid, vec![0; 8]).unwrap() }
+    }
+
+    /// An order told apart from others by its sample distance.
+    fn order(&self, mark: f64) -> Result<Ticket, ServiceError> {
+        let mut scene = SceneFile::default().resolve(self.volume.grid(), &Orbit::default()).unwrap();
+        scene.request.sample_distance_mm = mark;
+        self.service.render(&self.volume, scene.request)
+    }
+}
+
+#[test]
+fn a_full_queue_refuses_at_once_and_recovers() {
+    let bench = Bench::new(2);
+    let first = bench.order(1.0).unwrap();
+    assert_eq!(bench.started.recv().unwrap(), 1.0);
+    let rest = [bench.order(2.0).unwrap(), bench.order(3.0).unwrap()];
+    assert_eq!(bench.service.waiting(), 2);
+    assert!(matches!(bench.order(4.0), Err(ServiceError::Busy(2))));
+    for _ in 0..3 {
+        bench.go.send(()).unwrap();
+    }
+    for ticket in [first].into_iter().chain(rest) {
+        assert_eq!(ticket.wait().unwrap().origin, Origin::Rendered);
+    }
+    assert_eq!(bench.service.waiting(), 0);
+}
+
+#[test]
+fn an_order_that_nobody_waits_for_is_skipped() {
+    let bench = Bench::new(4);
+    let first = bench.order(1.0).unwrap();
+    bench.started.recv().unwrap();
+    drop(bench.order(2.0).unwrap());
+    let last = bench.order(3.0).unwrap();
+    bench.go.send(()).unwrap();
+    bench.go.send(()).unwrap();
+    first.wait().unwrap();
+    last.wait().unwrap();
+    assert_eq!(bench.started.try_iter().collect::<Vec<_>>(), [3.0]);
+}
+
+#[test]
+fn equal_orders_share_one_render_even_while_they_wait() {
+    let bench = Bench::new(4);
+    let [a, b] = [bench.order(1.0).unwrap(), bench.order(1.0).unwrap()];
+    bench.go.send(()).unwrap();
+    let (a, b) = (a.wait().unwrap(), b.wait().unwrap());
+    assert_eq!((a.origin, b.origin), (Origin::Rendered, Origin::Reused));
+    assert!(Arc::ptr_eq(&a.frame, &b.frame));
+    assert_eq!(bench.order(1.0).unwrap().wait().unwrap().origin, Origin::Reused);
+    assert_eq!(bench.started.try_iter().count(), 1);
+}
+
+#[test]
+fn a_panic_or_a_refusal_ends_one_order_alone() {
+    let bench = Bench::new(4);
+    let orders = [13.0, 14.0, 1.0].map(|mark| bench.order(mark).unwrap());
+    for _ in 0..3 {
+        bench.go.send(()).unwrap();
+    }
+    let [panicked, refused, fine] = orders.map(Ticket::wait);
+    assert!(matches!(panicked, Err(ServiceError::Panicked(text)) if text == "unlucky"));
+    assert!(matches!(refused, Err(ServiceError::Backend(BackendError::Refused(_)))));
+    assert_eq!(fine.unwrap().frame.depth_mm, [5.0]);
+    assert!(bench.service.is_alive());
+}
+
+#[test]
+fn shutting_down_answers_what_waits_and_refuses_more() {
+    let bench = Bench::new(4);
+    let orders = [1.0, 2.0].map(|mark| bench.order(mark).unwrap());
+    for _ in 0..2 {
+        bench.go.send(()).unwrap();
+    }
+    bench.service.shut_down();
+    assert!(orders.into_iter().all(|order| order.wait().is_ok()));
+    assert!(matches!(bench.order(3.0), Err(ServiceError::Stopped)));
+    assert!(!bench.service.is_alive());
+    bench.service.shut_down();
+}

@@ -1,0 +1,11 @@
+//! HTTP, through `app(state)` without sockets and, where connections matter, over real ones.
+//!
+//! The backend here draws a sphere by its closed form, counts its renders and waits at a gate, so that every answer
+//! can be foreseen and every order of events arranged. No GPU is needed.
+
+mod frames;
+mod operation;
+mod problems;
+mod sockets;
+mod stage;
+mod uploads;

@@ -1,0 +1,188 @@
+//! Health, metrics, descriptions, the page, and that other requests are served while one renders.
+
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::http::Request;
+use relief::server::{Config, LoadedVolume};
+use relief::session::QueueConfig;
+use serde_json::json;
+
+use crate::stage::{Stage, cube};
+
+#[tokio::test]
+async fn readiness_follows_volumes_and_the_render_thread() {
+    let stage =
+        Stage::empty(Config { adapter: "a test".to_owned(), ..Config::default() }, QueueConfig::default());
+    assert_eq!(stage.get("/healthz").await.status, 200);
+    stage.get("/readyz").await.problem(503);
+    stage.server.expect_volumes(2);
+    assert_eq!(stage.get("/readyz").await.problem(503)["loading"], 2);
+    stage.server.add_volume(LoadedVolume { volume: cube(), warnings: 0 });
+    let ready = stage.get("/readyz").await;
+    assert_eq!(ready.status, 200);
+    assert_eq!(ready.json(), json!({ "status": "ready", "adapter": "a test", "volumes": 1, "loading": 1 }));
+    stage.service.shut_down();
+    assert_eq!(stage.get("/readyz").await.problem(503)["type"], "urn:relief:problem:renderer-ended");
+    assert_eq!(stage.get("/healthz").await.status, 200);
+}
+
+#[tokio::test]
+async fn a_volume_is_described_by_geometry_and_values_alone() {
+    let stage = Stage::new();
+    let listed = stage.get("/v1/volumes").await.json();
+    let shown = stage.get(&format!("/v1/volumes/{}", stage.id)).await.json();
+    assert_eq!(listed, json!({ "volumes": [shown], "loading": 0 }));
+    assert_eq!(shown["dims"], json!([4, 4, 4]));
+    assert_eq!(shown["spacing_mm"], json!([10.0, 10.0, 10.0]));
+    assert_eq!(shown["bounds_mm"], json!([[-20.0, -20.0, -20.0], [20.0, 20.0, 20.0]]));
+    assert_eq!((&shown["hu_range"], &shown["warnings"]), (&json!([0, 63]), &json!(2)));
+    let mut keys: Vec<&str> = shown.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    let known = [
+        "bounds_mm",
+        "center_mm",
+        "dims",
+        "hu_range",
+        "id",
+        "links",
+        "origin_mm",
+        "radius_mm",
+        "removable",
+        "spacing_mm",
+        "warnings",
+    ];
+    assert_eq!(keys, known, "a new key must not tell who was scanned");
+}
+
+#[tokio::test]
+async fn others_are_served_while_one_renders() {
+    let stage = Stage::new();
+    let known = stage.get(&stage.path("frame?preset=skin")).await.header("etag").to_owned();
+    stage.gate.close();
+    let (app, path) = (stage.app.clone(), stage.path("frame?preset=bone&zoom=2"));
+    let slow = tokio::spawn(tower::ServiceExt::oneshot(app, Request::get(path).body(Body::empty()).unwrap()));
+    stage.gate.held().await;
+    let others = async {
+        for path in ["/healthz", "/readyz", "/metrics", "/v1/volumes", "/v1/presets", "/"] {
+            assert_eq!(stage.get(path).await.status, 200, "{path}");
+        }
+        let again = stage.get_with(&stage.path("frame?preset=skin"), &[("if-none-match", &known)]).await;
+        assert_eq!(again.status, 304);
+        let reused = stage.get_with(&stage.path("frame?preset=skin"), &[("accept", "image/x-exr")]).await;
+        assert!(reused.header("server-timing").contains("reused"));
+    };
+    tokio::time::timeout(Duration::from_secs(10), others)
+        .await
+        .expect("nobody waits for the one that renders");
+    assert!(!slow.is_finished());
+    stage.gate.open();
+    assert_eq!(slow.await.unwrap().unwrap().status(), 200);
+}
+
+#[tokio::test]
+async fn metrics_count_without_naming() {
+    let stage = Stage::new();
+    stage.get(&stage.path("frame")).await;
+    stage.get(&stage.path("frame")).await;
+    stage.get("/who/are/you").await;
+    stage.ask(Request::builder().method("BREW").uri("/").body(Body::empty()).unwrap()).await;
+    let answer = stage.get("/metrics").await;
+    assert!(answer.header("content-type").starts_with("text/plain; version=0.0.4"));
+    let text = answer.text();
+    for line in [
+        "relief_requests_total{method=\"GET\",route=\"/v1/volumes/{id}/frame\",status=\"200\"} 2",
+        "relief_requests_total{method=\"GET\",route=\"unmatched\",status=\"404\"} 1",
+        "relief_requests_total{method=\"other\",route=\"/\",status=\"405\"} 1",
+        "relief_render_orders_total{outcome=\"rendered\"} 1",
+        "relief_render_orders_total{outcome=\"reused\"} 1",
+        "relief_requests_in_flight 1",
+        "relief_render_queue_length 0",
+        "relief_volumes 1",
+        "relief_ready 1",
+        "relief_render_seconds_bucket{le=\"0.005\"} 1",
+        "relief_render_seconds_count 1",
+    ] {
+        assert!(text.lines().any(|found| found == line), "{line} is not in\n{text}");
+    }
+    assert!(!text.contains(&stage.id));
+    for line in text.lines().filter(|line| !line.starts_with('#')) {
+        let (_, value) = line.rsplit_once(' ').unwrap();
+        assert!(value.parse::<f64>().is_ok(), "{line}");
+    }
+}
+
+#[tokio::test]
+async fn presets_and_layouts_are_listed() {
+    let listed = Stage::new().get("/v1/presets").await.json();
+    let names: Vec<&str> =
+        listed["presets"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
+    let known: Vec<&str> = relief::transfer::PRESETS.iter().map(|preset| preset.name).collect();
+    assert_eq!(names, known);
+    assert!(listed["presets"].as_array().unwrap().iter().all(|p| !p["purpose"].as_str().unwrap().is_empty()));
+    assert!(listed["layouts"].as_array().unwrap().contains(&json!("wowvx")));
+}
+
+#[tokio::test]
+async fn the_page_is_whole_and_loads_nothing_from_elsewhere() {
+    let stage = Stage::new();
+    let page = stage.get("/").await;
+    assert!(page.header("content-type").starts_with("text/html"));
+    let policy = page.header("content-security-policy");
+    assert!(policy.contains("default-src 'none'") && policy.contains("script-src 'self'"));
+    assert!(!policy.contains("unsafe"));
+    for path in local_references(page.text()) {
+        let file = stage.get(&path).await;
+        assert_eq!(file.status, 200, "{path}");
+        assert_eq!(file.header("x-content-type-options"), "nosniff");
+        assert!(!without_namespaces(file.text()).contains("://"), "{path} names another site");
+        let again = stage.get_with(&path, &[("if-none-match", file.header("etag"))]).await;
+        assert_eq!((again.status.as_u16(), again.body.len()), (304, 0));
+    }
+    assert!(!without_namespaces(page.text()).contains("://"));
+    assert!(local_references(page.text()).len() >= 3);
+}
+
+/// The values of `src` and `href`.
+fn local_references(html: &str) -> Vec<String> {
+    let values = ["src=\"", "href=\""].into_iter().flat_map(|key| html.split(key).skip(1));
+    let paths = values.filter_map(|rest| rest.split('"').next()).filter(|path| path.starts_with('/'));
+    paths.map(str::to_owned).collect()
+}
+
+/// XML namespaces look like addresses and are none.
+fn without_namespaces(text: &str) -> String {
+    text.replace("http://www.w3.org/2000/svg", "")
+}
+
+#[tokio::test]
+async fn every_answer_is_hardened() {
+    let stage = Stage::new();
+    for path in ["/healthz", "/nothing", "/v1/volumes", "/metrics"] {
+        let answer = stage.get(path).await;
+        assert_eq!(answer.header("x-content-type-options"), "nosniff", "{path}");
+        assert_eq!(answer.header("cross-origin-resource-policy"), "same-origin", "{path}");
+        assert!(answer.header("content-security-policy").contains("default-src 'none'"), "{path}");
+        assert!(!answer.headers.contains_key("access-control-allow-origin"));
+    }
+}
+
+#[tokio::test]
+async fn what_openapi_lists_is_there_with_these_methods_alone() {
+    let stage = Stage::new();
+    let api = stage.get("/openapi.json").await.json();
+    assert!(api["openapi"].as_str().unwrap().starts_with("3.1"));
+    for (path, methods) in api["paths"].as_object().unwrap() {
+        let at = path.replace("{id}", &stage.id);
+        let put = stage.ask(Request::put(&at).body(Body::empty()).unwrap()).await;
+        assert_eq!(put.status, 405, "{path}");
+        let allowed: Vec<String> = put.header("allow").split(',').map(|m| m.trim().to_lowercase()).collect();
+        let listed = methods.as_object().unwrap().keys().filter(|key| *key != "parameters");
+        for method in listed {
+            assert!(allowed.contains(method), "{path} {method}");
+        }
+        for method in allowed.iter().filter(|method| *method != "head") {
+            assert!(methods.get(method).is_some(), "openapi.json lacks {method} of {path}");
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! What the tests stand on: a backend with a closed form and a gate, a server around it, and short ways to ask.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::Body;
+use axum::http::{HeaderMap, Request, StatusCode};
+use http_body_util::BodyExt;
+use relief::camera::Projection;
+use relief::dicom::{self, Strictness};
+use relief::render::{RenderRequest, RenderedFrame, Timings};
+use relief::server::{Config, LoadedVolume, Server, VolumeLoader, app};
+use relief::session::{BackendError, QueueConfig, RenderBackend, RenderService};
+use relief::units::DepthLimits;
+use relief::volume::{Grid, Volume};
+use serde_json::Value;
+use tower::ServiceExt;
+
+/// Radius of the sphere that the backend shows around the focal point, mm.
+pub(crate) const SPHERE_MM: f64 = 20.0;
+
+/// Sample distances that make the backend misbehave.
+pub(crate) const PANICS: &str = "sample_distance_mm=13";
+pub(crate) const REFUSES: &str = "sample_distance_mm=14";
+pub(crate) const FAILS: &str = "sample_distance_mm=15";
+
+/// Closed, it holds the render thread inside a render.
+#[derive(Default)]
+pub(crate) struct Gate {
+    closed: Mutex<bool>,
+    changed: Condvar,
+    inside: AtomicUsize,
+    pub(crate) renders: AtomicUsize,
+}
+
+impl Gate {
+    pub(crate) fn close(&self) {
+        *self.closed.lock().unwrap() = true;
+    }
+
+    pub(crate) fn open(&self) {
+        *self.closed.lock().unwrap() = false;
+        self.changed.notify_all();
+    }
+
+    /// Waits until the render thread is held.
+    pub(crate) async fn held(&self) {
+        while self.inside.load(Ordering::SeqCst) == 0 {
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.renders.load(Ordering::SeqCst)
+    }
+
+    fn pass(&self) {
+        self.inside.fetch_add(1, Ordering::SeqCst);
+        let closed = self.closed.lock().unwrap();
+        let (_open, waited) =
+            self.changed.wait_timeout_while(closed, Duration::from_secs(20), |closed| *closed).unwrap();
+        self.inside.fetch_sub(1, Ordering::SeqCst);
+        assert!(!waited.timed_out(), "a test left the gate closed");
+    }
+}
+
+struct SphereBackend(Arc<Gate>);
+
+impl RenderBackend for SphereBackend {
+    fn render(&mut self, _: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError> {
+        self.0.renders.fetch_add(1, Ordering::SeqCst);
+        self.0.pass();
+        match request.sample_distance_mm {
+            13.0 => panic!("secret panic"),
+            14.0 => Err(BackendError::Refused("the volume is larger than this adapter takes".into())),
+            15.0 => Err(BackendError::Failed("secret cause".into())),
+            _ => Ok(sphere(request)),
+        }
+    }
+}
+
+/// Red where the sphere is, with its exact view depth; black and without depth elsewhere.
+fn sphere(request: &RenderRequest) -> RenderedFrame {
+    let [width, height] = request.size_px;
+    let pixels = (0..height).flat_map(|row| (0..width).map(move |column| [column, row]));
+    let depth_mm: Vec<f32> = pixels.map(|pixel| sphere_depth(request, pixel)).collect();
+    let distance = request.camera.distance_mm();
+    RenderedFrame {
+        size_px: request.size_px,
+        color_rgba: depth_mm
+            .iter()
+            .map(|d| if d.is_finite() { [200, 40, 20, 255] } else { [0; 4] })
+            .collect(),
+        depth_mm,
+        camera: request.camera,
+        limits: DepthLimits::new(distance - 50.0, distance + 50.0).unwrap(),
+        timings: Timings { upload_ms: 1.0, render_ms: 2.0 },
+    }
+}
+
+/// View depth of the first point of the sphere on a pixel's ray, mm.
+#[expect(clippy::cast_possible_truncation, reason = "depth is stored as f32")]
+pub(crate) fn sphere_depth(request: &RenderRequest, [column, row]: [u32; 2]) -> f32 {
+    let camera = &request.camera;
+    let [half_x, half_y] = camera.half_extent(request.size_px);
+    let [width, height] = request.size_px.map(f64::from);
+    let x = ((f64::from(column) + 0.5) / width * 2.0 - 1.0) * half_x;
+    let y = (1.0 - (f64::from(row) + 0.5) / height * 2.0) * half_y;
+    assert!(matches!(camera.projection(), Projection::Perspective { .. }), "the tests use perspectives");
+    // The ray t (x, y, -1) meets |p - (0, 0, -distance)| = radius; t is the view depth.
+    let (a, distance) = (x * x + y * y + 1.0, camera.distance_mm());
+    let discriminant = distance * distance - a * (distance * distance - SPHERE_MM * SPHERE_MM);
+    if discriminant < 0.0 { f32::INFINITY } else { ((distance - discriminant.sqrt()) / a) as f32 }
+}
+
+/// A server with one volume and its gate.
+pub(crate) struct Stage {
+    pub(crate) app: Router,
+    pub(crate) server: Arc<Server>,
+    pub(crate) service: Arc<RenderService>,
+    pub(crate) gate: Arc<Gate>,
+    pub(crate) id: String,
+}
+
+/// An answer, read to its end.
+pub(crate) struct Answer {
+    pub(crate) status: StatusCode,
+    pub(crate) headers: HeaderMap,
+    pub(crate) body: Vec<u8>,
+}
+
+impl Stage {
+    pub(crate) fn new() -> Self {
+        Self::with(Config::default(), QueueConfig::default())
+    }
+
+    pub(crate) fn with(config: Config, queue: QueueConfig) -> Self {
+        let empty = Self::empty(config, queue);
+        let volume = cube();
+        let id = volume.content_hash().short();
+        empty.server.add_volume(LoadedVolume { volume, warnings: 2 });
+        Self { id, ..empty }
+    }
+
+    pub(crate) fn empty(config: Config, queue: QueueConfig) -> Self {
+        let gate = Arc::new(Gate::default());
+        let service = Arc::new(RenderService::start(SphereBackend(Arc::clone(&gate)), queue).unwrap());
+        let server = Arc::new(Server::new(Arc::clone(&service), loader(), config));
+        Self { app: app(Arc::clone(&server)), server, service, gate, id: String::new() }
+    }
+
+    /// The path of a part of the volume.
+    pub(crate) fn path(&self, part: &str) -> String {
+        format!("/v1/volumes/{}/{part}", self.id)
+    }
+
+    pub(crate) async fn get(&self, path: &str) -> Answer {
+        self.ask(Request::get(path).body(Body::empty()).unwrap()).await
+    }
+
+    pub(crate) async fn get_with(&self, path: &str, headers: &[(&str, &str)]) -> Answer {
+        let request =
+            headers.iter().fold(Request::get(path), |request, (name, value)| request.header(*name, *value));
+        self.ask(request.body(Body::empty()).unwrap()).await
+    }
+
+    pub(crate) async fn post(&self, path: &str, media: &str, body: impl Into<Body>) -> Answer {
+        self.ask(Request::post(path).header("content-type", media).body(body.into()).unwrap()).await
+    }
+
+    pub(crate) async fn ask(&self, request: Request<Body>) -> Answer {
+        let response = self.app.clone().oneshot(request).await.unwrap();
+        let (parts, body) = response.into_parts();
+        let body = body.collect().await.unwrap().to_bytes().to_vec();
+        Answer { status: parts.status, headers: parts.headers, body }
+    }
+}
+
+impl Answer {
+    pub(crate) fn header(&self, name: &str) -> &str {
+        self.headers.get(name).unwrap_or_else(|| panic!("no header {name}")).to_str().unwrap()
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).unwrap_or_else(|error| panic!("{error}: {}", self.text()))
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        std::str::from_utf8(&self.body).unwrap()
+    }
+
+    /// The problem document, after checking its form.
+    #[track_caller]
+    pub(crate) fn problem(&self, status: u16) -> Value {
+        assert_eq!(self.status.as_u16(), status, "{}", self.text());
+        assert_eq!(self.header("content-type"), "application/problem+json");
+        assert!(!self.header("x-request-id").is_empty());
+        let problem = self.json();
+        assert_eq!(problem["status"], status);
+        assert!(problem["type"].as_str().unwrap().starts_with("urn:relief:problem:"), "{problem}");
+        assert!(
+            !problem["title"].as_str().unwrap().is_empty() && !problem["detail"].as_str().unwrap().is_empty()
+        );
+        problem
+    }
+}
+
+/// 4x4x4 voxels of 10 mm around the patient origin.
+pub(crate) fn cube() -> Volume {
+    let grid = Grid::axis_aligned([4; 3], [10.0; 3], [-15.0; 3]).unwrap();
+    Volume::new(grid, (0..64).collect()).unwrap()
+}
+
+fn loader() -> VolumeLoader {
+    Arc::new(|path| {
+        let found = dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+        let entry = found.select(None).map_err(|error| error.to_string())?;
+        let loaded = dicom::load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+        Ok(LoadedVolume { warnings: loaded.warnings.len(), volume: loaded.volume })
+    })
+}
