@@ -233,7 +233,8 @@ impl SceneFile {
             mode: self.mode.map_or(Mode::Composite, ModeFile::resolve),
             transfer,
             shading: self.shading.map_or_else(|| default_shading(preset), ShadingFile::resolve),
-            sample_distance_mm: self.sample_distance_mm.unwrap_or(finest.clamp(0.1, 10.0)),
+            // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
+            sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
             depth: self.depth.map_or(Ok(DepthRule::Threshold { fraction: 0.5 }), DepthFile::resolve)?,
             clip: self.clip.unwrap_or_default().resolve()?,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
@@ -357,7 +358,7 @@ mod tests {
         assert_eq!(scene.request.size_px, [960, 540]);
         assert_eq!(scene.request.mode, Mode::Composite);
         assert_eq!(scene.request.depth, DepthRule::Threshold { fraction: 0.5 });
-        assert_eq!(scene.request.sample_distance_mm, 1.0);
+        assert_eq!(scene.request.sample_distance_mm, 0.5);
     }
 
     #[test]
