@@ -2,8 +2,8 @@
 //
 // The sum is written out so that no fetch can be dropped. Neighbouring rays are about a voxel apart, as in a picture.
 
-@group(0) @binding(0) var volume: texture_3d<f32>;
-@group(0) @binding(1) var volume_sampler: sampler;
+@group(0) @binding(0) var plain_volume: texture_3d<f32>;
+@group(0) @binding(1) var plain_sampler: sampler;
 @group(0) @binding(2) var<storage, read_write> sums: array<f32>;
 
 const SIDE: u32 = 320u;
@@ -19,7 +19,7 @@ fn calibrate(@builtin(global_invocation_id) id: vec3<u32>) {
     let step = vec3<f32>(0.0003, 0.0002, 1.0 / f32(STEPS));
     var sum = 0.0;
     for (var k = 0u; k < STEPS; k++) {
-        sum += textureSampleLevel(volume, volume_sampler, start + step * f32(k), 0.0).x;
+        sum += textureSampleLevel(plain_volume, plain_sampler, start + step * f32(k), 0.0).x;
     }
     sums[id.y * SIDE + id.x] = sum;
 }

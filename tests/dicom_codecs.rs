@@ -1,6 +1,7 @@
 //! One real CT slice in every transfer syntax, against what pydicom and GDCM decode.
 //!
 //! Truth: `../shared/data/codecs.facts.json` and the uncompressed slice.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod common;
 

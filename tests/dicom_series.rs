@@ -1,6 +1,7 @@
 //! Whole series against facts computed by other software (pydicom, cross-checked with SimpleITK).
 //!
 //! Truth: `../shared/data/NAME.facts.json`, and for resampled series the positions of known features.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod common;
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -58,15 +59,23 @@ pub(super) fn strictness(strict: bool) -> Strictness {
 
 /// [`dicom::discover`] with progress on stderr.
 pub(super) fn discover(path: &Path, strictness: Strictness) -> anyhow::Result<Discovery> {
-    let reporter = Reporter::default();
-    Ok(dicom::discover(path, strictness, &|progress| reporter.report(progress))?)
+    let (start, reporter) = (Instant::now(), Reporter::default());
+    let found = dicom::discover(path, strictness, &|progress| reporter.report(progress))?;
+    tracing::info!("found {} series in {:.1} ms", found.series.len(), milliseconds(start));
+    Ok(found)
 }
 
 /// [`dicom::load`] with progress on stderr.
 pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow::Result<Loaded> {
-    let reporter = Reporter::default();
+    let (start, reporter) = (Instant::now(), Reporter::default());
     let loaded = dicom::load(entry, strictness, &|progress| reporter.report(progress));
-    loaded.with_context(|| format!("cannot load the series {}", entry.uid()))
+    let loaded = loaded.context("cannot load the series")?; // without its UID, which may not leave this machine
+    tracing::info!("loaded {:?} voxels in {:.1} ms", loaded.volume.grid().dims(), milliseconds(start));
+    Ok(loaded)
+}
+
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
 }
 
 /// Shows warnings on stderr.

@@ -13,8 +13,14 @@ use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 use glam::DVec3;
 
+use super::attributes::{
+    BETWEEN, BITS_ALLOCATED, BITS_STORED, COLUMNS, FRAMES, HIGH_BIT, INTERCEPT, ORIENTATION, PADDING,
+    POSITION, REPRESENTATION, ROWS, SAMPLES, SLOPE, SPACING, THICKNESS, check, numbers, positive, required,
+    text, unsigned,
+};
 use super::dataset::{DataSet, Keep, PixelElement};
-use super::error::{Attribute, Defect};
+use super::error::Defect;
+use super::groups::Groups;
 use super::part10::{self, Object, Syntax};
 use super::pixels::{PixelLayout, Rescale};
 use super::source::FileSource;
@@ -80,29 +86,6 @@ impl From<Defect> for Rejection {
         Self::Defective(defect)
     }
 }
-
-const fn attribute(tag: Tag, keyword: &'static str) -> Attribute {
-    Attribute { tag, keyword }
-}
-
-const ROWS: Attribute = attribute(tags::ROWS, "Rows");
-const COLUMNS: Attribute = attribute(tags::COLUMNS, "Columns");
-const FRAMES: Attribute = attribute(tags::NUMBER_OF_FRAMES, "NumberOfFrames");
-const SAMPLES: Attribute = attribute(tags::SAMPLES_PER_PIXEL, "SamplesPerPixel");
-const BITS_ALLOCATED: Attribute = attribute(tags::BITS_ALLOCATED, "BitsAllocated");
-const BITS_STORED: Attribute = attribute(tags::BITS_STORED, "BitsStored");
-const HIGH_BIT: Attribute = attribute(tags::HIGH_BIT, "HighBit");
-const REPRESENTATION: Attribute = attribute(tags::PIXEL_REPRESENTATION, "PixelRepresentation");
-const PADDING: Attribute = attribute(tags::PIXEL_PADDING_VALUE, "PixelPaddingValue");
-const POSITION: Attribute = attribute(tags::IMAGE_POSITION_PATIENT, "ImagePositionPatient");
-const ORIENTATION: Attribute = attribute(tags::IMAGE_ORIENTATION_PATIENT, "ImageOrientationPatient");
-const SPACING: Attribute = attribute(tags::PIXEL_SPACING, "PixelSpacing");
-const THICKNESS: Attribute = attribute(tags::SLICE_THICKNESS, "SliceThickness");
-const BETWEEN: Attribute = attribute(tags::SPACING_BETWEEN_SLICES, "SpacingBetweenSlices");
-const SLOPE: Attribute = attribute(tags::RESCALE_SLOPE, "RescaleSlope");
-const INTERCEPT: Attribute = attribute(tags::RESCALE_INTERCEPT, "RescaleIntercept");
-const PER_FRAME: Attribute =
-    attribute(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, "PerFrameFunctionalGroupsSequence");
 
 fn keep(tag: Tag) -> Keep {
     match tag {
@@ -204,51 +187,6 @@ fn frame(
     })
 }
 
-/// The functional groups of an object; a classic one is its own only group.
-struct Groups<'a> {
-    top: &'a DataSet,
-    shared: Option<&'a DataSet>,
-    per_frame: &'a [DataSet],
-}
-
-impl<'a> Groups<'a> {
-    fn new(top: &'a DataSet, frames: u32) -> Result<Self, Defect> {
-        let shared = top.items(tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).first();
-        let per_frame = top.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE);
-        if !per_frame.is_empty() && per_frame.len() != frames as usize {
-            return Err(Defect::Attribute {
-                attribute: PER_FRAME,
-                found: format!("{} items", per_frame.len()),
-                expected: "one for each frame",
-            });
-        }
-        Ok(Self { top, shared, per_frame })
-    }
-
-    /// The data set that holds `wanted` for a frame: the macro's item per frame, else shared, else the top level.
-    fn find(&self, frame: u32, group: Tag, wanted: Tag) -> &'a DataSet {
-        let per_frame = self.per_frame.get(frame as usize);
-        let items = per_frame.into_iter().chain(self.shared).filter_map(|groups| groups.items(group).first());
-        items.into_iter().find(|item| item.bytes(wanted).is_some()).unwrap_or(self.top)
-    }
-
-    fn plane_position(&self, frame: u32) -> &'a DataSet {
-        self.find(frame, tags::PLANE_POSITION_SEQUENCE, tags::IMAGE_POSITION_PATIENT)
-    }
-
-    fn plane_orientation(&self, frame: u32) -> &'a DataSet {
-        self.find(frame, tags::PLANE_ORIENTATION_SEQUENCE, tags::IMAGE_ORIENTATION_PATIENT)
-    }
-
-    fn measures(&self, frame: u32) -> &'a DataSet {
-        self.find(frame, tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING)
-    }
-
-    fn transformation(&self, frame: u32, wanted: Tag) -> &'a DataSet {
-        self.find(frame, tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, wanted)
-    }
-}
-
 /// Only images of the CT classes, or with Modality CT where the class is empty (anonymisers do that).
 fn check_wanted(data: &DataSet) -> Result<(), Rejection> {
     let unwanted = |why: String| Err(Rejection::Unwanted(why));
@@ -299,23 +237,23 @@ fn frame_count(data: &DataSet) -> Result<u32, Defect> {
 
 fn layout(data: &DataSet, frames: u32) -> Result<PixelLayout, Defect> {
     let samples = unsigned(data, SAMPLES)?.unwrap_or(1);
-    check(samples == 1, SAMPLES, samples, "1")?;
+    check(samples == 1, SAMPLES, &samples, "1")?;
     let [rows, columns] = [required(data, ROWS, "1 to 65535")?, required(data, COLUMNS, "1 to 65535")?];
-    check((1..=65535).contains(&rows), ROWS, rows, "1 to 65535")?;
-    check((1..=65535).contains(&columns), COLUMNS, columns, "1 to 65535")?;
+    check((1..=65535).contains(&rows), ROWS, &rows, "1 to 65535")?;
+    check((1..=65535).contains(&columns), COLUMNS, &columns, "1 to 65535")?;
     let allocated = required(data, BITS_ALLOCATED, "8 or 16")?;
-    check(matches!(allocated, 8 | 16), BITS_ALLOCATED, allocated, "8 or 16")?;
+    check(matches!(allocated, 8 | 16), BITS_ALLOCATED, &allocated, "8 or 16")?;
     let stored = unsigned(data, BITS_STORED)?.unwrap_or(allocated);
-    check((1..=allocated).contains(&stored), BITS_STORED, stored, "1 to BitsAllocated")?;
+    check((1..=allocated).contains(&stored), BITS_STORED, &stored, "1 to BitsAllocated")?;
     let high_bit = unsigned(data, HIGH_BIT)?.unwrap_or(stored - 1);
     check(
         (stored - 1..allocated).contains(&high_bit),
         HIGH_BIT,
-        high_bit,
+        &high_bit,
         "BitsStored - 1 to BitsAllocated - 1",
     )?;
     let representation = unsigned(data, REPRESENTATION)?.unwrap_or(0);
-    check(representation <= 1, REPRESENTATION, representation, "0 (unsigned) or 1 (signed)")?;
+    check(representation <= 1, REPRESENTATION, &representation, "0 (unsigned) or 1 (signed)")?;
     PixelLayout::new(frames, [rows, columns], [allocated, stored, high_bit], representation == 1)
 }
 
@@ -358,7 +296,7 @@ fn rescale(groups: &Groups<'_>, frame: u32, layout: &PixelLayout) -> Result<Opti
     }
     let [slope] = numbers(slopes, SLOPE, "a number other than 0")?;
     let [intercept] = numbers(intercepts, INTERCEPT, "a number")?;
-    check(slope != 0.0, SLOPE, slope, "a number other than 0")?;
+    check(slope != 0.0, SLOPE, &slope, "a number other than 0")?;
     Ok(Some(padding_hu(Rescale { slope, intercept, padding: None })))
 }
 
@@ -375,7 +313,7 @@ fn orientation(data: &DataSet) -> Result<[DVec3; 2], Defect> {
     let (row, column) = (DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5]));
     // Written with a few digits; beyond that it is no orientation, and normalising it would move voxels.
     let wrong = (row.length() - 1.0).abs().max((column.length() - 1.0).abs()).max(row.dot(column).abs());
-    check(wrong < 0.01, ORIENTATION, format!("{v:?}"), expected)?;
+    check(wrong < 0.01, ORIENTATION, &format!("{v:?}"), expected)?;
     // Rows keep their direction; columns are made exactly perpendicular, so that the grid is.
     let row = row.normalize();
     Ok([row, (column - row * row.dot(column)).normalize()])
@@ -385,57 +323,6 @@ fn spacing(data: &DataSet) -> Result<[f64; 2], Defect> {
     let expected = "two positive numbers in mm";
     let spacing = numbers::<2>(data, SPACING, expected)?;
     let usable = spacing.iter().all(|&mm| (1e-4..1e4).contains(&mm));
-    check(usable, SPACING, format!("{spacing:?}"), expected)?;
+    check(usable, SPACING, &format!("{spacing:?}"), expected)?;
     Ok(spacing)
-}
-
-fn positive(data: &DataSet, attribute: Attribute) -> Option<f64> {
-    let [mm] = numbers(data, attribute, "a positive number in mm").ok()?;
-    (1e-4..1e4).contains(&mm).then_some(mm)
-}
-
-fn text(data: &DataSet, tag: Tag) -> String {
-    data.text(tag).unwrap_or_default()
-}
-
-/// `N` finite decimal numbers.
-fn numbers<const N: usize>(
-    data: &DataSet,
-    attribute: Attribute,
-    expected: &'static str,
-) -> Result<[f64; N], Defect> {
-    let Some(text) = data.text(attribute.tag) else {
-        return Err(Defect::Attribute { attribute, found: "nothing".to_owned(), expected });
-    };
-    let parsed: Option<Vec<f64>> = text
-        .split('\\')
-        .map(|part| part.trim().parse().ok().filter(|value: &f64| value.abs() < 1e9))
-        .collect();
-    let parsed = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
-    parsed.ok_or_else(|| Defect::Attribute { attribute, found: format!("{text:.80?}"), expected })
-}
-
-fn unsigned(data: &DataSet, attribute: Attribute) -> Result<Option<u32>, Defect> {
-    data.unsigned(attribute.tag).map_err(|found| Defect::Attribute {
-        attribute,
-        found,
-        expected: "an unsigned integer",
-    })
-}
-
-fn required(data: &DataSet, attribute: Attribute, expected: &'static str) -> Result<u32, Defect> {
-    unsigned(data, attribute)?.ok_or_else(|| Defect::Attribute {
-        attribute,
-        found: "nothing".to_owned(),
-        expected,
-    })
-}
-
-fn check(
-    holds: bool,
-    attribute: Attribute,
-    found: impl ToString,
-    expected: &'static str,
-) -> Result<(), Defect> {
-    if holds { Ok(()) } else { Err(Defect::Attribute { attribute, found: found.to_string(), expected }) }
 }

@@ -7,6 +7,7 @@
 //! Coefficients of the whole image are kept until all scans are read, since progressive scans refine them.
 
 use super::codestream;
+use super::entropy::{Bits, Huffman, Problem};
 
 /// Coefficients of an 8 x 8 block, row by row.
 type Block = [i32; 64];
@@ -17,9 +18,6 @@ const ZIGZAG: [u8; 64] = [
     14, 21, 28, 35, 42, 49, 56, 57, 50, 43, 36, 29, 22, 15, 23, 30, 37, 44, 51, 58, 59, 52, 45, 38, 31, 39,
     46, 53, 60, 61, 54, 47, 55, 62, 63,
 ];
-
-/// What is wrong with a codestream, for a message.
-type Problem = String;
 
 /// Decodes an image of `width` x `height` samples of `precision` bits.
 ///
@@ -97,29 +95,6 @@ impl Tables {
 
 fn table<T>(tables: &mut [T; 4], index: u8) -> Result<&mut T, Problem> {
     tables.get_mut(usize::from(index)).ok_or_else(|| format!("found table {index}, expected 0 to 3"))
-}
-
-/// A Huffman code as a table over the next 16 bits: symbol and length (0 where no code begins so).
-#[derive(Default)]
-struct Huffman {
-    lookup: Vec<(u8, u8)>,
-}
-
-impl Huffman {
-    /// The canonical code with `counts[n]` codes of n + 1 bits (T.81 annex C).
-    fn new(counts: &[u8], symbols: &[u8]) -> Result<Self, Problem> {
-        let mut lookup = vec![(0, 0); 1 << 16];
-        let lengths =
-            (1u8..).zip(counts).flat_map(|(length, &count)| std::iter::repeat_n(length, count.into()));
-        let mut next = 0usize;
-        for (length, &symbol) in lengths.zip(symbols) {
-            let span = 1usize << (16 - length);
-            let entries = lookup.get_mut(next..next + span).ok_or("the Huffman table has too many codes")?;
-            entries.fill((symbol, length));
-            next += span;
-        }
-        Ok(Self { lookup })
-    }
 }
 
 /// The parameters of a scan (T.81 B.2.3).
@@ -317,96 +292,6 @@ fn refine(bits: &mut Bits<'_>, coefficient: &mut i32, one: i32) -> Result<(), Pr
     Ok(())
 }
 
-/// Entropy-coded bits, most significant first; FF 00 stands for FF (T.81 B.1.1.5).
-struct Bits<'a> {
-    data: &'a [u8],
-    position: usize,
-    buffer: u32,
-    /// Bits in the buffer, from its top.
-    count: u32,
-}
-
-impl<'a> Bits<'a> {
-    fn new(data: &'a [u8]) -> Self {
-        Self { data, position: 0, buffer: 0, count: 0 }
-    }
-
-    /// Fills the buffer as far as there are bytes before the next marker.
-    fn fill(&mut self) {
-        while self.count <= 24 {
-            let byte = match self.data.get(self.position..) {
-                Some([0xFF, 0x00, ..]) => {
-                    self.position += 1;
-                    0xFF
-                }
-                Some([0xFF, ..] | []) | None => return,
-                Some([byte, ..]) => *byte,
-            };
-            self.position += 1;
-            self.buffer |= u32::from(byte) << (24 - self.count);
-            self.count += 8;
-        }
-    }
-
-    /// The next `count` bits, at most 16.
-    fn take(&mut self, count: u8) -> Result<u32, Problem> {
-        if count == 0 {
-            return Ok(0);
-        }
-        self.fill();
-        let value = self.buffer >> (32 - u32::from(count));
-        self.drop(count)?;
-        Ok(value)
-    }
-
-    fn drop(&mut self, count: u8) -> Result<(), Problem> {
-        let count = u32::from(count);
-        self.count = self.count.checked_sub(count).ok_or("the entropy-coded data are cut short")?;
-        self.buffer <<= count;
-        Ok(())
-    }
-
-    fn bit(&mut self) -> Result<bool, Problem> {
-        Ok(self.take(1)? == 1)
-    }
-
-    fn symbol(&mut self, code: &Huffman) -> Result<u8, Problem> {
-        self.fill();
-        match code.lookup.get((self.buffer >> 16) as usize) {
-            Some(&(symbol, length)) if length > 0 => self.drop(length).map(|()| symbol),
-            Some(_) => Err("found bits that no Huffman code begins with".to_owned()),
-            None => Err("a Huffman table is missing".to_owned()),
-        }
-    }
-
-    /// A number of `size` bits in JPEG's own signed form (T.81 F.2.2.1, EXTEND).
-    fn signed(&mut self, size: u8) -> Result<i32, Problem> {
-        if size > 16 {
-            return Err(format!("found a coefficient of {size} bits, expected at most 16"));
-        }
-        let value = self.take(size)?.cast_signed();
-        let is_negative = size > 0 && value >> (size - 1) == 0;
-        Ok(if is_negative { value - (1 << size) + 1 } else { value })
-    }
-
-    /// Skips to behind the next restart marker.
-    fn restart(&mut self) -> Result<(), Problem> {
-        (self.buffer, self.count) = (0, 0);
-        match self.data.get(self.position..) {
-            Some([0xFF, 0xD0..=0xD7, ..]) => self.position += 2,
-            _ => return Err("found no restart marker where one is expected".to_owned()),
-        }
-        Ok(())
-    }
-
-    /// What follows the entropy-coded data, from the next marker on.
-    fn behind(&self) -> &'a [u8] {
-        let rest = self.data.get(self.position..).unwrap_or_default();
-        let marker = rest.windows(2).position(|pair| pair[0] == 0xFF && !matches!(pair[1], 0 | 0xD0..=0xD7));
-        marker.map_or(&[], |at| &rest[at..])
-    }
-}
-
 /// `basis[x][u]` = C(u)/2 cos((2x + 1) u pi / 16).
 fn cosine_basis() -> [[f32; 8]; 8] {
     std::array::from_fn(|x| {
@@ -446,15 +331,6 @@ mod tests {
         block[0] = 80;
         let values = inverse_transform(&block, &[4; 64], &cosine_basis());
         assert!(values.iter().all(|value| (value - 40.0).abs() < 1e-3), "{values:?}"); // 80 * 4 / 8
-    }
-
-    #[test]
-    fn jpeg_signed_numbers_extend_as_in_table_f_1() {
-        // Three bits each: 000 is -7, 011 is -4, 100 is 4, 111 is 7.
-        let mut bits = Bits::new(&[0b0000_1110, 0b0111_0000]);
-        let found: Vec<i32> = (0..4).map(|_| bits.signed(3).unwrap()).collect();
-        assert_eq!(found, [-7, -4, 4, 7]);
-        assert!(bits.take(16).is_err());
     }
 
     #[test]

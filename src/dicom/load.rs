@@ -79,7 +79,7 @@ impl Loaded {
     #[must_use]
     pub fn downsampled(mut self, factor: usize) -> Self {
         if factor > 1 {
-            self.stack_sha256();
+            let _ = self.stack_sha256(); // while the voxels are still there
             self.volume = self.volume.downsampled(factor);
         }
         self

@@ -20,11 +20,14 @@
 //!
 //! What it is not: a DICOM toolkit. Objects other than CT images are listed as skipped.
 
+mod attributes;
 mod codec;
 mod codestream;
 mod dataset;
 mod discover;
+mod entropy;
 mod error;
+mod groups;
 mod header;
 mod jpeg_dct;
 mod load;

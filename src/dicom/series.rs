@@ -96,14 +96,16 @@ fn split(uid: &str, frames: Vec<FrameHeader>) -> Vec<SeriesEntry> {
     stacks.into_iter().enumerate().map(entry).collect()
 }
 
-/// Leaves out files that hold an image found already: the same SOP Instance UID, as folders with backups have them.
+/// Leaves out files that hold an image found already, as folders with backups have them: the same SOP Instance UID at
+/// the same position (some anonymisers give all slices one UID).
 fn without_copies(frames: Vec<FrameHeader>) -> (Vec<FrameHeader>, Vec<Warning>) {
     let mut seen = HashSet::new();
     let mut copies = Vec::new();
     let mut kept = Vec::with_capacity(frames.len());
     for frame in frames {
         let instance = frame.file.instance_uid.clone();
-        if instance.is_empty() || seen.insert((instance, frame.index)) {
+        let position = frame.position.to_array().map(f64::to_bits);
+        if instance.is_empty() || seen.insert((instance, frame.index, position)) {
             kept.push(frame);
         } else {
             copies.push(frame.to_string());

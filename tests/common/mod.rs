@@ -2,6 +2,7 @@
 //!
 //! Data stay outside of the repository, in `../shared/data`; archives are unpacked once into `.relief/data`.
 #![allow(dead_code, reason = "each test binary uses a part of this")]
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
