@@ -4,8 +4,9 @@
 #
 # Sets VK_DRIVER_FILES to the pinned software driver, LD_LIBRARY_PATH to the libraries unpacked with it, and
 # RELIEF_PEERS_PYTHON to the Python that has the peers. What is not set up is left out. A VK_DRIVER_FILES or
-# VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the system's own
-# (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software driver even then.
+# VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
+# system's own (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software
+# driver even then.
 # shellcheck shell=sh disable=SC3028,SC3054,SC2128
 
 relief_root=$(cd -- "$(dirname -- "${BASH_SOURCE:-scripts/env.sh}")/.." && pwd)

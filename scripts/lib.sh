@@ -1,8 +1,8 @@
 # Shared by the scripts of this folder; sourced, never run.
 #
-# Messages, the project's private folder (.relief, ignored by git), installing with apt, and unpacking Debian packages
-# privately. Everything that this library writes is under .relief, but for `install_packages`, which installs
-# with apt and says so.
+# Messages, the project's private folder (.relief, ignored by git), installing with apt, and unpacking Debian
+# packages privately. Everything that this library writes is under .relief, but for `install_packages`, which
+# installs with apt and says so.
 # shellcheck shell=bash
 
 RELIEF_ROOT=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
@@ -41,7 +41,7 @@ os_field() { (
     . "${RELIEF_OS_RELEASE:-/etc/os-release}" 2>/dev/null && eval "printf '%s' \"\${$1:-}\""
 ) || true; }
 
-is_debian_12() { [ "$(os_field ID)" = debian ] && [ "$(os_field VERSION_ID)" = 12 ] && have apt-get && have dpkg-deb; }
+is_debian_12() { [ "$(os_field ID) $(os_field VERSION_ID)" = "debian 12" ] && have apt-get && have dpkg-deb; }
 
 # Holds a lock of this name until the script ends, so that two runs at once do not disturb each other.
 take_lock() {
@@ -50,7 +50,7 @@ take_lock() {
     flock 9
 }
 
-# Installs packages with apt, as root or through sudo without a password; fails, saying what to run, where it cannot.
+# Installs packages with apt, as root or by sudo without a password; where it cannot, fails and says what to run.
 install_packages() {
     local as_root=()
     if ! have apt-get; then
@@ -65,8 +65,9 @@ install_packages() {
         as_root=(sudo -n)
     fi
     say "installing with apt: $*"
-    # A fresh machine has no package lists and an old one has stale ones: refresh them when the first try fails.
-    local install=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -y --no-install-recommends install "$@")
+    # A fresh machine has no package lists, an old one has stale ones: they are refreshed when a try fails.
+    local install=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive)
+    install+=(apt-get -q -y --no-install-recommends install "$@")
     if "${install[@]}" >/dev/null 2>&1; then return 0; fi
     if "${as_root[@]}" apt-get -q update >&2 && "${install[@]}" >&2; then return 0; fi
     say "apt could not install: $*"
@@ -79,8 +80,8 @@ pin() { # PACKAGE FIELD
         '$1 == package && ($3 == arch || $3 == "all") { print $field }' "$PINS"
 }
 
-# One line of apt sources for each Debian suite that this machine is configured with, and one for backports at the
-# place of bookworm itself. No address of an archive is written down in the project.
+# One line of apt sources for each Debian suite that this machine is configured with, and one for backports at
+# the place of bookworm itself. No address of an archive is written down in the project.
 debian_sources() {
     local options='' keyring=/usr/share/keyrings/debian-archive-keyring.gpg uri release component target
     if [ -f "$keyring" ]; then options="[signed-by=$keyring]"; fi
@@ -100,11 +101,12 @@ debian_sources() {
     done
 }
 
-# apt-get with its lists, caches and locks under FOLDER, as if nothing were installed: needs no root, changes nothing.
+# apt-get with its lists and caches under FOLDER, as if nothing were installed: needs no root, changes nothing.
 private_apt() { # FOLDER ARGUMENT...
     local folder=$1
     shift
-    apt-get -q -c "$folder/apt.conf" -o Dir::Etc::SourceList="$folder/sources.list" -o Dir::Etc::SourceParts=/dev/null \
+    apt-get -q -c "$folder/apt.conf" \
+        -o Dir::Etc::SourceList="$folder/sources.list" -o Dir::Etc::SourceParts=/dev/null \
         -o Dir::Etc::Preferences=/dev/null -o Dir::Etc::PreferencesParts=/dev/null \
         -o Dir::State::Lists="$folder/lists" -o Dir::State::Status=/dev/null \
         -o Dir::State::Extended_States="$folder/extended_states" -o Dir::Cache="$folder/cache" "$@"
@@ -133,8 +135,8 @@ CONF
     }
 }
 
-# NAME=VERSION of every package that the packages of `requests` need and that this machine lacks. The C library and
-# the compiler's libraries are every program's own and are never replaced.
+# NAME=VERSION of every package that the requested ones need and that this machine lacks. The C
+# library and the compiler's libraries are every program's own and are never replaced.
 lacking_packages() { # FOLDER REQUEST...
     local folder=$1 name version
     shift
@@ -148,7 +150,11 @@ lacking_packages() { # FOLDER REQUEST...
     done
 }
 
-is_installed() { [ "$(dpkg-query -W -f '${db:Status-Status}' "$1:$(dpkg --print-architecture)" 2>/dev/null)" = installed ]; }
+is_installed() { # PACKAGE
+    local package
+    package=$1:$(dpkg --print-architecture)
+    [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ]
+}
 
 # Every downloaded package of the table of pins has the SHA-256 that stands there.
 check_pins() { # FOLDER_OF_DEBS
@@ -166,8 +172,8 @@ check_pins() { # FOLDER_OF_DEBS
     done
 }
 
-# Puts the shared libraries of a pinned package, of the others, and of what these need and the machine lacks, into
-# TARGET/lib. The system's own packages are left alone. TARGET appears whole or not at all.
+# Puts the shared libraries of a pinned package, of the others, and of what these need and the machine lacks,
+# into TARGET/lib. The system's own packages are left alone. TARGET appears whole or not at all.
 unpack_pinned() { # TARGET PACKAGE...
     local target=$1 work package version requests=() lacking
     shift

@@ -1,9 +1,9 @@
 //! Keeps the rules of the house that no compiler and no linter keeps.
 //!
-//! Every file says at its head what it is; files and functions stay short; no mark of unfinished work, path of one
-//! machine or address of a registry is left; scripts are runnable; shaders parse; the README knows every subcommand;
-//! every invariant of ARCHITECTURE.md names a test that exists. Each rule is a function from files to complaints, and is
-//! itself tried on files that break it.
+//! Every file says at its head what it is; files and functions stay short; no mark of unfinished work, path
+//! of one machine or address of a registry is left; scripts are runnable; shaders parse; the README knows
+//! every subcommand; every invariant of ARCHITECTURE.md names a test that exists. Each rule is a function
+//! from files to complaints, and is itself tried on files that break it.
 
 use std::path::{Path, PathBuf};
 
@@ -217,7 +217,7 @@ mod rule {
         found
     }
 
-    /// Each stage parses together with all of `shaders/lib`; declarations may come in any order.
+    /// Each stage parses as it is, or together with all of `shaders/lib`; declarations may come in any order.
     pub(super) fn shaders_parse(files: &[File]) -> Vec<String> {
         let shaders = files.iter().filter(|file| extension(&file.path) == "wgsl");
         let (library, stages): (Vec<_>, Vec<_>) =
@@ -228,9 +228,11 @@ mod rule {
         let library: String = library.iter().map(|file| file.text.as_str()).collect();
         let mut found = Vec::new();
         for stage in stages {
-            let source = format!("{}\n{library}", stage.text);
-            if let Err(error) = naga::front::wgsl::parse_str(&source) {
-                found.push(error.emit_to_string_with_path(&source, &stage.path));
+            let whole = format!("{}\n{library}", stage.text);
+            let parses = |source: &str| naga::front::wgsl::parse_str(source).is_ok();
+            if !parses(&stage.text) && !parses(&whole) {
+                let error = naga::front::wgsl::parse_str(&whole).err();
+                found.extend(error.map(|error| error.emit_to_string_with_path(&whole, &stage.path)));
             }
         }
         found
@@ -273,8 +275,8 @@ mod rule {
         kebab
     }
 
-    /// Every item of the list under "Invariants" says ``Kept by: `file::name` ``, and that is a test, a documentation
-    /// test of that kind, or a key of a configuration file.
+    /// Every item of the list under "Invariants" says ``Kept by: `file::name` ``, and that is a test, a
+    /// documentation test of that kind, or a key of a configuration file.
     pub(super) fn invariants_name_tests(files: &[File]) -> Vec<String> {
         let Some(map) = find(files, "ARCHITECTURE.md") else {
             return vec!["ARCHITECTURE.md is not there".to_owned()];
@@ -349,7 +351,8 @@ fn project() -> Vec<File> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths: Vec<PathBuf> = Vec::new();
     for entry in std::fs::read_dir(root).expect("the root can be read").flatten() {
-        let is_project_file = entry.path().is_file() && entry.file_name() != ".git"; // a file in a second worktree
+        // `.git` is a file in a second worktree.
+        let is_project_file = entry.path().is_file() && entry.file_name() != ".git";
         paths.extend(is_project_file.then(|| entry.path()));
     }
     for folder in FOLDERS.iter().map(|folder| root.join(folder)).filter(|folder| folder.exists()) {

@@ -1,9 +1,9 @@
 //! Keeps the module map: imports go down only, and each outside crate stays where it belongs.
 //!
-//! Reads `src/**/*.rs` as tokens, without comments and strings, and finds every path that leaves its own module:
-//! `crate::x`, `super::` chains that reach the root, in `use` trees as in expressions, and names of outside crates. It is no
-//! compiler: macros are read as they are written, and paths made by macros are not seen. Unit tests in `src` obey
-//! the same rules as the code beside them.
+//! Reads `src/**/*.rs` as tokens, without comments and strings, and finds every path that leaves its own
+//! module: `crate::x`, `super::` chains that reach the root, in `use` trees as in expressions, and names of
+//! outside crates. It is no compiler: macros are read as they are written, and paths made by macros are not
+//! seen. Unit tests in `src` obey the same rules as the code beside them.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -33,7 +33,8 @@ const SAME_RANK: &[(&str, &str)] = &[];
 
 const NETWORK: &[&str] = &["server", "client", "batch", "cli"];
 
-/// Outside crates that belong to some modules only; a name that ends in `_` stands for every crate that begins so.
+/// Outside crates that belong to some modules only; a name that ends in `_` stands for every crate that
+/// begins so.
 const CRATES: &[(&str, &[&str])] = &[
     ("wgpu", &["gpu", "render"]),
     ("naga", &["gpu", "render"]),
@@ -253,7 +254,8 @@ enum Target {
     Crate(String),
 }
 
-/// What the paths of a file name outside their own module. `depth` is that of the file's module below the root.
+/// What the paths of a file name outside their own module. `depth` is that of the file's module below the
+/// root.
 fn references(depth: usize, tokens: &[Token]) -> Vec<(usize, Target)> {
     let mut found = Vec::new();
     let mut braces = 0_usize;
@@ -283,8 +285,8 @@ fn references(depth: usize, tokens: &[Token]) -> Vec<(usize, Target)> {
     found
 }
 
-/// Where the path that begins at token `i` has its first name, if one begins there: after `use` and `extern crate`, or
-/// at a name followed by `::`.
+/// Where the path that begins at token `i` has its first name, if one begins there: after `use` and `extern
+/// crate`, or at a name followed by `::`.
 fn path_start(tokens: &[Token], i: usize) -> Option<usize> {
     let text = |i: usize| tokens.get(i).map_or("", |token| token.text.as_str());
     let before = if i > 0 { text(i - 1) } else { "" };
@@ -335,7 +337,8 @@ fn read_paths(
     i
 }
 
-/// What a path names from a module `depth` below the root; `None` where it stays inside that module's ancestors.
+/// What a path names from a module `depth` below the root; `None` where it stays inside that module's
+/// ancestors.
 fn resolve(depth: usize, path: &[String]) -> Option<Target> {
     let mut names = path.iter().map(String::as_str).filter(|name| *name != "self").peekable();
     match *names.peek()? {
@@ -362,7 +365,8 @@ struct Token {
     line: usize,
 }
 
-/// The tokens of a source without blanks, comments, strings, characters and numbers' digits kept apart from names.
+/// The tokens of a source without blanks, comments, strings, characters and numbers' digits kept apart from
+/// names.
 fn tokens(source: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
     let mut rest = source;

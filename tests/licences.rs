@@ -1,10 +1,10 @@
 //! Keeps the licences of all dependencies permissive.
 //!
-//! Asks cargo for the packages that are built on this machine, tests and build scripts included, and reads their licence
-//! expressions (SPDX). Packages of other systems are judged where they are built.
+//! Asks cargo for the packages that are built on this machine, tests and build scripts included, and reads
+//! their licence expressions (SPDX). Packages of other systems are judged where they are built.
 
-/// Licences that ask for no more than their own text to be kept. IJG is that of the JPEG group, Unicode-3.0 that of
-/// character tables.
+/// Licences that ask for no more than their own text to be kept. IJG is that of the JPEG group, Unicode-3.0
+/// that of character tables.
 const LICENCES: &[&str] = &[
     "MIT",
     "Apache-2.0",
@@ -67,7 +67,8 @@ fn dependencies() -> Vec<(String, String)> {
         .collect()
 }
 
-/// Whether a licence expression (SPDX; `/` is an old way to write OR) can be met by the permissive licences alone.
+/// Whether a licence expression (SPDX; `/` is an old way to write OR) can be met by the permissive licences
+/// alone.
 fn is_permissive(expression: &str) -> bool {
     let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let words: Vec<_> = spaced.split_whitespace().collect();
