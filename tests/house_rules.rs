@@ -239,8 +239,7 @@ mod rule {
     }
 
     pub(super) fn root_documents_are_there(files: &[File]) -> Vec<String> {
-        let missing =
-            ROOT_DOCUMENTS.iter().filter(|name| find(files, name).is_none_or(|text| text.is_empty()));
+        let missing = ROOT_DOCUMENTS.iter().filter(|name| find(files, name).is_none_or(str::is_empty));
         missing.map(|name| format!("{name} is not there")).collect()
     }
 
