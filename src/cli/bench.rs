@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
+use super::adapter::AdapterArguments;
 use super::output::print_json;
-use super::render::open_renderer;
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
 use crate::render::{RenderRequest, Renderer};
@@ -24,6 +24,8 @@ pub(super) struct Arguments {
     series: SeriesArguments,
     #[command(flatten)]
     scene: SceneArguments,
+    #[command(flatten)]
+    adapter: AdapterArguments,
     /// Frames that are measured, after one that is not
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
@@ -55,13 +57,15 @@ struct Report {
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, scene, frames, orbit_deg, json } = arguments;
+    let Arguments { series, scene, adapter, frames, orbit_deg, json } = arguments;
     let scene_file = scene.read()?;
     let start = Instant::now();
     let loaded = series.load()?;
     let load_ms = milliseconds(start);
     let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
-    let report = measure(&loaded.volume, &scene.request, frames, orbit_deg.to_radians(), load_ms)?;
+    let mut renderer = adapter.open_renderer()?;
+    let turntable = Turntable { frames, step: orbit_deg.to_radians() };
+    let report = measure(&mut renderer, &loaded.volume, &scene.request, turntable, load_ms)?;
     if json {
         print_json(&report)?;
     } else {
@@ -70,31 +74,57 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Views of a request around its up axis.
+#[derive(Clone, Copy)]
+struct Turntable {
+    frames: u32,
+    /// Radians from frame to frame.
+    step: f64,
+}
+
+impl Turntable {
+    /// The request as frame `i` sees it; frame 0 is the request itself.
+    fn frame(self, request: &RenderRequest, i: i32) -> RenderRequest {
+        RenderRequest { camera: request.camera.orbited(f64::from(i) * self.step), ..request.clone() }
+    }
+
+    fn measured(self, request: &RenderRequest) -> impl Iterator<Item = RenderRequest> {
+        (1..).take(self.frames as usize).map(move |i| self.frame(request, i))
+    }
+}
+
 fn measure(
+    renderer: &mut Renderer,
     volume: &Volume,
     request: &RenderRequest,
-    frames: u32,
-    orbit: f64,
+    turntable: Turntable,
     load_ms: f64,
 ) -> anyhow::Result<Report> {
-    let mut renderer = open_renderer()?;
     let start = Instant::now();
-    let first = renderer.render(volume, &turned(request, -orbit))?;
+    let first = renderer.render(volume, &turntable.frame(request, -1))?;
     let first_frame_ms = milliseconds(start);
-    let mut times: Vec<f64> = (1..=frames)
-        .map(|i| frame_time(&mut renderer, volume, &turned(request, f64::from(i) * orbit)))
-        .collect::<anyhow::Result<_>>()?;
+    let mut times = Vec::new();
+    for request in turntable.measured(request) {
+        let start = Instant::now();
+        renderer.render(volume, &request)?;
+        times.push(milliseconds(start));
+    }
     times.sort_by(f64::total_cmp);
     let median_ms = times[times.len() / 2];
-    let samples_per_frame = mean_samples(&mut renderer, volume, request, frames, orbit)?;
-    let driver_samples_per_s = renderer.sampling_rate(volume)?;
+    // Counted apart, so that counting costs no time.
+    let mut samples = 0;
+    for request in turntable.measured(request) {
+        samples += renderer.count_samples(volume, &request)?;
+    }
+    let samples_per_frame = samples / u64::from(turntable.frames);
     let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
+    let driver_samples_per_s = renderer.sampling_rate(volume)?;
     let adapter = renderer.gpu().description();
     Ok(Report {
         adapter: adapter.name.clone(),
         driver: adapter.driver.clone(),
         size_px: request.size_px,
-        frames,
+        frames: turntable.frames,
         median_ms,
         min_ms: times[0],
         samples_per_frame,
@@ -106,31 +136,6 @@ fn measure(
         first_frame_ms,
         peak_rss_mib: peak_rss_mib(),
     })
-}
-
-fn turned(request: &RenderRequest, angle: f64) -> RenderRequest {
-    RenderRequest { camera: request.camera.orbited(angle), ..request.clone() }
-}
-
-fn frame_time(renderer: &mut Renderer, volume: &Volume, request: &RenderRequest) -> anyhow::Result<f64> {
-    let start = Instant::now();
-    renderer.render(volume, request)?;
-    Ok(milliseconds(start))
-}
-
-/// Samples per frame over the same frames, counted apart so that counting costs no time.
-fn mean_samples(
-    renderer: &mut Renderer,
-    volume: &Volume,
-    request: &RenderRequest,
-    frames: u32,
-    orbit: f64,
-) -> anyhow::Result<u64> {
-    let mut total = 0;
-    for i in 1..=frames {
-        total += renderer.count_samples(volume, &turned(request, f64::from(i) * orbit))?;
-    }
-    Ok(total / u64::from(frames))
 }
 
 /// The most memory this process has held, where the system says.

@@ -4,6 +4,7 @@
 //! the environment and decides exit statuses: 0 done, 1 failed, 2 wrong arguments.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the command line is where output belongs")]
 
+mod adapter;
 mod bench;
 mod doctor;
 mod golden;

@@ -3,12 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context;
-
+use super::adapter::AdapterArguments;
 use super::output::{print_json, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
-use crate::gpu::{AdapterChoice, Gpu};
 use crate::render::{RenderedFrame, Renderer};
 use crate::session::{FileFormat, Product, encode};
 
@@ -27,6 +25,8 @@ pub(super) struct Arguments {
     series: SeriesArguments,
     #[command(flatten)]
     scene: SceneArguments,
+    #[command(flatten)]
+    adapter: AdapterArguments,
     /// Where the picture goes: .png, .jpg or .exr
     #[arg(long, value_name = "FILE", value_parser = parse_picture)]
     out: Output,
@@ -74,11 +74,11 @@ fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, St
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, scene, out, depth_out, json } = arguments;
+    let Arguments { series, scene, adapter, out, depth_out, json } = arguments;
     let scene_file = scene.read()?; // before the long work: a wrong scene is known at once
     let loaded = series.load()?;
     let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
-    let mut renderer = open_renderer()?;
+    let mut renderer = adapter.open_renderer()?;
     let frame = renderer.render(&loaded.volume, &scene.request)?;
     let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
     for (output, product) in outputs.into_iter().flatten() {
@@ -86,13 +86,6 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         write_whole(&output.path, &bytes)?;
     }
     report(&renderer, &frame, &out.path, depth_out.as_ref().map(|out| out.path.as_path()), json)
-}
-
-/// The renderer on the adapter that `RELIEF_ADAPTER` names: `best` (default), `software`, or part of a name.
-pub(super) fn open_renderer() -> anyhow::Result<Renderer> {
-    let choice = AdapterChoice::parse(&std::env::var("RELIEF_ADAPTER").unwrap_or_default());
-    let gpu = Gpu::open(&choice)?;
-    Renderer::new(gpu).context("the renderer cannot start")
 }
 
 fn report(

@@ -11,10 +11,9 @@ use std::time::{Duration, SystemTime};
 use anyhow::Context;
 use tokio::sync::oneshot;
 
+use super::adapter::AdapterArguments;
 use super::source::{self, SeriesOptions};
 use crate::dicom::{self, Strictness};
-use crate::gpu::{AdapterChoice, Gpu};
-use crate::render::Renderer;
 use crate::server::{
     self, Config, ConnectionLimits, Drained, LoadedVolume, Server, UploadLimits, VolumeLoader,
 };
@@ -44,9 +43,8 @@ pub(super) struct Arguments {
     /// Whether clients may upload series; `auto` is on for a loopback address
     #[arg(long, value_enum, default_value_t = Uploads::Auto)]
     uploads: Uploads,
-    /// Graphics adapter: best, software, or a part of its name
-    #[arg(long, value_name = "NAME", default_value = "best")]
-    adapter: String,
+    #[command(flatten)]
+    adapter: AdapterArguments,
     /// Orders that may wait while one renders; more are answered with 503
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=4096))]
     queue: u16,
@@ -68,10 +66,10 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         // Told before anything is opened: a typo should not cost a wait.
         std::fs::metadata(path).with_context(|| format!("cannot read --series {}", path.display()))?;
     }
-    let gpu = Gpu::open(&AdapterChoice::parse(&arguments.adapter))?;
-    let adapter = gpu.description().to_string();
+    let renderer = arguments.adapter.open_renderer()?;
+    let adapter = renderer.gpu().description().to_string();
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
-    let service = Arc::new(RenderService::start(Renderer::new(gpu)?, queue)?);
+    let service = Arc::new(RenderService::start(renderer, queue)?);
     let config = config(&arguments, &adapter);
     let server = Arc::new(Server::new(Arc::clone(&service), upload_loader(), config));
     server.expect_volumes(arguments.series.len());

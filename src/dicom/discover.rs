@@ -29,7 +29,8 @@ pub struct Skipped {
     pub file: String,
     /// Why it is not used.
     pub reason: String,
-    /// What is wrong with it; `None` for sound objects of another kind.
+    /// What is wrong with it; `None` for sound objects of another kind, and for JSON sidecars: phantoms and other
+    /// tools put them beside slices, and they are no sign of damage.
     #[serde(skip)]
     pub defect: Option<Defect>,
 }
@@ -81,7 +82,11 @@ impl Skipped {
     fn new(file: String, rejection: Rejection) -> Self {
         match rejection {
             Rejection::Unwanted(reason) => Self { file, reason, defect: None },
-            Rejection::Defective(defect) => Self { file, reason: defect.to_string(), defect: Some(defect) },
+            Rejection::Defective(defect) => {
+                let is_sidecar = matches!(defect, Defect::NotDicom { .. }) && file.ends_with(".json");
+                let reason = defect.to_string();
+                Self { file, reason, defect: (!is_sidecar).then_some(defect) }
+            }
         }
     }
 

@@ -18,12 +18,22 @@ pub use bricks::{BrickRanges, DistanceMap};
 pub use grid::{Bounds, Grid, GridError};
 
 /// A CT volume in HU. Cheap to clone: the voxels are shared.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Volume {
     grid: Grid,
     voxels_hu: Arc<Vec<i16>>,
     range_hu: (i16, i16),
     hash: Arc<OnceLock<ContentHash>>,
+}
+
+/// Voxels are left out: there are millions.
+impl std::fmt::Debug for Volume {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Volume")
+            .field("grid", &self.grid)
+            .field("range_hu", &self.range_hu)
+            .finish_non_exhaustive()
+    }
 }
 
 /// SHA-256 of a volume's dimensions, placement and voxels: its identity everywhere (uploads, HTTP ids, caches).
