@@ -253,7 +253,7 @@ fn the_head_is_oriented_left_posterior_superior_and_has_human_measures() {
     }
     assert!(at("pronasale")[1] < at("nasion")[1] && at("nasion")[1] < -80.0, "the nose points to -y");
     assert!(at("inion")[1] > 80.0 && at("vertex")[2] > 120.0 && at("menton")[2] < -80.0);
-    // Adult males of Gordon et al., ANSUR 1988, 1st to 99th percentile or wider: face height and breadth, mm.
+    // Wide ranges of plausible adult measures between bony landmarks, mm: they catch a wrong scale or axis.
     let distance =
         |a: &str, b: &str| Point::<Patient>::from_xyz(at(a).into()).distance(Point::from_xyz(at(b).into()));
     assert!((105.0..140.0).contains(&distance("nasion", "menton")), "face height");
@@ -453,4 +453,39 @@ fn pydicom_reads_the_same_voxels() {
     let found = String::from_utf8(output.stdout).unwrap();
     let expected = format!("{} 20 20 20 -121.6 -121.6 -121.6 PHANTOM^TEST", truth.stack_sha256);
     assert_eq!(found.trim(), expected);
+}
+
+fn relief(arguments: &[&str], out: &Path) -> std::process::Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+    command
+        .args(["phantom", "--out"])
+        .arg(out)
+        .args(arguments)
+        .output()
+        .expect("the program was built for tests")
+}
+
+#[test]
+fn the_command_writes_a_series_with_its_truth_and_keeps_what_is_there() {
+    let parent = tempfile::tempdir().unwrap();
+    let out = parent.path().join("axes");
+    let made = relief(&["--kind", "axes", "--size", "24", "--json"], &out);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&made.stdout).unwrap();
+    let truth: Truth = serde_json::from_slice(&std::fs::read(out.join("truth.json")).unwrap()).unwrap();
+    assert_eq!(truth, Phantom::axes(24).unwrap().truth);
+    assert_eq!(report["stack_sha256"], truth.stack_sha256.as_str());
+    assert_eq!((&report["slices"], std::fs::read_dir(&out).unwrap().count()), (&24.into(), 25));
+
+    let again = relief(&["--kind", "ramp", "--size", "16"], &out);
+    assert_eq!(again.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("--force"));
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 25, "the refused run changed nothing");
+
+    assert!(relief(&["--kind", "ramp", "--size", "16", "--force"], &out).status.success());
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 17);
+    assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 1, "no temporary folder is left");
+    for wrong in [["--kind", "torso"], ["--size", "8"], ["--size", "2000"]] {
+        assert_eq!(relief(&wrong, &parent.path().join("none")).status.code(), Some(2), "{wrong:?}");
+    }
 }

@@ -55,7 +55,7 @@ impl Edge {
     /// Edges as wide as a voxel and the blur of a scanner make them.
     fn of_voxels(spacing_mm: [f64; 3]) -> Self {
         let voxel = spacing_mm.iter().product::<f64>().cbrt() as f32;
-        Self { half_width_mm: 0.7 * (voxel * voxel + 0.35).sqrt() }
+        Self { half_width_mm: 0.85 * (voxel * voxel + 0.35).sqrt() }
     }
 
     /// Share of a voxel that lies inside a surface at this signed distance, 0..1.
