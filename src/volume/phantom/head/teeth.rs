@@ -1,7 +1,7 @@
 //! The teeth: fourteen to a row (no wisdom teeth), each a crown with cusps and one to three roots.
 //!
-//! Teeth stand on an ellipse (the dental arch), shoulder to shoulder from the midline back. Crown widths are close to the
-//! means that textbooks of dental anatomy give, mm.
+//! Teeth stand on an ellipse (the dental arch), shoulder to shoulder from the midline back. Crown widths are
+//! close to the means that textbooks of dental anatomy give, mm.
 
 use glam::{Mat3, Vec3};
 
