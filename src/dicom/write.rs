@@ -1,12 +1,13 @@
-//! Writes a volume as a CT series: one CT Image Storage file per slice, in a folder that appears whole or not at all.
+//! Writes a volume as a CT series: one CT Image Storage file per slice, in a folder that appears whole or not
+//! at all.
 //!
-//! Explicit VR little endian; signed 16-bit pixels that are the HU themselves (slope 1, intercept 0), so that no
-//! value of a volume is lost. Slice k of the volume is one file, placed by its own ImagePositionPatient; rows run
-//! along i, columns along j. Positions are patient LPS mm.
+//! Explicit VR little endian; signed 16-bit pixels that are the HU themselves (slope 1, intercept 0), so that
+//! no value of a volume is lost. Slice k of the volume is one file, placed by its own ImagePositionPatient;
+//! rows run along i, columns along j. Positions are patient LPS mm.
 //!
-//! The same volume with the same labels makes the same bytes: UIDs are name-based (SHA-256 of the volume's content
-//! and the labels, as a UUID under 2.25), and dates are left empty. It is not an archive's exporter: it knows one
-//! series of one invented patient.
+//! The same volume with the same labels makes the same bytes: UIDs are name-based (SHA-256 of the volume's
+//! content and the labels, as a UUID under 2.25), and dates are left empty. It is not an archive's exporter:
+//! it knows one series of one invented patient.
 
 use std::fs;
 use std::io;
@@ -102,7 +103,8 @@ pub struct SeriesFolder {
 }
 
 impl SeriesFolder {
-    /// Starts a folder that will appear at `place`, and refuses at once what [`SeriesFolder::finish`] would refuse.
+    /// Starts a folder that will appear at `place`, and refuses at once what [`SeriesFolder::finish`] would
+    /// refuse.
     ///
     /// # Errors
     /// When something that may not be replaced is at `place`, or its parent cannot be written.
@@ -150,8 +152,8 @@ impl SeriesFolder {
     /// Puts the folder at its place.
     ///
     /// # Errors
-    /// When something has appeared at the place that may not be replaced, or the file system refuses; then the
-    /// place is as it was.
+    /// When something has appeared at the place that may not be replaced, or the file system refuses; then
+    /// the place is as it was.
     pub fn finish(self) -> Result<(), WriteError> {
         check_place(&self.place, self.existing)?;
         make_readable(self.staging.path()).map_err(io_error("share", self.staging.path()))?;
@@ -301,7 +303,8 @@ impl<'a> Series<'a> {
         put(object, tags::CONTENT_TIME, VR::TM, "");
         put(object, tags::KVP, VR::DS, "120");
         put(object, tags::BURNED_IN_ANNOTATION, VR::CS, "NO");
-        put(object, tags::QUALITY_CONTROL_IMAGE, VR::CS, "YES"); // the standard's term for an image of a phantom
+        // The standard's term for an image of a phantom.
+        put(object, tags::QUALITY_CONTROL_IMAGE, VR::CS, "YES");
         put(object, tags::LOSSY_IMAGE_COMPRESSION, VR::CS, "00");
         let (center, width) = self.labels.window_hu;
         put(object, tags::WINDOW_CENTER, VR::DS, &center.to_string());

@@ -1,7 +1,7 @@
 //! Procedural phantoms: volumes made by formula, each with its [`Truth`].
 //!
-//! A [`Recipe`] (kind, size, seed) makes a [`Phantom`] (volume and truth). Equal recipes make equal voxels, whatever
-//! the number of threads. Nothing is read or written here: `dicom::write` makes files of it.
+//! A [`Recipe`] (kind, size, seed) makes a [`Phantom`] (volume and truth). Equal recipes make equal voxels,
+//! whatever the number of threads. Nothing is read or written here: `dicom::write` makes files of it.
 //!
 //! | kind | size is | what it is for |
 //! |---|---|---|
@@ -184,7 +184,8 @@ impl Recipe {
         Phantom { volume, truth }
     }
 
-    /// Where the voxels lie: around the patient origin, except for the head, whose origin is between the ears.
+    /// Where the voxels lie: around the patient origin, except for the head, whose origin is between the
+    /// ears.
     fn placement(&self) -> Placement {
         let n = self.size;
         match self.kind {

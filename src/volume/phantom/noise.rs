@@ -1,7 +1,7 @@
 //! Deterministic noise: hashes of lattice points, smooth gradient noise, the grain of a CT image.
 //!
-//! Every value is a function of position and seed alone, so that voxels can be made in any order by any number of
-//! threads. It is not random in any cryptographic sense.
+//! Every value is a function of position and seed alone, so that voxels can be made in any order by any
+//! number of threads. It is not random in any cryptographic sense.
 
 use glam::{IVec3, Vec3};
 
@@ -52,7 +52,8 @@ pub(super) fn vector_noise(p: Vec3, seed: u64) -> Vec3 {
     )
 }
 
-/// Distances, in units of the lattice, to the nearest and second nearest of points scattered one to a cell (Worley).
+/// Distances, in units of the lattice, to the nearest and second nearest of points scattered one to a cell
+/// (Worley).
 pub(super) fn cell_distances(p: Vec3, seed: u64) -> (f32, f32) {
     let cell = p.floor().as_ivec3();
     let (mut first, mut second) = (f32::MAX, f32::MAX);
@@ -75,8 +76,8 @@ fn unit(bits: u64) -> f32 {
     (bits & 0xffff) as f32 / 65_536.0
 }
 
-/// The grain of one slice: normal to a good approximation, mean 0, deviation 1, correlated between neighbours in
-/// the slice as the reconstruction of a CT leaves it.
+/// The grain of one slice: normal to a good approximation, mean 0, deviation 1, correlated between neighbours
+/// in the slice as the reconstruction of a CT leaves it.
 pub(super) fn grain(width: usize, height: usize, slice: usize, seed: u64) -> Vec<f32> {
     /// Weights of the neighbours along one axis, and what makes their squares sum to 1.
     const SIDE: f32 = 0.22;

@@ -1,8 +1,9 @@
 //! The phantoms of closed form: sphere, slab, ramp, axes.
 //!
-//! Edges are anti-aliased by covered volume: a voxel's value is the mean of the continuous phantom over the voxel's
-//! box, rounded to a whole HU. For the slab that fraction is exact; for balls it is a 16 x 16 midpoint quadrature of
-//! exact chords along the axis that the surface faces most, good to 0.2 % of a voxel. No noise.
+//! Edges are anti-aliased by covered volume: a voxel's value is the mean of the continuous phantom over the
+//! voxel's box, rounded to a whole HU. For the slab that fraction is exact; for balls it is a 16 x 16
+//! midpoint quadrature of exact chords along the axis that the surface faces most, good to 0.2 % of a voxel.
+//! No noise.
 
 use rayon::prelude::*;
 

@@ -1,8 +1,9 @@
 //! The truth that comes with a phantom: what was put where, as JSON.
 //!
-//! Positions and lengths are in patient LPS mm, values in HU. Lists keep their order from version to version, so
-//! that a test or a tool may address an entry by its place as well as by its name. It is not a segmentation: it
-//! names closed-form surfaces and single points, each of which lies on the model by construction.
+//! Positions and lengths are in patient LPS mm, values in HU. Lists keep their order from version to version,
+//! so that a test or a tool may address an entry by its place as well as by its name. It is not a
+//! segmentation: it names closed-form surfaces and single points, each of which lies on the model by
+//! construction.
 
 use serde::{Deserialize, Serialize};
 

@@ -217,10 +217,13 @@ fn ventricles() -> Field {
 fn deep_grey() -> Field {
     let mut grey = Field::new(3.0);
     grey.join_both(0.0, ellipsoid([9.5, 8.0, 46.0], [7.0, 13.5, 9.0]).turned(0.0, 0.0, -18.0)); // thalamus
-    grey.join_path_both(0.0, &[[13.0, -20.0, 51.0, 5.5], [15.0, -6.0, 60.0, 4.0], [18.0, 10.0, 63.0, 2.8]]); // caudate
-    grey.join_both(0.0, ellipsoid([23.5, -4.0, 44.0], [5.5, 16.5, 10.0]).turned(0.0, 0.0, -10.0)); // lentiform
+    // Caudate.
+    grey.join_path_both(0.0, &[[13.0, -20.0, 51.0, 5.5], [15.0, -6.0, 60.0, 4.0], [18.0, 10.0, 63.0, 2.8]]);
+    // Lentiform.
+    grey.join_both(0.0, ellipsoid([23.5, -4.0, 44.0], [5.5, 16.5, 10.0]).turned(0.0, 0.0, -10.0));
     grey.join_both(0.0, ellipsoid([24.0, -16.0, 18.0], [7.0, 8.0, 7.0])); // amygdala
-    grey.join_path_both(0.0, &[[25.0, -8.0, 17.0, 4.0], [27.0, 10.0, 22.0, 4.0], [23.0, 28.0, 34.0, 3.0]]); // hippocampus
+    // Hippocampus.
+    grey.join_path_both(0.0, &[[25.0, -8.0, 17.0, 4.0], [27.0, 10.0, 22.0, 4.0], [23.0, 28.0, 34.0, 3.0]]);
     grey
 }
 

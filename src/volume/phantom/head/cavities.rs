@@ -63,7 +63,8 @@ impl LocalCavities<'_> {
         self.air.is_absent() && self.sinuses.is_absent() && self.mastoid.is_absent()
     }
 
-    /// Signed distance to air, mm, at a signed distance from the solid skull: walls of bone stay around sinuses.
+    /// Signed distance to air, mm, at a signed distance from the solid skull: walls of bone stay around
+    /// sinuses.
     pub(super) fn air(&self, p: Vec3, skull: f32, seed: u64) -> f32 {
         let (open, closed) = (self.air.distance(p), self.sinuses.distance(p));
         let ripple =
@@ -127,7 +128,8 @@ fn nose_and_throat(air: &mut Field) {
     air.join(3.0, ellipsoid([0.0, -54.0, -20.6], [19.0, 27.0, 2.4])); // between tongue and palate
     air.join(3.0, cone([0.0, -30.0, -21.0], 2.6, [0.0, -19.0, -30.0], 3.0));
     air.cut(1.5, cone([0.0, -36.0, -17.5], 3.4, [0.0, -21.0, -29.0], 2.6)); // soft palate
-    air.cut(1.0, cone([0.0, -30.0, -78.0], 2.0, [0.0, -20.0, -66.0], 1.3).scaled([0.35, 1.0, 1.0])); // epiglottis
+    // Epiglottis.
+    air.cut(1.0, cone([0.0, -30.0, -78.0], 2.0, [0.0, -20.0, -66.0], 1.3).scaled([0.35, 1.0, 1.0]));
 }
 
 fn folds() -> Field {
@@ -138,9 +140,11 @@ fn folds() -> Field {
     );
     // The septum: the curve above, drawn out into a sheet.
     folds.join(1.0, block([0.4, -68.0, 6.0], [1.2, 33.0, 26.0], 1.0));
-    folds.join_both(0.0, cone([9.5, -82.0, -7.0], 2.4, [9.5, -46.0, -7.5], 3.0).scaled([1.0, 1.0, 0.75])); // inferior
+    // Inferior concha.
+    folds.join_both(0.0, cone([9.5, -82.0, -7.0], 2.4, [9.5, -46.0, -7.5], 3.0).scaled([1.0, 1.0, 0.75]));
     folds.join_both(2.0, cone([13.5, -82.0, -3.0], 1.6, [13.5, -46.0, -3.0], 1.6)); // its root
-    folds.join_both(0.0, cone([7.5, -77.0, 5.0], 1.8, [7.5, -46.0, 4.0], 2.4).scaled([1.0, 1.0, 0.7])); // middle
+    // Middle concha.
+    folds.join_both(0.0, cone([7.5, -77.0, 5.0], 1.8, [7.5, -46.0, 4.0], 2.4).scaled([1.0, 1.0, 0.7]));
     folds.join_both(1.5, cone([11.0, -77.0, 9.0], 1.4, [11.0, -46.0, 8.0], 1.4));
     folds.join_both(0.0, cone([5.0, -62.0, 15.0], 1.2, [5.0, -44.0, 14.0], 1.5)); // superior
     folds

@@ -46,7 +46,8 @@ fn head(skin: &mut Field) {
 fn jaw_and_neck(skin: &mut Field) {
     skin.join_both(22.0, ellipsoid([43.0, -36.0, -40.0], [19.5, 30.0, 32.0])); // masseter and angle
     skin.join(18.0, ellipsoid([0.0, -74.0, -36.0], [33.0, 28.0, 26.0])); // over the teeth
-    skin.join_both(18.0, ellipsoid([20.0, -65.0, -60.0], [21.0, 23.0, 20.0]).turned(0.0, 0.0, -25.0)); // body of the jaw
+    // Body of the jaw.
+    skin.join_both(18.0, ellipsoid([20.0, -65.0, -60.0], [21.0, 23.0, 20.0]).turned(0.0, 0.0, -25.0));
     skin.join(14.0, ellipsoid([0.0, -86.5, -76.0], [17.0, 14.5, 13.5])); // chin
     skin.join(20.0, ellipsoid([0.0, -47.0, -67.0], [34.0, 42.0, 18.0])); // floor of the mouth
     let neck = cone([0.0, 20.0, -10.0], 51.0, [0.0, 12.0, -150.0], 60.0).scaled([1.0, 0.97, 1.0]);

@@ -1,11 +1,11 @@
 //! The head: anatomy by signed distance fields, tissue by tissue, with the truth about it.
 //!
-//! It is a model of no person: proportions are an adult's, courses a textbook's, folds and grain a seed's. What it is
-//! not: a dose phantom, an atlas, or fit to train a diagnosis on.
+//! It is a model of no person: proportions are an adult's, courses a textbook's, folds and grain a seed's.
+//! What it is not: a dose phantom, an atlas, or fit to train a diagnosis on.
 //!
-//! Model space is patient space: LPS mm, origin midway between the ear canals, the Frankfort plane (ear canal to
-//! lower orbital rim) at z = 0. Tissues are painted over each other from the skin inwards; at an edge, a voxel takes
-//! the share of each side that its distance tells, so partial volume looks as a CT's does.
+//! Model space is patient space: LPS mm, origin midway between the ear canals, the Frankfort plane (ear canal
+//! to lower orbital rim) at z = 0. Tissues are painted over each other from the skin inwards; at an edge, a
+//! voxel takes the share of each side that its distance tells, so partial volume looks as a CT's does.
 
 mod brain;
 mod cavities;

@@ -1,7 +1,7 @@
 //! The skull: vault, base and face, and the inside of the cranial cavity.
 //!
-//! Model space is patient LPS mm with the origin midway between the ear canals. Parts with x above 0 that are added
-//! for `both` sides are given for the patient's left.
+//! Model space is patient LPS mm with the origin midway between the ear canals. Parts with x above 0 that are
+//! added for `both` sides are given for the patient's left.
 
 use super::super::sdf::{Field, block, cone, ellipsoid};
 
@@ -45,10 +45,13 @@ fn base(bone: &mut Field) {
     bone.join_both(5.0, cone([55.0, 10.0, -4.0], 12.0, [53.0, 5.0, -27.0], 6.0)); // mastoid process
     bone.join_both(3.0, ellipsoid([14.0, 15.0, -22.0], [6.0, 10.0, 5.5]).turned(0.0, 0.0, -25.0)); // condyles
     bone.join(6.0, ellipsoid([0.0, 85.0, -1.0], [9.0, 7.0, 5.0])); // external occipital protuberance
-    bone.join_path_both(4.0, &[[0.0, 86.0, 0.0, 2.5], [25.0, 80.0, 4.0, 2.2], [45.0, 60.0, 3.0, 1.5]]); // nuchal line
+    // Nuchal line.
+    bone.join_path_both(4.0, &[[0.0, 86.0, 0.0, 2.5], [25.0, 80.0, 4.0, 2.2], [45.0, 60.0, 3.0, 1.5]]);
     bone.join_both(2.0, cone([47.0, -1.0, -14.0], 3.0, [40.0, -14.0, -46.0], 1.1)); // styloid process
-    bone.join_both(4.0, block([13.5, -34.0, -16.0], [1.8, 7.0, 17.0], 1.5).turned(0.0, 0.0, -15.0)); // pterygoid
-    bone.join_both(6.0, block([38.5, -55.0, 20.0], [2.6, 21.0, 17.0], 2.4).turned(0.0, 0.0, 44.0)); // greater wing
+    // Pterygoid.
+    bone.join_both(4.0, block([13.5, -34.0, -16.0], [1.8, 7.0, 17.0], 1.5).turned(0.0, 0.0, -15.0));
+    // Greater wing.
+    bone.join_both(6.0, block([38.5, -55.0, 20.0], [2.6, 21.0, 17.0], 2.4).turned(0.0, 0.0, 44.0));
     bone.join(8.0, block([0.0, -58.0, 18.0], [14.0, 30.0, 17.0], 10.0)); // ethmoid
 }
 
@@ -82,7 +85,8 @@ fn brow_and_cheek(bone: &mut Field) {
             [14.0, -88.0, 14.0, 4.0],
         ],
     );
-    bone.join_both(4.0, cone([13.0, -88.0, 2.0], 5.0, [8.5, -89.0, 35.0], 4.0)); // frontal process of the maxilla
+    // Frontal process of the maxilla.
+    bone.join_both(4.0, cone([13.0, -88.0, 2.0], 5.0, [8.5, -89.0, 35.0], 4.0));
 }
 
 fn upper_jaw(bone: &mut Field) {
@@ -110,7 +114,8 @@ fn openings(bone: &mut Field) {
 }
 
 fn spines_and_arches(bone: &mut Field) {
-    bone.join_both(2.5, cone([2.6, -89.0, 37.0], 4.3, [3.6, -100.0, 17.5], 2.6).scaled([0.58, 1.0, 1.0])); // nasal bones
+    // Nasal bones.
+    bone.join_both(2.5, cone([2.6, -89.0, 37.0], 4.3, [3.6, -100.0, 17.5], 2.6).scaled([0.58, 1.0, 1.0]));
     bone.join(2.0, cone([0.0, -84.0, -16.5], 3.4, [0.0, -95.0, -16.0], 1.9)); // anterior nasal spine
     bone.join(2.0, block([0.0, -9.5, 28.0], [8.0, 2.2, 5.0], 1.8)); // dorsum sellae
     bone.join_both(2.0, cone([9.0, -29.0, 27.0], 2.6, [10.0, -22.0, 29.5], 1.7)); // anterior clinoid
@@ -133,7 +138,8 @@ pub(super) fn cavity() -> Field {
     dome(&mut cavity, VAULT_MM);
     cavity.join(14.0, ellipsoid([0.0, 43.0, 5.0], [46.0, 35.5, 26.0])); // posterior fossa
     cavity.cut(8.0, block([0.0, -92.0, -5.0], [80.0, 58.0, 38.0], 9.0)); // the roof of the nose
-    cavity.cut_both(6.0, cone([35.5, -90.0, 20.5], 23.0, [12.0, -38.0, 22.0], 8.0)); // the roofs of the orbits
+    // The roofs of the orbits.
+    cavity.cut_both(6.0, cone([35.5, -90.0, 20.5], 23.0, [12.0, -38.0, 22.0], 8.0));
     cavity.join_both(8.0, ellipsoid([39.0, -11.0, 18.0], [22.5, 27.5, 20.5])); // middle fossa
     cavity.cut(5.0, block([0.0, -25.0, 8.0], [14.0, 18.0, 15.0], 4.0)); // sphenoid
     cavity.cut(4.0, cone([0.0, -10.0, 16.0], 8.0, [0.0, 5.0, -18.0], 6.0).scaled([0.75, 1.0, 1.0])); // clivus
@@ -141,6 +147,7 @@ pub(super) fn cavity() -> Field {
     cavity.join(5.0, ellipsoid([0.0, -19.0, 27.0], [7.0, 6.0, 6.0])); // the pituitary's place
     cavity.cut(1.5, block([0.0, -9.5, 26.0], [8.0, 2.0, 6.0], 1.8));
     cavity.join(4.0, cone([0.0, 24.0, -8.0], 14.0, [0.0, 26.0, -34.0], 10.0)); // foramen magnum
-    cavity.join_path(4.0, &[[0.0, 26.0, -30.0, 9.5], [0.0, 29.0, -70.0, 8.5], [0.0, 27.0, -140.0, 8.5]]); // canal
+    // Canal.
+    cavity.join_path(4.0, &[[0.0, 26.0, -30.0, 9.5], [0.0, 29.0, -70.0, 8.5], [0.0, 27.0, -140.0, 8.5]]);
     cavity
 }

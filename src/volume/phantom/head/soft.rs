@@ -14,10 +14,13 @@ pub(super) fn muscles() -> Field {
 }
 
 fn chewing(muscle: &mut Field) {
-    muscle.join_both(0.0, ellipsoid([63.0, -26.0, 36.0], [8.5, 34.0, 37.0]).turned(0.0, 8.0, 0.0)); // temporalis
+    // Temporalis.
+    muscle.join_both(0.0, ellipsoid([63.0, -26.0, 36.0], [8.5, 34.0, 37.0]).turned(0.0, 8.0, 0.0));
     muscle.join_both(6.0, cone([58.0, -34.0, 12.0], 8.0, [48.0, -40.0, -10.0], 4.0)); // its tendon's end
-    muscle.join_both(0.0, block([56.5, -35.0, -34.0], [6.0, 15.0, 28.0], 5.5).turned(-12.0, 2.0, 10.0)); // masseter
-    muscle.join_both(0.0, block([38.0, -28.0, -36.0], [5.0, 12.0, 22.0], 4.5).turned(-10.0, -14.0, 14.0)); // medial pterygoid
+    // Masseter.
+    muscle.join_both(0.0, block([56.5, -35.0, -34.0], [6.0, 15.0, 28.0], 5.5).turned(-12.0, 2.0, 10.0));
+    // Medial pterygoid.
+    muscle.join_both(0.0, block([38.0, -28.0, -36.0], [5.0, 12.0, 22.0], 4.5).turned(-10.0, -14.0, 14.0));
     muscle.join_both(0.0, cone([19.0, -38.0, -8.0], 8.5, [44.0, -19.0, -9.0], 4.5)); // lateral pterygoid
 }
 
@@ -25,7 +28,8 @@ fn face(muscle: &mut Field) {
     muscle.join(0.0, ellipsoid([0.0, -54.0, -39.0], [21.0, 30.0, 17.0])); // tongue
     muscle.join(5.0, ellipsoid([0.0, -52.0, -60.0], [15.0, 28.0, 18.0])); // its root
     muscle.join_both(0.0, cone([4.5, -82.0, -79.0], 5.0, [6.0, -46.0, -82.0], 5.5)); // geniohyoid, digastric
-    muscle.join_both(0.0, cone([31.0, -76.0, -25.0], 4.0, [36.0, -50.0, -36.0], 3.2).scaled([1.0, 1.0, 0.5])); // buccinator
+    // Buccinator.
+    muscle.join_both(0.0, cone([31.0, -76.0, -25.0], 4.0, [36.0, -50.0, -36.0], 3.2).scaled([1.0, 1.0, 0.5]));
     muscle.join_path(
         0.0,
         &[
@@ -82,7 +86,8 @@ fn neck(muscle: &mut Field) {
         0.0,
         &[[25.0, 12.0, -60.0, 6.0], [29.0, 9.0, -100.0, 9.0], [36.0, 6.0, -140.0, 11.0]],
     );
-    muscle.join_path_both(0.0, &[[7.0, 1.0, -24.0, 6.5], [8.0, 2.0, -70.0, 6.0], [9.0, 2.0, -140.0, 7.0]]); // longus colli
+    // Longus colli.
+    muscle.join_path_both(0.0, &[[7.0, 1.0, -24.0, 6.5], [8.0, 2.0, -70.0, 6.0], [9.0, 2.0, -140.0, 7.0]]);
     muscle.join_both(0.0, cone([10.0, 52.0, -34.0], 8.0, [24.0, 38.0, -38.0], 8.0)); // below the occiput
     muscle.join_path_both(
         0.0,
@@ -94,7 +99,8 @@ fn neck(muscle: &mut Field) {
 /// Salivary and lacrimal glands, lymphatic tissue, thyroid.
 pub(super) fn glands() -> Field {
     let mut gland = Field::new(REACH_MM);
-    gland.join_both(0.0, ellipsoid([59.0, -13.0, -30.0], [8.0, 11.0, 21.0]).turned(0.0, 6.0, 12.0)); // parotid
+    // Parotid.
+    gland.join_both(0.0, ellipsoid([59.0, -13.0, -30.0], [8.0, 11.0, 21.0]).turned(0.0, 6.0, 12.0));
     gland.join_both(0.0, ellipsoid([31.0, -40.0, -80.0], [8.5, 13.0, 9.0])); // submandibular
     gland.join_both(0.0, ellipsoid([47.0, -76.0, 29.0], [3.2, 6.0, 5.0])); // lacrimal
     gland.join_both(0.0, ellipsoid([15.0, -18.0, -38.0], [5.0, 7.0, 11.0])); // palatine tonsil

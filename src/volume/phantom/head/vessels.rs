@@ -1,7 +1,7 @@
 //! Arteries and veins filled with contrast medium.
 //!
-//! Main trunks follow textbook courses; the branches on the brain's surface grow from a seed. Arteries and veins have
-//! one value each, as in a late arterial phase.
+//! Main trunks follow textbook courses; the branches on the brain's surface grow from a seed. Arteries and
+//! veins have one value each, as in a late arterial phase.
 
 use glam::Vec3;
 
@@ -119,7 +119,8 @@ fn circle_of_willis(tree: &mut Field) {
             [1.8, 36.0, 74.0, 0.9],
         ],
     ); // anterior cerebral
-    tree.join_path(0.5, &[[6.0, -26.0, 37.0, 1.0], [0.0, -27.5, 37.5, 1.1], [-6.0, -26.0, 37.0, 1.0]]); // anterior communicating
+    // Anterior communicating.
+    tree.join_path(0.5, &[[6.0, -26.0, 37.0, 1.0], [0.0, -27.5, 37.5, 1.1], [-6.0, -26.0, 37.0, 1.0]]);
     tree.join_path_both(
         0.8,
         &[
@@ -131,7 +132,8 @@ fn circle_of_willis(tree: &mut Field) {
             [10.0, 78.0, 40.0, 0.9],
         ],
     ); // posterior cerebral
-    tree.join_path_both(0.4, &[[13.0, -20.0, 34.0, 1.0], [11.0, -10.0, 29.0, 0.9], [9.0, -3.0, 25.0, 1.0]]); // posterior communicating
+    // Posterior communicating.
+    tree.join_path_both(0.4, &[[13.0, -20.0, 34.0, 1.0], [11.0, -10.0, 29.0, 0.9], [9.0, -3.0, 25.0, 1.0]]);
     tree.join_path_both(
         0.6,
         &[[0.0, -5.0, 20.0, 1.1], [12.0, -1.0, 21.0, 1.0], [24.0, 22.0, 20.0, 0.9], [20.0, 46.0, 22.0, 0.8]],
@@ -165,7 +167,8 @@ pub(super) fn veins(cavity: &Field, seed: u64) -> Field {
         1.0,
         &[[0.0, 30.0, 45.0, 1.6], [0.0, 40.0, 44.0, 2.0], [0.0, 60.0, 27.0, 2.2], [0.0, 80.0, 11.0, 2.6]],
     ); // straight sinus
-    tree.join_path_both(0.5, &[[4.0, -8.0, 53.0, 0.9], [3.0, 10.0, 56.0, 1.1], [1.0, 30.0, 46.0, 1.3]]); // internal cerebral
+    // Internal cerebral.
+    tree.join_path_both(0.5, &[[4.0, -8.0, 53.0, 0.9], [3.0, 10.0, 56.0, 1.1], [1.0, 30.0, 46.0, 1.3]]);
     for (n, y) in [-58.0f32, -36.0, -14.0, 10.0, 34.0, 56.0].into_iter().enumerate() {
         for side in [1.0, -1.0] {
             let start =
