@@ -61,11 +61,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/readyz", get(info::readyz))
         .route("/metrics", get(info::metrics))
         .route("/openapi.json", get(info::openapi))
-        .route("/", get(page::index))
-        .route("/app.js", get(page::script))
-        .route("/view.js", get(page::view_script))
-        .route("/style.css", get(page::style))
-        .route("/icon.svg", get(page::icon))
+        .merge(page::routes())
         .layer(from_fn_with_state(Arc::clone(&server), guard::deadline));
     // An upload takes as long as it takes; it has limits of its own.
     let unbounded = Router::new().route("/v1/volumes", get(volumes::list).post(upload::upload));

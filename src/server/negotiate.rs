@@ -1,7 +1,7 @@
 //! Content negotiation: which of the media types on offer an `Accept` header prefers.
 //!
 //! RFC 9110, 12.5.1: each offer gets the weight of the most specific range that matches it; the largest weight wins,
-//! and among equals the server's order. FileFormat type parameters other than `q` are not told apart.
+//! and among equals the server's order. Media type parameters other than `q` are not told apart.
 
 use axum::http::{HeaderMap, StatusCode, header};
 use serde_json::Value;

@@ -1,47 +1,44 @@
 //! The page at `/`: files built into the program, so that it loads nothing from anywhere else.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
+use axum::Router;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use axum::routing::get;
 use sha2::{Digest, Sha256};
 
-/// Own scripts and styles only; pictures arrive as blobs.
+use super::state::Server;
+
+/// Own scripts and styles only; pictures arrive as blobs. The same for all files: only the page itself obeys it.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-const HTML: &str = include_str!("page/index.html");
-const SCRIPT: &str = include_str!("page/app.js");
-const VIEW_SCRIPT: &str = include_str!("page/view.js");
-const STYLE: &str = include_str!("page/style.css");
-const ICON: &str = include_str!("page/icon.svg");
+const SCRIPT: &str = "text/javascript; charset=utf-8";
 
-pub(super) async fn index(headers: HeaderMap) -> Response {
-    let mut response = file(&headers, "text/html; charset=utf-8", HTML);
-    response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
-    response
-}
+/// Path, media type and content of every file.
+const FILES: [(&str, &str, &str); 8] = [
+    ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
+    ("/style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+    ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
+    ("/app.js", SCRIPT, include_str!("page/app.js")),
+    ("/view.js", SCRIPT, include_str!("page/view.js")),
+    ("/draw.js", SCRIPT, include_str!("page/draw.js")),
+    ("/files.js", SCRIPT, include_str!("page/files.js")),
+    ("/gestures.js", SCRIPT, include_str!("page/gestures.js")),
+];
 
-pub(super) async fn script(headers: HeaderMap) -> Response {
-    file(&headers, "text/javascript; charset=utf-8", SCRIPT)
-}
-
-pub(super) async fn view_script(headers: HeaderMap) -> Response {
-    file(&headers, "text/javascript; charset=utf-8", VIEW_SCRIPT)
-}
-
-pub(super) async fn style(headers: HeaderMap) -> Response {
-    file(&headers, "text/css; charset=utf-8", STYLE)
-}
-
-pub(super) async fn icon(headers: HeaderMap) -> Response {
-    file(&headers, "image/svg+xml", ICON)
+/// Routes of all files.
+pub(super) fn routes() -> Router<Arc<Server>> {
+    FILES.into_iter().fold(Router::new(), |routes, (path, media, content)| {
+        routes.route(path, get(move |headers: HeaderMap| async move { file(&headers, media, content) }))
+    })
 }
 
 /// All files share one tag: a browser never mixes those of two builds.
 static TAG: LazyLock<String> = LazyLock::new(|| {
-    let files = [HTML, SCRIPT, VIEW_SCRIPT, STYLE, ICON];
-    let hash = files.into_iter().fold(Sha256::new(), |hash, file| hash.chain_update(file)).finalize();
+    let hash =
+        FILES.iter().fold(Sha256::new(), |hash, (_, _, content)| hash.chain_update(content)).finalize();
     let digits: String = hash[..8].iter().map(|byte| format!("{byte:02x}")).collect();
     format!("\"{digits}\"")
 });
@@ -52,5 +49,6 @@ fn file(headers: &HeaderMap, media: &'static str, content: &'static str) -> Resp
     if known.is_some_and(|known| known.split(',').any(|known| known.trim() == TAG.as_str())) {
         return (StatusCode::NOT_MODIFIED, tag).into_response();
     }
-    (tag, [(header::CONTENT_TYPE, media)], content).into_response()
+    let policy = (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
+    (tag, [policy, (header::CONTENT_TYPE, HeaderValue::from_static(media))], content).into_response()
 }

@@ -1,0 +1,485 @@
+// The page: wires controls, pointer and keyboard to a view, and draws what comes back.
+//
+// A change asks for a small picture at once and for a full one when things are still. Clicks ask for the patient
+// position under them in the very picture that is shown.
+
+import { drawPicture } from "./draw.js";
+import { onFile, saveAs, uploadZip } from "./files.js";
+import { onDivider, onGestures } from "./gestures.js";
+import {
+  Fetcher, HOME, Refusal, axes, frameQuery, normalized, project, request, sides, stageQuery, stillSize,
+} from "./view.js";
+
+const $ = (id) => document.getElementById(id);
+const stage = $("stage");
+const canvas = $("picture");
+const context = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
+const panel = $("panel");
+
+const VIEWS = ["picture", "depth", "split", "frame"];
+const SIDES = { a: [0, 0], p: [180, 0], l: [90, 0], r: [-90, 0], s: [0, 90], i: [0, -90] };
+/** A pause this long counts as standing still. */
+const STILL_MS = 220;
+const DOT = " · ";
+
+const state = {
+  volume: null,
+  pose: { ...HOME },
+  preset: "bone",
+  mode: "composite",
+  fieldOfView: 22,
+  view: "picture",
+  layout: "wowvx",
+  profile: "",
+  factor: 64,
+  offset: 128,
+  split: 0.5,
+};
+
+let presets = [];
+let volumes = [];
+let shown = null;
+let pick = null;
+let stillTimer = 0;
+
+const fetcher = new Fetcher(show, showFailure, (busy) => $("busy").classList.toggle("on", busy));
+
+// ---------------------------------------------------------------- asking for pictures
+
+const volumePath = (part) => `/v1/volumes/${state.volume.id}/${part}`;
+
+/** Asks for the picture of the present state; while moving a small one, and a full one after a pause. */
+function refresh({ moving = false } = {}) {
+  if (!state.volume) return;
+  clearTimeout(stillTimer);
+  if (moving) stillTimer = setTimeout(refresh, STILL_MS);
+  fetcher.want(state.view === "frame" ? frameOrder(moving) : stageOrder(moving));
+  describePose();
+}
+
+function frameOrder(moving) {
+  return { url: `${volumePath("frame")}?${frameQuery(state)}`, accept: "image/png", kind: "frame", moving };
+}
+
+/** While moving, colour alone is enough for the picture; else colour and depth come side by side in one PNG. */
+function stageOrder(moving) {
+  const { clientWidth, clientHeight } = stage;
+  const full = stillSize(clientWidth, clientHeight, Math.min(2, devicePixelRatio));
+  const size = moving ? full.map((side) => Math.max(16, Math.round(side * fetcher.scale))) : full;
+  const kind = moving && state.view === "picture" ? "color" : "rgbd";
+  const query = stageQuery(state, size, kind);
+  const accept = kind === "color" ? "image/jpeg" : "image/png";
+  return { url: `${volumePath("frame")}?${query}`, accept, kind, moving, query, size };
+}
+
+// ---------------------------------------------------------------- showing them
+
+function show(picture) {
+  shown?.bitmap.close();
+  shown = picture;
+  draw();
+  placeMarker();
+  const { queue = 0, render = 0, upload = 0, encode = 0 } = picture.spent;
+  const [width, height] = picture.camera?.size_px ?? [picture.bitmap.width, picture.bitmap.height];
+  const ms = (value) => `${Math.round(value)} ms`;
+  const rendered = render + upload > 0 ? `render ${ms(render + upload)}` : "render reused";
+  const spent = [`queue ${ms(queue)}`, rendered, `encode ${ms(encode)}`, `in all ${ms(picture.totalMs)}`];
+  $("timing").textContent = [`${width} × ${height}`, ...spent].join(DOT);
+}
+
+function showFailure(error) {
+  if (error) {
+    const known = error instanceof Refusal;
+    return notify(known ? error.message : `The picture cannot be shown: ${error.message}`, true);
+  }
+  if ($("notice").classList.contains("error")) $("notice").hidden = true;
+}
+
+function notify(text, isError = false) {
+  const notice = $("notice");
+  notice.textContent = text;
+  notice.classList.toggle("error", isError);
+  notice.hidden = false;
+  if (!isError) setTimeout(() => (notice.hidden ||= notice.textContent === text), 5000);
+}
+
+/** Draws what is shown in the view that is chosen. */
+function draw() {
+  if (!shown) return;
+  // Frame pixels are shown as they are where there is room for them; shrunk without smoothing they would alias.
+  const roomy = stage.clientWidth * devicePixelRatio >= shown.bitmap.width;
+  canvas.classList.toggle("pixels", shown.kind === "frame" && roomy);
+  drawPicture(context, shown, state);
+}
+
+/** Says in words and letters from where the volume is seen. */
+function describePose() {
+  const { azimuth, elevation, zoom } = state.pose;
+  $("pose").textContent =
+    [`azimuth ${azimuth.toFixed(0)}°`, `elevation ${elevation.toFixed(0)}°`, `zoom ${zoom.toFixed(2)}`].join(DOT);
+  const { right, up } = axes(state.pose);
+  const minus = (direction) => direction.map((value) => -value);
+  const letters = { right: sides(right), left: sides(minus(right)), top: sides(up), bottom: sides(minus(up)) };
+  for (const [edge, letter] of Object.entries(letters)) {
+    $(`edge-${edge}`).textContent = letter;
+    $(`edge-${edge}`).hidden = state.view === "frame";
+  }
+  canvas.setAttribute(
+    "aria-label",
+    `${state.view} of the volume, preset ${state.preset}, azimuth ${azimuth.toFixed(0)} and elevation ` +
+      `${elevation.toFixed(0)} degrees`,
+  );
+  $("divider").hidden = state.view !== "split";
+  $("divider").style.left = `${state.split * 100}%`;
+  $("divider").setAttribute("aria-valuenow", Math.round(state.split * 100));
+  remember();
+}
+
+// ---------------------------------------------------------------- picks
+
+const lps = ([x, y, z]) =>
+  [[x, "L", "R"], [y, "P", "A"], [z, "S", "I"]]
+    .map(([value, positive, negative]) => `${value < 0 ? negative : positive} ${Math.abs(value).toFixed(1)}`)
+    .join(", ");
+
+/** Asks what is shown at a point of the stage, in fractions of its width and height. */
+async function pickAt([x, y]) {
+  if (!shown?.query) return;
+  const { query, size } = shown;
+  const at = new URLSearchParams(query);
+  at.set("u", Math.min(size[0] - 0.01, x * size[0]).toFixed(2));
+  at.set("v", Math.min(size[1] - 0.01, y * size[1]).toFixed(2));
+  try {
+    const found = await (await request(`${volumePath("pick")}?${at}`)).json();
+    pick = found.hit ? { patient: found.patient_mm, text: pickText(found) } : null;
+    if (!found.hit) notify("Nothing is shown there.");
+  } catch (error) {
+    showFailure(error);
+  }
+  placeMarker();
+}
+
+const pickText = (found) => [
+  ["Patient", `${lps(found.patient_mm)} mm`],
+  ["LPS", found.patient_mm.map((value) => value.toFixed(2)).join(", ")],
+  ["View depth", `${found.depth_mm.toFixed(1)} mm`],
+];
+
+/** The marker stays on its place in the patient while the volume turns. */
+function placeMarker() {
+  // A frame is for a display: nothing may lie over it.
+  const overlays = state.view !== "frame";
+  $("picked").hidden = !pick || !overlays;
+  const at = pick && overlays && shown?.camera && shown.kind !== "frame" ? project(pick.patient, shown.camera) : null;
+  const inside = at && at.every((value) => value >= 0 && value <= 1);
+  $("marker").hidden = !inside;
+  if (inside) {
+    $("marker").style.left = `${at[0] * 100}%`;
+    $("marker").style.top = `${at[1] * 100}%`;
+  }
+  if (pick) {
+    $("picked").replaceChildren(
+      ...pick.text.map(([name, value]) => {
+        const line = document.createElement("div");
+        const term = document.createElement("b");
+        term.textContent = `${name}  `;
+        line.append(term, value);
+        return line;
+      }),
+    );
+  }
+}
+
+function forgetPick() {
+  pick = null;
+  placeMarker();
+}
+
+// ---------------------------------------------------------------- pointer
+
+function setPose(change, { moving = true } = {}) {
+  state.pose = normalized({ ...state.pose, ...change });
+  refresh({ moving });
+}
+
+onGestures(stage, $("divider"), {
+  turn(dx, dy) {
+    // Half a turn across the stage's height; finer when close.
+    const degrees = 180 / stage.clientHeight / Math.max(1, Math.sqrt(state.pose.zoom));
+    setPose({ azimuth: state.pose.azimuth - dx * degrees, elevation: state.pose.elevation + dy * degrees });
+  },
+  zoom: (ratio) => setPose({ zoom: state.pose.zoom * ratio }),
+  click: pickAt,
+  double: reset,
+});
+
+onDivider(stage, $("divider"), (fraction) => {
+  state.split = Math.min(0.98, Math.max(0.02, fraction));
+  describePose();
+  draw();
+});
+
+// ---------------------------------------------------------------- keyboard
+
+function reset() {
+  forgetPick();
+  setPose({ ...HOME }, { moving: false });
+}
+
+function choose(name, value) {
+  const input = panel.querySelector(`input[name="${name}"][value="${value}"]`);
+  if (input) input.checked = true;
+}
+
+function setView(view) {
+  state.view = view;
+  choose("view", view);
+  // What is shown may hold all that is needed already.
+  const enough = shown?.kind === "rgbd" && !shown.moving && view !== "frame";
+  placeMarker();
+  if (!enough) return refresh();
+  draw();
+  describePose();
+}
+
+function setPreset(index) {
+  if (!presets[index]) return;
+  state.preset = presets[index].name;
+  $("preset").value = state.preset;
+  $("purpose").textContent = presets[index].purpose;
+  refresh();
+}
+
+function turnOrZoom(event) {
+  const step = event.shiftKey ? 1 : 6;
+  const { azimuth, elevation, zoom } = state.pose;
+  switch (event.key) {
+    case "ArrowLeft": return setPose({ azimuth: azimuth + step });
+    case "ArrowRight": return setPose({ azimuth: azimuth - step });
+    case "ArrowUp": return setPose({ elevation: elevation - step });
+    case "ArrowDown": return setPose({ elevation: elevation + step });
+    case "+": case "=": return setPose({ zoom: zoom * 1.15 });
+    case "-": case "_": return setPose({ zoom: zoom / 1.15 });
+    case "Home": case "0": return reset();
+  }
+}
+
+function command(key) {
+  if (SIDES[key]) {
+    const [azimuth, elevation] = SIDES[key];
+    return setPose({ azimuth, elevation }, { moving: false });
+  }
+  if (/^[1-9]$/.test(key)) return setPreset(Number(key) - 1);
+  switch (key) {
+    case "d": return setView(VIEWS[(VIEWS.indexOf(state.view) + 1) % VIEWS.length]);
+    case "m":
+      state.mode = state.mode === "mip" ? "composite" : "mip";
+      choose("mode", state.mode);
+      return refresh();
+    case "f": return fullScreen();
+    case "?": return $("help").showModal();
+    case "escape": return forgetPick();
+  }
+}
+
+const TURNING = /^(Arrow.*|Home|[+=\-_0])$/;
+
+document.addEventListener("keydown", (event) => {
+  const at = event.target;
+  if (event.ctrlKey || event.metaKey || event.altKey || $("help").open || at.closest("select, dialog")) return;
+  if (TURNING.test(event.key)) {
+    // Arrows belong to a control that has the focus and moves by them.
+    if (at.matches("input") || at === $("divider")) return;
+    event.preventDefault();
+    turnOrZoom(event);
+  } else {
+    command(event.key.toLowerCase());
+  }
+});
+
+function fullScreen() {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else stage.requestFullscreen?.().catch(() => notify("This browser refuses full screen."));
+}
+
+// ---------------------------------------------------------------- settings
+
+panel.addEventListener("submit", (event) => event.preventDefault());
+
+panel.addEventListener("change", ({ target }) => {
+  if (target.name === "view") return setView(target.value);
+  if (target.name === "mode") state.mode = target.value;
+  else if (target.name === "projection") state.fieldOfView = Number(target.value);
+  else if (target.id === "preset") return setPreset(target.selectedIndex);
+  else if (target.id === "volume") return showVolume(volumes[target.selectedIndex]);
+  else if (target.id === "layout" || target.id === "profile") {
+    state[target.id] = target.value;
+    return state.view === "frame" ? refresh() : remember();
+  } else return;
+  refresh();
+});
+
+for (const id of ["factor", "offset"]) {
+  $(id).addEventListener("input", ({ target }) => {
+    state[id] = Number(target.value);
+    describeHeader();
+    // The depth view shows their effect at once; a frame has to be made anew.
+    if (state.view === "frame") refresh({ moving: true });
+    else draw();
+  });
+}
+
+function describeHeader() {
+  $("factor-value").textContent = `${Math.round((state.factor / 64) * 100)} %`;
+  $("offset-value").textContent = String(state.offset);
+}
+
+$("reset").addEventListener("click", reset);
+$("full-screen").addEventListener("click", fullScreen);
+$("help-button").addEventListener("click", () => $("help").showModal());
+
+// ---------------------------------------------------------------- downloads and uploads
+
+async function save(button, part, accept, ending) {
+  if (!state.volume) return;
+  const { azimuth, elevation } = state.pose;
+  const name = `relief-${state.preset}-az${azimuth.toFixed(0)}-el${elevation.toFixed(0)}-${part}.${ending}`;
+  button.disabled = true;
+  await saveAs(name, `${volumePath(part)}?${frameQuery(state)}`, accept).catch(showFailure);
+  button.disabled = false;
+}
+
+$("save-frame").addEventListener("click", ({ currentTarget }) => save(currentTarget, "frame", "image/png", "png"));
+$("save-exr").addEventListener("click", ({ currentTarget }) => save(currentTarget, "frame", "image/x-exr", "exr"));
+$("save-depth").addEventListener("click", ({ currentTarget }) => save(currentTarget, "depth", "image/png", "png"));
+
+$("copy-link").addEventListener("click", async () => {
+  if (!state.volume) return;
+  const address = `${location.origin}${volumePath("frame")}?${frameQuery(state)}`;
+  try {
+    await navigator.clipboard.writeText(address);
+    notify("Copied: the address answers with the frame as it is now.");
+  } catch {
+    notify(address); // clipboards are for secure pages alone
+  }
+});
+
+onFile(stage, $("upload-button"), $("upload"), async (file) => {
+  notify(`Reading ${file.name} …`);
+  try {
+    const { id } = await uploadZip(file);
+    await listVolumes();
+    showVolume(volumes.find((volume) => volume.id === id));
+  } catch (error) {
+    showFailure(error);
+  }
+});
+
+// ---------------------------------------------------------------- start
+
+/** The state in the address: a reload or a link shows the same view. */
+function remember() {
+  if (!state.volume) return;
+  const { azimuth, elevation, zoom } = state.pose;
+  const { preset, mode, view, layout, fieldOfView } = state;
+  const kept = { volume: state.volume.id, preset, mode, view, layout, fov: fieldOfView };
+  const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
+  history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose })}`);
+}
+
+function recall() {
+  const kept = new URLSearchParams(location.hash.slice(1));
+  const number = (name, otherwise) => {
+    const value = Number(kept.get(name) ?? NaN);
+    return Number.isFinite(value) ? value : otherwise;
+  };
+  const word = (name, allowed) => (allowed.includes(kept.get(name)) ? kept.get(name) : undefined);
+  const { azimuth, elevation, zoom } = HOME;
+  state.pose = normalized({
+    azimuth: number("az", azimuth),
+    elevation: number("el", elevation),
+    zoom: number("zoom", zoom),
+  });
+  state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
+  state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
+  state.mode = word("mode", ["composite", "mip"]) ?? "composite";
+  state.view = word("view", VIEWS) ?? "picture";
+  state.layout = word("layout", [...$("layout").options].map((option) => option.value)) ?? "wowvx";
+  for (const name of ["mode", "view"]) choose(name, state[name]);
+  choose("projection", state.fieldOfView);
+  for (const id of ["preset", "layout"]) $(id).value = state[id];
+  $("purpose").textContent = presets.find((preset) => preset.name === state.preset).purpose;
+  return kept.get("volume");
+}
+
+const option = (value, text = value) => new Option(text, value);
+
+function facts({ dims, spacing_mm: spacing, hu_range: [low, high], warnings }) {
+  const size = dims.join(" × ");
+  const step = spacing.map((value) => Number(value.toFixed(3))).join(" × ");
+  const known = [`${size} voxels`, `${step} mm`, `${low} to ${high} HU`];
+  if (warnings) known.push(`${warnings} warning${warnings > 1 ? "s" : ""} on reading`);
+  return known.join(DOT);
+}
+
+function showVolume(volume) {
+  if (!volume) return;
+  state.volume = volume;
+  $("volume").value = volume.id;
+  $("volume-facts").textContent = facts(volume);
+  forgetPick();
+  refresh();
+}
+
+async function listVolumes() {
+  const listed = await (await request("/v1/volumes")).json();
+  volumes = listed.volumes;
+  $("volume").replaceChildren(
+    ...volumes.map(({ id, dims, hu_range: hu }) => option(id, `${dims.join(" × ")}${DOT}${hu[0]} to ${hu[1]} HU`)),
+  );
+  $("volume-field").hidden = volumes.length < 2;
+  if (state.volume) $("volume").value = state.volume.id;
+  return listed.loading;
+}
+
+/** Waits for the first volume, and for those still on their way. */
+async function awaitVolumes(wanted) {
+  for (;;) {
+    const loading = await listVolumes();
+    if (!state.volume && volumes.length) {
+      const first = volumes.find((volume) => volume.id === wanted) ?? volumes[0];
+      if (first) $("notice").hidden = true;
+      showVolume(first);
+    }
+    if (!loading) break;
+    if (!volumes.length) $("timing").textContent = "loading the series …";
+    await new Promise((resolve) => setTimeout(resolve, 700));
+  }
+  if (!volumes.length) {
+    $("timing").textContent = "no volume";
+    notify("No volume is loaded. Drop the zip of a CT series here, or start the server with --series.");
+  }
+}
+
+async function start() {
+  const known = await (await request("/v1/presets")).json();
+  presets = known.presets;
+  $("preset").replaceChildren(...presets.map(({ name }, i) => option(name, `${i + 1}${DOT}${name.replace("-", " ")}`)));
+  $("layout").replaceChildren(...known.layouts.map((name) => option(name)));
+  $("profile").append(...known.profiles.map((name) => option(name)));
+  const wanted = recall();
+  describeHeader();
+  describePose();
+  await awaitVolumes(wanted);
+  const ready = await (await request("/readyz")).json();
+  $("adapter").textContent = ready.adapter;
+  $("adapter").title = ready.adapter;
+}
+
+let resizeTimer = 0;
+new ResizeObserver(() => {
+  clearTimeout(resizeTimer);
+  resizeTimer = setTimeout(refresh, 120);
+}).observe(stage);
+
+start().catch(showFailure);

@@ -1,0 +1,212 @@
+// What the page knows of a view: the camera as an orbit, the query that asks for it, and the loop that fetches
+// pictures one at a time. It touches no element of the page.
+//
+// Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the picture.
+
+/** The view that "reset" returns to. A little closer than "all of it": corners of a volume are mostly air. */
+export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1.4 });
+
+/** Pixels of a still picture at most: more costs a software renderer seconds. */
+const STILL_PIXELS = 1_000_000;
+
+/** While moving, pictures shrink until a render takes about this long. */
+const MOVING_MS = 90;
+
+const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+const round = (value, digits) => Number(value.toFixed(digits));
+
+/** Keeps a pose in range: azimuth wraps, elevation ends at the poles. */
+export function normalized({ azimuth, elevation, zoom }) {
+  return {
+    azimuth: ((((azimuth + 180) % 360) + 360) % 360) - 180,
+    elevation: clamp(elevation, -90, 90),
+    zoom: clamp(zoom, 0.2, 40),
+  };
+}
+
+/** Letters of the patient's sides that a direction points to, the strongest first: "L", "AS", ... */
+export function sides([x, y, z]) {
+  const parts = [
+    [Math.abs(x), x > 0 ? "L" : "R"],
+    [Math.abs(y), y > 0 ? "P" : "A"],
+    [Math.abs(z), z > 0 ? "S" : "I"],
+  ];
+  return parts
+    .filter(([length]) => length > 0.35)
+    .sort((a, b) => b[0] - a[0])
+    .map(([, letter]) => letter)
+    .join("");
+}
+
+/** The patient directions that are right and up in the picture of a pose. */
+export function axes({ azimuth, elevation }) {
+  const [a, e] = [azimuth, elevation].map((degrees) => (degrees * Math.PI) / 180);
+  const front = [Math.sin(a), -Math.cos(a)];
+  return {
+    right: [Math.cos(a), Math.sin(a), 0],
+    up: [-front[0] * Math.sin(e), -front[1] * Math.sin(e), Math.cos(e)],
+  };
+}
+
+/** The size of a still picture for a stage of CSS pixels. */
+export function stillSize(width, height, ratio) {
+  const scale = Math.min(ratio, Math.sqrt(STILL_PIXELS / Math.max(1, width * height)));
+  return [width, height].map((side) => Math.max(16, Math.round(side * scale)));
+}
+
+/** Query parameters that say how the volume looks, whatever the size and layout. */
+export function lookQuery(state) {
+  return {
+    preset: state.preset,
+    mode: state.mode,
+    azimuth_deg: round(state.pose.azimuth, 3),
+    elevation_deg: round(state.pose.elevation, 3),
+    vertical_fov_deg: state.fieldOfView,
+  };
+}
+
+/**
+ * Query of a picture that fills the stage. The server fits a volume to a picture's height; a picture that is taller
+ * than wide has to stand back for it.
+ */
+export function stageQuery(state, [width, height], layout) {
+  const zoom = round(state.pose.zoom * Math.min(1, width / height), 4);
+  return new URLSearchParams({ ...lookQuery(state), zoom, size_px: `${width},${height}`, layout });
+}
+
+/** Query of the frame that a display gets. */
+export function frameQuery(state) {
+  const query = { ...lookQuery(state), zoom: round(state.pose.zoom, 4), layout: state.layout };
+  if (state.profile) query.profile = state.profile;
+  return new URLSearchParams({ ...query, factor: state.factor, offset: state.offset });
+}
+
+/** Durations of a Server-Timing header by name, ms. */
+export function timings(header) {
+  const found = {};
+  for (const entry of (header ?? "").split(",")) {
+    const [name, ...parameters] = entry.trim().split(";");
+    const duration = parameters.find((parameter) => parameter.startsWith("dur="));
+    if (duration) found[name] = Number(duration.slice(4));
+  }
+  return found;
+}
+
+/** An answer that is no picture, in words. */
+export class Refusal extends Error {
+  constructor(message, retryMs) {
+    super(message);
+    this.retryMs = retryMs;
+  }
+}
+
+/** Fetches, and turns problem documents into readable errors. */
+export async function request(url, options) {
+  let answer;
+  try {
+    answer = await fetch(url, options);
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refusal("The server does not answer.", 2000);
+  }
+  if (answer.ok) return answer;
+  const problem = await answer.json().catch(() => ({}));
+  const seconds = Number(answer.headers.get("Retry-After"));
+  const retryMs = answer.status === 503 ? 1000 * (seconds || 1) : undefined;
+  throw new Refusal(problem.detail ?? `The server answered ${answer.status}.`, retryMs);
+}
+
+/** Decoded without colour management: a frame's header is in its bits. */
+function decode(blob) {
+  return createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+}
+
+/**
+ * Fetches the newest picture wanted: at most one is on its way, and of those asked for meanwhile only the last is
+ * kept. While moving, sizes adapt to the renderer's speed.
+ */
+export class Fetcher {
+  #wanted = null;
+  #running = null;
+  #scale = 0.5;
+
+  /** `show` gets each picture with its order; `fail` an error, or null when things work again. */
+  constructor(show, fail, busy) {
+    Object.assign(this, { show, fail, busy });
+  }
+
+  /** How much smaller moving pictures are than still ones. */
+  get scale() {
+    return this.#scale;
+  }
+
+  /** Asks for a picture: `{ url, accept, moving, ... }`. */
+  want(order) {
+    const running = this.#running?.order;
+    this.#wanted = running?.url === order.url && running.accept === order.accept ? null : order;
+    // A still picture may take long; nobody waits for one that is out of date.
+    if (this.#wanted && running && !running.moving) this.#running.abort.abort();
+    if (!this.#running) this.#run();
+  }
+
+  async #run() {
+    while (this.#wanted) {
+      const order = this.#wanted;
+      this.#wanted = null;
+      const abort = new AbortController();
+      this.#running = { order, abort };
+      this.busy(!order.moving);
+      try {
+        await this.#fetch(order, abort.signal);
+        this.fail(null);
+      } catch (error) {
+        if (error.name !== "AbortError") await this.#recover(order, error);
+      }
+    }
+    this.#running = null;
+    this.busy(false);
+  }
+
+  async #fetch(order, signal) {
+    const since = performance.now();
+    const answer = await request(order.url, { headers: { Accept: order.accept }, signal });
+    const bitmap = await decode(await answer.blob());
+    const spent = timings(answer.headers.get("Server-Timing"));
+    const camera = JSON.parse(answer.headers.get("Relief-Camera") ?? "null");
+    this.#adapt(order, spent);
+    this.show({ ...order, bitmap, camera, spent, totalMs: performance.now() - since });
+  }
+
+  /** Moves the scale towards the one at which a render takes [`MOVING_MS`]. */
+  #adapt(order, spent) {
+    if (!order.moving || !spent.render) return;
+    const ideal = this.#scale * Math.sqrt(MOVING_MS / Math.max(1, spent.render));
+    this.#scale = clamp(this.#scale + 0.5 * (ideal - this.#scale), 0.2, 1);
+  }
+
+  async #recover(order, error) {
+    this.fail(error);
+    if (error.retryMs === undefined) return;
+    await new Promise((resolve) => setTimeout(resolve, error.retryMs));
+    this.#wanted ??= order;
+  }
+}
+
+/** Where a patient position lies in the picture of a camera, as fractions of its width and height; null behind it. */
+export function project(point, { camera, size_px: [width, height] }) {
+  const minus = (a, b) => a.map((value, i) => value - b[i]);
+  const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
+  const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
+  const unit = (a) => a.map((value) => value / Math.hypot(...a));
+  const forward = unit(minus(camera.look_at_mm, camera.eye_mm));
+  const right = unit(cross(forward, camera.up));
+  const up = cross(right, forward);
+  const arm = minus(point, camera.eye_mm);
+  const depth = dot(arm, forward);
+  const { perspective, orthographic } = camera.projection;
+  const half = perspective
+    ? depth * Math.tan((perspective.vertical_fov_deg * Math.PI) / 360)
+    : orthographic.height_mm / 2;
+  if (half <= 0) return null;
+  return [0.5 + (dot(arm, right) / half) * (height / width) * 0.5, 0.5 - (dot(arm, up) / half) * 0.5];
+}

@@ -1,0 +1,38 @@
+// Files out and in: saving what the server answers, and taking a zip that is chosen or dropped.
+
+import { request } from "./view.js";
+
+/** Saves an answer under a name. */
+export async function saveAs(name, url, accept) {
+  const answer = await request(url, { headers: { Accept: accept } });
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await answer.blob());
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+/** Uploads the zip of a series; gives the description of the volume it became. */
+export async function uploadZip(file) {
+  const headers = { "Content-Type": "application/zip" };
+  return (await request("/v1/volumes", { method: "POST", headers, body: file })).json();
+}
+
+/** Calls back with a file that is chosen with the button or dropped on the stage. */
+export function onFile(stage, button, input, take) {
+  button.addEventListener("click", () => input.click());
+  input.addEventListener("change", () => {
+    if (input.files[0]) take(input.files[0]);
+    input.value = "";
+  });
+  stage.addEventListener("dragover", (event) => {
+    event.preventDefault();
+    stage.classList.add("dropping");
+  });
+  stage.addEventListener("dragleave", () => stage.classList.remove("dropping"));
+  stage.addEventListener("drop", (event) => {
+    event.preventDefault();
+    stage.classList.remove("dropping");
+    if (event.dataTransfer.files[0]) take(event.dataTransfer.files[0]);
+  });
+}
