@@ -42,16 +42,21 @@ impl TransferTable {
     }
 
     /// Whether any value in `low_hu..=high_hu` is visible, judged by the entries that its look-up may touch.
+    ///
+    /// A little beyond the range, since sampling rounds: a skipped brick must not have shown anything.
     #[must_use]
     pub fn is_visible(&self, low_hu: i16, high_hu: i16) -> bool {
-        let (low, high) = (self.entry_below(low_hu), self.entry_below(high_hu) + 1);
-        self.entries[low..=high.min(self.entries.len() - 1)].iter().any(|entry| entry[3] > 0.0)
+        const ROUNDING_HU: f32 = 0.05;
+        let low = self.position(f32::from(low_hu) - ROUNDING_HU).floor();
+        let high = self.position(f32::from(high_hu) + ROUNDING_HU).ceil();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
+        let touched = low as usize..=high as usize;
+        self.entries[touched].iter().any(|entry| entry[3] > 0.0)
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
-    fn entry_below(&self, hu: i16) -> usize {
-        let x = ((f32::from(hu) - self.first_hu) / self.step_hu).floor();
-        x.clamp(0.0, (self.entries.len() - 1) as f32) as usize
+    /// Where a value lies between entries, as the shader has it.
+    fn position(&self, hu: f32) -> f32 {
+        ((hu - self.first_hu) / self.step_hu).clamp(0.0, (self.entries.len() - 1) as f32)
     }
 }
 
@@ -87,6 +92,7 @@ mod tests {
     fn visibility_is_conservative() {
         let table = TransferTable::new(&ramp(100.0, 300.0), 1.0);
         assert!(!table.is_visible(-1000, 99));
+        assert!(table.is_visible(-1000, 100), "rounding may lift a sample above 100 HU");
         assert!(table.is_visible(-1000, 101));
         assert!(table.is_visible(2000, 3000), "the last point's opacity holds beyond it");
     }
