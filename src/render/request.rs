@@ -121,7 +121,7 @@ pub struct RequestError {
 }
 
 impl RequestError {
-    pub(super) fn new(path: &str, found: impl ToString, allowed: &str) -> Self {
+    pub(super) fn new(path: &str, found: &impl ToString, allowed: &str) -> Self {
         Self { path: path.to_owned(), found: found.to_string(), allowed: allowed.to_owned() }
     }
 }
@@ -137,7 +137,7 @@ impl RenderRequest {
     pub fn validate(&self) -> Result<(), RequestError> {
         let within = |path: &str, value: f64, low: f64, high: f64| {
             let inside = (low..=high).contains(&value);
-            inside.then_some(()).ok_or_else(|| RequestError::new(path, value, &format!("{low} to {high}")))
+            inside.then_some(()).ok_or_else(|| RequestError::new(path, &value, &format!("{low} to {high}")))
         };
         for side in self.size_px {
             within("size_px", f64::from(side), 1.0, f64::from(Self::MAX_SIDE_PX))?;
@@ -165,7 +165,7 @@ impl RenderRequest {
         if count > Clip::MAX_PLANES {
             return Err(RequestError::new(
                 "clip.planes",
-                format!("{count} planes"),
+                &format!("{count} planes"),
                 "at most 6 beside the box",
             ));
         }
@@ -173,7 +173,7 @@ impl RenderRequest {
         match self.clip.planes.iter().position(|plane| !usable(plane)) {
             Some(i) => Err(RequestError::new(
                 &format!("clip.planes[{i}].normal"),
-                format!("{:?}", self.clip.planes[i].normal.xyz.to_array()),
+                &format!("{:?}", self.clip.planes[i].normal.xyz.to_array()),
                 "a direction of finite length above zero",
             )),
             None => Ok(()),

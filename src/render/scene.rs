@@ -308,7 +308,7 @@ impl DepthFile {
         match (self.rule, self.fraction) {
             (DepthRuleFile::FirstHit, None) => Ok(DepthRule::FirstHit),
             (DepthRuleFile::FirstHit, Some(fraction)) => {
-                Err(RequestError::new("depth.fraction", fraction, "nothing beside rule first-hit"))
+                Err(RequestError::new("depth.fraction", &fraction, "nothing beside rule first-hit"))
             }
             (DepthRuleFile::Threshold, fraction) => {
                 Ok(DepthRule::Threshold { fraction: fraction.unwrap_or(0.5) })
@@ -324,7 +324,7 @@ impl ClipFile {
             if !min.iter().zip(&max).all(|(low, high)| low < high && low.is_finite() && high.is_finite()) {
                 return Err(RequestError::new(
                     "clip.box_mm",
-                    format!("{min:?} to {max:?}"),
+                    &format!("{min:?} to {max:?}"),
                     "[min, max] with min < max",
                 ));
             }

@@ -220,10 +220,10 @@ impl Parameter {
                 set(scene, "camera.projection.perspective.vertical_fov_deg", value);
             }
             Target::FieldOfView => {
-                orbit.vertical_fov_deg = field_of_view(self.name, number(self.name, text)?)?
+                orbit.vertical_fov_deg = field_of_view(self.name, number(self.name, text)?)?;
             }
             Target::Orbit(part, low, high) => {
-                *part(orbit) = within(self.name, number(self.name, text)?, low, high)?
+                *part(orbit) = within(self.name, number(self.name, text)?, low, high)?;
             }
             Target::Window => {
                 set(scene, "transfer.window.center_hu", value[0].clone());

@@ -2,6 +2,13 @@
 //!
 //! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
 
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "tests fail and speak aloud"
+)]
+
 mod closed_forms;
 mod refusals;
 mod skipping;
