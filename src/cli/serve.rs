@@ -87,6 +87,7 @@ async fn serve(arguments: &Arguments, server: Arc<Server>) -> anyhow::Result<Exi
     let listener = tokio::net::TcpListener::bind(arguments.listen).await;
     let listener = listener.with_context(|| format!("cannot listen on {}", arguments.listen))?;
     let address = listener.local_addr()?;
+    let signal = stop_signal()?; // before anybody can know that it runs
     println!("listening on http://{}/", reachable(address));
     if !address.ip().is_loopback() {
         eprintln!("warning: {address} can be reached from other machines, and there is no authentication");
@@ -95,7 +96,7 @@ async fn serve(arguments: &Arguments, server: Arc<Server>) -> anyhow::Result<Exi
     let mut failure = None;
     let stop = async {
         tokio::select! {
-            () = signal() => eprintln!("stopping: finishing what is being answered"),
+            () = signal => eprintln!("stopping: finishing what is being answered"),
             Ok(error) = failed => failure = Some(error),
         }
     };
@@ -185,18 +186,22 @@ fn host_of(ip: IpAddr) -> String {
     }
 }
 
-/// Returns at SIGINT (Ctrl-C) or SIGTERM.
-async fn signal() {
+/// Listens for SIGINT (Ctrl-C) and SIGTERM from now on; what it returns is done when one comes.
+fn stop_signal() -> std::io::Result<impl Future<Output = ()>> {
     #[cfg(unix)]
     {
         use tokio::signal::unix::{SignalKind, signal};
-        if let Ok(mut terminate) = signal(SignalKind::terminate()) {
+        let (mut interrupt, mut terminate) =
+            (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+        Ok(async move {
             tokio::select! {
-                _ = tokio::signal::ctrl_c() => {}
+                _ = interrupt.recv() => {}
                 _ = terminate.recv() => {}
             }
-            return;
-        }
+        })
     }
-    let _ = tokio::signal::ctrl_c().await;
+    #[cfg(not(unix))]
+    Ok(async {
+        let _ = tokio::signal::ctrl_c().await;
+    })
 }

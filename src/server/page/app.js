@@ -106,10 +106,7 @@ function notify(text, isError = false) {
 /** Draws what is shown in the view that is chosen. */
 function draw() {
   if (!shown) return;
-  // Frame pixels are shown as they are where there is room for them; shrunk without smoothing they would alias.
-  const roomy = stage.clientWidth * devicePixelRatio >= shown.bitmap.width;
-  canvas.classList.toggle("pixels", shown.kind === "frame" && roomy);
-  drawPicture(context, shown, state);
+  drawPicture(context, shown, state, stage.clientWidth * devicePixelRatio);
 }
 
 /** Says in words and letters from where the volume is seen. */

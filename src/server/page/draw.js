@@ -3,15 +3,21 @@
 /**
  * Draws `shown` ({ bitmap, kind }): kind "rgbd" has colour on the left and disparity on the right, "color" and
  * "frame" are shown as they are. `view` is picture, depth, split or frame; `split` is where depth begins, 0 to 1.
+ * `room` is the width in device pixels: a frame with more is shrunk here, well filtered, since its black lines would
+ * alias; one that fits keeps its pixels.
  */
-export function drawPicture(context, { bitmap, kind }, { view, split, factor, offset }) {
+export function drawPicture(context, { bitmap, kind }, { view, split, factor, offset }, room) {
   const { canvas } = context;
   const width = kind === "rgbd" ? bitmap.width / 2 : bitmap.width;
-  if (canvas.width !== width || canvas.height !== bitmap.height) {
-    canvas.width = width;
-    canvas.height = bitmap.height;
+  const scale = kind === "frame" ? Math.min(1, room / width) : 1;
+  const [across, down] = [width, bitmap.height].map((side) => Math.round(side * scale));
+  if (canvas.width !== across || canvas.height !== down) {
+    canvas.width = across;
+    canvas.height = down;
   }
-  context.drawImage(bitmap, 0, 0, width, bitmap.height, 0, 0, width, bitmap.height);
+  canvas.classList.toggle("pixels", kind === "frame" && scale === 1);
+  context.imageSmoothingQuality = "high";
+  context.drawImage(bitmap, 0, 0, width, bitmap.height, 0, 0, across, down);
   if (kind !== "rgbd" || view === "picture" || view === "frame") return;
   const from = view === "split" ? Math.round(split * width) : 0;
   if (from < width) drawDepth(context, bitmap, from, { factor, offset });

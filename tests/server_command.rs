@@ -1,0 +1,145 @@
+//! `relief serve` as users run it: a process that prints its address, loads, answers, and stops when told.
+//!
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+#![cfg(unix)]
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use relief::gpu::{AdapterChoice, Gpu};
+
+const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
+
+/// Whether frames can be rendered here; says so when not.
+fn has_adapter(test: &str) -> bool {
+    let opened = Gpu::open(&AdapterChoice::Software);
+    if let (Err(error), Some(_)) = (&opened, std::env::var_os("RELIEF_REQUIRE_ADAPTER")) {
+        panic!("RELIEF_REQUIRE_ADAPTER is set: {error}");
+    }
+    if opened.is_err() {
+        eprintln!("SKIPPED: {test} (no software graphics adapter)");
+    }
+    opened.is_ok()
+}
+
+fn relief(arguments: &[&str]) -> Command {
+    let mut command = Command::new(RELIEF);
+    command.args(arguments).env("RELIEF_ADAPTER", "software").stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// A running server, killed if a test fails before it stops it.
+struct Running {
+    process: Child,
+    address: String,
+}
+
+impl Running {
+    fn start(series: &str) -> Self {
+        let mut process = relief(&["serve", "--series", series, "--listen", "127.0.0.1:0"]).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let address =
+            line.trim().strip_prefix("listening on http://").and_then(|rest| rest.strip_suffix('/'));
+        let address = address.unwrap_or_else(|| panic!("no address in {line:?}")).to_owned();
+        Self { process, address }
+    }
+
+    /// Status line with headers, and the body.
+    fn get(&self, path: &str) -> (String, Vec<u8>) {
+        let mut stream = TcpStream::connect(&self.address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.address).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("an end of the head");
+        let body = answer.split_off(end + 4);
+        (String::from_utf8(answer).unwrap(), body)
+    }
+
+    fn await_ready(&self) {
+        let since = Instant::now();
+        while !self.get("/readyz").0.starts_with("HTTP/1.1 200") {
+            assert!(since.elapsed() < Duration::from_secs(60), "the series is not loaded");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Sends a signal and gives the exit status and what was written to stderr.
+    fn stop(mut self, signal: &str) -> (Option<i32>, String) {
+        let pid = self.process.id().to_string();
+        assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
+        let mut errors = String::new();
+        self.process.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
+        (self.process.wait().unwrap().code(), errors)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // gone already when the test went well
+    }
+}
+
+fn phantom(folder: &Path) -> String {
+    let series = folder.join("sphere").to_str().unwrap().to_owned();
+    let made = relief(&["phantom", "--kind", "sphere", "--size", "32", "--out", &series]).output().unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    series
+}
+
+#[test]
+fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
+    if !has_adapter("relief serve") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path());
+    let running = Running::start(&series);
+    assert!(running.get("/healthz").0.starts_with("HTTP/1.1 200"));
+    running.await_ready();
+    let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
+    let id = listed["volumes"][0]["id"].as_str().unwrap();
+    let (head, frame) = running.get(&format!("/v1/volumes/{id}/frame?preset=bone&azimuth_deg=30"));
+    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+
+    let file = folder.path().join("frame.png");
+    let out = file.to_str().unwrap();
+    let arguments = ["render", "--series", &series, "--preset", "bone", "--azimuth-deg", "30", "--out", out];
+    let rendered = relief(&arguments).output().unwrap();
+    assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
+    assert!(std::fs::read(&file).unwrap() == frame, "HTTP and the command line give different frames");
+
+    let (status, errors) = running.stop("-TERM");
+    assert_eq!(status, Some(0), "{errors}");
+    assert!(!errors.contains("PHANTOM"), "who was scanned is nobody's business: {errors}");
+}
+
+#[test]
+fn stops_at_an_interrupt_while_it_loads() {
+    if !has_adapter("relief serve, interrupted") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let running = Running::start(&phantom(folder.path()));
+    assert_eq!(running.stop("-INT").0, Some(0));
+}
+
+#[test]
+fn a_series_that_cannot_be_served_ends_it_with_the_reason() {
+    if !has_adapter("relief serve, without a series") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let missing = relief(&["serve", "--series", "/nowhere", "--listen", "127.0.0.1:0"]).output().unwrap();
+    assert_eq!(missing.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("/nowhere"));
+
+    let empty = folder.path().to_str().unwrap();
+    let empty = relief(&["serve", "--series", empty, "--listen", "127.0.0.1:0"]).output().unwrap();
+    assert_eq!(empty.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&empty.stderr).contains("no CT slices"));
+}
