@@ -1,6 +1,8 @@
 //! `relief serve` as users run it: a process that prints its address, loads, answers, and stops when told.
 //!
 //! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(unix)]
 
 use std::io::{BufRead, BufReader, Read, Write};

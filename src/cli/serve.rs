@@ -75,7 +75,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let server = Arc::new(Server::new(Arc::clone(&service), upload_loader(), config));
     server.expect_volumes(arguments.series.len());
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-    let outcome = runtime.block_on(serve(&arguments, server));
+    let outcome = runtime.block_on(serve(arguments, server));
     service.shut_down();
     // An upload that is being read when the time is up is not waited for.
     runtime.shutdown_timeout(Duration::from_secs(1));
@@ -83,16 +83,17 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
 }
 
 /// Binds, loads and serves until a signal, or until a series turns out to be unusable.
-async fn serve(arguments: &Arguments, server: Arc<Server>) -> anyhow::Result<ExitCode> {
-    let listener = tokio::net::TcpListener::bind(arguments.listen).await;
-    let listener = listener.with_context(|| format!("cannot listen on {}", arguments.listen))?;
+async fn serve(arguments: Arguments, server: Arc<Server>) -> anyhow::Result<ExitCode> {
+    let Arguments { series, options, listen, .. } = arguments;
+    let listener = tokio::net::TcpListener::bind(listen).await;
+    let listener = listener.with_context(|| format!("cannot listen on {listen}"))?;
     let address = listener.local_addr()?;
     let signal = stop_signal()?; // before anybody can know that it runs
     println!("listening on http://{}/", reachable(address));
     if !address.ip().is_loopback() {
         eprintln!("warning: {address} can be reached from other machines, and there is no authentication");
     }
-    let failed = load_behind(arguments, &server)?;
+    let failed = load_behind(series, options, Arc::clone(&server))?;
     let mut failure = None;
     let stop = async {
         tokio::select! {
@@ -109,11 +110,11 @@ async fn serve(arguments: &Arguments, server: Arc<Server>) -> anyhow::Result<Exi
 
 /// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when all went well.
 fn load_behind(
-    arguments: &Arguments,
-    server: &Arc<Server>,
+    paths: Vec<PathBuf>,
+    options: SeriesOptions,
+    server: Arc<Server>,
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
     let (report, failed) = oneshot::channel();
-    let (paths, options, server) = (arguments.series.clone(), arguments.options.clone(), Arc::clone(server));
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
         for path in paths {
             match source::load(&path, &options) {
