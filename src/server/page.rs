@@ -3,7 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use axum::Router;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use sha2::{Digest, Sha256};
@@ -44,11 +44,15 @@ static TAG: LazyLock<String> = LazyLock::new(|| {
 });
 
 fn file(headers: &HeaderMap, media: &'static str, content: &'static str) -> Response {
-    let tag = [(header::ETAG, TAG.as_str()), (header::CACHE_CONTROL, "no-cache")];
+    // A 304 too: browsers replace the headers of what they have by those of the answer.
+    let always = [
+        (header::ETAG, TAG.as_str()),
+        (header::CACHE_CONTROL, "no-cache"),
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+    ];
     let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
     if known.is_some_and(|known| known.split(',').any(|known| known.trim() == TAG.as_str())) {
-        return (StatusCode::NOT_MODIFIED, tag).into_response();
+        return (StatusCode::NOT_MODIFIED, always).into_response();
     }
-    let policy = (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
-    (tag, [policy, (header::CONTENT_TYPE, HeaderValue::from_static(media))], content).into_response()
+    (always, [(header::CONTENT_TYPE, media)], content).into_response()
 }

@@ -144,6 +144,7 @@ async fn the_page_is_whole_and_loads_nothing_from_elsewhere() {
         assert!(!without_namespaces(file.text()).contains("://"), "{path} names another site");
         let again = stage.get_with(&path, &[("if-none-match", file.header("etag"))]).await;
         assert_eq!((again.status.as_u16(), again.body.len()), (304, 0));
+        assert_eq!(again.header("content-security-policy"), policy, "a reload keeps the page's policy");
         wanted.extend(references(file.text()));
     }
     assert!(seen.iter().any(|path| path.ends_with(".css")) && seen.iter().any(|path| path.ends_with(".js")));

@@ -3,13 +3,13 @@
 /**
  * Draws `shown` ({ bitmap, kind }): kind "rgbd" has colour on the left and disparity on the right, "color" and
  * "frame" are shown as they are. `view` is picture, depth, split or frame; `split` is where depth begins, 0 to 1.
- * `room` is the width in device pixels: a frame with more is shrunk here, well filtered, since its black lines would
- * alias; one that fits keeps its pixels.
+ * `room` is the width in device pixels: a frame with more is shrunk here by a whole number, which averages its black
+ * lines away without beats; one that fits keeps its pixels.
  */
 export function drawPicture(context, { bitmap, kind }, { view, split, factor, offset }, room) {
   const { canvas } = context;
   const width = kind === "rgbd" ? bitmap.width / 2 : bitmap.width;
-  const scale = kind === "frame" ? Math.min(1, room / width) : 1;
+  const scale = kind === "frame" ? 1 / Math.max(1, Math.ceil(width / room)) : 1;
   const [across, down] = [width, bitmap.height].map((side) => Math.round(side * scale));
   if (canvas.width !== across || canvas.height !== down) {
     canvas.width = across;
