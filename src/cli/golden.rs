@@ -1,11 +1,186 @@
-//! `relief golden` (to come).
+//! `relief golden`: compares pictures of procedural volumes with approved ones; approves new ones.
+//!
+//! Exit status of `check`: 0 when every picture is as expected, 1 when one is not, a golden is missing, or there is
+//! nothing to compare. Only `bless` writes goldens.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// (to come)
-#[derive(Debug, clap::Args)]
-pub(super) struct Arguments {}
+use anyhow::Context;
 
-pub(super) fn run(_arguments: Arguments) -> anyhow::Result<ExitCode> {
-    anyhow::bail!("not written yet")
+use super::output::{print_json, write_whole};
+use crate::gpu::{AdapterChoice, AdapterKind, Gpu};
+use crate::render::Renderer;
+use crate::session::golden::{
+    Artefacts, Blessing, CaseReport, Change, CheckReport, Collection, Comparison, Difference, Harness, Verdict,
+};
+
+/// Compare pictures of procedural volumes with approved ones, or approve new ones.
+///
+/// Goldens are compared on a software adapter, whose pictures do not depend on the machine; RELIEF_ADAPTER chooses
+/// another.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  relief golden check                      every case of the folder golden
+  relief golden check camera clip/box      a suite and a case
+  relief golden bless camera/front         the present picture becomes the expected one: look at it first")]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    Check(CheckArguments),
+    Bless(BlessArguments),
+}
+
+/// Render the cases and compare them; failures leave pictures and numbers under target/golden
+#[derive(Debug, clap::Args)]
+struct CheckArguments {
+    /// Suites (camera) and cases (camera/front); all when none is given
+    #[arg(value_name = "CASE")]
+    cases: Vec<String>,
+    #[command(flatten)]
+    place: Place,
+    /// Print the findings as one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Make the present pictures the expected ones
+#[derive(Debug, clap::Args)]
+struct BlessArguments {
+    /// Suites (camera) and cases (camera/front)
+    #[arg(value_name = "CASE", required_unless_present = "all")]
+    cases: Vec<String>,
+    /// Every case
+    #[arg(long, conflicts_with = "cases")]
+    all: bool,
+    #[command(flatten)]
+    place: Place,
+}
+
+#[derive(Debug, clap::Args)]
+struct Place {
+    /// Folder of the cases: DIR/<suite>/<case>/case.toml
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_DIR)]
+    dir: PathBuf,
+    /// Folder for what failures leave
+    #[arg(long, value_name = "DIR", default_value = "target/golden")]
+    out: PathBuf,
+}
+
+const DEFAULT_DIR: &str = "golden";
+
+pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    match arguments.action {
+        Action::Check(arguments) => check(&arguments),
+        Action::Bless(arguments) => bless(&arguments),
+    }
+}
+
+impl Place {
+    fn artefacts(&self) -> Artefacts {
+        let mut bless = "relief golden bless".to_owned();
+        if self.dir.as_os_str() != DEFAULT_DIR {
+            bless = format!("{bless} --dir {}", self.dir.display());
+        }
+        Artefacts::new(self.out.clone(), bless)
+    }
+}
+
+fn check(arguments: &CheckArguments) -> anyhow::Result<ExitCode> {
+    let collection = Collection::open(&arguments.place.dir)?.select(&arguments.cases)?;
+    let artefacts = arguments.place.artefacts();
+    let report = open_harness()?.check(&collection, &artefacts)?;
+    if arguments.json {
+        print_json(&report)?;
+    } else {
+        print_report(&report, &artefacts);
+    }
+    Ok(if report.passed() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The adapter of `RELIEF_ADAPTER`, and a software one when that is not set.
+fn open_harness() -> anyhow::Result<Harness> {
+    let choice = match std::env::var("RELIEF_ADAPTER") {
+        Ok(text) if !text.is_empty() => AdapterChoice::parse(&text),
+        _ => AdapterChoice::Software,
+    };
+    let renderer = Renderer::new(Gpu::open(&choice)?).context("the renderer cannot start")?;
+    let harness = Harness::new(renderer);
+    if harness.adapter().kind != AdapterKind::Software {
+        eprintln!(
+            "relief: {} is no software adapter; goldens are made on one, so small differences are expected here",
+            harness.adapter()
+        );
+    }
+    Ok(harness)
+}
+
+fn print_report(report: &CheckReport, artefacts: &Artefacts) {
+    for case in &report.cases {
+        println!("{:<10}{}", verdict(case), case.case);
+        for problem in &case.problems {
+            println!("            {problem}");
+        }
+        if case.verdict == Verdict::Failed {
+            println!("            see {}", artefacts.folder(&case.case).display());
+            println!("            if the new picture is right: {}", case.bless);
+        }
+    }
+    let (failed, all) = (report.failures().count(), report.cases.len());
+    println!("\n{} of {all} golden images are as expected on {}", all - failed, report.adapter);
+    if failed > 0 {
+        println!("side by side: {}", artefacts.index().display());
+    }
+}
+
+const fn verdict(case: &CaseReport) -> &'static str {
+    match case.verdict {
+        Verdict::Identical => "ok",
+        Verdict::Within => "ok (near)",
+        Verdict::Failed => "FAILED",
+    }
+}
+
+fn bless(arguments: &BlessArguments) -> anyhow::Result<ExitCode> {
+    let collection = Collection::open(&arguments.place.dir)?.select(&arguments.cases)?;
+    let mut harness = open_harness()?;
+    for id in collection.ids() {
+        let case = collection.read(id)?;
+        for Blessing { path, change, bytes } in harness.bless(&case)? {
+            println!("{:<24}{} {}", id.to_string(), path.display(), describe(&change));
+            if !matches!(change, Change::Unchanged) {
+                write_whole(&path, &bytes)?;
+            }
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn describe(change: &Change) -> String {
+    match change {
+        Change::New => "is new".to_owned(),
+        Change::Unchanged => "stays".to_owned(),
+        Change::Damaged => "replaces a file that cannot be read".to_owned(),
+        Change::Replaced(comparison) => format!("changes: {}", extent(comparison)),
+    }
+}
+
+fn extent(comparison: &Comparison) -> String {
+    match &comparison.difference {
+        Difference::Size { expected_px: [w, h], actual_px: [new_w, new_h] } => {
+            format!("from {w}x{h} to {new_w}x{new_h}")
+        }
+        Difference::Color(color) => {
+            format!("{} of {} pixels, the most by {}/255", color.differing, color.pixels, color.max_steps)
+        }
+        Difference::Depth(depth) => format!(
+            "{} of {} depths, the most by {:.4} mm, and {} hits",
+            depth.differing, depth.pixels, depth.max_mm, depth.hit_mismatches
+        ),
+    }
 }

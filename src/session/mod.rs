@@ -7,6 +7,7 @@
 mod backend;
 mod cache;
 mod encode;
+pub mod golden;
 mod service;
 mod ticket;
 

@@ -1,0 +1,243 @@
+//! One case: `case.toml` and `scene.json`, checked.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::collection::CaseId;
+use super::compare::Tolerance;
+use super::error::GoldenError;
+use super::raster::{Raster, read_bounded};
+use crate::camera::Orbit;
+use crate::render::{Scene, SceneFile};
+use crate::volume::Grid;
+use crate::volume::phantom::Recipe;
+
+const CASE_FILE: &str = "case.toml";
+const SCENE_FILE: &str = "scene.json";
+
+/// Voxels across: goldens are many and quick.
+const MAX_PHANTOM_SIZE: usize = 128;
+
+/// One of the pictures that a case compares.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aspect {
+    /// Colour and coverage, as rendered.
+    Color,
+    /// View depth in mm.
+    Depth,
+    /// The frame that a display takes: layout, disparity and header by the scene's `display`.
+    Frame,
+}
+
+impl Aspect {
+    /// All aspects.
+    pub const ALL: [Self; 3] = [Self::Color, Self::Depth, Self::Frame];
+
+    /// The name in `case.toml`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Color => "color",
+            Self::Depth => "depth",
+            Self::Frame => "frame",
+        }
+    }
+
+    /// The file with the expected picture.
+    #[must_use]
+    pub const fn file_name(self) -> &'static str {
+        match self {
+            Self::Color => "color.png",
+            Self::Depth => "depth.exr",
+            Self::Frame => "frame.png",
+        }
+    }
+}
+
+/// A picture to render and what to compare of it.
+#[derive(Clone, Debug)]
+pub struct Case {
+    id: CaseId,
+    folder: PathBuf,
+    purpose: String,
+    recipe: Recipe,
+    tolerance: Tolerance,
+    aspects: Vec<Aspect>,
+    scene: SceneFile,
+}
+
+/// `case.toml` as written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CaseFile {
+    purpose: String,
+    tolerance: ToleranceName,
+    compare: Vec<Aspect>,
+    volume: VolumeFile,
+}
+
+/// Tolerances have names, so that none is loosened for one case in passing.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ToleranceName {
+    Exact,
+    Strict,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct VolumeFile {
+    phantom: String,
+    size: usize,
+    #[serde(default)]
+    seed: u64,
+}
+
+impl Case {
+    /// Reads the case in `folder`.
+    ///
+    /// # Errors
+    /// When a file is missing or refused, a value is out of range, or the folder holds a file that nothing compares.
+    pub fn read(id: CaseId, folder: &Path) -> Result<Self, GoldenError> {
+        let path = folder.join(CASE_FILE);
+        let syntax = |reason: String| GoldenError::Syntax { path: path.clone(), reason };
+        let text = String::from_utf8(read_required(&path)?).map_err(|error| syntax(error.to_string()))?;
+        let file: CaseFile = toml::from_str(&text).map_err(|error| syntax(error.to_string()))?;
+        let recipe = file.volume.recipe(&path)?;
+        let scene = folder.join(SCENE_FILE);
+        let parsed = SceneFile::parse(&read_required(&scene)?);
+        let case = Self {
+            id,
+            folder: folder.to_owned(),
+            purpose: file.purpose,
+            recipe,
+            tolerance: file.tolerance.tolerance(),
+            aspects: checked_aspects(&path, file.compare)?,
+            scene: parsed.map_err(|source| GoldenError::Scene { path: scene, source })?,
+        };
+        case.refuse_strays()?;
+        Ok(case)
+    }
+
+    /// Suite and name.
+    #[must_use]
+    pub fn id(&self) -> &CaseId {
+        &self.id
+    }
+
+    /// Where its files are.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// What it shows, in a sentence.
+    #[must_use]
+    pub fn purpose(&self) -> &str {
+        &self.purpose
+    }
+
+    /// The procedural volume.
+    #[must_use]
+    pub fn recipe(&self) -> Recipe {
+        self.recipe
+    }
+
+    /// How far pictures may be apart.
+    #[must_use]
+    pub fn tolerance(&self) -> Tolerance {
+        self.tolerance
+    }
+
+    /// What is compared, without repetition.
+    #[must_use]
+    pub fn aspects(&self) -> &[Aspect] {
+        &self.aspects
+    }
+
+    /// The complete scene for the volume's grid.
+    ///
+    /// # Errors
+    /// When a value is out of range, or the tolerance would let a depth pass that is off by one sample.
+    pub fn scene(&self, grid: &Grid) -> Result<Scene, GoldenError> {
+        let resolved = self.scene.clone().resolve(grid, &Orbit::default());
+        let path = || self.folder.join(SCENE_FILE);
+        let scene = resolved.map_err(|source| GoldenError::Scene { path: path(), source })?;
+        let least_mm = 4.0 * self.tolerance.depth_mm;
+        if scene.request.sample_distance_mm < least_mm {
+            return Err(GoldenError::Range {
+                path: path(),
+                key: "sample_distance_mm",
+                found: scene.request.sample_distance_mm.to_string(),
+                allowed: format!("at least {least_mm}, four times the tolerance {}", self.tolerance.name),
+            });
+        }
+        Ok(scene)
+    }
+
+    /// The golden of one of its aspects; `None` when it is missing.
+    ///
+    /// # Errors
+    /// When the file is too large, or no picture of the aspect's kind.
+    pub fn expected(&self, aspect: Aspect) -> Result<Option<Raster>, GoldenError> {
+        Raster::read(&self.folder, aspect)
+    }
+
+    /// A golden that is no longer compared would look as if it were.
+    fn refuse_strays(&self) -> Result<(), GoldenError> {
+        let failed = |source| GoldenError::Read { path: self.folder.clone(), source };
+        for entry in std::fs::read_dir(&self.folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            let name = entry.file_name();
+            let is_golden = |aspect: &Aspect| name == aspect.file_name();
+            if name != CASE_FILE && name != SCENE_FILE && !self.aspects.iter().any(is_golden) {
+                return Err(GoldenError::Stray { path: entry.path() });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ToleranceName {
+    const fn tolerance(self) -> Tolerance {
+        match self {
+            Self::Exact => Tolerance::EXACT,
+            Self::Strict => Tolerance::STRICT,
+        }
+    }
+}
+
+impl VolumeFile {
+    fn recipe(&self, path: &Path) -> Result<Recipe, GoldenError> {
+        if self.size > MAX_PHANTOM_SIZE {
+            return Err(GoldenError::Range {
+                path: path.to_owned(),
+                key: "volume.size",
+                found: self.size.to_string(),
+                allowed: format!("at most {MAX_PHANTOM_SIZE}"),
+            });
+        }
+        Ok(Recipe::new(self.phantom.parse()?).with_size(self.size)?.with_seed(self.seed))
+    }
+}
+
+fn checked_aspects(path: &Path, mut aspects: Vec<Aspect>) -> Result<Vec<Aspect>, GoldenError> {
+    aspects.sort();
+    aspects.dedup();
+    if aspects.is_empty() {
+        return Err(GoldenError::Range {
+            path: path.to_owned(),
+            key: "compare",
+            found: "[]".to_owned(),
+            allowed: format!("one or more of {}", Aspect::ALL.map(Aspect::name).join(", ")),
+        });
+    }
+    Ok(aspects)
+}
+
+fn read_required(path: &Path) -> Result<Vec<u8>, GoldenError> {
+    let missing = || GoldenError::Read { path: path.to_owned(), source: std::io::ErrorKind::NotFound.into() };
+    read_bounded(path)?.ok_or_else(missing)
+}

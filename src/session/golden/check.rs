@@ -1,0 +1,296 @@
+//! Rendering cases, comparing them with their goldens, and making goldens of them.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+use image::ColorType;
+use serde::Serialize;
+
+use super::artefacts::{Artefacts, Pair};
+use super::case::{Aspect, Case};
+use super::collection::{CaseId, Collection};
+use super::compare::{Comparison, Tolerance, compare, is_depth};
+use super::error::GoldenError;
+use super::raster::{Raster, Samples, check_size, decode_png, rgb_png, rgba_png};
+use crate::display::DisplaySettings;
+use crate::gpu::{AdapterDescription, AdapterKind};
+use crate::render::{RenderedFrame, Renderer};
+use crate::session::{FileFormat, Product, encode};
+use crate::volume::Volume;
+use crate::volume::phantom::Recipe;
+
+/// Renders cases. Keeps the phantoms it has made: many cases show the same.
+pub struct Harness {
+    renderer: Renderer,
+    volumes: HashMap<Recipe, Volume>,
+}
+
+/// What became of a check.
+#[derive(Clone, Debug, Serialize)]
+pub struct CheckReport {
+    /// The adapter that rendered.
+    pub adapter: AdapterDescription,
+    /// Every case that was asked for.
+    pub cases: Vec<CaseReport>,
+}
+
+/// What became of a case.
+#[derive(Clone, Debug, Serialize)]
+pub struct CaseReport {
+    /// Suite and name.
+    pub case: CaseId,
+    /// In a word.
+    pub verdict: Verdict,
+    /// What the case shows; empty when it cannot be read.
+    pub purpose: String,
+    /// How far its pictures may be apart; `None` when it cannot be read.
+    pub tolerance: Option<Tolerance>,
+    /// What was compared.
+    pub aspects: Vec<AspectReport>,
+    /// Everything that is wrong, in words; empty unless the case failed.
+    pub problems: Vec<String>,
+    /// The command that makes the present pictures the expected ones.
+    pub bless: String,
+}
+
+/// What became of one picture of a case.
+#[derive(Clone, Debug, Serialize)]
+pub struct AspectReport {
+    /// Which picture.
+    pub aspect: Aspect,
+    /// What the comparison found; `None` when the golden is missing or cannot be read.
+    pub comparison: Option<Comparison>,
+}
+
+/// A case in a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Not one bit differs.
+    Identical,
+    /// Something differs, by less than the tolerance.
+    Within,
+    /// It differs by more, or could not be compared.
+    Failed,
+}
+
+/// A golden to be written.
+#[derive(Clone, Debug)]
+pub struct Blessing {
+    /// Where it goes.
+    pub path: PathBuf,
+    /// What it is to what is there.
+    pub change: Change,
+    /// The file.
+    pub bytes: Vec<u8>,
+}
+
+/// What a new golden is to the one that is there.
+#[derive(Clone, Debug)]
+pub enum Change {
+    /// There is none.
+    New,
+    /// The picture is the same: nothing needs to be written.
+    Unchanged,
+    /// It differs by this.
+    Replaced(Comparison),
+    /// What is there cannot be read.
+    Damaged,
+}
+
+/// A case's picture as rendered and as it is to be shown.
+struct Rendered {
+    frame: RenderedFrame,
+    display: DisplaySettings,
+}
+
+impl CheckReport {
+    /// Whether there was something to compare and all of it is as expected.
+    #[must_use]
+    pub fn passed(&self) -> bool {
+        !self.cases.is_empty() && self.failures().next().is_none()
+    }
+
+    /// The cases that are not as expected.
+    pub fn failures(&self) -> impl Iterator<Item = &CaseReport> {
+        self.cases.iter().filter(|case| case.verdict == Verdict::Failed)
+    }
+}
+
+impl Harness {
+    /// A harness that renders with this renderer.
+    #[must_use]
+    pub fn new(renderer: Renderer) -> Self {
+        Self { renderer, volumes: HashMap::new() }
+    }
+
+    /// The adapter in use.
+    #[must_use]
+    pub fn adapter(&self) -> &AdapterDescription {
+        self.renderer.gpu().description()
+    }
+
+    /// Compares every case of a collection with its goldens. What fails leaves its pictures with `artefacts`; what
+    /// passes has them removed.
+    ///
+    /// # Errors
+    /// When the artefacts cannot be written. A case that cannot be read or rendered is a finding, not an error.
+    pub fn check(
+        &mut self,
+        collection: &Collection,
+        artefacts: &Artefacts,
+    ) -> Result<CheckReport, GoldenError> {
+        let mut cases = Vec::with_capacity(collection.ids().len());
+        for id in collection.ids() {
+            let (report, pairs) = self.check_case(collection, id, artefacts);
+            match report.verdict {
+                Verdict::Failed => artefacts.keep(&report, self.adapter(), &pairs)?,
+                Verdict::Identical | Verdict::Within => artefacts.remove(id)?,
+            }
+            cases.push(report);
+        }
+        let report = CheckReport { adapter: self.adapter().clone(), cases };
+        artefacts.write_index(&report)?;
+        Ok(report)
+    }
+
+    fn check_case(
+        &mut self,
+        collection: &Collection,
+        id: &CaseId,
+        artefacts: &Artefacts,
+    ) -> (CaseReport, Vec<Pair>) {
+        let mut report = CaseReport::failed(id, artefacts.bless_command(id));
+        let mut pairs = Vec::new();
+        let outcome = collection.read(id).and_then(|case| {
+            report.purpose = case.purpose().to_owned();
+            report.tolerance = Some(case.tolerance());
+            let rendered = self.render(&case)?;
+            for &aspect in case.aspects() {
+                let actual = rendered.raster(aspect)?;
+                pairs.push(report.add(&case, aspect, actual));
+            }
+            Ok(())
+        });
+        match outcome {
+            Err(error) => report.problems.push(error.to_string()),
+            Ok(()) if report.problems.is_empty() => report.verdict = report.success(),
+            Ok(()) => {}
+        }
+        (report, pairs)
+    }
+
+    /// The goldens that a case would have if it were blessed now. Writes nothing.
+    ///
+    /// # Errors
+    /// When the adapter is no software one, the case cannot be rendered, the picture shows nothing or has impossible
+    /// depths, or a file would be too large.
+    pub fn bless(&mut self, case: &Case) -> Result<Vec<Blessing>, GoldenError> {
+        if self.adapter().kind != AdapterKind::Software {
+            return Err(GoldenError::Adapter { adapter: self.adapter().to_string() });
+        }
+        let rendered = self.render(case)?;
+        rendered.refuse_worthless(case.id())?;
+        case.aspects().iter().map(|&aspect| rendered.blessing(case, aspect)).collect()
+    }
+
+    fn render(&mut self, case: &Case) -> Result<Rendered, GoldenError> {
+        let volume = self.volumes.entry(case.recipe()).or_insert_with(|| case.recipe().make().volume);
+        let scene = case.scene(volume.grid())?;
+        let frame = self.renderer.render(volume, &scene.request)?;
+        Ok(Rendered { frame, display: scene.display })
+    }
+}
+
+impl CaseReport {
+    /// A case of which nothing good is known yet.
+    fn failed(id: &CaseId, bless: String) -> Self {
+        Self {
+            case: id.clone(),
+            verdict: Verdict::Failed,
+            purpose: String::new(),
+            tolerance: None,
+            aspects: Vec::new(),
+            problems: Vec::new(),
+            bless,
+        }
+    }
+
+    /// Compares one picture with its golden.
+    fn add(&mut self, case: &Case, aspect: Aspect, actual: Raster) -> Pair {
+        let file = aspect.file_name();
+        let expected = case.expected(aspect).unwrap_or_else(|error| {
+            self.problems.push(error.to_string());
+            None
+        });
+        if expected.is_none() && !case.folder().join(file).exists() {
+            self.problems.push(format!("{file} is missing: nobody has approved this picture yet"));
+        }
+        let compared = expected.as_ref().map(|expected| compare(expected, &actual, &case.tolerance()));
+        for mismatch in compared.iter().flat_map(|comparison| &comparison.mismatches) {
+            self.problems.push(format!("{file}: {mismatch}"));
+        }
+        self.aspects.push(AspectReport { aspect, comparison: compared });
+        Pair { aspect, expected, actual }
+    }
+
+    /// The verdict on a case without problems.
+    fn success(&self) -> Verdict {
+        let identical = |report: &AspectReport| report.comparison.as_ref().is_some_and(Comparison::is_identical);
+        if self.aspects.iter().all(identical) { Verdict::Identical } else { Verdict::Within }
+    }
+}
+
+impl Rendered {
+    fn raster(&self, aspect: Aspect) -> Result<Raster, GoldenError> {
+        let samples = match aspect {
+            Aspect::Color => Samples::Color(self.frame.color_rgba.clone()),
+            Aspect::Depth => Samples::DepthMm(self.frame.depth_mm.clone()),
+            Aspect::Frame => return self.displayed(),
+        };
+        Ok(Raster { size_px: self.frame.size_px, samples })
+    }
+
+    /// The frame as a display takes it, through the file that a display is sent.
+    fn displayed(&self) -> Result<Raster, GoldenError> {
+        let png = encode(&self.frame, &self.display, Product::Frame, FileFormat::Png)?;
+        let layout = self.display.layout;
+        decode_png(&png, ColorType::Rgb8).map_err(|reason| GoldenError::Layout { layout, reason })
+    }
+
+    fn blessing(&self, case: &Case, aspect: Aspect) -> Result<Blessing, GoldenError> {
+        let raster = self.raster(aspect)?;
+        let change = match case.expected(aspect) {
+            Err(_) => Change::Damaged,
+            Ok(None) => Change::New,
+            Ok(Some(expected)) => {
+                let comparison = compare(&expected, &raster, &case.tolerance());
+                if comparison.is_identical() { Change::Unchanged } else { Change::Replaced(comparison) }
+            }
+        };
+        let path = case.folder().join(aspect.file_name());
+        let bytes = self.file(aspect, &raster)?;
+        check_size(&path, &bytes)?;
+        Ok(Blessing { path, change, bytes })
+    }
+
+    fn file(&self, aspect: Aspect, raster: &Raster) -> Result<Vec<u8>, GoldenError> {
+        match (&raster.samples, aspect) {
+            (Samples::Color(pixels), Aspect::Frame) => rgb_png(raster.size_px, pixels),
+            (Samples::Color(pixels), _) => rgba_png(raster.size_px, pixels),
+            (Samples::DepthMm(_), _) => Ok(encode(&self.frame, &self.display, Product::Depth, FileFormat::Exr)?),
+        }
+    }
+
+    /// A picture that shows nothing passes every later check of nothing.
+    fn refuse_worthless(&self, id: &CaseId) -> Result<(), GoldenError> {
+        let refuse = |defect| Err(GoldenError::Worthless { case: id.to_string(), defect });
+        if !self.frame.depth_mm.iter().all(|&mm| is_depth(mm)) {
+            return refuse("has depths that are NaN, -inf or behind the eye");
+        }
+        if !self.frame.depth_mm.iter().any(|mm| mm.is_finite()) {
+            return refuse("shows nothing: no ray hits");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,141 @@
+//! Why a golden case cannot be read, rendered or shown. A picture that differs is no error but a finding: see
+//! `compare`.
+
+use std::path::PathBuf;
+
+use super::raster::MAX_FILE_BYTES;
+use crate::display::Layout;
+use crate::render::{RenderError, SceneError};
+use crate::session::EncodingError;
+use crate::volume::phantom::{SizeError, UnknownKind};
+
+/// Why a case, a golden or an artefact could not be handled.
+#[derive(Debug, thiserror::Error)]
+pub enum GoldenError {
+    /// There is nothing to compare, which must not pass for success.
+    #[error("{} holds no golden case; expected <suite>/<case>/case.toml", dir.display())]
+    NoCases {
+        /// The folder that was searched.
+        dir: PathBuf,
+    },
+    /// A name that is neither a suite's nor a case's.
+    #[error("no suite and no case is called {name:?}; suites are {suites}")]
+    UnknownCase {
+        /// What was asked for.
+        name: String,
+        /// The suites that there are.
+        suites: String,
+    },
+    /// A folder whose name is not fit for a command or a page.
+    #[error("{}: names of suites and cases have the letters a to z, digits and hyphens", path.display())]
+    Name {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file that nothing compares: probably left over, or misspelt.
+    #[error("{}: nothing compares this file; remove it, or add it to `compare` in case.toml", path.display())]
+    Stray {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file or folder that cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file or folder that cannot be written or removed.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A golden beyond the limit.
+    #[error("{} has {bytes} bytes, at most {MAX_FILE_BYTES} are allowed: make the picture smaller", path.display())]
+    FileTooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        bytes: u64,
+    },
+    /// `case.toml` is not TOML, has an unknown key, or a value of the wrong kind.
+    #[error("{}: {reason}", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// The parser's words, with line and column.
+        reason: String,
+    },
+    /// A value of `case.toml` that is out of range.
+    #[error("{}: {key} is {found}, allowed: {allowed}", path.display())]
+    Range {
+        /// The file.
+        path: PathBuf,
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        allowed: String,
+    },
+    /// The scene.
+    #[error("{}: {source}", path.display())]
+    Scene {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: SceneError,
+    },
+    /// The phantom's name.
+    #[error(transparent)]
+    Kind(#[from] UnknownKind),
+    /// The phantom's size.
+    #[error(transparent)]
+    Size(#[from] SizeError),
+    /// A golden that is no picture of the kind it should be.
+    #[error("{}: {reason}", path.display())]
+    Decode {
+        /// The file.
+        path: PathBuf,
+        /// The decoder's words.
+        reason: String,
+    },
+    /// A picture that cannot be made into a file.
+    #[error("cannot encode a picture: {0}")]
+    Picture(#[from] image::ImageError),
+    /// The render failed.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// The frame could not be encoded.
+    #[error(transparent)]
+    Encode(#[from] EncodingError),
+    /// A layout that goldens cannot hold.
+    #[error("layout {layout} cannot be compared as a frame: {reason}")]
+    Layout {
+        /// The layout.
+        layout: Layout,
+        /// Why.
+        reason: String,
+    },
+    /// Goldens are made on a software adapter.
+    #[error(
+        "goldens are blessed on a software adapter, this is {adapter}; set RELIEF_ADAPTER=software, \
+         and see `relief doctor` if there is none"
+    )]
+    Adapter {
+        /// The adapter in use.
+        adapter: String,
+    },
+    /// A picture that proves nothing.
+    #[error("the picture of {case} {defect}: it is not blessed")]
+    Worthless {
+        /// The case.
+        case: String,
+        /// What is wrong with it.
+        defect: &'static str,
+    },
+}

@@ -1,0 +1,44 @@
+//! Golden images: pictures of procedural volumes that were looked at once and must come out the same ever after.
+//!
+//! What it is: reading cases, rendering them, comparing, and showing what differs. What it is not: it writes no
+//! golden; [`Harness::bless`] gives the bytes to its caller, and only `relief golden bless` writes them.
+//!
+//! A case is a folder `golden/<suite>/<case>/`:
+//!
+//! | file | holds |
+//! |---|---|
+//! | `case.toml` | purpose, procedural volume, tolerance by name, what is compared; unknown keys are refused |
+//! | `scene.json` | the scene, in the JSON that users write |
+//! | `color.png` | expected colour and coverage (RGBA, 8 bits) |
+//! | `depth.exr` | expected view depth, mm, `+inf` where a ray hits nothing |
+//! | `frame.png` | expected frame as a display takes it (RGB, 8 bits) |
+//!
+//! ```toml
+//! purpose = "one sentence: what the picture shows, and what would spoil it"
+//! tolerance = "strict"
+//! compare = ["color", "depth"]
+//!
+//! [volume]
+//! phantom = "sphere"
+//! size = 64
+//! ```
+//!
+//! Pictures are compared on a software adapter: its pictures do not depend on the machine. Everything else is a
+//! failure: a golden that is missing, a file that no case asks for, no case at all.
+
+mod artefacts;
+mod case;
+mod check;
+mod collection;
+mod compare;
+mod error;
+mod html;
+mod raster;
+
+pub use artefacts::Artefacts;
+pub use case::{Aspect, Case};
+pub use check::{AspectReport, Blessing, CaseReport, Change, CheckReport, Harness, Verdict};
+pub use collection::{CaseId, Collection};
+pub use compare::{ColorDifference, Comparison, DepthDifference, Difference, Mismatch, Tolerance, compare};
+pub use error::GoldenError;
+pub use raster::{MAX_FILE_BYTES, Raster, Samples};

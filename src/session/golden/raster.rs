@@ -1,0 +1,127 @@
+//! Pictures in memory, and as the small files of a golden.
+//!
+//! Rows run from the top left. Colour is display-referred sRGB with coverage as the fourth byte; a frame's fourth
+//! byte is 255. Depth is view depth in mm, `+inf` where the ray hit nothing.
+
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
+use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder};
+
+use super::case::Aspect;
+use super::error::GoldenError;
+use crate::display::decode_exr;
+
+/// The largest file of a golden: they stay in the repository's history for ever.
+pub const MAX_FILE_BYTES: u64 = 64 * 1024;
+
+/// The largest decoded picture: a frame for the largest display.
+const MAX_DECODED_BYTES: u64 = 3840 * 2160 * 4;
+
+/// A picture that can be compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raster {
+    /// Width and height, pixels.
+    pub size_px: [u32; 2],
+    /// One value for each pixel, in rows from the top.
+    pub samples: Samples,
+}
+
+/// What the pixels of a [`Raster`] are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    /// Red, green, blue and coverage.
+    Color(Vec<[u8; 4]>),
+    /// View depth in mm, `+inf` for a miss.
+    DepthMm(Vec<f32>),
+}
+
+impl Raster {
+    /// The golden in `folder`; `None` when it is missing.
+    pub(super) fn read(folder: &Path, aspect: Aspect) -> Result<Option<Self>, GoldenError> {
+        let path = folder.join(aspect.file_name());
+        let Some(bytes) = read_bounded(&path)? else { return Ok(None) };
+        let decoded = match aspect {
+            Aspect::Color => decode_png(&bytes, ColorType::Rgba8),
+            Aspect::Frame => decode_png(&bytes, ColorType::Rgb8),
+            Aspect::Depth => decode_depth(&bytes),
+        };
+        decoded.map(Some).map_err(|reason| GoldenError::Decode { path, reason })
+    }
+
+    /// Number of pixels.
+    pub(super) fn pixels(&self) -> usize {
+        match &self.samples {
+            Samples::Color(pixels) => pixels.len(),
+            Samples::DepthMm(pixels) => pixels.len(),
+        }
+    }
+
+    /// Column and row of a pixel.
+    pub(super) fn position(&self, index: usize) -> [usize; 2] {
+        let width = self.size_px[0] as usize;
+        [index % width, index / width]
+    }
+}
+
+/// The bytes of a file of at most [`MAX_FILE_BYTES`]; `None` when it is missing.
+pub(super) fn read_bounded(path: &Path) -> Result<Option<Vec<u8>>, GoldenError> {
+    let failed = |source| GoldenError::Read { path: path.to_owned(), source };
+    let file = match std::fs::File::open(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        opened => opened.map_err(failed)?,
+    };
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
+    check_size(path, &bytes)?;
+    Ok(Some(bytes))
+}
+
+/// Refuses what is too large for a golden.
+pub(super) fn check_size(path: &Path, file: &[u8]) -> Result<(), GoldenError> {
+    let bytes = file.len() as u64;
+    if bytes > MAX_FILE_BYTES {
+        return Err(GoldenError::FileTooLarge { path: path.to_owned(), bytes });
+    }
+    Ok(())
+}
+
+/// A PNG of exactly this colour type.
+pub(super) fn decode_png(file: &[u8], expected: ColorType) -> Result<Raster, String> {
+    let decoder = PngDecoder::new(Cursor::new(file)).map_err(|error| error.to_string())?;
+    let (found, bytes) = (decoder.color_type(), decoder.total_bytes());
+    if found != expected {
+        return Err(format!("the picture is {found:?}, expected {expected:?}"));
+    }
+    if bytes > MAX_DECODED_BYTES {
+        return Err(format!("the picture has {bytes} bytes of pixels, allowed: at most {MAX_DECODED_BYTES}"));
+    }
+    let picture = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+    let size_px = [picture.width(), picture.height()];
+    let pixels = picture.into_rgba8().pixels().map(|pixel| pixel.0).collect();
+    Ok(Raster { size_px, samples: Samples::Color(pixels) })
+}
+
+fn decode_depth(file: &[u8]) -> Result<Raster, String> {
+    let decoded = decode_exr(file).map_err(|error| error.to_string())?;
+    Ok(Raster { size_px: decoded.size_px, samples: Samples::DepthMm(decoded.depth_mm) })
+}
+
+/// A PNG with coverage.
+pub(super) fn rgba_png(size_px: [u32; 2], pixels: &[[u8; 4]]) -> Result<Vec<u8>, GoldenError> {
+    png(size_px, pixels.as_flattened(), ExtendedColorType::Rgba8)
+}
+
+/// A PNG of the colours alone, as they are seen.
+pub(super) fn rgb_png(size_px: [u32; 2], pixels: &[[u8; 4]]) -> Result<Vec<u8>, GoldenError> {
+    let rgb: Vec<u8> = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
+    png(size_px, &rgb, ExtendedColorType::Rgb8)
+}
+
+fn png([width, height]: [u32; 2], samples: &[u8], kind: ExtendedColorType) -> Result<Vec<u8>, GoldenError> {
+    let mut file = Vec::new();
+    PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive)
+        .write_image(samples, width, height, kind)?;
+    Ok(file)
+}
