@@ -12,7 +12,8 @@ use super::output::{print_json, write_whole};
 use crate::gpu::{AdapterChoice, AdapterKind, Gpu};
 use crate::render::Renderer;
 use crate::session::golden::{
-    Artefacts, Blessing, CaseReport, Change, CheckReport, Collection, Comparison, Difference, Harness, Verdict,
+    Artefacts, Blessing, CaseReport, Change, CheckReport, Collection, Comparison, Difference, Harness,
+    Verdict,
 };
 
 /// Compare pictures of procedural volumes with approved ones, or approve new ones.
@@ -152,7 +153,7 @@ fn bless(arguments: &BlessArguments) -> anyhow::Result<ExitCode> {
     for id in collection.ids() {
         let case = collection.read(id)?;
         for Blessing { path, change, bytes } in harness.bless(&case)? {
-            println!("{:<24}{} {}", id.to_string(), path.display(), describe(&change));
+            println!("{:<30} {} {}", id.to_string(), path.display(), describe(&change));
             if !matches!(change, Change::Unchanged) {
                 write_whole(&path, &bytes)?;
             }

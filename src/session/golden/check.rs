@@ -236,7 +236,8 @@ impl CaseReport {
 
     /// The verdict on a case without problems.
     fn success(&self) -> Verdict {
-        let identical = |report: &AspectReport| report.comparison.as_ref().is_some_and(Comparison::is_identical);
+        let identical =
+            |report: &AspectReport| report.comparison.as_ref().is_some_and(Comparison::is_identical);
         if self.aspects.iter().all(identical) { Verdict::Identical } else { Verdict::Within }
     }
 }
@@ -278,7 +279,9 @@ impl Rendered {
         match (&raster.samples, aspect) {
             (Samples::Color(pixels), Aspect::Frame) => rgb_png(raster.size_px, pixels),
             (Samples::Color(pixels), _) => rgba_png(raster.size_px, pixels),
-            (Samples::DepthMm(_), _) => Ok(encode(&self.frame, &self.display, Product::Depth, FileFormat::Exr)?),
+            (Samples::DepthMm(_), _) => {
+                Ok(encode(&self.frame, &self.display, Product::Depth, FileFormat::Exr)?)
+            }
         }
     }
 

@@ -210,11 +210,17 @@ pub fn compare(expected: &Raster, actual: &Raster, tolerance: &Tolerance) -> Com
     match (&expected.samples, &actual.samples) {
         (Samples::Color(a), Samples::Color(b)) if same_size => {
             let difference = color_difference(expected, a, b, tolerance);
-            Comparison { mismatches: difference.mismatches(tolerance), difference: Difference::Color(difference) }
+            Comparison {
+                mismatches: difference.mismatches(tolerance),
+                difference: Difference::Color(difference),
+            }
         }
         (Samples::DepthMm(a), Samples::DepthMm(b)) if same_size => {
             let difference = depth_difference(expected, a, b, tolerance);
-            Comparison { mismatches: difference.mismatches(tolerance), difference: Difference::Depth(difference) }
+            Comparison {
+                mismatches: difference.mismatches(tolerance),
+                difference: Difference::Depth(difference),
+            }
         }
         _ => Comparison {
             difference: Difference::Size { expected_px, actual_px },
@@ -292,10 +298,22 @@ impl ColorDifference {
         let mut mismatches = Vec::new();
         if outliers > may_stray {
             let (allowed, steps, at) = (may_stray, tolerance.color_steps, worst_at);
-            mismatches.push(Mismatch::ColorOutliers { found: outliers, pixels, allowed, steps, max_steps, at });
+            mismatches.push(Mismatch::ColorOutliers {
+                found: outliers,
+                pixels,
+                allowed,
+                steps,
+                max_steps,
+                at,
+            });
         }
         if differing > may_differ {
-            mismatches.push(Mismatch::ColorCount { found: differing, pixels, allowed: may_differ, max_steps });
+            mismatches.push(Mismatch::ColorCount {
+                found: differing,
+                pixels,
+                allowed: may_differ,
+                max_steps,
+            });
         }
         mismatches
     }
@@ -314,7 +332,14 @@ impl DepthDifference {
         }
         if outliers > allowed {
             let (depth_mm, at) = (tolerance.depth_mm, worst_at);
-            mismatches.push(Mismatch::DepthOutliers { found: outliers, pixels, allowed, depth_mm, max_mm, at });
+            mismatches.push(Mismatch::DepthOutliers {
+                found: outliers,
+                pixels,
+                allowed,
+                depth_mm,
+                max_mm,
+                at,
+            });
         }
         mismatches
     }

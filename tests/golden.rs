@@ -1,0 +1,154 @@
+//! The golden images of this repository: rendered anew, and held against a renderer that did not make them.
+//!
+//! Needs a software adapter for the first. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the test
+//! says that it skipped. The second needs none: goldens were approved by looking at them, and the f64 twin sees to it
+//! that what was looked at is also right to the last step.
+
+use std::path::{Path, PathBuf};
+
+use relief::gpu::{AdapterChoice, Gpu};
+use relief::render::{RenderedFrame, Renderer, Scene, reference};
+use relief::session::golden::{
+    Artefacts, Aspect, Case, Collection, Harness, Raster, Samples, Tolerance, compare,
+};
+use relief::session::{FileFormat, Product, encode};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn goldens() -> Collection {
+    Collection::open(&root().join("golden")).unwrap()
+}
+
+#[test]
+fn every_picture_is_as_expected() {
+    let gpu = match Gpu::open(&AdapterChoice::Software) {
+        Ok(gpu) => gpu,
+        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
+            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
+        }
+        Err(_) => return eprintln!("SKIPPED: golden images (no software graphics adapter)"),
+    };
+    let mut harness = Harness::new(Renderer::new(gpu).unwrap());
+    let out: PathBuf = root().join("target/golden");
+    let artefacts = Artefacts::new(out, "cargo run -- golden bless".to_owned());
+    let report = harness.check(&goldens(), &artefacts).unwrap();
+    for case in &report.cases {
+        println!("{:?} {}", case.verdict, case.case);
+    }
+    let failures: Vec<String> = report
+        .failures()
+        .map(|case| format!("{}\n    {}\n    {}", case.case, case.problems.join("\n    "), case.bless))
+        .collect();
+    assert!(
+        report.passed(),
+        "{} of {} golden images differ on {}; see {}\n{}",
+        failures.len(),
+        report.cases.len(),
+        report.adapter,
+        artefacts.index().display(),
+        failures.join("\n")
+    );
+}
+
+#[test]
+fn every_golden_agrees_with_the_f64_twin() {
+    let goldens = goldens();
+    let mut wrong = Vec::new();
+    for id in goldens.ids() {
+        let case = goldens.read(id).unwrap();
+        let volume = case.recipe().make().volume;
+        let scene = case.scene(volume.grid()).unwrap();
+        let frame = reference::render(&volume, &scene.request).unwrap();
+        for &aspect in case.aspects() {
+            let Some(golden) = case.expected(aspect).unwrap() else {
+                wrong.push(format!("{id}: {} is missing", aspect.file_name()));
+                continue;
+            };
+            let comparison = compare(&golden, &twin_picture(&scene, &frame, aspect), &Tolerance::TWIN);
+            println!("{id} {}: {:?}", aspect.name(), comparison.difference);
+            wrong.extend(comparison.mismatches.iter().map(|m| format!("{id}: {}: {m}", aspect.name())));
+        }
+    }
+    assert!(wrong.is_empty(), "{} goldens are not what the twin renders:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// What the twin has for one aspect of a case.
+fn twin_picture(scene: &Scene, frame: &RenderedFrame, aspect: Aspect) -> Raster {
+    let samples = match aspect {
+        Aspect::Color => Samples::Color(frame.color_rgba.clone()),
+        Aspect::Depth => Samples::DepthMm(frame.depth_mm.clone()),
+        Aspect::Frame => {
+            let png = encode(frame, &scene.display, Product::Frame, FileFormat::Png).unwrap();
+            let picture = image::load_from_memory(&png).unwrap().into_rgba8();
+            let size_px = [picture.width(), picture.height()];
+            return Raster {
+                size_px,
+                samples: Samples::Color(picture.pixels().map(|pixel| pixel.0).collect()),
+            };
+        }
+    };
+    Raster { size_px: frame.size_px, samples }
+}
+
+#[test]
+fn every_suite_and_every_view_is_there() {
+    let goldens = goldens();
+    let names: Vec<String> = goldens.ids().iter().map(ToString::to_string).collect();
+    let views = ["front", "left", "back", "right", "head", "feet"].map(|view| format!("camera/{view}"));
+    for name in
+        views.iter().map(String::as_str).chain(["mip/axes", "depth/first-hit", "clip/box", "display/wowvx"])
+    {
+        assert!(names.iter().any(|known| known == name), "{name} is gone");
+    }
+    for preset in relief::transfer::PRESETS {
+        assert!(names.contains(&format!("presets/{}", preset.name)), "preset {} has no golden", preset.name);
+    }
+}
+
+/// The three depth cases differ in their rule alone, and the rule must show.
+#[test]
+fn depth_rules_lie_behind_one_another() {
+    let read = |name: &str| {
+        let goldens = goldens().select(&[name.to_owned()]).unwrap();
+        let case: Case = goldens.read(&goldens.ids()[0]).unwrap();
+        [Aspect::Color, Aspect::Depth].map(|aspect| case.expected(aspect).unwrap().expect("it is blessed"))
+    };
+    let [first, half, late] = ["depth/first-hit", "depth/threshold-half", "depth/threshold-late"].map(read);
+    assert_eq!(first[0], half[0], "the rule changes no colour");
+    assert_eq!(first[0], late[0], "the rule changes no colour");
+    let depths = |raster: &Raster| match &raster.samples {
+        Samples::DepthMm(depths) => depths.clone(),
+        Samples::Color(_) => panic!("a depth"),
+    };
+    let (first, half, late) = (depths(&first[1]), depths(&half[1]), depths(&late[1]));
+    for (index, ((first, half), late)) in first.iter().zip(&half).zip(&late).enumerate() {
+        assert!(first <= half && half <= late, "pixel {index}: {first} mm, {half} mm, {late} mm");
+    }
+    let differs = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| *b - *a > 5.0).count();
+    assert!(differs(&first, &half) > 1000 && differs(&half, &late) > 1000, "the rules differ by millimetres");
+}
+
+/// Depth of a plane in parallel projection is linear over the picture, if it is measured along the viewing axis.
+#[test]
+fn the_slanted_slabs_depth_is_a_plane() {
+    let goldens = goldens().select(&["depth/slab-slanted".to_owned()]).unwrap();
+    let case = goldens.read(&goldens.ids()[0]).unwrap();
+    let golden = case.expected(Aspect::Depth).unwrap().expect("it is blessed");
+    // The front face, y = -50 mm, through the pixels' rays: origin and direction from the scene's camera.
+    let volume = case.recipe().make().volume;
+    let camera = case.scene(volume.grid()).unwrap().request.camera;
+    let [half_x, half_y] = camera.half_extent(golden.size_px);
+    let [width, height] = golden.size_px;
+    let expected = (0..width * height).map(|index| {
+        let x = ((f64::from(index % width) + 0.5) / f64::from(width) * 2.0 - 1.0) * half_x;
+        let y = (1.0 - (f64::from(index / width) + 0.5) / f64::from(height) * 2.0) * half_y;
+        let at = |z: f64| (camera.patient_from_view() * relief::space::Point::new(x, y, z)).xyz.y;
+        let (start, slope) = (at(0.0), at(-1.0) - at(0.0));
+        ((-50.0 - start) / slope) as f32
+    });
+    let Samples::DepthMm(found) = &golden.samples else { panic!("a depth") };
+    let on_the_face = expected.zip(found).filter(|(plane, mm)| (**mm - plane).abs() < 0.3).count();
+    assert!(on_the_face > 4000, "{on_the_face} pixels lie on the front face");
+}
