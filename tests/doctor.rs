@@ -1,0 +1,115 @@
+//! `relief doctor` as users run it: with a driver, without one, and with a wish that cannot be met.
+//!
+//! Independent of its own words: what the driver's description file says, what the renderer's other subcommands can
+//! do, and the exit status.
+
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn doctor(arguments: &[&str], environment: &[(&str, &str)]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+    command.arg("doctor").args(arguments).env_remove("RELIEF_ADAPTER").env_remove("RELIEF_LOG");
+    command.envs(environment.iter().copied()).output().expect("the program runs")
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).expect("one JSON object")
+}
+
+/// The finding about something.
+fn finding<'a>(report: &'a Value, what: &str) -> &'a Value {
+    let findings = report["findings"].as_array().expect("a list");
+    findings
+        .iter()
+        .find(|finding| finding["what"] == what)
+        .unwrap_or_else(|| panic!("nothing on {what}: {report}"))
+}
+
+/// The report with a working driver; `None` after saying aloud that there is none.
+fn healthy(test: &str) -> Option<Value> {
+    let report = json(&doctor(&["--json"], &[]));
+    if report["adapters"].as_array().is_some_and(|adapters| !adapters.is_empty()) {
+        return Some(report);
+    }
+    assert!(std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_none(), "RELIEF_REQUIRE_ADAPTER is set: {report}");
+    eprintln!("SKIPPED: {test} (no graphics adapter)");
+    None
+}
+
+#[test]
+fn a_healthy_machine_renders_and_says_on_what() {
+    let Some(report) = healthy("a_healthy_machine_renders_and_says_on_what") else { return };
+    assert_eq!(report["can_render"], true, "{report}");
+    assert_eq!(report["self_test"]["passed"], true, "{report}");
+    assert_eq!(finding(&report, "self-test")["mark"], "ok");
+    let chosen = report["chosen"]["name"].as_str().expect("an adapter was chosen");
+    assert!(report["adapters"].as_array().unwrap().iter().any(|adapter| adapter["name"] == chosen));
+    // Vulkan guarantees 3D textures of 256 and storage buffers of 128 MiB.
+    assert!(report["limits"]["texture_3d_side"].as_u64().unwrap() >= 256);
+    assert!(report["limits"]["storage_bytes"].as_u64().unwrap() >= 1 << 27);
+    let readable = doctor(&[], &[]);
+    assert!(readable.status.success());
+    assert!(text(&readable).ends_with(&format!("Relief renders on {chosen}.\n")), "{}", text(&readable));
+    assert!(!text(&readable).contains("MISSING"), "{}", text(&readable));
+}
+
+#[test]
+fn every_finding_is_aligned_and_every_trouble_has_advice() {
+    let output = doctor(&["--json"], &[("VK_DRIVER_FILES", "/nonexistent/icd.json")]);
+    for finding in json(&output)["findings"].as_array().unwrap() {
+        let fine = finding["mark"] == "ok";
+        assert_eq!(finding["advice"].is_null(), fine, "{finding}");
+    }
+    for line in text(&doctor(&[], &[])).lines().filter(|line| line.starts_with("ok ")) {
+        assert_eq!(
+            line.find(|letter: char| letter.is_ascii_alphabetic() && letter != 'o' && letter != 'k'),
+            Some(9)
+        );
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_driver_file_that_is_gone_is_named_with_the_remedy() {
+    let gone = "/nonexistent/lvp_icd.json";
+    // Another variable could add a driver that works.
+    let environment = [("VK_DRIVER_FILES", gone), ("VK_ADD_DRIVER_FILES", ""), ("VK_ICD_FILENAMES", "")];
+    let output = doctor(&[], &environment);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    let report = text(&output);
+    for part in
+        [gone, "does not exist", "scripts/setup-driver", "mesa-vulkan-drivers", "libvulkan1", "cannot render"]
+    {
+        assert!(report.contains(part), "{part:?} is not in\n{report}");
+    }
+    let report = json(&doctor(&["--json"], &environment));
+    assert_eq!(report["can_render"], false);
+    assert_eq!(report["adapters"], Value::Array(Vec::new()));
+    assert_eq!(finding(&report, "VK_DRIVER_FILES")["mark"], "missing");
+    assert_eq!(finding(&report, "adapter")["mark"], "missing");
+}
+
+#[test]
+fn an_adapter_that_is_not_there_fails_and_what_there_is_is_listed() {
+    let Some(healthy) = healthy("an_adapter_that_is_not_there_fails") else { return };
+    let output = doctor(&["--json"], &[("RELIEF_ADAPTER", "voodoo 2")]);
+    assert_eq!(output.status.code(), Some(1));
+    let report = json(&output);
+    let chosen = finding(&report, "chosen");
+    assert_eq!(chosen["mark"], "missing");
+    assert!(chosen["found"].as_str().unwrap().contains("voodoo 2"));
+    assert!(chosen["advice"][0].as_str().unwrap().contains("RELIEF_ADAPTER"));
+    assert_eq!(report["adapters"], healthy["adapters"]);
+}
+
+#[test]
+fn the_codecs_are_those_of_this_build() {
+    let report = json(&doctor(&["--json"], &[]));
+    let codecs = finding(&report, "codecs");
+    assert_eq!(codecs["mark"] == "ok", cfg!(feature = "jpeg-ls"), "{codecs}");
+}
