@@ -16,6 +16,8 @@ const DEPTH_THRESHOLD: u32 = 1u;
 
 // A ray ends when what is left of it could change no colour by more than a quarter of 1/255.
 const OPAQUE: f32 = 1.0 - 1.0 / 1024.0;
+// A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into the background.
+const VISIBLE: f32 = 0.5 / 255.0;
 // The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a sample distance.
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
@@ -90,7 +92,7 @@ fn composite(ray: Ray) -> Hit {
     hit.color = vec4<f32>(color, opacity);
     hit.samples = samples;
     hit.t = MISS;
-    if first < count {
+    if opacity >= VISIBLE {
         if DEPTH_RULE == DEPTH_THRESHOLD {
             hit.t = threshold_crossing(ray, first, frame.depth_fraction * opacity);
         } else {
@@ -226,7 +228,7 @@ fn project_maximum(ray: Ray) -> Hit {
     if at >= 0 {
         let sample = classify(largest);
         hit.color = vec4<f32>(sample.rgb * sample.a, sample.a);
-        if sample.a > 0.0 {
+        if sample.a >= VISIBLE {
             hit.t = peak_t(ray, at, largest);
         }
     }

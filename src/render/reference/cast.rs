@@ -11,6 +11,7 @@ use crate::transfer::TransferTable;
 use crate::volume::Volume;
 
 const OPAQUE: f64 = 1.0 - 1.0 / 1024.0;
+const VISIBLE: f64 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
 const BISECTIONS: i32 = 12;
@@ -63,7 +64,7 @@ impl<'a> Caster<'a> {
                 first = first.or(Some(k));
             }
         }
-        let t = first.map(|first| match self.request.depth {
+        let t = first.filter(|_| opacity >= VISIBLE).map(|first| match self.request.depth {
             DepthRule::Threshold { fraction } => self.threshold_crossing(ray, first, fraction * opacity),
             DepthRule::FirstHit => self.first_hit(ray, first),
         });
@@ -150,7 +151,7 @@ impl<'a> Caster<'a> {
             return Hit { color: DVec4::ZERO, t: None };
         }
         let sample = classify(&self.table, largest);
-        let t = (sample.w > 0.0).then(|| self.peak_t(ray, at, largest));
+        let t = (sample.w >= VISIBLE).then(|| self.peak_t(ray, at, largest));
         Hit { color: (sample.truncate() * sample.w).extend(sample.w), t }
     }
 
