@@ -2,6 +2,7 @@
 //!
 //! Independent of its own words: what the driver's description file says, what the renderer's other subcommands can
 //! do, and the exit status.
+#![expect(clippy::print_stderr, reason = "tests fail and speak aloud")]
 
 use std::process::{Command, Output};
 

@@ -3,6 +3,7 @@
 //! Needs a software adapter for the first. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the test
 //! says that it skipped. The second needs none: goldens were approved by looking at them, and the f64 twin sees to it
 //! that what was looked at is also right to the last step.
+#![expect(clippy::unwrap_used, reason = "tests fail and speak aloud")]
 
 use std::path::{Path, PathBuf};
 

@@ -2,6 +2,7 @@
 //!
 //! Most of it needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise a test says
 //! that it skipped.
+#![expect(clippy::unwrap_used, clippy::print_stderr, reason = "tests fail and speak aloud")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -2,6 +2,7 @@
 //!
 //! No adapter is needed: approved goldens are altered and compared with themselves, and volumes with swapped axes
 //! are rendered by the f64 twin. `golden_cli` has the same through the program.
+#![expect(clippy::unwrap_used, reason = "tests fail and speak aloud")]
 
 use std::fs;
 use std::path::Path;

@@ -93,6 +93,7 @@ struct SelfTest {
     problems: Vec<String>,
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let Arguments { json } = arguments;
     let report = examine();

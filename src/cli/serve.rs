@@ -61,7 +61,6 @@ enum Uploads {
     Off,
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     for path in &arguments.series {
         // Told before anything is opened: a typo should not cost a wait.
