@@ -1,8 +1,8 @@
 //! `relief doctor` as users run it: with a driver, without one, and with a wish that cannot be met.
 //!
-//! Independent of its own words: what the driver's description file says, what the renderer's other subcommands can
-//! do, and the exit status.
-#![expect(clippy::print_stderr, reason = "tests fail and speak aloud")]
+//! Independent of its own words: what the driver's description file says, what the renderer's other
+//! subcommands can do, and the exit status.
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 use std::process::{Command, Output};
 

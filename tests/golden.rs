@@ -1,9 +1,9 @@
 //! The golden images of this repository: rendered anew, and held against a renderer that did not make them.
 //!
-//! Needs a software adapter for the first. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the test
-//! says that it skipped. The second needs none: goldens were approved by looking at them, and the f64 twin sees to it
-//! that what was looked at is also right to the last step.
-#![expect(clippy::unwrap_used, reason = "tests fail and speak aloud")]
+//! Needs a software adapter for the first. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
+//! test says that it skipped. The second needs none: goldens were approved by looking at them, and the f64
+//! twin sees to it that what was looked at is also right to the last step.
+#![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 use std::path::{Path, PathBuf};
 
@@ -131,7 +131,8 @@ fn depth_rules_lie_behind_one_another() {
     assert!(differs(&first, &half) > 1000 && differs(&half, &late) > 1000, "the rules differ by millimetres");
 }
 
-/// Depth of a plane in parallel projection is linear over the picture, if it is measured along the viewing axis.
+/// Depth of a plane in parallel projection is linear over the picture, if it is measured along the viewing
+/// axis.
 #[test]
 fn the_slanted_slabs_depth_is_a_plane() {
     let goldens = goldens().select(&["depth/slab-slanted".to_owned()]).unwrap();

@@ -1,7 +1,7 @@
 //! `relief doctor`: what this machine can render with, what is missing, and how to get it.
 //!
-//! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with the f64 twin.
-//! Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing can render.
+//! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with the f64
+//! twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing can render.
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
@@ -17,7 +17,7 @@ use crate::session::golden::{Raster, Samples, Tolerance, compare};
 use crate::volume::phantom::Phantom;
 
 /// Say what this machine can render with, what is missing and how to get it.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Copy, Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   relief doctor                            a readable report

@@ -1,7 +1,7 @@
 //! `relief golden`: compares pictures of procedural volumes with approved ones; approves new ones.
 //!
-//! Exit status of `check`: 0 when every picture is as expected, 1 when one is not, a golden is missing, or there is
-//! nothing to compare. Only `bless` writes goldens.
+//! Exit status of `check`: 0 when every picture is as expected, 1 when one is not, a golden is missing, or
+//! there is nothing to compare. Only `bless` writes goldens.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,8 +18,8 @@ use crate::session::golden::{
 
 /// Compare pictures of procedural volumes with approved ones, or approve new ones.
 ///
-/// Goldens are compared on a software adapter, whose pictures do not depend on the machine; RELIEF_ADAPTER chooses
-/// another.
+/// Goldens are compared on a software adapter, whose pictures do not depend on the machine; RELIEF_ADAPTER
+/// chooses another.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -65,7 +65,7 @@ struct BlessArguments {
 
 #[derive(Debug, clap::Args)]
 struct Place {
-    /// Folder of the cases: DIR/<suite>/<case>/case.toml
+    /// Folder of the cases, DIR/SUITE/CASE/case.toml
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DIR)]
     dir: PathBuf,
     /// Folder for what failures leave
@@ -114,7 +114,7 @@ fn open_harness() -> anyhow::Result<Harness> {
     let harness = Harness::new(renderer);
     if harness.adapter().kind != AdapterKind::Software {
         eprintln!(
-            "relief: {} is no software adapter; goldens are made on one, so small differences are expected here",
+            "relief: {} is no software adapter; goldens are made on one, so expect small differences",
             harness.adapter()
         );
     }
@@ -133,7 +133,9 @@ fn print_report(report: &CheckReport, artefacts: &Artefacts) {
         }
     }
     let (failed, all) = (report.failures().count(), report.cases.len());
-    println!("\n{} of {all} golden images are as expected on {}", all - failed, report.adapter);
+    let near = report.cases.iter().filter(|case| case.verdict == Verdict::Within).count();
+    let near = if near > 0 { format!(" ({near} within tolerance)") } else { String::new() };
+    println!("\n{} of {all} golden images are as expected{near} on {}", all - failed, report.adapter);
     if failed > 0 {
         println!("side by side: {}", artefacts.index().display());
     }

@@ -1,9 +1,10 @@
-//! What a failing case leaves behind for people: pictures, magnified differences, numbers, and one page of all.
+//! What a failing case leaves behind for people: pictures, magnified differences, numbers, and one page of
+//! all.
 //!
 //! | file | shows |
 //! |---|---|
 //! | `expected.png`, `actual.png` | the golden and the present picture |
-//! | `difference.png` | black where equal; else each channel's difference, magnified so that one step is seen |
+//! | `difference.png` | black where equal, else each channel's difference, magnified |
 //! | `depth-expected.png`, `depth-actual.png` | nearest brightest, misses blue |
 //! | `depth-difference.png` | red farther, blue nearer than expected; green hit in one only; white no depth |
 //! | `frame-*.png` | as the first three, of the display's frame |
@@ -49,7 +50,8 @@ struct Numbers<'a> {
 }
 
 impl Artefacts {
-    /// Artefacts under `dir` (usually `target/golden`); `bless` is the command that blesses the case named after it.
+    /// Artefacts under `dir` (usually `target/golden`); `bless` is the command that blesses the case named
+    /// after it.
     #[must_use]
     pub fn new(dir: PathBuf, bless: String) -> Self {
         Self { dir, bless }

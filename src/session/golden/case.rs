@@ -99,7 +99,8 @@ impl Case {
     /// Reads the case in `folder`.
     ///
     /// # Errors
-    /// When a file is missing or refused, a value is out of range, or the folder holds a file that nothing compares.
+    /// When a file is missing or refused, a value is out of range, or the folder holds a file that nothing
+    /// compares.
     pub fn read(id: CaseId, folder: &Path) -> Result<Self, GoldenError> {
         let path = folder.join(CASE_FILE);
         let syntax = |reason: String| GoldenError::Syntax { path: path.clone(), reason };

@@ -130,11 +130,12 @@ impl Harness {
         self.renderer.gpu().description()
     }
 
-    /// Compares every case of a collection with its goldens. What fails leaves its pictures with `artefacts`; what
-    /// passes has them removed.
+    /// Compares every case of a collection with its goldens. What fails leaves its pictures with `artefacts`;
+    /// what passes has them removed.
     ///
     /// # Errors
-    /// When the artefacts cannot be written. A case that cannot be read or rendered is a finding, not an error.
+    /// When the artefacts cannot be written. A case that cannot be read or rendered is a finding, not an
+    /// error.
     pub fn check(
         &mut self,
         collection: &Collection,
@@ -183,8 +184,8 @@ impl Harness {
     /// The goldens that a case would have if it were blessed now. Writes nothing.
     ///
     /// # Errors
-    /// When the adapter is no software one, the case cannot be rendered, the picture shows nothing or has impossible
-    /// depths, or a file would be too large.
+    /// When the adapter is no software one, the case cannot be rendered, the picture shows nothing or has
+    /// impossible depths, or a file would be too large.
     pub fn bless(&mut self, case: &Case) -> Result<Vec<Blessing>, GoldenError> {
         if self.adapter().kind != AdapterKind::Software {
             return Err(GoldenError::Adapter { adapter: self.adapter().to_string() });
@@ -219,13 +220,12 @@ impl CaseReport {
     /// Compares one picture with its golden.
     fn add(&mut self, case: &Case, aspect: Aspect, actual: Raster) -> Pair {
         let file = aspect.file_name();
-        let expected = case.expected(aspect).unwrap_or_else(|error| {
-            self.problems.push(error.to_string());
-            None
-        });
-        if expected.is_none() && !case.folder().join(file).exists() {
-            self.problems.push(format!("{file} is missing: nobody has approved this picture yet"));
-        }
+        let expected = match case.expected(aspect) {
+            Ok(Some(expected)) => Ok(expected),
+            Ok(None) => Err(format!("{file} is missing: nobody has approved this picture yet")),
+            Err(error) => Err(error.to_string()),
+        };
+        let expected = expected.map_err(|problem| self.problems.push(problem)).ok();
         let compared = expected.as_ref().map(|expected| compare(expected, &actual, &case.tolerance()));
         for mismatch in compared.iter().flat_map(|comparison| &comparison.mismatches) {
             self.problems.push(format!("{file}: {mismatch}"));

@@ -57,10 +57,12 @@ pub struct Collection {
 }
 
 impl Collection {
-    /// Finds the cases under `dir`. Every folder in a suite counts, whether it has a `case.toml` or has lost it.
+    /// Finds the cases under `dir`. Every folder in a suite counts, whether it has a `case.toml` or has lost
+    /// it.
     ///
     /// # Errors
-    /// When there is none, a folder cannot be read, a name is not fit for a command, or a suite holds a loose file.
+    /// When there is none, a folder cannot be read, a name is not fit for a command, or a suite holds a loose
+    /// file.
     pub fn open(dir: &Path) -> Result<Self, GoldenError> {
         let mut ids = Vec::new();
         for suite in entries(dir)?.into_iter().filter(|entry| entry.is_dir()) {

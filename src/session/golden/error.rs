@@ -55,7 +55,10 @@ pub enum GoldenError {
         source: std::io::Error,
     },
     /// A golden beyond the limit.
-    #[error("{} has {bytes} bytes, at most {MAX_FILE_BYTES} are allowed: make the picture smaller", path.display())]
+    #[error(
+        "{} has {bytes} bytes, allowed: at most {MAX_FILE_BYTES}; make the picture smaller",
+        path.display()
+    )]
     FileTooLarge {
         /// The file.
         path: PathBuf,

@@ -1,10 +1,12 @@
-//! The page that shows every failure of a check side by side. One file, no scripts; pictures by relative path.
+//! The page that shows every failure of a check side by side. One file, no scripts; pictures by relative
+//! path.
 
 use super::artefacts::{Artefacts, picture_name};
 use super::check::{AspectReport, CaseReport, CheckReport};
 
 const STYLE: &str = "\
-body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:76rem;padding:0 1rem;background:#14171c;color:#dfe3ea}
+body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:76rem;padding:0 1rem}
+body{background:#14171c;color:#dfe3ea}
 h2{margin:2.5rem 0 .25rem;font-size:1.15rem}
 code{background:#242a33;padding:.1rem .35rem;border-radius:4px}
 li{color:#ff9d8a}
@@ -39,7 +41,8 @@ fn add_case(page: &mut String, case: &CaseReport, artefacts: &Artefacts) {
         add(format!("<li>{}</li>\n", escaped(problem)));
     }
     add(format!(
-        "</ul>\n<p>If the new picture is right: <code>{}</code> · <a href=\"{}/numbers.json\">numbers</a></p>\n",
+        "</ul>\n<p>If the new picture is right: <code>{}</code>. \
+         <a href=\"{}/numbers.json\">Numbers</a></p>\n",
         escaped(&case.bless),
         case.case
     ));

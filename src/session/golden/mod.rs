@@ -1,13 +1,14 @@
-//! Golden images: pictures of procedural volumes that were looked at once and must come out the same ever after.
+//! Golden images: pictures of procedural volumes that were looked at once and must come out the same ever
+//! after.
 //!
-//! What it is: reading cases, rendering them, comparing, and showing what differs. What it is not: it writes no
-//! golden; [`Harness::bless`] gives the bytes to its caller, and only `relief golden bless` writes them.
+//! What it is: reading cases, rendering them, comparing, and showing what differs. What it is not: it writes
+//! no golden; [`Harness::bless`] gives the bytes to its caller, and only `relief golden bless` writes them.
 //!
-//! A case is a folder `golden/<suite>/<case>/`:
+//! A case is a folder `golden/<suite>/<case>/`; unknown keys in its files are refused:
 //!
 //! | file | holds |
 //! |---|---|
-//! | `case.toml` | purpose, procedural volume, tolerance by name, what is compared; unknown keys are refused |
+//! | `case.toml` | purpose, procedural volume, tolerance by name, what is compared |
 //! | `scene.json` | the scene, in the JSON that users write |
 //! | `color.png` | expected colour and coverage (RGBA, 8 bits) |
 //! | `depth.exr` | expected view depth, mm, `+inf` where a ray hits nothing |
@@ -23,8 +24,8 @@
 //! size = 64
 //! ```
 //!
-//! Pictures are compared on a software adapter: its pictures do not depend on the machine. Everything else is a
-//! failure: a golden that is missing, a file that no case asks for, no case at all.
+//! Pictures are compared on a software adapter: its pictures do not depend on the machine. Everything else is
+//! a failure: a golden that is missing, a file that no case asks for, no case at all.
 
 mod artefacts;
 mod case;
