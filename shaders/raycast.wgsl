@@ -22,6 +22,8 @@ const VISIBLE: f32 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
 const BISECTIONS: i32 = 12;
+// Bending below this, in HU per squared sample distance, is rounding.
+const FLAT_HU: f32 = 0.05;
 const MISS: f32 = 0x1p+127f;
 
 // Rows from the top: red, green, blue, coverage as bytes from the lowest on.
@@ -235,14 +237,15 @@ fn project_maximum(ray: Ray) -> Hit {
     return hit;
 }
 
-// The top of the parabola through the largest sample and its neighbours, at most half a sample away.
+// The top of the parabola through the largest sample and its neighbours, at most half a sample away. Where values are
+// all but linear the parabola has no top worth the name: the sample itself.
 fn peak_t(ray: Ray, at: i32, largest: f32) -> f32 {
     let t = sample_t(ray, f32(at));
     let before = sample_hu(voxel_at(ray, t - frame.sample_distance_mm));
     let after = sample_hu(voxel_at(ray, t + frame.sample_distance_mm));
     let curvature = before - 2.0 * largest + after;
     var offset = 0.0;
-    if curvature < 0.0 {
+    if curvature < -FLAT_HU {
         offset = clamp(0.5 * (before - after) / curvature, -0.5, 0.5);
     }
     return clamp(t + offset * frame.sample_distance_mm, ray.entry, ray.exit);

@@ -93,7 +93,6 @@ struct SelfTest {
     problems: Vec<String>,
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let Arguments { json } = arguments;
     let report = examine();

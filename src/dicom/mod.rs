@@ -1,7 +1,7 @@
 //! DICOM: from files of a CT series to a [`Volume`](crate::volume::Volume) in HU and patient LPS.
 //!
-//! [`discover`] reads the headers of everything a path leads to (folder, file, DICOMDIR, zip) and groups CT slices
-//! into series; [`load`] decodes one of them. Slices are ordered and placed by ImagePositionPatient and
+//! [`discover()`] reads the headers of everything a path leads to (folder, file, DICOMDIR, zip) and groups CT slices
+//! into series; [`load()`] decodes one of them. Slices are ordered and placed by ImagePositionPatient and
 //! ImageOrientationPatient alone. Sheared (gantry-tilted) and unevenly spaced stacks are resampled on their true
 //! positions, with a warning. Nothing is assumed silently: what is missing or unreadable is an error or a
 //! [`Warning`]. Nothing panics on any bytes, and memory is bounded by file sizes or by limits stated where they apply.

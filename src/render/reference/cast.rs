@@ -15,6 +15,7 @@ const VISIBLE: f64 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
 const BISECTIONS: i32 = 12;
+const FLAT_HU: f64 = 0.05;
 
 /// A volume under a request.
 pub(super) struct Caster<'a> {
@@ -161,7 +162,7 @@ impl<'a> Caster<'a> {
         let (before, after) = (value(t - ray.sample_distance_mm), value(t + ray.sample_distance_mm));
         let curvature = before - 2.0 * largest + after;
         let offset =
-            if curvature < 0.0 { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+            if curvature < -FLAT_HU { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
         (t + offset * ray.sample_distance_mm).clamp(ray.entry, ray.exit)
     }
 }
