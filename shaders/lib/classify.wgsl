@@ -18,11 +18,11 @@ fn opacity_of(hu: f32) -> f32 {
 
 // Headlight at the eye, two-sided. A gradient of no length has no direction: ambient light alone.
 fn shade(rgb: vec3<f32>, gradient: vec3<f32>, ray: Ray) -> vec3<f32> {
-    // Gradients transform by the transpose of the points' inverse, here voxel -> view.
+    // Gradients transform by the transpose of the points' inverse, here voxel -> view; start space has the same axes.
     let in_view = gradient * mat3x3<f32>(
-        frame.voxel_from_view[0].xyz,
-        frame.voxel_from_view[1].xyz,
-        frame.voxel_from_view[2].xyz,
+        frame.voxel_from_start[0].xyz,
+        frame.voxel_from_start[1].xyz,
+        frame.voxel_from_start[2].xyz,
     );
     let length_squared = dot(in_view, in_view);
     if length_squared < 1e-12 {

@@ -1,10 +1,12 @@
 // One frame's parameters, and the ray of a pixel.
 //
-// Spaces: view (mm; x right, y up, looking along -z), voxel index (integers are voxel centres). Lengths in mm.
+// Spaces: view (mm; x right, y up, looking along -z), voxel index (integers are voxel centres). Lengths in mm. Rays
+// start on a plane before the volume, `near_mm` from the eye, not at the eye: 32 bits cannot tell neighbouring samples
+// apart when they count from an eye hundreds of metres away. "Start space" is view space moved to that plane.
 
 struct Frame {
-    // Voxel index of a view position.
-    voxel_from_view: mat4x4<f32>,
+    // Voxel index of a position in start space.
+    voxel_from_start: mat4x4<f32>,
     // Voxels along i, j, k.
     dims: vec3<f32>,
     sample_distance_mm: f32,
@@ -26,8 +28,10 @@ struct Frame {
     clip_plane_count: u32,
     // Edge of a brick in voxels; 0 turns skipping off.
     brick_edge: u32,
-    padding: vec2<u32>,
-    // View space: what dot(n, p) + d >= 0 holds for is kept.
+    // View depth of the plane on which rays start; no part of the volume is nearer.
+    near_mm: f32,
+    padding: u32,
+    // Start space: what dot(n, p) + d >= 0 holds for is kept.
     clip_planes: array<vec4<f32>, 12>,
 }
 
@@ -47,8 +51,7 @@ struct Ray {
     exit: f32,
     // Distance of the first sample, mm.
     first: f32,
-    // View depth at t = 0 and per mm of t.
-    depth_origin: f32,
+    // View depth per mm of t.
     depth_step: f32,
 }
 
@@ -60,13 +63,13 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
     if frame.is_orthographic != 0u {
         origin = vec3<f32>(across, 0.0);
     } else {
+        origin = vec3<f32>(across * frame.near_mm, 0.0);
         direction = normalize(vec3<f32>(across, -1.0));
     }
     var ray: Ray;
     ray.direction = direction;
-    ray.origin_voxel = (frame.voxel_from_view * vec4<f32>(origin, 1.0)).xyz;
-    ray.step_voxel = (frame.voxel_from_view * vec4<f32>(direction, 0.0)).xyz;
-    ray.depth_origin = -origin.z;
+    ray.origin_voxel = (frame.voxel_from_start * vec4<f32>(origin, 1.0)).xyz;
+    ray.step_voxel = (frame.voxel_from_start * vec4<f32>(direction, 0.0)).xyz;
     ray.depth_step = -direction.z;
     let volume_box = box_interval(ray.origin_voxel, ray.step_voxel, 0.5);
     let interval = clip_interval(origin, direction, vec2<f32>(max(volume_box.x, 0.0), volume_box.y));
@@ -130,5 +133,5 @@ fn voxel_at(ray: Ray, t: f32) -> vec3<f32> {
 }
 
 fn view_depth(ray: Ray, t: f32) -> f32 {
-    return ray.depth_origin + ray.depth_step * t;
+    return frame.near_mm + ray.depth_step * t;
 }

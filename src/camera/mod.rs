@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::space::{Patient, Point, Transform, Vector, View};
 
-pub use orbit::Orbit;
+pub use orbit::{Orbit, OrbitError};
 
 /// How view space becomes a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,7 @@
 //! A camera that circles a volume: what a mouse drag, a query string and the command line say.
 
+use std::ops::RangeInclusive;
+
 use glam::DVec3;
 
 use super::{Camera, CameraError, Projection};
@@ -24,13 +26,50 @@ impl Default for Orbit {
     }
 }
 
+/// An angle or a zoom out of range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{what} is {found}, allowed: {allowed}")]
+pub struct OrbitError {
+    /// Which part: `azimuth_deg`, `elevation_deg`, `zoom` or `vertical_fov_deg`.
+    pub what: &'static str,
+    /// What it is.
+    pub found: f64,
+    /// What it may be.
+    pub allowed: String,
+}
+
 impl Orbit {
+    /// Turns either way, degrees.
+    pub const ANGLES_DEG: RangeInclusive<f64> = -3600.0..=3600.0;
+    /// From a speck to a detail.
+    pub const ZOOMS: RangeInclusive<f64> = 0.05..=50.0;
+    /// Of a perspective; 0 is a parallel projection.
+    pub const FIELDS_OF_VIEW_DEG: RangeInclusive<f64> = 5.0..=150.0;
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first part out of range.
+    pub fn validate(&self) -> Result<(), OrbitError> {
+        let within = |what, found: f64, range: RangeInclusive<f64>, also: &str| {
+            let allowed = format!("{also}{} to {}", range.start(), range.end());
+            if range.contains(&found) { Ok(()) } else { Err(OrbitError { what, found, allowed }) }
+        };
+        within("azimuth_deg", self.azimuth_deg, Self::ANGLES_DEG, "")?;
+        within("elevation_deg", self.elevation_deg, Self::ANGLES_DEG, "")?;
+        within("zoom", self.zoom, Self::ZOOMS, "")?;
+        if self.vertical_fov_deg == 0.0 {
+            return Ok(());
+        }
+        within("vertical_fov_deg", self.vertical_fov_deg, Self::FIELDS_OF_VIEW_DEG, "0 (parallel) or ")
+    }
+
     /// The camera that sees a sphere of `radius_mm` around `center` this way.
     ///
     /// # Errors
     /// When the resulting camera is out of range; see [`Camera::new`].
     pub fn camera(&self, center: Point<Patient>, radius_mm: f64) -> Result<Camera, CameraError> {
-        let zoom = self.zoom.clamp(0.05, 50.0);
+        let zoom = self.zoom;
         let (azimuth, elevation) = (self.azimuth_deg.to_radians(), self.elevation_deg.to_radians());
         let front = DVec3::new(azimuth.sin(), -azimuth.cos(), 0.0);
         let direction = front * elevation.cos() + DVec3::Z * elevation.sin();
@@ -72,6 +111,22 @@ mod tests {
         ] {
             assert!((seen_from(azimuth, elevation) - side).length() < 1e-9, "{azimuth}, {elevation}");
         }
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_named() {
+        let plain = Orbit::default();
+        for (orbit, what) in [
+            (Orbit { azimuth_deg: f64::NAN, ..plain }, "azimuth_deg"),
+            (Orbit { elevation_deg: 1e9, ..plain }, "elevation_deg"),
+            (Orbit { zoom: 0.0, ..plain }, "zoom"),
+            (Orbit { vertical_fov_deg: 1.0, ..plain }, "vertical_fov_deg"),
+        ] {
+            assert_eq!(orbit.validate().unwrap_err().what, what);
+        }
+        let widest = Orbit { zoom: 50.0, vertical_fov_deg: 5.0, ..plain };
+        widest.validate().unwrap();
+        widest.camera(Point::new(0.0, 0.0, 0.0), 300.0).expect("every valid orbit has a camera");
     }
 
     #[test]

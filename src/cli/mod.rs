@@ -17,6 +17,7 @@ mod scene;
 mod serve;
 mod source;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -36,7 +37,7 @@ Examples:
   relief inspect head.png                        decode the 2D-plus-depth header of a frame
   relief serve --series head                     serve it; the page is at the printed address
 
-Log detail is set by RELIEF_LOG (error, warn, info, debug, trace; default warn).
+Log detail is set by RELIEF_LOG (error, warn, info, debug, trace).
 Exit status: 0 done, 1 failed, 2 wrong arguments.";
 
 #[derive(Debug, Subcommand)]
@@ -73,6 +74,7 @@ pub fn main() -> ExitCode {
 /// Logs go to stderr, so that stdout carries results alone.
 fn start_logging() {
     let filter = tracing_subscriber::EnvFilter::try_from_env("RELIEF_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,relief::cli=info"));
+    let colored = std::io::stderr().is_terminal();
+    tracing_subscriber::fmt().with_env_filter(filter).with_ansi(colored).with_writer(std::io::stderr).init();
 }

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use anyhow::bail;
+
 use super::adapter::AdapterArguments;
 use super::output::{print_json, write_whole};
 use super::scene::SceneArguments;
@@ -75,9 +77,14 @@ fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, St
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let Arguments { series, scene, adapter, out, depth_out, json } = arguments;
-    let scene_file = scene.read()?; // before the long work: a wrong scene is known at once
+    // Before the long work: what is wrong with the arguments is known at once.
+    let scene_file = scene.read()?;
+    check_outputs(&out, depth_out.as_ref())?;
     let loaded = series.load()?;
     let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
+    if out.format == FileFormat::Png {
+        scene.expect_size_of_layout()?;
+    }
     let mut renderer = adapter.open_renderer()?;
     let frame = renderer.render(&loaded.volume, &scene.request)?;
     let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
@@ -86,6 +93,20 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         write_whole(&output.path, &bytes)?;
     }
     report(&renderer, &frame, &out.path, depth_out.as_ref().map(|out| out.path.as_path()), json)
+}
+
+/// Refuses outputs that could not be written in the end.
+fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()> {
+    if depth_out.is_some_and(|depth| depth.path == out.path) {
+        bail!("--out and --depth-out both name {}", out.path.display());
+    }
+    for Output { path, .. } in [Some(out), depth_out].into_iter().flatten() {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            bail!("cannot write {}: there is no folder {}", path.display(), folder.display());
+        }
+    }
+    Ok(())
 }
 
 fn report(

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 
 use crate::camera::Orbit;
-use crate::display::Layout;
+use crate::display::{DisplaySettings, Layout};
 use crate::render::SceneFile;
 use crate::transfer::PRESETS;
 
@@ -18,7 +18,7 @@ pub(super) struct SceneArguments {
     /// Preset of colours and light: bone, skin, lung, vessels, soft-tissue
     #[arg(long, value_name = "NAME", value_parser = parse_preset)]
     preset: Option<String>,
-    /// Layout of the frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
+    /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
     #[arg(long, value_name = "NAME")]
     layout: Option<Layout>,
     /// Size of the picture (in 2D-plus-depth layouts, of each half); the layout decides when left out
@@ -31,10 +31,10 @@ pub(super) struct SceneArguments {
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     elevation_deg: f64,
     /// 1 fits the whole volume; larger is closer
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     zoom: f64,
     /// Full vertical field of view at zoom 1; 0 is a parallel projection
-    #[arg(long, value_name = "DEG", default_value_t = 22.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 22.0, allow_negative_numbers = true)]
     fov_deg: f64,
 }
 
@@ -52,7 +52,7 @@ fn parse_size(text: &str) -> Result<[u32; 2], String> {
 }
 
 impl SceneArguments {
-    /// The scene file, or an empty scene, with the options applied and the size that its layout needs.
+    /// The scene file, or an empty scene, with the options applied.
     pub(super) fn read(&self) -> anyhow::Result<SceneFile> {
         let mut scene = match &self.scene {
             Some(path) => {
@@ -66,26 +66,19 @@ impl SceneArguments {
                 "the scene file has a camera; leave --azimuth-deg, --elevation-deg, --zoom and --fov-deg out"
             );
         }
+        self.orbit().validate().context("the view is out of range")?;
         if let Some(name) = &self.preset {
             scene = scene.with_preset(name);
         }
         if let Some(layout) = self.layout {
             let display = scene.display().clone();
-            scene = scene.with_display(crate::display::DisplaySettings { layout, ..display });
+            // A layout asked for here goes before a size that was written for another one.
+            scene = scene.with_display(DisplaySettings { layout, ..display }).with_size_of_layout();
         }
-        let needed = scene.display().encoder()?.render_size_px();
-        match (self.size, needed) {
-            (Some(size), Some(needed)) if size != needed => bail!(
-                "--size is {}x{}, layout {} of this display needs {}x{}",
-                size[0],
-                size[1],
-                scene.display().layout,
-                needed[0],
-                needed[1]
-            ),
-            (Some(size), _) | (None, Some(size)) => Ok(scene.with_size(size)),
-            (None, None) => Ok(scene),
-        }
+        Ok(match self.size {
+            Some(size) => scene.with_size(size),
+            None => scene,
+        })
     }
 
     /// The view that applies when the scene file has no camera.

@@ -382,6 +382,9 @@ fn read_base(bytes: &[u8; BASE_LEN], problems: &mut Vec<HeaderProblem>) -> Optio
     })
 }
 
+/// H14 to H17 as one writer for Dimenco displays has them; what they mean is unknown (0x21C is 540). Others write 0.
+const DIMENCO_H14: [u8; 4] = [0x00, 0x3C, 0x02, 0x1C];
+
 /// The kind that H10 to H31 announce; `None` where it is cut or unknown.
 fn read_extended(bytes: &[u8], problems: &mut Vec<HeaderProblem>) -> Option<ExtendedPart> {
     let Ok(bytes) = <&[u8; FULL_LEN - BASE_LEN]>::try_from(bytes) else {
@@ -398,7 +401,8 @@ fn read_extended(bytes: &[u8], problems: &mut Vec<HeaderProblem>) -> Option<Exte
     if part.is_none() {
         problems.push(HeaderProblem::UnknownExtended { found: *kind });
     }
-    for (byte, &found) in (13..).zip(reserved) {
+    let is_dimenco = reserved[1..5] == DIMENCO_H14;
+    for (byte, &found) in (13..).zip(reserved).filter(|(byte, _)| !(is_dimenco && (14..18).contains(byte))) {
         check_reserved(byte, found, 0xFF, problems);
     }
     check_crc(HeaderPart::Extended, &bytes[..18], [*c0, *c1, *c2, *c3], problems);

@@ -26,6 +26,16 @@ impl AdapterChoice {
     }
 }
 
+impl std::fmt::Display for AdapterChoice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Best => f.write_str("rendering"),
+            Self::Software => f.write_str("rendering in software"),
+            Self::Named(part) => write!(f, "rendering with {part:?} in its name or driver"),
+        }
+    }
+}
+
 /// What kind of device an adapter is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]

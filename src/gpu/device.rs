@@ -13,7 +13,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 pub enum GpuError {
     /// No adapter of the wanted kind.
     #[error(
-        "no graphics adapter for {wanted:?}; available: {}. `relief doctor` says what is missing and how to get it",
+        "no graphics adapter for {wanted}; available: {}. `relief doctor` says what is missing and how to get it",
         if available.is_empty() { "none".to_owned() } else { available.join(", ") }
     )]
     NoAdapter {

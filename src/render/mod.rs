@@ -16,6 +16,6 @@ mod uniform;
 mod upload;
 
 pub use frame::{RenderedFrame, Timings};
-pub use renderer::{RenderError, Renderer, Skipping};
+pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
 pub use request::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RequestError, Shading};
 pub use scene::{Scene, SceneError, SceneFile};

@@ -118,9 +118,9 @@ impl Renderer {
         skipping: Skipping,
     ) -> Result<RenderedFrame, RenderError> {
         let (start, upload_ms) = self.cast(volume, request, skipping, Output::Depth)?;
-        let target = self.target.as_ref().expect("cast has made one");
-        let color_rgba = target.color.read(&self.gpu, |bytes| bytemuck::cast_slice(bytes).to_vec())?;
-        let depth_mm = target.depth.read(&self.gpu, depths)?;
+        let pixels = |bytes: &[u8]| bytemuck::cast_slice(bytes).to_vec();
+        let color_rgba = self.read(|target| &target.color, pixels)?;
+        let depth_mm = self.read(|target| &target.depth, depths)?;
         Ok(RenderedFrame {
             size_px: request.size_px,
             color_rgba,
@@ -137,11 +137,24 @@ impl Renderer {
     /// As [`Renderer::render`].
     pub fn count_samples(&mut self, volume: &Volume, request: &RenderRequest) -> Result<u64, RenderError> {
         self.cast(volume, request, Skipping::On, Output::SampleCount)?;
-        let target = self.target.as_ref().expect("cast has made one");
         let sum = |bytes: &[u8]| bytemuck::cast_slice::<u8, f32>(bytes).iter().map(|&n| f64::from(n)).sum();
-        let total: f64 = target.depth.read(&self.gpu, sum)?;
+        let total: f64 = self.read(|target| &target.depth, sum)?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of whole counts")]
         Ok(total as u64)
+    }
+
+    /// Brings a buffer of the last cast back. One that failed may stay mapped: the next picture gets new ones.
+    fn read<T>(
+        &mut self,
+        buffer: impl FnOnce(&Target) -> &Readback,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, RenderError> {
+        let target = self.target.as_ref().expect("cast has made one");
+        let outcome = buffer(target).read(&self.gpu, read);
+        if outcome.is_err() {
+            self.target = None;
+        }
+        Ok(outcome?)
     }
 
     /// Trilinear samples per second that the driver takes of this volume when it does nothing else.
@@ -162,7 +175,7 @@ impl Renderer {
         skipping: Skipping,
         output: Output,
     ) -> Result<(Instant, f64), RenderError> {
-        request.validate()?;
+        request.validate_on(volume.grid())?;
         let start = Instant::now();
         let uploaded = self.upload(volume, request)?;
         self.make_target(request.size_px)?;
@@ -291,7 +304,8 @@ fn depths(bytes: &[u8]) -> Vec<f32> {
 }
 
 /// The volume's bounding sphere around the focal point, along the viewing axis: steady while the camera circles.
-pub(super) fn depth_limits(camera: &Camera, grid: &Grid) -> DepthLimits {
+#[must_use]
+pub fn depth_limits(camera: &Camera, grid: &Grid) -> DepthLimits {
     let radius =
         grid.corners().into_iter().map(|corner| corner.distance(camera.look_at())).fold(0.0, f64::max);
     let (near_mm, far_mm) = ((camera.distance_mm() - radius).max(0.0), camera.distance_mm() + radius);

@@ -6,6 +6,7 @@
 use crate::camera::Camera;
 use crate::space::{Patient, Point, Vector};
 use crate::transfer::TransferFunction;
+use crate::volume::Grid;
 
 /// How the samples of a ray become a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -129,6 +130,10 @@ impl RequestError {
 impl RenderRequest {
     /// Largest width or height of a picture.
     pub const MAX_SIDE_PX: u32 = 8192;
+    /// Most pixels of a picture.
+    pub const MAX_PIXELS: u64 = 1 << 24;
+    /// Most samples that the rays of a picture may take: minutes of a software adapter, which nothing can interrupt.
+    pub const MAX_SAMPLES: f64 = 4e10;
 
     /// Checks every range that the parts' own constructors do not.
     ///
@@ -141,6 +146,12 @@ impl RenderRequest {
         };
         for side in self.size_px {
             within("size_px", f64::from(side), 1.0, f64::from(Self::MAX_SIDE_PX))?;
+        }
+        let pixels = self.size_px.into_iter().map(u64::from).product::<u64>();
+        if pixels > Self::MAX_PIXELS {
+            let [width, height] = self.size_px;
+            let allowed = format!("at most {} pixels", Self::MAX_PIXELS);
+            return Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed));
         }
         within("sample_distance_mm", self.sample_distance_mm, 0.01, 100.0)?;
         for (path, value) in [
@@ -160,6 +171,22 @@ impl RenderRequest {
         self.validate_clip()
     }
 
+    /// [`RenderRequest::validate`], and that the work on a volume of this grid is within [`RenderRequest::MAX_SAMPLES`].
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
+        self.validate()?;
+        let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
+        let longest_ray_mm = 2.0 * grid.bounding_radius_mm();
+        let least_mm = pixels * longest_ray_mm / Self::MAX_SAMPLES;
+        if self.sample_distance_mm < least_mm {
+            let allowed = format!("at least {least_mm:.3} mm for a picture of this size");
+            return Err(RequestError::new("sample_distance_mm", &self.sample_distance_mm, &allowed));
+        }
+        Ok(())
+    }
+
     fn validate_clip(&self) -> Result<(), RequestError> {
         let count = self.clip.planes.len();
         if count > Clip::MAX_PLANES {
@@ -169,13 +196,15 @@ impl RenderRequest {
                 "at most 6 beside the box",
             ));
         }
-        let usable = |plane: &ClipPlane| plane.point.xyz.is_finite() && plane.normal.normalized().is_some();
-        match self.clip.planes.iter().position(|plane| !usable(plane)) {
-            Some(i) => Err(RequestError::new(
-                &format!("clip.planes[{i}].normal"),
-                &format!("{:?}", self.clip.planes[i].normal.xyz.to_array()),
-                "a direction of finite length above zero",
-            )),
+        let usable = |plane: &ClipPlane| {
+            plane.point.xyz.abs().max_element() <= 1e6 && plane.normal.normalized().is_some()
+        };
+        match self.clip.planes.iter().find(|plane| !usable(plane)) {
+            Some(ClipPlane { point, normal }) => {
+                let found = format!("point {:?}, normal {:?}", point.xyz.to_array(), normal.xyz.to_array());
+                let allowed = "a point within 1000000 mm and a normal of finite length above zero";
+                Err(RequestError::new("clip.planes", &found, allowed))
+            }
             None => Ok(()),
         }
     }

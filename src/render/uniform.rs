@@ -4,6 +4,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::renderer::depth_limits;
 use super::request::{Clip, DepthRule, RenderRequest};
 use crate::camera::{Camera, Projection};
 use crate::space::{Transform, View, Voxel};
@@ -14,7 +15,7 @@ use crate::volume::Grid;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct FrameUniform {
-    voxel_from_view: [[f32; 4]; 4],
+    voxel_from_start: [[f32; 4]; 4],
     dims: [f32; 3],
     sample_distance_mm: f32,
     half_extent: [f32; 2],
@@ -31,7 +32,8 @@ pub(super) struct FrameUniform {
     depth_fraction: f32,
     clip_plane_count: u32,
     brick_edge: u32,
-    padding: [u32; 2],
+    near_mm: f32,
+    padding: u32,
     clip_planes: [[f32; 4]; Clip::MAX_PLANES],
 }
 
@@ -40,11 +42,12 @@ impl FrameUniform {
     /// The parameters of `request` on a volume of this grid. `brick_edge` 0 turns skipping off.
     pub(super) fn new(request: &RenderRequest, grid: &Grid, table: &TransferTable, brick_edge: u32) -> Self {
         let camera = &request.camera;
+        let near_mm = depth_limits(camera, grid).near_mm;
+        let start = glam::DVec3::new(0.0, 0.0, -near_mm);
+        let voxel_from_start = voxel_from_view(camera, grid).affine * glam::DAffine3::from_translation(start);
         let light = &request.shading;
         Self {
-            voxel_from_view: glam::DMat4::from(voxel_from_view(camera, grid).affine)
-                .as_mat4()
-                .to_cols_array_2d(),
+            voxel_from_start: glam::DMat4::from(voxel_from_start).as_mat4().to_cols_array_2d(),
             dims: grid.dims().map(|n| n as f32),
             sample_distance_mm: request.sample_distance_mm as f32,
             half_extent: camera.half_extent(request.size_px).map(|mm| mm as f32),
@@ -64,8 +67,10 @@ impl FrameUniform {
             },
             clip_plane_count: request.clip.planes.len() as u32,
             brick_edge,
-            padding: [0; 2],
-            clip_planes: clip_planes_in_view(camera, &request.clip).map(|plane| plane.map(|x| x as f32)),
+            near_mm: near_mm as f32,
+            padding: 0,
+            clip_planes: clip_planes_in_view(camera, &request.clip)
+                .map(|[x, y, z, d]| [x, y, z, d - z * near_mm].map(|value| value as f32)),
         }
     }
 }
@@ -106,7 +111,7 @@ mod tests {
             };
         }
         let mirror = mirror!(
-            voxel_from_view,
+            voxel_from_start,
             dims,
             sample_distance_mm,
             half_extent,
@@ -123,6 +128,7 @@ mod tests {
             depth_fraction,
             clip_plane_count,
             brick_edge,
+            near_mm,
             padding,
             clip_planes,
         );

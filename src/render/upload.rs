@@ -6,7 +6,7 @@ use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
 use crate::transfer::{TransferFunction, TransferTable};
 use crate::volume::{BrickRanges, ContentHash, DistanceMap, Volume};
 
-/// Edge of a brick in voxels. Smaller bricks skip more closely but cost more map reads; see ARCHITECTURE.md.
+/// Edge of a brick in voxels. Smaller bricks skip more closely but cost more map reads.
 pub(super) const BRICK_EDGE: usize = 4;
 
 /// Bytes handed to the queue at once: staging memory stays small beside the volume.
@@ -15,7 +15,7 @@ const SLAB_BYTES: usize = 16 << 20;
 /// How voxels are stored in texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum VoxelFormat {
-    /// Signed normalised 16 bit: every HU is exact.
+    /// Signed normalised 16 bit: every HU is exact but -32768, which becomes -32767.
     Norm16,
     /// Half float: exact between ±2048 HU, to 2 HU up to 4095.
     Half,
@@ -41,6 +41,14 @@ impl VoxelFormat {
         }
     }
 
+    /// The value that a texel holds for an HU. Rounding keeps the order, so it maps ranges to ranges.
+    fn stored(self, hu: i16) -> f32 {
+        match self {
+            Self::Norm16 => f32::from(hu.max(-i16::MAX)),
+            Self::Half => half::f16::from_f32(f32::from(hu)).to_f32(),
+        }
+    }
+
     fn texels(self, voxels_hu: &[i16]) -> std::borrow::Cow<'_, [u8]> {
         match self {
             Self::Norm16 => bytemuck::cast_slice(voxels_hu).into(),
@@ -57,6 +65,7 @@ impl VoxelFormat {
 pub(super) struct VolumeOnGpu {
     pub(super) hash: ContentHash,
     pub(super) view: wgpu::TextureView,
+    format: VoxelFormat,
     bricks: BrickRanges,
 }
 
@@ -75,7 +84,8 @@ impl VolumeOnGpu {
         }
         scope.close()?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Ok(Self { hash: volume.content_hash(), view, bricks: BrickRanges::new(volume, BRICK_EDGE) })
+        let bricks = BrickRanges::new(volume, BRICK_EDGE);
+        Ok(Self { hash: volume.content_hash(), view, format, bricks })
     }
 }
 
@@ -104,7 +114,10 @@ pub(super) struct Appearance {
 impl Appearance {
     pub(super) fn upload(gpu: &Gpu, volume: &VolumeOnGpu, request: &RenderRequest) -> Result<Self, GpuError> {
         let table = table_for(request);
-        let map = volume.bricks.distance_map(|low, high| is_of_interest(&table, request.mode, low, high));
+        let stored = |hu| volume.format.stored(hu);
+        let map = volume
+            .bricks
+            .distance_map(|low, high| is_of_interest(&table, request.mode, stored(low), stored(high)));
         let scope = ErrorScope::open(gpu, "a transfer function and its distance map");
         let entries: &[u8] = bytemuck::cast_slice(&table.entries);
         let table_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -147,10 +160,10 @@ pub(super) fn table_for(request: &RenderRequest) -> TransferTable {
 /// Whether a brick with values in this range can change the picture.
 ///
 /// For a maximum every value above the lowest visible one counts, even an invisible one: it hides lower values.
-fn is_of_interest(table: &TransferTable, mode: Mode, low_hu: i16, high_hu: i16) -> bool {
+fn is_of_interest(table: &TransferTable, mode: Mode, low_hu: f32, high_hu: f32) -> bool {
     match mode {
         Mode::Composite => table.is_visible(low_hu, high_hu),
-        Mode::Mip => table.is_visible(i16::MIN, high_hu),
+        Mode::Mip => table.is_visible(f32::MIN, high_hu),
     }
 }
 

@@ -81,12 +81,6 @@ impl From<SceneError> for Problem {
                 Self::new(StatusCode::BAD_REQUEST, "malformed-scene", &error).with("path", path.as_str())
             }
             SceneError::Range(range) => Self::out_of_range(range),
-            SceneError::Camera(_) => {
-                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", &error).with("path", "camera")
-            }
-            SceneError::Transfer(_) => {
-                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", &error).with("path", "transfer")
-            }
         }
     }
 }

@@ -58,6 +58,16 @@ pub enum TransferError {
         /// What it may be.
         allowed: &'static str,
     },
+    /// A window that shows nothing.
+    #[error("window {what} is {found}, allowed: {allowed}")]
+    Window {
+        /// Which of its values: `center_hu` or `width_hu`.
+        what: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it may be.
+        allowed: &'static str,
+    },
     /// The opacity unit is not a usable length.
     #[error("opacity unit is {0} mm, allowed: 0.001 to 1000")]
     Unit(f64),
@@ -96,8 +106,12 @@ impl TransferFunction {
     /// When the window is narrower than 1 HU or outside ±32768 HU.
     pub fn window(center_hu: f64, width_hu: f64) -> Result<Self, TransferError> {
         if !(1.0..=65536.0).contains(&width_hu) {
-            let allowed = "1 to 65536";
-            return Err(TransferError::Value { index: 0, what: "window width", found: width_hu, allowed });
+            let (what, allowed) = ("width_hu", "1 to 65536");
+            return Err(TransferError::Window { what, found: width_hu, allowed });
+        }
+        if !(-32768.0..=32768.0).contains(&center_hu) {
+            let (what, allowed) = ("center_hu", "-32768 to 32768");
+            return Err(TransferError::Window { what, found: center_hu, allowed });
         }
         let end = |hu, opacity| ControlPoint { hu, rgba: [1.0, 1.0, 1.0, opacity] };
         Self::new(vec![end(center_hu - width_hu / 2.0, 0.0), end(center_hu + width_hu / 2.0, 1.0)], 1.0)

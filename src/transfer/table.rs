@@ -7,19 +7,25 @@ use super::TransferFunction;
 pub struct TransferTable {
     /// HU of entry 0.
     pub first_hu: f32,
-    /// HU from one entry to the next: 1 unless the control points span more than [`TransferTable::MAX_ENTRIES`].
+    /// HU from one entry to the next: a power of two, at least [`TransferTable::FINEST_STEP_HU`].
     pub step_hu: f32,
     /// Red, green, blue and the opacity of one sample.
     pub entries: Vec<[f32; 4]>,
+    /// How many entries before each are visible, and one for the whole.
+    visible_before: Vec<u32>,
 }
 
 impl TransferTable {
     /// Most entries of a table: 4096 of 16 bytes stay in a processor's first caches.
     pub const MAX_ENTRIES: usize = 4096;
 
+    /// The step of functions that span up to 255 HU; wider ones have coarser steps, 1 HU up to 4095 HU.
+    pub const FINEST_STEP_HU: f64 = 1.0 / 16.0;
+
     /// The table of `transfer` for samples that each stand for `step_mm` of path.
     ///
-    /// Entries lie at whole HU, so control points at whole HU are met exactly while their span allows.
+    /// Entries lie at multiples of the step from a whole HU on, so control points at whole HU are met exactly while
+    /// all points span at most 4095 HU.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -29,7 +35,8 @@ impl TransferTable {
     pub fn new(transfer: &TransferFunction, step_mm: f64) -> Self {
         let points = transfer.points();
         let (first, last) = (points[0].hu.floor(), points[points.len() - 1].hu.ceil());
-        let step = ((last - first) / (Self::MAX_ENTRIES - 1) as f64).ceil().max(1.0);
+        let needed = (last - first) / (Self::MAX_ENTRIES - 1) as f64;
+        let step = needed.log2().ceil().exp2().max(Self::FINEST_STEP_HU);
         let count = ((last - first) / step).ceil() as usize + 1;
         let entry = |i: usize| {
             let hu = first + i as f64 * step;
@@ -37,21 +44,25 @@ impl TransferTable {
             [r, g, b, transfer.opacity_over(hu, step_mm)].map(|value| value as f32)
         };
         // Two entries at least, so that an interpolated look-up always has a neighbour.
-        let entries = (0..count.max(2)).map(entry).collect();
-        Self { first_hu: first as f32, step_hu: step as f32, entries }
+        let entries: Vec<_> = (0..count.max(2)).map(entry).collect();
+        let mut visible_before = vec![0];
+        visible_before.extend(entries.iter().scan(0, |count, entry| {
+            *count += u32::from(entry[3] > 0.0);
+            Some(*count)
+        }));
+        Self { first_hu: first as f32, step_hu: step as f32, entries, visible_before }
     }
 
     /// Whether any value in `low_hu..=high_hu` is visible, judged by the entries that its look-up may touch.
     ///
     /// A little beyond the range, since sampling rounds: a skipped brick must not have shown anything.
     #[must_use]
-    pub fn is_visible(&self, low_hu: i16, high_hu: i16) -> bool {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
+    pub fn is_visible(&self, low_hu: f32, high_hu: f32) -> bool {
         const ROUNDING_HU: f32 = 0.05;
-        let low = self.position(f32::from(low_hu) - ROUNDING_HU).floor();
-        let high = self.position(f32::from(high_hu) + ROUNDING_HU).ceil();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
-        let touched = low as usize..=high as usize;
-        self.entries[touched].iter().any(|entry| entry[3] > 0.0)
+        let low = self.position(low_hu - ROUNDING_HU).floor() as usize;
+        let high = self.position(high_hu + ROUNDING_HU).ceil() as usize;
+        self.visible_before[high + 1] > self.visible_before[low]
     }
 
     /// Where a value lies between entries, as the shader has it.
@@ -71,12 +82,12 @@ mod tests {
     }
 
     #[test]
-    fn entries_are_the_function_at_whole_hu() {
+    fn entries_are_the_function_at_steps_from_a_whole_hu_on() {
         let transfer = ramp(100.0, 300.0);
         let table = TransferTable::new(&transfer, 0.5);
-        assert_eq!((table.first_hu, table.step_hu, table.entries.len()), (100.0, 1.0, 201));
-        for i in [0usize, 1, 77, 200] {
-            let expected = transfer.opacity_over(100.0 + i as f64, 0.5);
+        assert_eq!((table.first_hu, table.step_hu, table.entries.len()), (100.0, 0.0625, 3201));
+        for i in [0usize, 1, 77, 3200] {
+            let expected = transfer.opacity_over(100.0 + i as f64 / 16.0, 0.5);
             assert!((f64::from(table.entries[i][3]) - expected).abs() < 1e-7, "entry {i}");
         }
     }
@@ -89,11 +100,16 @@ mod tests {
     }
 
     #[test]
+    fn the_whole_range_of_ct_has_an_entry_for_each_hu() {
+        assert_eq!(TransferTable::new(&ramp(-1024.0, 3071.0), 1.0).step_hu, 1.0);
+    }
+
+    #[test]
     fn visibility_is_conservative() {
         let table = TransferTable::new(&ramp(100.0, 300.0), 1.0);
-        assert!(!table.is_visible(-1000, 99));
-        assert!(table.is_visible(-1000, 100), "rounding may lift a sample above 100 HU");
-        assert!(table.is_visible(-1000, 101));
-        assert!(table.is_visible(2000, 3000), "the last point's opacity holds beyond it");
+        assert!(!table.is_visible(-1000.0, 99.0));
+        assert!(table.is_visible(-1000.0, 100.0), "rounding may lift a sample above 100 HU");
+        assert!(table.is_visible(-1000.0, 101.0));
+        assert!(table.is_visible(2000.0, 3000.0), "the last point's opacity holds beyond it");
     }
 }

@@ -1,8 +1,8 @@
 //! The f64 twin of the ray-casting shaders: the same functions under the same names, on the CPU.
 //!
 //! It exists to be compared with, not to be fast: tests render a request here and on the GPU and compare pixels. It
-//! takes the request itself, not the GPU's uniform, and samples voxels by plain trilinear interpolation. What it
-//! shares with the GPU path is the transfer table and the definition of a request.
+//! takes the request itself and samples voxels by plain trilinear interpolation. It shares with the GPU path the request,
+//! the transfer table, the camera and the depth limits, which tests of their own hold against closed forms.
 //!
 //! | here | shader |
 //! |---|---|
@@ -28,7 +28,7 @@ use crate::volume::Volume;
 /// # Errors
 /// When the request is out of range.
 pub fn render(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
-    request.validate()?;
+    request.validate_on(volume.grid())?;
     let scene = cast::Caster::new(volume, request);
     let [width, height] = request.size_px;
     let pixels: Vec<([u8; 4], f32)> = (0..height)
