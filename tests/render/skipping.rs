@@ -1,6 +1,6 @@
 //! Stepping over empty space changes not one byte, and does skip.
 
-use relief::camera::{Orbit, Projection};
+use relief::camera::{Camera, Orbit, Projection};
 use relief::render::{DepthRule, Mode, RenderRequest, SceneFile, Skipping};
 use relief::volume::Volume;
 use relief::volume::phantom::Phantom;
@@ -18,6 +18,12 @@ fn requests(volume: &Volume) -> Vec<RenderRequest> {
             }
         }
     }
+    let far = requests[2].camera;
+    let arm = (far.eye().xyz - far.look_at().xyz) * 400.0;
+    let eye = relief::space::Point::from_xyz(far.look_at().xyz + arm);
+    let narrow = Projection::Perspective { vertical_fov: 0.12f64.to_radians() };
+    let camera = Camera::new(eye, far.look_at(), far.up(), narrow).unwrap();
+    requests.push(RenderRequest { camera, ..requests[2].clone() });
     requests
 }
 
