@@ -1,6 +1,7 @@
 // Casts one ray per pixel: colour over the background, and view depth in mm.
 //
-// The twin of every function here and in lib/ has the same name in `render::reference`. Modes and depth rules are
+// The twins of the functions here and in lib/ have the same names in `render::reference`, but for skipping, which
+// changes nothing. Modes and depth rules are
 // pipeline constants, so a pipeline contains only what it uses.
 
 override MODE: u32 = 0u;
@@ -14,7 +15,7 @@ const MODE_MIP: u32 = 1u;
 const DEPTH_FIRST_HIT: u32 = 0u;
 const DEPTH_THRESHOLD: u32 = 1u;
 
-// A ray ends when what is left of it could change no colour by more than a quarter of 1/255.
+// A ray ends when so little of its light is left: a quarter of 1/255 of a fully lit sample.
 const OPAQUE: f32 = 1.0 - 1.0 / 1024.0;
 // A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into the background.
 const VISIBLE: f32 = 0.5 / 255.0;
