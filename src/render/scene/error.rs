@@ -1,0 +1,83 @@
+//! Why a scene is refused: always with the key's path in the JSON, the value and what is allowed.
+
+use crate::camera::{CameraError, OrbitError};
+use crate::display::SettingsError;
+use crate::render::request::RequestError;
+use crate::transfer::{TransferError, TransferFunction};
+
+/// Why a scene was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// Not JSON, an unknown key, or a value of the wrong kind.
+    #[error("{path}: {reason}")]
+    Syntax {
+        /// Key path; `.` for the whole.
+        path: String,
+        /// The parser's words, with line and column.
+        reason: String,
+    },
+    /// A value out of range.
+    #[error(transparent)]
+    Range(#[from] RequestError),
+}
+
+impl From<SettingsError> for SceneError {
+    fn from(SettingsError { path, value, allowed }: SettingsError) -> Self {
+        RequestError { path: path.to_owned(), found: value, allowed }.into()
+    }
+}
+
+impl From<OrbitError> for SceneError {
+    fn from(OrbitError { what, found, allowed }: OrbitError) -> Self {
+        RequestError { path: what.to_owned(), found: found.to_string(), allowed }.into()
+    }
+}
+
+impl From<CameraError> for RequestError {
+    fn from(error: CameraError) -> Self {
+        let coordinates = "-1000000 to 1000000 mm";
+        match &error {
+            CameraError::Coordinate { what: "up", found } => Self::new("camera.up", found, coordinates),
+            CameraError::Coordinate { what, found } => {
+                Self::new(&format!("camera.{what}_mm"), found, coordinates)
+            }
+            CameraError::NoDirection(mm) => {
+                Self::new("camera.look_at_mm", &format!("{mm} mm from eye_mm"), "at least 0.001 mm")
+            }
+            CameraError::NoUp(up) => {
+                Self::new("camera.up", &format!("{up:?}"), "any direction across the viewing direction")
+            }
+            CameraError::FieldOfView(degrees) => {
+                Self::new("camera.projection.perspective.vertical_fov_deg", degrees, "0.1 to 170")
+            }
+            CameraError::Height(mm) => {
+                Self::new("camera.projection.orthographic.height_mm", mm, "0.001 to 1000000")
+            }
+        }
+    }
+}
+
+impl From<TransferError> for RequestError {
+    fn from(error: TransferError) -> Self {
+        match &error {
+            TransferError::Count(count) => {
+                let allowed = format!("1 to {} points", TransferFunction::MAX_POINTS);
+                Self::new("transfer.points", &format!("{count} points"), &allowed)
+            }
+            TransferError::Order { index, found, previous } => {
+                let allowed = format!("more than {previous}, that of the point before");
+                Self::new(&format!("transfer.points[{index}].hu"), found, &allowed)
+            }
+            TransferError::Value { index, what: "HU", found, allowed } => {
+                Self::new(&format!("transfer.points[{index}].hu"), found, allowed)
+            }
+            TransferError::Value { index, found, allowed, .. } => {
+                Self::new(&format!("transfer.points[{index}].rgba"), found, allowed)
+            }
+            TransferError::Unit(mm) => Self::new("transfer.opacity_unit_mm", mm, "0.001 to 1000"),
+            TransferError::Window { what, found, allowed } => {
+                Self::new(&format!("transfer.window.{what}"), found, allowed)
+            }
+        }
+    }
+}

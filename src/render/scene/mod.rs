@@ -1,0 +1,228 @@
+//! The JSON form of a request: the same in a scene file, in an HTTP body and in a batch job.
+//!
+//! [`SceneFile`] is what was written, every part optional; [`SceneFile::resolve`] fills the gaps for a volume and
+//! gives a [`Scene`] whose every value is in range. Errors name the key's path, the value and what is allowed.
+
+mod error;
+mod parts;
+
+use serde::Deserialize;
+
+use self::parts::{
+    CameraFile, ClipFile, DepthFile, ModeFile, ShadingFile, TransferFile, default_shading, expect_objects,
+    resolve_transfer,
+};
+use super::request::{DepthRule, Mode, RenderRequest, RequestError};
+use crate::camera::Orbit;
+use crate::display::DisplaySettings;
+use crate::volume::Grid;
+
+pub use error::SceneError;
+
+/// A picture to render and how to show it.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What the renderer does.
+    pub request: RenderRequest,
+    /// What becomes of the picture.
+    pub display: DisplaySettings,
+}
+
+impl Scene {
+    /// Checks that the picture has the size that its layout needs: of those who write a frame in that layout.
+    ///
+    /// # Errors
+    /// With both sizes when it has another.
+    pub fn expect_size_of_layout(&self) -> Result<(), SceneError> {
+        let found = self.request.size_px;
+        match self.display.encoder()?.render_size_px() {
+            Some([width, height]) if found != [width, height] => {
+                let layout = self.display.layout;
+                let allowed =
+                    format!("{width} x {height}, which layout {layout} needs (rgbd and color take any)");
+                Err(RequestError::new("size_px", &format!("{} x {}", found[0], found[1]), &allowed).into())
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A scene as written in JSON.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SceneFile {
+    camera: Option<CameraFile>,
+    size_px: Option<[u32; 2]>,
+    mode: Option<ModeFile>,
+    transfer: Option<TransferFile>,
+    shading: Option<ShadingFile>,
+    sample_distance_mm: Option<f64>,
+    depth: Option<DepthFile>,
+    clip: Option<ClipFile>,
+    background_rgb: Option<[f64; 3]>,
+    display: DisplaySettings,
+}
+
+impl SceneFile {
+    /// Reads the JSON form.
+    ///
+    /// # Errors
+    /// When it is not JSON, has an unknown key, or a value of the wrong kind; with the key's path.
+    pub fn parse(json: &[u8]) -> Result<Self, SceneError> {
+        expect_objects(json)?;
+        let mut reader = serde_json::Deserializer::from_slice(json);
+        let scene = serde_path_to_error::deserialize(&mut reader).map_err(|error| SceneError::Syntax {
+            path: error.path().to_string(),
+            reason: error.inner().to_string(),
+        })?;
+        reader.end().map_err(|error| SceneError::Syntax { path: ".".into(), reason: error.to_string() })?;
+        Ok(scene)
+    }
+
+    /// Replaces the transfer function by a preset of this name.
+    #[must_use]
+    pub fn with_preset(self, name: &str) -> Self {
+        Self { transfer: Some(TransferFile::Preset(name.to_owned())), shading: None, ..self }
+    }
+
+    /// Replaces the size of the picture.
+    #[must_use]
+    pub fn with_size(self, size_px: [u32; 2]) -> Self {
+        Self { size_px: Some(size_px), ..self }
+    }
+
+    /// Leaves the size to the layout.
+    #[must_use]
+    pub fn with_size_of_layout(self) -> Self {
+        Self { size_px: None, ..self }
+    }
+
+    /// Replaces the display settings.
+    #[must_use]
+    pub fn with_display(self, display: DisplaySettings) -> Self {
+        Self { display, ..self }
+    }
+
+    /// How the picture is to be shown.
+    #[must_use]
+    pub fn display(&self) -> &DisplaySettings {
+        &self.display
+    }
+
+    /// Whether the file says where the eye is.
+    #[must_use]
+    pub fn has_camera(&self) -> bool {
+        self.camera.is_some()
+    }
+
+    /// The complete scene for a volume on `grid`: parts that were not written get their defaults, and a camera that
+    /// was not written becomes `orbit` around the volume. A size that was not written is the layout's.
+    ///
+    /// # Errors
+    /// The first value out of range, with the key's path, the value and the allowed range.
+    pub fn resolve(self, grid: &Grid, orbit: &Orbit) -> Result<Scene, SceneError> {
+        self.display.validate()?;
+        let size_of_layout = self.display.encoder()?.render_size_px();
+        let camera = match self.camera {
+            Some(camera) => camera.resolve(),
+            None => {
+                orbit.validate()?;
+                orbit.camera(grid.center(), grid.bounding_radius_mm())
+            }
+        };
+        let (transfer, preset) = resolve_transfer(self.transfer)?;
+        let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        let request = RenderRequest {
+            camera: camera.map_err(RequestError::from)?,
+            size_px: self.size_px.or(size_of_layout).unwrap_or([960, 540]),
+            mode: self.mode.map_or(Mode::Composite, ModeFile::resolve),
+            transfer,
+            shading: self.shading.map_or_else(|| default_shading(preset), ShadingFile::resolve),
+            // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
+            sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
+            depth: self.depth.map_or(Ok(DepthRule::Threshold { fraction: 0.5 }), DepthFile::resolve)?,
+            clip: self.clip.unwrap_or_default().resolve()?,
+            background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
+        };
+        request.validate_on(grid)?;
+        Ok(Scene { request, display: self.display })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid() -> Grid {
+        Grid::axis_aligned([10, 10, 10], [1.0; 3], [0.0; 3]).unwrap()
+    }
+
+    fn refused(json: &str) -> String {
+        let resolved =
+            SceneFile::parse(json.as_bytes()).and_then(|scene| scene.resolve(&grid(), &Orbit::default()));
+        resolved.expect_err("a refusal").to_string()
+    }
+
+    #[test]
+    fn an_empty_scene_has_sane_defaults() {
+        let scene = SceneFile::parse(b"{}").unwrap().resolve(&grid(), &Orbit::default()).unwrap();
+        assert_eq!(scene.request.size_px, [960, 540]);
+        assert_eq!(scene.request.mode, Mode::Composite);
+        assert_eq!(scene.request.depth, DepthRule::Threshold { fraction: 0.5 });
+        assert_eq!(scene.request.sample_distance_mm, 0.5);
+    }
+
+    #[test]
+    fn every_part_that_is_wrong_is_named_with_path_value_and_range() {
+        let camera = |projection: &str| {
+            format!(r#"{{"camera":{{"eye_mm":[0,-9,0],"look_at_mm":[0,0,0],"projection":{projection}}}}}"#)
+        };
+        for (json, parts) in [
+            (r#"{"sise_px":[1,1]}"#.to_owned(), &["sise_px", "unknown field"][..]),
+            (r#"{"sample_distance_mm":0}"#.to_owned(), &["sample_distance_mm is 0", "0.01 to 100"]),
+            (r#"{"sample_distance_mm":1e999}"#.to_owned(), &["sample_distance_mm", "out of range"]),
+            (r#"{"size_px":[0,5]}"#.to_owned(), &["size_px is 0", "1 to 8192"]),
+            (r#"{"mode":"xray"}"#.to_owned(), &["mode", "xray", "composite", "mip"]),
+            (r#"{"transfer":"bones"}"#.to_owned(), &["transfer is bones", "bone, skin"]),
+            (
+                r#"{"transfer":{"window":{"center_hu":0,"width_hu":0}}}"#.to_owned(),
+                &["transfer.window.width_hu is 0", "1 to 65536"],
+            ),
+            (
+                r#"{"transfer":{"points":[{"hu":1,"rgba":[0,0,0,0]},{"hu":1,"rgba":[0,0,0,0]}]}}"#.to_owned(),
+                &["transfer.points[1].hu is 1", "more than 1"],
+            ),
+            (
+                r#"{"transfer":{"points":[{"hu":1,"rgba":[0,0,0,2]}]}}"#.to_owned(),
+                &["transfer.points[0].rgba is 2", "0 to 1"],
+            ),
+            (
+                r#"{"transfer":{"points":[{"hu":1,"rgb":[0,0,0]}]}}"#.to_owned(),
+                &["transfer.points[0]", "rgb"],
+            ),
+            (r#"{"transfer":{}}"#.to_owned(), &["transfer is neither or both"]),
+            ("[]".to_owned(), &["found an array, expected an object"]),
+            (r#"{"shading":[0.2,0.8,0,10]}"#.to_owned(), &["shading: found an array"]),
+            (r#"{"transfer":{"points":[[1,[0,0,0,0]]]}}"#.to_owned(), &["transfer.points.0: found an array"]),
+            (r#"{"size_px":[8192,8192]}"#.to_owned(), &["size_px is 8192 x 8192", "at most 16777216 pixels"]),
+            (r#"{"depth":{"rule":"threshold","fraction":2}}"#.to_owned(), &["depth.fraction is 2", "to 1"]),
+            (r#"{"shading":{"ambient":2,"diffuse":0}}"#.to_owned(), &["shading.ambient is 2", "0 to 1"]),
+            (r#"{"clip":{"box_mm":[[0,0,0],[1,-1,1]]}}"#.to_owned(), &["clip.box_mm", "min < max"]),
+            (
+                r#"{"clip":{"planes":[{"point_mm":[0,0,0],"normal":[0,0,0]}]}}"#.to_owned(),
+                &["clip.planes[0].normal is [0.0, 0.0, 0.0]"],
+            ),
+            (
+                camera(r#"{"perspective":{"vertical_fov_deg":400}}"#),
+                &["camera.projection.perspective.vertical_fov_deg is 400", "0.1 to 170"],
+            ),
+            (camera(r#"{"fisheye":{}}"#), &["camera.projection", "fisheye"]),
+            ("{} trailing".to_owned(), &["trailing"]),
+        ] {
+            let message = refused(&json);
+            for part in parts {
+                assert!(message.contains(part), "{json}: {message:?} lacks {part:?}");
+            }
+        }
+    }
+}

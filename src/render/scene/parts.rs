@@ -1,0 +1,289 @@
+//! The parts of a scene as written in JSON, and what each becomes.
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use super::SceneError;
+use crate::camera::{Camera, CameraError, Projection};
+use crate::render::request::{Clip, ClipPlane, DepthRule, Mode, RequestError, Shading};
+use crate::space::{Point, Vector};
+use crate::transfer::{ControlPoint, PRESETS, Preset, TransferFunction, preset};
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraFile {
+    eye_mm: [f64; 3],
+    look_at_mm: [f64; 3],
+    #[serde(default = "head_up")]
+    up: [f64; 3],
+    projection: ProjectionFile,
+}
+
+fn head_up() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+enum ProjectionFile {
+    Perspective { vertical_fov_deg: f64 },
+    Orthographic { height_mm: f64 },
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum ModeFile {
+    Composite,
+    Mip,
+}
+
+/// A preset's name, or control points, or a window.
+#[derive(Clone, Debug)]
+pub(super) enum TransferFile {
+    Preset(String),
+    Function(FunctionFile),
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FunctionFile {
+    points: Option<Vec<PointFile>>,
+    opacity_unit_mm: Option<f64>,
+    window: Option<WindowFile>,
+}
+
+/// By hand, since serde's untagged enums forget where in the points a mistake is.
+impl<'de> Deserialize<'de> for TransferFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct PresetOrFunction;
+        impl<'de> Visitor<'de> for PresetOrFunction {
+            type Value = TransferFile;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                write!(f, "a preset's name, {{\"points\": [...]}} or {{\"window\": {{...}}}}")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<TransferFile, E> {
+                Ok(TransferFile::Preset(name.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TransferFile, A::Error> {
+                FunctionFile::deserialize(MapAccessDeserializer::new(map)).map(TransferFile::Function)
+            }
+        }
+        deserializer.deserialize_any(PresetOrFunction)
+    }
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointFile {
+    hu: f64,
+    rgba: [f64; 4],
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WindowFile {
+    center_hu: f64,
+    width_hu: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShadingFile {
+    ambient: f64,
+    diffuse: f64,
+    #[serde(default)]
+    specular: f64,
+    #[serde(default = "soft_highlight")]
+    shininess: f64,
+}
+
+fn soft_highlight() -> f64 {
+    10.0
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DepthFile {
+    rule: DepthRuleFile,
+    fraction: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum DepthRuleFile {
+    FirstHit,
+    Threshold,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct ClipFile {
+    box_mm: Option<[[f64; 3]; 2]>,
+    planes: Vec<PlaneFile>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlaneFile {
+    point_mm: [f64; 3],
+    normal: [f64; 3],
+}
+
+/// Refuses arrays where the format has objects: serde would read them as an object's values in order.
+///
+/// What is no JSON at all passes: the parser proper says where it goes wrong.
+pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
+    const OBJECTS: [&str; 10] = [
+        "",
+        "/camera",
+        "/camera/projection",
+        "/camera/projection/perspective",
+        "/camera/projection/orthographic",
+        "/transfer",
+        "/transfer/window",
+        "/shading",
+        "/depth",
+        "/clip",
+    ];
+    let Ok(scene) = serde_json::from_slice::<serde_json::Value>(json) else { return Ok(()) };
+    let lists = ["/transfer/points", "/clip/planes"].into_iter().flat_map(|list| {
+        let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
+        (0..items).map(move |i| format!("{list}/{i}"))
+    });
+    let paths = OBJECTS.into_iter().chain(["/display"]).map(str::to_owned).chain(lists);
+    for path in paths {
+        if scene.pointer(&path).is_some_and(serde_json::Value::is_array) {
+            let path = path.trim_start_matches('/').replace('/', ".");
+            let path = if path.is_empty() { ".".to_owned() } else { path };
+            return Err(SceneError::Syntax { path, reason: "found an array, expected an object".to_owned() });
+        }
+    }
+    Ok(())
+}
+
+impl CameraFile {
+    pub(super) fn resolve(self) -> Result<Camera, CameraError> {
+        let projection = match self.projection {
+            ProjectionFile::Perspective { vertical_fov_deg } => {
+                Projection::Perspective { vertical_fov: vertical_fov_deg.to_radians() }
+            }
+            ProjectionFile::Orthographic { height_mm } => Projection::Orthographic { height_mm },
+        };
+        let (eye, look_at) = (self.eye_mm.into(), self.look_at_mm.into());
+        let up = Vector::from_xyz(self.up.into());
+        Camera::new(Point::from_xyz(eye), Point::from_xyz(look_at), up, projection)
+    }
+}
+
+impl ModeFile {
+    pub(super) fn resolve(self) -> Mode {
+        match self {
+            Self::Composite => Mode::Composite,
+            Self::Mip => Mode::Mip,
+        }
+    }
+}
+
+/// The transfer function, and the preset it came from.
+pub(super) fn resolve_transfer(
+    file: Option<TransferFile>,
+) -> Result<(TransferFunction, Option<&'static Preset>), SceneError> {
+    match file.unwrap_or(TransferFile::Preset(PRESETS[0].name.to_owned())) {
+        TransferFile::Preset(name) => {
+            let found = preset(&name).ok_or_else(|| RequestError::new("transfer", &name, &preset_names()))?;
+            Ok((found.transfer(), Some(found)))
+        }
+        TransferFile::Function(FunctionFile { points: Some(points), opacity_unit_mm, window: None }) => {
+            let points = points.into_iter().map(|PointFile { hu, rgba }| ControlPoint { hu, rgba }).collect();
+            let transfer = TransferFunction::new(points, opacity_unit_mm.unwrap_or(1.0));
+            Ok((transfer.map_err(RequestError::from)?, None))
+        }
+        TransferFile::Function(FunctionFile {
+            points: None,
+            opacity_unit_mm: None,
+            window: Some(window),
+        }) => {
+            let transfer = TransferFunction::window(window.center_hu, window.width_hu);
+            Ok((transfer.map_err(RequestError::from)?, None))
+        }
+        TransferFile::Function(_) => {
+            let allowed = "either points (and opacity_unit_mm) or a window";
+            Err(RequestError::new("transfer", &"neither or both", allowed).into())
+        }
+    }
+}
+
+fn preset_names() -> String {
+    PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>().join(", ")
+}
+
+pub(super) fn default_shading(preset: Option<&Preset>) -> Shading {
+    let ([ambient, diffuse, specular], shininess) =
+        preset.map_or(([0.2, 0.8, 0.0], 10.0), |preset| (preset.light, preset.shininess));
+    Shading { ambient, diffuse, specular, shininess }
+}
+
+impl ShadingFile {
+    pub(super) fn resolve(self) -> Shading {
+        let Self { ambient, diffuse, specular, shininess } = self;
+        Shading { ambient, diffuse, specular, shininess }
+    }
+}
+
+impl DepthFile {
+    pub(super) fn resolve(self) -> Result<DepthRule, RequestError> {
+        match (self.rule, self.fraction) {
+            (DepthRuleFile::FirstHit, None) => Ok(DepthRule::FirstHit),
+            (DepthRuleFile::FirstHit, Some(fraction)) => {
+                Err(RequestError::new("depth.fraction", &fraction, "nothing beside rule first-hit"))
+            }
+            (DepthRuleFile::Threshold, fraction) => {
+                Ok(DepthRule::Threshold { fraction: fraction.unwrap_or(0.5) })
+            }
+        }
+    }
+}
+
+impl ClipFile {
+    pub(super) fn resolve(self) -> Result<Clip, RequestError> {
+        let mut clip = Clip::default();
+        if let Some([min, max]) = self.box_mm {
+            if !min.iter().zip(&max).all(|(low, high)| low < high && -1e6 <= *low && *high <= 1e6) {
+                return Err(RequestError::new(
+                    "clip.box_mm",
+                    &format!("{min:?} to {max:?}"),
+                    "[min, max] with min < max, within 1000000 mm",
+                ));
+            }
+            clip.add_box(Point::from_xyz(min.into()), Point::from_xyz(max.into()));
+        }
+        for (i, plane) in self.planes.into_iter().enumerate() {
+            clip.planes.push(plane.resolve(i)?);
+        }
+        Ok(clip)
+    }
+}
+
+impl PlaneFile {
+    fn resolve(self, index: usize) -> Result<ClipPlane, RequestError> {
+        let Self { point_mm, normal } = self;
+        let path = |key: &str| format!("clip.planes[{index}].{key}");
+        if point_mm.iter().any(|mm| !(-1e6..=1e6).contains(mm)) {
+            let allowed = "-1000000 to 1000000 mm each";
+            return Err(RequestError::new(&path("point_mm"), &format!("{point_mm:?}"), allowed));
+        }
+        let plane =
+            ClipPlane { point: Point::from_xyz(point_mm.into()), normal: Vector::from_xyz(normal.into()) };
+        match plane.normal.normalized() {
+            Some(_) => Ok(plane),
+            None => {
+                let allowed = "a direction of finite length above zero";
+                Err(RequestError::new(&path("normal"), &format!("{normal:?}"), allowed))
+            }
+        }
+    }
+}
