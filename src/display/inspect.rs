@@ -198,6 +198,12 @@ fn inspect_rgb(frame_px: [u32; 2], samples: &[u8]) -> FrameReport {
     if has_header || display_frame {
         report.problems.extend(reading.problems.into_iter().map(FrameProblem::Header));
     }
+    // Each half of a side-by-side picture would be 8:9: nobody renders that, but players scale whole frames.
+    let wide = u64::from(frame_px[0]) * 9 == u64::from(frame_px[1]) * 16;
+    if layout == Layout::Rgbd && wide && !display_frame && !has_header {
+        let expected = "1920x1080 or 3840x2160, of which this looks like a scaled copy without its header";
+        report.problems.push(FrameProblem::FrameSize { found_px: frame_px, expected });
+    }
     report.problems.extend(depth_problems(layout, frame_px, samples));
     report.depth = (layout != Layout::Color).then(|| disparity_extent(layout, width, samples));
     report
