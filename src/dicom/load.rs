@@ -8,10 +8,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 
 use crate::space::Transform;
-use crate::volume::{Grid, Volume};
+use crate::volume::{self, Grid, Volume};
 
 use super::codec::{self, Frames};
 use super::discover::{Strictness, header_warnings};
@@ -72,7 +71,7 @@ impl Loaded {
     /// any resampling.
     #[must_use]
     pub fn stack_sha256(&self) -> [u8; 32] {
-        *self.stack_sha256.get_or_init(|| sha256(self.volume.voxels_hu()))
+        *self.stack_sha256.get_or_init(|| volume::stack_sha256(self.volume.voxels_hu()))
     }
 
     /// The series with each block of `factor`³ voxels replaced by its mean; the hash stays that of the stack as read.
@@ -117,7 +116,7 @@ pub fn load(
     warnings.extend(deviation.warnings(regular.slice_spacing_mm));
     let mut voxels = zeros(regular.dims.iter().product())?;
     regular.resample(&stack, &hu, outside_hu(&frames[0], &hu), &mut voxels);
-    let stack_sha256 = OnceLock::from(sha256(&hu));
+    let stack_sha256 = OnceLock::from(volume::stack_sha256(&hu));
     drop(hu);
     let grid = grid(&stack, regular.dims, regular.origin(&stack), regular.slice_spacing_mm)?;
     Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, stack_sha256 })
@@ -171,16 +170,6 @@ fn outside_hu(frame: &FrameHeader, hu: &[i16]) -> i16 {
 fn zeros(voxels: usize) -> Result<Vec<i16>, Error> {
     Vec::<i16>::new().try_reserve_exact(voxels).map_err(|_| Error::Memory { voxels: voxels as u64 })?;
     Ok(vec![0; voxels])
-}
-
-fn sha256(hu: &[i16]) -> [u8; 32] {
-    let mut hasher = Sha256::new();
-    if cfg!(target_endian = "little") {
-        hasher.update(bytemuck::cast_slice::<i16, u8>(hu));
-    } else {
-        hu.iter().for_each(|value| hasher.update(value.to_le_bytes()));
-    }
-    hasher.finalize().into()
 }
 
 /// A frame to be decoded and its place in the stack.

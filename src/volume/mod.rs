@@ -118,10 +118,7 @@ impl Volume {
             for column in patient_from_voxel.to_cols_array() {
                 hasher.update(column.to_le_bytes());
             }
-            for chunk in self.voxels_hu.chunks(1 << 16) {
-                let bytes: Vec<u8> = chunk.iter().flat_map(|hu| hu.to_le_bytes()).collect();
-                hasher.update(&bytes);
-            }
+            update_with_voxels(&mut hasher, &self.voxels_hu);
             ContentHash(hasher.finalize().into())
         })
     }
@@ -154,6 +151,22 @@ impl Volume {
         }
         let range_hu = voxels.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &v| (lo.min(v), hi.max(v)));
         Self { grid, voxels_hu: Arc::new(voxels), range_hu, hash: Arc::default() }
+    }
+}
+
+/// SHA-256 of voxels alone, as little-endian 16-bit values in their order: tells whether two stacks are the same,
+/// wherever they lie.
+pub(crate) fn stack_sha256(voxels_hu: &[i16]) -> [u8; 32] {
+    let mut hasher = Sha256::new();
+    update_with_voxels(&mut hasher, voxels_hu);
+    hasher.finalize().into()
+}
+
+fn update_with_voxels(hasher: &mut Sha256, voxels_hu: &[i16]) {
+    if cfg!(target_endian = "little") {
+        hasher.update(bytemuck::cast_slice::<i16, u8>(voxels_hu));
+    } else {
+        voxels_hu.iter().for_each(|hu| hasher.update(hu.to_le_bytes()));
     }
 }
 

@@ -21,9 +21,7 @@ mod truth;
 
 use std::str::FromStr;
 
-use sha2::{Digest, Sha256};
-
-use super::{Grid, Volume};
+use super::{Grid, Volume, stack_sha256};
 pub use truth::{Landmark, Material, Surface, SurfaceShape, TRUTH_SCHEMA, Truth};
 
 /// What a phantom shows.
@@ -171,7 +169,7 @@ impl Recipe {
             dims,
             spacing_mm,
             origin_mm,
-            stack_sha256: stack_sha256(&voxels),
+            stack_sha256: stack_sha256(&voxels).iter().map(|byte| format!("{byte:02x}")).collect(),
             noise_sigma_hu: facts.noise_sigma_hu,
             gradient_hu_per_mm: facts.gradient_hu_per_mm,
             materials: facts.materials,
@@ -269,13 +267,4 @@ struct Facts {
     materials: Vec<Material>,
     surfaces: Vec<Surface>,
     landmarks: Vec<Landmark>,
-}
-
-fn stack_sha256(voxels: &[i16]) -> String {
-    let mut hasher = Sha256::new();
-    for chunk in voxels.chunks(1 << 16) {
-        let bytes: Vec<u8> = chunk.iter().flat_map(|hu| hu.to_le_bytes()).collect();
-        hasher.update(&bytes);
-    }
-    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
