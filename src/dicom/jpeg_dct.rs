@@ -19,10 +19,14 @@ const ZIGZAG: [u8; 64] = [
     46, 53, 60, 61, 54, 47, 55, 62, 63,
 ];
 
+/// The most scans of an image. Full progression of 12 bits needs a few dozen; each scan visits all blocks, and an empty
+/// one takes a dozen bytes, so that without a limit a small file could keep a thread busy for hours.
+const MOST_SCANS: usize = 1000;
+
 /// Decodes an image of `width` x `height` samples of `precision` bits.
 ///
 /// # Errors
-/// When the codestream is damaged, cut short, or coded in another way.
+/// When the codestream is damaged, cut short, coded in another way, or has more than [`MOST_SCANS`] scans.
 pub(super) fn decode(data: &[u8], width: usize, height: usize, precision: u32) -> Result<Vec<u16>, Problem> {
     if !(2..=12).contains(&precision) {
         return Err(format!("found {precision} bits per sample, expected at most 12"));
@@ -39,8 +43,11 @@ pub(super) fn decode(data: &[u8], width: usize, height: usize, precision: u32) -
             0xDD => tables.define_restart_interval(segment)?,
             0xC2 => image.is_progressive = true,
             0xDA => {
-                rest = image.read_scan(&tables, segment, behind)?;
                 scans += 1;
+                if scans > MOST_SCANS {
+                    return Err(format!("found more than {MOST_SCANS} scans"));
+                }
+                rest = image.read_scan(&tables, segment, behind)?;
             }
             0xD9 => break,
             _ => {}
@@ -331,6 +338,17 @@ mod tests {
         block[0] = 80;
         let values = inverse_transform(&block, &[4; 64], &cosine_basis());
         assert!(values.iter().all(|value| (value - 40.0).abs() < 1e-3), "{values:?}"); // 80 * 4 / 8
+    }
+
+    #[test]
+    fn scans_are_counted() {
+        // One Huffman code, `0`, for a difference of no bits; each scan is one such code and seven bits of padding.
+        let table = [&[0xFF, 0xC4, 0, 20, 0, 1][..], &[0; 15], &[0]].concat();
+        let scan = [0xFF, 0xDA, 0, 8, 1, 1, 0, 0, 0, 0, 0x7F];
+        let image = |scans| [&[0xFF, 0xD8, 0xFF, 0xC2, 0, 2][..], &table, &scan.repeat(scans)].concat();
+        assert_eq!(decode(&image(MOST_SCANS), 8, 8, 12), Ok(vec![2048; 64]));
+        let error = decode(&image(MOST_SCANS + 1), 8, 8, 12).unwrap_err();
+        assert_eq!(error, "found more than 1000 scans");
     }
 
     #[test]
