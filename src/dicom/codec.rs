@@ -78,8 +78,9 @@ fn fragments(header: &FileHeader, bytes: &Bytes) -> Result<(Vec<u64>, Vec<Fragme
     let mut position = header.pixels.position;
     reader.seek(SeekFrom::Start(position))?;
     let mut items = Vec::new();
-    // A missing delimiter at the end of the file loses nothing.
-    while end - position >= 8 {
+    // A missing delimiter at the end of the file loses nothing. A file that shrank since its header was read may end
+    // before its pixels begin.
+    while end.saturating_sub(position) >= 8 {
         let item = dataset::read_header(&mut reader, &mut position, end, Encoding::ExplicitLittle)?;
         if item.tag == dataset::SEQUENCE_DELIMITATION {
             break;
@@ -87,7 +88,7 @@ fn fragments(header: &FileHeader, bytes: &Bytes) -> Result<(Vec<u64>, Vec<Fragme
         let (dataset::ITEM, Some(length)) = (item.tag, item.length) else {
             return Err(Defect::NotAnItem { found: item.tag });
         };
-        let (found, expected) = (end - position, u64::from(length));
+        let (found, expected) = (end.saturating_sub(position), u64::from(length));
         if found < expected {
             return Err(Defect::Short { tag: tags::PIXEL_DATA, found, expected });
         }
