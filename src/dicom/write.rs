@@ -27,6 +27,8 @@ const IMPLEMENTATION_CLASS_UID: &str = "2.25.12534239674586986142002089003256705
 const IMPLEMENTATION_VERSION_NAME: &str = "RELIEF";
 /// Rows, columns and instances are 16-bit or short decimal strings; this also bounds the number of files.
 const MAX_EXTENT: usize = u16::MAX as usize;
+/// The name of a replaced folder in the temporary one that holds it meanwhile.
+const OLD: &str = "old";
 /// A decimal string (VR DS) holds at most this many characters.
 const DECIMAL_STRING_CHARS: usize = 16;
 
@@ -84,6 +86,19 @@ pub enum WriteError {
         /// Why not.
         source: io::Error,
     },
+    /// Neither the new folder nor the old one could be put at its place; the old one is kept.
+    #[error(
+        "cannot write {}, and cannot put back what was there: it is kept in {}; move it back by hand",
+        place.display(), kept.display()
+    )]
+    Displaced {
+        /// Where the series should have appeared.
+        place: PathBuf,
+        /// Where the earlier folder is now.
+        kept: PathBuf,
+        /// Why the new folder could not be put there.
+        source: io::Error,
+    },
     /// A slice could not be encoded or written.
     #[error("cannot write slice {} of the series", index + 1)]
     Slice {
@@ -112,10 +127,7 @@ impl SeriesFolder {
         check_place(place, existing)?;
         let parent = place.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         fs::create_dir_all(parent).map_err(io_error("create", parent))?;
-        let staging = tempfile::Builder::new()
-            .prefix(".relief-")
-            .tempdir_in(parent)
-            .map_err(io_error("create a temporary folder in", parent))?;
+        let staging = staging_folder(parent).map_err(io_error("create a temporary folder in", parent))?;
         Ok(Self { place: place.to_owned(), existing, staging })
     }
 
@@ -153,16 +165,12 @@ impl SeriesFolder {
     ///
     /// # Errors
     /// When something has appeared at the place that may not be replaced, or the file system refuses; then
-    /// the place is as it was.
+    /// the place is as it was, or [`WriteError::Displaced`] says where to find what was there.
     pub fn finish(self) -> Result<(), WriteError> {
         check_place(&self.place, self.existing)?;
-        make_readable(self.staging.path()).map_err(io_error("share", self.staging.path()))?;
         let old = self.set_old_aside()?;
         if let Err(error) = fs::rename(self.staging.path(), &self.place) {
-            if let Some(old) = old {
-                let _ = fs::rename(old.path().join("old"), &self.place); // the first error is the one to tell
-            }
-            return Err(io_error("write", &self.place)(error));
+            return Err(put_back(old, &self.place, error));
         }
         let _ = self.staging.keep(); // moved away: there is nothing to remove any more
         Ok(())
@@ -178,9 +186,32 @@ impl SeriesFolder {
             .prefix(".relief-")
             .tempdir_in(parent)
             .map_err(io_error("create a temporary folder in", parent))?;
-        fs::rename(&self.place, aside.path().join("old")).map_err(io_error("replace", &self.place))?;
+        fs::rename(&self.place, aside.path().join(OLD)).map_err(io_error("replace", &self.place))?;
         Ok(Some(aside))
     }
+}
+
+/// Undoes [`SeriesFolder::set_old_aside`] and returns the error that made that necessary.
+fn put_back(aside: Option<tempfile::TempDir>, place: &Path, error: io::Error) -> WriteError {
+    let Some(aside) = aside else { return io_error("write", place)(error) };
+    match fs::rename(aside.path().join(OLD), place) {
+        Ok(()) => io_error("write", place)(error),
+        // Dropped, the temporary folder would be removed with the series in it.
+        Err(_) => {
+            WriteError::Displaced { place: place.to_owned(), kept: aside.keep().join(OLD), source: error }
+        }
+    }
+}
+
+/// A temporary folder that may become the result: unlike others, it is no more private than the umask says.
+fn staging_folder(parent: &Path) -> io::Result<tempfile::TempDir> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o777));
+    }
+    builder.prefix(".relief-").tempdir_in(parent)
 }
 
 /// The name of slice k's file: names sort like slices.
@@ -215,18 +246,6 @@ fn check_place(place: &Path, existing: Existing) -> Result<(), WriteError> {
             return Err(WriteError::Foreign { folder: place.to_owned(), found });
         }
     }
-    Ok(())
-}
-
-/// Temporary folders are private to their owner; results are not.
-fn make_readable(folder: &Path) -> io::Result<()> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        fs::set_permissions(folder, fs::Permissions::from_mode(0o755))?;
-    }
-    #[cfg(not(unix))]
-    let _ = folder;
     Ok(())
 }
 
@@ -419,6 +438,19 @@ mod tests {
         fs::write(place.join("thesis.txt"), b"precious").unwrap();
         let refused = SeriesFolder::create(&place, Existing::Replace);
         assert!(matches!(refused, Err(WriteError::Foreign { found, .. }) if found == "thesis.txt"));
+    }
+
+    #[test]
+    fn a_replaced_folder_that_cannot_be_put_back_is_kept_and_named() {
+        let parent = tempfile::tempdir().unwrap();
+        let aside = tempfile::tempdir_in(parent.path()).unwrap();
+        fs::create_dir(aside.path().join(OLD)).unwrap();
+        fs::write(aside.path().join(OLD).join("slice-00001.dcm"), b"old").unwrap();
+        let refused = || io::Error::from(io::ErrorKind::PermissionDenied);
+        let error = put_back(Some(aside), &parent.path().join("gone").join("series"), refused());
+        let WriteError::Displaced { kept, .. } = &error else { panic!("{error}") };
+        assert_eq!(fs::read(kept.join("slice-00001.dcm")).unwrap(), b"old");
+        assert!(error.to_string().contains(&kept.display().to_string()), "{error}");
     }
 
     #[test]
