@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use super::adapter::AdapterArguments;
-use super::output::print_json;
+use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
 use crate::render::{RenderRequest, Renderer};
@@ -152,21 +152,21 @@ fn milliseconds(since: Instant) -> f64 {
 
 fn print(report: &Report) {
     let Report { size_px: [width, height], frames, .. } = report;
-    println!("{} ({})", report.adapter, report.driver);
-    println!(
+    say!("{} ({})", report.adapter, report.driver);
+    say!(
         "{width}x{height}, {frames} frames: median {:.1} ms ({:.1} frames/s), fastest {:.1} ms",
         report.median_ms,
         1e3 / report.median_ms,
         report.min_ms
     );
-    println!(
+    say!(
         "samples: {:.2} million per frame, {:.0} million/s, {:.0} % of the driver's {:.0} million/s",
         report.samples_per_frame as f64 / 1e6,
         report.samples_per_s / 1e6,
         report.share * 100.0,
         report.driver_samples_per_s / 1e6
     );
-    println!(
+    say!(
         "load {:.0} ms, upload {:.0} ms, first frame {:.0} ms, peak memory {}",
         report.load_ms,
         report.upload_ms,

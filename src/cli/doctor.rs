@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::output::print_json;
+use super::output::{print_json, say};
 use crate::camera::Orbit;
 use crate::gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, Limits, adapters};
 use crate::render::{RenderError, Renderer, SceneFile, reference};
@@ -99,7 +99,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     if json {
         print_json(&report)?;
     } else {
-        print!("{}", readable(&report));
+        say!("{}", readable(&report).trim_end());
     }
     Ok(if report.can_render { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

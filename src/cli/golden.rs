@@ -8,7 +8,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 
-use super::output::{print_json, write_whole};
+use super::output::{print_json, say, write_whole};
 use crate::gpu::{AdapterChoice, AdapterKind, Gpu};
 use crate::render::Renderer;
 use crate::session::golden::{
@@ -123,21 +123,21 @@ fn open_harness() -> anyhow::Result<Harness> {
 
 fn print_report(report: &CheckReport, artefacts: &Artefacts) {
     for case in &report.cases {
-        println!("{:<10}{}", verdict(case), case.case);
+        say!("{:<10}{}", verdict(case), case.case);
         for problem in &case.problems {
-            println!("            {problem}");
+            say!("            {problem}");
         }
         if case.verdict == Verdict::Failed {
-            println!("            see {}", artefacts.folder(&case.case).display());
-            println!("            if the new picture is right: {}", case.bless);
+            say!("            see {}", artefacts.folder(&case.case).display());
+            say!("            if the new picture is right: {}", case.bless);
         }
     }
     let (failed, all) = (report.failures().count(), report.cases.len());
     let near = report.cases.iter().filter(|case| case.verdict == Verdict::Within).count();
     let near = if near > 0 { format!(" ({near} within tolerance)") } else { String::new() };
-    println!("\n{} of {all} golden images are as expected{near} on {}", all - failed, report.adapter);
+    say!("\n{} of {all} golden images are as expected{near} on {}", all - failed, report.adapter);
     if failed > 0 {
-        println!("side by side: {}", artefacts.index().display());
+        say!("side by side: {}", artefacts.index().display());
     }
 }
 
@@ -155,7 +155,7 @@ fn bless(arguments: &BlessArguments) -> anyhow::Result<ExitCode> {
     for id in collection.ids() {
         let case = collection.read(id)?;
         for Blessing { path, change, bytes } in harness.bless(&case)? {
-            println!("{:<30} {} {}", id.to_string(), path.display(), describe(&change));
+            say!("{:<30} {} {}", id.to_string(), path.display(), describe(&change));
             if !matches!(change, Change::Unchanged) {
                 write_whole(&path, &bytes)?;
             }

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::dicom::{Loaded, SeriesEntry, Skipped, Warning};
 
+use super::output::say;
 use super::{inspect_frame, output, source};
 
 /// Show what is in a CT series and what is wrong with it, or decode a frame's header
@@ -116,9 +117,9 @@ fn print(report: &Report) {
         print_series(series);
     }
     if !report.skipped.is_empty() {
-        println!("skipped");
+        say!("skipped");
         for skipped in &report.skipped {
-            println!("  {}: {}", skipped.file, skipped.reason);
+            say!("  {}: {}", skipped.file, skipped.reason);
         }
     }
 }
@@ -126,20 +127,20 @@ fn print(report: &Report) {
 fn print_series(series: &SeriesReport) {
     let millimetres = |values: [f64; 3]| values.map(|mm| format!("{mm:.4}")).join(" x ");
     let [nx, ny, nz] = series.dims;
-    println!("series            {}", if series.uid.is_empty() { "(empty UID)" } else { &series.uid });
-    println!("  modality        {}", series.modality);
-    println!("  voxels          {nx} x {ny} x {nz}");
-    println!("  spacing         {} mm", millimetres(series.spacing_mm));
-    println!("  first voxel     {} mm, LPS", series.origin_mm.map(|mm| format!("{mm:.3}")).join(", "));
+    say!("series            {}", if series.uid.is_empty() { "(empty UID)" } else { &series.uid });
+    say!("  modality        {}", series.modality);
+    say!("  voxels          {nx} x {ny} x {nz}");
+    say!("  spacing         {} mm", millimetres(series.spacing_mm));
+    say!("  first voxel     {} mm, LPS", series.origin_mm.map(|mm| format!("{mm:.3}")).join(", "));
     for (axis, name) in ["i", "j", "k"].into_iter().enumerate() {
         let components = [0, 3, 6].map(|row| format!("{:.6}", series.direction[row + axis]));
-        println!("  axis {name}          {}", components.join(", "));
+        say!("  axis {name}          {}", components.join(", "));
     }
-    println!("  values          {} to {} HU", series.hu_range[0], series.hu_range[1]);
-    println!("  stack SHA-256   {}", series.stack_sha256);
-    println!("  transfer syntax {}", series.transfer_syntax);
+    say!("  values          {} to {} HU", series.hu_range[0], series.hu_range[1]);
+    say!("  stack SHA-256   {}", series.stack_sha256);
+    say!("  transfer syntax {}", series.transfer_syntax);
     for warning in &series.warnings {
-        println!("  warning         {}", warning.message);
+        say!("  warning         {}", warning.message);
     }
-    println!();
+    say!();
 }

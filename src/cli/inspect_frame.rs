@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, ensure};
 
-use super::output;
+use super::output::{self, say};
 use crate::display::{FrameReport, Layout, inspect_png};
 
 /// The largest file that is read: more than an uncompressed frame of the largest size needs.
@@ -22,7 +22,7 @@ pub(super) fn run(path: &Path, json: bool) -> anyhow::Result<ExitCode> {
     if json {
         output::print_json(&report)?;
     } else {
-        print!("{}", readable(&report));
+        say!("{}", readable(&report).trim_end());
     }
     Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

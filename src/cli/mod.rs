@@ -2,7 +2,7 @@
 //!
 //! Each subcommand has a file with its arguments and a `run`. Only this module writes to stdout and stderr, reads
 //! the environment and decides exit statuses: 0 done, 1 failed, 2 wrong arguments.
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "the command line is where output belongs")]
+#![expect(clippy::print_stderr, reason = "the command line is where output belongs")]
 
 mod adapter;
 mod bench;
@@ -65,10 +65,14 @@ pub fn main() -> ExitCode {
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),
     };
-    outcome.unwrap_or_else(|error| {
+    let failed = |error| {
         eprintln!("relief: {}", output::report(&error));
         ExitCode::FAILURE
-    })
+    };
+    match (outcome, output::stdout_failure()) {
+        (Ok(_), Some(error)) => failed(anyhow::anyhow!("cannot write to stdout: {error}")),
+        (outcome, _) => outcome.unwrap_or_else(failed),
+    }
 }
 
 /// Logs go to stderr, so that stdout carries results alone.

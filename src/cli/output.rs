@@ -1,7 +1,8 @@
 //! What subcommands share when they write: whole files, JSON, error reports.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
+use std::sync::OnceLock;
 
 use anyhow::Context;
 
@@ -22,33 +23,53 @@ pub(super) fn report(error: &anyhow::Error) -> String {
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<()> {
-        let mut file = tempfile::Builder::new().prefix(".relief-").tempfile_in(folder)?;
+        let mut file = shared_temporary().prefix(".relief-").tempfile_in(folder)?;
         file.write_all(bytes)?;
         file.as_file().sync_all()?;
-        make_readable(file.as_file())?;
         file.persist(path)?;
         Ok(())
     };
     write().with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Temporary files are private to their owner; results are not.
-fn make_readable(file: &std::fs::File) -> std::io::Result<()> {
+/// Temporary files are private to their owner. One that becomes a result is no more private than the umask says.
+fn shared_temporary() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        file.set_permissions(std::fs::Permissions::from_mode(0o644))?;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    #[cfg(not(unix))]
-    let _ = file;
-    Ok(())
+    builder
+}
+
+/// `println!` for results: it never panics, see [`print_line`].
+macro_rules! say {
+    () => { $crate::cli::output::print_line(format_args!("")) };
+    ($($line:tt)*) => { $crate::cli::output::print_line(format_args!($($line)*)) };
+}
+pub(super) use say;
+
+/// Prints a line on stdout. A reader that has gone away has read enough (`relief inspect head | head -1`): the rest is
+/// dropped, and the command goes on. Other failures are for [`stdout_failure`].
+pub(super) fn print_line(line: std::fmt::Arguments<'_>) {
+    let written = writeln!(std::io::stdout().lock(), "{line}");
+    if let Err(error) = written.and_then(|()| std::io::stdout().flush())
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        let _ = STDOUT_FAILURE.set(error); // the first one is told
+    }
+}
+
+static STDOUT_FAILURE: OnceLock<std::io::Error> = OnceLock::new();
+
+/// Why a part of the results is not on stdout, for example because the disk behind it is full.
+pub(super) fn stdout_failure() -> Option<&'static std::io::Error> {
+    STDOUT_FAILURE.get()
 }
 
 /// Prints one JSON object on stdout, indented.
 pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    let stdout = std::io::stdout();
-    let mut lock = stdout.lock();
-    serde_json::to_writer_pretty(&mut lock, value)?;
-    writeln!(lock)?;
+    say!("{}", serde_json::to_string_pretty(value)?);
     Ok(())
 }

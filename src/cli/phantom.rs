@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::output;
+use super::output::{self, say};
 use crate::dicom::write::{Existing, SeriesFolder, SeriesLabels};
 use crate::volume::phantom::{Kind, Phantom, Recipe};
 
@@ -94,10 +94,10 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
 fn print_text(report: &Report<'_>) {
     let ([nx, ny, nz], [sx, sy, sz]) = (report.dims, report.spacing_mm);
     let folder = report.folder.display();
-    println!("Made the {} phantom in {folder} in {:.1} s.", report.kind, report.seconds);
-    println!("  {} DICOM slices: {nx} x {ny} x {nz} voxels of {sx:.4} x {sy:.4} x {sz:.4} mm", report.slices);
-    println!("  truth.json: its materials, surfaces and landmarks in patient mm");
-    println!("Next: relief render --series {folder} --preset bone --out {}.png", report.kind);
+    say!("Made the {} phantom in {folder} in {:.1} s.", report.kind, report.seconds);
+    say!("  {} DICOM slices: {nx} x {ny} x {nz} voxels of {sx:.4} x {sy:.4} x {sz:.4} mm", report.slices);
+    say!("  truth.json: its materials, surfaces and landmarks in patient mm");
+    say!("Next: relief render --series {folder} --preset bone --out {}.png", report.kind);
 }
 
 /// Drawn on a terminal only; elsewhere the work is short enough to stay silent.

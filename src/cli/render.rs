@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 
 use super::adapter::AdapterArguments;
-use super::output::{print_json, write_whole};
+use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
 use crate::render::{RenderedFrame, Renderer};
@@ -131,9 +131,9 @@ fn report(
         }))?;
     } else {
         let [width, height] = frame.size_px;
-        println!("{}: {width}x{height} in {:.0} ms on {adapter}", out.display(), frame.timings.render_ms);
+        say!("{}: {width}x{height} in {:.0} ms on {adapter}", out.display(), frame.timings.render_ms);
         if let Some(path) = depth_out {
-            println!("{}: depth", path.display());
+            say!("{}: depth", path.display());
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -12,6 +12,7 @@ use anyhow::Context;
 use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
+use super::output::say;
 use super::source::{self, SeriesOptions};
 use crate::dicom::{self, Strictness};
 use crate::server::{
@@ -88,7 +89,7 @@ async fn serve(arguments: Arguments, server: Arc<Server>) -> anyhow::Result<Exit
     let listener = listener.with_context(|| format!("cannot listen on {listen}"))?;
     let address = listener.local_addr()?;
     let signal = stop_signal()?; // before anybody can know that it runs
-    println!("listening on http://{}/", reachable(address));
+    say!("listening on http://{}/", reachable(address));
     if !address.ip().is_loopback() {
         eprintln!("warning: {address} can be reached from other machines, and there is no authentication");
     }
