@@ -14,7 +14,7 @@ use tokio::sync::oneshot;
 use super::adapter::AdapterArguments;
 use super::output::say;
 use super::source::{self, SeriesOptions};
-use crate::dicom::{self, Strictness};
+use crate::dicom::{self, LoadLimits, Strictness};
 use crate::server::{
     self, Config, ConnectionLimits, Drained, LoadedVolume, Server, UploadLimits, VolumeLoader,
 };
@@ -151,7 +151,8 @@ fn config(arguments: &Arguments, adapter: &str) -> Config {
 fn upload_loader() -> VolumeLoader {
     let read = |path: &Path| -> Result<LoadedVolume, dicom::Error> {
         let found = dicom::discover(path, Strictness::Lenient, &|_| ())?;
-        dicom::load(found.select(None)?, Strictness::Lenient, &|_| ()).map(served)
+        let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
+        dicom::load_within(limits, found.select(None)?, Strictness::Lenient, &|_| ()).map(served)
     };
     Arc::new(move |path| {
         read(path)

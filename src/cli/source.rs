@@ -45,11 +45,21 @@ impl SeriesArguments {
 pub(super) fn load(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
     let strictness = strictness(options.strict);
     let found = discover(path, strictness)?;
-    let entry = found.select(options.series_uid.as_deref())?;
+    let entry = select(&found, options.series_uid.as_deref())?;
     warn(&found.warnings());
     let loaded = load_entry(entry, strictness)?;
     warn(&loaded.warnings);
     Ok(loaded.downsampled(options.downsample.into()))
+}
+
+/// The chosen series, or the only one; where there are several, the error names the option that chooses.
+fn select<'a>(found: &'a Discovery, uid: Option<&str>) -> anyhow::Result<&'a SeriesEntry> {
+    found.select(uid).map_err(|error| match error {
+        dicom::Error::SeveralSeries { .. } => {
+            anyhow::Error::new(error).context("choose a series with --series-uid UID")
+        }
+        other => other.into(),
+    })
 }
 
 /// What `--strict` means.

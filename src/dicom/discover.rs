@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::batches;
 use super::error::{Defect, Error, Reasons};
 use super::header::{self, FrameHeader, Rejection};
 use super::load::{Progress, Stage};
 use super::series::{self, SeriesEntry};
-use super::source;
+use super::source::{self, FileSource};
 use super::warnings::{Warning, WarningCode};
 
 /// What to do about files that are defective.
@@ -64,7 +65,9 @@ pub fn discover(
         step();
         outcome
     };
-    let outcomes: Vec<_> = files.par_iter().map(read).collect();
+    let batches = batches::of(files.iter().collect(), |file: &&FileSource| file.memory_bytes()).into_iter();
+    let outcomes: Vec<_> =
+        batches.flat_map(|files| files.into_par_iter().map(read).collect::<Vec<_>>()).collect();
     let (mut frames, mut skipped) = (Vec::new(), Vec::new());
     for (file, outcome) in files.iter().zip(outcomes) {
         match outcome {

@@ -41,7 +41,7 @@ pub enum Error {
         reasons: Reasons,
     },
     /// There are several series, and none was chosen.
-    #[error("{count} series found; choose one with --series-uid:{listing}")]
+    #[error("{count} series found, expected one or the UID of one:{listing}")]
     SeveralSeries {
         /// How many.
         count: usize,
@@ -99,6 +99,17 @@ pub enum Error {
         given: u64,
         /// Voxels allowed.
         limit: u64,
+    },
+    /// The volume is larger than [`LoadLimits`](super::LoadLimits) allow.
+    #[error(
+        "the volume needs {} MiB of memory, and {} MiB are allowed; choose a series of fewer or smaller slices",
+        needed.div_ceil(1 << 20), allowed >> 20
+    )]
+    TooLarge {
+        /// Bytes of its voxels, as the headers have it.
+        needed: u64,
+        /// Bytes allowed.
+        allowed: u64,
     },
     /// There is not enough memory.
     #[error("{voxels} voxels need {} MiB of memory, which cannot be had", voxels * 2 / (1 << 20))]
@@ -234,6 +245,14 @@ pub enum Defect {
         /// Columns (0028,0011).
         columns: u32,
         /// The limit.
+        limit: u64,
+    },
+    /// A zip entry that is larger than any that is unpacked.
+    #[error("found a zip entry of {} MiB, expected at most {} MiB", found >> 20, limit >> 20)]
+    LargeEntry {
+        /// Bytes unpacked, as the zip's directory has it.
+        found: u64,
+        /// The limit in bytes.
         limit: u64,
     },
     /// Deflated data that unpacks to more than is read.

@@ -37,6 +37,8 @@ pub(super) struct FileHeader {
     pub(super) syntax: Syntax,
     pub(super) layout: PixelLayout,
     pub(super) pixels: PixelElement,
+    /// Bytes that stay in memory while the file is open.
+    pub(super) memory_bytes: u64,
     /// Extended Offset Table (7FE0,0001), 64-bit little-endian offsets; empty when absent.
     pub(super) extended_offsets: Vec<u8>,
     pub(super) missing_rescale: bool,
@@ -151,6 +153,7 @@ pub(super) fn read(source: &FileSource) -> Result<Vec<FrameHeader>, Rejection> {
         modality: text(&walked.data, tags::MODALITY),
         sop_class: text(&walked.data, tags::SOP_CLASS_UID),
         pixels,
+        memory_bytes: source.memory_bytes() + object.inflated_bytes(),
         extended_offsets: walked.data.bytes(tags::EXTENDED_OFFSET_TABLE).unwrap_or_default().to_vec(),
         missing_rescale: rescales.iter().any(Option::is_none),
         lossy: text(&walked.data, tags::LOSSY_IMAGE_COMPRESSION) == "01",

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use crate::space::Transform;
 use crate::volume::{self, Grid, Volume};
 
+use super::batches;
 use super::codec::{self, Frames};
 use super::discover::{Strictness, header_warnings};
 use super::error::{Defect, Error, Reasons};
@@ -85,16 +86,56 @@ impl Loaded {
     }
 }
 
-/// Loads a series that [`discover`](super::discover()) has found.
+/// How much memory a volume may take.
+///
+/// The sizes of compressed slices are what their headers claim: a file of a few megabytes may well claim, and even
+/// hold, gigabytes. So the limit is checked before anything is allocated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LoadLimits {
+    /// Most bytes of voxels, two for each, of the stack as read and of the volume on its regular grid. While a stack
+    /// is resampled, both are there.
+    pub voxel_bytes: u64,
+}
+
+impl Default for LoadLimits {
+    /// 16 GiB: sixteen thousand slices of 512 x 512.
+    fn default() -> Self {
+        Self { voxel_bytes: 16 << 30 }
+    }
+}
+
+impl LoadLimits {
+    fn check(self, needed: u64) -> Result<(), Error> {
+        let allowed = self.voxel_bytes;
+        if needed > allowed { Err(Error::TooLarge { needed, allowed }) } else { Ok(()) }
+    }
+}
+
+/// Loads a series that [`discover`](super::discover()) has found, within the default [`LoadLimits`].
 ///
 /// # Errors
-/// When no slice can be decoded, positions are ambiguous or too uneven, or memory is short; under
-/// [`Strictness::Strict`] also when a single slice cannot be decoded or lies at another's position.
+/// As [`load_within`].
 pub fn load(
     entry: &SeriesEntry,
     strictness: Strictness,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Loaded, Error> {
+    load_within(LoadLimits::default(), entry, strictness, progress)
+}
+
+/// Loads a series that [`discover`](super::discover()) has found.
+///
+/// # Errors
+/// When the volume is larger than the limits allow, no slice can be decoded, positions are ambiguous or too uneven,
+/// or memory is short; under [`Strictness::Strict`] also when a single slice cannot be decoded or lies at another's
+/// position.
+pub fn load_within(
+    limits: LoadLimits,
+    entry: &SeriesEntry,
+    strictness: Strictness,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Loaded, Error> {
+    limits.check(entry.voxel_bytes())?;
     let mut warnings = entry.warnings.clone();
     let (frames, duplicates) = stack::arrange(&entry.frames)?;
     warnings.extend(duplicates);
@@ -113,6 +154,7 @@ pub fn load(
     }
     let [columns, rows, _] = dims(&frames);
     let regular = RegularGrid::over(&stack, [columns, rows])?;
+    limits.check(regular.voxel_bytes())?;
     warnings.extend(deviation.warnings(regular.slice_spacing_mm));
     let mut voxels = zeros(regular.dims.iter().product())?;
     regular.resample(&stack, &hu, outside_hu(&frames[0], &hu), &mut voxels);
@@ -188,8 +230,13 @@ fn decode(
     let tasks = frames.iter().enumerate().zip(hu.chunks_exact_mut(slice_len));
     let files = by_file(tasks.map(|((index, frame), place)| (index, frame, place)));
     let step = Progress::counter(Stage::Slices, frames.len(), progress);
-    let mut outcomes: Vec<Outcome> =
-        files.into_par_iter().flat_map(|tasks| decode_file(tasks, &step)).collect();
+    let memory = |tasks: &Vec<Task<'_>>| tasks[0].1.file.memory_bytes;
+    let batches = batches::of(files, memory).into_iter();
+    let mut outcomes: Vec<Outcome> = batches
+        .flat_map(|files| {
+            files.into_par_iter().flat_map(|tasks| decode_file(tasks, &step)).collect::<Vec<_>>()
+        })
+        .collect();
     outcomes.sort_by_key(|(index, _)| *index);
     let clipped = outcomes.iter().filter_map(|(_, outcome)| outcome.as_ref().ok()).sum();
     let failed: Vec<(usize, Defect)> =

@@ -21,6 +21,7 @@
 //! What it is not: a DICOM toolkit. Objects other than CT images are listed as skipped.
 
 mod attributes;
+mod batches;
 mod codec;
 mod codestream;
 mod dataset;
@@ -42,6 +43,6 @@ pub mod write;
 
 pub use discover::{Discovery, Skipped, Strictness, discover};
 pub use error::{Attribute, Defect, Error, Reasons};
-pub use load::{Loaded, Progress, Stage, load};
+pub use load::{LoadLimits, Loaded, Progress, Stage, load, load_within};
 pub use series::SeriesEntry;
 pub use warnings::{Warning, WarningCode};

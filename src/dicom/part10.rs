@@ -4,7 +4,6 @@
 //! The transfer syntax decides how elements are read here and how pixels are decoded in `codec`.
 
 use std::io::{Read, Seek, SeekFrom};
-use std::sync::Arc;
 
 use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
@@ -53,6 +52,16 @@ impl Object {
         let (mut reader, end) = self.bytes.open()?;
         reader.seek(SeekFrom::Start(self.start))?;
         dataset::walk(&mut reader, (self.start, end), self.syntax.encoding, keep)
+    }
+
+    /// Bytes of the inflated data set; 0 where none was deflated.
+    pub(super) fn inflated_bytes(&self) -> u64 {
+        match &self.bytes {
+            Bytes::Memory(bytes) if self.syntax.uid == uids::DEFLATED_EXPLICIT_VR_LITTLE_ENDIAN => {
+                bytes.len() as u64
+            }
+            _ => 0,
+        }
     }
 
     /// Whether this is a DICOMDIR.
@@ -193,7 +202,7 @@ fn syntax(meta: &Meta, reader: &mut Reader, position: u64) -> Result<Syntax, Def
     Ok(Syntax { uid: uid.to_owned(), encoding, guessed: true, directory })
 }
 
-fn inflate(reader: Reader) -> Result<Arc<[u8]>, Defect> {
+fn inflate(reader: Reader) -> Result<bytes::Bytes, Defect> {
     let mut bytes = Vec::new();
     flate2::read::DeflateDecoder::new(reader)
         .take(LARGEST_INFLATED + 1)

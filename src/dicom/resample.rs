@@ -51,6 +51,11 @@ impl RegularGrid {
         Ok(Self { dims, slice_spacing_mm: stack.extent_mm() / steps, slice_dims, before: [-i.0, -j.0] })
     }
 
+    /// Bytes of its voxels.
+    pub(super) fn voxel_bytes(&self) -> u64 {
+        (self.dims.iter().product::<usize>() * size_of::<i16>()) as u64 // bounded by `over`
+    }
+
     /// Patient position of the grid's first voxel.
     pub(super) fn origin(&self, stack: &Stack) -> DVec3 {
         let [i, j] = [0, 1].map(|axis| self.before[axis] * stack.spacing_mm[axis]);

@@ -56,6 +56,13 @@ impl SeriesEntry {
         [layout.columns as usize, layout.rows as usize, self.frames.len()]
     }
 
+    /// Bytes of a volume of these slices, as their headers have it; for compressed slices that is a claim.
+    #[must_use]
+    pub fn voxel_bytes(&self) -> u64 {
+        let voxel = size_of::<i16>() as u64;
+        self.dims().iter().fold(voxel, |bytes, &n| bytes.saturating_mul(n as u64))
+    }
+
     /// Distance between columns and between rows, mm.
     #[must_use]
     pub fn pixel_spacing_mm(&self) -> [f64; 2] {

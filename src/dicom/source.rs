@@ -25,7 +25,7 @@ const LARGEST_ZIP: u64 = 4 << 30;
 /// The most files one path may lead to: far more than any study has, few enough to list.
 const MOST_FILES: usize = 200_000;
 
-type SharedZip = ZipArchive<Cursor<Arc<[u8]>>>;
+type SharedZip = ZipArchive<Cursor<bytes::Bytes>>;
 
 /// One file that may hold a DICOM object.
 #[derive(Clone)]
@@ -37,13 +37,13 @@ pub(super) enum FileSource {
 /// A file's bytes, on disk or in memory.
 pub(super) enum Bytes {
     Disk(PathBuf),
-    Memory(Arc<[u8]>),
+    Memory(bytes::Bytes),
 }
 
 /// A reader of either.
 pub(super) enum Reader {
     Disk(BufReader<File>),
-    Memory(Cursor<Arc<[u8]>>),
+    Memory(Cursor<bytes::Bytes>),
 }
 
 impl FileSource {
@@ -53,6 +53,19 @@ impl FileSource {
             Self::Disk(path) => Ok(Bytes::Disk(path.clone())),
             Self::Zipped { archive, index, .. } => {
                 unpack(&mut SharedZip::clone(archive), *index).map(Bytes::Memory)
+            }
+        }
+    }
+}
+
+impl FileSource {
+    /// Bytes that [`FileSource::bytes`] keeps in memory: the size of a zip entry, which is a claim that it is held to.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        match self {
+            Self::Disk(_) => 0,
+            Self::Zipped { archive, index, .. } => {
+                let entry = archive.by_index_data(*index);
+                entry.map_or(0, |entry| entry.size()).min(LARGEST_ENTRY)
             }
         }
     }
@@ -82,7 +95,7 @@ impl Bytes {
                 let length = file.metadata()?.len();
                 Ok((Reader::Disk(BufReader::new(file)), length))
             }
-            Self::Memory(bytes) => Ok((Reader::Memory(Cursor::new(Arc::clone(bytes))), bytes.len() as u64)),
+            Self::Memory(bytes) => Ok((Reader::Memory(Cursor::new(bytes.clone())), bytes.len() as u64)),
         }
     }
 
@@ -195,7 +208,7 @@ fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
         let limit = LARGEST_ZIP >> 20;
         return Err(container(format!("found a zip of {} MiB, expected at most {limit}", length >> 20)));
     }
-    let bytes: Arc<[u8]> = std::fs::read(path).map_err(unreadable)?.into();
+    let bytes: bytes::Bytes = std::fs::read(path).map_err(unreadable)?.into();
     let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| container(error.to_string()))?;
     check_count(path, archive.len())?;
     let archive = Arc::new(archive);
@@ -211,16 +224,16 @@ fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
     Ok(files)
 }
 
-fn unpack(archive: &mut SharedZip, index: usize) -> Result<Arc<[u8]>, Defect> {
+fn unpack(archive: &mut SharedZip, index: usize) -> Result<bytes::Bytes, Defect> {
     let problem = |error: zip::result::ZipError| Defect::Unreadable(error.to_string());
     let entry = archive.by_index(index).map_err(problem)?;
-    let mut bytes = Vec::new();
-    // The size in the zip's directory is a claim; what counts is what comes out.
-    entry.take(LARGEST_ENTRY + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > LARGEST_ENTRY {
-        let limit = LARGEST_ENTRY >> 20;
-        return Err(Defect::Unreadable(format!("the zip entry unpacks to more than {limit} MiB")));
+    let found = entry.size();
+    if found > LARGEST_ENTRY {
+        return Err(Defect::LargeEntry { found, limit: LARGEST_ENTRY });
     }
+    // Memory grows with what comes out; more than the zip's directory states is an error of this reader.
+    let mut bytes = Vec::new();
+    entry.take(LARGEST_ENTRY).read_to_end(&mut bytes)?;
     Ok(bytes.into())
 }
 
