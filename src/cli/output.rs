@@ -73,3 +73,21 @@ pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     say!("{}", serde_json::to_string_pretty(value)?);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_has_the_permissions_that_any_new_file_has() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let [ours, any] = ["ours.png", "any"].map(|name| folder.path().join(name));
+        write_whole(&ours, b"whole").unwrap();
+        std::fs::write(&any, b"").unwrap();
+        let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&ours), mode(&any));
+        assert_eq!(std::fs::read(&ours).unwrap(), b"whole");
+    }
+}
