@@ -10,7 +10,7 @@ use super::upload::{Appearance, BRICK_EDGE, VolumeOnGpu, VoxelFormat};
 use crate::camera::Camera;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::units::DepthLimits;
-use crate::volume::{Grid, Volume};
+use crate::volume::{ContentHash, Grid, Volume};
 
 /// Volumes and appearances kept on the GPU; the least recently used goes first.
 const KEPT_VOLUMES: usize = 4;
@@ -167,6 +167,12 @@ impl Renderer {
         Ok(super::calibrate::sampling_rate(&self.gpu, &volume.view, &self.sampler)?)
     }
 
+    /// Frees what is kept of a volume: its voxels and the appearances made for it.
+    pub fn forget(&mut self, volume: ContentHash) {
+        self.volumes.retain(|known| known.hash != volume);
+        self.appearances.retain(|known| !known.is_of(volume));
+    }
+
     /// Uploads what is missing and submits the rays; gives the start of the render and the upload's time in ms.
     fn cast(
         &mut self,
@@ -303,7 +309,8 @@ fn depths(bytes: &[u8]) -> Vec<f32> {
     bytemuck::cast_slice::<u8, f32>(bytes).iter().map(depth).collect()
 }
 
-/// The volume's bounding sphere around the focal point, along the viewing axis: steady while the camera circles.
+/// The depth limits of a picture, view depth in mm: the volume's bounding sphere around the focal point, along the
+/// viewing axis. They are steady while the camera circles. Near is 0 where the eye is within the sphere.
 #[must_use]
 pub fn depth_limits(camera: &Camera, grid: &Grid) -> DepthLimits {
     let radius =

@@ -140,6 +140,11 @@ impl Appearance {
         })
     }
 
+    /// Whether it was made for this volume.
+    pub(super) fn is_of(&self, volume: ContentHash) -> bool {
+        self.volume == volume
+    }
+
     pub(super) fn fits(&self, volume: ContentHash, request: &RenderRequest) -> bool {
         self.volume == volume
             && self.mode == request.mode
