@@ -15,7 +15,10 @@ pub(super) struct FrameKey {
     pub(super) request: RenderRequest,
 }
 
-/// Recent frames, the latest first, within a limit of bytes.
+/// Most frames kept. A look for a frame compares it with all, and small frames are soon rendered again.
+const MOST_FRAMES: usize = 64;
+
+/// Recent frames, the latest first, within a limit of bytes and of [`MOST_FRAMES`].
 #[derive(Debug)]
 pub(super) struct FrameCache {
     frames: VecDeque<(FrameKey, Arc<RenderedFrame>)>,
@@ -37,19 +40,29 @@ impl FrameCache {
         Some(frame)
     }
 
-    /// Remembers a frame and forgets the oldest over the limit. A frame larger than the limit is not kept.
+    /// Remembers a frame and forgets the oldest over the limits. A frame larger than the limit is not kept.
     pub(super) fn put(&mut self, key: FrameKey, frame: Arc<RenderedFrame>) {
-        self.bytes += size_of_frame(&frame);
+        self.bytes += size_of_entry(&key, &frame);
         self.frames.push_front((key, frame));
-        while self.bytes > self.limit_bytes {
-            let Some((_, oldest)) = self.frames.pop_back() else { break };
-            self.bytes -= size_of_frame(&oldest);
+        while self.bytes > self.limit_bytes || self.frames.len() > MOST_FRAMES {
+            let Some((key, oldest)) = self.frames.pop_back() else { break };
+            self.bytes -= size_of_entry(&key, &oldest);
         }
+    }
+
+    /// Forgets all frames of a volume.
+    pub(super) fn forget(&mut self, volume: ContentHash) {
+        self.frames.retain(|(key, _)| key.volume != volume);
+        self.bytes = self.frames.iter().map(|(key, frame)| size_of_entry(key, frame)).sum();
     }
 }
 
-fn size_of_frame(frame: &RenderedFrame) -> usize {
-    size_of_val(frame.color_rgba.as_slice()) + size_of_val(frame.depth_mm.as_slice())
+/// Bytes of a frame and of the order that it is found by: the latter's control points outweigh a small picture.
+fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
+    let request = &key.request;
+    let lists = size_of_val(request.transfer.points()) + size_of_val(request.clip.planes.as_slice());
+    let pixels = size_of_val(frame.color_rgba.as_slice()) + size_of_val(frame.depth_mm.as_slice());
+    size_of_val(key) + lists + size_of_val(frame) + pixels
 }
 
 #[cfg(test)]
@@ -57,6 +70,7 @@ mod tests {
     use super::*;
     use crate::camera::Orbit;
     use crate::render::{SceneFile, Timings};
+    use crate::transfer::{ControlPoint, TransferFunction};
     use crate::units::DepthLimits;
     use crate::volume::Grid;
 
@@ -80,7 +94,8 @@ mod tests {
 
     #[test]
     fn the_least_recently_used_frame_goes_first() {
-        let mut cache = FrameCache::new(2 * 800);
+        let each = size_of_entry(&key(0.0), &frame(&key(0.0)));
+        let mut cache = FrameCache::new(2 * each);
         for azimuth in [0.0, 1.0] {
             cache.put(key(azimuth), frame(&key(azimuth)));
         }
@@ -88,12 +103,13 @@ mod tests {
         cache.put(key(2.0), frame(&key(2.0)));
         let kept = [0.0, 1.0, 2.0].map(|azimuth| cache.get(&key(azimuth)).is_some());
         assert_eq!(kept, [true, false, true]);
-        assert_eq!(cache.bytes, 1600);
+        assert_eq!(cache.bytes, 2 * each);
     }
 
     #[test]
     fn a_frame_over_the_limit_is_not_kept() {
-        let mut cache = FrameCache::new(799);
+        let pixels = 100 * (4 + 4);
+        let mut cache = FrameCache::new(pixels);
         cache.put(key(0.0), frame(&key(0.0)));
         assert!(cache.get(&key(0.0)).is_none());
         assert_eq!(cache.bytes, 0);
@@ -104,5 +120,51 @@ mod tests {
         let mut cache = FrameCache::new(8000);
         cache.put(key(0.0), frame(&key(0.0)));
         assert!(cache.get(&FrameKey { volume: ContentHash([8; 32]), ..key(0.0) }).is_none());
+    }
+
+    /// A 1x1 picture through as many control points as there may be.
+    fn small(mark: u32) -> (FrameKey, Arc<RenderedFrame>) {
+        let point = |i: usize| ControlPoint { hu: i as f64, rgba: [0.5; 4] };
+        let transfer = TransferFunction::new((0..TransferFunction::MAX_POINTS).map(point).collect(), 1.0);
+        let mut key = key(f64::from(mark) * 0.01);
+        key.request.transfer = transfer.unwrap();
+        let pixels = (vec![[0; 4]; 1], vec![0.0; 1]);
+        let one = RenderedFrame {
+            size_px: [1, 1],
+            color_rgba: pixels.0,
+            depth_mm: pixels.1,
+            ..(*frame(&key)).clone()
+        };
+        (key, Arc::new(one))
+    }
+
+    #[test]
+    fn ten_thousand_small_frames_stay_within_the_limits() {
+        let points = TransferFunction::MAX_POINTS * size_of::<ControlPoint>();
+        let mut by_count = FrameCache::new(64 << 20);
+        let mut by_bytes = FrameCache::new(10 * points);
+        for mark in 0..10_000 {
+            let (key, frame) = small(mark);
+            by_count.put(key.clone(), Arc::clone(&frame));
+            by_bytes.put(key, frame);
+        }
+        assert_eq!(by_count.frames.len(), MOST_FRAMES);
+        assert_eq!(by_bytes.frames.len(), 9, "ten lists of points leave no room for ten frames");
+        assert!(by_count.get(&small(9999).0).is_some() && by_count.get(&small(9999 - 64).0).is_none());
+    }
+
+    #[test]
+    fn a_forgotten_volume_takes_its_frames_and_their_bytes_along() {
+        let mut cache = FrameCache::new(1 << 20);
+        let kept = FrameKey { volume: ContentHash([8; 32]), ..key(0.0) };
+        cache.put(kept.clone(), frame(&kept));
+        let bytes = cache.bytes;
+        for azimuth in [0.0, 1.0] {
+            cache.put(key(azimuth), frame(&key(azimuth)));
+        }
+        cache.forget(ContentHash([7; 32]));
+        assert!(cache.get(&key(0.0)).is_none() && cache.get(&key(1.0)).is_none());
+        assert!(cache.get(&kept).is_some());
+        assert_eq!(cache.bytes, bytes);
     }
 }

@@ -14,7 +14,7 @@ mod ticket;
 use std::sync::Arc;
 
 use crate::render::{RenderRequest, RenderedFrame};
-use crate::volume::Volume;
+use crate::volume::{ContentHash, Volume};
 
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use service::{QueueConfig, RenderService};
@@ -27,6 +27,9 @@ pub trait RenderBackend: Send + 'static {
     /// # Errors
     /// When this request cannot be rendered; the service answers with the error and goes on.
     fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError>;
+
+    /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders needs none.
+    fn forget(&mut self, _volume: ContentHash) {}
 }
 
 /// Why a backend gave no frame.

@@ -1,12 +1,13 @@
 //! The render thread and the bounded queue before it.
 //!
 //! One thread owns the backend, because a device is used from one place at a time; orders wait in a queue of fixed
-//! length, and one more is refused rather than kept. An order that nobody waits for any more is skipped.
+//! length, and one more is refused rather than kept. An order that nobody waits for any more is skipped. What makes
+//! room, forgetting a volume, goes through the same queue, but is never refused.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -15,7 +16,7 @@ use super::cache::{FrameCache, FrameKey};
 use super::ticket::{Promise, Ticket, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
 use crate::render::{RenderRequest, RenderedFrame};
-use crate::volume::Volume;
+use crate::volume::{ContentHash, Volume};
 
 /// How much a service keeps.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +36,7 @@ impl Default for QueueConfig {
 /// Owns the thread that renders. Dropping it, or [`RenderService::shut_down`], lets the queue run empty first.
 #[derive(Debug)]
 pub struct RenderService {
-    queue: Mutex<Option<SyncSender<Order>>>,
+    queue: Mutex<Option<Sender<Job>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
     shared: Arc<Shared>,
     capacity: usize,
@@ -44,8 +45,16 @@ pub struct RenderService {
 /// What the service and its thread both see.
 #[derive(Debug)]
 struct Shared {
+    /// Orders in the queue: it bounds them, since the channel does not.
     waiting: AtomicUsize,
     recent: Mutex<FrameCache>,
+    is_healthy: AtomicBool,
+}
+
+/// What the thread is told to do.
+enum Job {
+    Render(Box<Order>),
+    Forget(ContentHash),
 }
 
 struct Order {
@@ -61,9 +70,10 @@ impl RenderService {
     /// # Errors
     /// When the system gives no thread.
     pub fn start(backend: impl RenderBackend, config: QueueConfig) -> std::io::Result<Self> {
-        let (sender, receiver) = sync_channel(config.capacity);
+        let (sender, receiver) = channel();
         let recent = Mutex::new(FrameCache::new(config.recent_bytes));
-        let shared = Arc::new(Shared { waiting: AtomicUsize::new(0), recent });
+        let (waiting, is_healthy) = (AtomicUsize::new(0), AtomicBool::new(true));
+        let shared = Arc::new(Shared { waiting, recent, is_healthy });
         let seen = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
             .name("relief-render".into())
@@ -89,16 +99,25 @@ impl RenderService {
         let order = Order { volume: volume.clone(), key, promise, since: Instant::now() };
         let queue = lock(&self.queue);
         let sender = queue.as_ref().ok_or(ServiceError::Stopped)?;
-        // Counted first: the thread may take the order, and count it off, before `try_send` returns.
-        self.shared.waiting.fetch_add(1, Ordering::Relaxed);
-        sender.try_send(order).map_err(|error| {
-            self.shared.waiting.fetch_sub(1, Ordering::Relaxed);
-            match error {
-                TrySendError::Full(_) => ServiceError::Busy(self.capacity),
-                TrySendError::Disconnected(_) => ServiceError::Stopped,
-            }
+        // Counted first: the thread may take the order, and count it off, before `send` returns.
+        let waiting = &self.shared.waiting;
+        let one_more = |count: usize| (count < self.capacity).then_some(count + 1);
+        waiting
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, one_more)
+            .map_err(|_| ServiceError::Busy(self.capacity))?;
+        sender.send(Job::Render(Box::new(order))).map_err(|_| {
+            waiting.fetch_sub(1, Ordering::Relaxed);
+            ServiceError::Stopped
         })?;
         Ok(ticket)
+    }
+
+    /// Drops what is kept of a volume: its recent frames at once, what the backend has after the orders before.
+    pub fn forget(&self, volume: ContentHash) {
+        lock(&self.shared.recent).forget(volume);
+        if let Some(sender) = lock(&self.queue).as_ref() {
+            let _ = sender.send(Job::Forget(volume)); // a thread that has ended keeps nothing
+        }
     }
 
     /// Orders in the queue, without the one that renders.
@@ -111,6 +130,12 @@ impl RenderService {
     #[must_use]
     pub fn is_alive(&self) -> bool {
         lock(&self.thread).as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// Whether the backend works, as far as is known: not after it failed, until a render succeeds.
+    #[must_use]
+    pub fn is_healthy(&self) -> bool {
+        self.shared.is_healthy.load(Ordering::Relaxed)
     }
 
     /// Takes no more orders, lets the queue run empty and waits for the thread; blocks. A second call does nothing.
@@ -126,36 +151,63 @@ impl RenderService {
 }
 
 /// The render thread: until the queue is closed and empty.
-fn work(mut backend: impl RenderBackend, orders: &Receiver<Order>, shared: &Shared) {
-    while let Ok(order) = orders.recv() {
-        shared.waiting.fetch_sub(1, Ordering::Relaxed);
-        if !order.promise.is_wanted() {
-            tracing::debug!("skipped an order that nobody waits for");
-            continue;
+fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &Shared) {
+    while let Ok(job) = jobs.recv() {
+        match job {
+            Job::Render(order) => {
+                shared.waiting.fetch_sub(1, Ordering::Relaxed);
+                answer(&mut backend, *order, shared);
+            }
+            Job::Forget(volume) => {
+                // Again: orders that were before this one have put frames there since.
+                lock(&shared.recent).forget(volume);
+                if let Err(panic) = guarded(|| backend.forget(volume)) {
+                    tracing::error!(panic, "forgetting a volume panicked");
+                }
+            }
         }
-        let queue_ms = order.since.elapsed().as_secs_f64() * 1e3;
-        // An equal order may have been rendered while this one waited.
-        let recent = lock(&shared.recent).get(&order.key);
-        let outcome = match recent {
-            Some(frame) => Ok(Rendered { frame, queue_ms, origin: Origin::Reused }),
-            None => render(&mut backend, &order).map(|frame| {
-                let frame = Arc::new(frame);
-                lock(&shared.recent).put(order.key, Arc::clone(&frame));
-                Rendered { frame, queue_ms, origin: Origin::Rendered }
-            }),
-        };
-        order.promise.keep(outcome);
     }
 }
 
-/// One render. A panic in it is answered as an error and the thread goes on: one bad request must not stop the
-/// frames of all others. The backend is used again afterwards, so it must not rely on having finished a call.
-fn render(backend: &mut impl RenderBackend, order: &Order) -> Result<RenderedFrame, ServiceError> {
-    let attempt = AssertUnwindSafe(|| backend.render(&order.volume, &order.key.request));
-    match catch_unwind(attempt) {
-        Ok(outcome) => outcome.map_err(|error: BackendError| error.into()),
-        Err(panic) => Err(ServiceError::Panicked(panic_text(panic.as_ref()))),
+/// Answers one order, from the recent frames if it can.
+fn answer(backend: &mut impl RenderBackend, order: Order, shared: &Shared) {
+    if !order.promise.is_wanted() {
+        tracing::debug!("skipped an order that nobody waits for");
+        return;
     }
+    let queue_ms = order.since.elapsed().as_secs_f64() * 1e3;
+    // An equal order may have been rendered while this one waited.
+    let recent = lock(&shared.recent).get(&order.key);
+    let outcome = match recent {
+        Some(frame) => Ok(Rendered { frame, queue_ms, origin: Origin::Reused }),
+        None => render(backend, &order, &shared.is_healthy).map(|frame| {
+            let frame = Arc::new(frame);
+            lock(&shared.recent).put(order.key, Arc::clone(&frame));
+            Rendered { frame, queue_ms, origin: Origin::Rendered }
+        }),
+    };
+    order.promise.keep(outcome);
+}
+
+/// One render, and what it tells about the backend. A refusal tells nothing: it is about the request.
+fn render(
+    backend: &mut impl RenderBackend,
+    order: &Order,
+    is_healthy: &AtomicBool,
+) -> Result<RenderedFrame, ServiceError> {
+    let outcome = guarded(|| backend.render(&order.volume, &order.key.request));
+    match outcome {
+        Ok(Ok(_)) => is_healthy.store(true, Ordering::Relaxed),
+        Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),
+        Ok(Err(BackendError::Refused(_))) | Err(_) => {}
+    }
+    Ok(outcome.map_err(ServiceError::Panicked)??)
+}
+
+/// A call of the backend. A panic in it becomes its message and the thread goes on: one bad request must not stop
+/// the frames of all others. The backend is used again afterwards, so it must not rely on having finished a call.
+fn guarded<T>(call: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(call)).map_err(|panic| panic_text(panic.as_ref()))
 }
 
 fn panic_text(panic: &(dyn Any + Send)) -> String {

@@ -12,6 +12,7 @@ use crate::volume::Grid;
 struct Gated {
     go: Receiver<()>,
     started: SyncSender<f64>,
+    forgotten: SyncSender<ContentHash>,
 }
 
 impl RenderBackend for Gated {
@@ -21,6 +22,7 @@ impl RenderBackend for Gated {
         match request.sample_distance_mm {
             13.0 => panic!("unlucky"),
             14.0 => Err(BackendError::Refused("too large".into())),
+            15.0 => Err(BackendError::Failed("lost".into())),
             _ => Ok(RenderedFrame {
                 size_px: [1, 1],
                 color_rgba: vec![[1; 4]],
@@ -31,12 +33,17 @@ impl RenderBackend for Gated {
             }),
         }
     }
+
+    fn forget(&mut self, volume: ContentHash) {
+        let _ = self.forgotten.try_send(volume);
+    }
 }
 
 struct Bench {
     service: RenderService,
     go: SyncSender<()>,
     started: Receiver<f64>,
+    forgotten: Receiver<ContentHash>,
     volume: Volume,
 }
 
@@ -44,9 +51,11 @@ impl Bench {
     fn new(capacity: usize) -> Self {
         let ((go, gate), (starting, started)) = (sync_channel(64), sync_channel(64));
         let config = QueueConfig { capacity, ..QueueConfig::default() };
-        let service = RenderService::start(Gated { go: gate, started: starting }, config).unwrap();
+        let (forgetting, forgotten) = sync_channel(64);
+        let backend = Gated { go: gate, started: starting, forgotten: forgetting };
+        let service = RenderService::start(backend, config).unwrap();
         let grid = Grid::axis_aligned([2; 3], [1.0; 3], [0.0; 3]).unwrap();
-        Self { service, go, started, volume: Volume::new(grid, vec![0; 8]).unwrap() }
+        Self { service, go, started, forgotten, volume: Volume::new(grid, vec![0; 8]).unwrap() }
     }
 
     /// An order told apart from others by its sample distance.
@@ -126,4 +135,33 @@ fn shutting_down_answers_what_waits_and_refuses_more() {
     assert!(matches!(bench.order(3.0), Err(ServiceError::Stopped)));
     assert!(!bench.service.is_alive());
     bench.service.shut_down();
+}
+
+#[test]
+fn a_forgotten_volume_leaves_no_frame_even_of_orders_that_wait() {
+    let bench = Bench::new(2);
+    let hash = bench.volume.content_hash();
+    bench.go.send(()).unwrap();
+    bench.order(1.0).unwrap().wait().unwrap();
+    let tickets = [2.0, 3.0].map(|mark| bench.order(mark).unwrap());
+    bench.service.forget(hash); // the queue may be full by now
+    assert!(bench.forgotten.try_recv().is_err(), "a render is running");
+    for _ in 0..3 {
+        bench.go.send(()).unwrap();
+    }
+    for ticket in tickets {
+        ticket.wait().unwrap();
+    }
+    assert_eq!(bench.forgotten.recv().unwrap(), hash);
+    assert_eq!(bench.order(3.0).unwrap().wait().unwrap().origin, Origin::Rendered);
+}
+
+#[test]
+fn a_backend_that_failed_is_unhealthy_until_it_renders() {
+    let bench = Bench::new(4);
+    for (mark, is_healthy) in [(14.0, true), (15.0, false), (14.0, false), (13.0, false), (1.0, true)] {
+        bench.go.send(()).unwrap();
+        let _ = bench.order(mark).unwrap().wait();
+        assert_eq!(bench.service.is_healthy(), is_healthy, "{mark}");
+    }
 }
