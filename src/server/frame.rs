@@ -11,17 +11,19 @@ use axum::body::{Body, Bytes};
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
+use axum::routing::{MethodRouter, get};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use super::blocking::on_blocking_thread;
 use super::camera::camera_json;
 use super::guard::read_body;
-use super::negotiate::negotiate;
+use super::negotiate::{knows_tag, negotiate};
 use super::problem::Problem;
 use super::query::{Order, Query};
 use super::state::Server;
 use super::volumes::Entry;
-use crate::render::{RequestError, Scene};
+use crate::render::{RequestError, Scene, depth_limits};
 use crate::session::{FileFormat, Origin, Product, Rendered, encode};
 
 /// A browser asks again after a minute, and gets 304 for what has not changed.
@@ -35,42 +37,19 @@ static SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
 type Shared = State<Arc<Server>>;
 
-pub(super) async fn get_frame(
-    s: Shared,
-    id: Path<String>,
-    uri: Uri,
-    h: HeaderMap,
-) -> Result<Response, Problem> {
-    by_query(&s, &id, &uri, &h, Product::Frame).await
-}
-
-pub(super) async fn get_depth(
-    s: Shared,
-    id: Path<String>,
-    uri: Uri,
-    h: HeaderMap,
-) -> Result<Response, Problem> {
-    by_query(&s, &id, &uri, &h, Product::Depth).await
-}
-
-pub(super) async fn post_frame(
-    s: Shared,
-    id: Path<String>,
-    uri: Uri,
-    h: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
-    by_body(&s, &id, &uri, &h, body, Product::Frame).await
-}
-
-pub(super) async fn post_depth(
-    s: Shared,
-    id: Path<String>,
-    uri: Uri,
-    h: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
-    by_body(&s, &id, &uri, &h, body, Product::Depth).await
+/// The routes of a product: a scene in the query of a GET or in the body of a POST.
+pub(super) fn routes(product: Product) -> MethodRouter<Arc<Server>> {
+    let by_query = move |State(server): Shared, Path(id): Path<String>, uri: Uri, headers: HeaderMap| async move {
+        by_query(&server, &id, &uri, &headers, product).await
+    };
+    let by_body = move |State(server): Shared,
+                        Path(id): Path<String>,
+                        uri: Uri,
+                        headers: HeaderMap,
+                        body: Body| async move {
+        by_body(&server, &id, &uri, &headers, body, product).await
+    };
+    get(by_query).post(by_body)
 }
 
 pub(super) async fn get_pick(
@@ -158,7 +137,8 @@ impl SizeRule {
     }
 }
 
-/// The complete scene. A size that contradicts the layout is refused where the answer has that layout.
+/// The complete scene. A size that contradicts the layout is refused where the answer has that layout, and a depth
+/// limit that contradicts the volume's always: nothing is rendered for what cannot be answered.
 fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem> {
     let display = order.file.display();
     display.validate()?;
@@ -176,6 +156,7 @@ fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem
         }
         _ => {}
     }
+    scene.display.limits(depth_limits(&scene.request.camera, entry.volume.grid()))?;
     Ok(scene)
 }
 
@@ -211,10 +192,14 @@ async fn render(server: &Server, entry: &Entry, scene: &Scene) -> Result<Rendere
         Err(refused) => Err(refused),
     };
     server.metrics.rendered(&outcome);
+    if !server.volumes.has(entry) {
+        // Removed since it was found: the frame must not outlive it.
+        server.service.forget(entry.volume.content_hash());
+    }
     Ok(outcome?)
 }
 
-/// Encodes on a blocking thread, as many at a time as there are cores.
+/// Encodes on a blocking thread, as many at a time as there are cores, those whose clients have left included.
 async fn encode_apart(
     server: &Server,
     rendered: &Rendered,
@@ -222,12 +207,12 @@ async fn encode_apart(
     product: Product,
     media: FileFormat,
 ) -> Result<(Bytes, f64), Problem> {
-    let permit = server.encoders.acquire().await.map_err(|closed| Problem::internal("encoding", closed))?;
+    let place = Arc::clone(&server.encoders).acquire_owned().await;
+    let place = place.map_err(|closed| Problem::internal("encoding", closed))?;
     let frame = Arc::clone(&rendered.frame);
     let since = Instant::now();
-    let job = tokio::task::spawn_blocking(move || encode(&frame, &scene.display, product, media));
-    let encoded = job.await.map_err(|panic| Problem::internal("encoding", panic))?;
-    drop(permit);
+    let job = move || encode(&frame, &scene.display, product, media);
+    let encoded = on_blocking_thread(place, "encoding", job).await?;
     let bytes = encoded.map_err(|error| Problem::internal("encoding", error))?;
     Ok((bytes.into(), since.elapsed().as_secs_f64() * 1e3))
 }
@@ -279,13 +264,9 @@ fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, product: Product, m
 
 /// 304 for a GET, and 412 for a POST, whose `If-None-Match` names what it would get (RFC 9110, 13.1.2).
 fn unchanged(headers: &HeaderMap, tag: &str, method: &Method) -> Option<StatusCode> {
-    let values = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-    let opaque = tag.trim_start_matches("W/");
-    let mut known = values.flat_map(|value| value.split(',')).map(str::trim);
-    let matches = known.any(|known| known == "*" || known.trim_start_matches("W/") == opaque);
     let status =
         if *method == Method::GET { StatusCode::NOT_MODIFIED } else { StatusCode::PRECONDITION_FAILED };
-    matches.then_some(status)
+    knows_tag(headers, tag).then_some(status)
 }
 
 fn validators(tag: &str) -> HeaderMap {

@@ -42,14 +42,15 @@ fn authority(host: Option<&HeaderValue>) -> Option<Authority> {
     host?.to_str().ok()?.parse().ok()
 }
 
-/// Ends a request that takes too long. Its order leaves the render queue with it.
+/// Ends a request that takes too long. Its order leaves the render queue with it. That is no 503: the same order
+/// would take as long again.
 pub(super) async fn deadline(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
     let limit = server.config.request_timeout;
     match tokio::time::timeout(limit, next.run(request)).await {
         Ok(response) => response,
         Err(_) => {
             let detail = format!("no answer within {} s", limit.as_secs_f64());
-            Problem::unavailable("timeout", detail).into_response()
+            Problem::new(StatusCode::GATEWAY_TIMEOUT, "timeout", detail).into_response()
         }
     }
 }

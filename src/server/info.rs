@@ -30,29 +30,40 @@ pub(super) async fn healthz() -> Json<Value> {
     Json(json!({ "status": "alive", "version": env!("CARGO_PKG_VERSION") }))
 }
 
-/// Frames can be rendered: the render thread lives and a volume is here.
-pub(super) async fn readyz(State(server): State<Arc<Server>>) -> Result<Json<Value>, Problem> {
+/// The number of volumes when the server can do what it is for: the renderer works, every series of the operator is
+/// loaded, and there is a volume or a client may bring one.
+fn readiness(server: &Server) -> Result<usize, Problem> {
     let (volumes, loading) = server.volumes.count();
     if !server.service.is_alive() {
         return Err(Problem::unavailable("renderer-ended", "the render thread has ended"));
     }
-    if volumes == 0 {
-        let detail = match loading {
-            0 => "no volume is loaded; upload one".to_owned(),
-            n => format!("{n} series are being loaded"),
-        };
-        return Err(Problem::unavailable("no-volume", detail).with("loading", loading));
+    if !server.service.is_healthy() {
+        return Err(Problem::unavailable(
+            "renderer-failed",
+            "the last picture failed in the graphics adapter",
+        ));
     }
-    let adapter = &server.config.adapter;
-    Ok(Json(json!({ "status": "ready", "adapter": adapter, "volumes": volumes, "loading": loading })))
+    if loading > 0 {
+        let detail = format!("{loading} series are being loaded");
+        return Err(Problem::unavailable("loading", detail).with("loading", loading));
+    }
+    if volumes == 0 && server.config.uploads.is_none() {
+        return Err(Problem::unavailable("no-volume", "no volume is loaded, and uploads are off"));
+    }
+    Ok(volumes)
+}
+
+/// Whether requests should be sent here.
+pub(super) async fn readyz(State(server): State<Arc<Server>>) -> Result<Json<Value>, Problem> {
+    let volumes = readiness(&server)?;
+    Ok(Json(json!({ "status": "ready", "adapter": server.config.adapter, "volumes": volumes })))
 }
 
 pub(super) async fn metrics(State(server): State<Arc<Server>>) -> impl IntoResponse {
-    let (volumes, _) = server.volumes.count();
     let gauges = Gauges {
         waiting: server.service.waiting(),
-        volumes,
-        ready: server.service.is_alive() && volumes > 0,
+        volumes: server.volumes.count().0,
+        ready: readiness(&server).is_ok(),
         uptime: server.started.elapsed(),
     };
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], server.metrics.text(gauges))

@@ -19,6 +19,7 @@
 //! | `/openapi.json` | GET | this table for programs |
 //! | `/` and its files | GET | the page |
 
+mod blocking;
 mod camera;
 mod frame;
 mod guard;
@@ -43,6 +44,7 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::get;
 use tower_http::catch_panic::CatchPanicLayer;
 
+use crate::session::Product;
 use problem::Problem;
 
 pub use listen::{ConnectionLimits, Drained, serve};
@@ -53,8 +55,8 @@ pub use volumes::LoadedVolume;
 pub fn app(server: Arc<Server>) -> Router {
     let bounded = Router::new()
         .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
-        .route("/v1/volumes/{id}/frame", get(frame::get_frame).post(frame::post_frame))
-        .route("/v1/volumes/{id}/depth", get(frame::get_depth).post(frame::post_depth))
+        .route("/v1/volumes/{id}/frame", frame::routes(Product::Frame))
+        .route("/v1/volumes/{id}/depth", frame::routes(Product::Depth))
         .route("/v1/volumes/{id}/pick", get(frame::get_pick).post(frame::post_pick))
         .route("/v1/presets", get(info::presets))
         .route("/healthz", get(info::healthz))

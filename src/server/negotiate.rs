@@ -1,4 +1,4 @@
-//! Content negotiation: which of the media types on offer an `Accept` header prefers.
+//! What headers of a request say about the answer: the media type, and whether the client has it already.
 //!
 //! RFC 9110, 12.5.1: each offer gets the weight of the most specific range that matches it; the largest weight wins,
 //! and among equals the server's order. Media type parameters other than `q` are not told apart.
@@ -29,6 +29,14 @@ pub(super) fn negotiate(headers: &HeaderMap, offers: &[FileFormat]) -> Result<Fi
         let detail = format!("none of what Accept allows is on offer; on offer: {}", names.join(", "));
         Problem::new(StatusCode::NOT_ACCEPTABLE, "not-acceptable", detail).with("offers", Value::from(names))
     })
+}
+
+/// Whether `If-None-Match` names this tag, or `*`, by the weak comparison (RFC 9110, 13.1.2). Tags hold no commas.
+pub(super) fn knows_tag(headers: &HeaderMap, tag: &str) -> bool {
+    let values = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+    let opaque = tag.trim_start_matches("W/");
+    let mut known = values.flat_map(|value| value.split(',')).map(str::trim);
+    known.any(|known| known == "*" || known.trim_start_matches("W/") == opaque)
 }
 
 /// One media range of an Accept header.
@@ -94,6 +102,24 @@ mod tests {
             ("nonsense", None),
         ] {
             assert_eq!(choice(accept), media, "{accept:?}");
+        }
+    }
+
+    #[test]
+    fn tags_compare_weakly_in_lists_and_lines() {
+        for (values, tag, known) in [
+            (&[r#""a""#][..], r#""a""#, true),
+            (&[r#"W/"a""#], r#""a""#, true),
+            (&[r#""a""#], r#"W/"a""#, true),
+            (&[r#""b" , W/"a""#], r#""a""#, true),
+            (&[r#""b""#, r#""a""#], r#""a""#, true),
+            (&["*"], r#""a""#, true),
+            (&["a"], r#""a""#, false),
+            (&[r#""ab""#], r#""a""#, false),
+            (&[], r#""a""#, false),
+        ] {
+            let line = |value: &&str| (header::IF_NONE_MATCH, value.parse().unwrap());
+            assert_eq!(knows_tag(&values.iter().map(line).collect(), tag), known, "{values:?} {tag}");
         }
     }
 

@@ -8,6 +8,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use sha2::{Digest, Sha256};
 
+use super::negotiate::knows_tag;
 use super::state::Server;
 
 /// Own scripts and styles only; pictures arrive as blobs. The same for all files: only the page itself obeys it.
@@ -50,8 +51,7 @@ fn file(headers: &HeaderMap, media: &'static str, content: &'static str) -> Resp
         (header::CACHE_CONTROL, "no-cache"),
         (header::CONTENT_SECURITY_POLICY, POLICY),
     ];
-    let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
-    if known.is_some_and(|known| known.split(',').any(|known| known.trim() == TAG.as_str())) {
+    if knows_tag(headers, &TAG) {
         return (StatusCode::NOT_MODIFIED, always).into_response();
     }
     (always, [(header::CONTENT_TYPE, media)], content).into_response()

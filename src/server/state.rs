@@ -36,6 +36,9 @@ pub struct Config {
 pub struct UploadLimits {
     /// Largest file, bytes.
     pub file_bytes: u64,
+    /// Slowest mean rate at which a file may come, bytes per second, after a first [`Config::body_timeout`]: an
+    /// upload holds the only place for uploads.
+    pub slowest_bytes_per_s: u64,
     /// Most volumes that uploads may add.
     pub volumes: usize,
     /// Most bytes of voxels that uploads may add.
@@ -57,7 +60,7 @@ impl Default for Config {
 
 impl Default for UploadLimits {
     fn default() -> Self {
-        Self { file_bytes: 2 << 30, volumes: 8, voxel_bytes: 4 << 30 }
+        Self { file_bytes: 2 << 30, slowest_bytes_per_s: 512 << 10, volumes: 8, voxel_bytes: 4 << 30 }
     }
 }
 
@@ -68,10 +71,10 @@ pub struct Server {
     pub(super) volumes: Volumes,
     pub(super) metrics: Metrics,
     pub(super) loader: VolumeLoader,
-    /// Encoders at work, so that they leave the async threads and the machine's memory alone.
-    pub(super) encoders: Semaphore,
-    /// Uploads at work: one at a time.
-    pub(super) upload: Semaphore,
+    /// Places of encoders at work, so that they leave the async threads and the machine's memory alone.
+    pub(super) encoders: Arc<Semaphore>,
+    /// The place of an upload at work: one at a time.
+    pub(super) upload: Arc<Semaphore>,
     pub(super) started: Instant,
 }
 
@@ -86,8 +89,8 @@ impl Server {
             volumes: Volumes::default(),
             metrics: Metrics::default(),
             loader,
-            encoders: Semaphore::new(cores),
-            upload: Semaphore::new(1),
+            encoders: Arc::new(Semaphore::new(cores)),
+            upload: Arc::new(Semaphore::new(1)),
             started: Instant::now(),
         }
     }

@@ -1,8 +1,11 @@
 //! Uploads: a zip of a series becomes a volume.
 //!
-//! The file is streamed to disk under a limit, one upload at a time, and removed when it has been read.
+//! The file is streamed to disk under limits of size and time, one upload at a time, and removed when it has been
+//! read. Reading it goes on when the client has left, and so does its turn.
 
+use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use axum::Json;
 use axum::body::Body;
@@ -12,10 +15,11 @@ use axum::response::{IntoResponse, Response};
 use tempfile::TempPath;
 use tokio::io::AsyncWriteExt;
 
+use super::blocking::on_blocking_thread;
 use super::guard::{expect_content_type, next_part, too_large};
 use super::problem::Problem;
 use super::state::{Server, UploadLimits};
-use super::volumes::{AddError, Added, LoadedVolume};
+use super::volumes::{Added, Entry};
 
 pub(super) async fn upload(
     State(server): State<Arc<Server>>,
@@ -23,18 +27,18 @@ pub(super) async fn upload(
     body: Body,
 ) -> Result<Response, Problem> {
     let Some(limits) = server.config.uploads else {
-        let detail = "uploads are off; start the server with --allow-upload";
+        let detail = "uploads are off; start the server with --uploads on";
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
     };
     expect_content_type(&headers, "application/zip")?;
     check_length(&headers, limits.file_bytes)?;
-    let _turn = server
-        .upload
-        .try_acquire()
+    let turn = Arc::clone(&server.upload)
+        .try_acquire_owned()
         .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let path = receive(body, &server, limits.file_bytes).await?;
-    let loaded = load(&server, path).await?;
-    let (entry, added) = add(&server, loaded, limits).await?;
+    let path = receive(body, server.config.body_timeout, limits).await?;
+    let reader = Arc::clone(&server);
+    let job = move || read(&reader, &path, limits);
+    let (entry, added) = on_blocking_thread(turn, "reading the upload", job).await??;
     let status = match added {
         Added::New => StatusCode::CREATED,
         Added::Known => StatusCode::OK,
@@ -50,16 +54,22 @@ fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
     if length.is_some_and(|length| length > limit) { Err(too_large(limit)) } else { Ok(()) }
 }
 
-async fn receive(mut body: Body, server: &Server, limit: u64) -> Result<TempPath, Problem> {
+/// The body as a file. The slower it comes, the sooner it must be whole: waits count against the slowest rate.
+async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Result<TempPath, Problem> {
     let failed = |error: std::io::Error| Problem::internal("storing the upload", error);
     let file = tempfile::Builder::new().prefix("relief-upload-").suffix(".zip").tempfile().map_err(failed)?;
     let (file, path) = file.into_parts();
     let mut file = tokio::fs::File::from_std(file);
-    let mut received = 0u64;
-    while let Some(part) = next_part(&mut body, server.config.body_timeout).await? {
+    let (since, mut received) = (Instant::now(), 0u64);
+    loop {
+        let left = (patience + time_for(received, limits)).saturating_sub(since.elapsed());
+        if left.is_zero() {
+            return Err(too_slow(limits));
+        }
+        let Some(part) = next_part(&mut body, left.min(patience)).await? else { break };
         received += part.len() as u64;
-        if received > limit {
-            return Err(too_large(limit));
+        if received > limits.file_bytes {
+            return Err(too_large(limits.file_bytes));
         }
         file.write_all(&part).await.map_err(failed)?;
     }
@@ -67,22 +77,20 @@ async fn receive(mut body: Body, server: &Server, limit: u64) -> Result<TempPath
     Ok(path)
 }
 
-async fn load(server: &Server, path: TempPath) -> Result<LoadedVolume, Problem> {
-    let loader = Arc::clone(&server.loader);
-    // The path goes along: the file is removed when it has been read, whatever became of the client.
-    let job = tokio::task::spawn_blocking(move || loader(&path));
-    let loaded = job.await.map_err(|panic| Problem::internal("reading the upload", panic))?;
-    loaded.map_err(|reason| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unreadable-series", reason))
+/// How long this many bytes may take.
+fn time_for(bytes: u64, limits: UploadLimits) -> Duration {
+    Duration::from_secs_f64(bytes as f64 / limits.slowest_bytes_per_s.max(1) as f64)
 }
 
-async fn add(
-    server: &Arc<Server>,
-    loaded: LoadedVolume,
-    limits: UploadLimits,
-) -> Result<(Arc<super::volumes::Entry>, Added), Problem> {
-    let server = Arc::clone(server);
-    // Hashing the voxels takes a while.
-    let job = tokio::task::spawn_blocking(move || server.volumes.add_upload(loaded, limits));
-    let added = job.await.map_err(|panic| Problem::internal("adding the upload", panic))?;
-    added.map_err(|full: AddError| Problem::new(StatusCode::INSUFFICIENT_STORAGE, "uploads-full", full))
+fn too_slow(limits: UploadLimits) -> Problem {
+    let detail = format!("the upload comes slower than {} bytes per second", limits.slowest_bytes_per_s);
+    Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", detail)
+}
+
+/// Reads the series and adds its volume. Blocks.
+fn read(server: &Server, path: &Path, limits: UploadLimits) -> Result<(Arc<Entry>, Added), Problem> {
+    let loaded = (server.loader)(path)
+        .map_err(|reason| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unreadable-series", reason))?;
+    let added = server.volumes.add_upload(loaded, limits);
+    added.map_err(|full| Problem::new(StatusCode::INSUFFICIENT_STORAGE, "uploads-full", full))
 }

@@ -155,7 +155,12 @@ impl Volumes {
         (inner.entries.len(), inner.expected)
     }
 
-    fn remove(&self, id: &str) -> Result<(), Problem> {
+    /// Whether this volume is still here.
+    pub(super) fn has(&self, entry: &Entry) -> bool {
+        self.read().entries.iter().any(|known| known.id == entry.id)
+    }
+
+    fn remove(&self, id: &str) -> Result<Arc<Entry>, Problem> {
         let mut inner = self.write();
         let at = inner.entries.iter().position(|entry| entry.id == id).ok_or_else(no_such_volume)?;
         if inner.entries[at].owner == Owner::Operator {
@@ -163,8 +168,7 @@ impl Volumes {
                 "this volume was given to the server at its start; only uploaded ones can be removed";
             return Err(Problem::new(StatusCode::FORBIDDEN, "not-removable", detail));
         }
-        inner.entries.remove(at);
-        Ok(())
+        Ok(inner.entries.remove(at))
     }
 
     /// Entries are whole between statements, so a panic elsewhere leaves them usable.
@@ -199,6 +203,7 @@ pub(super) async fn remove(
     State(server): State<Arc<Server>>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    server.volumes.remove(&id)?;
+    let removed = server.volumes.remove(&id)?;
+    server.service.forget(removed.volume.content_hash());
     Ok(StatusCode::NO_CONTENT)
 }

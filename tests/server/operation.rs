@@ -9,23 +9,44 @@ use relief::server::{Config, LoadedVolume};
 use relief::session::QueueConfig;
 use serde_json::json;
 
-use crate::stage::{Stage, cube};
+use crate::stage::{FAILS, REFUSES, Stage, cube};
 
 #[tokio::test]
 async fn readiness_follows_volumes_and_the_render_thread() {
-    let stage =
-        Stage::empty(Config { adapter: "a test".to_owned(), ..Config::default() }, QueueConfig::default());
+    let config = Config { adapter: "a test".to_owned(), uploads: None, ..Config::default() };
+    let stage = Stage::empty(config, QueueConfig::default());
     assert_eq!(stage.get("/healthz").await.status, 200);
-    stage.get("/readyz").await.problem(503);
+    assert_eq!(stage.get("/readyz").await.problem(503)["type"], "urn:relief:problem:no-volume");
     stage.server.expect_volumes(2);
-    assert_eq!(stage.get("/readyz").await.problem(503)["loading"], 2);
-    stage.server.add_volume(LoadedVolume { volume: cube(), warnings: 0 });
+    for loading in [2, 1] {
+        assert_eq!(stage.get("/readyz").await.problem(503)["loading"], loading);
+        assert!(stage.get("/metrics").await.text().contains("relief_ready 0\n"));
+        stage.server.add_volume(LoadedVolume { volume: cube(), warnings: 0 });
+    }
     let ready = stage.get("/readyz").await;
     assert_eq!(ready.status, 200);
-    assert_eq!(ready.json(), json!({ "status": "ready", "adapter": "a test", "volumes": 1, "loading": 1 }));
+    assert_eq!(ready.json(), json!({ "status": "ready", "adapter": "a test", "volumes": 1 }));
     stage.service.shut_down();
     assert_eq!(stage.get("/readyz").await.problem(503)["type"], "urn:relief:problem:renderer-ended");
     assert_eq!(stage.get("/healthz").await.status, 200);
+}
+
+#[tokio::test]
+async fn a_server_that_waits_for_uploads_is_ready() {
+    let stage = Stage::empty(Config::default(), QueueConfig::default());
+    assert_eq!(stage.get("/readyz").await.json()["volumes"], 0);
+    assert!(stage.get("/metrics").await.text().contains("relief_ready 1\n"));
+}
+
+#[tokio::test]
+async fn a_failing_adapter_is_not_ready_until_it_renders() {
+    let stage = Stage::new();
+    for (query, status) in [(REFUSES, 200), (FAILS, 503), (REFUSES, 503), ("zoom=2", 200)] {
+        stage.get(&stage.path(&format!("frame?{query}"))).await;
+        let ready = stage.get("/readyz").await;
+        assert_eq!(ready.status, status, "{query}");
+        assert!(!ready.text().contains("secret"), "{}", ready.text());
+    }
 }
 
 #[tokio::test]
@@ -142,9 +163,12 @@ async fn the_page_is_whole_and_loads_nothing_from_elsewhere() {
         assert_eq!(file.status, 200, "{path}");
         assert_eq!(file.header("x-content-type-options"), "nosniff");
         assert!(!without_namespaces(file.text()).contains("://"), "{path} names another site");
-        let again = stage.get_with(&path, &[("if-none-match", file.header("etag"))]).await;
-        assert_eq!((again.status.as_u16(), again.body.len()), (304, 0));
-        assert_eq!(again.header("content-security-policy"), policy, "a reload keeps the page's policy");
+        let tag = file.header("etag");
+        for known in [tag, &format!("W/{tag}"), &format!("\"other\", {tag}"), "*"] {
+            let again = stage.get_with(&path, &[("if-none-match", known)]).await;
+            assert_eq!((again.status.as_u16(), again.body.len()), (304, 0), "{known}");
+            assert_eq!(again.header("content-security-policy"), policy, "a reload keeps the page's policy");
+        }
         wanted.extend(references(file.text()));
     }
     assert!(seen.iter().any(|path| path.ends_with(".css")) && seen.iter().any(|path| path.ends_with(".js")));

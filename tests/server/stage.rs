@@ -145,9 +145,14 @@ impl Stage {
     }
 
     pub(crate) fn empty(config: Config, queue: QueueConfig) -> Self {
+        Self::loading(config, queue, loader())
+    }
+
+    /// A server without volumes that reads uploads in this way.
+    pub(crate) fn loading(config: Config, queue: QueueConfig, loader: VolumeLoader) -> Self {
         let gate = Arc::new(Gate::default());
         let service = Arc::new(RenderService::start(SphereBackend(Arc::clone(&gate)), queue).unwrap());
-        let server = Arc::new(Server::new(Arc::clone(&service), loader(), config));
+        let server = Arc::new(Server::new(Arc::clone(&service), loader, config));
         Self { app: app(Arc::clone(&server)), server, service, gate, id: String::new() }
     }
 

@@ -1,15 +1,21 @@
 //! Uploads: a real zip of real DICOM files becomes a volume, within limits.
 
+use std::convert::Infallible;
 use std::io::Write;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
+use std::task::{Context, Poll};
+use std::time::Duration;
 
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::http::Request;
 use relief::dicom::write::{Existing, SeriesFolder, SeriesLabels};
-use relief::server::{Config, UploadLimits};
+use relief::server::{Config, LoadedVolume, UploadLimits};
 use relief::session::QueueConfig;
 use relief::volume::{Grid, Volume};
 
-use crate::stage::{Answer, Stage};
+use crate::stage::{Answer, Stage, cube};
 
 /// A zip of a CT series of 8x8x4 voxels, told apart by a value.
 fn series_zip(value: i16) -> Vec<u8> {
@@ -72,7 +78,8 @@ async fn a_zip_of_a_series_becomes_a_volume_that_can_be_rendered_and_removed() {
 
 #[tokio::test]
 async fn uploads_are_bounded_in_every_way() {
-    let limits = UploadLimits { file_bytes: 1 << 20, volumes: 2, voxel_bytes: 600 };
+    let limits =
+        UploadLimits { file_bytes: 1 << 20, volumes: 2, voxel_bytes: 600, ..UploadLimits::default() };
     let stage = stage(Some(limits));
     let length = (limits.file_bytes + 1).to_string();
     let announced = Request::post("/v1/volumes")
@@ -101,5 +108,101 @@ async fn the_number_of_uploads_is_bounded() {
 #[tokio::test]
 async fn uploads_can_be_off() {
     let stage = stage(None);
-    assert_eq!(upload(&stage, series_zip(0)).await.problem(403)["type"], "urn:relief:problem:uploads-off");
+    let problem = upload(&stage, series_zip(0)).await.problem(403);
+    assert_eq!(problem["type"], "urn:relief:problem:uploads-off");
+    assert!(problem["detail"].as_str().unwrap().contains("--uploads on"), "{problem}");
+}
+
+#[tokio::test]
+async fn a_removed_volume_leaves_no_frame_behind() {
+    let stage = stage(Some(UploadLimits::default()));
+    let frame = |location: &str| format!("{location}/frame?layout=color&size_px=8,8");
+    let location = upload(&stage, series_zip(0)).await.header("location").to_owned();
+    assert_eq!(stage.get(&frame(&location)).await.status, 200);
+
+    // A frame that is being rendered while its volume is removed goes too.
+    stage.gate.close();
+    let (app, path) = (stage.app.clone(), format!("{}&zoom=2", frame(&location)));
+    let running =
+        tokio::spawn(tower::ServiceExt::oneshot(app, Request::get(path).body(Body::empty()).unwrap()));
+    stage.gate.held().await;
+    assert_eq!(delete(&stage, &location).await.status, 204);
+    stage.gate.open();
+    assert_eq!(running.await.unwrap().unwrap().status(), 200);
+
+    assert_eq!(upload(&stage, series_zip(0)).await.header("location"), location);
+    for zoom in ["", "&zoom=2"] {
+        let again = stage.get(&format!("{}{zoom}", frame(&location))).await;
+        assert!(!again.header("server-timing").contains("reused"), "{}", again.header("server-timing"));
+    }
+    assert_eq!(stage.gate.count(), 4);
+}
+
+/// A body without end, whose parts each come in time.
+struct Trickle(tokio::time::Interval);
+
+impl axum::body::HttpBody for Trickle {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<hyper::body::Frame<Bytes>, Infallible>>> {
+        let part = hyper::body::Frame::data(Bytes::from_static(b"PK"));
+        self.0.poll_tick(context).map(|_| Some(Ok(part)))
+    }
+}
+
+#[tokio::test]
+async fn an_upload_that_trickles_gives_its_place_away() {
+    let limits = UploadLimits { slowest_bytes_per_s: 1 << 20, ..UploadLimits::default() };
+    let patience = Duration::from_millis(100);
+    let config = Config { uploads: Some(limits), body_timeout: patience, ..Config::default() };
+    let stage = Stage::with(config, QueueConfig::default());
+    let trickle = stage.post(
+        "/v1/volumes",
+        "application/zip",
+        Body::new(Trickle(tokio::time::interval(Duration::from_millis(20)))),
+    );
+    let answer = tokio::time::timeout(Duration::from_secs(10), trickle).await.expect("it is given up");
+    assert_eq!(answer.problem(408)["type"], "urn:relief:problem:slow-body");
+    assert_eq!(upload(&stage, series_zip(0)).await.status, 201, "the place is free again");
+}
+
+#[tokio::test]
+async fn a_vanished_client_keeps_the_place_while_its_upload_is_read() {
+    let (go, gate) = mpsc::channel::<()>();
+    let (gate, reading) = (Mutex::new(gate), Arc::new(AtomicUsize::new(0)));
+    let seen = Arc::clone(&reading);
+    let loader = Arc::new(move |_: &std::path::Path| {
+        assert_eq!(seen.fetch_add(1, Ordering::SeqCst), 0, "two uploads are read at a time");
+        gate.lock().unwrap().recv_timeout(Duration::from_secs(20)).unwrap();
+        seen.fetch_sub(1, Ordering::SeqCst);
+        Ok(LoadedVolume { volume: cube(), warnings: 0 })
+    });
+    let stage = Stage::loading(Config::default(), QueueConfig::default(), loader);
+    let request = Request::post("/v1/volumes").header("content-type", "application/zip");
+    let request = request.body(Body::from("PK")).unwrap();
+    let vanishing = tokio::spawn(tower::ServiceExt::oneshot(stage.app.clone(), request));
+    while reading.load(Ordering::SeqCst) == 0 {
+        tokio::time::sleep(Duration::from_millis(2)).await;
+    }
+    vanishing.abort();
+    assert!(vanishing.await.unwrap_err().is_cancelled());
+    assert_eq!(upload(&stage, b"PK".to_vec()).await.problem(503)["type"], "urn:relief:problem:busy");
+    go.send(()).unwrap();
+    while reading.load(Ordering::SeqCst) == 1 {
+        tokio::time::sleep(Duration::from_millis(2)).await;
+    }
+    go.send(()).unwrap();
+    // The place is given back a moment after the loader returns.
+    let since = std::time::Instant::now();
+    let again = loop {
+        let answer = upload(&stage, b"PK".to_vec()).await;
+        if answer.status != 503 || since.elapsed() > Duration::from_secs(10) {
+            break answer;
+        }
+    };
+    assert_eq!(again.status, 200, "what the vanished client sent was added: {}", again.text());
 }
