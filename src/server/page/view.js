@@ -12,6 +12,10 @@ const STILL_PIXELS = 1_000_000;
 /** While moving, pictures shrink until a render takes about this long. */
 const MOVING_MS = 90;
 
+/** How often a picture is asked for that the server has no time for, and the longest wait between, ms. */
+const MOST_TRIES = 8;
+const LONGEST_WAIT_MS = 4000;
+
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 const round = (value, digits) => Number(value.toFixed(digits));
 
@@ -184,11 +188,14 @@ export class Fetcher {
     this.#scale = clamp(this.#scale + 0.5 * (ideal - this.#scale), 0.2, 1);
   }
 
+  /** Asks again, ever later and not for ever, when the error says that it will pass. A newer order goes first. */
   async #recover(order, error) {
     this.fail(error);
-    if (error.retryMs === undefined) return;
-    await new Promise((resolve) => setTimeout(resolve, error.retryMs));
-    this.#wanted ??= order;
+    const tries = (order.tries ?? 1) + 1;
+    if (error.retryMs === undefined || tries > MOST_TRIES) return;
+    const wait = Math.min(error.retryMs * 2 ** (tries - 2), LONGEST_WAIT_MS);
+    await new Promise((resolve) => setTimeout(resolve, wait));
+    this.#wanted ??= { ...order, tries };
   }
 }
 
