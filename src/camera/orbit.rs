@@ -40,7 +40,9 @@ pub struct OrbitError {
 
 impl Orbit {
     /// Turns either way, degrees.
-    pub const ANGLES_DEG: RangeInclusive<f64> = -3600.0..=3600.0;
+    pub const AZIMUTHS_DEG: RangeInclusive<f64> = -3600.0..=3600.0;
+    /// From the feet to the head, degrees.
+    pub const ELEVATIONS_DEG: RangeInclusive<f64> = -90.0..=90.0;
     /// From a speck to a detail.
     pub const ZOOMS: RangeInclusive<f64> = 0.05..=50.0;
     /// Of a perspective; 0 is a parallel projection.
@@ -55,8 +57,8 @@ impl Orbit {
             let allowed = format!("{also}{} to {}", range.start(), range.end());
             if range.contains(&found) { Ok(()) } else { Err(OrbitError { what, found, allowed }) }
         };
-        within("azimuth_deg", self.azimuth_deg, Self::ANGLES_DEG, "")?;
-        within("elevation_deg", self.elevation_deg, Self::ANGLES_DEG, "")?;
+        within("azimuth_deg", self.azimuth_deg, Self::AZIMUTHS_DEG, "")?;
+        within("elevation_deg", self.elevation_deg, Self::ELEVATIONS_DEG, "")?;
         within("zoom", self.zoom, Self::ZOOMS, "")?;
         if self.vertical_fov_deg == 0.0 {
             return Ok(());

@@ -140,21 +140,9 @@ impl SizeRule {
 /// The complete scene. A size that contradicts the layout is refused where the answer has that layout, and a depth
 /// limit that contradicts the volume's always: nothing is rendered for what cannot be answered.
 fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem> {
-    let display = order.file.display();
-    display.validate()?;
-    let (layout, fixed) = (display.layout, display.encoder()?.render_size_px());
-    let mut scene = order.file.resolve(entry.volume.grid(), &order.orbit)?;
-    match fixed {
-        Some(size) if !order.has_size => scene.request.size_px = size,
-        Some([w, h]) if rule == SizeRule::OfLayout && scene.request.size_px != [w, h] => {
-            let [found_w, found_h] = scene.request.size_px;
-            return Err(Problem::out_of_range(&RequestError {
-                path: "size_px".to_owned(),
-                found: format!("{found_w},{found_h}"),
-                allowed: format!("{w},{h}, the size that layout {layout} needs (rgbd and color take any)"),
-            }));
-        }
-        _ => {}
+    let scene = order.file.resolve(entry.volume.grid(), &order.orbit)?;
+    if rule == SizeRule::OfLayout {
+        scene.expect_size_of_layout()?;
     }
     scene.display.limits(depth_limits(&scene.request.camera, entry.volume.grid()))?;
     Ok(scene)

@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 
 use super::problem::Problem;
 use crate::camera::Orbit;
-use crate::render::{RequestError, SceneFile};
+use crate::render::SceneFile;
 use crate::volume::Grid;
 
 /// What the text of a parameter must be.
@@ -30,8 +30,8 @@ enum Kind {
 enum Target {
     /// A key of the JSON form.
     Key(&'static str),
-    /// A part of the orbit, and the values it may have.
-    Orbit(fn(&mut Orbit) -> &mut f64, f64, f64),
+    /// A part of the orbit, which checks its range.
+    Orbit(fn(&mut Orbit) -> &mut f64),
     /// Field of view: the orbit's, or that of a camera that is given by its eye.
     FieldOfView,
     /// Centre and width of a grey ramp.
@@ -62,9 +62,9 @@ const PARAMETERS: &[Parameter] = &[
     to("window_hu", Kind::Numbers(2), Target::Window),
     key("mode", Kind::Text, "mode"),
     key("size_px", Kind::Whole(2), "size_px"),
-    to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg, -3600.0, 3600.0)),
-    to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg, -90.0, 90.0)),
-    to("zoom", Kind::Number, Target::Orbit(|orbit| &mut orbit.zoom, 0.05, 50.0)),
+    to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
+    to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),
+    to("zoom", Kind::Number, Target::Orbit(|orbit| &mut orbit.zoom)),
     to("vertical_fov_deg", Kind::Number, Target::FieldOfView),
     key("eye_mm", Kind::Numbers(3), "camera.eye_mm"),
     key("look_at_mm", Kind::Numbers(3), "camera.look_at_mm"),
@@ -154,8 +154,6 @@ pub(super) struct Order {
     pub(super) file: SceneFile,
     /// The camera where it wrote none.
     pub(super) orbit: Orbit,
-    /// Whether it wrote a size.
-    pub(super) has_size: bool,
 }
 
 impl Order {
@@ -181,7 +179,7 @@ impl Order {
         }
         let json = Value::Object(scene).to_string();
         let file = SceneFile::parse(json.as_bytes())?;
-        Ok(Self { file, orbit, has_size: query.has("size_px") })
+        Ok(Self { file, orbit })
     }
 
     /// The scene of a JSON body.
@@ -189,9 +187,7 @@ impl Order {
     /// # Errors
     /// When it is not JSON, has an unknown key, or a value of the wrong kind.
     pub(super) fn from_body(body: &[u8]) -> Result<Self, Problem> {
-        let file = SceneFile::parse(body)?;
-        let has_size = serde_json::from_slice::<Value>(body).is_ok_and(|value| value["size_px"].is_array());
-        Ok(Self { file, orbit: Orbit::default(), has_size })
+        Ok(Self { file: SceneFile::parse(body)?, orbit: Orbit::default() })
     }
 }
 
@@ -202,7 +198,8 @@ impl Parameter {
             Target::Key(known) => known == path,
             Target::Window => path.starts_with("transfer"),
             Target::ClipBox => path == "clip.box_mm",
-            Target::FieldOfView | Target::Orbit(..) => false,
+            Target::FieldOfView => path.ends_with(self.name),
+            Target::Orbit(_) => path == self.name,
         }
     }
 
@@ -219,12 +216,8 @@ impl Parameter {
             Target::FieldOfView if query.has("eye_mm") => {
                 set(scene, "camera.projection.perspective.vertical_fov_deg", value);
             }
-            Target::FieldOfView => {
-                orbit.vertical_fov_deg = field_of_view(self.name, number(self.name, text)?)?;
-            }
-            Target::Orbit(part, low, high) => {
-                *part(orbit) = within(self.name, number(self.name, text)?, low, high)?;
-            }
+            Target::FieldOfView => orbit.vertical_fov_deg = number(self.name, text)?,
+            Target::Orbit(part) => *part(orbit) = number(self.name, text)?,
             Target::Window => {
                 set(scene, "transfer.window.center_hu", value[0].clone());
                 set(scene, "transfer.window.width_hu", value[1].clone());
@@ -310,25 +303,6 @@ fn finite(text: &str) -> Option<f64> {
 
 fn number(name: &str, text: &str) -> Result<f64, Problem> {
     finite(text).ok_or_else(|| malformed(name, text, "a finite number"))
-}
-
-fn within(name: &str, value: f64, low: f64, high: f64) -> Result<f64, Problem> {
-    if (low..=high).contains(&value) {
-        return Ok(value);
-    }
-    Err(out_of_range(name, value, &format!("{low} to {high}")))
-}
-
-fn field_of_view(name: &str, degrees: f64) -> Result<f64, Problem> {
-    if degrees == 0.0 || (0.1..=170.0).contains(&degrees) {
-        return Ok(degrees);
-    }
-    Err(out_of_range(name, degrees, "0.1 to 170, or 0 for a parallel projection"))
-}
-
-fn out_of_range(name: &str, value: f64, allowed: &str) -> Problem {
-    let (path, found, allowed) = (name.to_owned(), value.to_string(), allowed.to_owned());
-    Problem::out_of_range(&RequestError { path, found, allowed })
 }
 
 fn malformed(name: &str, text: &str, allowed: &str) -> Problem {

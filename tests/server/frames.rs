@@ -263,8 +263,8 @@ async fn a_size_that_contradicts_the_layout_is_refused_for_a_png_alone() {
     let path = stage.path("frame?layout=wowvx&size_px=64,32");
     let problem = stage.get(&path).await.problem(422);
     assert_eq!(
-        (&problem["path"], &problem["allowed"].as_str().unwrap()[..7]),
-        (&json!("size_px"), "960,540")
+        (&problem["path"], &problem["allowed"].as_str().unwrap()[..9]),
+        (&json!("size_px"), "960 x 540")
     );
     let jpeg = stage.get_with(&path, &[("accept", "image/jpeg")]).await;
     let picture = image::load_from_memory(&jpeg.body).unwrap();
