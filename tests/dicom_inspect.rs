@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod common;
+mod dicom_made;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -69,4 +70,27 @@ fn no_series_is_a_failure_that_says_why() {
     assert_eq!(report["series"], serde_json::json!([]));
     assert!(report["skipped"][0]["reason"].as_str().unwrap().starts_with("not CT: MR"), "{report}");
     assert_eq!(inspect(Path::new("no/such/path"), &[]).status.code(), Some(1));
+}
+
+#[test]
+fn several_series_are_listed_with_the_option_that_chooses() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("native.dcm"), dicom_made::slice_at(9.0, 1)).unwrap();
+    std::fs::write(folder.path().join("other.dcm"), dicom_made::compressed(1, [64, 128], vec![0; 64]))
+        .unwrap();
+    let out = folder.path().join("picture.png");
+    let render = Command::new(env!("CARGO_BIN_EXE_relief"))
+        .args(["render", "--series"])
+        .arg(folder.path())
+        .arg("--out")
+        .arg(&out)
+        .output()
+        .unwrap();
+    let told = String::from_utf8(render.stderr).unwrap();
+    assert_eq!((render.status.code(), out.exists()), (Some(1), false), "{told}");
+    assert!(
+        told.starts_with("relief: choose a series with --series-uid UID\n  because: 2 series found"),
+        "{told}"
+    );
+    assert!(told.contains("128 x 128 x 1") && told.contains("128 x 64 x 1"), "{told}");
 }
