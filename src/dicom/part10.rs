@@ -4,6 +4,7 @@
 //! The transfer syntax decides how elements are read here and how pixels are decoded in `codec`.
 
 use std::io::{Read, Seek, SeekFrom};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
@@ -16,6 +17,8 @@ use super::source::{Bytes, Reader};
 
 /// The largest deflated data set that is unpacked, in bytes: an enhanced CT of 1000 frames.
 const LARGEST_INFLATED: u64 = 1 << 29;
+/// What any thread inflates at once, in bytes: far more than a slice has. What is larger waits for its turn.
+const SMALL_INFLATED: u64 = 1 << 25;
 /// Retired by the standard, and so deprecated in the dictionary, but not by archives.
 const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 
@@ -26,7 +29,15 @@ pub(super) struct Object {
     /// Where the data set begins in them.
     start: u64,
     pub(super) syntax: Syntax,
+    /// Held as long as a large inflated data set is.
+    _turn: Option<Turn>,
 }
+
+/// The turn of one large deflated data set: a file of half a megabyte may have [`LARGEST_INFLATED`] bytes in it, and as
+/// many as there are threads would be inflated at a time. Whoever has it waits for nobody.
+type Turn = MutexGuard<'static, ()>;
+
+static TURN: Mutex<()> = Mutex::new(());
 
 /// A transfer syntax.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -99,10 +110,11 @@ pub(super) fn open(bytes: Bytes) -> Result<Object, Defect> {
     let meta = read_meta(&mut reader, &mut position, length)?;
     let syntax = syntax(&meta, &mut reader, position)?;
     if syntax.uid != uids::DEFLATED_EXPLICIT_VR_LITTLE_ENDIAN {
-        return Ok(Object { bytes, start: position, syntax });
+        return Ok(Object { bytes, start: position, syntax, _turn: None });
     }
     reader.seek(SeekFrom::Start(position))?;
-    Ok(Object { bytes: Bytes::Memory(inflate(reader)?), start: 0, syntax })
+    let (inflated, turn) = inflate(reader)?;
+    Ok(Object { bytes: Bytes::Memory(inflated), start: 0, syntax, _turn: turn })
 }
 
 /// Where file meta information or the bare data set begins.
@@ -202,16 +214,21 @@ fn syntax(meta: &Meta, reader: &mut Reader, position: u64) -> Result<Syntax, Def
     Ok(Syntax { uid: uid.to_owned(), encoding, guessed: true, directory })
 }
 
-fn inflate(reader: Reader) -> Result<bytes::Bytes, Defect> {
+fn inflate(reader: Reader) -> Result<(bytes::Bytes, Option<Turn>), Defect> {
+    let problem = |error: std::io::Error| Defect::Codec { codec: "deflate", problem: error.to_string() };
+    let mut decoder = flate2::read::DeflateDecoder::new(reader);
     let mut bytes = Vec::new();
-    flate2::read::DeflateDecoder::new(reader)
-        .take(LARGEST_INFLATED + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|error| Defect::Codec { codec: "deflate", problem: error.to_string() })?;
+    decoder.by_ref().take(SMALL_INFLATED).read_to_end(&mut bytes).map_err(problem)?;
+    let mut turn = None;
+    if bytes.len() as u64 == SMALL_INFLATED {
+        turn = Some(TURN.lock().unwrap_or_else(PoisonError::into_inner)); // it guards no data
+        let rest = LARGEST_INFLATED + 1 - SMALL_INFLATED;
+        decoder.take(rest).read_to_end(&mut bytes).map_err(problem)?;
+    }
     if bytes.len() as u64 > LARGEST_INFLATED {
         return Err(Defect::LargeInflated { limit: LARGEST_INFLATED });
     }
-    Ok(bytes.into())
+    Ok((bytes.into(), turn))
 }
 
 /// The bytes that positions in a header refer to: the file's, or its inflated data set.
@@ -220,4 +237,30 @@ fn inflate(reader: Reader) -> Result<bytes::Bytes, Defect> {
 /// As [`open`].
 pub(super) fn open_bytes(source: &super::source::FileSource) -> Result<Bytes, Defect> {
     open(source.bytes()?).map(|object| object.bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn deflated(bytes: u64) -> Reader {
+        let mut packed = Vec::new();
+        flate2::read::DeflateEncoder::new(std::io::repeat(7).take(bytes), flate2::Compression::fast())
+            .read_to_end(&mut packed)
+            .unwrap();
+        Bytes::Memory(packed.into()).open().unwrap().0
+    }
+
+    #[test]
+    fn large_data_sets_are_inflated_one_at_a_time() {
+        for (size, waits) in [(0, false), (9, false), (SMALL_INFLATED - 1, false), (SMALL_INFLATED + 9, true)]
+        {
+            let (bytes, turn) = inflate(deflated(size)).unwrap();
+            assert_eq!((bytes.len() as u64, turn.is_some()), (size, waits));
+            assert!(bytes.iter().all(|&byte| byte == 7));
+            assert!(!waits || TURN.try_lock().is_err());
+        }
+        let too_large = inflate(deflated(LARGEST_INFLATED + 1));
+        assert!(matches!(too_large, Err(Defect::LargeInflated { limit: LARGEST_INFLATED })));
+    }
 }
