@@ -1,9 +1,10 @@
 //! `--series` and its companions: what render, bench and serve share to load a volume.
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -71,7 +72,7 @@ pub(super) fn strictness(strict: bool) -> Strictness {
 pub(super) fn discover(path: &Path, strictness: Strictness) -> anyhow::Result<Discovery> {
     let (start, reporter) = (Instant::now(), Reporter::default());
     let found = dicom::discover(path, strictness, &|progress| reporter.report(progress))?;
-    tracing::info!("found {} series in {:.1} ms", found.series.len(), milliseconds(start));
+    tracing::debug!("found {} series in {:.1} ms", found.series.len(), milliseconds(start));
     Ok(found)
 }
 
@@ -80,7 +81,7 @@ pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow:
     let (start, reporter) = (Instant::now(), Reporter::default());
     let loaded = dicom::load(entry, strictness, &|progress| reporter.report(progress));
     let loaded = loaded.context("cannot load the series")?; // without its UID, which may not leave this machine
-    tracing::info!("loaded {:?} voxels in {:.1} ms", loaded.volume.grid().dims(), milliseconds(start));
+    tracing::debug!("loaded {:?} voxels in {:.1} ms", loaded.volume.grid().dims(), milliseconds(start));
     Ok(loaded)
 }
 
@@ -95,11 +96,20 @@ pub(super) fn warn(warnings: &[Warning]) {
     }
 }
 
+/// Work shorter than this is done before anyone wonders.
+const WORTH_TELLING: Duration = Duration::from_secs(1);
+
 /// A progress bar on a terminal, log lines at quarters elsewhere.
-#[derive(Default)]
 struct Reporter {
+    started: Instant,
     bar: Mutex<Option<ProgressBar>>,
     quarters: AtomicUsize,
+}
+
+impl Default for Reporter {
+    fn default() -> Self {
+        Self { started: Instant::now(), bar: Mutex::default(), quarters: AtomicUsize::default() }
+    }
 }
 
 impl Reporter {
@@ -114,6 +124,9 @@ impl Reporter {
     }
 
     fn log_quarter(&self, stage: Stage, done: usize, total: usize) {
+        if std::io::stderr().is_terminal() || self.started.elapsed() < WORTH_TELLING {
+            return;
+        }
         let quarter = done * 4 / total.max(1);
         if self.quarters.fetch_max(quarter, Ordering::Relaxed) < quarter {
             tracing::info!("{}: {done} of {total}", verb(stage));
