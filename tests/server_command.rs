@@ -41,7 +41,11 @@ struct Running {
 
 impl Running {
     fn start(series: &str) -> Self {
-        let mut process = relief(&["serve", "--series", series, "--listen", "127.0.0.1:0"]).spawn().unwrap();
+        Self::spawn(&mut relief(&["serve", "--series", series, "--listen", "127.0.0.1:0"]))
+    }
+
+    fn spawn(command: &mut Command) -> Self {
+        let mut process = command.spawn().unwrap();
         let mut line = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let address =
@@ -52,9 +56,20 @@ impl Running {
 
     /// Status line with headers, and the body.
     fn get(&self, path: &str) -> (String, Vec<u8>) {
+        self.ask(&format!("GET {path}"), "", &[])
+    }
+
+    fn upload(&self, zip: &[u8]) -> (String, Vec<u8>) {
+        let headers = format!("Content-Type: application/zip\r\nContent-Length: {}\r\n", zip.len());
+        self.ask("POST /v1/volumes", &headers, zip)
+    }
+
+    fn ask(&self, line: &str, headers: &str, body: &[u8]) -> (String, Vec<u8>) {
         let mut stream = TcpStream::connect(&self.address).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.address).unwrap();
+        let host = &self.address;
+        write!(stream, "{line} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n").unwrap();
+        stream.write_all(body).unwrap();
         let mut answer = Vec::new();
         stream.read_to_end(&mut answer).unwrap();
         let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("an end of the head");
@@ -118,6 +133,41 @@ fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
     let (status, errors) = running.stop("-TERM");
     assert_eq!(status, Some(0), "{errors}");
     assert!(!errors.contains("PHANTOM"), "who was scanned is nobody's business: {errors}");
+}
+
+/// A zip of files whose names tell who was scanned.
+fn named_zip(files: &[Vec<u8>]) -> Vec<u8> {
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for (i, bytes) in files.iter().enumerate() {
+        let options = zip::write::SimpleFileOptions::default();
+        zip.start_file(format!("DOE_JANE_19700101/slice{i}.dcm"), options).unwrap();
+        zip.write_all(bytes).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+#[test]
+fn names_in_an_uploaded_zip_are_not_logged() {
+    if !has_adapter("relief serve, with uploads") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path());
+    let slices =
+        std::fs::read_dir(&series).unwrap().map(|slice| std::fs::read(slice.unwrap().path()).unwrap());
+    let mut files: Vec<Vec<u8>> = slices.collect();
+    let cut = files[0][..files[0].len() / 2].to_vec();
+    files.push(cut.clone());
+    let running =
+        Running::spawn(relief(&["serve", "--listen", "127.0.0.1:0"]).env("RELIEF_LOG", "relief=trace"));
+    let (head, described) = running.upload(&named_zip(&files));
+    assert!(head.starts_with("HTTP/1.1 201"), "{head}{}", String::from_utf8_lossy(&described));
+    let (head, refusal) = running.upload(&named_zip(&[cut]));
+    assert!(head.starts_with("HTTP/1.1 422"), "{head}{}", String::from_utf8_lossy(&refusal));
+    let (status, errors) = running.stop("-TERM");
+    assert_eq!(status, Some(0), "{errors}");
+    assert!(errors.contains("/v1/volumes"), "requests are logged at this level: {errors}");
+    assert!(!errors.contains("DOE"), "{errors}");
 }
 
 #[test]
