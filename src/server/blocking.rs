@@ -24,7 +24,7 @@ pub(super) async fn on_blocking_thread<T: Send + 'static>(
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
-    use std::sync::mpsc::channel;
+    use std::sync::mpsc::sync_channel;
 
     use tokio::sync::Semaphore;
 
@@ -34,7 +34,7 @@ mod tests {
     async fn a_job_keeps_its_place_when_nobody_waits_for_it() {
         let places = Arc::new(Semaphore::new(1));
         let place = Arc::clone(&places).try_acquire_owned().unwrap();
-        let ((go, gate), (starting, started)) = (channel::<()>(), tokio::sync::oneshot::channel());
+        let ((go, gate), (starting, started)) = (sync_channel::<()>(1), tokio::sync::oneshot::channel());
         let waits = tokio::spawn(on_blocking_thread(place, "waiting", move || {
             starting.send(()).unwrap();
             gate.recv().unwrap();

@@ -70,6 +70,10 @@ impl RenderService {
     /// # Errors
     /// When the system gives no thread.
     pub fn start(backend: impl RenderBackend, config: QueueConfig) -> std::io::Result<Self> {
+        #[expect(
+            clippy::disallowed_methods,
+            reason = "`waiting` bounds the orders, the volumes bound the rest"
+        )]
         let (sender, receiver) = channel();
         let recent = Mutex::new(FrameCache::new(config.recent_bytes));
         let (waiting, is_healthy) = (AtomicUsize::new(0), AtomicBool::new(true));
