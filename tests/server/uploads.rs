@@ -172,7 +172,7 @@ async fn an_upload_that_trickles_gives_its_place_away() {
 
 #[tokio::test]
 async fn a_vanished_client_keeps_the_place_while_its_upload_is_read() {
-    let (go, gate) = mpsc::channel::<()>();
+    let (go, gate) = mpsc::sync_channel::<()>(1);
     let (gate, reading) = (Mutex::new(gate), Arc::new(AtomicUsize::new(0)));
     let seen = Arc::clone(&reading);
     let loader = Arc::new(move |_: &std::path::Path| {
