@@ -29,7 +29,7 @@ async fn parameters_are_refused_by_name_value_and_range() {
         ("window_hu=40,0", 422, "window_hu", &["window_hu is 0", "1 to 65536"]),
         ("preset=bone&window_hu=40,400", 400, "window_hu", &["exclude each other"]),
         ("look_at_mm=0,0,0", 400, "look_at_mm", &["means nothing without eye_mm"]),
-        ("eye_mm=0,0,0", 422, "camera", &["0 mm apart"]),
+        ("eye_mm=0,0,0", 422, "look_at_mm", &["0 mm from eye_mm"]),
         ("eye_mm=0,-100,0&zoom=2", 400, "zoom", &["exclude each other"]),
         ("sample_distance_mm=0", 422, "sample_distance_mm", &["is 0", "0.01 to 100"]),
         ("depth_rule=nearest", 400, "depth_rule", &["nearest", "first-hit"]),
