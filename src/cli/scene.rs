@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 
 use crate::camera::Orbit;
 use crate::display::{DisplaySettings, Layout};
-use crate::render::SceneFile;
+use crate::render::{Mode, SceneFile};
 use crate::transfer::PRESETS;
 
 /// A scene file, and options that go before what it says.
@@ -18,6 +18,9 @@ pub(super) struct SceneArguments {
     /// Preset of colours and light: bone, skin, lung, vessels, soft-tissue
     #[arg(long, value_name = "NAME", value_parser = parse_preset)]
     preset: Option<String>,
+    /// How samples become a colour: composite, or mip (the largest value along each ray)
+    #[arg(long, value_name = "MODE", value_parser = parse_mode)]
+    mode: Option<Mode>,
     /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
     #[arg(long, value_name = "NAME")]
     layout: Option<Layout>,
@@ -46,6 +49,14 @@ fn parse_preset(name: &str) -> Result<String, String> {
     Err(format!("no preset has this name; there are\n{}", lines.join("\n")))
 }
 
+fn parse_mode(name: &str) -> Result<Mode, String> {
+    match name {
+        "composite" => Ok(Mode::Composite),
+        "mip" => Ok(Mode::Mip),
+        _ => Err("modes are composite and mip".to_owned()),
+    }
+}
+
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parsed.ok_or_else(|| "a size is WIDTHxHEIGHT in pixels, such as 960x540".to_owned())
@@ -69,6 +80,9 @@ impl SceneArguments {
         self.orbit().validate().context("the view is out of range")?;
         if let Some(name) = &self.preset {
             scene = scene.with_preset(name);
+        }
+        if let Some(mode) = self.mode {
+            scene = scene.with_mode(mode);
         }
         if let Some(layout) = self.layout {
             let display = scene.display().clone();

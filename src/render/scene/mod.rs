@@ -85,6 +85,16 @@ impl SceneFile {
         Self { transfer: Some(TransferFile::Preset(name.to_owned())), shading: None, ..self }
     }
 
+    /// Replaces how samples become a colour.
+    #[must_use]
+    pub fn with_mode(self, mode: Mode) -> Self {
+        let mode = match mode {
+            Mode::Composite => ModeFile::Composite,
+            Mode::Mip => ModeFile::Mip,
+        };
+        Self { mode: Some(mode), ..self }
+    }
+
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {
