@@ -94,7 +94,6 @@ fn report(arguments: &Arguments) -> anyhow::Result<Report> {
 impl SeriesReport {
     fn new(entry: &SeriesEntry, loaded: &Loaded) -> Self {
         let grid = loaded.volume.grid();
-        let [x, y, z] = grid.axis_directions();
         let (low, high) = loaded.volume.range_hu();
         Self {
             uid: entry.uid().to_owned(),
@@ -102,8 +101,7 @@ impl SeriesReport {
             dims: grid.dims(),
             spacing_mm: grid.spacing_mm(),
             origin_mm: grid.origin().xyz.to_array(),
-            // Adding zero turns -0 into 0.
-            direction: [x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z].map(|component| component + 0.0),
+            direction: grid.direction(),
             hu_range: [low, high],
             stack_sha256: loaded.stack_sha256().iter().map(|byte| format!("{byte:02x}")).collect(),
             transfer_syntax: entry.transfer_syntax(),

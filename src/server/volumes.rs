@@ -94,6 +94,7 @@ impl Entry {
             "dims": grid.dims(),
             "spacing_mm": grid.spacing_mm(),
             "origin_mm": grid.origin().xyz.to_array(),
+            "direction": grid.direction(),
             "center_mm": grid.center().xyz.to_array(),
             "radius_mm": grid.bounding_radius_mm(),
             "bounds_mm": [bounds.min.xyz.to_array(), bounds.max.xyz.to_array()],

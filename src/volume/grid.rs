@@ -107,6 +107,14 @@ impl Grid {
         [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::normalize)
     }
 
+    /// The matrix whose columns are the unit vectors of i, j and k in patient space, row by row, as ITK has it.
+    #[must_use]
+    pub fn direction(&self) -> [f64; 9] {
+        let [x, y, z] = self.axis_directions();
+        // Adding zero turns -0 into 0.
+        [x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z].map(|component| component + 0.0)
+    }
+
     /// Patient position of the centre of voxel (0, 0, 0).
     #[must_use]
     pub fn origin(&self) -> Point<Patient> {

@@ -57,6 +57,7 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
     assert_eq!(listed, json!({ "volumes": [shown], "loading": 0 }));
     assert_eq!(shown["dims"], json!([4, 4, 4]));
     assert_eq!(shown["spacing_mm"], json!([10.0, 10.0, 10.0]));
+    assert_eq!(shown["direction"], json!([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]));
     assert_eq!(shown["bounds_mm"], json!([[-20.0, -20.0, -20.0], [20.0, 20.0, 20.0]]));
     assert_eq!((&shown["hu_range"], &shown["warnings"]), (&json!([0, 63]), &json!(2)));
     let mut keys: Vec<&str> = shown.as_object().unwrap().keys().map(String::as_str).collect();
@@ -65,6 +66,7 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
         "bounds_mm",
         "center_mm",
         "dims",
+        "direction",
         "hu_range",
         "id",
         "links",
