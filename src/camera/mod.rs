@@ -5,12 +5,14 @@
 //! the vertical extent is fixed, the horizontal one follows from the aspect ratio.
 
 mod orbit;
+mod slice;
 
 use glam::DVec3;
 
 use crate::space::{Patient, Point, Transform, Vector, View};
 
 pub use orbit::{Orbit, OrbitError};
+pub use slice::{EdgeLabels, NamedPlane, PlaneView, orientation_label};
 
 /// How view space becomes a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,6 +15,7 @@ mod phantom;
 mod render;
 mod scene;
 mod serve;
+mod slice;
 mod source;
 
 use std::io::IsTerminal;

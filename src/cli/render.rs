@@ -21,6 +21,8 @@ use crate::session::{FileFormat, Product, encode};
 Examples:
   relief render --series head --preset bone --out head.png
   relief render --series head --preset skin --azimuth-deg 40 --layout color --out side.png
+  relief render --series chest --plane axial --offset-mm 40 --layout color --out slice.png
+  relief render --series chest --plane coronal --slab-mm 10 --slab-blend mip --layout color --out slab.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -124,6 +126,7 @@ fn report(
             "size_px": frame.size_px,
             "near_mm": frame.limits.near_mm,
             "far_mm": frame.limits.far_mm,
+            "edges": frame.camera.edge_labels(),
             "adapter": adapter.name,
             "driver": adapter.driver,
             "upload_ms": frame.timings.upload_ms,

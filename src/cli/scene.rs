@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
+use super::slice::SliceArguments;
 use crate::camera::Orbit;
 use crate::display::{DisplaySettings, Layout};
-use crate::render::{Mode, SceneFile};
+use crate::render::{Mode, SceneFile, SlabBlend};
 use crate::transfer::PRESETS;
 
 /// A scene file, and options that go before what it says.
@@ -18,7 +19,7 @@ pub(super) struct SceneArguments {
     /// Preset of colours and light: bone, skin, lung, vessels, soft-tissue
     #[arg(long, value_name = "NAME", value_parser = parse_preset)]
     preset: Option<String>,
-    /// How samples become a colour: composite, or mip (the largest value along each ray)
+    /// How samples become a colour: composite, mip (the largest value along each ray), or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
     /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
@@ -39,6 +40,11 @@ pub(super) struct SceneArguments {
     /// Full vertical field of view at zoom 1; 0 is a parallel projection
     #[arg(long, value_name = "DEG", default_value_t = 22.0, allow_negative_numbers = true)]
     fov_deg: f64,
+    /// Show values by a window: centre and width in HU (a slice without one has 40,400)
+    #[arg(long, value_name = "CENTER,WIDTH", value_parser = parse_window, allow_hyphen_values = true, conflicts_with = "preset")]
+    window_hu: Option<[f64; 2]>,
+    #[command(flatten)]
+    slice: SliceArguments,
 }
 
 fn parse_preset(name: &str) -> Result<String, String> {
@@ -53,8 +59,15 @@ fn parse_mode(name: &str) -> Result<Mode, String> {
     match name {
         "composite" => Ok(Mode::Composite),
         "mip" => Ok(Mode::Mip),
-        _ => Err("modes are composite and mip".to_owned()),
+        "slice" => Ok(Mode::Slice(SlabBlend::default())),
+        _ => Err("modes are composite, mip and slice".to_owned()),
     }
+}
+
+fn parse_window(text: &str) -> Result<[f64; 2], String> {
+    let parsed =
+        text.split_once(',').and_then(|(c, w)| Some([c.trim().parse().ok()?, w.trim().parse().ok()?]));
+    parsed.ok_or_else(|| "a window is CENTER,WIDTH in HU, such as 40,400".to_owned())
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
@@ -81,8 +94,15 @@ impl SceneArguments {
         if let Some(name) = &self.preset {
             scene = scene.with_preset(name);
         }
+        if let Some([center_hu, width_hu]) = self.window_hu {
+            scene = scene.with_window(center_hu, width_hu);
+        }
         if let Some(mode) = self.mode {
             scene = scene.with_mode(mode);
+        }
+        scene = self.slice.apply(scene)?;
+        if scene.is_slice() && self.orbit() != Orbit::default() {
+            bail!("a slice has its own view; leave --azimuth-deg, --elevation-deg, --zoom and --fov-deg out");
         }
         if let Some(layout) = self.layout {
             let display = scene.display().clone();

@@ -12,10 +12,11 @@ pub mod reference;
 mod renderer;
 mod request;
 mod scene;
+mod slices;
 mod uniform;
 mod upload;
 
 pub use frame::{RenderedFrame, Timings};
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
-pub use request::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RequestError, Shading};
-pub use scene::{Scene, SceneError, SceneFile};
+pub use request::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RequestError, Shading, SlabBlend};
+pub use scene::{Scene, SceneError, SceneFile, SliceFile, SlicePlane};

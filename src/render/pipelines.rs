@@ -61,6 +61,8 @@ impl PipelineKey {
         let mode = match self.mode {
             Mode::Composite => 0.0,
             Mode::Mip => 1.0,
+            // No branch of this stage: `slices` has the pipelines of slices.
+            Mode::Slice(_) => f64::from(u8::MAX),
         };
         let flag = |on: bool| f64::from(u8::from(on));
         vec![
@@ -119,7 +121,8 @@ impl Pipelines {
     }
 }
 
-fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+/// What the resources of [`BINDINGS`] are, in their order.
+pub(super) fn binding_types() -> [wgpu::BindingType; BINDINGS.len()] {
     use wgpu::{BindingType, BufferBindingType, SamplerBindingType, TextureSampleType, TextureViewDimension};
     let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let texture = |sample_type| BindingType::Texture {
@@ -127,7 +130,7 @@ fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
         view_dimension: TextureViewDimension::D3,
         multisampled: false,
     };
-    let types = [
+    [
         buffer(BufferBindingType::Uniform),
         texture(TextureSampleType::Float { filterable: true }),
         BindingType::Sampler(SamplerBindingType::Filtering),
@@ -135,10 +138,13 @@ fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
         buffer(BufferBindingType::Storage { read_only: true }),
         buffer(BufferBindingType::Storage { read_only: false }),
         buffer(BufferBindingType::Storage { read_only: false }),
-    ];
+    ]
+}
+
+fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = BINDINGS
         .iter()
-        .zip(types)
+        .zip(binding_types())
         .map(|(&(binding, _), ty)| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use super::frame::{RenderedFrame, Timings};
 use super::pipelines::{Output, PipelineKey, Pipelines, WORKGROUP_SIDE};
-use super::request::{RenderRequest, RequestError};
+use super::request::{Mode, RenderRequest, RequestError};
+use super::slices::SlicePipelines;
 use super::uniform::FrameUniform;
 use super::upload::{Appearance, BRICK_EDGE, VolumeOnGpu, VoxelFormat};
 use crate::camera::Camera;
@@ -55,6 +56,7 @@ pub struct Renderer {
     gpu: Gpu,
     format: VoxelFormat,
     pipelines: Pipelines,
+    slices: SlicePipelines,
     sampler: wgpu::Sampler,
     uniform: wgpu::Buffer,
     volumes: Vec<VolumeOnGpu>,
@@ -77,6 +79,7 @@ impl Renderer {
     pub fn new(gpu: Gpu) -> Result<Self, RenderError> {
         let format = VoxelFormat::of(gpu.limits());
         let pipelines = Pipelines::new(&gpu, format.hu_scale())?;
+        let slices = SlicePipelines::new(&gpu, format.hu_scale())?;
         let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("trilinear"),
             mag_filter: wgpu::FilterMode::Linear,
@@ -90,7 +93,7 @@ impl Renderer {
             mapped_at_creation: false,
         });
         let (volumes, appearances) = (Vec::new(), Vec::new());
-        Ok(Self { gpu, format, pipelines, sampler, uniform, volumes, appearances, target: None })
+        Ok(Self { gpu, format, pipelines, slices, sampler, uniform, volumes, appearances, target: None })
     }
 
     /// The GPU in use.
@@ -254,9 +257,13 @@ impl Renderer {
         let brick_edge = if skipping == Skipping::On { BRICK_EDGE as u32 } else { 0 };
         let uniform = FrameUniform::new(request, volume.grid(), &appearance.table, brick_edge);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
-        let pipeline = self.pipelines.get(&self.gpu, PipelineKey::new(request, output))?.clone();
+        let pipeline = match request.mode {
+            Mode::Slice(blend) => self.slices.prepare(&self.gpu, request, volume.grid(), (blend, output))?,
+            _ => self.pipelines.get(&self.gpu, PipelineKey::new(request, output))?,
+        };
+        let pipeline = pipeline.clone();
         let scope = ErrorScope::open(&self.gpu, "a frame");
-        let bindings = self.bind(appearance, target);
+        let bindings = self.bind(request.mode, appearance, target);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -271,9 +278,9 @@ impl Renderer {
         Ok(scope.close()?)
     }
 
-    fn bind(&self, appearance: &Appearance, target: &Target) -> wgpu::BindGroup {
+    fn bind(&self, mode: Mode, appearance: &Appearance, target: &Target) -> wgpu::BindGroup {
         let volume = self.volumes.last().expect("uploaded before");
-        let resources = [
+        let shared = [
             self.uniform.as_entire_binding(),
             wgpu::BindingResource::TextureView(&volume.view),
             wgpu::BindingResource::Sampler(&self.sampler),
@@ -282,13 +289,17 @@ impl Renderer {
             target.color.storage.as_entire_binding(),
             target.depth.storage.as_entire_binding(),
         ];
+        let (layout, slab) = match mode {
+            Mode::Slice(_) => (&self.slices.bind_group_layout, Some(self.slices.slab.as_entire_binding())),
+            _ => (&self.pipelines.bind_group_layout, None),
+        };
         let entries: Vec<_> = (0..)
-            .zip(resources)
+            .zip(shared.into_iter().chain(slab))
             .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
             .collect();
         self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("raycast"),
-            layout: &self.pipelines.bind_group_layout,
+            layout,
             entries: &entries,
         })
     }

@@ -3,7 +3,7 @@
 //! Values here are valid by construction of their parts plus [`RenderRequest::validate`]; the JSON form with its
 //! defaults and error paths is in `scene`.
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Projection};
 use crate::space::{Patient, Point, Vector};
 use crate::transfer::TransferFunction;
 use crate::volume::Grid;
@@ -15,6 +15,42 @@ pub enum Mode {
     Composite,
     /// The largest value along the ray, through the transfer function, unshaded.
     Mip,
+    /// The plane through the camera's focal point across the viewing direction, or a slab around it, through the
+    /// transfer function, unshaded. Takes a parallel projection.
+    Slice(SlabBlend),
+}
+
+/// Which value a slab shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum SlabBlend {
+    /// The mean over the slab's thickness.
+    #[default]
+    Mean,
+    /// The largest.
+    Mip,
+    /// The smallest.
+    MinIp,
+}
+
+impl SlabBlend {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Mean, Self::Mip, Self::MinIp];
+
+    /// The name in requests.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Mean => "mean",
+            Self::Mip => "mip",
+            Self::MinIp => "minip",
+        }
+    }
+
+    /// The blend of this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|blend| blend.name() == name)
+    }
 }
 
 /// Which depth a semi-transparent ray has.
@@ -101,6 +137,9 @@ pub struct RenderRequest {
     pub shading: Shading,
     /// Distance between samples along a ray, mm.
     pub sample_distance_mm: f64,
+    /// Thickness of a slice's slab, half of it on each side of the plane, mm; 0 is the plane alone, and what other
+    /// modes have.
+    pub slab_mm: f64,
     /// Which depth a ray has.
     pub depth: DepthRule,
     /// Which part is shown.
@@ -135,6 +174,9 @@ impl RenderRequest {
     /// Most samples that the rays of a picture may take: minutes of a software adapter, which nothing can interrupt.
     pub const MAX_SAMPLES: f64 = 4e10;
 
+    /// Thickest slab of a slice, mm.
+    pub const MAX_SLAB_MM: f64 = 1000.0;
+
     /// Checks every range that the parts' own constructors do not.
     ///
     /// # Errors
@@ -168,6 +210,16 @@ impl RenderRequest {
         if let DepthRule::Threshold { fraction } = self.depth {
             within("depth.fraction", fraction, 0.001, 1.0)?;
         }
+        if let Mode::Slice(_) = self.mode {
+            within("slice.slab_mm", self.slab_mm, 0.0, Self::MAX_SLAB_MM)?;
+            if let Projection::Perspective { .. } = self.camera.projection() {
+                return Err(RequestError::new(
+                    "camera.projection",
+                    &"perspective",
+                    "orthographic in mode slice",
+                ));
+            }
+        }
         self.validate_clip()
     }
 
@@ -178,7 +230,11 @@ impl RenderRequest {
     pub fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
         self.validate()?;
         let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
-        let longest_ray_mm = 2.0 * grid.bounding_radius_mm();
+        let across_mm = 2.0 * grid.bounding_radius_mm();
+        let longest_ray_mm = match self.mode {
+            Mode::Slice(_) => self.slab_mm.min(across_mm),
+            _ => across_mm,
+        };
         let least_mm = pixels * longest_ray_mm / Self::MAX_SAMPLES;
         if self.sample_distance_mm < least_mm {
             let allowed = format!("at least {least_mm:.3} mm for a picture of this size");

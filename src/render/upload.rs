@@ -157,7 +157,7 @@ impl Appearance {
 pub(super) fn table_for(request: &RenderRequest) -> TransferTable {
     let step_mm = match request.mode {
         Mode::Composite => request.sample_distance_mm,
-        Mode::Mip => request.transfer.opacity_unit_mm(),
+        Mode::Mip | Mode::Slice(_) => request.transfer.opacity_unit_mm(),
     };
     TransferTable::new(&request.transfer, step_mm)
 }
@@ -169,6 +169,8 @@ fn is_of_interest(table: &TransferTable, mode: Mode, low_hu: f32, high_hu: f32) 
     match mode {
         Mode::Composite => table.is_visible(low_hu, high_hu),
         Mode::Mip => table.is_visible(f32::MIN, high_hu),
+        // A slice takes every sample.
+        Mode::Slice(_) => true,
     }
 }
 

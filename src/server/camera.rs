@@ -21,6 +21,7 @@ pub(super) fn camera_json(camera: &Camera, size_px: [u32; 2], limits: DepthLimit
             "projection": projection,
         },
         "size_px": size_px,
+        "edges": camera.edge_labels(),
         "near_mm": limits.near_mm,
         "far_mm": limits.far_mm,
     })

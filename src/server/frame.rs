@@ -52,6 +52,18 @@ pub(super) fn routes(product: Product) -> MethodRouter<Arc<Server>> {
     get(by_query).post(by_body)
 }
 
+/// A slice, by its query.
+pub(super) async fn get_slice(
+    State(server): Shared,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let entry = server.volumes.find(&id)?;
+    let media = negotiate(&headers, Product::Frame.formats())?;
+    answer_query(&server, &entry, &Query::of_slice(&uri)?, &headers, (Product::Frame, media)).await
+}
+
 pub(super) async fn get_pick(
     State(server): Shared,
     Path(id): Path<String>,
@@ -92,11 +104,20 @@ async fn by_query(
 ) -> Result<Response, Problem> {
     let entry = server.volumes.find(id)?;
     let media = negotiate(headers, product.formats())?;
-    let query = Query::of(uri)?;
+    answer_query(server, &entry, &Query::of(uri)?, headers, (product, media)).await
+}
+
+async fn answer_query(
+    server: &Server,
+    entry: &Entry,
+    query: &Query,
+    headers: &HeaderMap,
+    (product, media): (Product, FileFormat),
+) -> Result<Response, Problem> {
     let answered = async {
-        let order = Order::from_query(&query, entry.volume.grid())?;
-        let scene = resolve(order, &entry, SizeRule::of(product, media))?;
-        answer(server, &entry, scene, headers, (Method::GET, product, media)).await
+        let order = Order::from_query(query, entry.volume.grid())?;
+        let scene = resolve(order, entry, SizeRule::of(product, media))?;
+        answer(server, entry, scene, headers, (Method::GET, product, media)).await
     };
     answered.await.map_err(|problem| query.blame(problem))
 }

@@ -101,7 +101,7 @@ mod tests {
     fn openapi_lists_every_parameter_of_a_scene() {
         let document = document();
         let own: BTreeSet<&str> = parameter_names().collect();
-        for operation in ["frame", "depth", "pick"] {
+        for operation in ["frame", "depth", "slice", "pick"] {
             let parameters =
                 &document["paths"][format!("/v1/volumes/{{id}}/{operation}")]["get"]["parameters"];
             let references = parameters.as_array().unwrap().iter().map(|p| p["$ref"].as_str().unwrap());

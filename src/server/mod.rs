@@ -12,6 +12,7 @@
 //! | `/v1/volumes` | GET, POST | list; upload a zip |
 //! | `/v1/volumes/{id}` | GET, DELETE | one volume; remove an uploaded one |
 //! | `/v1/volumes/{id}/frame` | GET, POST | the picture in a display's layout, or colour, or raw |
+//! | `/v1/volumes/{id}/slice` | GET | a slice, by its query |
 //! | `/v1/volumes/{id}/depth` | GET, POST | view depth |
 //! | `/v1/volumes/{id}/pick` | GET, POST | the patient position that a pixel shows |
 //! | `/v1/presets` | GET | transfer functions by name |
@@ -57,6 +58,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
         .route("/v1/volumes/{id}/frame", frame::routes(Product::Frame))
         .route("/v1/volumes/{id}/depth", frame::routes(Product::Depth))
+        .route("/v1/volumes/{id}/slice", get(frame::get_slice))
         .route("/v1/volumes/{id}/pick", get(frame::get_pick).post(frame::post_pick))
         .route("/v1/presets", get(info::presets))
         .route("/healthz", get(info::healthz))

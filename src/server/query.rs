@@ -36,6 +36,8 @@ enum Target {
     FieldOfView,
     /// Centre and width of a grey ramp.
     Window,
+    /// A key of the camera, or one of the slice where the mode is that.
+    View { camera: &'static str, slice: &'static str },
     /// Two corners of a box.
     ClipBox,
 }
@@ -56,10 +58,13 @@ const fn to(name: &'static str, kind: Kind, target: Target) -> Parameter {
     Parameter { name, kind, target }
 }
 
+const HEIGHT: &str = "camera.projection.orthographic.height_mm";
+
 /// All parameters of a scene. `openapi.json` lists the same ones; a test compares them.
 const PARAMETERS: &[Parameter] = &[
     key("preset", Kind::Text, "transfer"),
     to("window_hu", Kind::Numbers(2), Target::Window),
+    to("window", Kind::Numbers(2), Target::Window),
     key("mode", Kind::Text, "mode"),
     key("size_px", Kind::Whole(2), "size_px"),
     to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
@@ -68,8 +73,14 @@ const PARAMETERS: &[Parameter] = &[
     to("vertical_fov_deg", Kind::Number, Target::FieldOfView),
     key("eye_mm", Kind::Numbers(3), "camera.eye_mm"),
     key("look_at_mm", Kind::Numbers(3), "camera.look_at_mm"),
-    key("up", Kind::Numbers(3), "camera.up"),
-    key("height_mm", Kind::Number, "camera.projection.orthographic.height_mm"),
+    to("up", Kind::Numbers(3), Target::View { camera: "camera.up", slice: "slice.plane.up" }),
+    to("height_mm", Kind::Number, Target::View { camera: HEIGHT, slice: "slice.height_mm" }),
+    key("plane", Kind::Text, "slice.plane"),
+    key("normal", Kind::Numbers(3), "slice.plane.normal"),
+    key("center_mm", Kind::Numbers(3), "slice.center_mm"),
+    key("offset_mm", Kind::Number, "slice.offset_mm"),
+    key("slab_mm", Kind::Number, "slice.slab_mm"),
+    key("slab_blend", Kind::Text, "slice.blend"),
     key("sample_distance_mm", Kind::Number, "sample_distance_mm"),
     key("depth_rule", Kind::Text, "depth.rule"),
     key("depth_fraction", Kind::Number, "depth.fraction"),
@@ -88,6 +99,9 @@ const PARAMETERS: &[Parameter] = &[
 /// Parameters that exclude each other: two ways to say the same thing.
 const EXCLUSIVE: &[(&str, &str)] = &[
     ("preset", "window_hu"),
+    ("preset", "window"),
+    ("window_hu", "window"),
+    ("plane", "normal"),
     ("profile", "vz"),
     ("eye_mm", "azimuth_deg"),
     ("eye_mm", "elevation_deg"),
@@ -96,8 +110,20 @@ const EXCLUSIVE: &[(&str, &str)] = &[
 ];
 
 /// Parameters that mean nothing without another one.
-const NEEDS: &[(&str, &str)] =
-    &[("look_at_mm", "eye_mm"), ("up", "eye_mm"), ("height_mm", "eye_mm"), ("depth_fraction", "depth_rule")];
+const NEEDS: &[(&str, &str)] = &[("look_at_mm", "eye_mm"), ("depth_fraction", "depth_rule")];
+/// The same where the mode is no slice, and where it is.
+const NEEDS_OF_VIEW: &[(&str, &str)] = &[
+    ("up", "eye_mm"),
+    ("height_mm", "eye_mm"),
+    ("plane", SLICE),
+    ("normal", SLICE),
+    ("center_mm", SLICE),
+    ("offset_mm", SLICE),
+    ("slab_mm", SLICE),
+    ("slab_blend", SLICE),
+];
+const NEEDS_OF_SLICE: &[(&str, &str)] = &[("up", "normal")];
+const SLICE: &str = "mode=slice";
 
 /// Names of the parameters that a scene's query may have.
 #[cfg(test)]
@@ -140,6 +166,27 @@ impl Query {
     /// Refuses whatever is left.
     pub(super) fn expect_empty(&self) -> Result<(), Problem> {
         self.0.first().map_or(Ok(()), |(name, _)| Err(unknown(name, "none here")))
+    }
+
+    /// A slice without parameters that say otherwise: its picture alone.
+    ///
+    /// # Errors
+    /// When the mode is another one.
+    pub(super) fn of_slice(uri: &Uri) -> Result<Self, Problem> {
+        let mut query = Self::of(uri)?;
+        if query.has("mode") && !query.is_slice() {
+            return Err(bad_parameter("mode is not slice, which is all there is here").with("path", "mode"));
+        }
+        for (name, value) in [("mode", "slice"), ("layout", "color")] {
+            if !query.has(name) {
+                query.0.push((name.to_owned(), value.to_owned()));
+            }
+        }
+        Ok(query)
+    }
+
+    fn is_slice(&self) -> bool {
+        self.0.iter().any(|(name, value)| name == "mode" && value == "slice")
     }
 
     fn has(&self, name: &str) -> bool {
@@ -199,6 +246,7 @@ impl Parameter {
             Target::Window => path.starts_with("transfer"),
             Target::ClipBox => path == "clip.box_mm",
             Target::FieldOfView => path.ends_with(self.name),
+            Target::View { camera, slice } => path == camera || path == slice,
             Target::Orbit(_) => path == self.name,
         }
     }
@@ -213,6 +261,8 @@ impl Parameter {
         let value = self.kind.read(self.name, text)?;
         match self.target {
             Target::Key(path) => set(scene, path, value),
+            Target::View { slice, .. } if query.is_slice() => set(scene, slice, value),
+            Target::View { camera, .. } => set(scene, camera, value),
             Target::FieldOfView if query.has("eye_mm") => {
                 set(scene, "camera.projection.perspective.vertical_fov_deg", value);
             }
@@ -260,7 +310,8 @@ fn check_combination(query: &Query) -> Result<(), Problem> {
             return Err(bad_parameter(format!("{a} and {b} exclude each other")).with("path", *b));
         }
     }
-    for (name, needed) in NEEDS {
+    let of_mode = if query.is_slice() { NEEDS_OF_SLICE } else { NEEDS_OF_VIEW };
+    for (name, needed) in NEEDS.iter().chain(of_mode) {
         if query.has(name) && !query.has(needed) {
             return Err(bad_parameter(format!("{name} means nothing without {needed}")).with("path", *name));
         }

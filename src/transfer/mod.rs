@@ -117,6 +117,21 @@ impl TransferFunction {
         Self::new(vec![end(center_hu - width_hu / 2.0, 0.0), end(center_hu + width_hu / 2.0, 1.0)], 1.0)
     }
 
+    /// Opaque grey that rises from black to white across a window: what a slice is shown by.
+    ///
+    /// A value is `(hu - center) / width + 0.5` of white, clamped: DICOM's LINEAR_EXACT (PS3.3, C.11.2.1.3).
+    ///
+    /// # Errors
+    /// As [`TransferFunction::window`].
+    pub fn grey_window(center_hu: f64, width_hu: f64) -> Result<Self, TransferError> {
+        let mut window = Self::window(center_hu, width_hu)?;
+        for point in &mut window.points {
+            let grey = point.rgba[3];
+            point.rgba = [grey, grey, grey, 1.0];
+        }
+        Ok(window)
+    }
+
     /// The control points, HU rising.
     #[must_use]
     pub fn points(&self) -> &[ControlPoint] {

@@ -1,4 +1,4 @@
-//! Rendering, from outside: closed forms, the f64 twin, skipping, refusals.
+//! Rendering, from outside: closed forms, slices, the f64 twin, skipping, refusals.
 //!
 //! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
 
@@ -12,6 +12,8 @@
 mod closed_forms;
 mod refusals;
 mod skipping;
+mod slices;
+mod slices_peer;
 mod twin;
 
 use std::sync::{Mutex, MutexGuard, OnceLock};

@@ -1,7 +1,7 @@
 //! Stepping over empty space changes not one byte, and does skip.
 
 use relief::camera::{Camera, Orbit, Projection};
-use relief::render::{DepthRule, Mode, RenderRequest, SceneFile, Skipping};
+use relief::render::{DepthRule, Mode, RenderRequest, Renderer, SceneFile, Skipping};
 use relief::volume::Volume;
 use relief::volume::phantom::Phantom;
 
@@ -27,6 +27,18 @@ fn requests(volume: &Volume) -> Vec<RenderRequest> {
     requests
 }
 
+/// Slices take every sample, whatever the bricks say.
+fn slices(volume: &Volume) -> Vec<RenderRequest> {
+    let scene = |blend: &str| {
+        let json = format!(
+            r#"{{"mode": "slice", "size_px": [97, 61], "transfer": "bone", "sample_distance_mm": 1.3,
+                "slice": {{"plane": "coronal", "slab_mm": 20, "blend": "{blend}"}}}}"#
+        );
+        SceneFile::parse(json.as_bytes()).unwrap().resolve(volume.grid(), &Orbit::default()).unwrap().request
+    };
+    ["mean", "mip", "minip"].map(scene).to_vec()
+}
+
 #[test]
 fn skipping_changes_not_one_byte() {
     let Some(mut renderer) = renderer("skipping_changes_not_one_byte") else { return };
@@ -35,12 +47,19 @@ fn skipping_changes_not_one_byte() {
         request.sample_distance_mm = [0.7, 1.0, 2.3][i % 3];
         request.mode = if i % 4 == 3 { Mode::Mip } else { Mode::Composite };
         request.depth = if i % 2 == 0 { DepthRule::FirstHit } else { DepthRule::Threshold { fraction: 0.5 } };
-        let on = renderer.render_with(&volume, &request, Skipping::On).unwrap();
-        let off = renderer.render_with(&volume, &request, Skipping::Off).unwrap();
-        assert!(on.color_rgba == off.color_rgba, "colour of request {i}: {request:?}");
-        let bits = |depths: &[f32]| depths.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
-        assert!(bits(&on.depth_mm) == bits(&off.depth_mm), "depth of request {i}: {request:?}");
+        assert_same_bytes(&mut renderer, &volume, &request);
     }
+    for request in slices(&volume) {
+        assert_same_bytes(&mut renderer, &volume, &request);
+    }
+}
+
+fn assert_same_bytes(renderer: &mut Renderer, volume: &Volume, request: &RenderRequest) {
+    let on = renderer.render_with(volume, request, Skipping::On).unwrap();
+    let off = renderer.render_with(volume, request, Skipping::Off).unwrap();
+    assert!(on.color_rgba == off.color_rgba, "colour of {request:?}");
+    let bits = |depths: &[f32]| depths.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
+    assert!(bits(&on.depth_mm) == bits(&off.depth_mm), "depth of {request:?}");
 }
 
 #[test]

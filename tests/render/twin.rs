@@ -12,7 +12,7 @@ use super::renderer;
 const ALLOWED_SHARE: f64 = 0.001;
 const ALLOWED_DEPTH_MM: f32 = 0.05;
 
-fn compare(volume: &Volume, request: &RenderRequest, what: &str) {
+pub(super) fn compare(volume: &Volume, request: &RenderRequest, what: &str) {
     let Some(mut renderer) = renderer(what) else { return };
     let gpu = renderer.render(volume, request).unwrap();
     drop(renderer);
@@ -37,7 +37,7 @@ fn request(volume: &Volume, preset: &str, vertical_fov_deg: f64) -> RenderReques
 }
 
 /// The head, turned and stretched in patient space: axes must not be taken for granted.
-fn oblique_head() -> Volume {
+pub(super) fn oblique_head() -> Volume {
     let head = Phantom::head(64).unwrap().volume;
     let grid = head.grid();
     let turn = glam::DAffine3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 0.5).normalize(), 0.6);

@@ -7,6 +7,7 @@
 mod frames;
 mod operation;
 mod problems;
+mod slices;
 mod sockets;
 mod stage;
 mod uploads;

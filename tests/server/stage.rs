@@ -100,15 +100,17 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
     }
 }
 
-/// View depth of the first point of the sphere on a pixel's ray, mm.
+/// View depth of the first point of the sphere on a pixel's ray, mm; of a plane in parallel projections.
 #[expect(clippy::cast_possible_truncation, reason = "depth is stored as f32")]
 pub(crate) fn sphere_depth(request: &RenderRequest, [column, row]: [u32; 2]) -> f32 {
     let camera = &request.camera;
+    if let Projection::Orthographic { .. } = camera.projection() {
+        return camera.distance_mm() as f32; // the plane through the focal point: a slice
+    }
     let [half_x, half_y] = camera.half_extent(request.size_px);
     let [width, height] = request.size_px.map(f64::from);
     let x = ((f64::from(column) + 0.5) / width * 2.0 - 1.0) * half_x;
     let y = (1.0 - (f64::from(row) + 0.5) / height * 2.0) * half_y;
-    assert!(matches!(camera.projection(), Projection::Perspective { .. }), "the tests use perspectives");
     // The ray t (x, y, -1) meets |p - (0, 0, -distance)| = radius; t is the view depth.
     let (a, distance) = (x * x + y * y + 1.0, camera.distance_mm());
     let discriminant = distance * distance - a * (distance * distance - SPHERE_MM * SPHERE_MM);

@@ -19,16 +19,16 @@ const FLAT_HU: f64 = 0.05;
 
 /// A volume under a request.
 pub(super) struct Caster<'a> {
-    volume: &'a Volume,
-    request: &'a RenderRequest,
+    pub(super) volume: &'a Volume,
+    pub(super) request: &'a RenderRequest,
     rays: Rays<'a>,
-    table: TransferTable,
+    pub(super) table: TransferTable,
 }
 
 /// Premultiplied colour and coverage, and the distance along the ray in mm; `None` when nothing is visible.
-struct Hit {
-    color: DVec4,
-    t: Option<f64>,
+pub(super) struct Hit {
+    pub(super) color: DVec4,
+    pub(super) t: Option<f64>,
 }
 
 impl<'a> Caster<'a> {
@@ -44,6 +44,7 @@ impl<'a> Caster<'a> {
         let hit = match self.request.mode {
             Mode::Mip => self.project_maximum(&ray),
             Mode::Composite => self.composite(&ray),
+            Mode::Slice(blend) => self.slice(&ray, blend),
         };
         let over = hit.color.truncate() + (1.0 - hit.color.w) * DVec3::from(self.request.background_rgb);
         let bytes = over.extend(hit.color.w).to_array().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);

@@ -10,11 +10,13 @@
 //! | `field` | `shaders/lib/volume.wgsl` |
 //! | `classify` | `shaders/lib/classify.wgsl` |
 //! | `cast` | `shaders/raycast.wgsl` |
+//! | `slice` | `shaders/slice.wgsl` |
 
 mod cast;
 mod classify;
 mod field;
 mod ray;
+mod slice;
 
 use rayon::prelude::*;
 

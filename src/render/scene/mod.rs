@@ -5,19 +5,22 @@
 
 mod error;
 mod parts;
+mod slice;
 
 use serde::Deserialize;
 
 use self::parts::{
-    CameraFile, ClipFile, DepthFile, ModeFile, ShadingFile, TransferFile, default_shading, expect_objects,
-    resolve_transfer,
+    CameraFile, ClipFile, DepthFile, ModeFile, ShadingFile, TransferFile, Windows, default_shading,
+    expect_objects, resolve_transfer,
 };
+use self::slice::expect_one_view;
 use super::request::{DepthRule, Mode, RenderRequest, RequestError};
 use crate::camera::Orbit;
 use crate::display::DisplaySettings;
 use crate::volume::Grid;
 
 pub use error::SceneError;
+pub use slice::{SliceFile, SlicePlane};
 
 /// A picture to render and how to show it.
 #[derive(Clone, Debug)]
@@ -54,6 +57,7 @@ pub struct SceneFile {
     camera: Option<CameraFile>,
     size_px: Option<[u32; 2]>,
     mode: Option<ModeFile>,
+    slice: Option<SliceFile>,
     transfer: Option<TransferFile>,
     shading: Option<ShadingFile>,
     sample_distance_mm: Option<f64>,
@@ -91,8 +95,27 @@ impl SceneFile {
         let mode = match mode {
             Mode::Composite => ModeFile::Composite,
             Mode::Mip => ModeFile::Mip,
+            Mode::Slice(_) => ModeFile::Slice,
         };
         Self { mode: Some(mode), ..self }
+    }
+
+    /// Whether the scene is that of a slice.
+    #[must_use]
+    pub fn is_slice(&self) -> bool {
+        matches!(self.mode, Some(ModeFile::Slice))
+    }
+
+    /// The slice, for changes; makes this a scene of a slice if it was none.
+    pub fn slice_mut(&mut self) -> &mut SliceFile {
+        self.mode = Some(ModeFile::Slice);
+        self.slice.get_or_insert_default()
+    }
+
+    /// Shows values by a window, in HU.
+    #[must_use]
+    pub fn with_window(self, center_hu: f64, width_hu: f64) -> Self {
+        Self { transfer: Some(TransferFile::window(center_hu, width_hu)), ..self }
     }
 
     /// Replaces the size of the picture.
@@ -133,23 +156,30 @@ impl SceneFile {
     pub fn resolve(self, grid: &Grid, orbit: &Orbit) -> Result<Scene, SceneError> {
         self.display.validate()?;
         let size_of_layout = self.display.encoder()?.render_size_px();
-        let camera = match self.camera {
-            Some(camera) => camera.resolve(),
-            None => {
+        let size_px = self.size_px.or(size_of_layout).unwrap_or([960, 540]);
+        let mode = self.mode.map_or(Mode::Composite, ModeFile::resolve);
+        let is_slice = self.is_slice();
+        let slice = expect_one_view(is_slice, self.slice, self.camera.is_some(), orbit)?;
+        let camera = match (slice, self.camera) {
+            (Some(slice), _) => slice.camera(grid, size_px)?,
+            (None, Some(camera)) => camera.resolve().map_err(RequestError::from)?,
+            (None, None) => {
                 orbit.validate()?;
-                orbit.camera(grid.center(), grid.bounding_radius_mm())
+                orbit.camera(grid.center(), grid.bounding_radius_mm()).map_err(RequestError::from)?
             }
         };
-        let (transfer, preset) = resolve_transfer(self.transfer)?;
+        let windows = if is_slice { Windows::Opaque } else { Windows::Translucent };
+        let (transfer, preset) = resolve_transfer(self.transfer, windows)?;
         let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let request = RenderRequest {
-            camera: camera.map_err(RequestError::from)?,
-            size_px: self.size_px.or(size_of_layout).unwrap_or([960, 540]),
-            mode: self.mode.map_or(Mode::Composite, ModeFile::resolve),
+            camera,
+            size_px,
+            mode: slice.map_or(mode, |slice| Mode::Slice(slice.blend)),
             transfer,
             shading: self.shading.map_or_else(|| default_shading(preset), ShadingFile::resolve),
             // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
             sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
+            slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
             depth: self.depth.map_or(Ok(DepthRule::Threshold { fraction: 0.5 }), DepthFile::resolve)?,
             clip: self.clip.unwrap_or_default().resolve()?,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),

@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
 use crate::camera::{Camera, CameraError, Projection};
-use crate::render::request::{Clip, ClipPlane, DepthRule, Mode, RequestError, Shading};
+use crate::render::request::{Clip, ClipPlane, DepthRule, Mode, RequestError, Shading, SlabBlend};
 use crate::space::{Point, Vector};
 use crate::transfer::{ControlPoint, PRESETS, Preset, TransferFunction, preset};
 
@@ -20,7 +20,7 @@ pub(super) struct CameraFile {
     projection: ProjectionFile,
 }
 
-fn head_up() -> [f64; 3] {
+pub(super) fn head_up() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
@@ -36,6 +36,7 @@ enum ProjectionFile {
 pub(super) enum ModeFile {
     Composite,
     Mip,
+    Slice,
 }
 
 /// A preset's name, or control points, or a window.
@@ -137,7 +138,7 @@ struct PlaneFile {
 ///
 /// What is no JSON at all passes: the parser proper says where it goes wrong.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
-    const OBJECTS: [&str; 10] = [
+    const OBJECTS: [&str; 11] = [
         "",
         "/camera",
         "/camera/projection",
@@ -148,6 +149,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/shading",
         "/depth",
         "/clip",
+        "/slice",
     ];
     let Ok(scene) = serde_json::from_slice::<serde_json::Value>(json) else { return Ok(()) };
     let lists = ["/transfer/points", "/clip/planes"].into_iter().flat_map(|list| {
@@ -184,6 +186,43 @@ impl ModeFile {
         match self {
             Self::Composite => Mode::Composite,
             Self::Mip => Mode::Mip,
+            Self::Slice => Mode::Slice(SlabBlend::default()),
+        }
+    }
+}
+
+impl TransferFile {
+    pub(super) fn window(center_hu: f64, width_hu: f64) -> Self {
+        let window = Some(WindowFile { center_hu, width_hu });
+        Self::Function(FunctionFile { points: None, opacity_unit_mm: None, window })
+    }
+}
+
+/// What a window stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Windows {
+    /// White of rising opacity, for rays.
+    Translucent,
+    /// Opaque grey, for slices; one for soft tissue where there is no transfer function at all.
+    Opaque,
+}
+
+impl Windows {
+    fn transfer(
+        self,
+        WindowFile { center_hu, width_hu }: &WindowFile,
+    ) -> Result<TransferFunction, RequestError> {
+        let made = match self {
+            Self::Translucent => TransferFunction::window(*center_hu, *width_hu),
+            Self::Opaque => TransferFunction::grey_window(*center_hu, *width_hu),
+        };
+        made.map_err(RequestError::from)
+    }
+
+    fn default_transfer(self) -> TransferFile {
+        match self {
+            Self::Translucent => TransferFile::Preset(PRESETS[0].name.to_owned()),
+            Self::Opaque => TransferFile::window(40.0, 400.0),
         }
     }
 }
@@ -191,8 +230,9 @@ impl ModeFile {
 /// The transfer function, and the preset it came from.
 pub(super) fn resolve_transfer(
     file: Option<TransferFile>,
+    windows: Windows,
 ) -> Result<(TransferFunction, Option<&'static Preset>), SceneError> {
-    match file.unwrap_or(TransferFile::Preset(PRESETS[0].name.to_owned())) {
+    match file.unwrap_or_else(|| windows.default_transfer()) {
         TransferFile::Preset(name) => {
             let found = preset(&name).ok_or_else(|| RequestError::new("transfer", &name, &preset_names()))?;
             Ok((found.transfer(), Some(found)))
@@ -206,10 +246,7 @@ pub(super) fn resolve_transfer(
             points: None,
             opacity_unit_mm: None,
             window: Some(window),
-        }) => {
-            let transfer = TransferFunction::window(window.center_hu, window.width_hu);
-            Ok((transfer.map_err(RequestError::from)?, None))
-        }
+        }) => Ok((windows.transfer(&window)?, None)),
         TransferFile::Function(_) => {
             let allowed = "either points (and opacity_unit_mm) or a window";
             Err(RequestError::new("transfer", &"neither or both", allowed).into())
