@@ -12,6 +12,7 @@ mod inspect;
 mod inspect_frame;
 mod output;
 mod phantom;
+mod presets;
 mod render;
 mod scene;
 mod serve;
@@ -46,6 +47,7 @@ enum Command {
     Phantom(phantom::Arguments),
     Inspect(inspect::Arguments),
     Render(render::Arguments),
+    Presets(presets::Arguments),
     Bench(bench::Arguments),
     Serve(serve::Arguments),
     Golden(golden::Arguments),
@@ -61,6 +63,7 @@ pub fn main() -> ExitCode {
         Command::Phantom(arguments) => phantom::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Render(arguments) => render::run(arguments),
+        Command::Presets(arguments) => presets::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),

@@ -16,7 +16,7 @@ pub(super) struct SceneArguments {
     /// Scene as JSON: camera, transfer function, size, display; every part may be left out
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Preset of colours and light: bone, skin, lung, vessels, soft-tissue
+    /// Preset of colours and light, such as bone, skin, lung or vessels; `relief presets` lists all
     #[arg(long, value_name = "NAME", value_parser = parse_preset)]
     preset: Option<String>,
     /// How samples become a colour: composite, mip (the largest value along each ray), or slice (see --plane)
@@ -51,7 +51,7 @@ fn parse_preset(name: &str) -> Result<String, String> {
     if PRESETS.iter().any(|preset| preset.name == name) {
         return Ok(name.to_owned());
     }
-    let lines: Vec<String> = PRESETS.iter().map(|p| format!("  {:<12} {}", p.name, p.purpose)).collect();
+    let lines: Vec<String> = PRESETS.iter().map(|p| format!("  {:<18} {}", p.name, p.purpose)).collect();
     Err(format!("no preset has this name; there are\n{}", lines.join("\n")))
 }
 

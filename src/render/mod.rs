@@ -19,4 +19,6 @@ mod upload;
 pub use frame::{RenderedFrame, Timings};
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
 pub use request::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RequestError, Shading, SlabBlend};
-pub use scene::{Scene, SceneError, SceneFile, SliceFile, SlicePlane};
+pub use scene::{
+    Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
+};

@@ -170,7 +170,7 @@ fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem
 }
 
 /// Answers from the tag alone where that will do, else renders and encodes.
-async fn answer(
+pub(super) async fn answer(
     server: &Server,
     entry: &Entry,
     scene: Scene,

@@ -12,14 +12,14 @@ use super::metrics::Gauges;
 use super::problem::Problem;
 use super::state::Server;
 use crate::display::{Layout, ProfileName};
+use crate::render::preset_json;
 use crate::transfer::PRESETS;
 
 /// OpenAPI 3.1, written by hand; tests compare its paths and parameters with the code's.
 const OPENAPI: &str = include_str!("openapi.json");
 
 pub(super) async fn presets() -> Json<Value> {
-    let presets: Vec<Value> =
-        PRESETS.iter().map(|preset| json!({ "name": preset.name, "purpose": preset.purpose })).collect();
+    let presets: Vec<Value> = PRESETS.iter().map(preset_json).collect();
     let layouts = Layout::ALL.map(Layout::name);
     let profiles = ProfileName::ALL.map(ProfileName::name);
     Json(json!({ "presets": presets, "layouts": layouts, "profiles": profiles }))

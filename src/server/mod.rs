@@ -15,6 +15,7 @@
 //! | `/v1/volumes/{id}/slice` | GET | a slice, by its query |
 //! | `/v1/volumes/{id}/depth` | GET, POST | view depth |
 //! | `/v1/volumes/{id}/pick` | GET, POST | the patient position that a pixel shows |
+//! | `/v1/volumes/{id}/presets/{name}/thumbnail` | GET | a small picture of the volume with a preset |
 //! | `/v1/presets` | GET | transfer functions by name |
 //! | `/healthz`, `/readyz`, `/metrics` | GET | operation |
 //! | `/openapi.json` | GET | this table for programs |
@@ -33,6 +34,7 @@ mod page;
 mod problem;
 mod query;
 mod state;
+mod thumbnail;
 mod upload;
 mod volumes;
 
@@ -60,6 +62,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/v1/volumes/{id}/depth", frame::routes(Product::Depth))
         .route("/v1/volumes/{id}/slice", get(frame::get_slice))
         .route("/v1/volumes/{id}/pick", get(frame::get_pick).post(frame::post_pick))
+        .route("/v1/volumes/{id}/presets/{name}/thumbnail", get(thumbnail::thumbnail))
         .route("/v1/presets", get(info::presets))
         .route("/healthz", get(info::healthz))
         .route("/readyz", get(info::readyz))

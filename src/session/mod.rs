@@ -7,8 +7,10 @@
 mod backend;
 mod cache;
 mod encode;
+mod glyphs;
 pub mod golden;
 mod service;
+mod thumbnail;
 mod ticket;
 
 use std::sync::Arc;
@@ -18,6 +20,7 @@ use crate::volume::{ContentHash, Volume};
 
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use service::{QueueConfig, RenderService};
+pub use thumbnail::{THUMBNAIL_SIZE_PX, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
 
 /// Whatever turns requests into frames. It lives on the service's thread and is called by it alone.

@@ -9,7 +9,7 @@
 mod presets;
 mod table;
 
-pub use presets::{PRESETS, Preset, preset};
+pub use presets::{PRESETS, Preset, PresetGroup, PresetMode, preset};
 pub use table::TransferTable;
 
 /// Colour and opacity at one HU value.

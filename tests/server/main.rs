@@ -10,4 +10,5 @@ mod problems;
 mod slices;
 mod sockets;
 mod stage;
+mod thumbnails;
 mod uploads;

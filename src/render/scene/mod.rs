@@ -6,12 +6,13 @@
 mod error;
 mod parts;
 mod slice;
+mod written;
 
 use serde::Deserialize;
 
 use self::parts::{
-    CameraFile, ClipFile, DepthFile, ModeFile, ShadingFile, TransferFile, Windows, default_shading,
-    expect_objects, resolve_transfer,
+    CameraFile, ClipFile, DepthFile, ModeFile, ShadingFile, TransferFile, Windows, default_mode,
+    default_shading, expect_objects, resolve_transfer,
 };
 use self::slice::expect_one_view;
 use super::request::{DepthRule, Mode, RenderRequest, RequestError};
@@ -21,6 +22,7 @@ use crate::volume::Grid;
 
 pub use error::SceneError;
 pub use slice::{SliceFile, SlicePlane};
+pub use written::{preset_json, shading_json, transfer_json};
 
 /// A picture to render and how to show it.
 #[derive(Clone, Debug)]
@@ -157,7 +159,7 @@ impl SceneFile {
         self.display.validate()?;
         let size_of_layout = self.display.encoder()?.render_size_px();
         let size_px = self.size_px.or(size_of_layout).unwrap_or([960, 540]);
-        let mode = self.mode.map_or(Mode::Composite, ModeFile::resolve);
+        let mode = self.mode.map(ModeFile::resolve);
         let is_slice = self.is_slice();
         let slice = expect_one_view(is_slice, self.slice, self.camera.is_some(), orbit)?;
         let camera = match (slice, self.camera) {
@@ -174,7 +176,10 @@ impl SceneFile {
         let request = RenderRequest {
             camera,
             size_px,
-            mode: slice.map_or(mode, |slice| Mode::Slice(slice.blend)),
+            mode: slice.map_or_else(
+                || mode.unwrap_or_else(|| default_mode(preset)),
+                |slice| Mode::Slice(slice.blend),
+            ),
             transfer,
             shading: self.shading.map_or_else(|| default_shading(preset), ShadingFile::resolve),
             // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.

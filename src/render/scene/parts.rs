@@ -8,7 +8,7 @@ use super::SceneError;
 use crate::camera::{Camera, CameraError, Projection};
 use crate::render::request::{Clip, ClipPlane, DepthRule, Mode, RequestError, Shading, SlabBlend};
 use crate::space::{Point, Vector};
-use crate::transfer::{ControlPoint, PRESETS, Preset, TransferFunction, preset};
+use crate::transfer::{ControlPoint, PRESETS, Preset, PresetMode, TransferFunction, preset};
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -256,6 +256,13 @@ pub(super) fn resolve_transfer(
 
 fn preset_names() -> String {
     PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>().join(", ")
+}
+
+pub(super) fn default_mode(preset: Option<&Preset>) -> Mode {
+    match preset.map(|preset| preset.mode) {
+        Some(PresetMode::Maximum) => Mode::Mip,
+        Some(PresetMode::Composite) | None => Mode::Composite,
+    }
 }
 
 pub(super) fn default_shading(preset: Option<&Preset>) -> Shading {

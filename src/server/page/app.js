@@ -6,6 +6,7 @@
 import { drawPicture } from "./draw.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
+import { PresetGrid } from "./presets.js";
 import {
   Fetcher, HOME, Refusal, axes, frameQuery, normalized, project, request, sides, stageQuery, stillSize,
 } from "./view.js";
@@ -43,6 +44,7 @@ let pick = null;
 let stillTimer = 0;
 
 const fetcher = new Fetcher(show, showFailure, (busy) => $("busy").classList.toggle("on", busy));
+const grid = new PresetGrid($("presets"), $("presets"), () => fetcher.isBusy);
 
 // ---------------------------------------------------------------- asking for pictures
 
@@ -241,9 +243,11 @@ function setView(view) {
 
 function setPreset(index) {
   if (!presets[index]) return;
-  state.preset = presets[index].name;
-  $("preset").value = state.preset;
-  $("purpose").textContent = presets[index].purpose;
+  const { name, purpose, mode } = presets[index];
+  Object.assign(state, { preset: name, mode });
+  choose("mode", mode);
+  grid.choose(index);
+  $("purpose").textContent = purpose;
   refresh();
 }
 
@@ -307,7 +311,7 @@ panel.addEventListener("change", ({ target }) => {
   if (target.name === "view") return setView(target.value);
   if (target.name === "mode") state.mode = target.value;
   else if (target.name === "projection") state.fieldOfView = Number(target.value);
-  else if (target.id === "preset") return setPreset(target.selectedIndex);
+  else if (target.name === "preset") return setPreset(Number(target.value));
   else if (target.id === "volume") return showVolume(volumes[target.selectedIndex]);
   else if (target.id === "layout" || target.id === "profile") {
     state[target.id] = target.value;
@@ -399,13 +403,15 @@ function recall() {
   });
   state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
-  state.mode = word("mode", ["composite", "mip"]) ?? "composite";
+  const chosen = presets.findIndex((preset) => preset.name === state.preset);
+  state.mode = word("mode", ["composite", "mip"]) ?? presets[chosen].mode;
   state.view = word("view", VIEWS) ?? "picture";
   state.layout = word("layout", [...$("layout").options].map((option) => option.value)) ?? "wowvx";
   for (const name of ["mode", "view"]) choose(name, state[name]);
   choose("projection", state.fieldOfView);
-  for (const id of ["preset", "layout"]) $(id).value = state[id];
-  $("purpose").textContent = presets.find((preset) => preset.name === state.preset).purpose;
+  $("layout").value = state.layout;
+  grid.choose(chosen);
+  $("purpose").textContent = presets[chosen].purpose;
   return kept.get("volume");
 }
 
@@ -426,6 +432,7 @@ function showVolume(volume) {
   $("volume-facts").textContent = facts(volume);
   forgetPick();
   refresh();
+  grid.show(`/v1/volumes/${volume.id}`);
 }
 
 async function listVolumes() {
@@ -461,7 +468,7 @@ async function awaitVolumes(wanted) {
 async function start() {
   const known = await (await request("/v1/presets")).json();
   presets = known.presets;
-  $("preset").replaceChildren(...presets.map(({ name }, i) => option(name, `${i + 1}${DOT}${name.replace("-", " ")}`)));
+  grid.fill(presets);
   $("layout").replaceChildren(...known.layouts.map((name) => option(name)));
   $("profile").append(...known.profiles.map((name) => option(name)));
   const wanted = recall();

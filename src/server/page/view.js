@@ -144,6 +144,11 @@ export class Fetcher {
     return this.#scale;
   }
 
+  /** Whether a picture is on its way. */
+  get isBusy() {
+    return this.#running !== null;
+  }
+
   /** Asks for a picture: `{ url, accept, moving, ... }`. */
   want(order) {
     const running = this.#running?.order;

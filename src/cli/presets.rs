@@ -1,0 +1,135 @@
+//! `relief presets`: what there is, as a list, as JSON, and as pictures of a volume.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use anyhow::bail;
+use serde_json::json;
+
+use super::adapter::AdapterArguments;
+use super::output::{print_json, say, write_whole};
+use super::source::{SeriesOptions, load};
+use crate::display::encode_png;
+use crate::render::{RenderedFrame, preset_json};
+use crate::session::{FileFormat, Product, THUMBNAIL_SIZE_PX, contact_sheet, encode, thumbnail_scene};
+use crate::transfer::{PRESETS, Preset};
+use crate::volume::Volume;
+use crate::volume::phantom::{Kind, Recipe};
+
+/// List the presets of colours, opacity and light, or render a thumbnail of each.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  relief presets                                       names, what they are for, and their colours
+  relief presets --json                                all of it, with transfer functions as requests have them
+  relief presets --thumbnails pictures --series chest  a PNG of each, and contact-sheet.png")]
+pub(super) struct Arguments {
+    /// Render a PNG of each preset into this folder, and contact-sheet.png with all of them
+    #[arg(long, value_name = "DIR")]
+    thumbnails: Option<PathBuf>,
+    /// CT series of the thumbnails: a folder, a file, a DICOMDIR or a zip; the procedural head when left out
+    #[arg(long, value_name = "PATH", requires = "thumbnails")]
+    series: Option<PathBuf>,
+    #[command(flatten)]
+    options: SeriesOptions,
+    #[command(flatten)]
+    adapter: AdapterArguments,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+    match &arguments.thumbnails {
+        Some(folder) => thumbnails(arguments, folder),
+        None if arguments.json => {
+            print_json(&json!({ "presets": PRESETS.iter().map(preset_json).collect::<Vec<_>>() }))?;
+            Ok(ExitCode::SUCCESS)
+        }
+        None => {
+            list();
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+/// Cells of a swatch.
+const SWATCH: usize = 12;
+
+/// The presets by group, in the order of menus within each.
+fn list() {
+    let colored = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let mut groups: Vec<_> = PRESETS.iter().map(|preset| preset.group).collect();
+    groups.sort_by_key(|group| PRESETS.iter().position(|preset| preset.group == *group));
+    groups.dedup();
+    for group in groups {
+        say!("{}", group.name());
+        for preset in PRESETS.iter().filter(|preset| preset.group == group) {
+            let swatch = if colored { swatch(preset) } else { String::new() };
+            say!("  {:<18} {swatch}{:<18} {}", preset.name, extent(preset), preset.purpose);
+        }
+    }
+}
+
+/// Which values show.
+fn extent(preset: &Preset) -> String {
+    match preset.visible_hu() {
+        (low, Some(high)) => format!("{low} to {high} HU"),
+        (low, None) => format!("above {low} HU"),
+    }
+}
+
+/// Colours for a terminal: backgrounds in 24 bits, then back to the usual.
+fn swatch(preset: &Preset) -> String {
+    let cells = preset.swatch(SWATCH).into_iter().map(|[r, g, b]| format!("\x1b[48;2;{r};{g};{b}m "));
+    format!("{}\x1b[0m  ", cells.collect::<String>())
+}
+
+/// Voxels across of the head that stands in for a series.
+const HEAD_SIZE: usize = 160;
+const SHEET_COLUMNS: usize = 6;
+const SHEET_NAME: &str = "contact-sheet.png";
+
+fn thumbnails(arguments: &Arguments, folder: &Path) -> anyhow::Result<ExitCode> {
+    if folder.exists() && !folder.is_dir() {
+        bail!("{} is no folder", folder.display());
+    }
+    let volume = volume(arguments)?;
+    let mut renderer = arguments.adapter.open_renderer()?;
+    std::fs::create_dir_all(folder)?;
+    let mut shown = Vec::with_capacity(PRESETS.len());
+    for preset in PRESETS {
+        let scene = thumbnail_scene(preset, volume.grid(), THUMBNAIL_SIZE_PX)?;
+        let frame: RenderedFrame = renderer.render(&volume, &scene.request)?;
+        let png = encode(&frame, &scene.display, Product::Frame, FileFormat::Png)?;
+        write_whole(&folder.join(format!("{}.png", preset.name)), &png)?;
+        shown.push((preset.name, Arc::new(frame)));
+    }
+    let sheet = folder.join(SHEET_NAME);
+    write_whole(&sheet, &encode_png(&contact_sheet(&shown, SHEET_COLUMNS)?)?)?;
+    if arguments.json {
+        let files: Vec<_> = PRESETS
+            .iter()
+            .map(|preset| json!({ "name": preset.name, "file": folder.join(format!("{}.png", preset.name)) }))
+            .collect();
+        print_json(&json!({ "thumbnails": files, "contact_sheet": sheet, "size_px": THUMBNAIL_SIZE_PX }))?;
+    } else {
+        let [width, height] = THUMBNAIL_SIZE_PX;
+        say!("{}: {} thumbnails of {width}x{height}", folder.display(), shown.len());
+        say!("{}: all of them", sheet.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn volume(arguments: &Arguments) -> anyhow::Result<Volume> {
+    let SeriesOptions { series_uid, strict, downsample } = &arguments.options;
+    match &arguments.series {
+        Some(path) => Ok(load(path, &arguments.options)?.volume),
+        None if series_uid.is_some() || *strict || *downsample > 1 => {
+            bail!("--series-uid, --strict and --downsample are about a series; give one with --series PATH")
+        }
+        None => Ok(Recipe::new(Kind::Head).with_size(HEAD_SIZE)?.make().volume),
+    }
+}

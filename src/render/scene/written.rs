@@ -1,0 +1,62 @@
+//! Parts of a request in its JSON form, written: what can be pasted into a scene file or an HTTP body.
+//!
+//! The reading is in `parts`; what is written here reads back as the same.
+
+use serde_json::{Value, json};
+
+use super::parts::default_shading;
+use crate::render::request::Shading;
+use crate::transfer::{Preset, TransferFunction};
+
+/// The value of `transfer`.
+#[must_use]
+pub fn transfer_json(transfer: &TransferFunction) -> Value {
+    let points: Vec<Value> =
+        transfer.points().iter().map(|point| json!({ "hu": point.hu, "rgba": point.rgba })).collect();
+    json!({ "points": points, "opacity_unit_mm": transfer.opacity_unit_mm() })
+}
+
+/// The value of `shading`.
+#[must_use]
+pub fn shading_json(shading: &Shading) -> Value {
+    let Shading { ambient, diffuse, specular, shininess } = shading;
+    json!({ "ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": shininess })
+}
+
+/// A preset with all that it stands for: `mode`, `transfer` and `shading` are those of a request that says the same.
+#[must_use]
+pub fn preset_json(preset: &Preset) -> Value {
+    json!({
+        "name": preset.name,
+        "purpose": preset.purpose,
+        "group": preset.group.name(),
+        "mode": preset.mode.name(),
+        "transfer": transfer_json(&preset.transfer()),
+        "shading": shading_json(&default_shading(Some(preset))),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::SceneFile;
+    use super::*;
+    use crate::camera::Orbit;
+    use crate::transfer::PRESETS;
+    use crate::volume::Grid;
+
+    #[test]
+    fn a_preset_written_out_renders_as_its_name_does() {
+        let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.0; 3]).unwrap();
+        let resolved = |json: Value| {
+            let file = SceneFile::parse(json.to_string().as_bytes()).unwrap();
+            file.resolve(&grid, &Orbit::default()).unwrap().request
+        };
+        for preset in PRESETS {
+            let mut written = preset_json(preset);
+            for key in ["name", "purpose", "group"] {
+                assert!(written.as_object_mut().unwrap().remove(key).is_some_and(|text| text.is_string()));
+            }
+            assert_eq!(resolved(written), resolved(json!({ "transfer": preset.name })), "{}", preset.name);
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Thumbnails: a volume with a preset, small, for menus.
+//!
+//! They are frames like any other: rendered in the same queue, named by the same tags, remembered as shortly.
+
+use std::sync::Arc;
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, Method, StatusCode, Uri};
+use axum::response::Response;
+
+use super::frame::answer;
+use super::negotiate::negotiate;
+use super::problem::Problem;
+use super::query::Query;
+use super::state::Server;
+use crate::session::{FileFormat, Product, THUMBNAIL_SIZE_PX, thumbnail_scene};
+use crate::transfer::{PRESETS, preset};
+
+/// A thumbnail has no use for depth.
+const FORMATS: [FileFormat; 2] = [FileFormat::Png, FileFormat::Jpeg];
+
+pub(super) async fn thumbnail(
+    State(server): State<Arc<Server>>,
+    Path((id, name)): Path<(String, String)>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let entry = server.volumes.find(&id)?;
+    let preset = preset(&name).ok_or_else(unknown)?;
+    let media = negotiate(&headers, &FORMATS)?;
+    Query::of(&uri)?.expect_empty()?;
+    let scene = thumbnail_scene(preset, entry.volume.grid(), THUMBNAIL_SIZE_PX)?;
+    answer(&server, &entry, scene, &headers, (Method::GET, Product::Frame, media)).await
+}
+
+fn unknown() -> Problem {
+    let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
+    let detail = format!("no preset has this name; there are {}", names.join(", "));
+    Problem::new(StatusCode::NOT_FOUND, "unknown-preset", detail)
+}

@@ -1,0 +1,163 @@
+//! Small pictures of a volume, one for each preset, and the sheet that shows them all.
+//!
+//! What it is: the scene of a thumbnail, the same for the command line and HTTP, and [`contact_sheet`], which puts
+//! rendered thumbnails with their names into one frame. What it is not: it renders nothing. Sizes in pixels.
+
+use std::sync::Arc;
+
+use super::glyphs;
+use crate::camera::Orbit;
+use crate::display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
+use crate::render::{RenderedFrame, Scene, SceneError, SceneFile};
+use crate::transfer::Preset;
+use crate::volume::Grid;
+
+/// Width and height of a thumbnail.
+pub const THUMBNAIL_SIZE_PX: [u32; 2] = [160, 120];
+
+/// From the front, a little from the left and above, and closer than "all of it": corners are mostly air.
+const VIEW: Orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.45, vertical_fov_deg: 22.0 };
+
+/// The scene of a preset's thumbnail: colour alone, all else as a request leaves it.
+///
+/// # Errors
+/// When a picture of this size is out of range.
+pub fn thumbnail_scene(preset: &Preset, grid: &Grid, size_px: [u32; 2]) -> Result<Scene, SceneError> {
+    let display = DisplaySettings { layout: Layout::Color, ..DisplaySettings::default() };
+    let file = SceneFile::default().with_preset(preset.name).with_size(size_px).with_display(display);
+    file.resolve(grid, &VIEW)
+}
+
+/// Pixels between cells.
+const GAP: usize = 8;
+/// Height of the line below a thumbnail that holds its name.
+const LINE: usize = glyphs::HEIGHT + 8;
+const GROUND: [u8; 3] = [24, 28, 33];
+const TEXT: [u8; 3] = [226, 232, 238];
+
+/// Thumbnails of equal size in rows of `columns`, each above its name.
+///
+/// # Errors
+/// When there is none, their sizes differ, or the sheet is larger than any frame.
+pub fn contact_sheet(
+    thumbnails: &[(&str, Arc<RenderedFrame>)],
+    columns: usize,
+) -> Result<Frame, LayoutError> {
+    let size_px = thumbnails.first().map_or([0, 0], |(_, frame)| frame.size_px);
+    let [cell_width, cell_height] = size_px.map(|side| side as usize);
+    let columns = columns.clamp(1, thumbnails.len().max(1));
+    let rows = thumbnails.len().div_ceil(columns);
+    let width = columns * (cell_width + GAP) + GAP;
+    let height = rows * (cell_height + LINE + GAP) + GAP;
+    let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
+    let sheet_px = [side(width), side(height)];
+    // Before its pixels are asked for: the frame's own limits.
+    if thumbnails.is_empty() || sheet_px.iter().any(|side| *side > crate::display::MAX_FRAME_SIDE_PX) {
+        return Err(LayoutError::Size { what: "a contact sheet", size_px: sheet_px });
+    }
+    let mut sheet = Sheet { width, rgb: GROUND.repeat(width * height) };
+    for (index, (name, frame)) in thumbnails.iter().enumerate() {
+        let expected = cell_width * cell_height;
+        if frame.size_px != size_px || frame.color_rgba.len() != expected {
+            let (found, size_px) = (frame.color_rgba.len(), frame.size_px);
+            return Err(LayoutError::PixelCount { what: "a thumbnail", size_px, found, expected });
+        }
+        let left = GAP + index % columns * (cell_width + GAP);
+        let top = GAP + index / columns * (cell_height + LINE + GAP);
+        sheet.paste(frame, [left, top]);
+        sheet.write(name, [left, top + cell_height + 5], cell_width);
+    }
+    Frame::new(sheet_px, Pixels::Rgb8(sheet.rgb))
+}
+
+/// Rows of red, green and blue from the top left.
+struct Sheet {
+    width: usize,
+    rgb: Vec<u8>,
+}
+
+impl Sheet {
+    fn put(&mut self, [x, y]: [usize; 2], color: [u8; 3]) {
+        let at = 3 * (y * self.width + x);
+        self.rgb[at..at + 3].copy_from_slice(&color);
+    }
+
+    fn paste(&mut self, frame: &RenderedFrame, [left, top]: [usize; 2]) {
+        let width = frame.size_px[0] as usize;
+        for (i, &[r, g, b, _]) in frame.color_rgba.iter().enumerate() {
+            self.put([left + i % width, top + i / width], [r, g, b]);
+        }
+    }
+
+    /// Writes as many whole letters as fit into `width`.
+    fn write(&mut self, text: &str, [left, top]: [usize; 2], width: usize) {
+        for (i, letter) in text.chars().take(width / glyphs::ADVANCE).enumerate() {
+            for [x, y] in glyphs::dots(letter) {
+                self.put([left + i * glyphs::ADVANCE + x, top + y], TEXT);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::Timings;
+    use crate::transfer::{PRESETS, preset};
+    use crate::units::DepthLimits;
+
+    fn grid() -> Grid {
+        Grid::axis_aligned([64, 64, 32], [0.8, 0.8, 1.0], [0.0; 3]).unwrap()
+    }
+
+    fn plain(size_px: [u32; 2], color: [u8; 4]) -> Arc<RenderedFrame> {
+        let pixels = (size_px[0] * size_px[1]) as usize;
+        let scene = thumbnail_scene(preset("bone").unwrap(), &grid(), size_px).unwrap();
+        Arc::new(RenderedFrame {
+            size_px,
+            color_rgba: vec![color; pixels],
+            depth_mm: vec![0.0; pixels],
+            camera: scene.request.camera,
+            limits: DepthLimits::new(1.0, 2.0).unwrap(),
+            timings: Timings::default(),
+        })
+    }
+
+    #[test]
+    fn every_preset_has_a_small_scene_in_its_own_mode_and_light() {
+        for preset in PRESETS {
+            let scene = thumbnail_scene(preset, &grid(), THUMBNAIL_SIZE_PX).unwrap();
+            assert_eq!(scene.request.size_px, THUMBNAIL_SIZE_PX);
+            assert_eq!(scene.request.transfer, preset.transfer());
+            assert_eq!(scene.request.shading.ambient, preset.light[0], "{}", preset.name);
+            assert_eq!(scene.display.layout, Layout::Color);
+        }
+    }
+
+    #[test]
+    fn a_sheet_has_every_thumbnail_whole_above_its_name() {
+        let colors = [[200, 0, 0, 255], [0, 200, 0, 255], [0, 0, 200, 255]];
+        let named: Vec<_> =
+            ["bone", "x-ray", "lung"].into_iter().zip(colors.map(|c| plain([40, 20], c))).collect();
+        let sheet = contact_sheet(&named, 2).unwrap();
+        assert_eq!(sheet.size_px(), [2 * 48 + 8, 2 * (20 + 16 + 8) + 8]);
+        let Pixels::Rgb8(rgb) = sheet.pixels() else { panic!("colour") };
+        let count = |color: [u8; 3]| rgb.chunks(3).filter(|pixel| **pixel == color).count();
+        for [r, g, b, _] in colors {
+            assert_eq!(count([r, g, b]), 40 * 20);
+        }
+        let letters: usize =
+            named.iter().flat_map(|(name, _)| name.chars()).map(|c| glyphs::dots(c).count()).sum();
+        assert_eq!(count(TEXT), letters);
+    }
+
+    #[test]
+    fn sheets_that_cannot_be_are_refused() {
+        assert!(contact_sheet(&[], 4).is_err());
+        let [small, large] = [[8, 8], [9, 8]].map(|size| plain(size, [1, 2, 3, 255]));
+        let refused = contact_sheet(&[("a", small), ("b", large)], 2).unwrap_err();
+        assert!(refused.to_string().contains("thumbnail"), "{refused}");
+        let wide: Vec<_> = (0..90).map(|_| ("w", plain([200, 1], [0; 4]))).collect();
+        assert!(contact_sheet(&wide, 90).is_err());
+    }
+}

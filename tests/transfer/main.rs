@@ -1,0 +1,34 @@
+//! Transfer functions from outside: the commands, and what they make.
+//!
+//! Rendering needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise a test says that
+//! it skipped.
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
+
+mod presets;
+
+use std::process::{Command, Output};
+
+/// Runs `relief` with these arguments on a software adapter.
+fn relief(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+    command.args(arguments).env("RELIEF_ADAPTER", "software").env_remove("RELIEF_LOG");
+    command.output().unwrap()
+}
+
+/// What a command that succeeds prints.
+fn told(arguments: &[&str]) -> String {
+    let output = relief(arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Whether there is an adapter to render on; says aloud when not.
+fn can_render(test: &str) -> bool {
+    let found = relief::gpu::adapters().iter().any(|found| found.kind == relief::gpu::AdapterKind::Software);
+    if !found {
+        assert!(std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_none(), "no software adapter for {test}");
+        eprintln!("SKIPPED: {test} (no software graphics adapter)");
+    }
+    found
+}
