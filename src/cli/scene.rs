@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 
 use super::slice::SliceArguments;
 use crate::camera::Orbit;
-use crate::display::{DisplaySettings, Layout};
+use crate::display::{DepthFilter, DisplaySettings, Layout};
 use crate::render::{Mode, SceneFile, SlabBlend};
 use crate::transfer::PRESETS;
 
@@ -25,6 +25,9 @@ pub(super) struct SceneArguments {
     /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
     #[arg(long, value_name = "NAME")]
     layout: Option<Layout>,
+    /// What is done to depth before it goes into a frame: none, median-3, median-5, clear-edge
+    #[arg(long, value_name = "NAME", value_parser = parse_depth_filter)]
+    depth_filter: Option<DepthFilter>,
     /// Size of the picture (in 2D-plus-depth layouts, of each half); the layout decides when left out
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
@@ -70,6 +73,11 @@ fn parse_window(text: &str) -> Result<[f64; 2], String> {
     parsed.ok_or_else(|| "a window is CENTER,WIDTH in HU, such as 40,400".to_owned())
 }
 
+fn parse_depth_filter(name: &str) -> Result<DepthFilter, String> {
+    let names = DepthFilter::ALL.map(DepthFilter::name).join(", ");
+    DepthFilter::from_name(name).ok_or_else(|| format!("depth filters are {names}"))
+}
+
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parsed.ok_or_else(|| "a size is WIDTHxHEIGHT in pixels, such as 960x540".to_owned())
@@ -108,6 +116,10 @@ impl SceneArguments {
             let display = scene.display().clone();
             // A layout asked for here goes before a size that was written for another one.
             scene = scene.with_display(DisplaySettings { layout, ..display }).with_size_of_layout();
+        }
+        if let Some(depth_filter) = self.depth_filter {
+            let display = scene.display().clone();
+            scene = scene.with_display(DisplaySettings { depth_filter, ..display });
         }
         Ok(match self.size {
             Some(size) => scene.with_size(size),

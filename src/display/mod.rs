@@ -5,11 +5,12 @@
 //! GPU, no camera and no volume; it turns slices into bytes.
 //!
 //! The way of a frame: [`DisplaySettings`] (the request's JSON) becomes a [`FrameEncoder`], which says at which size
-//! to render and packs a [`Picture`] into a [`Frame`]; [`encode_png`] makes a file of it, [`inspect_png`] says what
+//! to render, filters the depth ([`DepthFilter`]) and packs a [`Picture`] into a [`Frame`]; [`encode_png`] makes a file of it, [`inspect_png`] says what
 //! is in one. Depth comes in as view depth in mm, is scaled to Z between [`crate::units::DepthLimits`], and leaves as
 //! disparity bytes D (255 nearest) or as 16-bit Z.
 
 mod encode;
+mod filter;
 mod header;
 mod inspect;
 mod layout;
@@ -21,6 +22,7 @@ pub use encode::{
     Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, encode_exr,
     encode_jpeg, encode_png,
 };
+pub use filter::DepthFilter;
 pub use header::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
 pub use inspect::{
     DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, inspect_frame, inspect_png,

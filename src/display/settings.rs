@@ -6,6 +6,7 @@
 use serde::de::{self, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::filter::DepthFilter;
 use super::header::{ContentType, Header};
 use super::layout::{FrameEncoder, Layout, LayoutError};
 use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName, VZ_RANGE};
@@ -28,6 +29,8 @@ pub struct DisplaySettings {
     /// Disparity on the screen plane, 0..=255. Any value but 128 also sets the header's offset-select bit.
     #[serde(deserialize_with = "byte")]
     pub offset: u8,
+    /// What is done to depth before it becomes Z or D. Picks and depth in mm are never filtered.
+    pub depth_filter: DepthFilter,
     /// View depth that becomes Z = 0, mm; `null` takes the caller's, which belongs to the volume.
     pub near_mm: Option<f64>,
     /// View depth that becomes Z = 1, mm; `null` takes the caller's, which belongs to the volume.
@@ -71,6 +74,7 @@ impl Default for DisplaySettings {
             content,
             factor,
             offset,
+            depth_filter: DepthFilter::default(),
             near_mm: None,
             far_mm: None,
         }
@@ -133,7 +137,8 @@ impl DisplaySettings {
     /// # Errors
     /// When the profile is out of range or does not fit the layout.
     pub fn encoder(&self) -> Result<FrameEncoder, SettingsError> {
-        FrameEncoder::new(self.layout, self.profile()?, self.header()).map_err(|error| match error {
+        let encoder = FrameEncoder::new(self.layout, self.profile()?, self.header());
+        encoder.map(|encoder| encoder.with_depth_filter(self.depth_filter)).map_err(|error| match error {
             LayoutError::Profile { remedy, frame_px: [w, h], .. } => {
                 let value = format!("for frames of {w}x{h}");
                 SettingsError {

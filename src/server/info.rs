@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::metrics::Gauges;
 use super::problem::Problem;
 use super::state::Server;
-use crate::display::{Layout, ProfileName};
+use crate::display::{DepthFilter, Layout, ProfileName};
 use crate::render::preset_json;
 use crate::transfer::PRESETS;
 
@@ -22,7 +22,8 @@ pub(super) async fn presets() -> Json<Value> {
     let presets: Vec<Value> = PRESETS.iter().map(preset_json).collect();
     let layouts = Layout::ALL.map(Layout::name);
     let profiles = ProfileName::ALL.map(ProfileName::name);
-    Json(json!({ "presets": presets, "layouts": layouts, "profiles": profiles }))
+    let filters = DepthFilter::ALL.map(DepthFilter::name);
+    Json(json!({ "presets": presets, "layouts": layouts, "profiles": profiles, "depth_filters": filters }))
 }
 
 /// The process runs and answers.
@@ -112,6 +113,7 @@ mod tests {
         let names = |name: &str| document["components"]["parameters"][name]["schema"]["enum"].clone();
         assert_eq!(names("layout"), json!(Layout::ALL.map(Layout::name)));
         assert_eq!(names("profile"), json!(ProfileName::ALL.map(ProfileName::name)));
+        assert_eq!(names("depth_filter"), json!(DepthFilter::ALL.map(DepthFilter::name)));
         assert_eq!(names("content"), json!(ContentType::ALL.map(ContentType::name)));
         for (name, parameter) in document["components"]["parameters"].as_object().unwrap() {
             assert_eq!(parameter["name"], name.as_str());

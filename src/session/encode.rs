@@ -92,7 +92,7 @@ pub fn encode(
         (FileFormat::Png, Product::Frame) => png(frame, &display.encoder()?, limits),
         (FileFormat::Png, Product::Depth) => {
             let encoder = FrameEncoder::new(Layout::Depth16, display.profile()?, display.header())?;
-            png(frame, &encoder, limits)
+            png(frame, &encoder.with_depth_filter(display.depth_filter), limits)
         }
         (FileFormat::Jpeg, _) => Ok(encode_jpeg(frame.size_px, &frame.color_rgba, JPEG_QUALITY)?),
         (FileFormat::Exr, Product::Frame) => exr(frame, Some(&frame.color_rgba), limits),

@@ -274,3 +274,36 @@ async fn a_size_that_contradicts_the_layout_is_refused_for_a_png_alone() {
     let picture = image::load_from_memory(&full.body).unwrap();
     assert_eq!([picture.width(), picture.height()], [960, 1080]);
 }
+
+#[tokio::test]
+async fn a_depth_filter_changes_frames_and_no_pick() {
+    let stage = Stage::new();
+    let depth_of = async |filter: &str| {
+        let answer = stage.get(&stage.path(&format!("frame?{SCENE}&depth_filter={filter}"))).await;
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        let decoded = Layout::Rgbd.decode(&png(&answer)).unwrap();
+        let DecodedDepth::Disparity(d) = decoded.depth else { panic!("rgbd has disparity") };
+        (decoded.color, d)
+    };
+    let (color, plain) = depth_of("none").await;
+    let (same, clear) = depth_of("clear-edge").await;
+    assert_eq!(color, same);
+    let hits = |d: &[u8]| d.iter().filter(|d| **d > 0).count();
+    assert!(hits(&clear) > hits(&plain), "the ball is wider in depth");
+    // A pixel that only the filter gives a depth is still a miss for a pick, and one in the ball is where it was.
+    let widened = (0..plain.len()).find(|i| plain[*i] == 0 && clear[*i] > 0).unwrap();
+    let inside = plain.len() / 2 + 16;
+    for at in [widened, inside] {
+        let (u, v) = (at % 32, at / 32);
+        let picks = ["none", "clear-edge"].map(|filter| {
+            let path = format!("pick?{SCENE}&depth_filter={filter}&u={u}.5&v={v}.5");
+            stage.path(&path)
+        });
+        let [one, other] = [stage.get(&picks[0]).await.json(), stage.get(&picks[1]).await.json()];
+        assert_eq!(one, other);
+        assert_eq!(one["hit"], json!(at == inside));
+    }
+    let refused = stage.get(&stage.path("frame?depth_filter=blur")).await.problem(400);
+    assert_eq!(refused["path"], "depth_filter");
+    assert!(refused["detail"].as_str().unwrap().contains("clear-edge"), "{refused}");
+}

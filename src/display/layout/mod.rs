@@ -18,6 +18,7 @@ mod pack;
 
 use std::str::FromStr;
 
+use super::filter::DepthFilter;
 use super::header::Header;
 use super::profile::DisplayProfile;
 use crate::units::DepthLimits;
@@ -116,12 +117,14 @@ pub enum LayoutError {
     },
 }
 
-/// Packs pictures into the frames of one display: a layout, a profile and a header that fit together.
+/// Packs pictures into the frames of one display: a layout, a profile and a header that fit together, and what is
+/// done to depth before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameEncoder {
     layout: Layout,
     profile: DisplayProfile,
     header: Header,
+    filter: DepthFilter,
 }
 
 impl Layout {
@@ -242,7 +245,19 @@ impl FrameEncoder {
         if layout.has_header() && half_px < header.width_px() {
             return Err(LayoutError::HeaderWidth { needed_px: header.width_px(), half_px });
         }
-        Ok(Self { layout, profile, header })
+        Ok(Self { layout, profile, header, filter: DepthFilter::None })
+    }
+
+    /// The same encoder with a filter for the depth of its pictures.
+    #[must_use]
+    pub const fn with_depth_filter(self, filter: DepthFilter) -> Self {
+        Self { filter, ..self }
+    }
+
+    /// What is done to depth before it is packed.
+    #[must_use]
+    pub const fn depth_filter(&self) -> DepthFilter {
+        self.filter
     }
 
     /// The layout of the frames.
@@ -269,7 +284,7 @@ impl FrameEncoder {
         self.layout.render_size_px(&self.profile)
     }
 
-    /// Packs a picture into a frame, its depth scaled between the limits; a miss becomes the far limit.
+    /// Packs a picture into a frame, its depth filtered and scaled between the limits; a miss becomes the far limit.
     ///
     /// # Errors
     /// When the picture is not of the size that the layout needs; see [`FrameEncoder::render_size_px`].
@@ -279,7 +294,11 @@ impl FrameEncoder {
             Some(needed_px) if needed_px != found_px => {
                 Err(LayoutError::PictureSize { layout: self.layout, needed_px, found_px })
             }
-            _ => pack::pack(self, picture, limits),
+            _ if self.layout == Layout::Color => pack::pack(self, picture, limits),
+            _ => {
+                let depth_mm = self.filter.apply(picture, limits);
+                pack::pack(self, &Picture::new(found_px, picture.color(), &depth_mm)?, limits)
+            }
         }
     }
 }

@@ -34,6 +34,7 @@ const state = {
   profile: "",
   factor: 64,
   offset: 128,
+  depthFilter: "none",
   split: 0.5,
 };
 
@@ -312,6 +313,7 @@ panel.addEventListener("change", ({ target }) => {
   if (target.name === "mode") state.mode = target.value;
   else if (target.name === "projection") state.fieldOfView = Number(target.value);
   else if (target.name === "preset") return setPreset(Number(target.value));
+  else if (target.id === "depth-filter") state.depthFilter = target.value;
   else if (target.id === "volume") return showVolume(volumes[target.selectedIndex]);
   else if (target.id === "layout" || target.id === "profile") {
     state[target.id] = target.value;
@@ -382,8 +384,8 @@ onFile(stage, $("upload-button"), $("upload"), async (file) => {
 function remember() {
   if (!state.volume) return;
   const { azimuth, elevation, zoom } = state.pose;
-  const { preset, mode, view, layout, fieldOfView } = state;
-  const kept = { volume: state.volume.id, preset, mode, view, layout, fov: fieldOfView };
+  const { preset, mode, view, layout, fieldOfView, depthFilter: filter } = state;
+  const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
   history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose })}`);
 }
@@ -406,7 +408,10 @@ function recall() {
   const chosen = presets.findIndex((preset) => preset.name === state.preset);
   state.mode = word("mode", ["composite", "mip"]) ?? presets[chosen].mode;
   state.view = word("view", VIEWS) ?? "picture";
-  state.layout = word("layout", [...$("layout").options].map((option) => option.value)) ?? "wowvx";
+  const values = (id) => [...$(id).options].map((option) => option.value);
+  state.layout = word("layout", values("layout")) ?? "wowvx";
+  state.depthFilter = word("filter", values("depth-filter")) ?? "none";
+  $("depth-filter").value = state.depthFilter;
   for (const name of ["mode", "view"]) choose(name, state[name]);
   choose("projection", state.fieldOfView);
   $("layout").value = state.layout;
@@ -470,6 +475,7 @@ async function start() {
   presets = known.presets;
   grid.fill(presets);
   $("layout").replaceChildren(...known.layouts.map((name) => option(name)));
+  $("depth-filter").replaceChildren(...known.depth_filters.map((name) => option(name)));
   $("profile").append(...known.profiles.map((name) => option(name)));
   const wanted = recall();
   describeHeader();

@@ -75,14 +75,16 @@ export function lookQuery(state) {
  */
 export function stageQuery(state, [width, height], layout) {
   const zoom = round(state.pose.zoom * Math.min(1, width / height), 4);
-  return new URLSearchParams({ ...lookQuery(state), zoom, size_px: `${width},${height}`, layout });
+  const depth_filter = state.depthFilter;
+  return new URLSearchParams({ ...lookQuery(state), zoom, size_px: `${width},${height}`, layout, depth_filter });
 }
 
 /** Query of the frame that a display gets. */
 export function frameQuery(state) {
   const query = { ...lookQuery(state), zoom: round(state.pose.zoom, 4), layout: state.layout };
   if (state.profile) query.profile = state.profile;
-  return new URLSearchParams({ ...query, factor: state.factor, offset: state.offset });
+  const { factor, offset, depthFilter: depth_filter } = state;
+  return new URLSearchParams({ ...query, factor, offset, depth_filter });
 }
 
 /** Durations of a Server-Timing header by name, ms. */

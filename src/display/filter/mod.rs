@@ -1,0 +1,119 @@
+//! Depth filters: what is done to a picture's view depth before a display gets it as Z or D.
+//!
+//! What it is: a median against single outliers, and `clear-edge` for 2D-plus-depth displays. What it is not: a
+//! change of the measurement. Picks, OpenEXR and raw depth have the depth as rendered; only frames are filtered.
+//!
+//! | filter | a pixel's depth becomes |
+//! |---|---|
+//! | `none` | what it is |
+//! | `median-3`, `median-5` | the median of the 3x3 or 5x5 pixels around it |
+//! | `clear-edge` | near depth edges the median of pixels of its own colour, and then the foreground two pixels wider |
+//!
+//! View depth in mm, in rows from the top left; a miss is `+inf` and so the farthest of all. Pixels beyond the
+//! picture's border are those on it. Every filter gives values that were there before: none is made up.
+
+mod clear_edge;
+mod median;
+
+use std::borrow::Cow;
+
+use super::layout::Picture;
+use crate::units::DepthLimits;
+
+/// What is done to depth before it becomes Z or D.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum DepthFilter {
+    /// Nothing.
+    #[default]
+    #[serde(rename = "none")]
+    None,
+    /// The median of 3x3 pixels: removes single outliers.
+    #[serde(rename = "median-3")]
+    Median3,
+    /// The median of 5x5 pixels: removes specks of up to twelve pixels.
+    #[serde(rename = "median-5")]
+    Median5,
+    /// Depth edges move onto colour edges, and the foreground grows by [`DepthFilter::WIDENED_PX`].
+    #[serde(rename = "clear-edge")]
+    ClearEdge,
+}
+
+impl DepthFilter {
+    /// All of them, in the order of lists shown to users.
+    pub const ALL: [Self; 4] = [Self::None, Self::Median3, Self::Median5, Self::ClearEdge];
+
+    /// By how many pixels `clear-edge` widens the foreground at depth edges.
+    pub const WIDENED_PX: usize = 2;
+
+    /// How far `clear-edge` looks, pixels to each side: depth edges that are up to half as far from their colour
+    /// edge are moved onto it.
+    pub const REACH_PX: usize = 4;
+
+    /// The name in requests and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Median3 => "median-3",
+            Self::Median5 => "median-5",
+            Self::ClearEdge => "clear-edge",
+        }
+    }
+
+    /// The filter with this name, if there is one.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|filter| filter.name() == name)
+    }
+
+    /// View depth of every pixel after this filter, mm; `+inf` for a miss. `limits` say which steps are edges.
+    #[must_use]
+    pub fn apply<'a>(self, picture: &Picture<'a>, limits: DepthLimits) -> Cow<'a, [f32]> {
+        match self {
+            Self::None => Cow::Borrowed(picture.depth_mm()),
+            Self::Median3 => Cow::Owned(median::median::<3, 9>(picture)),
+            Self::Median5 => Cow::Owned(median::median::<5, 25>(picture)),
+            Self::ClearEdge => Cow::Owned(clear_edge::clear_edge(picture, limits)),
+        }
+    }
+}
+
+impl std::fmt::Display for DepthFilter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A plane of numbers with `margin` copies of its border on every side, so that windows need no bounds of their own.
+struct Padded {
+    values: Vec<f32>,
+    /// Numbers from one row to the next.
+    stride: usize,
+}
+
+impl Padded {
+    /// Pads a plane of `width` columns; on the right as far as whole groups of `lanes` need.
+    fn new(plane: &[f32], width: usize, margin: usize, lanes: usize) -> Self {
+        let stride = width.next_multiple_of(lanes) + 2 * margin;
+        let height = plane.len() / width;
+        let mut values = Vec::with_capacity(stride * (height + 2 * margin));
+        for row in 0..height + 2 * margin {
+            let row = row.saturating_sub(margin).min(height - 1);
+            let line = &plane[row * width..][..width];
+            values.extend(std::iter::repeat_n(line[0], margin));
+            values.extend(line);
+            values.resize(values.len() + stride - margin - width, line[width - 1]);
+        }
+        Self { values, stride }
+    }
+
+    /// `count` numbers from a column and row of the padded plane on.
+    fn run(&self, column: usize, row: usize, count: usize) -> &[f32] {
+        &self.values[row * self.stride + column..][..count]
+    }
+}
+
+/// What is no number is a miss.
+fn miss_if_unknown(mm: f32) -> f32 {
+    if mm.is_nan() { f32::INFINITY } else { mm }
+}
