@@ -46,6 +46,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("nalgebra", &["tracking"]),
     ("anyhow", &["cli"]),
     ("clap", &["cli"]),
+    ("quick_xml", &["transfer"]),
     ("indicatif", &["cli"]),
     ("tracing_subscriber", &["cli"]),
 ];

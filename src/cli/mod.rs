@@ -18,6 +18,7 @@ mod scene;
 mod serve;
 mod slice;
 mod source;
+mod transfer;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;

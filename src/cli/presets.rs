@@ -1,4 +1,5 @@
-//! `relief presets`: what there is, as a list, as JSON, and as pictures of a volume.
+//! `relief presets`: what there is, as a list, as JSON, and as pictures of a volume; and what other programs saved, as
+//! requests have it.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -11,6 +12,7 @@ use serde_json::json;
 use super::adapter::AdapterArguments;
 use super::output::{print_json, say, write_whole};
 use super::source::{SeriesOptions, load};
+use super::transfer::{Range, parse_range, read_look};
 use crate::display::encode_png;
 use crate::render::{RenderedFrame, preset_json};
 use crate::session::{FileFormat, Product, THUMBNAIL_SIZE_PX, contact_sheet, encode, thumbnail_scene};
@@ -18,14 +20,20 @@ use crate::transfer::{PRESETS, Preset};
 use crate::volume::Volume;
 use crate::volume::phantom::{Kind, Recipe};
 
-/// List the presets of colours, opacity and light, or render a thumbnail of each.
+/// List the presets of colours, opacity and light, render a thumbnail of each, or convert those of other programs.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "\
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "\
 Examples:
   relief presets                                       names, what they are for, and their colours
   relief presets --json                                all of it, with transfer functions as requests have them
-  relief presets --thumbnails pictures --series chest  a PNG of each, and contact-sheet.png")]
+  relief presets --thumbnails pictures --series chest  a PNG of each, and contact-sheet.png
+  relief presets convert presets.xml --name CT-Bones   a preset of 3D Slicer, as a request has it"
+)]
 pub(super) struct Arguments {
+    #[command(subcommand)]
+    action: Option<Action>,
     /// Render a PNG of each preset into this folder, and contact-sheet.png with all of them
     #[arg(long, value_name = "DIR")]
     thumbnails: Option<PathBuf>,
@@ -41,7 +49,30 @@ pub(super) struct Arguments {
     json: bool,
 }
 
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    Convert(ConvertArguments),
+}
+
+/// Print the look in a file of another program as JSON: a scene, or a part of one
+#[derive(Debug, clap::Args)]
+struct ConvertArguments {
+    /// presets.xml, .vp or .vp.json of 3D Slicer, or a colour map of VTK or ParaView in JSON
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Which function, where the file holds several
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// Stretch the colours over this range of HU: for maps of 0 to 1
+    #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, allow_hyphen_values = true)]
+    range_hu: Option<Range>,
+}
+
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+    if let Some(Action::Convert(ConvertArguments { file, name, range_hu })) = &arguments.action {
+        print_json(&read_look(file, name.as_deref(), *range_hu)?)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     match &arguments.thumbnails {
         Some(folder) => thumbnails(arguments, folder),
         None if arguments.json => {

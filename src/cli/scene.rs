@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 
 use super::slice::SliceArguments;
+use super::transfer::TransferArguments;
 use crate::camera::Orbit;
 use crate::display::{DepthFilter, DisplaySettings, Layout};
 use crate::render::{Mode, SceneFile, SlabBlend};
@@ -19,6 +20,8 @@ pub(super) struct SceneArguments {
     /// Preset of colours and light, such as bone, skin, lung or vessels; `relief presets` lists all
     #[arg(long, value_name = "NAME", value_parser = parse_preset)]
     preset: Option<String>,
+    #[command(flatten)]
+    transfer: TransferArguments,
     /// How samples become a colour: composite, mip (the largest value along each ray), or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
@@ -105,6 +108,7 @@ impl SceneArguments {
         if let Some([center_hu, width_hu]) = self.window_hu {
             scene = scene.with_window(center_hu, width_hu);
         }
+        scene = self.transfer.apply(scene)?;
         if let Some(mode) = self.mode {
             scene = scene.with_mode(mode);
         }

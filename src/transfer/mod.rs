@@ -6,9 +6,11 @@
 //!
 //! Values: HU. Lengths: mm. This module knows no GPU: [`TransferTable`] is what a shader and its f64 twin share.
 
+mod foreign;
 mod presets;
 mod table;
 
+pub use foreign::{ImportChoice, ImportError, Imported, ImportedLight, MAX_IMPORT_BYTES, import};
 pub use presets::{PRESETS, Preset, PresetGroup, PresetMode, preset};
 pub use table::TransferTable;
 

@@ -4,6 +4,7 @@
 //! it skipped.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
+mod foreign;
 mod presets;
 
 use std::process::{Command, Output};

@@ -91,6 +91,13 @@ impl SceneFile {
         Self { transfer: Some(TransferFile::Preset(name.to_owned())), shading: None, ..self }
     }
 
+    /// Replaces the transfer function and the light, and the mode where `look` has one; the rest of `look` is left.
+    #[must_use]
+    pub fn with_look_of(self, look: Self) -> Self {
+        let Self { transfer, shading, mode, .. } = look;
+        Self { transfer, shading, mode: mode.or(self.mode), ..self }
+    }
+
     /// Replaces how samples become a colour.
     #[must_use]
     pub fn with_mode(self, mode: Mode) -> Self {

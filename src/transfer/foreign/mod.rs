@@ -1,0 +1,225 @@
+//! Transfer functions that other programs wrote: read, checked, and turned into control points.
+//!
+//! What it is: readers of bytes. 3D Slicer's volume properties (`presets.xml` and MRML scenes, `.vp`, `.vp.json`), and
+//! VTK's and ParaView's colour maps in JSON. What it is not: it opens no files, and writes none of these formats.
+//! Nodes with midpoint and sharpness, and colours that mix elsewhere than in RGB, become piecewise linear functions that
+//! are off by less than 1/500 of the whole range. Values in HU, opacities per mm or as the file says.
+
+mod curve;
+mod paraview;
+mod points;
+mod slicer;
+mod slicer_json;
+mod space;
+
+use self::curve::Curve;
+use self::space::ColorSpace;
+use super::{TransferError, TransferFunction};
+
+/// Largest file that is read: a thousand colour maps.
+pub const MAX_IMPORT_BYTES: usize = 16 << 20;
+
+/// Which function of a file, and where to put it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ImportChoice<'a> {
+    /// The name of one of several.
+    pub name: Option<&'a str>,
+    /// Stretches the function's own range of colours to this one, HU: for colour maps of 0 to 1.
+    pub range_hu: Option<[f64; 2]>,
+}
+
+/// A look that another program saved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// Its name, where the file has one.
+    pub name: Option<String>,
+    /// Colour and opacity.
+    pub transfer: TransferFunction,
+    /// Light, where the file says.
+    pub light: Option<ImportedLight>,
+    /// What the file says beside, and is not in the above; in words.
+    pub left_out: Vec<String>,
+}
+
+/// Light as a volume property has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImportedLight {
+    /// Ambient, diffuse and specular share, 0..1.
+    pub shares: [f64; 3],
+    /// Exponent of the highlight, 1..1000.
+    pub shininess: f64,
+}
+
+/// Why bytes did not become a transfer function.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ImportError {
+    /// None of the formats.
+    #[error(
+        "this is none of the files that are known: volume properties of 3D Slicer (XML, .vp, .vp.json), colour maps \
+         of VTK and ParaView (JSON)"
+    )]
+    Unknown,
+    /// More than is read.
+    #[error("the file has more than {max} bytes", max = MAX_IMPORT_BYTES)]
+    TooLarge,
+    /// Not as its format has it.
+    #[error("{place}: {reason}")]
+    Syntax {
+        /// Where in the file.
+        place: String,
+        /// What is wrong there.
+        reason: String,
+    },
+    /// A number that cannot be.
+    #[error("{place} is {found}, allowed: {allowed}")]
+    Range {
+        /// Where in the file.
+        place: String,
+        /// What is there.
+        found: String,
+        /// What may be.
+        allowed: String,
+    },
+    /// A choice is needed.
+    #[error("the file holds {count} functions; choose one by its name: {names}")]
+    Several {
+        /// How many.
+        count: usize,
+        /// Their names, the first hundred.
+        names: String,
+    },
+    /// A choice that is not there.
+    #[error("the file holds no function called {wanted:?}; it has {names}")]
+    NoSuchName {
+        /// What was asked for.
+        wanted: String,
+        /// Names that are there, the first hundred.
+        names: String,
+    },
+    /// The points do not make a transfer function.
+    #[error(transparent)]
+    Transfer(#[from] TransferError),
+}
+
+impl ImportError {
+    fn range(place: &str, found: &impl ToString, allowed: &str) -> Self {
+        Self::Range { place: place.to_owned(), found: found.to_string(), allowed: allowed.to_owned() }
+    }
+
+    fn syntax(place: &str, reason: &impl ToString) -> Self {
+        Self::Syntax { place: place.to_owned(), reason: reason.to_string() }
+    }
+}
+
+/// What a reader found, in the file's own terms.
+#[derive(Clone, Debug)]
+struct Draft {
+    name: Option<String>,
+    color: Curve<3>,
+    space: ColorSpace,
+    opacity: Curve<1>,
+    opacity_unit_mm: f64,
+    light: Option<ImportedLight>,
+    left_out: Vec<String>,
+}
+
+/// A function that has been found and not yet been read: of a file of many, only one is.
+type Found<'a> = (Option<String>, Box<dyn Fn() -> Result<Draft, ImportError> + 'a>);
+
+/// Reads the transfer function in a file's bytes, whatever their format.
+///
+/// # Errors
+/// When the format is none of those known, a number is out of range, or there are several functions and none is named.
+pub fn import(bytes: &[u8], choice: &ImportChoice<'_>) -> Result<Imported, ImportError> {
+    if bytes.len() > MAX_IMPORT_BYTES {
+        return Err(ImportError::TooLarge);
+    }
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii();
+    match bytes.first() {
+        Some(b'<') => choose(&slicer::properties_in_xml(bytes)?, choice),
+        Some(b'{' | b'[') => {
+            let json: serde_json::Value =
+                serde_json::from_slice(bytes).map_err(|error| ImportError::syntax("JSON", &error))?;
+            if json.get("volumeProperties").is_some() {
+                choose(&slicer_json::properties(&json)?, choice)
+            } else {
+                choose(&paraview::color_maps(&json)?, choice)
+            }
+        }
+        Some(b'0'..=b'9') => finish(slicer::property_in_lines(bytes)?, choice),
+        _ => Err(ImportError::Unknown),
+    }
+}
+
+/// The one that is wanted, or the only one.
+fn choose(found: &[Found<'_>], choice: &ImportChoice<'_>) -> Result<Imported, ImportError> {
+    let names = || {
+        let known = found.iter().take(100).map(|(name, _)| name.as_deref().unwrap_or("(no name)"));
+        known.collect::<Vec<_>>().join(", ")
+    };
+    let read = match (choice.name, found) {
+        (None, [(_, read)]) => read,
+        (None, []) => return Err(ImportError::Unknown),
+        (None, several) => return Err(ImportError::Several { count: several.len(), names: names() }),
+        (Some(wanted), all) => {
+            let same = |(name, _): &&Found<'_>| name.as_deref() == Some(wanted);
+            let missing = || ImportError::NoSuchName { wanted: wanted.to_owned(), names: names() };
+            &all.iter().find(same).ok_or_else(missing)?.1
+        }
+    };
+    finish(read()?, choice)
+}
+
+fn finish(draft: Draft, choice: &ImportChoice<'_>) -> Result<Imported, ImportError> {
+    let Draft { name, color, space, opacity, opacity_unit_mm, light, left_out } = draft;
+    let (color, opacity) = match choice.range_hu {
+        Some(range_hu) => stretched(color, opacity, range_hu)?,
+        None => (color, opacity),
+    };
+    let points = points::join(&color, space, &opacity);
+    let transfer = TransferFunction::new(points, opacity_unit_mm)?;
+    Ok(Imported { name, transfer, light, left_out })
+}
+
+/// Both curves, moved so that the colours span `low..high`.
+fn stretched(
+    color: Curve<3>,
+    opacity: Curve<1>,
+    [low, high]: [f64; 2],
+) -> Result<(Curve<3>, Curve<1>), ImportError> {
+    if !(low < high && (-1e5..=1e5).contains(&low) && (-1e5..=1e5).contains(&high)) {
+        let allowed = "LOW below HIGH, within -100000 to 100000";
+        return Err(ImportError::range("range_hu", &format!("{low}, {high}"), allowed));
+    }
+    let [first, last] = color.ends();
+    if last - first < 1e-9 {
+        return Err(ImportError::range(
+            "the colours' own range",
+            &format!("{first} to {last}"),
+            "a longer one",
+        ));
+    }
+    let scale = (high - low) / (last - first);
+    let shift = low - first * scale;
+    Ok((color.moved(scale, shift), opacity.moved(scale, shift)))
+}
+
+/// Light of a volume property, checked; unlit ones show their colours as they are.
+fn light(place: &str, is_lit: bool, shares: [f64; 3], power: f64) -> Result<ImportedLight, ImportError> {
+    for (what, share) in ["ambient", "diffuse", "specular"].into_iter().zip(shares) {
+        if !(0.0..=1.0).contains(&share) {
+            return Err(ImportError::range(&format!("{place}: {what}"), &share, "0 to 1"));
+        }
+    }
+    if !(0.0..=1e6).contains(&power) {
+        return Err(ImportError::range(&format!("{place}: specularPower"), &power, "0 to 1000000"));
+    }
+    let shares = if is_lit { shares } else { [1.0, 0.0, 0.0] };
+    Ok(ImportedLight { shares, shininess: power.clamp(1.0, 1000.0) })
+}
+
+/// What is said of a gradient opacity that does something.
+fn left_out_gradient(gradient: Option<&Curve<1>>) -> Option<String> {
+    let acts = gradient?.nodes().iter().any(|node| node.value[0] < 1.0);
+    acts.then(|| "the opacity by gradient".to_owned())
+}
