@@ -9,10 +9,12 @@
 mod foreign;
 mod presets;
 mod table;
+mod window;
 
 pub use foreign::{ImportChoice, ImportError, Imported, ImportedLight, MAX_IMPORT_BYTES, import};
 pub use presets::{PRESETS, Preset, PresetGroup, PresetMode, preset};
 pub use table::TransferTable;
+pub use window::{Window, WindowMap};
 
 /// Colour and opacity at one HU value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,38 +102,6 @@ impl TransferFunction {
             }
         }
         Ok(Self { points, opacity_unit_mm })
-    }
-
-    /// White whose opacity rises from 0 to 1 across a window: a linear grey ramp in a maximum projection.
-    ///
-    /// # Errors
-    /// When the window is narrower than 1 HU or outside ±32768 HU.
-    pub fn window(center_hu: f64, width_hu: f64) -> Result<Self, TransferError> {
-        if !(1.0..=65536.0).contains(&width_hu) {
-            let (what, allowed) = ("width_hu", "1 to 65536");
-            return Err(TransferError::Window { what, found: width_hu, allowed });
-        }
-        if !(-32768.0..=32768.0).contains(&center_hu) {
-            let (what, allowed) = ("center_hu", "-32768 to 32768");
-            return Err(TransferError::Window { what, found: center_hu, allowed });
-        }
-        let end = |hu, opacity| ControlPoint { hu, rgba: [1.0, 1.0, 1.0, opacity] };
-        Self::new(vec![end(center_hu - width_hu / 2.0, 0.0), end(center_hu + width_hu / 2.0, 1.0)], 1.0)
-    }
-
-    /// Opaque grey that rises from black to white across a window: what a slice is shown by.
-    ///
-    /// A value is `(hu - center) / width + 0.5` of white, clamped: DICOM's LINEAR_EXACT (PS3.3, C.11.2.1.3).
-    ///
-    /// # Errors
-    /// As [`TransferFunction::window`].
-    pub fn grey_window(center_hu: f64, width_hu: f64) -> Result<Self, TransferError> {
-        let mut window = Self::window(center_hu, width_hu)?;
-        for point in &mut window.points {
-            let grey = point.rgba[3];
-            point.rgba = [grey, grey, grey, 1.0];
-        }
-        Ok(window)
     }
 
     /// The control points, HU rising.

@@ -241,6 +241,14 @@ mod tests {
                 &["transfer.window.width_hu is 0", "1 to 65536"],
             ),
             (
+                r#"{"transfer":{"window":{"center_hu":0,"width_hu":9,"map":"warm"}}}"#.to_owned(),
+                &["transfer.window", "warm", "grey", "hot", "ice"],
+            ),
+            (
+                r#"{"transfer":{"window":{"center_hu":0,"width_hu":9,"invert":1}}}"#.to_owned(),
+                &["transfer.window.invert", "boolean"],
+            ),
+            (
                 r#"{"transfer":{"points":[{"hu":1,"rgba":[0,0,0,0]},{"hu":1,"rgba":[0,0,0,0]}]}}"#.to_owned(),
                 &["transfer.points[1].hu is 1", "more than 1"],
             ),

@@ -8,7 +8,9 @@ use super::SceneError;
 use crate::camera::{Camera, CameraError, Projection};
 use crate::render::request::{Clip, ClipPlane, DepthRule, Mode, RequestError, Shading, SlabBlend};
 use crate::space::{Point, Vector};
-use crate::transfer::{ControlPoint, PRESETS, Preset, PresetMode, TransferFunction, preset};
+use crate::transfer::{
+    ControlPoint, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
+};
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -89,6 +91,29 @@ struct PointFile {
 struct WindowFile {
     center_hu: f64,
     width_hu: f64,
+    #[serde(default)]
+    invert: bool,
+    #[serde(default)]
+    map: WindowMapFile,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum WindowMapFile {
+    #[default]
+    Grey,
+    Hot,
+    Ice,
+}
+
+impl WindowMapFile {
+    fn resolve(self) -> WindowMap {
+        match self {
+            Self::Grey => WindowMap::Grey,
+            Self::Hot => WindowMap::Hot,
+            Self::Ice => WindowMap::Ice,
+        }
+    }
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -193,7 +218,7 @@ impl ModeFile {
 
 impl TransferFile {
     pub(super) fn window(center_hu: f64, width_hu: f64) -> Self {
-        let window = Some(WindowFile { center_hu, width_hu });
+        let window = Some(WindowFile { center_hu, width_hu, invert: false, map: WindowMapFile::Grey });
         Self::Function(FunctionFile { points: None, opacity_unit_mm: None, window })
     }
 }
@@ -210,11 +235,12 @@ pub(super) enum Windows {
 impl Windows {
     fn transfer(
         self,
-        WindowFile { center_hu, width_hu }: &WindowFile,
+        &WindowFile { center_hu, width_hu, map, invert }: &WindowFile,
     ) -> Result<TransferFunction, RequestError> {
+        let window = Window { center_hu, width_hu, map: map.resolve(), is_inverted: invert };
         let made = match self {
-            Self::Translucent => TransferFunction::window(*center_hu, *width_hu),
-            Self::Opaque => TransferFunction::grey_window(*center_hu, *width_hu),
+            Self::Translucent => window.translucent(),
+            Self::Opaque => window.opaque(),
         };
         made.map_err(RequestError::from)
     }

@@ -19,7 +19,7 @@ const WORST: f64 = 1.0 / 16.0;
 const PROBES: u32 = 24;
 
 /// Halvings of the way between two nodes, at most.
-const HALVINGS: u32 = 8;
+const HALVINGS: u32 = 12;
 
 /// Half the length of the ramp that stands for a leap, HU: less than a table resolves. Of functions that span little, such
 /// as those of 0 to 1, it is a part of their span.
