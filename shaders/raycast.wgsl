@@ -15,8 +15,8 @@ const MODE_MIP: u32 = 1u;
 const DEPTH_FIRST_HIT: u32 = 0u;
 const DEPTH_THRESHOLD: u32 = 1u;
 
-// A ray ends when so little of its light is left: a quarter of 1/255 of a fully lit sample.
-const OPAQUE: f32 = 1.0 - 1.0 / 1024.0;
+// A ray ends when so little of its light is left: half of 1/255 of a fully lit sample.
+const OPAQUE: f32 = 1.0 - 1.0 / 512.0;
 // A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into the background.
 const VISIBLE: f32 = 0.5 / 255.0;
 // The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a sample distance.
@@ -38,15 +38,16 @@ struct Hit {
     // Distance along the ray, mm; MISS when nothing is visible.
     t: f32,
     // Volume samples taken, gradients and depth refinement left out.
-    samples: u32,
+    samples: f32,
 }
 
 @compute @workgroup_size(8, 8)
-fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= frame.size_px) {
+fn raycast(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) index: u32) {
+    let id = tile.xy * 8u + place_in_tile(index);
+    if any(id >= frame.size_px) {
         return;
     }
-    let ray = ray_of_pixel(id.xy);
+    let ray = ray_of_pixel(id);
     var hit: Hit;
     if MODE == MODE_MIP {
         hit = project_maximum(ray);
@@ -57,52 +58,98 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = id.y * frame.size_px.x + id.x;
     color_out[at] = pack4x8unorm(vec4<f32>(over, hit.color.a));
     if COUNT_SAMPLES {
-        depth_out[at] = f32(hit.samples);
+        depth_out[at] = hit.samples;
     } else {
         depth_out[at] = select(view_depth(ray, hit.t), MISS, hit.t >= MISS);
     }
 }
 
+// Pixels of a tile in blocks of 4x2: eight invocations that run as one vector follow rays that lie close together.
+fn place_in_tile(index: u32) -> vec2<u32> {
+    let block = index >> 3u;
+    return vec2<u32>((index & 3u) + (block & 1u) * 4u, ((index >> 2u) & 1u) + (block >> 1u) * 2u);
+}
+
+// What a ray has gathered.
+struct Gathered {
+    // Premultiplied.
+    color: vec3<f32>,
+    opacity: f32,
+    // The first visible sample.
+    first: f32,
+    // The last visible sample, and the opacity before it.
+    last: f32,
+    before_last: f32,
+    // The sample that takes opacity to the threshold of an opaque ray, and the opacity before the one before it and
+    // before itself.
+    crossing: f32,
+    before_crossing: vec2<f32>,
+}
+
 fn composite(ray: Ray) -> Hit {
+    let walk = walk_of(ray);
     let count = sample_count(ray);
-    var color = vec3<f32>(0.0);
-    var opacity = 0.0;
-    var first = count;
-    var samples = 0u;
-    var k = 0;
-    while k < count && opacity < OPAQUE {
-        let p = voxel_at(ray, sample_t(ray, f32(k)));
-        let skip = samples_to_skip(p, ray);
-        if skip > 0 {
-            k += skip;
+    var sum = Gathered(vec3<f32>(0.0), 0.0, count, -2.0, 0.0, count, vec2<f32>(0.0));
+    var samples = 0.0;
+    var k = 0.0;
+    while k < count && sum.opacity < OPAQUE {
+        let next = next_sample(walk, k);
+        if next > k {
+            k = next;
             continue;
         }
-        let sample = classify(sample_hu(p));
-        samples += 1u;
-        if sample.a > 0.0 {
-            var rgb = sample.rgb * frame.ambient;
-            if SHADED {
-                rgb = shade(sample.rgb, gradient_hu(p), ray);
-            }
-            let weight = (1.0 - opacity) * sample.a;
-            color += weight * rgb;
-            opacity += weight;
-            first = min(first, k);
+        // Two samples for each look at the bricks: the second is taken in vain now and then, but shows nothing then.
+        let p = sample_voxel(ray, k);
+        let p_after = sample_voxel(ray, k + 1.0);
+        let hu = sample_hu(p);
+        let hu_after = sample_hu(p_after);
+        gather(&sum, ray, k, p, hu);
+        if k + 1.0 < count {
+            gather(&sum, ray, k + 1.0, p_after, hu_after);
         }
-        k += 1;
+        samples += min(2.0, count - k);
+        k += 2.0;
     }
     var hit: Hit;
-    hit.color = vec4<f32>(color, opacity);
+    hit.color = vec4<f32>(sum.color, sum.opacity);
     hit.samples = samples;
     hit.t = MISS;
-    if opacity >= VISIBLE {
+    if sum.opacity >= VISIBLE {
         if DEPTH_RULE == DEPTH_THRESHOLD {
-            hit.t = threshold_crossing(ray, first, frame.depth_fraction * opacity);
+            hit.t = threshold_crossing(ray, walk, sum);
         } else {
-            hit.t = first_hit(ray, first);
+            hit.t = first_hit(ray, sum.first);
         }
     }
     return hit;
+}
+
+// Adds sample k, at voxel index p, behind what was gathered before.
+fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, hu: f32) {
+    if hu < frame.lowest_visible_hu || (*sum).opacity >= OPAQUE {
+        return;
+    }
+    let sample = classify(hu);
+    if sample.a <= 0.0 {
+        return;
+    }
+    var rgb = sample.rgb * frame.ambient;
+    if SHADED {
+        rgb = shade(sample.rgb, gradient_at(p), ray.direction);
+    }
+    let before = (*sum).opacity;
+    let weight = (1.0 - before) * sample.a;
+    (*sum).color += weight * rgb;
+    (*sum).opacity = before + weight;
+    (*sum).first = min((*sum).first, k);
+    if DEPTH_RULE == DEPTH_THRESHOLD {
+        if before < frame.depth_fraction * OPAQUE {
+            (*sum).crossing = k;
+            (*sum).before_crossing = vec2<f32>(select(before, (*sum).before_last, (*sum).last == k - 1.0), before);
+        }
+        (*sum).last = k;
+        (*sum).before_last = before;
+    }
 }
 
 fn opacity_at(ray: Ray, t: f32) -> f32 {
@@ -110,9 +157,9 @@ fn opacity_at(ray: Ray, t: f32) -> f32 {
 }
 
 // Where opacity leaves zero between the sample before the first visible one and that one.
-fn first_hit(ray: Ray, first: i32) -> f32 {
-    var outside = max(ray.entry, sample_t(ray, f32(first) - 1.0));
-    var inside = sample_t(ray, f32(first));
+fn first_hit(ray: Ray, first: f32) -> f32 {
+    var outside = max(ray.entry, sample_t(ray, first - 1.0));
+    var inside = sample_t(ray, first);
     if opacity_at(ray, outside) > 0.0 {
         return outside;
     }
@@ -136,27 +183,39 @@ fn part_opacity(opacity: f32, level: i32) -> f32 {
     return 1.0 - transparency;
 }
 
-// Where accumulated opacity crosses `target_opacity`, which the whole ray reaches.
+// Where accumulated opacity crosses its share of the ray's final opacity.
 //
 // First the sample whose slab holds the crossing, then that slab and the one before it in finer and finer parts: a
-// sharp edge between two samples is seen by the later one alone, though it may lie nearer to the earlier.
-fn threshold_crossing(ray: Ray, first: i32, target_opacity: f32) -> f32 {
+// sharp edge between two samples is seen by the later one alone, though it may lie nearer to the earlier. An opaque
+// ray's crossing is at or a little behind the sample that gathering has kept; any other is looked for from the start.
+fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
+    let target_opacity = frame.depth_fraction * sum.opacity;
     let count = sample_count(ray);
     var before = 0.0;
     var accumulated = 0.0;
-    var k = first;
+    var k = sum.first;
+    if sum.opacity >= OPAQUE {
+        before = sum.before_crossing.x;
+        accumulated = sum.before_crossing.y;
+        k = sum.crossing;
+    }
     while k < count {
-        let next = accumulated + (1.0 - accumulated) * opacity_at(ray, sample_t(ray, f32(k)));
+        let next_k = next_sample(walk, k);
+        if next_k > k {
+            before = accumulated;
+            k = next_k;
+            continue;
+        }
+        let next = accumulated + (1.0 - accumulated) * opacity_of(sample_hu(sample_voxel(ray, k)));
         if next >= target_opacity {
             break;
         }
         before = accumulated;
         accumulated = next;
-        k += 1;
+        k += 1.0;
     }
-    let start = max(k - 1, 0);
-    let slabs = k + 1 - start;
-    return refine_crossing(ray, sample_t(ray, f32(start) - 0.5), slabs, before, target_opacity);
+    let start = max(k - 1.0, 0.0);
+    return refine_crossing(ray, sample_t(ray, start - 0.5), i32(k - start) + 1, before, target_opacity);
 }
 
 // The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has accumulated.
@@ -204,31 +263,31 @@ fn share_of_part(a: f32, accumulated: f32, target_opacity: f32) -> f32 {
 
 // The largest value along the ray, through the transfer function; its depth is where that value lies.
 fn project_maximum(ray: Ray) -> Hit {
+    let walk = walk_of(ray);
     let count = sample_count(ray);
     var largest = -1e30;
-    var at = -1;
-    var samples = 0u;
-    var k = 0;
+    var at = -1.0;
+    var samples = 0.0;
+    var k = 0.0;
     while k < count {
-        let p = voxel_at(ray, sample_t(ray, f32(k)));
-        let skip = samples_to_skip(p, ray);
-        if skip > 0 {
-            k += skip;
+        let next = next_sample(walk, k);
+        if next > k {
+            k = next;
             continue;
         }
-        let hu = sample_hu(p);
-        samples += 1u;
+        let hu = sample_hu(sample_voxel(ray, k));
+        samples += 1.0;
         if hu > largest {
             largest = hu;
             at = k;
         }
-        k += 1;
+        k += 1.0;
     }
     var hit: Hit;
     hit.color = vec4<f32>(0.0);
     hit.samples = samples;
     hit.t = MISS;
-    if at >= 0 {
+    if at >= 0.0 {
         let sample = classify(largest);
         hit.color = vec4<f32>(sample.rgb * sample.a, sample.a);
         if sample.a >= VISIBLE {
@@ -240,8 +299,8 @@ fn project_maximum(ray: Ray) -> Hit {
 
 // The top of the parabola through the largest sample and its neighbours, at most half a sample away. Where values are
 // all but linear the parabola has no top worth the name: the sample itself.
-fn peak_t(ray: Ray, at: i32, largest: f32) -> f32 {
-    let t = sample_t(ray, f32(at));
+fn peak_t(ray: Ray, at: f32, largest: f32) -> f32 {
+    let t = sample_t(ray, at);
     let before = sample_hu(voxel_at(ray, t - frame.sample_distance_mm));
     let after = sample_hu(voxel_at(ray, t + frame.sample_distance_mm));
     let curvature = before - 2.0 * largest + after;

@@ -30,7 +30,7 @@ struct Slab {
 @group(0) @binding(5) var<storage, read_write> color_out: array<u32>;
 // Rows from the top: view depth in mm; anything above 1e38 is a miss.
 @group(0) @binding(6) var<storage, read_write> depth_out: array<f32>;
-@group(0) @binding(7) var<uniform> slab: Slab;
+@group(0) @binding(8) var<uniform> slab: Slab;
 
 // What a ray finds in the slab.
 struct Cut {

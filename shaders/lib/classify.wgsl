@@ -2,7 +2,11 @@
 //
 // Colours are display-referred sRGB 0..1, not premultiplied; opacity is that of one sample.
 
-@group(0) @binding(4) var<storage, read> transfer_table: array<vec4<f32>>;
+// Whether there is a highlight at all.
+override HIGHLIGHT: bool = true;
+
+// Squared length below which a gradient is rounding.
+const NO_GRADIENT: f32 = 1e-12;
 
 fn classify(hu: f32) -> vec4<f32> {
     let x = clamp((hu - frame.table_first_hu) / frame.table_step_hu, 0.0, f32(frame.table_last));
@@ -16,18 +20,17 @@ fn opacity_of(hu: f32) -> f32 {
     return mix(transfer_table[i].w, transfer_table[i + 1u].w, x - f32(i));
 }
 
-// Headlight at the eye, two-sided. A gradient of no length has no direction: ambient light alone.
-fn shade(rgb: vec3<f32>, gradient: vec3<f32>, ray: Ray) -> vec3<f32> {
-    // Gradients transform by the transpose of the points' inverse, here voxel -> view; start space has the same axes.
-    let in_view = gradient * mat3x3<f32>(
-        frame.voxel_from_start[0].xyz,
-        frame.voxel_from_start[1].xyz,
-        frame.voxel_from_start[2].xyz,
-    );
-    let length_squared = dot(in_view, in_view);
-    if length_squared < 1e-12 {
+// Headlight at the eye, two-sided. A gradient of no length has no direction: ambient light alone. `gradient` and
+// `direction` along the patient axes; the gradient's length does not matter.
+fn shade(rgb: vec3<f32>, gradient: vec3<f32>, direction: vec3<f32>) -> vec3<f32> {
+    let length_squared = dot(gradient, gradient);
+    if length_squared < NO_GRADIENT {
         return rgb * frame.ambient;
     }
-    let facing = min(abs(dot(in_view, ray.direction)) * inverseSqrt(length_squared), 1.0);
-    return rgb * (frame.ambient + frame.diffuse * facing) + frame.specular * pow(facing, frame.shininess);
+    let facing = min(abs(dot(gradient, direction)) * inverseSqrt(length_squared), 1.0);
+    let lit = rgb * (frame.ambient + frame.diffuse * facing);
+    if !HIGHLIGHT {
+        return lit;
+    }
+    return lit + frame.specular * pow(facing, frame.shininess);
 }

@@ -7,6 +7,10 @@
 struct Frame {
     // Voxel index of a position in start space.
     voxel_from_start: mat4x4<f32>,
+    // Patient axes of a direction in view space.
+    patient_from_view: mat3x3<f32>,
+    // A gradient in HU/mm along the patient axes, of one in HU per two voxels along i, j, k.
+    patient_from_voxel_gradient: mat3x3<f32>,
     // Voxels along i, j, k.
     dims: vec3<f32>,
     sample_distance_mm: f32,
@@ -26,11 +30,15 @@ struct Frame {
     // Share of a ray's final opacity at which the threshold rule puts its depth.
     depth_fraction: f32,
     clip_plane_count: u32,
-    // Edge of a brick in voxels; 0 turns skipping off.
-    brick_edge: u32,
     // View depth of the plane on which rays start; no part of the volume is nearer.
     near_mm: f32,
-    padding: u32,
+    // No value below this is visible, HU.
+    lowest_visible_hu: f32,
+    // 0 where every sample is to be taken, for tests. Not a pipeline constant: both must run the same code.
+    skipping: u32,
+    // Bricks along i, j, k.
+    brick_dims: vec3<f32>,
+    bricks_per_voxel: f32,
     // Start space: what dot(n, p) + d >= 0 holds for is kept.
     clip_planes: array<vec4<f32>, 12>,
 }
@@ -42,7 +50,7 @@ struct Frame {
 // Samples lie at whole sample distances from where the ray meets the box of voxel centres, half a voxel inside the
 // volume's own: VTK's place for them. Clip planes hide samples but do not move them.
 struct Ray {
-    // View space, unit length.
+    // Along the patient axes, unit length.
     direction: vec3<f32>,
     // Voxel index of the ray's start, and voxels per mm along it.
     origin_voxel: vec3<f32>,
@@ -51,6 +59,9 @@ struct Ray {
     exit: f32,
     // Distance of the first sample, mm.
     first: f32,
+    // Voxel index of the first sample, and voxels from sample to sample.
+    first_voxel: vec3<f32>,
+    sample_voxels: vec3<f32>,
     // View depth per mm of t.
     depth_step: f32,
 }
@@ -67,7 +78,7 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
         direction = normalize(vec3<f32>(across, -1.0));
     }
     var ray: Ray;
-    ray.direction = direction;
+    ray.direction = frame.patient_from_view * direction;
     ray.origin_voxel = (frame.voxel_from_start * vec4<f32>(origin, 1.0)).xyz;
     ray.step_voxel = (frame.voxel_from_start * vec4<f32>(direction, 0.0)).xyz;
     ray.depth_step = -direction.z;
@@ -81,6 +92,8 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
     }
     let distance = frame.sample_distance_mm;
     ray.first = anchor + ceil((ray.entry - anchor) / distance + ON_FACE) * distance;
+    ray.first_voxel = voxel_at(ray, ray.first);
+    ray.sample_voxels = ray.step_voxel * distance;
     return ray;
 }
 
@@ -119,8 +132,14 @@ fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -
     return kept;
 }
 
-fn sample_count(ray: Ray) -> i32 {
-    return i32(max(0.0, floor((ray.exit - ray.first) / frame.sample_distance_mm - ON_FACE) + 1.0));
+// Samples have whole numbers from 0 on, kept as f32: a ray of a valid request has far below 2^24.
+fn sample_count(ray: Ray) -> f32 {
+    return max(0.0, floor((ray.exit - ray.first) / frame.sample_distance_mm - ON_FACE) + 1.0);
+}
+
+// Voxel index of sample k.
+fn sample_voxel(ray: Ray, k: f32) -> vec3<f32> {
+    return ray.first_voxel + ray.sample_voxels * k;
 }
 
 // Distance along the ray of sample k, mm; fractional k lie between samples.

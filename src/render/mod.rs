@@ -7,6 +7,7 @@
 
 mod calibrate;
 mod frame;
+mod gradients;
 mod pipelines;
 pub mod reference;
 mod renderer;

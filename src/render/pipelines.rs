@@ -3,18 +3,52 @@
 use std::collections::HashMap;
 
 use super::request::{DepthRule, Mode, RenderRequest};
-use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::gpu::{AdapterKind, ErrorScope, Gpu, GpuError};
 
-/// The stage's sources, in the order in which they are joined.
-pub(super) const RAYCAST_SOURCES: [&str; 4] = [
-    include_str!("../../shaders/lib/frame.wgsl"),
-    include_str!("../../shaders/lib/volume.wgsl"),
-    include_str!("../../shaders/lib/classify.wgsl"),
-    include_str!("../../shaders/raycast.wgsl"),
-];
+/// Where the transfer table is kept: what is quick to read differs between software drivers and graphics cards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TableStorage {
+    Uniform,
+    Storage,
+}
+
+impl TableStorage {
+    pub(super) fn of(gpu: &Gpu) -> Self {
+        if gpu.description().kind == AdapterKind::Software { Self::Uniform } else { Self::Storage }
+    }
+
+    fn source(self) -> &'static str {
+        match self {
+            Self::Uniform => include_str!("../../shaders/lib/table_uniform.wgsl"),
+            Self::Storage => include_str!("../../shaders/lib/table_storage.wgsl"),
+        }
+    }
+
+    fn binding(self) -> wgpu::BufferBindingType {
+        match self {
+            Self::Uniform => wgpu::BufferBindingType::Uniform,
+            Self::Storage => wgpu::BufferBindingType::Storage { read_only: true },
+        }
+    }
+}
+
+/// The whole source of a stage, in parts to be joined: what stages share, then the stage's own.
+pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 6] {
+    [
+        include_str!("../../shaders/lib/frame.wgsl"),
+        include_str!("../../shaders/lib/volume.wgsl"),
+        include_str!("../../shaders/lib/walk.wgsl"),
+        table.source(),
+        include_str!("../../shaders/lib/classify.wgsl"),
+        stage,
+    ]
+}
+
+/// The ray caster's own source.
+pub(super) const RAYCAST: &str = include_str!("../../shaders/raycast.wgsl");
 
 /// The stage's resources by binding.
-pub(super) const BINDINGS: [(u32, &str); 7] = [
+pub(super) const BINDINGS: [(u32, &str); 8] = [
     (0, "frame"),
     (1, "volume"),
     (2, "volume_sampler"),
@@ -22,6 +56,7 @@ pub(super) const BINDINGS: [(u32, &str); 7] = [
     (4, "transfer_table"),
     (5, "color_out"),
     (6, "depth_out"),
+    (7, "gradients"),
 ];
 
 /// Pixels along each side of a workgroup's tile.
@@ -33,7 +68,15 @@ pub(super) struct PipelineKey {
     mode: Mode,
     threshold: bool,
     shaded: bool,
-    output: Output,
+    highlight: bool,
+    variant: Variant,
+}
+
+/// What a pipeline is specialised for beside the request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Variant {
+    pub(super) output: Output,
+    pub(super) precomputed_gradients: bool,
 }
 
 /// What a ray writes beside its colour.
@@ -46,13 +89,14 @@ pub(super) enum Output {
 }
 
 impl PipelineKey {
-    pub(super) fn new(request: &RenderRequest, output: Output) -> Self {
+    pub(super) fn new(request: &RenderRequest, variant: Variant) -> Self {
         let composite = request.mode == Mode::Composite;
         Self {
             mode: request.mode,
             threshold: composite && matches!(request.depth, DepthRule::Threshold { .. }),
             shaded: composite && request.shading.needs_gradient(),
-            output,
+            highlight: request.shading.specular > 0.0,
+            variant,
         }
     }
 
@@ -69,7 +113,9 @@ impl PipelineKey {
             ("MODE", mode),
             ("DEPTH_RULE", flag(self.threshold)),
             ("SHADED", flag(self.shaded)),
-            ("COUNT_SAMPLES", flag(self.output == Output::SampleCount)),
+            ("HIGHLIGHT", flag(self.highlight)),
+            ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
+            ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),
             ("HU_SCALE", hu_scale),
         ]
     }
@@ -88,8 +134,9 @@ impl Pipelines {
     /// `hu_scale` is the HU of a texel value of 1.
     pub(super) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "the ray-casting shader");
-        let module = gpu.shader("raycast", &RAYCAST_SOURCES);
-        let bind_group_layout = bind_group_layout(gpu);
+        let table = TableStorage::of(gpu);
+        let module = gpu.shader("raycast", &stage_sources(table, RAYCAST));
+        let bind_group_layout = bind_group_layout(gpu, table);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("raycast"),
             bind_group_layouts: &[Some(&bind_group_layout)],
@@ -122,7 +169,7 @@ impl Pipelines {
 }
 
 /// What the resources of [`BINDINGS`] are, in their order.
-pub(super) fn binding_types() -> [wgpu::BindingType; BINDINGS.len()] {
+pub(super) fn binding_types(table: TableStorage) -> [wgpu::BindingType; BINDINGS.len()] {
     use wgpu::{BindingType, BufferBindingType, SamplerBindingType, TextureSampleType, TextureViewDimension};
     let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let texture = |sample_type| BindingType::Texture {
@@ -134,17 +181,18 @@ pub(super) fn binding_types() -> [wgpu::BindingType; BINDINGS.len()] {
         buffer(BufferBindingType::Uniform),
         texture(TextureSampleType::Float { filterable: true }),
         BindingType::Sampler(SamplerBindingType::Filtering),
-        texture(TextureSampleType::Uint),
         buffer(BufferBindingType::Storage { read_only: true }),
+        buffer(table.binding()),
         buffer(BufferBindingType::Storage { read_only: false }),
         buffer(BufferBindingType::Storage { read_only: false }),
+        texture(TextureSampleType::Float { filterable: true }),
     ]
 }
 
-fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+fn bind_group_layout(gpu: &Gpu, table: TableStorage) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = BINDINGS
         .iter()
-        .zip(binding_types())
+        .zip(binding_types(table))
         .map(|(&(binding, _), ty)| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,

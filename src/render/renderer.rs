@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use super::frame::{RenderedFrame, Timings};
-use super::pipelines::{Output, PipelineKey, Pipelines, WORKGROUP_SIDE};
+use super::pipelines::{Output, PipelineKey, Pipelines, Variant, WORKGROUP_SIDE};
 use super::request::{Mode, RenderRequest, RequestError};
 use super::slices::SlicePipelines;
 use super::uniform::FrameUniform;
-use super::upload::{Appearance, BRICK_EDGE, VolumeOnGpu, VoxelFormat};
+use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
 use crate::camera::Camera;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::units::DepthLimits;
@@ -55,6 +55,7 @@ pub enum Skipping {
 pub struct Renderer {
     gpu: Gpu,
     format: VoxelFormat,
+    max_gradient_bytes: usize,
     pipelines: Pipelines,
     slices: SlicePipelines,
     sampler: wgpu::Sampler,
@@ -93,13 +94,31 @@ impl Renderer {
             mapped_at_creation: false,
         });
         let (volumes, appearances) = (Vec::new(), Vec::new());
-        Ok(Self { gpu, format, pipelines, slices, sampler, uniform, volumes, appearances, target: None })
+        let max_gradient_bytes = super::gradients::MAX_BYTES;
+        Ok(Self {
+            gpu,
+            format,
+            max_gradient_bytes,
+            pipelines,
+            slices,
+            sampler,
+            uniform,
+            volumes,
+            appearances,
+            target: None,
+        })
     }
 
     /// The GPU in use.
     #[must_use]
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// Limits the textures of precomputed gradients, four bytes a voxel, of volumes that go up from now on. Volumes
+    /// beyond the limit are lit by six fetches of values for each visible sample: slower, and all but the same picture.
+    pub fn limit_gradients(&mut self, max_bytes: usize) {
+        self.max_gradient_bytes = max_bytes;
     }
 
     /// Renders one picture.
@@ -218,7 +237,7 @@ impl Renderer {
         if self.volumes.len() == KEPT_VOLUMES {
             self.volumes.remove(0);
         }
-        self.volumes.push(VolumeOnGpu::upload(&self.gpu, volume, self.format)?);
+        self.volumes.push(VolumeOnGpu::upload(&self.gpu, volume, self.format, self.max_gradient_bytes)?);
         Ok(true)
     }
 
@@ -253,13 +272,16 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let appearance = self.appearances.last().expect("uploaded before");
         let target = self.target.as_ref().expect("made before");
-        #[expect(clippy::cast_possible_truncation, reason = "a small constant")]
-        let brick_edge = if skipping == Skipping::On { BRICK_EDGE as u32 } else { 0 };
-        let uniform = FrameUniform::new(request, volume.grid(), &appearance.table, brick_edge);
+        let uniform = FrameUniform::new(request, volume.grid(), appearance, skipping);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         let pipeline = match request.mode {
             Mode::Slice(blend) => self.slices.prepare(&self.gpu, request, volume.grid(), (blend, output))?,
-            _ => self.pipelines.get(&self.gpu, PipelineKey::new(request, output))?,
+            _ => {
+                let precomputed_gradients =
+                    self.volumes.last().is_some_and(|volume| volume.gradients.precomputed);
+                let variant = Variant { output, precomputed_gradients };
+                self.pipelines.get(&self.gpu, PipelineKey::new(request, variant))?
+            }
         };
         let pipeline = pipeline.clone();
         let scope = ErrorScope::open(&self.gpu, "a frame");
@@ -284,10 +306,11 @@ impl Renderer {
             self.uniform.as_entire_binding(),
             wgpu::BindingResource::TextureView(&volume.view),
             wgpu::BindingResource::Sampler(&self.sampler),
-            wgpu::BindingResource::TextureView(&appearance.distances),
+            appearance.distances.as_entire_binding(),
             appearance.table_buffer.as_entire_binding(),
             target.color.storage.as_entire_binding(),
             target.depth.storage.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&volume.gradients.view),
         ];
         let (layout, slab) = match mode {
             Mode::Slice(_) => (&self.slices.bind_group_layout, Some(self.slices.slab.as_entire_binding())),

@@ -6,22 +6,17 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::pipelines::{BINDINGS, Output, binding_types};
+use super::pipelines::{BINDINGS, Output, TableStorage, binding_types, stage_sources};
 use super::renderer::depth_limits;
 use super::request::{RenderRequest, SlabBlend};
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::volume::Grid;
 
-/// The stage's sources, in the order in which they are joined.
-pub(super) const SLICE_SOURCES: [&str; 4] = [
-    include_str!("../../shaders/lib/frame.wgsl"),
-    include_str!("../../shaders/lib/volume.wgsl"),
-    include_str!("../../shaders/lib/classify.wgsl"),
-    include_str!("../../shaders/slice.wgsl"),
-];
+/// The stage's own source.
+const SLICE: &str = include_str!("../../shaders/slice.wgsl");
 
 /// The resource that a slice has beside those of the ray caster.
-pub(super) const SLAB_BINDING: (u32, &str) = (7, "slab");
+pub(super) const SLAB_BINDING: (u32, &str) = (8, "slab");
 
 /// Where the samples of a slab lie: on its plane and in pairs before and behind it, from face to face.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,8 +72,9 @@ impl SlicePipelines {
     /// `hu_scale` is the HU of a texel value of 1.
     pub(super) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "the slice shader");
-        let module = gpu.shader("slice", &SLICE_SOURCES);
-        let bind_group_layout = bind_group_layout(gpu);
+        let table = TableStorage::of(gpu);
+        let module = gpu.shader("slice", &stage_sources(table, SLICE));
+        let bind_group_layout = bind_group_layout(gpu, table);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("slice"),
             bind_group_layouts: &[Some(&bind_group_layout)],
@@ -134,13 +130,13 @@ fn constants(blend: SlabBlend, output: Output, hu_scale: f64) -> [(&'static str,
     [("BLEND", blend), ("COUNT_SAMPLES", counts), ("HU_SCALE", hu_scale)]
 }
 
-fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+fn bind_group_layout(gpu: &Gpu, table: TableStorage) -> wgpu::BindGroupLayout {
     let uniform = wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
         has_dynamic_offset: false,
         min_binding_size: None,
     };
-    let shared = BINDINGS.iter().map(|(binding, _)| *binding).zip(binding_types());
+    let shared = BINDINGS.iter().map(|(binding, _)| *binding).zip(binding_types(table));
     let entries: Vec<_> = shared
         .chain([(SLAB_BINDING.0, uniform)])
         .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
@@ -164,7 +160,8 @@ mod tests {
     use super::*;
 
     fn reflected() -> naga::Module {
-        naga::front::wgsl::parse_str(&SLICE_SOURCES.join("\n")).expect("the shader parses")
+        naga::front::wgsl::parse_str(&stage_sources(TableStorage::Uniform, SLICE).join("\n"))
+            .expect("the shader parses")
     }
 
     #[test]

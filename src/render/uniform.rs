@@ -4,11 +4,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::renderer::depth_limits;
+use super::renderer::{Skipping, depth_limits};
 use super::request::{Clip, DepthRule, RenderRequest};
+use super::upload::Appearance;
 use crate::camera::{Camera, Projection};
 use crate::space::{Transform, View, Voxel};
-use crate::transfer::TransferTable;
 use crate::volume::Grid;
 
 /// One frame's parameters as the shader has them; meanings and units are there.
@@ -16,6 +16,8 @@ use crate::volume::Grid;
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct FrameUniform {
     voxel_from_start: [[f32; 4]; 4],
+    patient_from_view: [[f32; 4]; 3],
+    patient_from_voxel_gradient: [[f32; 4]; 3],
     dims: [f32; 3],
     sample_distance_mm: f32,
     half_extent: [f32; 2],
@@ -31,23 +33,33 @@ pub(super) struct FrameUniform {
     table_last: u32,
     depth_fraction: f32,
     clip_plane_count: u32,
-    brick_edge: u32,
     near_mm: f32,
-    padding: u32,
+    lowest_visible_hu: f32,
+    skipping: u32,
+    brick_dims: [f32; 3],
+    bricks_per_voxel: f32,
     clip_planes: [[f32; 4]; Clip::MAX_PLANES],
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl FrameUniform {
-    /// The parameters of `request` on a volume of this grid. `brick_edge` 0 turns skipping off.
-    pub(super) fn new(request: &RenderRequest, grid: &Grid, table: &TransferTable, brick_edge: u32) -> Self {
+    /// The parameters of `request` on a volume of this grid.
+    pub(super) fn new(
+        request: &RenderRequest,
+        grid: &Grid,
+        appearance: &Appearance,
+        skipping: Skipping,
+    ) -> Self {
         let camera = &request.camera;
         let near_mm = depth_limits(camera, grid).near_mm;
         let start = glam::DVec3::new(0.0, 0.0, -near_mm);
         let voxel_from_start = voxel_from_view(camera, grid).affine * glam::DAffine3::from_translation(start);
         let light = &request.shading;
+        let table = &appearance.table;
         Self {
             voxel_from_start: glam::DMat4::from(voxel_from_start).as_mat4().to_cols_array_2d(),
+            patient_from_view: columns(camera.patient_from_view().linear()),
+            patient_from_voxel_gradient: columns(patient_from_voxel_gradient(grid)),
             dims: grid.dims().map(|n| n as f32),
             sample_distance_mm: request.sample_distance_mm as f32,
             half_extent: camera.half_extent(request.size_px).map(|mm| mm as f32),
@@ -66,13 +78,27 @@ impl FrameUniform {
                 DepthRule::FirstHit => 0.0,
             },
             clip_plane_count: request.clip.planes.len() as u32,
-            brick_edge,
             near_mm: near_mm as f32,
-            padding: 0,
+            lowest_visible_hu: table.lowest_visible_hu(),
+            skipping: u32::from(skipping == Skipping::On),
+            brick_dims: appearance.bricks.dims.map(|n| n as f32),
+            bricks_per_voxel: 1.0 / appearance.bricks.edge as f32,
             clip_planes: clip_planes_in_view(camera, &request.clip)
                 .map(|[x, y, z, d]| [x, y, z, d - z * near_mm].map(|value| value as f32)),
         }
     }
+}
+
+/// A matrix as a uniform has it: each column padded to four.
+#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
+fn columns(matrix: glam::DMat3) -> [[f32; 4]; 3] {
+    matrix.to_cols_array_2d().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0])
+}
+
+/// A gradient in HU/mm along the patient axes, of one in HU per two voxels along i, j, k: gradients transform by the
+/// transpose of the points' inverse.
+pub(super) fn patient_from_voxel_gradient(grid: &Grid) -> glam::DMat3 {
+    grid.voxel_from_patient().linear().transpose() * 0.5
 }
 
 /// Voxel index of a view position.
@@ -96,11 +122,15 @@ pub(super) fn clip_planes_in_view(camera: &Camera, clip: &Clip) -> [[f64; 4]; Cl
 mod tests {
     use std::mem::{offset_of, size_of};
 
-    use super::super::pipelines::{BINDINGS, RAYCAST_SOURCES, WORKGROUP_SIDE};
+    use super::super::pipelines::{BINDINGS, RAYCAST, TableStorage, WORKGROUP_SIDE, stage_sources};
     use super::FrameUniform;
 
-    fn reflected() -> naga::Module {
-        naga::front::wgsl::parse_str(&RAYCAST_SOURCES.join("\n")).expect("the shader parses")
+    /// What naga reads out of the stage, with the transfer table in either place.
+    fn reflected() -> [naga::Module; 2] {
+        [TableStorage::Uniform, TableStorage::Storage].map(|table| {
+            naga::front::wgsl::parse_str(&stage_sources(table, RAYCAST).join("\n"))
+                .expect("the shader parses")
+        })
     }
 
     #[test]
@@ -112,6 +142,8 @@ mod tests {
         }
         let mirror = mirror!(
             voxel_from_start,
+            patient_from_view,
+            patient_from_voxel_gradient,
             dims,
             sample_distance_mm,
             half_extent,
@@ -127,12 +159,14 @@ mod tests {
             table_last,
             depth_fraction,
             clip_plane_count,
-            brick_edge,
             near_mm,
-            padding,
+            lowest_visible_hu,
+            skipping,
+            brick_dims,
+            bricks_per_voxel,
             clip_planes,
         );
-        let module = reflected();
+        let [module, _] = reflected();
         let (_, frame) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Frame")).unwrap();
         let naga::TypeInner::Struct { members, span } = &frame.inner else { panic!("Frame is a struct") };
         let shader: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset)).collect();
@@ -142,14 +176,15 @@ mod tests {
 
     #[test]
     fn bindings_and_workgroup_mirror_the_shader() {
-        let module = reflected();
-        let mut bindings: Vec<(u32, &str)> = module
-            .global_variables
-            .iter()
-            .filter_map(|(_, global)| Some((global.binding?.binding, global.name.as_deref()?)))
-            .collect();
-        bindings.sort_unstable();
-        assert_eq!(bindings, BINDINGS);
-        assert_eq!(module.entry_points[0].workgroup_size, [WORKGROUP_SIDE, WORKGROUP_SIDE, 1]);
+        for module in reflected() {
+            let mut bindings: Vec<(u32, &str)> = module
+                .global_variables
+                .iter()
+                .filter_map(|(_, global)| Some((global.binding?.binding, global.name.as_deref()?)))
+                .collect();
+            bindings.sort_unstable();
+            assert_eq!(bindings, BINDINGS);
+            assert_eq!(module.entry_points[0].workgroup_size, [WORKGROUP_SIDE, WORKGROUP_SIDE, 1]);
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Volumes and appearances on the GPU: what goes up, once for each content.
 
 use super::RenderError;
+use super::gradients::Gradients;
 use super::request::{Mode, RenderRequest};
 use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
 use crate::transfer::{TransferFunction, TransferTable};
@@ -10,7 +11,7 @@ use crate::volume::{BrickRanges, ContentHash, DistanceMap, Volume};
 pub(super) const BRICK_EDGE: usize = 4;
 
 /// Bytes handed to the queue at once: staging memory stays small beside the volume.
-const SLAB_BYTES: usize = 16 << 20;
+pub(super) const SLAB_BYTES: usize = 16 << 20;
 
 /// How voxels are stored in texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,12 +66,18 @@ impl VoxelFormat {
 pub(super) struct VolumeOnGpu {
     pub(super) hash: ContentHash,
     pub(super) view: wgpu::TextureView,
+    pub(super) gradients: Gradients,
     format: VoxelFormat,
     bricks: BrickRanges,
 }
 
 impl VolumeOnGpu {
-    pub(super) fn upload(gpu: &Gpu, volume: &Volume, format: VoxelFormat) -> Result<Self, RenderError> {
+    pub(super) fn upload(
+        gpu: &Gpu,
+        volume: &Volume,
+        format: VoxelFormat,
+        max_gradient_bytes: usize,
+    ) -> Result<Self, RenderError> {
         check_size(gpu.limits(), volume)?;
         let scope = ErrorScope::open(gpu, "a volume");
         let dims = volume.grid().dims();
@@ -82,10 +89,11 @@ impl VolumeOnGpu {
             // Submitting frees the staging memory of the slabs before.
             gpu.queue.submit([]);
         }
+        let gradients = Gradients::upload(gpu, volume, max_gradient_bytes);
         scope.close()?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let bricks = BrickRanges::new(volume, BRICK_EDGE);
-        Ok(Self { hash: volume.content_hash(), view, format, bricks })
+        Ok(Self { hash: volume.content_hash(), view, gradients, format, bricks })
     }
 }
 
@@ -100,6 +108,15 @@ fn check_size(limits: Limits, volume: &Volume) -> Result<(), RenderError> {
     Ok(())
 }
 
+/// How bricks tile a volume.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BrickLayout {
+    /// Edge of a brick in voxels.
+    pub(super) edge: usize,
+    /// Bricks along i, j, k.
+    pub(super) dims: [usize; 3],
+}
+
 /// A transfer function on the GPU, tabulated for a sample distance, and the empty space of a volume under it.
 pub(super) struct Appearance {
     volume: ContentHash,
@@ -108,7 +125,9 @@ pub(super) struct Appearance {
     mode: Mode,
     pub(super) table: TransferTable,
     pub(super) table_buffer: wgpu::Buffer,
-    pub(super) distances: wgpu::TextureView,
+    pub(super) bricks: BrickLayout,
+    /// Four bricks a word.
+    pub(super) distances: wgpu::Buffer,
 }
 
 impl Appearance {
@@ -120,14 +139,12 @@ impl Appearance {
             .distance_map(|low, high| is_of_interest(&table, request.mode, stored(low), stored(high)));
         let scope = ErrorScope::open(gpu, "a transfer function and its distance map");
         let entries: &[u8] = bytemuck::cast_slice(&table.entries);
-        let table_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("transfer table"),
-            size: entries.len() as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        gpu.queue.write_buffer(&table_buffer, 0, entries);
+        // A uniform has room for the longest table, whatever this one's length.
+        let mut table_bytes = vec![0; size_of::<[f32; 4]>() * TransferTable::MAX_ENTRIES];
+        table_bytes[..entries.len()].copy_from_slice(entries);
+        let table_buffer = read_only(gpu, "transfer table", &table_bytes);
         let distances = upload_distances(gpu, &map);
+        let bricks = BrickLayout { edge: map.edge, dims: map.dims };
         scope.close()?;
         Ok(Self {
             volume: volume.hash,
@@ -136,6 +153,7 @@ impl Appearance {
             mode: request.mode,
             table,
             table_buffer,
+            bricks,
             distances,
         })
     }
@@ -174,10 +192,22 @@ fn is_of_interest(table: &TransferTable, mode: Mode, low_hu: f32, high_hu: f32) 
     }
 }
 
-fn upload_distances(gpu: &Gpu, map: &DistanceMap) -> wgpu::TextureView {
-    let texture = texture_3d(gpu, "brick distances", map.dims, wgpu::TextureFormat::R8Uint);
-    write_layers(gpu, &texture, 0, map.dims, &map.distances);
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
+fn upload_distances(gpu: &Gpu, map: &DistanceMap) -> wgpu::Buffer {
+    let mut bytes = map.distances.clone();
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    read_only(gpu, "brick distances", &bytes)
+}
+
+/// A buffer with these bytes, for shaders to read.
+fn read_only(gpu: &Gpu, label: &str, bytes: &[u8]) -> wgpu::Buffer {
+    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes.len() as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    gpu.queue.write_buffer(&buffer, 0, bytes);
+    buffer
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "checked against the adapter's limit")]
@@ -185,7 +215,12 @@ fn extent([width, height, depth]: [usize; 3]) -> wgpu::Extent3d {
     wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: depth as u32 }
 }
 
-fn texture_3d(gpu: &Gpu, label: &str, dims: [usize; 3], format: wgpu::TextureFormat) -> wgpu::Texture {
+pub(super) fn texture_3d(
+    gpu: &Gpu,
+    label: &str,
+    dims: [usize; 3],
+    format: wgpu::TextureFormat,
+) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: extent(dims),
@@ -200,7 +235,13 @@ fn texture_3d(gpu: &Gpu, label: &str, dims: [usize; 3], format: wgpu::TextureFor
 
 /// Writes `dims[2]` whole layers from layer `first` on.
 #[expect(clippy::cast_possible_truncation, reason = "checked against the adapter's limit")]
-fn write_layers(gpu: &Gpu, texture: &wgpu::Texture, first: usize, dims: [usize; 3], texels: &[u8]) {
+pub(super) fn write_layers(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    first: usize,
+    dims: [usize; 3],
+    texels: &[u8],
+) {
     let row_bytes = (texels.len() / (dims[1] * dims[2])) as u32;
     let origin = wgpu::Origin3d { x: 0, y: 0, z: first as u32 };
     gpu.queue.write_texture(

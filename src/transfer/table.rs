@@ -59,10 +59,21 @@ impl TransferTable {
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     pub fn is_visible(&self, low_hu: f32, high_hu: f32) -> bool {
-        const ROUNDING_HU: f32 = 0.05;
+        const ROUNDING_HU: f32 = 0.5;
         let low = self.position(low_hu - ROUNDING_HU).floor() as usize;
         let high = self.position(high_hu + ROUNDING_HU).ceil() as usize;
         self.visible_before[high + 1] > self.visible_before[low]
+    }
+
+    /// No value below this is visible, HU; the lowest number when even the lowest entry is, for it holds below the table.
+    #[must_use]
+    pub fn lowest_visible_hu(&self) -> f32 {
+        // The entry before the first visible one: its look-up may touch that.
+        match self.entries.iter().position(|entry| entry[3] > 0.0) {
+            Some(0) => f32::MIN,
+            Some(i) => self.first_hu + self.step_hu * (i - 1) as f32,
+            None => f32::MAX,
+        }
     }
 
     /// Where a value lies between entries, as the shader has it.

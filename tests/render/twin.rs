@@ -1,7 +1,7 @@
 //! The GPU against the f64 twin, over mode x projection x depth rule x shading.
 
 use relief::camera::Orbit;
-use relief::render::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, SceneFile, reference};
+use relief::render::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, reference};
 use relief::space::{Point, Vector};
 use relief::volume::phantom::Phantom;
 use relief::volume::{Grid, Volume};
@@ -16,7 +16,10 @@ pub(super) fn compare(volume: &Volume, request: &RenderRequest, what: &str) {
     let Some(mut renderer) = renderer(what) else { return };
     let gpu = renderer.render(volume, request).unwrap();
     drop(renderer);
-    let twin = reference::render(volume, request).unwrap();
+    expect_equal(&gpu, &reference::render(volume, request).unwrap(), what);
+}
+
+fn expect_equal(gpu: &RenderedFrame, twin: &RenderedFrame, what: &str) {
     let pixels = gpu.color_rgba.len() as f64;
     let apart = |(a, b): (&[u8; 4], &[u8; 4])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
     let colors = gpu.color_rgba.iter().zip(&twin.color_rgba).filter(|pair| apart(*pair)).count();
@@ -80,4 +83,24 @@ fn gpu_and_twin_agree_under_clip_planes_and_without_shading() {
     let mut unshaded = request(&volume, "skin", 25.0);
     unshaded.shading = relief::render::Shading { ambient: 0.7, ..relief::render::Shading::NONE };
     compare(&volume, &unshaded, "no shading");
+}
+
+#[test]
+fn gpu_and_twin_agree_where_gradients_are_not_precomputed() {
+    let Some(mut renderer) = renderer("gradients of values") else { return };
+    let volume = oblique_head();
+    let request = RenderRequest { depth: DepthRule::FirstHit, ..request(&volume, "soft-tissue", 25.0) };
+    let precomputed = renderer.render(&volume, &request).unwrap();
+    renderer.forget(volume.content_hash());
+    renderer.limit_gradients(0);
+    let values = renderer.render(&volume, &request).unwrap();
+    renderer.forget(volume.content_hash());
+    renderer.limit_gradients(1 << 30);
+    drop(renderer);
+    assert!(
+        values.color_rgba != precomputed.color_rgba,
+        "half floats round: the pictures cannot be the same"
+    );
+    expect_equal(&values, &precomputed, "gradients of values and precomputed ones");
+    expect_equal(&values, &reference::render(&volume, &request).unwrap(), "gradients of values");
 }

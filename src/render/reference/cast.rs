@@ -1,16 +1,17 @@
 //! One ray after another; twin of `shaders/raycast.wgsl`, without empty-space skipping, which changes nothing.
 
-use glam::{DVec3, DVec4};
+use glam::{DMat3, DVec3, DVec4};
 
 use super::classify::{classify, shade};
-use super::field::{gradient_hu, sample_hu};
+use super::field::{central_differences, sample_hu};
 use super::ray::{Ray, Rays};
 use crate::render::request::{DepthRule, Mode, RenderRequest};
+use crate::render::uniform::patient_from_voxel_gradient;
 use crate::render::upload::table_for;
 use crate::transfer::TransferTable;
 use crate::volume::Volume;
 
-const OPAQUE: f64 = 1.0 - 1.0 / 1024.0;
+const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
 const VISIBLE: f64 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
@@ -23,6 +24,7 @@ pub(super) struct Caster<'a> {
     pub(super) request: &'a RenderRequest,
     rays: Rays<'a>,
     pub(super) table: TransferTable,
+    patient_from_voxel_gradient: DMat3,
 }
 
 /// Premultiplied colour and coverage, and the distance along the ray in mm; `None` when nothing is visible.
@@ -34,7 +36,8 @@ pub(super) struct Hit {
 impl<'a> Caster<'a> {
     pub(super) fn new(volume: &'a Volume, request: &'a RenderRequest) -> Self {
         let rays = Rays::new(request, volume.grid());
-        Self { volume, request, rays, table: table_for(request) }
+        let patient_from_voxel_gradient = patient_from_voxel_gradient(volume.grid());
+        Self { volume, request, rays, table: table_for(request), patient_from_voxel_gradient }
     }
 
     /// Colour over the background as bytes, and view depth in mm.
@@ -78,7 +81,7 @@ impl<'a> Caster<'a> {
         if !light.needs_gradient() {
             return rgb * light.ambient;
         }
-        let gradient = self.rays.gradient_in_view(gradient_hu(self.volume, p));
+        let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
         shade(light, rgb, gradient, ray.direction)
     }
 

@@ -15,11 +15,11 @@ pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {
     entry(i).lerp(entry(i + 1), x - i as f64)
 }
 
-/// Headlight at the eye, two-sided; ambient light alone where the gradient has no length.
-pub(super) fn shade(light: &Shading, rgb: DVec3, gradient_in_view: DVec3, direction: DVec3) -> DVec3 {
-    if gradient_in_view.length_squared() < 1e-12 {
+/// Headlight at the eye, two-sided; ambient light alone where the gradient has no length. Patient axes.
+pub(super) fn shade(light: &Shading, rgb: DVec3, gradient: DVec3, direction: DVec3) -> DVec3 {
+    if gradient.length_squared() < 1e-12 {
         return rgb * light.ambient;
     }
-    let facing = gradient_in_view.normalize().dot(direction).abs().min(1.0);
+    let facing = gradient.normalize().dot(direction).abs().min(1.0);
     rgb * (light.ambient + light.diffuse * facing) + light.specular * facing.powf(light.shininess)
 }

@@ -1,4 +1,4 @@
-//! Values and gradients of a volume; twin of `shaders/lib/volume.wgsl`. Voxel index in, HU out.
+//! Values and gradients of a volume; twin of `shaders/lib/volume.wgsl`. Voxel index in; HU out.
 
 use glam::DVec3;
 
@@ -20,8 +20,8 @@ pub(super) fn sample_hu(volume: &Volume, p: DVec3) -> f64 {
     along_y(low[2]) * (1.0 - f.z) + along_y(high[2]) * f.z
 }
 
-/// Central differences over one voxel to both sides: HU per two voxels.
-pub(super) fn gradient_hu(volume: &Volume, p: DVec3) -> DVec3 {
+/// Central differences over one voxel to both sides: HU per two voxels, along i, j, k.
+pub(super) fn central_differences(volume: &Volume, p: DVec3) -> DVec3 {
     let along = |axis: DVec3| sample_hu(volume, p + axis) - sample_hu(volume, p - axis);
     DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
 }

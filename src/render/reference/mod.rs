@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `ray` | `shaders/lib/frame.wgsl` |
 //! | `field` | `shaders/lib/volume.wgsl` |
+//! | - | `shaders/lib/walk.wgsl`: skipping changes nothing |
 //! | `classify` | `shaders/lib/classify.wgsl` |
 //! | `cast` | `shaders/raycast.wgsl` |
 //! | `slice` | `shaders/slice.wgsl` |

@@ -1,6 +1,6 @@
 //! The ray of a pixel; twin of `shaders/lib/frame.wgsl`. View space and voxel index, mm along the ray.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use crate::camera::Projection;
 use crate::render::request::{Clip, RenderRequest};
@@ -14,6 +14,7 @@ const FAR_OFF: f64 = 1e4;
 
 /// Points `origin + direction * t` for t in mm between `entry` and `exit`.
 pub(super) struct Ray {
+    /// Along the patient axes, unit length.
     pub(super) direction: DVec3,
     origin_voxel: DVec3,
     step_voxel: DVec3,
@@ -29,6 +30,7 @@ pub(super) struct Ray {
 pub(super) struct Rays<'a> {
     request: &'a RenderRequest,
     voxel_from_view: DAffine3,
+    patient_from_view: DMat3,
     dims: DVec3,
     clip_planes: [[f64; 4]; Clip::MAX_PLANES],
 }
@@ -38,12 +40,8 @@ impl<'a> Rays<'a> {
         let dims = DVec3::from(grid.dims().map(|n| n as f64));
         let voxel_from_view = voxel_from_view(&request.camera, grid).affine;
         let clip_planes = clip_planes_in_view(&request.camera, &request.clip);
-        Self { request, voxel_from_view, dims, clip_planes }
-    }
-
-    /// Gradient in view space of one in voxel index: by the transpose of the points' inverse.
-    pub(super) fn gradient_in_view(&self, gradient_voxel: DVec3) -> DVec3 {
-        self.voxel_from_view.matrix3.transpose() * gradient_voxel
+        let patient_from_view = request.camera.patient_from_view().linear();
+        Self { request, voxel_from_view, patient_from_view, dims, clip_planes }
     }
 
     pub(super) fn ray_of_pixel(&self, [column, row]: [u32; 2]) -> Ray {
@@ -66,7 +64,7 @@ impl<'a> Rays<'a> {
         let sample_distance_mm = self.request.sample_distance_mm;
         let (depth_origin, depth_step) = (-origin.z, -direction.z);
         Ray {
-            direction,
+            direction: self.patient_from_view * direction,
             origin_voxel,
             step_voxel,
             entry,
