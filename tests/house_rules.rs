@@ -220,15 +220,20 @@ mod rule {
     /// Each stage parses as it is, or together with all of `shaders/lib`; declarations may come in any order.
     pub(super) fn shaders_parse(files: &[File]) -> Vec<String> {
         let shaders = files.iter().filter(|file| extension(&file.path) == "wgsl");
-        let (library, stages): (Vec<_>, Vec<_>) =
+        let (library, others): (Vec<_>, Vec<_>) =
             shaders.partition(|file| file.path.starts_with("shaders/lib/"));
+        // One of the tables joins each stage: with none of them a stage has to do without.
+        let (tables, stages): (Vec<_>, Vec<_>) =
+            others.into_iter().partition(|file| file.path.starts_with("shaders/table/"));
+        let tables: Vec<&str> = tables.iter().map(|file| file.text.as_str()).collect();
+        let tables = if tables.is_empty() { vec![""] } else { tables };
         if stages.is_empty() {
             return vec!["there are no shaders".to_owned()];
         }
         let library: String = library.iter().map(|file| file.text.as_str()).collect();
         let mut found = Vec::new();
-        for stage in stages {
-            let whole = format!("{}\n{library}", stage.text);
+        for (stage, table) in stages.iter().flat_map(|stage| tables.iter().map(move |table| (stage, table))) {
+            let whole = format!("{}\n{table}\n{library}", stage.text);
             let parses = |source: &str| naga::front::wgsl::parse_str(source).is_ok();
             if !parses(&stage.text) && !parses(&whole) {
                 let error = naga::front::wgsl::parse_str(&whole).err();

@@ -19,8 +19,8 @@ impl TableStorage {
 
     fn source(self) -> &'static str {
         match self {
-            Self::Uniform => include_str!("../../shaders/lib/table_uniform.wgsl"),
-            Self::Storage => include_str!("../../shaders/lib/table_storage.wgsl"),
+            Self::Uniform => include_str!("../../shaders/table/uniform.wgsl"),
+            Self::Storage => include_str!("../../shaders/table/storage.wgsl"),
         }
     }
 
