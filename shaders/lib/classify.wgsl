@@ -9,13 +9,13 @@ override HIGHLIGHT: bool = true;
 const NO_GRADIENT: f32 = 1e-12;
 
 fn classify(hu: f32) -> vec4<f32> {
-    let x = clamp((hu - frame.table_first_hu) / frame.table_step_hu, 0.0, f32(frame.table_last));
+    let x = clamp((hu - frame.table_first_hu) * frame.table_entries_per_hu, 0.0, f32(frame.table_last));
     let i = min(u32(x), frame.table_last - 1u);
     return mix(transfer_table[i], transfer_table[i + 1u], x - f32(i));
 }
 
 fn opacity_of(hu: f32) -> f32 {
-    let x = clamp((hu - frame.table_first_hu) / frame.table_step_hu, 0.0, f32(frame.table_last));
+    let x = clamp((hu - frame.table_first_hu) * frame.table_entries_per_hu, 0.0, f32(frame.table_last));
     let i = min(u32(x), frame.table_last - 1u);
     return mix(transfer_table[i].w, transfer_table[i + 1u].w, x - f32(i));
 }

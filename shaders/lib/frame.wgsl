@@ -14,6 +14,9 @@ struct Frame {
     // Voxels along i, j, k.
     dims: vec3<f32>,
     sample_distance_mm: f32,
+    // Texture coordinates per voxel, 1 / dims.
+    texture_per_voxel: vec3<f32>,
+    padding: f32,
     // Half the picture: at 1 mm before the eye (perspective) or everywhere (orthographic), mm.
     half_extent: vec2<f32>,
     size_px: vec2<u32>,
@@ -23,9 +26,9 @@ struct Frame {
     diffuse: f32,
     specular: f32,
     shininess: f32,
-    // The transfer table: HU of entry 0, HU per entry, index of the last entry.
+    // The transfer table: HU of entry 0, entries per HU, index of the last entry.
     table_first_hu: f32,
-    table_step_hu: f32,
+    table_entries_per_hu: f32,
     table_last: u32,
     // Share of a ray's final opacity at which the threshold rule puts its depth.
     depth_fraction: f32,

@@ -12,7 +12,7 @@
 override HU_SCALE: f32 = 32767.0;
 
 fn sample_hu(p: vec3<f32>) -> f32 {
-    return textureSampleLevel(volume, volume_sampler, (p + 0.5) / frame.dims, 0.0).x * HU_SCALE;
+    return textureSampleLevel(volume, volume_sampler, (p + 0.5) * frame.texture_per_voxel, 0.0).x * HU_SCALE;
 }
 
 // One fetch of gradients made when the volume went up, or six of values.
@@ -21,7 +21,7 @@ override PRECOMPUTED_GRADIENTS: bool = true;
 // HU/mm along the patient axes.
 fn gradient_at(p: vec3<f32>) -> vec3<f32> {
     if PRECOMPUTED_GRADIENTS {
-        return textureSampleLevel(gradients, volume_sampler, (p + 0.5) / frame.dims, 0.0).xyz;
+        return textureSampleLevel(gradients, volume_sampler, (p + 0.5) * frame.texture_per_voxel, 0.0).xyz;
     }
     return frame.patient_from_voxel_gradient * central_differences(p);
 }

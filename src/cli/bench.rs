@@ -7,7 +7,8 @@ use super::adapter::AdapterArguments;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
-use crate::render::{RenderRequest, Renderer};
+use crate::render::{Clip, ClipPlane, RenderError, RenderRequest, RenderedFrame, Renderer, Skipping};
+use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 
 /// Measure frame times and samples per second of a scene.
@@ -32,6 +33,9 @@ pub(super) struct Arguments {
     /// Angle from frame to frame
     #[arg(long, value_name = "DEG", default_value_t = 20.0, allow_negative_numbers = true)]
     orbit_deg: f64,
+    /// Take every sample, also in empty space
+    #[arg(long)]
+    no_skipping: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -53,11 +57,17 @@ struct Report {
     load_ms: f64,
     upload_ms: f64,
     first_frame_ms: f64,
+    /// Preparing another transfer function: its table, the map of empty space, their upload.
+    transfer_change_ms: f64,
+    /// The same for another clip plane.
+    clip_change_ms: f64,
     peak_rss_mib: Option<f64>,
+    /// Memory held after the measured frames, less that after the first.
+    rss_growth_mib: Option<f64>,
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, scene, adapter, frames, orbit_deg, json } = arguments;
+    let Arguments { series, scene, adapter, frames, orbit_deg, no_skipping, json } = arguments;
     let scene_file = scene.read()?;
     let start = Instant::now();
     let loaded = series.load()?;
@@ -65,7 +75,9 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
     let mut renderer = adapter.open_renderer()?;
     let turntable = Turntable { frames, step: orbit_deg.to_radians() };
-    let report = measure(&mut renderer, &loaded.volume, &scene.request, turntable, load_ms)?;
+    let skipping = if no_skipping { Skipping::Off } else { Skipping::On };
+    let mut bench = Bench { renderer: &mut renderer, volume: &loaded.volume, skipping };
+    let report = bench.measure(&scene.request, turntable, load_ms)?;
     if json {
         print_json(&report)?;
     } else {
@@ -93,55 +105,106 @@ impl Turntable {
     }
 }
 
-fn measure(
-    renderer: &mut Renderer,
-    volume: &Volume,
-    request: &RenderRequest,
-    turntable: Turntable,
-    load_ms: f64,
-) -> anyhow::Result<Report> {
-    let start = Instant::now();
-    let first = renderer.render(volume, &turntable.frame(request, -1))?;
-    let first_frame_ms = milliseconds(start);
-    let mut times = Vec::new();
-    for request in turntable.measured(request) {
-        let start = Instant::now();
-        renderer.render(volume, &request)?;
-        times.push(milliseconds(start));
-    }
-    times.sort_by(f64::total_cmp);
-    let median_ms = times[times.len() / 2];
-    // Counted apart, so that counting costs no time.
-    let mut samples = 0;
-    for request in turntable.measured(request) {
-        samples += renderer.count_samples(volume, &request)?;
-    }
-    let samples_per_frame = samples / u64::from(turntable.frames);
-    let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
-    let driver_samples_per_s = renderer.sampling_rate(volume)?;
-    let adapter = renderer.gpu().description();
-    Ok(Report {
-        adapter: adapter.name.clone(),
-        driver: adapter.driver.clone(),
-        size_px: request.size_px,
-        frames: turntable.frames,
-        median_ms,
-        min_ms: times[0],
-        samples_per_frame,
-        samples_per_s,
-        driver_samples_per_s,
-        share: samples_per_s / driver_samples_per_s,
-        load_ms,
-        upload_ms: first.timings.upload_ms,
-        first_frame_ms,
-        peak_rss_mib: peak_rss_mib(),
-    })
+/// What is measured with.
+struct Bench<'a> {
+    renderer: &'a mut Renderer,
+    volume: &'a Volume,
+    skipping: Skipping,
 }
 
-/// The most memory this process has held, where the system says.
-fn peak_rss_mib() -> Option<f64> {
+impl Bench<'_> {
+    fn measure(
+        &mut self,
+        request: &RenderRequest,
+        turntable: Turntable,
+        load_ms: f64,
+    ) -> anyhow::Result<Report> {
+        let start = Instant::now();
+        let first = self.render(&turntable.frame(request, -1))?;
+        let first_frame_ms = milliseconds(start);
+        let rss_before = memory_mib("VmRSS:");
+        let mut times = Vec::new();
+        for request in turntable.measured(request) {
+            let start = Instant::now();
+            self.render(&request)?;
+            times.push(milliseconds(start));
+        }
+        let rss_growth_mib = memory_mib("VmRSS:").zip(rss_before).map(|(after, before)| after - before);
+        times.sort_by(f64::total_cmp);
+        let median_ms = times[times.len() / 2];
+        let samples_per_frame = self.samples_per_frame(request, turntable)?;
+        let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
+        let (transfer_change_ms, clip_change_ms) = self.changes(request)?;
+        let driver_samples_per_s = self.renderer.sampling_rate(self.volume)?;
+        let adapter = self.renderer.gpu().description();
+        Ok(Report {
+            adapter: adapter.name.clone(),
+            driver: adapter.driver.clone(),
+            size_px: request.size_px,
+            frames: turntable.frames,
+            median_ms,
+            min_ms: times[0],
+            samples_per_frame,
+            samples_per_s,
+            driver_samples_per_s,
+            share: samples_per_s / driver_samples_per_s,
+            load_ms,
+            upload_ms: first.timings.upload_ms,
+            first_frame_ms,
+            transfer_change_ms,
+            clip_change_ms,
+            peak_rss_mib: memory_mib("VmHWM:"),
+            rss_growth_mib,
+        })
+    }
+
+    fn render(&mut self, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
+        self.renderer.render_with(self.volume, request, self.skipping)
+    }
+
+    /// Counted apart, so that counting costs no time, and in a few frames of many.
+    fn samples_per_frame(&mut self, request: &RenderRequest, turntable: Turntable) -> anyhow::Result<u64> {
+        let frames = turntable.frames.min(COUNTED_FRAMES);
+        let mut samples = 0;
+        for request in (Turntable { frames, ..turntable }).measured(request) {
+            samples += self.renderer.count_samples(self.volume, &request, self.skipping)?;
+        }
+        Ok(samples / u64::from(frames))
+    }
+
+    /// Preparation, in ms, of another transfer function and of another clip plane: medians of a few.
+    fn changes(&mut self, request: &RenderRequest) -> anyhow::Result<(f64, f64)> {
+        let mut transfer_ms = Vec::new();
+        let mut clip_ms = Vec::new();
+        for i in 1..=CHANGES {
+            let unit_mm = request.transfer.opacity_unit_mm() * (1.0 + f64::from(i) / 100.0);
+            let transfer = TransferFunction::new(request.transfer.points().to_vec(), unit_mm)?;
+            transfer_ms.push(self.render(&RenderRequest { transfer, ..request.clone() })?.timings.upload_ms);
+            let mut clip = request.clip.clone();
+            clip.planes.truncate(Clip::MAX_PLANES - 1);
+            let toward = (request.camera.look_at() - request.camera.eye()) * (1.0 - f64::from(i) / 100.0);
+            let point = request.camera.eye() + toward;
+            clip.planes.push(ClipPlane { point, normal: toward });
+            clip_ms.push(self.render(&RenderRequest { clip, ..request.clone() })?.timings.upload_ms);
+        }
+        let median = |mut times: Vec<f64>| {
+            times.sort_by(f64::total_cmp);
+            times[times.len() / 2]
+        };
+        Ok((median(transfer_ms), median(clip_ms)))
+    }
+}
+
+/// Frames whose samples are counted.
+const COUNTED_FRAMES: u32 = 20;
+
+/// Transfer functions and clip planes that are tried.
+const CHANGES: u32 = 5;
+
+/// A line of this process' memory, in MiB, where the system says: `VmHWM:` for the most it has held, `VmRSS:` for now.
+fn memory_mib(field: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let line = status.lines().find(|line| line.starts_with(field))?;
     let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib / 1024.0)
 }
@@ -172,5 +235,10 @@ fn print(report: &Report) {
         report.upload_ms,
         report.first_frame_ms,
         report.peak_rss_mib.map_or_else(|| "unknown".to_owned(), |mib| format!("{mib:.0} MiB"))
+    );
+    say!(
+        "another transfer function {:.1} ms, another clip plane {:.1} ms before the frame",
+        report.transfer_change_ms,
+        report.clip_change_ms
     );
 }

@@ -157,8 +157,13 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
-    pub fn count_samples(&mut self, volume: &Volume, request: &RenderRequest) -> Result<u64, RenderError> {
-        self.cast(volume, request, Skipping::On, Output::SampleCount)?;
+    pub fn count_samples(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: Skipping,
+    ) -> Result<u64, RenderError> {
+        self.cast(volume, request, skipping, Output::SampleCount)?;
         let sum = |bytes: &[u8]| bytemuck::cast_slice::<u8, f32>(bytes).iter().map(|&n| f64::from(n)).sum();
         let total: f64 = self.read(|target| &target.depth, sum)?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of whole counts")]

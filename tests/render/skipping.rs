@@ -67,9 +67,11 @@ fn skipping_skips() {
     let Some(mut renderer) = renderer("skipping_skips") else { return };
     let volume = Phantom::sphere(128).unwrap().volume;
     let scene = SceneFile::default().with_size([64, 64]).resolve(volume.grid(), &Orbit::default()).unwrap();
-    let taken = renderer.count_samples(&volume, &scene.request).unwrap();
+    let taken = renderer.count_samples(&volume, &scene.request, Skipping::On).unwrap();
+    let all = renderer.count_samples(&volume, &scene.request, Skipping::Off).unwrap();
     let Projection::Perspective { .. } = scene.request.camera.projection() else { panic!("a perspective") };
     // Without skipping each of some 2000 rays that meet the box would take about 256 samples.
     assert!(taken < 2000 * 40, "{taken} samples");
     assert!(taken > 1000, "{taken} samples");
+    assert!(all > 4 * taken, "{taken} of {all} samples");
 }

@@ -1,0 +1,62 @@
+# Prints what scripts/bench-compare has measured, against its bars; exit status 1 when one is missed.
+#
+# usage: bench-report.py FOLDER table|json
+import json
+import pathlib
+import sys
+
+folder, form = pathlib.Path(sys.argv[1]), sys.argv[2]
+
+
+def read(name):
+    return json.loads((folder / name).read_text())
+
+
+rows = []
+
+
+def row(what, value, bar, detail, above=False):
+    """A measured value that has to stay at or under its bar (or, `above`, reach it)."""
+    ok = value >= bar if above else value <= bar
+    rows.append({"what": what, "value": round(value, 3), "bar": bar, "met": ok, "detail": detail})
+
+
+def times(bench):
+    return f'{bench["median_ms"]:.0f} ms (fastest {bench["min_ms"]:.0f})'
+
+
+def vtk_times(vtk):
+    return f'{vtk["median_s"] * 1e3:.0f} ms (fastest {vtk["min_s"] * 1e3:.0f})'
+
+
+scenes = sorted(f.name.removesuffix(".bench.json") for f in folder.glob("*.bench.json"))
+if not scenes:
+    sys.exit("no scene was measured")
+for scene in scenes:
+    bench, cpu, gpu = (read(f"{scene}.{part}.json") for part in ("bench", "vtk-cpu", "vtk-gpu"))
+    equal, error = read(f"{scene}.equal.json"), read(f"{scene}.equal-error.json")
+    for name, vtk, bar in (("CPU", cpu, 0.30), ("GPU", gpu, 0.03)):
+        row(f"{scene}: time over VTK's {name} mapper", bench["median_ms"] / (vtk["median_s"] * 1e3), bar,
+            f"{times(bench)} to {vtk_times(vtk)}")
+    reached = error["error"] <= error["vtk_error"]
+    row(f"{scene}: the same at equal error", equal["median_ms"] / (cpu["median_s"] * 1e3) if reached else 99.0, 0.20,
+        f'{times(equal)} at {error["sample_distance_mm"]} mm, {error["error"]:.2f}/255 to {error["vtk_error"]:.2f}/255')
+    row(f"{scene}: ms for another transfer function", bench["transfer_change_ms"], 50.0, "before the frame")
+    row(f"{scene}: ms for another clip plane", bench["clip_change_ms"], 0.5, "before the frame")
+dense = read("dense.json")
+row("share of the driver's rate, dense and unskipped", dense["share"], 0.5,
+    f'{dense["samples_per_s"] / 1e6:.0f} of {dense["driver_samples_per_s"] / 1e6:.0f} million/s', above=True)
+sizes = sorted((int(f.stem.removeprefix("size-")), json.loads(f.read_text())) for f in folder.glob("size-*.json"))
+for (small, before), (large, after) in zip(sizes, sizes[1:]):
+    row(f"growth of time over growth of voxels, {small}³ to {large}³",
+        (after["median_ms"] / before["median_ms"]) / (large / small) ** 3, 1.0, f"{times(before)} to {times(after)}")
+soak = read("soak.json")
+row(f'MiB grown over {soak["frames"]} frames', soak["rss_growth_mib"], 8.0, f'peak {soak["peak_rss_mib"]:.0f} MiB')
+
+if form == "json":
+    print(json.dumps({"adapter": dense["adapter"], "driver": dense["driver"], "rows": rows}, indent=2, ensure_ascii=False))
+else:
+    print(f'{dense["adapter"]} ({dense["driver"]})')
+    for r in rows:
+        print(f'{"ok" if r["met"] else "MISSED":<7} {r["what"]:<52} {r["value"]:>9.3f}  bar {r["bar"]:<5}  {r["detail"]}')
+sys.exit(0 if all(r["met"] for r in rows) else 1)
