@@ -8,8 +8,11 @@ import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
 import { PresetGrid } from "./presets.js";
 import {
-  Fetcher, HOME, Refusal, axes, frameQuery, normalized, project, request, sides, stageQuery, stillSize,
+  Fetcher, HOME, Refusal, frameQuery, normalized, project, request, stageQuery, stillSize,
 } from "./view.js";
+import {
+  NO_SLICE, PLANES, dragged, kept as keptSlice, onControls, paged, recalled, showControls, sliceWords, zoomed,
+} from "./slices.js";
 
 const $ = (id) => document.getElementById(id);
 const stage = $("stage");
@@ -26,6 +29,7 @@ const DOT = " · ";
 const state = {
   volume: null,
   pose: { ...HOME },
+  slice: { ...NO_SLICE },
   preset: "bone",
   mode: "composite",
   fieldOfView: 22,
@@ -82,6 +86,11 @@ function show(picture) {
   shown = picture;
   draw();
   placeMarker();
+  // The picture's own directions, whatever was asked for since.
+  for (const edge of ["left", "right", "top", "bottom"]) {
+    $(`edge-${edge}`).textContent = picture.camera?.edges[edge] ?? "";
+    $(`edge-${edge}`).hidden = picture.kind === "frame";
+  }
   const { queue = 0, render = 0, upload = 0, encode = 0 } = picture.spent;
   const [width, height] = picture.camera?.size_px ?? [picture.bitmap.width, picture.bitmap.height];
   const ms = (value) => `${Math.round(value)} ms`;
@@ -115,20 +124,12 @@ function draw() {
 /** Says in words and letters from where the volume is seen. */
 function describePose() {
   const { azimuth, elevation, zoom } = state.pose;
-  $("pose").textContent =
-    [`azimuth ${azimuth.toFixed(0)}°`, `elevation ${elevation.toFixed(0)}°`, `zoom ${zoom.toFixed(2)}`].join(DOT);
-  const { right, up } = axes(state.pose);
-  const minus = (direction) => direction.map((value) => -value);
-  const letters = { right: sides(right), left: sides(minus(right)), top: sides(up), bottom: sides(minus(up)) };
-  for (const [edge, letter] of Object.entries(letters)) {
-    $(`edge-${edge}`).textContent = letter;
-    $(`edge-${edge}`).hidden = state.view === "frame";
-  }
-  canvas.setAttribute(
-    "aria-label",
-    `${state.view} of the volume, preset ${state.preset}, azimuth ${azimuth.toFixed(0)} and elevation ` +
-      `${elevation.toFixed(0)} degrees`,
-  );
+  const pose = [`azimuth ${azimuth.toFixed(0)}°`, `elevation ${elevation.toFixed(0)}°`, `zoom ${zoom.toFixed(2)}`];
+  const slice = state.slice.plane && state.volume ? sliceWords(state.slice, state.volume) : null;
+  $("pose").textContent = (slice ?? pose).join(DOT);
+  const what = slice ? `slice, ${slice.join(", ")}` : `volume, preset ${state.preset}, ${pose.slice(0, 2).join(", ")}`;
+  canvas.setAttribute("aria-label", `${state.view} of the ${what}`);
+  showControls($, state.slice, state.volume);
   $("divider").hidden = state.view !== "split";
   $("divider").style.left = `${state.split * 100}%`;
   $("divider").setAttribute("aria-valuenow", Math.round(state.split * 100));
@@ -138,7 +139,7 @@ function describePose() {
 // ---------------------------------------------------------------- picks
 
 const lps = ([x, y, z]) =>
-  [[x, "L", "R"], [y, "P", "A"], [z, "S", "I"]]
+  [[x, "L", "R"], [y, "P", "A"], [z, "H", "F"]]
     .map(([value, positive, negative]) => `${value < 0 ? negative : positive} ${Math.abs(value).toFixed(1)}`)
     .join(", ");
 
@@ -197,6 +198,21 @@ function forgetPick() {
 
 // ---------------------------------------------------------------- pointer
 
+const slicing = () => state.slice.plane !== "" && state.volume !== null;
+
+function setSlice(change, moving = true) {
+  if (!state.volume) return;
+  state.slice = change(state.slice);
+  refresh({ moving });
+}
+
+/** Another plane through the same place, or the volume again. */
+function showPlane(plane) {
+  state.slice = { ...state.slice, plane };
+  choose("plane", plane);
+  refresh();
+}
+
 function setPose(change, { moving = true } = {}) {
   state.pose = normalized({ ...state.pose, ...change });
   refresh({ moving });
@@ -204,11 +220,20 @@ function setPose(change, { moving = true } = {}) {
 
 onGestures(stage, $("divider"), {
   turn(dx, dy) {
+    if (slicing()) {
+      const { clientWidth, clientHeight } = stage;
+      const drag = [dx / clientHeight, dy / clientHeight];
+      return setSlice((slice) => dragged(slice, state.volume, drag, clientWidth / clientHeight));
+    }
     // Half a turn across the stage's height; finer when close.
     const degrees = 180 / stage.clientHeight / Math.max(1, Math.sqrt(state.pose.zoom));
     setPose({ azimuth: state.pose.azimuth - dx * degrees, elevation: state.pose.elevation + dy * degrees });
   },
-  zoom: (ratio) => setPose({ zoom: state.pose.zoom * ratio }),
+  zoom(ratio, wheel) {
+    if (!slicing()) return setPose({ zoom: state.pose.zoom * ratio });
+    if (!wheel || wheel.ctrlKey) return setSlice((slice) => zoomed(slice, ratio));
+    setSlice((slice) => paged(slice, state.volume, Math.sign(ratio - 1)));
+  },
   click: pickAt,
   double: reset,
 });
@@ -223,6 +248,7 @@ onDivider(stage, $("divider"), (fraction) => {
 
 function reset() {
   forgetPick();
+  if (slicing()) return setSlice((slice) => ({ ...slice, at: null, zoom: 1 }), false);
   setPose({ ...HOME }, { moving: false });
 }
 
@@ -255,6 +281,12 @@ function setPreset(index) {
 function turnOrZoom(event) {
   const step = event.shiftKey ? 1 : 6;
   const { azimuth, elevation, zoom } = state.pose;
+  if (slicing()) {
+    const pages = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1 }[event.key];
+    const ratio = { "+": 1.15, "=": 1.15, "-": 1 / 1.15, _: 1 / 1.15 }[event.key];
+    if (pages) return setSlice((slice) => paged(slice, state.volume, event.shiftKey ? 10 * pages : pages));
+    return ratio ? setSlice((slice) => zoomed(slice, ratio)) : reset();
+  }
   switch (event.key) {
     case "ArrowLeft": return setPose({ azimuth: azimuth + step });
     case "ArrowRight": return setPose({ azimuth: azimuth - step });
@@ -268,6 +300,7 @@ function turnOrZoom(event) {
 
 function command(key) {
   if (SIDES[key]) {
+    if (slicing()) showPlane("");
     const [azimuth, elevation] = SIDES[key];
     return setPose({ azimuth, elevation }, { moving: false });
   }
@@ -278,6 +311,10 @@ function command(key) {
       state.mode = state.mode === "mip" ? "composite" : "mip";
       choose("mode", state.mode);
       return refresh();
+    case "v": {
+      const planes = ["", ...Object.keys(PLANES)];
+      return showPlane(planes[(planes.indexOf(state.slice.plane) + 1) % planes.length]);
+    }
     case "f": return fullScreen();
     case "?": return $("help").showModal();
     case "escape": return forgetPick();
@@ -310,6 +347,7 @@ panel.addEventListener("submit", (event) => event.preventDefault());
 
 panel.addEventListener("change", ({ target }) => {
   if (target.name === "view") return setView(target.value);
+  if (target.name === "plane") return showPlane(target.value);
   if (target.name === "mode") state.mode = target.value;
   else if (target.name === "projection") state.fieldOfView = Number(target.value);
   else if (target.name === "preset") return setPreset(Number(target.value));
@@ -332,6 +370,8 @@ for (const id of ["factor", "offset"]) {
   });
 }
 
+onControls($, () => state.volume, (change, moving) => setSlice(change, moving));
+
 function describeHeader() {
   $("factor-value").textContent = `${Math.round((state.factor / 64) * 100)} %`;
   $("offset-value").textContent = String(state.offset);
@@ -346,7 +386,8 @@ $("help-button").addEventListener("click", () => $("help").showModal());
 async function save(button, part, accept, ending) {
   if (!state.volume) return;
   const { azimuth, elevation } = state.pose;
-  const name = `relief-${state.preset}-az${azimuth.toFixed(0)}-el${elevation.toFixed(0)}-${part}.${ending}`;
+  const view = `${state.preset}-az${azimuth.toFixed(0)}-el${elevation.toFixed(0)}`;
+  const name = `relief-${slicing() ? state.slice.plane : view}-${part}.${ending}`;
   button.disabled = true;
   await saveAs(name, `${volumePath(part)}?${frameQuery(state)}`, accept).catch(showFailure);
   button.disabled = false;
@@ -387,7 +428,7 @@ function remember() {
   const { preset, mode, view, layout, fieldOfView, depthFilter: filter } = state;
   const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
-  history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose })}`);
+  history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice) })}`);
 }
 
 function recall() {
@@ -403,6 +444,8 @@ function recall() {
     elevation: number("el", elevation),
     zoom: number("zoom", zoom),
   });
+  state.slice = recalled(kept);
+  choose("plane", state.slice.plane);
   state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
   const chosen = presets.findIndex((preset) => preset.name === state.preset);
@@ -433,6 +476,8 @@ function facts({ dims, spacing_mm: spacing, hu_range: [low, high], warnings }) {
 function showVolume(volume) {
   if (!volume) return;
   state.volume = volume;
+  // A place in one volume is none in another.
+  if (shown) state.slice = { ...state.slice, at: null };
   $("volume").value = volume.id;
   $("volume-facts").textContent = facts(volume);
   forgetPick();

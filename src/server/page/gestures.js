@@ -10,7 +10,8 @@ function fractions(element, event) {
 }
 
 /**
- * Calls back with what is done on the stage: `turn(dx, dy)` in CSS pixels, `zoom(ratio)`, `click([x, y])` and
+ * Calls back with what is done on the stage: `turn(dx, dy)` in CSS pixels, `zoom(ratio, wheel)` with the event of a
+ * wheel, `click([x, y])` and
  * `double()`. One finger turns, two zoom.
  */
 export function onGestures(stage, divider, { turn, zoom, click, double }) {
@@ -59,7 +60,7 @@ export function onGestures(stage, divider, { turn, zoom, click, double }) {
   const byWheel = (event) => {
     event.preventDefault();
     const pixels = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 30 : 1);
-    zoom(Math.exp(-pixels * 0.0015));
+    zoom(Math.exp(-pixels * 0.0015), event);
   };
   stage.addEventListener("wheel", byWheel, { passive: false });
 }

@@ -3,6 +3,8 @@
 //
 // Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the picture.
 
+import { sliceQuery } from "./slices.js";
+
 /** The view that "reset" returns to. A little closer than "all of it": corners of a volume are mostly air. */
 export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1.4 });
 
@@ -28,30 +30,6 @@ export function normalized({ azimuth, elevation, zoom }) {
   };
 }
 
-/** Letters of the patient's sides that a direction points to, the strongest first: "L", "AS", ... */
-export function sides([x, y, z]) {
-  const parts = [
-    [Math.abs(x), x > 0 ? "L" : "R"],
-    [Math.abs(y), y > 0 ? "P" : "A"],
-    [Math.abs(z), z > 0 ? "S" : "I"],
-  ];
-  return parts
-    .filter(([length]) => length > 0.35)
-    .sort((a, b) => b[0] - a[0])
-    .map(([, letter]) => letter)
-    .join("");
-}
-
-/** The patient directions that are right and up in the picture of a pose. */
-export function axes({ azimuth, elevation }) {
-  const [a, e] = [azimuth, elevation].map((degrees) => (degrees * Math.PI) / 180);
-  const front = [Math.sin(a), -Math.cos(a)];
-  return {
-    right: [Math.cos(a), Math.sin(a), 0],
-    up: [-front[0] * Math.sin(e), -front[1] * Math.sin(e), Math.cos(e)],
-  };
-}
-
 /** The size of a still picture for a stage of CSS pixels. */
 export function stillSize(width, height, ratio) {
   const scale = Math.min(ratio, Math.sqrt(STILL_PIXELS / Math.max(1, width * height)));
@@ -59,7 +37,8 @@ export function stillSize(width, height, ratio) {
 }
 
 /** Query parameters that say how the volume looks, whatever the size and layout. */
-export function lookQuery(state) {
+export function lookQuery(state, aspect) {
+  if (state.slice.plane) return sliceQuery(state.slice, state.volume, aspect);
   return {
     preset: state.preset,
     mode: state.mode,
@@ -74,14 +53,17 @@ export function lookQuery(state) {
  * than wide has to stand back for it.
  */
 export function stageQuery(state, [width, height], layout) {
-  const zoom = round(state.pose.zoom * Math.min(1, width / height), 4);
+  const zoom = state.slice.plane ? {} : { zoom: round(state.pose.zoom * Math.min(1, width / height), 4) };
+  const look = lookQuery(state, width / height);
   const depth_filter = state.depthFilter;
-  return new URLSearchParams({ ...lookQuery(state), zoom, size_px: `${width},${height}`, layout, depth_filter });
+  return new URLSearchParams({ ...look, ...zoom, size_px: `${width},${height}`, layout, depth_filter });
 }
 
 /** Query of the frame that a display gets. */
 export function frameQuery(state) {
-  const query = { ...lookQuery(state), zoom: round(state.pose.zoom, 4), layout: state.layout };
+  // Every layout that is a frame has pictures of 16:9.
+  const query = { ...lookQuery(state, 16 / 9), layout: state.layout };
+  if (!state.slice.plane) query.zoom = round(state.pose.zoom, 4);
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;
   return new URLSearchParams({ ...query, factor, offset, depth_filter });

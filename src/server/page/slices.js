@@ -1,0 +1,131 @@
+// What the page knows of slices: which plane, where, how thick, by which window, and the query that asks for one.
+//
+// Positions in DICOM patient coordinates (LPS), mm; windows in HU. It touches only the slice's own controls.
+
+/** Standard planes as the server shows them: the axis that slices are counted along, and what points right and up. */
+export const PLANES = {
+  axial: { axis: 2, right: [1, 0, 0], up: [0, -1, 0] },
+  coronal: { axis: 1, right: [1, 0, 0], up: [0, 0, 1] },
+  sagittal: { axis: 0, right: [0, 1, 0], up: [0, 0, 1] },
+};
+
+/** No slice; what one begins with. `at` is the middle of the picture, null the volume's centre. */
+export const NO_SLICE = Object.freeze({ plane: "", at: null, zoom: 1, slab: 0, blend: "mean", center: 40, width: 400 });
+
+const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+const round = (value) => Number(value.toFixed(2));
+
+/** The volume's extent along a direction of the axes, mm. */
+function extent({ bounds_mm: [low, high] }, direction) {
+  return direction.reduce((sum, part, i) => sum + Math.abs(part) * (high[i] - low[i]), 0);
+}
+
+/** Height in mm of a picture of this aspect (width / height) that shows the whole volume, closer by the zoom. */
+export function heightOf({ plane, zoom }, volume, aspect) {
+  const { right, up } = PLANES[plane];
+  return Math.max(extent(volume, up), extent(volume, right) / aspect) / zoom;
+}
+
+/** Query parameters of a slice for a picture of this aspect. */
+export function sliceQuery(slice, volume, aspect) {
+  const { plane, at, slab, blend, center, width } = slice;
+  return {
+    mode: "slice",
+    plane,
+    center_mm: (at ?? volume.center_mm).map(round).join(","),
+    height_mm: round(heightOf(slice, volume, aspect)),
+    slab_mm: slab,
+    slab_blend: blend,
+    window_hu: `${center},${width}`,
+  };
+}
+
+/** The slice moved by so many voxels along its axis, within the volume. */
+export function paged(slice, volume, steps) {
+  const { axis } = PLANES[slice.plane];
+  const step = Math.min(...volume.spacing_mm);
+  return placed(slice, volume, (slice.at ?? volume.center_mm)[axis] + steps * step);
+}
+
+/** The slice at a position along its axis, within the volume. */
+export function placed(slice, volume, mm) {
+  const { axis } = PLANES[slice.plane];
+  const at = [...(slice.at ?? volume.center_mm)];
+  at[axis] = clamp(mm, volume.bounds_mm[0][axis], volume.bounds_mm[1][axis]);
+  return { ...slice, at };
+}
+
+/** The slice's picture dragged by a share of its height, to the right and down. */
+export function dragged(slice, volume, [dx, dy], aspect) {
+  const { right, up } = PLANES[slice.plane];
+  const height = heightOf(slice, volume, aspect);
+  const at = (slice.at ?? volume.center_mm).map((value, i) => {
+    const moved = value + height * (dy * up[i] - dx * right[i]);
+    return clamp(moved, volume.bounds_mm[0][i], volume.bounds_mm[1][i]);
+  });
+  return { ...slice, at };
+}
+
+/** Closer or farther, within reason. */
+export const zoomed = (slice, ratio) => ({ ...slice, zoom: clamp(slice.zoom * ratio, 0.5, 20) });
+
+/** In words: plane, position on its axis as a letter and mm, and the slab. */
+export function sliceWords({ plane, at, slab, blend }, volume) {
+  const { axis } = PLANES[plane];
+  const mm = (at ?? volume.center_mm)[axis];
+  const letter = ["LR", "PA", "HF"][axis][mm < 0 ? 1 : 0];
+  const words = [plane, `${letter} ${Math.abs(mm).toFixed(1)} mm`];
+  if (slab > 0) words.push(`${blend} of ${slab} mm`);
+  return words;
+}
+
+/** What an address keeps of a slice; nothing of none. */
+export function kept({ plane, at, slab, blend, center, width }) {
+  if (!plane) return {};
+  return { plane, at: (at ?? []).map(round).join(","), slab, blend, window: `${center},${width}` };
+}
+
+/** The slice of an address; whatever is not usable there is as it usually is. */
+export function recalled(words) {
+  const numbers = (name, count) => {
+    const list = (words.get(name) ?? "").split(",").map(Number);
+    return list.length === count && words.get(name) && list.every(Number.isFinite) ? list : null;
+  };
+  const plane = words.get("plane");
+  if (!Object.hasOwn(PLANES, plane ?? "")) return { ...NO_SLICE };
+  const [center, width] = numbers("window", 2) ?? [NO_SLICE.center, NO_SLICE.width];
+  const [slab] = numbers("slab", 1) ?? [0];
+  const blend = ["mean", "mip", "minip"].includes(words.get("blend")) ? words.get("blend") : "mean";
+  return { ...NO_SLICE, plane, at: numbers("at", 3), slab: clamp(slab, 0, 100), blend, center, width: Math.max(1, width) };
+}
+
+/** Controls of the panel by id: the key of the slice that each sets, and what its value becomes. */
+const CONTROLS = { "slice-slab": "slab", "slice-blend": "blend", "slice-center": "center", "slice-width": "width" };
+
+/** Shows a slice in the panel's controls, and hides what belongs to views of the whole. */
+export function showControls(find, slice, volume) {
+  const isSlice = slice.plane !== "";
+  for (const part of document.querySelectorAll("[data-of]")) part.hidden = (part.dataset.of === "slice") !== isSlice;
+  if (!isSlice || !volume) return;
+  for (const [id, key] of Object.entries(CONTROLS)) find(id).value = slice[key];
+  const { axis } = PLANES[slice.plane];
+  const place = find("slice-place");
+  [place.min, place.max, place.step] = [volume.bounds_mm[0][axis], volume.bounds_mm[1][axis], 0.1];
+  place.value = (slice.at ?? volume.center_mm)[axis];
+  find("slice-place-value").textContent = sliceWords({ ...slice, slab: 0 }, volume)[1];
+  find("slice-slab-value").textContent = slice.slab > 0 ? `${slice.slab} mm` : "off";
+}
+
+/** Calls back with what a control of the slice changes, as a function of the slice. */
+export function onControls(find, volume, change) {
+  find("slice-place").addEventListener("input", ({ target }) => {
+    change((slice) => placed(slice, volume(), Number(target.value)), true);
+  });
+  for (const [id, key] of Object.entries(CONTROLS)) {
+    find(id).addEventListener("input", ({ target }) => {
+      const value = key === "blend" ? target.value : Number(target.value);
+      const usable = key === "blend" || (target.value !== "" && target.checkValidity());
+      if (usable) change((slice) => ({ ...slice, [key]: value }), target.type === "range");
+    });
+  }
+}
