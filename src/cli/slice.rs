@@ -33,6 +33,9 @@ pub(super) struct SliceArguments {
     /// Height of the slice's picture; the whole volume where left out
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     height_mm: Option<f64>,
+    /// Burn the patient directions into the edges of the slice
+    #[arg(long)]
+    letters: bool,
 }
 
 fn parse_plane(name: &str) -> Result<NamedPlane, String> {
@@ -60,14 +63,16 @@ impl SliceArguments {
             (None, None) => None,
         };
         let lengths = [self.offset_mm, self.slab_mm, self.height_mm];
-        let others =
-            lengths.iter().any(Option::is_some) || self.center_mm.is_some() || self.slab_blend.is_some();
+        let others = lengths.iter().any(Option::is_some)
+            || self.center_mm.is_some()
+            || self.slab_blend.is_some()
+            || self.letters;
         if plane.is_none() && !others {
             return Ok(scene);
         }
         if plane.is_none() && !scene.is_slice() {
             bail!(
-                "--center-mm, --offset-mm, --slab-mm, --slab-blend and --height-mm belong to a slice; \
+                "--center-mm, --offset-mm, --slab-mm, --slab-blend, --height-mm and --letters belong to a slice; \
                  say which with --plane or --normal"
             );
         }
@@ -81,6 +86,7 @@ impl SliceArguments {
         slice.slab_mm = self.slab_mm.unwrap_or(slice.slab_mm);
         slice.blend = self.slab_blend.unwrap_or(slice.blend);
         slice.height_mm = self.height_mm.or(slice.height_mm);
+        slice.letters |= self.letters;
         Ok(scene)
     }
 }

@@ -8,6 +8,7 @@
 mod calibrate;
 mod frame;
 mod gradients;
+mod letters;
 mod pipelines;
 pub mod reference;
 mod renderer;

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::frame::{RenderedFrame, Timings};
+use super::letters;
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant, WORKGROUP_SIDE};
 use super::request::{Mode, RenderRequest, RequestError};
 use super::slices::SlicePipelines;
@@ -143,14 +144,18 @@ impl Renderer {
         let pixels = |bytes: &[u8]| bytemuck::cast_slice(bytes).to_vec();
         let color_rgba = self.read(|target| &target.color, pixels)?;
         let depth_mm = self.read(|target| &target.depth, depths)?;
-        Ok(RenderedFrame {
+        let mut frame = RenderedFrame {
             size_px: request.size_px,
             color_rgba,
             depth_mm,
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),
             timings: Timings { upload_ms, render_ms: milliseconds(start) },
-        })
+        };
+        if request.letters {
+            letters::burn(&mut frame);
+        }
+        Ok(frame)
     }
 
     /// How many volume samples the rays of a picture take, gradients and depth refinement left out.

@@ -140,6 +140,8 @@ pub struct RenderRequest {
     /// Thickness of a slice's slab, half of it on each side of the plane, mm; 0 is the plane alone, and what other
     /// modes have.
     pub slab_mm: f64,
+    /// Whether a slice's picture has the patient directions at its edges burnt in.
+    pub letters: bool,
     /// Which depth a ray has.
     pub depth: DepthRule,
     /// Which part is shown.

@@ -17,6 +17,8 @@ use crate::volume::Grid;
 enum Kind {
     /// A word.
     Text,
+    /// `true` or `false`.
+    Flag,
     /// A finite number.
     Number,
     /// So many finite numbers with commas between them.
@@ -81,6 +83,7 @@ const PARAMETERS: &[Parameter] = &[
     key("offset_mm", Kind::Number, "slice.offset_mm"),
     key("slab_mm", Kind::Number, "slice.slab_mm"),
     key("slab_blend", Kind::Text, "slice.blend"),
+    key("letters", Kind::Flag, "slice.letters"),
     key("sample_distance_mm", Kind::Number, "sample_distance_mm"),
     key("depth_rule", Kind::Text, "depth.rule"),
     key("depth_fraction", Kind::Number, "depth.fraction"),
@@ -122,6 +125,7 @@ const NEEDS_OF_VIEW: &[(&str, &str)] = &[
     ("offset_mm", SLICE),
     ("slab_mm", SLICE),
     ("slab_blend", SLICE),
+    ("letters", SLICE),
 ];
 const NEEDS_OF_SLICE: &[(&str, &str)] = &[("up", "normal")];
 const SLICE: &str = "mode=slice";
@@ -286,6 +290,9 @@ impl Kind {
     fn read(self, name: &str, text: &str) -> Result<Value, Problem> {
         match self {
             Self::Text => Ok(text.into()),
+            Self::Flag => {
+                text.parse::<bool>().map(Value::from).map_err(|_| malformed(name, text, "true or false"))
+            }
             Self::Number => number(name, text).map(Value::from),
             Self::Numbers(count) => {
                 let values: Option<Vec<f64>> = text.split(',').map(finite).collect();

@@ -17,9 +17,9 @@ async fn a_slice_by_query_is_the_frame_of_its_scene() {
             json!({ "window": { "center_hu": 40, "width_hu": 350 } }),
         ),
         (
-            "normal=0.2,-1,0.1&up=0,0,1&center_mm=1,2,3&slab_mm=8&slab_blend=minip&height_mm=25&preset=lung",
+            "normal=0.2,-1,0.1&up=0,0,1&center_mm=1,2,3&slab_mm=8&slab_blend=minip&height_mm=25&letters=true&preset=lung",
             json!({ "plane": { "normal": [0.2, -1, 0.1], "up": [0, 0, 1] }, "center_mm": [1, 2, 3],
-                    "slab_mm": 8, "blend": "minip", "height_mm": 25 }),
+                    "slab_mm": 8, "blend": "minip", "height_mm": 25, "letters": true }),
             json!("lung"),
         ),
     ] {
@@ -79,6 +79,8 @@ async fn what_is_wrong_with_a_slice_is_named() {
     let stage = Stage::new();
     for (part, status, path, detail) in [
         ("slice?plane=transverse", 400, "plane", "axial, sagittal, coronal"),
+        ("slice?letters=yes", 400, "letters", "true or false"),
+        ("frame?letters=true", 400, "letters", "mode=slice"),
         ("slice?slab_blend=median", 400, "slab_blend", "mean, mip, minip"),
         ("slice?mode=mip", 400, "mode", "slice"),
         ("slice?plane=axial&normal=0,0,1", 400, "normal", "exclude"),

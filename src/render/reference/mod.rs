@@ -22,6 +22,7 @@ mod slice;
 use rayon::prelude::*;
 
 use super::frame::{RenderedFrame, Timings};
+use super::letters;
 use super::renderer::{RenderError, depth_limits};
 use super::request::RenderRequest;
 use crate::volume::Volume;
@@ -40,12 +41,16 @@ pub fn render(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame,
         .map(|pixel| scene.raycast(pixel))
         .collect();
     let (color_rgba, depth_mm) = pixels.into_iter().unzip();
-    Ok(RenderedFrame {
+    let mut frame = RenderedFrame {
         size_px: request.size_px,
         color_rgba,
         depth_mm,
         camera: request.camera,
         limits: depth_limits(&request.camera, volume.grid()),
         timings: Timings::default(),
-    })
+    };
+    if request.letters {
+        letters::burn(&mut frame);
+    }
+    Ok(frame)
 }

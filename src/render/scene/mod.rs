@@ -192,6 +192,7 @@ impl SceneFile {
             // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
             sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
+            letters: slice.is_some_and(|slice| slice.letters),
             depth: self.depth.map_or(Ok(DepthRule::Threshold { fraction: 0.5 }), DepthFile::resolve)?,
             clip: self.clip.unwrap_or_default().resolve()?,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),

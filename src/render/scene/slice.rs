@@ -29,6 +29,8 @@ pub struct SliceFile {
     pub blend: SlabBlend,
     /// Height of the picture; when left out, it shows the whole volume.
     pub height_mm: Option<f64>,
+    /// Whether the patient directions at the edges are burnt into the picture.
+    pub letters: bool,
 }
 
 /// The plane of a slice.
