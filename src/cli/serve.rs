@@ -130,7 +130,7 @@ fn load_behind(
 }
 
 fn served(loaded: dicom::Loaded) -> LoadedVolume {
-    LoadedVolume { warnings: loaded.warnings.len(), volume: loaded.volume }
+    LoadedVolume { warnings: loaded.warnings.len(), volume: loaded.volume, identity: Some(loaded.identity) }
 }
 
 fn config(arguments: &Arguments, adapter: &str) -> Config {

@@ -29,6 +29,7 @@ use super::source::FileSource;
 #[derive(Debug)]
 pub(super) struct FileHeader {
     pub(super) source: FileSource,
+    pub(super) study_uid: String,
     pub(super) series_uid: String,
     pub(super) instance_uid: String,
     pub(super) acquisition: String,
@@ -102,6 +103,7 @@ fn keep(tag: Tag) -> Keep {
         | tags::FRAME_TYPE
         | tags::SOP_CLASS_UID
         | tags::SOP_INSTANCE_UID
+        | tags::STUDY_INSTANCE_UID
         | tags::SERIES_INSTANCE_UID
         | tags::MODALITY
         | tags::ACQUISITION_NUMBER
@@ -147,6 +149,7 @@ pub(super) fn read(source: &FileSource) -> Result<Vec<FrameHeader>, Rejection> {
         (0..frames).map(|index| rescale(&groups, index, &layout)).collect::<Result<Vec<_>, _>>()?;
     let file = Arc::new(FileHeader {
         source: source.clone(),
+        study_uid: text(&walked.data, tags::STUDY_INSTANCE_UID),
         series_uid: text(&walked.data, tags::SERIES_INSTANCE_UID),
         instance_uid: text(&walked.data, tags::SOP_INSTANCE_UID),
         acquisition: text(&walked.data, tags::ACQUISITION_NUMBER),

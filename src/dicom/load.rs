@@ -17,6 +17,7 @@ use super::codec::{self, Frames};
 use super::discover::{Strictness, header_warnings};
 use super::error::{Defect, Error, Reasons};
 use super::header::{FileHeader, FrameHeader};
+use super::identity::SeriesIdentity;
 use super::pixels;
 use super::resample::RegularGrid;
 use super::series::SeriesEntry;
@@ -63,6 +64,8 @@ pub struct Loaded {
     pub volume: Volume,
     /// What was unusual, and what was done about it.
     pub warnings: Vec<Warning>,
+    /// The study and series it came from.
+    pub identity: SeriesIdentity,
     /// Set at once when resampling drops the stack; else taken from the volume when asked for.
     stack_sha256: OnceLock<[u8; 32]>,
 }
@@ -144,13 +147,19 @@ pub fn load_within(
     let (frames, hu, decoding) = decode(frames, strictness, progress)?;
     warnings.extend(decoding);
     let stack = Stack::new(&frames);
+    let identity = entry.identity();
     if stack.len() == 1 {
-        return single(&frames[0], &stack, hu, warnings);
+        return single(&frames[0], &stack, (hu, identity), warnings);
     }
     let deviation = stack.deviation();
     if deviation.is_none() {
         let grid = grid(&stack, dims(&frames), stack.origin, stack.mean_gap_mm())?;
-        return Ok(Loaded { volume: Volume::new(grid, hu)?, warnings, stack_sha256: OnceLock::new() });
+        return Ok(Loaded {
+            volume: Volume::new(grid, hu)?,
+            warnings,
+            identity,
+            stack_sha256: OnceLock::new(),
+        });
     }
     let [columns, rows, _] = dims(&frames);
     let regular = RegularGrid::over(&stack, [columns, rows])?;
@@ -161,7 +170,7 @@ pub fn load_within(
     let stack_sha256 = OnceLock::from(volume::stack_sha256(&hu));
     drop(hu);
     let grid = grid(&stack, regular.dims, regular.origin(&stack), regular.slice_spacing_mm)?;
-    Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, stack_sha256 })
+    Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, identity, stack_sha256 })
 }
 
 /// Under strict reading, what is a warning otherwise is an error.
@@ -177,7 +186,7 @@ fn refuse(strictness: Strictness, warnings: &[Warning]) -> Result<(), Error> {
 fn single(
     frame: &FrameHeader,
     stack: &Stack,
-    hu: Vec<i16>,
+    (hu, identity): (Vec<i16>, SeriesIdentity),
     mut warnings: Vec<Warning>,
 ) -> Result<Loaded, Error> {
     let [columns, rows] = frame.spacing_mm;
@@ -188,7 +197,7 @@ fn single(
     let message = format!("only one slice: it is taken to be {thickness:.4} mm thick, from {origin}");
     warnings.push(Warning::new(WarningCode::SingleSlice, message));
     let grid = grid(stack, dims(std::slice::from_ref(frame)), stack.origin, thickness)?;
-    Ok(Loaded { volume: Volume::new(grid, hu)?, warnings, stack_sha256: OnceLock::new() })
+    Ok(Loaded { volume: Volume::new(grid, hu)?, warnings, identity, stack_sha256: OnceLock::new() })
 }
 
 fn grid(stack: &Stack, dims: [usize; 3], origin: glam::DVec3, slice_spacing_mm: f64) -> Result<Grid, Error> {

@@ -30,6 +30,7 @@ mod entropy;
 mod error;
 mod groups;
 mod header;
+mod identity;
 mod jpeg_dct;
 mod load;
 mod part10;
@@ -43,6 +44,7 @@ pub mod write;
 
 pub use discover::{Discovery, Skipped, Strictness, discover};
 pub use error::{Attribute, Defect, Error, Reasons};
+pub use identity::SeriesIdentity;
 pub use load::{LoadLimits, Loaded, Progress, Stage, load, load_within};
 pub use series::SeriesEntry;
 pub use warnings::{Warning, WarningCode};

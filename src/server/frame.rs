@@ -3,6 +3,7 @@
 //! The order of things: volume, media type, scene, then the `ETag`, and only then the render queue. Encoding runs on
 //! blocking threads. A client that leaves drops its handler, and with it the order.
 
+use std::fmt::Debug;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -23,8 +24,8 @@ use super::problem::Problem;
 use super::query::{Order, Query};
 use super::state::Server;
 use super::volumes::Entry;
-use crate::render::{RequestError, Scene, depth_limits};
-use crate::session::{FileFormat, Origin, Product, Rendered, encode};
+use crate::render::{RenderedFrame, RequestError, Scene, depth_limits};
+use crate::session::{EncodingError, FileFormat, Origin, Product, Rendered, encode};
 
 /// A browser asks again after a minute, and gets 304 for what has not changed.
 const CACHE_CONTROL: &str = "private, max-age=60";
@@ -177,16 +178,30 @@ pub(super) async fn answer(
     headers: &HeaderMap,
     (method, product, media): (Method, Product, FileFormat),
 ) -> Result<Response, Problem> {
-    let tag = entity_tag(server, entry, &scene, product, media);
-    if let Some(status) = unchanged(headers, &tag, &method) {
+    let tag = entity_tag(server, entry, &scene, &(product, media));
+    let display = scene.display.clone();
+    let job = move |frame: &RenderedFrame| encode(frame, &display, product, media);
+    answer_as(server, entry, &scene, headers, (method, media, &tag), job).await
+}
+
+/// As [`answer`], with the tag and the encoder of one's own.
+pub(super) async fn answer_as(
+    server: &Server,
+    entry: &Entry,
+    scene: &Scene,
+    headers: &HeaderMap,
+    (method, media, tag): (Method, FileFormat, &str),
+    encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
+) -> Result<Response, Problem> {
+    if let Some(status) = unchanged(headers, tag, &method) {
         server.metrics.not_modified();
-        return Ok((status, validators(&tag)).into_response());
+        return Ok((status, validators(tag)).into_response());
     }
-    let rendered = render(server, entry, &scene).await?;
+    let rendered = render(server, entry, scene).await?;
     let limits = scene.display.limits(rendered.frame.limits)?;
     let camera = camera_json(&rendered.frame.camera, rendered.frame.size_px, limits).to_string();
-    let (bytes, encode_ms) = encode_apart(server, &rendered, scene, product, media).await?;
-    let mut response = (validators(&tag), bytes).into_response();
+    let (bytes, encode_ms) = encode_apart(server, &rendered, encoder).await?;
+    let mut response = (validators(tag), bytes).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media.media_type()));
     headers.insert(&SERVER_TIMING, ascii(&timing(&rendered, encode_ms)));
@@ -212,15 +227,13 @@ async fn render(server: &Server, entry: &Entry, scene: &Scene) -> Result<Rendere
 async fn encode_apart(
     server: &Server,
     rendered: &Rendered,
-    scene: Scene,
-    product: Product,
-    media: FileFormat,
+    encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
 ) -> Result<(Bytes, f64), Problem> {
     let place = Arc::clone(&server.encoders).acquire_owned().await;
     let place = place.map_err(|closed| Problem::internal("encoding", closed))?;
     let frame = Arc::clone(&rendered.frame);
     let since = Instant::now();
-    let job = move || encode(&frame, &scene.display, product, media);
+    let job = move || encoder(&frame);
     let encoded = on_blocking_thread(place, "encoding", job).await?;
     let bytes = encoded.map_err(|error| Problem::internal("encoding", error))?;
     Ok((bytes.into(), since.elapsed().as_secs_f64() * 1e3))
@@ -263,8 +276,10 @@ fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
 ///
 /// The scene enters by its derived `Debug` form: that has every field there is or will be, and writes numbers with
 /// all their digits. It may change with a build, and so may frames; the identity has the build.
-fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, product: Product, media: FileFormat) -> String {
-    let order = format!("{}\n{scene:?}\n{product:?} {media:?}", server.config.identity);
+///
+/// `form` is how the picture is written.
+pub(super) fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, form: &impl Debug) -> String {
+    let order = format!("{}\n{scene:?}\n{form:?}", server.config.identity);
     let hash = Sha256::new().chain_update(entry.volume.content_hash().0).chain_update(order).finalize();
     let digits: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
     // Weak: another adapter of the same name may round a pixel another way.

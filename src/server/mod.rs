@@ -16,6 +16,7 @@
 //! | `/v1/volumes/{id}/depth` | GET, POST | view depth |
 //! | `/v1/volumes/{id}/pick` | GET, POST | the patient position that a pixel shows |
 //! | `/v1/volumes/{id}/presets/{name}/thumbnail` | GET | a small picture of the volume with a preset |
+//! | `/studies/{study}/series/{series}/rendered3D`, `.../renderedmpr` | GET | DICOM Supplement 228 |
 //! | `/v1/presets` | GET | transfer functions by name |
 //! | `/healthz`, `/readyz`, `/metrics` | GET | operation |
 //! | `/openapi.json` | GET | this table for programs |
@@ -23,6 +24,7 @@
 
 mod blocking;
 mod camera;
+mod dicomweb;
 mod frame;
 mod guard;
 mod info;
@@ -63,6 +65,9 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/v1/volumes/{id}/slice", get(frame::get_slice))
         .route("/v1/volumes/{id}/pick", get(frame::get_pick).post(frame::post_pick))
         .route("/v1/volumes/{id}/presets/{name}/thumbnail", get(thumbnail::thumbnail))
+        .route("/studies/{study}/series/{series}/rendered3D", get(dicomweb::rendered_3d))
+        .route("/studies/{study}/series/{series}/rendered3d", get(dicomweb::rendered_3d))
+        .route("/studies/{study}/series/{series}/renderedmpr", get(dicomweb::rendered_mpr))
         .route("/v1/presets", get(info::presets))
         .route("/healthz", get(info::healthz))
         .route("/readyz", get(info::readyz))

@@ -31,6 +31,13 @@ pub(super) fn negotiate(headers: &HeaderMap, offers: &[FileFormat]) -> Result<Fi
     })
 }
 
+/// Whether what the client says takes this media type.
+pub(super) fn accepts(headers: &HeaderMap, media_type: &str) -> bool {
+    let values = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
+    let ranges: Vec<Range> = values.flat_map(|value| value.split(',')).filter_map(Range::parse).collect();
+    !headers.contains_key(header::ACCEPT) || weight(&ranges, media_type) > 0.0
+}
+
 /// Whether `If-None-Match` names this tag, or `*`, by the weak comparison (RFC 9110, 13.1.2). Tags hold no commas.
 pub(super) fn knows_tag(headers: &HeaderMap, tag: &str) -> bool {
     let values = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());

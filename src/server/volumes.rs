@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use super::problem::Problem;
 use super::state::{Server, UploadLimits};
+use crate::dicom::SeriesIdentity;
 use crate::volume::Volume;
 
 /// A volume and how many warnings its reading gave.
@@ -20,6 +21,8 @@ pub struct LoadedVolume {
     pub volume: Volume,
     /// Warnings that the reader gave: the description shows their number.
     pub warnings: usize,
+    /// The study and series that it answers for; `None` answers for none.
+    pub identity: Option<SeriesIdentity>,
 }
 
 /// Who brought a volume.
@@ -35,6 +38,7 @@ pub(super) struct Entry {
     pub(super) volume: Volume,
     warnings: usize,
     owner: Owner,
+    identity: Option<SeriesIdentity>,
 }
 
 /// Whether an upload brought something new.
@@ -77,7 +81,8 @@ pub(super) enum AddError {
 impl Entry {
     fn new(loaded: LoadedVolume, owner: Owner) -> Arc<Self> {
         let id = loaded.volume.content_hash().short();
-        Arc::new(Self { id, volume: loaded.volume, warnings: loaded.warnings, owner })
+        let LoadedVolume { volume, warnings, identity } = loaded;
+        Arc::new(Self { id, volume, warnings, owner, identity })
     }
 
     fn voxel_bytes(&self) -> usize {
@@ -148,6 +153,18 @@ impl Volumes {
     pub(super) fn find(&self, id: &str) -> Result<Arc<Entry>, Problem> {
         let inner = self.read();
         inner.entries.iter().find(|entry| entry.id == id).cloned().ok_or_else(no_such_volume)
+    }
+
+    /// The volume of this study and series: the first, where a series is several stacks.
+    pub(super) fn find_series(&self, study_uid: &str, series_uid: &str) -> Result<Arc<Entry>, Problem> {
+        let inner = self.read();
+        let is_it = |entry: &&Arc<Entry>| {
+            entry.identity.as_ref().is_some_and(|identity| identity.is(study_uid, series_uid))
+        };
+        inner.entries.iter().find(is_it).cloned().ok_or_else(|| {
+            let detail = "no volume of this study and series is served";
+            Problem::new(StatusCode::NOT_FOUND, "no-such-series", detail)
+        })
     }
 
     /// How many are here, and how many are on their way.

@@ -142,7 +142,7 @@ impl Stage {
         let empty = Self::empty(config, queue);
         let volume = cube();
         let id = volume.content_hash().short();
-        empty.server.add_volume(LoadedVolume { volume, warnings: 2 });
+        empty.server.add_volume(LoadedVolume { volume, warnings: 2, identity: None });
         Self { id, ..empty }
     }
 
@@ -225,6 +225,10 @@ fn loader() -> VolumeLoader {
         let found = dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
         let entry = found.select(None).map_err(|error| error.to_string())?;
         let loaded = dicom::load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
-        Ok(LoadedVolume { warnings: loaded.warnings.len(), volume: loaded.volume })
+        Ok(LoadedVolume {
+            warnings: loaded.warnings.len(),
+            volume: loaded.volume,
+            identity: Some(loaded.identity),
+        })
     })
 }

@@ -42,6 +42,30 @@ fn series_zip(value: i16) -> Vec<u8> {
     zip.finish().unwrap().into_inner()
 }
 
+/// Study and Series Instance UID of the first file of a zip, by another reader.
+fn uids(zip: &[u8]) -> [String; 2] {
+    let mut zip = zip::ZipArchive::new(std::io::Cursor::new(zip)).unwrap();
+    let mut bytes = Vec::new();
+    std::io::Read::read_to_end(&mut zip.by_index(0).unwrap(), &mut bytes).unwrap();
+    let file = dicom_object::from_reader(bytes.as_slice()).unwrap();
+    ["StudyInstanceUID", "SeriesInstanceUID"]
+        .map(|name| file.element_by_name(name).unwrap().to_str().unwrap().into_owned())
+}
+
+#[tokio::test]
+async fn an_upload_answers_for_its_study_and_series() {
+    let stage = stage(Some(UploadLimits::default()));
+    let zip = series_zip(7);
+    let [study, series] = uids(&zip);
+    let path = format!("/studies/{study}/series/{series}/renderedmpr?viewport=8,8");
+    stage.get(&path).await.problem(404);
+    let made = upload(&stage, zip).await;
+    assert!(!made.text().contains(&study) && !made.text().contains(&series));
+    assert_eq!(stage.get(&path).await.status, 200);
+    assert_eq!(delete(&stage, made.header("location")).await.status, 204);
+    stage.get(&path).await.problem(404);
+}
+
 fn stage(limits: Option<UploadLimits>) -> Stage {
     Stage::with(Config { uploads: limits, ..Config::default() }, QueueConfig::default())
 }
@@ -179,7 +203,7 @@ async fn a_vanished_client_keeps_the_place_while_its_upload_is_read() {
         assert_eq!(seen.fetch_add(1, Ordering::SeqCst), 0, "two uploads are read at a time");
         gate.lock().unwrap().recv_timeout(Duration::from_secs(20)).unwrap();
         seen.fetch_sub(1, Ordering::SeqCst);
-        Ok(LoadedVolume { volume: cube(), warnings: 0 })
+        Ok(LoadedVolume { volume: cube(), warnings: 0, identity: None })
     });
     let stage = Stage::loading(Config::default(), QueueConfig::default(), loader);
     let request = Request::post("/v1/volumes").header("content-type", "application/zip");

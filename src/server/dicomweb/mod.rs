@@ -1,0 +1,95 @@
+//! DICOM Supplement 228: rendered volumes by study and series (PS3.18 2024d, 10.4.1.1.7 and 10.4.1.1.8).
+//!
+//! What it is: `GET /studies/{study}/series/{series}/rendered3D` and `.../renderedmpr`, which give a JPEG or PNG of the
+//! series or, for `renderedvolumetricmetadata=yes`, the parameters in use. What it is not: an archive: there are no
+//! instances, searches or presentation states, and no animations. Perspectives, transfer functions and depth are at
+//! `/v1/volumes`.
+//!
+//! UIDs are compared and forgotten: no log line, metric or answer holds one.
+
+mod parameters;
+mod rendering;
+
+use std::sync::Arc;
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+
+use self::parameters::{Parameters, Reformat};
+use self::rendering::{Rendering, rendering};
+use super::frame::{answer_as, entity_tag};
+use super::negotiate::{accepts, negotiate};
+use super::problem::Problem;
+use super::state::Server;
+use crate::display::encode_jpeg;
+use crate::session::{FileFormat, Product, encode};
+
+const METADATA: &str = "application/dicom+json";
+
+/// Pictures, the standard's default first (PS3.18, 8.7.4).
+const PICTURES: [FileFormat; 2] = [FileFormat::Jpeg, FileFormat::Png];
+
+/// Quality of a JPEG where the query says none, percent.
+const USUAL_QUALITY: u8 = 90;
+
+type Target = Path<(String, String)>;
+
+/// A parallel projection of the series.
+pub(super) async fn rendered_3d(
+    State(server): State<Arc<Server>>,
+    Path((study, series)): Target,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    rendered(&server, [&study, &series], &uri, &headers, Reformat::ThreeD).await
+}
+
+/// A slice or slab of the series.
+pub(super) async fn rendered_mpr(
+    State(server): State<Arc<Server>>,
+    Path((study, series)): Target,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    rendered(&server, [&study, &series], &uri, &headers, Reformat::Mpr).await
+}
+
+async fn rendered(
+    server: &Server,
+    [study, series]: [&str; 2],
+    uri: &Uri,
+    headers: &HeaderMap,
+    reformat: Reformat,
+) -> Result<Response, Problem> {
+    let entry = server.volumes.find_series(study, series)?;
+    let parameters = Parameters::of(uri, reformat)?;
+    let accept = parameters.accept(headers)?;
+    let Rendering { scene, module } = rendering(&parameters, reformat, entry.volume.grid())?;
+    if parameters.metadata {
+        return metadata(&accept, &module.to_string());
+    }
+    let media = negotiate(&accept, &PICTURES)?;
+    let quality = parameters.quality.unwrap_or(USUAL_QUALITY);
+    let tag = entity_tag(server, &entry, &scene, &(media, quality));
+    let display = scene.display.clone();
+    let job = move |frame: &crate::render::RenderedFrame| match media {
+        FileFormat::Jpeg => Ok(encode_jpeg(frame.size_px, &frame.color_rgba, quality)?),
+        _ => encode(frame, &display, Product::Frame, media),
+    };
+    answer_as(server, &entry, &scene, headers, (Method::GET, media, &tag), job).await
+}
+
+fn metadata(accept: &HeaderMap, module: &str) -> Result<Response, Problem> {
+    if !accepts(accept, METADATA) {
+        let detail = format!("none of what Accept allows is on offer; on offer: {METADATA}");
+        let problem = Problem::new(StatusCode::NOT_ACCEPTABLE, "not-acceptable", detail);
+        return Err(problem.with("offers", vec![METADATA]));
+    }
+    let mut response = module.to_owned().into_response();
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(METADATA));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=60"));
+    headers.insert(header::VARY, HeaderValue::from_static("Accept"));
+    Ok(response)
+}
