@@ -12,6 +12,11 @@ override COUNT_SAMPLES: bool = false;
 
 const MODE_COMPOSITE: u32 = 0u;
 const MODE_MIP: u32 = 1u;
+const MODE_MINIP: u32 = 2u;
+const MODE_MEAN: u32 = 3u;
+const MODE_AVERAGE: u32 = 4u;
+const MODE_ADDITIVE: u32 = 5u;
+const MODE_ISOSURFACE: u32 = 6u;
 const DEPTH_FIRST_HIT: u32 = 0u;
 const DEPTH_THRESHOLD: u32 = 1u;
 
@@ -23,8 +28,6 @@ const VISIBLE: f32 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
 const BISECTIONS: i32 = 12;
-// Bending below this, in HU per squared sample distance, is rounding.
-const FLAT_HU: f32 = 0.05;
 const MISS: f32 = 0x1p+127f;
 
 // Rows from the top: red, green, blue, coverage as bytes from the lowest on.
@@ -49,10 +52,12 @@ fn raycast(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_ind
     }
     let ray = ray_of_pixel(id);
     var hit: Hit;
-    if MODE == MODE_MIP {
-        hit = project_maximum(ray);
-    } else {
+    if MODE == MODE_COMPOSITE {
         hit = composite(ray);
+    } else if MODE == MODE_ISOSURFACE {
+        hit = isosurface(ray);
+    } else {
+        hit = project(ray);
     }
     let over = hit.color.rgb + (1.0 - hit.color.a) * frame.background_rgb;
     let at = id.y * frame.size_px.x + id.x;
@@ -259,54 +264,4 @@ fn share_of_part(a: f32, accumulated: f32, target_opacity: f32) -> f32 {
     let whole = log(max(1.0 - a, 1e-30));
     let needed = log(max((1.0 - target_opacity) / (1.0 - accumulated), 1e-30));
     return clamp(needed / min(whole, -1e-30), 0.0, 1.0);
-}
-
-// The largest value along the ray, through the transfer function; its depth is where that value lies.
-fn project_maximum(ray: Ray) -> Hit {
-    let walk = walk_of(ray);
-    let count = sample_count(ray);
-    var largest = -1e30;
-    var at = -1.0;
-    var samples = 0.0;
-    var k = 0.0;
-    while k < count {
-        let next = next_sample(walk, k);
-        if next > k {
-            k = next;
-            continue;
-        }
-        let hu = sample_hu(sample_voxel(ray, k));
-        samples += 1.0;
-        if hu > largest {
-            largest = hu;
-            at = k;
-        }
-        k += 1.0;
-    }
-    var hit: Hit;
-    hit.color = vec4<f32>(0.0);
-    hit.samples = samples;
-    hit.t = MISS;
-    if at >= 0.0 {
-        let sample = classify(largest);
-        hit.color = vec4<f32>(sample.rgb * sample.a, sample.a);
-        if sample.a >= VISIBLE {
-            hit.t = peak_t(ray, at, largest);
-        }
-    }
-    return hit;
-}
-
-// The top of the parabola through the largest sample and its neighbours, at most half a sample away. Where values are
-// all but linear the parabola has no top worth the name: the sample itself.
-fn peak_t(ray: Ray, at: f32, largest: f32) -> f32 {
-    let t = sample_t(ray, at);
-    let before = sample_hu(voxel_at(ray, t - frame.sample_distance_mm));
-    let after = sample_hu(voxel_at(ray, t + frame.sample_distance_mm));
-    let curvature = before - 2.0 * largest + after;
-    var offset = 0.0;
-    if curvature < -FLAT_HU {
-        offset = clamp(0.5 * (before - after) / curvature, -0.5, 0.5);
-    }
-    return clamp(t + offset * frame.sample_distance_mm, ray.entry, ray.exit);
 }

@@ -72,6 +72,9 @@ fn rules_about_files_find_what_breaks_them() {
     breaks(rule::shaders_parse, &[("shaders/a.wgsl", "fn f( {}")]);
     breaks(rule::shaders_parse, &[("src/a.rs", "//! No shader at all.")]);
     keeps(rule::shaders_parse, &[("shaders/a.wgsl", "fn f() { g(); }"), ("shaders/lib/b.wgsl", "fn g() {}")]);
+    let stage = ("shaders/a.wgsl", "fn f() { g(); }");
+    keeps(rule::shaders_parse, &[stage, ("shaders/a/b.wgsl", "fn g() {}"), ("shaders/c.wgsl", "fn g() {}")]);
+    breaks(rule::shaders_parse, &[stage, ("shaders/b/b.wgsl", "fn g() {}")]);
 }
 
 #[test]
@@ -225,6 +228,14 @@ mod rule {
         // One of the tables joins each stage: with none of them a stage has to do without.
         let (tables, stages): (Vec<_>, Vec<_>) =
             others.into_iter().partition(|file| file.path.starts_with("shaders/table/"));
+        // A folder beside a stage has parts of that stage alone.
+        let (parts, stages): (Vec<_>, Vec<_>) =
+            stages.into_iter().partition(|file| file.path.matches('/').count() > 1);
+        let parts_of = |stage: &str| -> String {
+            let folder = stage.replace(".wgsl", "/");
+            let own = parts.iter().filter(|part| part.path.starts_with(&folder));
+            own.map(|part| part.text.as_str()).collect()
+        };
         let tables: Vec<&str> = tables.iter().map(|file| file.text.as_str()).collect();
         let tables = if tables.is_empty() { vec![""] } else { tables };
         if stages.is_empty() {
@@ -233,7 +244,7 @@ mod rule {
         let library: String = library.iter().map(|file| file.text.as_str()).collect();
         let mut found = Vec::new();
         for (stage, table) in stages.iter().flat_map(|stage| tables.iter().map(move |table| (stage, table))) {
-            let whole = format!("{}\n{table}\n{library}", stage.text);
+            let whole = format!("{}\n{}\n{table}\n{library}", stage.text, parts_of(&stage.path));
             let parses = |source: &str| naga::front::wgsl::parse_str(source).is_ok();
             if !parses(&stage.text) && !parses(&whole) {
                 let error = naga::front::wgsl::parse_str(&whole).err();

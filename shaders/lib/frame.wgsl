@@ -44,6 +44,15 @@ struct Frame {
     bricks_per_voxel: f32,
     // Start space: what dot(n, p) + d >= 0 holds for is kept.
     clip_planes: array<vec4<f32>, 12>,
+    // The volume's smallest value, and how far above it the largest is; at least 1. HU.
+    lowest_hu: f32,
+    span_hu: f32,
+    // Sample distance in opacity units.
+    units_per_sample: f32,
+    surface_count: u32,
+    // Isosurfaces, rising: the value that a ray has to pass (HU), four to a vector; colour and opacity of a crossing.
+    surface_hu: array<vec4<f32>, 2>,
+    surface_rgba: array<vec4<f32>, 8>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

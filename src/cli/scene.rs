@@ -8,7 +8,7 @@ use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
 use crate::camera::Orbit;
 use crate::display::{DepthFilter, DisplaySettings, Layout};
-use crate::render::{Mode, SceneFile, SlabBlend};
+use crate::render::{Mode, SceneFile};
 use crate::transfer::PRESETS;
 
 /// A scene file, and options that go before what it says.
@@ -22,9 +22,12 @@ pub(super) struct SceneArguments {
     preset: Option<String>,
     #[command(flatten)]
     transfer: TransferArguments,
-    /// How samples become a colour: composite, mip (the largest value along each ray), or slice (see --plane)
+    /// How samples become a colour: composite, mip, minip, mean, average, additive, isosurface, or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
+    /// Value of an opaque isosurface, in HU; its colour is the preset's there
+    #[arg(long, value_name = "HU", allow_negative_numbers = true)]
+    iso_hu: Option<f64>,
     /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
     #[arg(long, value_name = "NAME")]
     layout: Option<Layout>,
@@ -62,12 +65,8 @@ fn parse_preset(name: &str) -> Result<String, String> {
 }
 
 fn parse_mode(name: &str) -> Result<Mode, String> {
-    match name {
-        "composite" => Ok(Mode::Composite),
-        "mip" => Ok(Mode::Mip),
-        "slice" => Ok(Mode::Slice(SlabBlend::default())),
-        _ => Err("modes are composite, mip and slice".to_owned()),
-    }
+    let names = Mode::ALL.map(Mode::name).join(", ");
+    Mode::from_name(name).ok_or_else(|| format!("modes are {names}"))
 }
 
 fn parse_window(text: &str) -> Result<[f64; 2], String> {
@@ -111,6 +110,12 @@ impl SceneArguments {
         scene = self.transfer.apply(scene)?;
         if let Some(mode) = self.mode {
             scene = scene.with_mode(mode);
+        }
+        if let Some(hu) = self.iso_hu {
+            if self.mode.is_some_and(|mode| mode != Mode::Isosurface) {
+                bail!("--iso-hu is for --mode isosurface");
+            }
+            scene = scene.with_iso_hu(hu);
         }
         scene = self.slice.apply(scene)?;
         if scene.is_slice() && self.orbit() != Orbit::default() {

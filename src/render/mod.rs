@@ -9,18 +9,22 @@ mod calibrate;
 mod frame;
 mod gradients;
 mod letters;
+mod mode;
 mod pipelines;
 pub mod reference;
 mod renderer;
 mod request;
 mod scene;
 mod slices;
+mod surface;
 mod uniform;
 mod upload;
 
 pub use frame::{RenderedFrame, Timings};
+pub use mode::{Mode, SlabBlend};
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
-pub use request::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RequestError, Shading, SlabBlend};
+pub use request::{Clip, ClipPlane, DepthRule, RenderRequest, RequestError, Shading};
 pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
 };
+pub use surface::Surface;

@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::request::{DepthRule, Mode, RenderRequest};
+use super::mode::Mode;
+use super::request::{DepthRule, RenderRequest};
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, GpuError};
 
 /// Where the transfer table is kept: what is quick to read differs between software drivers and graphics cards.
@@ -45,7 +46,11 @@ pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'stat
 }
 
 /// The ray caster's own source.
-pub(super) const RAYCAST: &str = include_str!("../../shaders/raycast.wgsl");
+pub(super) const RAYCAST: &str = concat!(
+    include_str!("../../shaders/raycast/project.wgsl"),
+    include_str!("../../shaders/raycast/isosurface.wgsl"),
+    include_str!("../../shaders/raycast.wgsl"),
+);
 
 /// The stage's resources by binding.
 pub(super) const BINDINGS: [(u32, &str); 8] = [
@@ -90,11 +95,11 @@ pub(super) enum Output {
 
 impl PipelineKey {
     pub(super) fn new(request: &RenderRequest, variant: Variant) -> Self {
-        let composite = request.mode == Mode::Composite;
+        let blends = matches!(request.mode, Mode::Composite | Mode::Isosurface);
         Self {
             mode: request.mode,
-            threshold: composite && matches!(request.depth, DepthRule::Threshold { .. }),
-            shaded: composite && request.shading.needs_gradient(),
+            threshold: blends && matches!(request.depth, DepthRule::Threshold { .. }),
+            shaded: blends && request.shading.needs_gradient(),
             highlight: request.shading.specular > 0.0,
             variant,
         }
@@ -102,15 +107,9 @@ impl PipelineKey {
 
     /// Values of the shader's `override` constants.
     fn constants(self, hu_scale: f64) -> Vec<(&'static str, f64)> {
-        let mode = match self.mode {
-            Mode::Composite => 0.0,
-            Mode::Mip => 1.0,
-            // No branch of this stage: `slices` has the pipelines of slices.
-            Mode::Slice(_) => f64::from(u8::MAX),
-        };
         let flag = |on: bool| f64::from(u8::from(on));
         vec![
-            ("MODE", mode),
+            ("MODE", self.mode.constant()),
             ("DEPTH_RULE", flag(self.threshold)),
             ("SHADED", flag(self.shaded)),
             ("HIGHLIGHT", flag(self.highlight)),

@@ -4,8 +4,9 @@ use std::time::Instant;
 
 use super::frame::{RenderedFrame, Timings};
 use super::letters;
+use super::mode::Mode;
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant, WORKGROUP_SIDE};
-use super::request::{Mode, RenderRequest, RequestError};
+use super::request::{RenderRequest, RequestError};
 use super::slices::SlicePipelines;
 use super::uniform::FrameUniform;
 use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
@@ -282,7 +283,7 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let appearance = self.appearances.last().expect("uploaded before");
         let target = self.target.as_ref().expect("made before");
-        let uniform = FrameUniform::new(request, volume.grid(), appearance, skipping);
+        let uniform = FrameUniform::new(request, volume, appearance, skipping);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         let pipeline = match request.mode {
             Mode::Slice(blend) => self.slices.prepare(&self.gpu, request, volume.grid(), (blend, output))?,

@@ -3,55 +3,12 @@
 //! Values here are valid by construction of their parts plus [`RenderRequest::validate`]; the JSON form with its
 //! defaults and error paths is in `scene`.
 
+use super::mode::Mode;
+use super::surface::{self, Surface};
 use crate::camera::{Camera, Projection};
 use crate::space::{Patient, Point, Vector};
 use crate::transfer::TransferFunction;
 use crate::volume::Grid;
-
-/// How the samples of a ray become a colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Mode {
-    /// Samples are shaded and blended front to back.
-    Composite,
-    /// The largest value along the ray, through the transfer function, unshaded.
-    Mip,
-    /// The plane through the camera's focal point across the viewing direction, or a slab around it, through the
-    /// transfer function, unshaded. Takes a parallel projection.
-    Slice(SlabBlend),
-}
-
-/// Which value a slab shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum SlabBlend {
-    /// The mean over the slab's thickness.
-    #[default]
-    Mean,
-    /// The largest.
-    Mip,
-    /// The smallest.
-    MinIp,
-}
-
-impl SlabBlend {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Mean, Self::Mip, Self::MinIp];
-
-    /// The name in requests.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Mean => "mean",
-            Self::Mip => "mip",
-            Self::MinIp => "minip",
-        }
-    }
-
-    /// The blend of this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|blend| blend.name() == name)
-    }
-}
 
 /// Which depth a semi-transparent ray has.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,6 +90,8 @@ pub struct RenderRequest {
     pub mode: Mode,
     /// Colour and opacity of values.
     pub transfer: TransferFunction,
+    /// The surfaces of mode isosurface, values rising; none in other modes.
+    pub surfaces: Vec<Surface>,
     /// Light.
     pub shading: Shading,
     /// Distance between samples along a ray, mm.
@@ -222,6 +181,7 @@ impl RenderRequest {
                 ));
             }
         }
+        surface::validate(self.mode, &self.surfaces)?;
         self.validate_clip()
     }
 

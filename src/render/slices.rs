@@ -6,9 +6,10 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::mode::SlabBlend;
 use super::pipelines::{BINDINGS, Output, TableStorage, binding_types, stage_sources};
 use super::renderer::depth_limits;
-use super::request::{RenderRequest, SlabBlend};
+use super::request::RenderRequest;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::volume::Grid;
 

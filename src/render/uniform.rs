@@ -6,10 +6,11 @@ use bytemuck::{Pod, Zeroable};
 
 use super::renderer::{Skipping, depth_limits};
 use super::request::{Clip, DepthRule, RenderRequest};
+use super::surface::Surface;
 use super::upload::Appearance;
 use crate::camera::{Camera, Projection};
 use crate::space::{Transform, View, Voxel};
-use crate::volume::Grid;
+use crate::volume::{Grid, Volume};
 
 /// One frame's parameters as the shader has them; meanings and units are there.
 #[repr(C)]
@@ -41,17 +42,25 @@ pub(super) struct FrameUniform {
     brick_dims: [f32; 3],
     bricks_per_voxel: f32,
     clip_planes: [[f32; 4]; Clip::MAX_PLANES],
+    lowest_hu: f32,
+    span_hu: f32,
+    units_per_sample: f32,
+    surface_count: u32,
+    surface_hu: [[f32; 4]; Surface::MOST / 4],
+    surface_rgba: [[f32; 4]; Surface::MOST],
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl FrameUniform {
-    /// The parameters of `request` on a volume of this grid.
+    /// The parameters of `request` on a volume.
     pub(super) fn new(
         request: &RenderRequest,
-        grid: &Grid,
+        volume: &Volume,
         appearance: &Appearance,
         skipping: Skipping,
     ) -> Self {
+        let grid = volume.grid();
+        let (lowest_hu, span_hu) = brightness_range(volume);
         let camera = &request.camera;
         let near_mm = depth_limits(camera, grid).near_mm;
         let start = glam::DVec3::new(0.0, 0.0, -near_mm);
@@ -90,6 +99,12 @@ impl FrameUniform {
             bricks_per_voxel: 1.0 / appearance.bricks.edge as f32,
             clip_planes: clip_planes_in_view(camera, &request.clip)
                 .map(|[x, y, z, d]| [x, y, z, d - z * near_mm].map(|value| value as f32)),
+            lowest_hu: lowest_hu as f32,
+            span_hu: span_hu as f32,
+            units_per_sample: (request.sample_distance_mm / request.transfer.opacity_unit_mm()) as f32,
+            surface_count: request.surfaces.len() as u32,
+            surface_hu: surface_values(&request.surfaces),
+            surface_rgba: surface_colors(&request.surfaces),
         }
     }
 }
@@ -104,6 +119,33 @@ fn columns(matrix: glam::DMat3) -> [[f32; 4]; 3] {
 /// transpose of the points' inverse.
 pub(super) fn patient_from_voxel_gradient(grid: &Grid) -> glam::DMat3 {
     grid.voxel_from_patient().linear().transpose() * 0.5
+}
+
+/// The volume's smallest value, and how far above it the largest is; at least 1. HU.
+pub(super) fn brightness_range(volume: &Volume) -> (f64, f64) {
+    let (lowest, largest) = volume.range_hu();
+    (f64::from(lowest), (f64::from(largest) - f64::from(lowest)).max(1.0))
+}
+
+/// The values that rays have to pass, four to a vector.
+#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
+fn surface_values(surfaces: &[Surface]) -> [[f32; 4]; Surface::MOST / 4] {
+    let mut values = [[0.0; 4]; Surface::MOST / 4];
+    for (surface, value) in surfaces.iter().zip(values.as_flattened_mut()) {
+        *value = surface.level_hu() as f32;
+    }
+    values
+}
+
+/// Colour and opacity of each surface.
+#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
+fn surface_colors(surfaces: &[Surface]) -> [[f32; 4]; Surface::MOST] {
+    let mut colors = [[0.0; 4]; Surface::MOST];
+    for (surface, color) in surfaces.iter().zip(&mut colors) {
+        let [r, g, b] = surface.rgb;
+        *color = [r, g, b, surface.opacity].map(|value| value as f32);
+    }
+    colors
 }
 
 /// Voxel index of a view position.
@@ -172,6 +214,12 @@ mod tests {
             brick_dims,
             bricks_per_voxel,
             clip_planes,
+            lowest_hu,
+            span_hu,
+            units_per_sample,
+            surface_count,
+            surface_hu,
+            surface_rgba,
         );
         let [module, _] = reflected();
         let (_, frame) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Frame")).unwrap();

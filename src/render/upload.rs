@@ -2,7 +2,9 @@
 
 use super::RenderError;
 use super::gradients::Gradients;
-use super::request::{Mode, RenderRequest};
+use super::mode::{Mode, is_of_interest, table_for};
+use super::request::RenderRequest;
+use super::surface::Surface;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
 use crate::transfer::{TransferFunction, TransferTable};
 use crate::volume::{BrickRanges, ContentHash, DistanceMap, Volume};
@@ -123,6 +125,7 @@ pub(super) struct Appearance {
     transfer: TransferFunction,
     sample_distance_mm: f64,
     mode: Mode,
+    surfaces: Vec<Surface>,
     pub(super) table: TransferTable,
     pub(super) table_buffer: wgpu::Buffer,
     pub(super) bricks: BrickLayout,
@@ -136,7 +139,7 @@ impl Appearance {
         let stored = |hu| volume.format.stored(hu);
         let map = volume
             .bricks
-            .distance_map(|low, high| is_of_interest(&table, request.mode, stored(low), stored(high)));
+            .distance_map(|low, high| is_of_interest(request, &table, stored(low), stored(high)));
         let scope = ErrorScope::open(gpu, "a transfer function and its distance map");
         let entries: &[u8] = bytemuck::cast_slice(&table.entries);
         // A uniform has room for the longest table, whatever this one's length.
@@ -151,6 +154,7 @@ impl Appearance {
             transfer: request.transfer.clone(),
             sample_distance_mm: request.sample_distance_mm,
             mode: request.mode,
+            surfaces: request.surfaces.clone(),
             table,
             table_buffer,
             bricks,
@@ -166,29 +170,9 @@ impl Appearance {
     pub(super) fn fits(&self, volume: ContentHash, request: &RenderRequest) -> bool {
         self.volume == volume
             && self.mode == request.mode
+            && self.surfaces == request.surfaces
             && self.sample_distance_mm == request.sample_distance_mm
             && self.transfer == request.transfer
-    }
-}
-
-/// The table that a request's samples look up. A projection shows one value, so its opacity is per opacity unit.
-pub(super) fn table_for(request: &RenderRequest) -> TransferTable {
-    let step_mm = match request.mode {
-        Mode::Composite => request.sample_distance_mm,
-        Mode::Mip | Mode::Slice(_) => request.transfer.opacity_unit_mm(),
-    };
-    TransferTable::new(&request.transfer, step_mm)
-}
-
-/// Whether a brick with values in this range can change the picture.
-///
-/// For a maximum every value above the lowest visible one counts, even an invisible one: it hides lower values.
-fn is_of_interest(table: &TransferTable, mode: Mode, low_hu: f32, high_hu: f32) -> bool {
-    match mode {
-        Mode::Composite => table.is_visible(low_hu, high_hu),
-        Mode::Mip => table.is_visible(f32::MIN, high_hu),
-        // A slice takes every sample.
-        Mode::Slice(_) => true,
     }
 }
 

@@ -68,6 +68,7 @@ const PARAMETERS: &[Parameter] = &[
     to("window_hu", Kind::Numbers(2), Target::Window),
     to("window", Kind::Numbers(2), Target::Window),
     key("mode", Kind::Text, "mode"),
+    key("iso_hu", Kind::Number, "iso_hu"),
     key("size_px", Kind::Whole(2), "size_px"),
     to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
     to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),

@@ -109,7 +109,7 @@ fn a_ball_is_lit_by_the_cosine_of_its_slope() {
 }
 
 /// Errors in mm of the rendered depth of the 80 mm sphere inside 95 % of its radius.
-fn sphere_depth_errors(frame: &RenderedFrame) -> Vec<f64> {
+pub(super) fn sphere_depth_errors(frame: &RenderedFrame) -> Vec<f64> {
     let [width, height] = frame.size_px;
     let eye = frame.camera.eye().xyz;
     let mut errors = Vec::new();

@@ -10,6 +10,9 @@
 )]
 
 mod closed_forms;
+mod isosurfaces;
+mod modes;
+mod projections;
 mod refusals;
 mod skipping;
 mod slices;
@@ -19,7 +22,7 @@ mod twin;
 use std::sync::{Mutex, MutexGuard, OnceLock};
 
 use relief::gpu::{AdapterChoice, Gpu};
-use relief::render::Renderer;
+use relief::render::{Mode, RenderRequest, Renderer, Surface};
 
 /// The one renderer of this test program: software adapters compile pipelines slowly. `None` without an adapter.
 fn renderer(test: &str) -> Option<MutexGuard<'static, Renderer>> {
@@ -36,4 +39,14 @@ fn renderer(test: &str) -> Option<MutexGuard<'static, Renderer>> {
     }
     // A test that failed while it held the renderer left nothing half done: every frame starts anew.
     shared.as_ref().map(|shared| shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+}
+
+/// The request in another mode, with skin and bone where that takes surfaces.
+fn in_mode(mode: Mode, request: RenderRequest) -> RenderRequest {
+    let surface = |hu, opacity| Surface { opacity, ..Surface::opaque(hu, &request.transfer) };
+    let surfaces = match mode {
+        Mode::Isosurface => vec![surface(-300.0, 0.4), surface(300.0, 0.8)],
+        _ => Vec::new(),
+    };
+    RenderRequest { mode, surfaces, ..request }
 }

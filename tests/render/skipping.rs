@@ -5,7 +5,7 @@ use relief::render::{DepthRule, Mode, RenderRequest, Renderer, SceneFile, Skippi
 use relief::volume::Volume;
 use relief::volume::phantom::Phantom;
 
-use super::renderer;
+use super::{in_mode, renderer};
 
 fn requests(volume: &Volume) -> Vec<RenderRequest> {
     let mut requests = Vec::new();
@@ -45,7 +45,9 @@ fn skipping_changes_not_one_byte() {
     let volume = Phantom::head(64).unwrap().volume;
     for (i, mut request) in requests(&volume).into_iter().enumerate() {
         request.sample_distance_mm = [0.7, 1.0, 2.3][i % 3];
-        request.mode = if i % 4 == 3 { Mode::Mip } else { Mode::Composite };
+        if i % 2 == 1 {
+            request = in_mode(Mode::RAYS[i / 2 % Mode::RAYS.len()], request);
+        }
         request.depth = if i % 2 == 0 { DepthRule::FirstHit } else { DepthRule::Threshold { fraction: 0.5 } };
         assert_same_bytes(&mut renderer, &volume, &request);
     }

@@ -5,24 +5,23 @@ use glam::{DMat3, DVec3, DVec4};
 use super::classify::{classify, shade};
 use super::field::{central_differences, sample_hu};
 use super::ray::{Ray, Rays};
-use crate::render::request::{DepthRule, Mode, RenderRequest};
+use crate::render::mode::{Mode, table_for};
+use crate::render::request::{DepthRule, RenderRequest};
 use crate::render::uniform::patient_from_voxel_gradient;
-use crate::render::upload::table_for;
 use crate::transfer::TransferTable;
 use crate::volume::Volume;
 
-const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
-const VISIBLE: f64 = 0.5 / 255.0;
+pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
+pub(super) const VISIBLE: f64 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
 const BISECTIONS: i32 = 12;
-const FLAT_HU: f64 = 0.05;
 
 /// A volume under a request.
 pub(super) struct Caster<'a> {
     pub(super) volume: &'a Volume,
     pub(super) request: &'a RenderRequest,
-    rays: Rays<'a>,
+    pub(super) rays: Rays<'a>,
     pub(super) table: TransferTable,
     patient_from_voxel_gradient: DMat3,
 }
@@ -45,9 +44,10 @@ impl<'a> Caster<'a> {
     pub(super) fn raycast(&self, pixel: [u32; 2]) -> ([u8; 4], f32) {
         let ray = self.rays.ray_of_pixel(pixel);
         let hit = match self.request.mode {
-            Mode::Mip => self.project_maximum(&ray),
             Mode::Composite => self.composite(&ray),
             Mode::Slice(blend) => self.slice(&ray, blend),
+            Mode::Isosurface => self.isosurface(&ray),
+            _ => self.project(&ray),
         };
         let over = hit.color.truncate() + (1.0 - hit.color.w) * DVec3::from(self.request.background_rgb);
         let bytes = over.extend(hit.color.w).to_array().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);
@@ -76,7 +76,7 @@ impl<'a> Caster<'a> {
         Hit { color: color.extend(opacity), t }
     }
 
-    fn lit(&self, rgb: DVec3, p: DVec3, ray: &Ray) -> DVec3 {
+    pub(super) fn lit(&self, rgb: DVec3, p: DVec3, ray: &Ray) -> DVec3 {
         let light = &self.request.shading;
         if !light.needs_gradient() {
             return rgb * light.ambient;
@@ -142,32 +142,6 @@ impl<'a> Caster<'a> {
             parts = (j + 1).min(2) * PARTS;
         }
         t.clamp(ray.entry, ray.exit)
-    }
-
-    fn project_maximum(&self, ray: &Ray) -> Hit {
-        let (mut largest, mut at) = (f64::NEG_INFINITY, 0);
-        for k in 0..ray.sample_count() {
-            let hu = sample_hu(self.volume, ray.voxel_at(ray.sample_t(f64::from(k))));
-            if hu > largest {
-                (largest, at) = (hu, k);
-            }
-        }
-        if largest == f64::NEG_INFINITY {
-            return Hit { color: DVec4::ZERO, t: None };
-        }
-        let sample = classify(&self.table, largest);
-        let t = (sample.w >= VISIBLE).then(|| self.peak_t(ray, at, largest));
-        Hit { color: (sample.truncate() * sample.w).extend(sample.w), t }
-    }
-
-    fn peak_t(&self, ray: &Ray, at: i32, largest: f64) -> f64 {
-        let t = ray.sample_t(f64::from(at));
-        let value = |t: f64| sample_hu(self.volume, ray.voxel_at(t));
-        let (before, after) = (value(t - ray.sample_distance_mm), value(t + ray.sample_distance_mm));
-        let curvature = before - 2.0 * largest + after;
-        let offset =
-            if curvature < -FLAT_HU { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
-        (t + offset * ray.sample_distance_mm).clamp(ray.entry, ray.exit)
     }
 }
 

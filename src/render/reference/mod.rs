@@ -10,12 +10,16 @@
 //! | `field` | `shaders/lib/volume.wgsl` |
 //! | - | `shaders/lib/walk.wgsl`: skipping changes nothing |
 //! | `classify` | `shaders/lib/classify.wgsl` |
+//! | `isosurface` | `shaders/raycast/isosurface.wgsl` |
+//! | `project` | `shaders/raycast/project.wgsl` |
 //! | `cast` | `shaders/raycast.wgsl` |
 //! | `slice` | `shaders/slice.wgsl` |
 
 mod cast;
 mod classify;
 mod field;
+mod isosurface;
+mod project;
 mod ray;
 mod slice;
 

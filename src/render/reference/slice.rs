@@ -4,7 +4,7 @@ use super::cast::{Caster, Hit};
 use super::classify::classify;
 use super::field::sample_hu;
 use super::ray::Ray;
-use crate::render::request::SlabBlend;
+use crate::render::mode::SlabBlend;
 use crate::render::slices::SlabSamples;
 
 const FLAT_HU: f64 = 0.05;

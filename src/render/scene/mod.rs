@@ -6,16 +6,19 @@
 mod error;
 mod parts;
 mod slice;
+mod surfaces;
 mod written;
 
 use serde::Deserialize;
 
 use self::parts::{
-    CameraFile, ClipFile, DepthFile, ModeFile, ShadingFile, TransferFile, Windows, default_mode,
-    default_shading, expect_objects, resolve_transfer,
+    CameraFile, ClipFile, DepthFile, ShadingFile, TransferFile, Windows, default_mode, default_shading,
+    expect_objects, resolve_transfer,
 };
 use self::slice::expect_one_view;
-use super::request::{DepthRule, Mode, RenderRequest, RequestError};
+use self::surfaces::{SurfaceFile, resolve_surfaces};
+use super::mode::{Mode, SlabBlend};
+use super::request::{DepthRule, RenderRequest, RequestError};
 use crate::camera::Orbit;
 use crate::display::DisplaySettings;
 use crate::volume::Grid;
@@ -58,8 +61,10 @@ impl Scene {
 pub struct SceneFile {
     camera: Option<CameraFile>,
     size_px: Option<[u32; 2]>,
-    mode: Option<ModeFile>,
+    mode: Option<Mode>,
     slice: Option<SliceFile>,
+    iso_hu: Option<f64>,
+    surfaces: Option<Vec<SurfaceFile>>,
     transfer: Option<TransferFile>,
     shading: Option<ShadingFile>,
     sample_distance_mm: Option<f64>,
@@ -101,23 +106,29 @@ impl SceneFile {
     /// Replaces how samples become a colour.
     #[must_use]
     pub fn with_mode(self, mode: Mode) -> Self {
-        let mode = match mode {
-            Mode::Composite => ModeFile::Composite,
-            Mode::Mip => ModeFile::Mip,
-            Mode::Slice(_) => ModeFile::Slice,
+        // Surfaces that were written for isosurfaces mean nothing in another mode.
+        let (iso_hu, surfaces) = match mode {
+            Mode::Isosurface => (self.iso_hu, self.surfaces),
+            _ => (None, None),
         };
-        Self { mode: Some(mode), ..self }
+        Self { mode: Some(mode), iso_hu, surfaces, ..self }
+    }
+
+    /// Makes this a scene of one opaque isosurface, at this value in HU.
+    #[must_use]
+    pub fn with_iso_hu(self, hu: f64) -> Self {
+        Self { mode: Some(Mode::Isosurface), iso_hu: Some(hu), surfaces: None, ..self }
     }
 
     /// Whether the scene is that of a slice.
     #[must_use]
     pub fn is_slice(&self) -> bool {
-        matches!(self.mode, Some(ModeFile::Slice))
+        matches!(self.mode, Some(Mode::Slice(_)))
     }
 
     /// The slice, for changes; makes this a scene of a slice if it was none.
     pub fn slice_mut(&mut self) -> &mut SliceFile {
-        self.mode = Some(ModeFile::Slice);
+        self.mode = Some(Mode::Slice(SlabBlend::default()));
         self.slice.get_or_insert_default()
     }
 
@@ -166,7 +177,6 @@ impl SceneFile {
         self.display.validate()?;
         let size_of_layout = self.display.encoder()?.render_size_px();
         let size_px = self.size_px.or(size_of_layout).unwrap_or([960, 540]);
-        let mode = self.mode.map(ModeFile::resolve);
         let is_slice = self.is_slice();
         let slice = expect_one_view(is_slice, self.slice, self.camera.is_some(), orbit)?;
         let camera = match (slice, self.camera) {
@@ -179,14 +189,16 @@ impl SceneFile {
         };
         let windows = if is_slice { Windows::Opaque } else { Windows::Translucent };
         let (transfer, preset) = resolve_transfer(self.transfer, windows)?;
+        let mode = slice.map_or_else(
+            || self.mode.unwrap_or_else(|| default_mode(preset)),
+            |slice| Mode::Slice(slice.blend),
+        );
         let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let request = RenderRequest {
             camera,
             size_px,
-            mode: slice.map_or_else(
-                || mode.unwrap_or_else(|| default_mode(preset)),
-                |slice| Mode::Slice(slice.blend),
-            ),
+            mode,
+            surfaces: resolve_surfaces(mode, self.iso_hu, self.surfaces, &transfer)?,
             transfer,
             shading: self.shading.map_or_else(|| default_shading(preset), ShadingFile::resolve),
             // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
@@ -230,6 +242,7 @@ mod tests {
         let camera = |projection: &str| {
             format!(r#"{{"camera":{{"eye_mm":[0,-9,0],"look_at_mm":[0,0,0],"projection":{projection}}}}}"#)
         };
+        let surfaces = |list: &str| format!(r#"{{"mode":"isosurface","surfaces":[{list}]}}"#);
         for (json, parts) in [
             (r#"{"sise_px":[1,1]}"#.to_owned(), &["sise_px", "unknown field"][..]),
             (r#"{"sample_distance_mm":0}"#.to_owned(), &["sample_distance_mm is 0", "0.01 to 100"]),
@@ -279,6 +292,15 @@ mod tests {
             ),
             (camera(r#"{"fisheye":{}}"#), &["camera.projection", "fisheye"]),
             ("{} trailing".to_owned(), &["trailing"]),
+            (r#"{"iso_hu":300}"#.to_owned(), &["iso_hu is 300", "only with mode isosurface"]),
+            (r#"{"mode":"mip","surfaces":[]}"#.to_owned(), &["surfaces is 0", "only with mode isosurface"]),
+            (r#"{"mode":"isosurface","surfaces":[]}"#.to_owned(), &["surfaces is 0", "1 to 8"]),
+            (r#"{"mode":"isosurface","iso_hu":1e6}"#.to_owned(), &["iso_hu is 1000000", "32767"]),
+            (surfaces(r#"{"hu":1},{"hu":0}"#), &["surfaces[1].hu is 0", "at least 0.1 HU above 1"]),
+            (surfaces(r#"{"hu":1,"opacity":0}"#), &["surfaces[0].opacity is 0", "above 0"]),
+            (surfaces(r#"{"hu":1,"rgb":[0,2,0]}"#), &["surfaces[0].rgb is 2", "0 to 1"]),
+            (surfaces(r#"{"iso":1}"#), &["surfaces[0]", "iso"]),
+            (surfaces("[1]"), &["surfaces.0: found an array"]),
         ] {
             let message = refused(&json);
             for part in parts {

@@ -6,7 +6,8 @@ use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
 use crate::camera::{Camera, CameraError, Projection};
-use crate::render::request::{Clip, ClipPlane, DepthRule, Mode, RequestError, Shading, SlabBlend};
+use crate::render::mode::Mode;
+use crate::render::request::{Clip, ClipPlane, DepthRule, RequestError, Shading};
 use crate::space::{Point, Vector};
 use crate::transfer::{
     ControlPoint, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
@@ -31,14 +32,6 @@ pub(super) fn head_up() -> [f64; 3] {
 enum ProjectionFile {
     Perspective { vertical_fov_deg: f64 },
     Orthographic { height_mm: f64 },
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum ModeFile {
-    Composite,
-    Mip,
-    Slice,
 }
 
 /// A preset's name, or control points, or a window.
@@ -177,7 +170,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/slice",
     ];
     let Ok(scene) = serde_json::from_slice::<serde_json::Value>(json) else { return Ok(()) };
-    let lists = ["/transfer/points", "/clip/planes"].into_iter().flat_map(|list| {
+    let lists = ["/transfer/points", "/clip/planes", "/surfaces"].into_iter().flat_map(|list| {
         let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
         (0..items).map(move |i| format!("{list}/{i}"))
     });
@@ -203,16 +196,6 @@ impl CameraFile {
         let (eye, look_at) = (self.eye_mm.into(), self.look_at_mm.into());
         let up = Vector::from_xyz(self.up.into());
         Camera::new(Point::from_xyz(eye), Point::from_xyz(look_at), up, projection)
-    }
-}
-
-impl ModeFile {
-    pub(super) fn resolve(self) -> Mode {
-        match self {
-            Self::Composite => Mode::Composite,
-            Self::Mip => Mode::Mip,
-            Self::Slice => Mode::Slice(SlabBlend::default()),
-        }
     }
 }
 

@@ -8,7 +8,8 @@ use serde::de::value::MapAccessDeserializer;
 use serde::{Deserialize, Deserializer};
 
 use crate::camera::{Camera, CameraError, NamedPlane, Orbit, PlaneView};
-use crate::render::request::{RequestError, SlabBlend};
+use crate::render::mode::SlabBlend;
+use crate::render::request::RequestError;
 use crate::space::{Patient, Point, Vector};
 use crate::volume::Grid;
 
@@ -188,7 +189,8 @@ mod tests {
     use super::super::SceneFile;
     use super::*;
     use crate::camera::Projection;
-    use crate::render::request::{Mode, RenderRequest};
+    use crate::render::mode::Mode;
+    use crate::render::request::RenderRequest;
 
     fn resolve(json: &str) -> Result<RenderRequest, String> {
         let grid = Grid::axis_aligned([11, 21, 31], [1.0; 3], [0.0; 3]).unwrap();

@@ -7,6 +7,7 @@ import { drawPicture } from "./draw.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
 import { PresetGrid } from "./presets.js";
+import { describeSurface, onSurface } from "./surface.js";
 import {
   Fetcher, HOME, Refusal, frameQuery, normalized, project, request, stageQuery, stillSize,
 } from "./view.js";
@@ -32,6 +33,8 @@ const state = {
   slice: { ...NO_SLICE },
   preset: "bone",
   mode: "composite",
+  /** HU of the surface; the server's choice for the preset while null. */
+  iso: null,
   fieldOfView: 22,
   view: "picture",
   layout: "wowvx",
@@ -272,7 +275,8 @@ function setPreset(index) {
   if (!presets[index]) return;
   const { name, purpose, mode } = presets[index];
   Object.assign(state, { preset: name, mode });
-  choose("mode", mode);
+  $("mode").value = mode;
+  describeSurface(state);
   grid.choose(index);
   $("purpose").textContent = purpose;
   refresh();
@@ -308,9 +312,8 @@ function command(key) {
   switch (key) {
     case "d": return setView(VIEWS[(VIEWS.indexOf(state.view) + 1) % VIEWS.length]);
     case "m":
-      state.mode = state.mode === "mip" ? "composite" : "mip";
-      choose("mode", state.mode);
-      return refresh();
+      $("mode").selectedIndex = ($("mode").selectedIndex + 1) % $("mode").length;
+      return $("mode").dispatchEvent(new Event("change", { bubbles: true }));
     case "v": {
       const planes = ["", ...Object.keys(PLANES)];
       return showPlane(planes[(planes.indexOf(state.slice.plane) + 1) % planes.length]);
@@ -348,7 +351,7 @@ panel.addEventListener("submit", (event) => event.preventDefault());
 panel.addEventListener("change", ({ target }) => {
   if (target.name === "view") return setView(target.value);
   if (target.name === "plane") return showPlane(target.value);
-  if (target.name === "mode") state.mode = target.value;
+  if (target.id === "mode") state.mode = target.value;
   else if (target.name === "projection") state.fieldOfView = Number(target.value);
   else if (target.name === "preset") return setPreset(Number(target.value));
   else if (target.id === "depth-filter") state.depthFilter = target.value;
@@ -357,8 +360,10 @@ panel.addEventListener("change", ({ target }) => {
     state[target.id] = target.value;
     return state.view === "frame" ? refresh() : remember();
   } else return;
+  describeSurface(state);
   refresh();
 });
+onSurface(state, () => refresh({ moving: true }));
 
 for (const id of ["factor", "offset"]) {
   $(id).addEventListener("input", ({ target }) => {
@@ -425,8 +430,9 @@ onFile(stage, $("upload-button"), $("upload"), async (file) => {
 function remember() {
   if (!state.volume) return;
   const { azimuth, elevation, zoom } = state.pose;
-  const { preset, mode, view, layout, fieldOfView, depthFilter: filter } = state;
+  const { preset, mode, iso, view, layout, fieldOfView, depthFilter: filter } = state;
   const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
+  if (iso !== null) kept.iso = iso;
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
   history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice) })}`);
 }
@@ -449,15 +455,17 @@ function recall() {
   state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
   const chosen = presets.findIndex((preset) => preset.name === state.preset);
-  state.mode = word("mode", ["composite", "mip"]) ?? presets[chosen].mode;
+  state.mode = word("mode", [...$("mode").options].map((option) => option.value)) ?? presets[chosen].mode;
   state.view = word("view", VIEWS) ?? "picture";
   const values = (id) => [...$(id).options].map((option) => option.value);
   state.layout = word("layout", values("layout")) ?? "wowvx";
   state.depthFilter = word("filter", values("depth-filter")) ?? "none";
   $("depth-filter").value = state.depthFilter;
-  for (const name of ["mode", "view"]) choose(name, state[name]);
+  choose("view", state.view);
   choose("projection", state.fieldOfView);
-  $("layout").value = state.layout;
+  state.iso = kept.has("iso") ? number("iso", 300) : null;
+  describeSurface(state);
+  for (const id of ["mode", "layout"]) $(id).value = state[id];
   grid.choose(chosen);
   $("purpose").textContent = presets[chosen].purpose;
   return kept.get("volume");

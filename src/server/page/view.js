@@ -39,9 +39,11 @@ export function stillSize(width, height, ratio) {
 /** Query parameters that say how the volume looks, whatever the size and layout. */
 export function lookQuery(state, aspect) {
   if (state.slice.plane) return sliceQuery(state.slice, state.volume, aspect);
+  const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
   return {
     preset: state.preset,
     mode: state.mode,
+    ...surface,
     azimuth_deg: round(state.pose.azimuth, 3),
     elevation_deg: round(state.pose.elevation, 3),
     vertical_fov_deg: state.fieldOfView,
