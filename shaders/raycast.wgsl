@@ -134,7 +134,10 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, hu: f32)
     if hu < frame.lowest_visible_hu || (*sum).opacity >= OPAQUE {
         return;
     }
-    let sample = classify(hu);
+    var sample = classify(hu);
+    if GRADIENT_OPACITY {
+        sample.a = modulated(sample.a, p);
+    }
     if sample.a <= 0.0 {
         return;
     }
@@ -158,7 +161,16 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, hu: f32)
 }
 
 fn opacity_at(ray: Ray, t: f32) -> f32 {
-    return opacity_of(sample_hu(voxel_at(ray, t)));
+    return sample_opacity(voxel_at(ray, t));
+}
+
+// Opacity of the sample at a voxel index.
+fn sample_opacity(p: vec3<f32>) -> f32 {
+    let opacity = opacity_of(sample_hu(p));
+    if GRADIENT_OPACITY {
+        return modulated(opacity, p);
+    }
+    return opacity;
 }
 
 // Where opacity leaves zero between the sample before the first visible one and that one.
@@ -211,7 +223,7 @@ fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
             k = next_k;
             continue;
         }
-        let next = accumulated + (1.0 - accumulated) * opacity_of(sample_hu(sample_voxel(ray, k)));
+        let next = accumulated + (1.0 - accumulated) * sample_opacity(sample_voxel(ray, k));
         if next >= target_opacity {
             break;
         }

@@ -34,13 +34,14 @@ impl TableStorage {
 }
 
 /// The whole source of a stage, in parts to be joined: what stages share, then the stage's own.
-pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 6] {
+pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 7] {
     [
         include_str!("../../shaders/lib/frame.wgsl"),
         include_str!("../../shaders/lib/volume.wgsl"),
         include_str!("../../shaders/lib/walk.wgsl"),
         table.source(),
         include_str!("../../shaders/lib/classify.wgsl"),
+        include_str!("../../shaders/lib/gradient.wgsl"),
         stage,
     ]
 }
@@ -74,6 +75,7 @@ pub(super) struct PipelineKey {
     threshold: bool,
     shaded: bool,
     highlight: bool,
+    gradient_opacity: bool,
     variant: Variant,
 }
 
@@ -101,6 +103,7 @@ impl PipelineKey {
             threshold: blends && matches!(request.depth, DepthRule::Threshold { .. }),
             shaded: blends && request.shading.needs_gradient(),
             highlight: request.shading.specular > 0.0,
+            gradient_opacity: request.mode == Mode::Composite && request.transfer.gradient_opacity().is_some(),
             variant,
         }
     }
@@ -113,6 +116,7 @@ impl PipelineKey {
             ("DEPTH_RULE", flag(self.threshold)),
             ("SHADED", flag(self.shaded)),
             ("HIGHLIGHT", flag(self.highlight)),
+            ("GRADIENT_OPACITY", flag(self.gradient_opacity)),
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
             ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),
             ("HU_SCALE", hu_scale),

@@ -182,6 +182,10 @@ impl RenderRequest {
             }
         }
         surface::validate(self.mode, &self.surfaces)?;
+        if self.transfer.gradient_opacity().is_some() && self.mode != Mode::Composite {
+            let allowed = "nothing beside other modes than composite";
+            return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
+        }
         self.validate_clip()
     }
 

@@ -141,7 +141,8 @@ impl Appearance {
             .bricks
             .distance_map(|low, high| is_of_interest(request, &table, stored(low), stored(high)));
         let scope = ErrorScope::open(gpu, "a transfer function and its distance map");
-        let entries: &[u8] = bytemuck::cast_slice(&table.entries);
+        let buffer = table.buffer();
+        let entries: &[u8] = bytemuck::cast_slice(&buffer);
         // A uniform has room for the longest table, whatever this one's length.
         let mut table_bytes = vec![0; size_of::<[f32; 4]>() * TransferTable::MAX_ENTRIES];
         table_bytes[..entries.len()].copy_from_slice(entries);

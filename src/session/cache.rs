@@ -60,7 +60,9 @@ impl FrameCache {
 /// Bytes of a frame and of the order that it is found by: the latter's control points outweigh a small picture.
 fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
     let request = &key.request;
-    let lists = size_of_val(request.transfer.points()) + size_of_val(request.clip.planes.as_slice());
+    let gradient = request.transfer.gradient_opacity().map_or(0, |opacity| size_of_val(opacity.points()));
+    let lists =
+        size_of_val(request.transfer.points()) + gradient + size_of_val(request.clip.planes.as_slice());
     let pixels = size_of_val(frame.color_rgba.as_slice()) + size_of_val(frame.depth_mm.as_slice());
     size_of_val(key) + lists + size_of_val(frame) + pixels
 }

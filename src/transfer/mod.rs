@@ -7,11 +7,13 @@
 //! Values: HU. Lengths: mm. This module knows no GPU: [`TransferTable`] is what a shader and its f64 twin share.
 
 mod foreign;
+mod gradient;
 mod presets;
 mod table;
 mod window;
 
 pub use foreign::{ImportChoice, ImportError, Imported, ImportedLight, MAX_IMPORT_BYTES, import};
+pub use gradient::{GradientOpacity, GradientTable};
 pub use presets::{PRESETS, Preset, PresetGroup, PresetMode, preset};
 pub use table::TransferTable;
 pub use window::{Window, WindowMap};
@@ -30,6 +32,7 @@ pub struct ControlPoint {
 pub struct TransferFunction {
     points: Vec<ControlPoint>,
     opacity_unit_mm: f64,
+    gradient_opacity: Option<GradientOpacity>,
 }
 
 /// Why control points do not make a transfer function.
@@ -72,6 +75,21 @@ pub enum TransferError {
         /// What it may be.
         allowed: &'static str,
     },
+    /// No point of opacity by gradient, or more than [`GradientOpacity::MAX_POINTS`].
+    #[error("{0} points of opacity by gradient, allowed: 1 to {max}", max = GradientOpacity::MAX_POINTS)]
+    GradientCount(usize),
+    /// A point of opacity by gradient outside its range, or not above the one before.
+    #[error("opacity by gradient, point {index}: {what} is {found}, allowed: {allowed}")]
+    Gradient {
+        /// Which point, from 0.
+        index: usize,
+        /// Which of its values: `hu_per_mm` or `opacity`.
+        what: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it may be.
+        allowed: String,
+    },
     /// The opacity unit is not a usable length.
     #[error("opacity unit is {0} mm, allowed: 0.001 to 1000")]
     Unit(f64),
@@ -101,7 +119,19 @@ impl TransferFunction {
                 return Err(TransferError::Order { index: index + 1, found, previous });
             }
         }
-        Ok(Self { points, opacity_unit_mm })
+        Ok(Self { points, opacity_unit_mm, gradient_opacity: None })
+    }
+
+    /// The same, with opacities multiplied by a function of the gradient's magnitude.
+    #[must_use]
+    pub fn with_gradient_opacity(self, gradient_opacity: GradientOpacity) -> Self {
+        Self { gradient_opacity: Some(gradient_opacity), ..self }
+    }
+
+    /// What opacities are multiplied by, where they are.
+    #[must_use]
+    pub fn gradient_opacity(&self) -> Option<&GradientOpacity> {
+        self.gradient_opacity.as_ref()
     }
 
     /// The control points, HU rising.

@@ -1,6 +1,6 @@
 //! A transfer function tabulated for one sample distance: what the shaders and their f64 twin look up.
 
-use super::TransferFunction;
+use super::{GradientTable, TransferFunction};
 
 /// Colour and step-corrected opacity at equidistant HU values, linear between them.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,8 +9,10 @@ pub struct TransferTable {
     pub first_hu: f32,
     /// HU from one entry to the next: a power of two, at least [`TransferTable::FINEST_STEP_HU`].
     pub step_hu: f32,
-    /// Red, green, blue and the opacity of one sample.
+    /// Red, green, blue and the opacity of one sample; where there is opacity by gradient, that of one opacity unit.
     pub entries: Vec<[f32; 4]>,
+    /// What opacities are still to be multiplied by.
+    pub gradient: Option<GradientTable>,
     /// How many entries before each are visible, and one for the whole.
     visible_before: Vec<u32>,
 }
@@ -35,13 +37,19 @@ impl TransferTable {
     pub fn new(transfer: &TransferFunction, step_mm: f64) -> Self {
         let points = transfer.points();
         let (first, last) = (points[0].hu.floor(), points[points.len() - 1].hu.ceil());
-        let needed = (last - first) / (Self::MAX_ENTRIES - 1) as f64;
+        // The table of opacity by gradient lies behind, within the same limit.
+        let behind = if transfer.gradient_opacity().is_some() { GradientTable::ENTRIES + 1 } else { 0 };
+        let needed = (last - first) / (Self::MAX_ENTRIES - behind - 1) as f64;
         let step = needed.log2().ceil().exp2().max(Self::FINEST_STEP_HU);
         let count = ((last - first) / step).ceil() as usize + 1;
+        let path_units = step_mm / transfer.opacity_unit_mm();
+        let gradient = transfer.gradient_opacity().map(|opacity| GradientTable::new(opacity, path_units));
         let entry = |i: usize| {
             let hu = first + i as f64 * step;
             let [r, g, b, _] = transfer.at(hu);
-            [r, g, b, transfer.opacity_over(hu, step_mm)].map(|value| value as f32)
+            // The path comes after the product with the gradient's opacity.
+            let path_mm = if gradient.is_some() { transfer.opacity_unit_mm() } else { step_mm };
+            [r, g, b, transfer.opacity_over(hu, path_mm)].map(|value| value as f32)
         };
         // Two entries at least, so that an interpolated look-up always has a neighbour.
         let entries: Vec<_> = (0..count.max(2)).map(entry).collect();
@@ -50,7 +58,17 @@ impl TransferTable {
             *count += u32::from(entry[3] > 0.0);
             Some(*count)
         }));
-        Self { first_hu: first as f32, step_hu: step as f32, entries, visible_before }
+        Self { first_hu: first as f32, step_hu: step as f32, entries, gradient, visible_before }
+    }
+
+    /// What the shader's buffer holds: the entries, and behind them the table of opacity by gradient, whose first entry
+    /// has its two numbers.
+    #[must_use]
+    pub fn buffer(&self) -> Vec<[f32; 4]> {
+        let head = self.gradient.iter().map(|table| [table.entries_per_hu_mm, table.path_units, 0.0, 0.0]);
+        let opacities = self.gradient.iter().flat_map(|table| &table.entries);
+        let behind = head.chain(opacities.map(|opacity| [*opacity, 0.0, 0.0, 0.0]));
+        self.entries.iter().copied().chain(behind).collect()
     }
 
     /// Whether any value in `low_hu..=high_hu` is visible, judged by the entries that its look-up may touch.
@@ -113,6 +131,19 @@ mod tests {
     #[test]
     fn the_whole_range_of_ct_has_an_entry_for_each_hu() {
         assert_eq!(TransferTable::new(&ramp(-1024.0, 3071.0), 1.0).step_hu, 1.0);
+    }
+
+    #[test]
+    fn opacity_by_gradient_lies_behind_the_entries_within_the_same_limit() {
+        let gradient = crate::transfer::GradientOpacity::new(vec![[0.0, 0.25], [511.5, 1.0]]).unwrap();
+        let table = TransferTable::new(&ramp(-1024.0, 3071.0).with_gradient_opacity(gradient), 0.5);
+        let buffer = table.buffer();
+        assert!(buffer.len() <= TransferTable::MAX_ENTRIES, "{} entries", buffer.len());
+        let last = table.entries.len() - 1;
+        assert_eq!(table.entries[last][3], 0.5, "per opacity unit, not per sample");
+        assert_eq!((buffer[last + 1], buffer[last + 2][0]), ([2.0, 0.5, 0.0, 0.0], 0.25));
+        assert_eq!(buffer.len() - last, 2 + GradientTable::ENTRIES);
+        assert_eq!(buffer[buffer.len() - 1][0], 1.0);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use glam::DVec3;
 use relief::camera::{Camera, Orbit, Projection};
 use relief::render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading};
 use relief::space::{Point, Vector};
-use relief::transfer::{ControlPoint, TransferFunction};
+use relief::transfer::{ControlPoint, GradientOpacity, TransferFunction};
 use relief::volume::phantom::{Phantom, SurfaceShape};
 use relief::volume::{Grid, Volume};
 
@@ -45,6 +45,36 @@ fn a_slab_absorbs_by_the_exponential_law() {
                     "{opacity_per_mm}/mm at {sample_distance_mm} mm: {} for {expected}",
                     pixel[0]
                 );
+            }
+        }
+    }
+}
+
+/// Where values rise evenly every sample has the same gradient, here of (2, 4, -6) HU per mm.
+#[test]
+fn opacity_by_gradient_multiplies_what_a_millimetre_absorbs() {
+    let Some(mut renderer) = renderer("opacity_by_gradient_multiplies") else { return };
+    let volume = Phantom::ramp(64).unwrap().volume;
+    let camera = look_along_y(Projection::Orthographic { height_mm: 20.0 });
+    let magnitude = 56f64.sqrt();
+    for (opacity_per_mm, share) in [(0.02, 0.5), (0.05, 0.25), (0.05, 0.0), (0.05, 1.0)] {
+        // Up to twice the magnitude there, so that a wrong factor or unit shows.
+        let rising = vec![[0.0, 0.0], [2.0 * magnitude, 2.0 * share]];
+        let opacity = if share < 1.0 { rising } else { vec![[1.0, share]] };
+        let opacity = GradientOpacity::new(opacity).unwrap();
+        let transfer = white(&[(-30000.0, opacity_per_mm)]).with_gradient_opacity(opacity);
+        for sample_distance_mm in [0.25, 0.5, 1.0, 2.0] {
+            let mut request = unshaded(&volume, transfer.clone(), camera, [8, 8]);
+            request.sample_distance_mm = sample_distance_mm;
+            let (center, arm) = (volume.grid().center().xyz, DVec3::splat(19.9));
+            request.clip.add_box(Point::from_xyz(center - arm), Point::from_xyz(center + arm));
+            let frame = renderer.render(&volume, &request).unwrap();
+            let expected = 255.0 * (1.0 - (1.0 - share * opacity_per_mm).powf(39.8));
+            for pixel in &frame.color_rgba {
+                // The path is whole samples: up to 0.3 mm off.
+                let off = (f64::from(pixel[0]) - expected).abs();
+                let what = format!("{opacity_per_mm}/mm times {share} at {sample_distance_mm} mm");
+                assert!(off <= 1.5, "{what}: {} for {expected}", pixel[0]);
             }
         }
     }

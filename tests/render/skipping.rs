@@ -2,6 +2,7 @@
 
 use relief::camera::{Camera, Orbit, Projection};
 use relief::render::{DepthRule, Mode, RenderRequest, Renderer, SceneFile, Skipping};
+use relief::transfer::GradientOpacity;
 use relief::volume::Volume;
 use relief::volume::phantom::Phantom;
 
@@ -49,6 +50,11 @@ fn skipping_changes_not_one_byte() {
             request = in_mode(Mode::RAYS[i / 2 % Mode::RAYS.len()], request);
         }
         request.depth = if i % 2 == 0 { DepthRule::FirstHit } else { DepthRule::Threshold { fraction: 0.5 } };
+        assert_same_bytes(&mut renderer, &volume, &request);
+    }
+    for mut request in requests(&volume).into_iter().step_by(7) {
+        let opacity = GradientOpacity::new(vec![[30.0, 0.0], [200.0, 1.0]]).unwrap();
+        request.transfer = request.transfer.with_gradient_opacity(opacity);
         assert_same_bytes(&mut renderer, &volume, &request);
     }
     for request in slices(&volume) {

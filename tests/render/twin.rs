@@ -3,6 +3,7 @@
 use relief::camera::Orbit;
 use relief::render::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, reference};
 use relief::space::{Point, Vector};
+use relief::transfer::GradientOpacity;
 use relief::transfer::Window;
 use relief::volume::phantom::Phantom;
 use relief::volume::{Grid, Volume};
@@ -82,6 +83,22 @@ fn gpu_and_twin_agree_in_projections_of_windows() {
             let transfer = transfer.clone();
             let request = RenderRequest { mode, transfer, ..request(volume, "bone", fov) };
             compare(volume, &request, &format!("{mode:?}, {fov}"));
+        }
+    }
+}
+
+#[test]
+fn gpu_and_twin_agree_under_opacity_by_gradient() {
+    let volume = oblique_head();
+    for (i, rule) in [DepthRule::FirstHit, DepthRule::Threshold { fraction: 0.5 }].into_iter().enumerate() {
+        for preset in ["soft-tissue", "skin"] {
+            let mut faded = request(&volume, preset, [25.0, 0.0][i]);
+            let opacity = GradientOpacity::new(vec![[20.0, 0.0], [80.0, 0.4], [300.0, 1.0]]).unwrap();
+            faded.transfer = faded.transfer.with_gradient_opacity(opacity);
+            faded.depth = rule;
+            compare(&volume, &faded, &format!("opacity by gradient, {rule:?}, {preset}"));
+            faded.shading = relief::render::Shading::NONE;
+            compare(&volume, &faded, &format!("opacity by gradient, unlit, {rule:?}, {preset}"));
         }
     }
 }

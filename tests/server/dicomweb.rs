@@ -131,6 +131,11 @@ async fn the_response_module_says_everything_that_was_used() {
     assert_eq!(module["00701503"], json!({ "vr": "FD", "Value": [7.5] }));
     assert_eq!(module["00281056"]["Value"], json!(["LINEAR"]), "a window of the server's own");
 
+    for method in ["maximum_ip", "minimum_ip", "average_ip"] {
+        let query = format!("rendered3D?renderingmethod={method}&viewport=8,8");
+        assert_eq!(metadata(&stage, &query).await["0070120D"]["Value"], json!([method.to_uppercase()]));
+    }
+
     let plain = metadata(&stage, "renderedmpr").await;
     assert_eq!(plain["0070120D"]["Value"], json!(["AVERAGE_IP"]));
     assert!(plain.get("00701503").is_none(), "no thickness was specified");

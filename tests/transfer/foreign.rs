@@ -73,7 +73,9 @@ fn a_slicer_preset_is_read_with_its_light_and_its_step() {
     let look = imported(SLICER_XML, Some("Lit & stepped"), None);
     let light = look.light.unwrap();
     assert_eq!((light.shares, light.shininess), ([0.15, 0.85, 0.3], 30.0));
-    assert_eq!(look.left_out, ["the opacity by gradient"]);
+    assert_eq!(look.left_out, [""; 0]);
+    let gradient = look.transfer.gradient_opacity().unwrap();
+    assert_eq!(gradient.points(), [[0.0, 0.5], [255.0, 1.0]]);
     for (hu, opacity) in
         [(-1500.0, 0.0), (-450.0, 0.125), (299.9, 0.25), (300.1, 0.75), (1650.0, 0.875), (4000.0, 1.0)]
     {
@@ -286,9 +288,14 @@ fn convert_prints_what_a_request_takes() {
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{told}");
     assert!(told.contains("Plain, Lit & stepped"), "{told}");
-    let output = relief(&["presets", "convert", &presets, "--name", "Lit & stepped"]);
-    assert!(String::from_utf8_lossy(&output.stderr).contains("left out: the opacity by gradient"));
+    let half = &printed_gradient(&presets)["points"][0];
+    assert_eq!((&half["hu_per_mm"], &half["opacity"]), (&json!(0.0), &json!(0.5)));
     assert_eq!(relief(&["presets", "convert", "no/such/file"]).status.code(), Some(1));
+}
+
+fn printed_gradient(presets: &str) -> Value {
+    let printed = told(&["presets", "convert", presets, "--name", "Lit & stepped"]);
+    serde_json::from_str::<Value>(&printed).unwrap()["transfer"]["gradient_opacity"].clone()
 }
 
 /// The file, what is converted of it, and that in a scene all make the same picture, another than the preset's.

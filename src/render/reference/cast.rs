@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3, DVec4};
 
-use super::classify::{classify, shade};
+use super::classify::{classify, modulated, shade};
 use super::field::{central_differences, sample_hu};
 use super::ray::{Ray, Rays};
 use crate::render::mode::{Mode, table_for};
@@ -61,7 +61,7 @@ impl<'a> Caster<'a> {
                 break;
             }
             let p = ray.voxel_at(ray.sample_t(f64::from(k)));
-            let sample = classify(&self.table, sample_hu(self.volume, p));
+            let sample = self.sample(p);
             if sample.w > 0.0 {
                 let weight = (1.0 - opacity) * sample.w;
                 color += weight * self.lit(sample.truncate(), p, ray);
@@ -85,8 +85,18 @@ impl<'a> Caster<'a> {
         shade(light, rgb, gradient, ray.direction)
     }
 
+    /// Colour and opacity of the sample at a position.
+    fn sample(&self, p: DVec3) -> DVec4 {
+        let mut sample = classify(&self.table, sample_hu(self.volume, p));
+        if let Some(table) = self.table.gradient.as_ref().filter(|_| sample.w > 0.0) {
+            let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
+            sample.w = modulated(table, sample.w, gradient);
+        }
+        sample
+    }
+
     fn opacity_at(&self, ray: &Ray, t: f64) -> f64 {
-        classify(&self.table, sample_hu(self.volume, ray.voxel_at(t))).w
+        self.sample(ray.voxel_at(t)).w
     }
 
     fn first_hit(&self, ray: &Ray, first: i32) -> f64 {

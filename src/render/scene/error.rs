@@ -3,7 +3,7 @@
 use crate::camera::{CameraError, OrbitError};
 use crate::display::SettingsError;
 use crate::render::request::RequestError;
-use crate::transfer::{TransferError, TransferFunction};
+use crate::transfer::{GradientOpacity, TransferError, TransferFunction};
 
 /// Why a scene was refused.
 #[derive(Debug, thiserror::Error)]
@@ -73,6 +73,13 @@ impl From<TransferError> for RequestError {
             }
             TransferError::Value { index, found, allowed, .. } => {
                 Self::new(&format!("transfer.points[{index}].rgba"), found, allowed)
+            }
+            TransferError::GradientCount(count) => {
+                let allowed = format!("1 to {} points", GradientOpacity::MAX_POINTS);
+                Self::new("transfer.gradient_opacity.points", &format!("{count} points"), &allowed)
+            }
+            TransferError::Gradient { index, what, found, allowed } => {
+                Self::new(&format!("transfer.gradient_opacity.points[{index}].{what}"), found, allowed)
             }
             TransferError::Unit(mm) => Self::new("transfer.opacity_unit_mm", mm, "0.001 to 1000"),
             TransferError::Window { what, found, allowed } => {

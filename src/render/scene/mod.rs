@@ -308,4 +308,31 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn an_opacity_by_gradient_that_is_wrong_is_named_with_path_value_and_range() {
+        let transfer = |gradient: &str| {
+            format!(r#""transfer":{{"points":[{{"hu":1,"rgba":[0,0,0,0]}}],"gradient_opacity":{gradient}}}"#)
+        };
+        for (gradient, parts) in [
+            (
+                r#"{"points":[{"hu_per_mm":5,"opacity":0},{"hu_per_mm":5,"opacity":1}]}"#,
+                &["transfer.gradient_opacity.points[1].hu_per_mm is 5", "more than 5"][..],
+            ),
+            (
+                r#"{"points":[{"hu_per_mm":5,"opacity":2}]}"#,
+                &["transfer.gradient_opacity.points[0].opacity is 2", "0 to 1"],
+            ),
+            (r#"{"points":[]}"#, &["transfer.gradient_opacity.points is 0 points", "1 to 256"]),
+            ("[[0,0]]", &["transfer.gradient_opacity: found an array"]),
+        ] {
+            let message = refused(&format!("{{{}}}", transfer(gradient)));
+            for part in parts {
+                assert!(message.contains(part), "{gradient}: {message:?} lacks {part:?}");
+            }
+        }
+        let plain = transfer(r#"{"points":[{"hu_per_mm":0,"opacity":1}]}"#);
+        let message = refused(&format!(r#"{{{plain},"mode":"mip"}}"#));
+        assert!(message.contains("transfer.gradient_opacity is there") && message.contains("composite"));
+    }
 }

@@ -10,7 +10,7 @@ use crate::render::mode::Mode;
 use crate::render::request::{Clip, ClipPlane, DepthRule, RequestError, Shading};
 use crate::space::{Point, Vector};
 use crate::transfer::{
-    ControlPoint, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
+    ControlPoint, GradientOpacity, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
 };
 
 #[derive(Clone, Debug, Deserialize)]
@@ -46,6 +46,7 @@ pub(super) enum TransferFile {
 pub(super) struct FunctionFile {
     points: Option<Vec<PointFile>>,
     opacity_unit_mm: Option<f64>,
+    gradient_opacity: Option<GradientFile>,
     window: Option<WindowFile>,
 }
 
@@ -70,6 +71,19 @@ impl<'de> Deserialize<'de> for TransferFile {
         }
         deserializer.deserialize_any(PresetOrFunction)
     }
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GradientFile {
+    points: Vec<GradientPointFile>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GradientPointFile {
+    hu_per_mm: f64,
+    opacity: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -156,7 +170,7 @@ struct PlaneFile {
 ///
 /// What is no JSON at all passes: the parser proper says where it goes wrong.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
-    const OBJECTS: [&str; 11] = [
+    const OBJECTS: [&str; 12] = [
         "",
         "/camera",
         "/camera/projection",
@@ -164,16 +178,19 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/camera/projection/orthographic",
         "/transfer",
         "/transfer/window",
+        "/transfer/gradient_opacity",
         "/shading",
         "/depth",
         "/clip",
         "/slice",
     ];
     let Ok(scene) = serde_json::from_slice::<serde_json::Value>(json) else { return Ok(()) };
-    let lists = ["/transfer/points", "/clip/planes", "/surfaces"].into_iter().flat_map(|list| {
-        let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
-        (0..items).map(move |i| format!("{list}/{i}"))
-    });
+    let lists = ["/transfer/points", "/transfer/gradient_opacity/points", "/clip/planes", "/surfaces"]
+        .into_iter()
+        .flat_map(|list| {
+            let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
+            (0..items).map(move |i| format!("{list}/{i}"))
+        });
     let paths = OBJECTS.into_iter().chain(["/display"]).map(str::to_owned).chain(lists);
     for path in paths {
         if scene.pointer(&path).is_some_and(serde_json::Value::is_array) {
@@ -202,7 +219,7 @@ impl CameraFile {
 impl TransferFile {
     pub(super) fn window(center_hu: f64, width_hu: f64) -> Self {
         let window = Some(WindowFile { center_hu, width_hu, invert: false, map: WindowMapFile::Grey });
-        Self::Function(FunctionFile { points: None, opacity_unit_mm: None, window })
+        Self::Function(FunctionFile { points: None, opacity_unit_mm: None, gradient_opacity: None, window })
     }
 }
 
@@ -246,21 +263,37 @@ pub(super) fn resolve_transfer(
             let found = preset(&name).ok_or_else(|| RequestError::new("transfer", &name, &preset_names()))?;
             Ok((found.transfer(), Some(found)))
         }
-        TransferFile::Function(FunctionFile { points: Some(points), opacity_unit_mm, window: None }) => {
+        TransferFile::Function(FunctionFile {
+            points: Some(points),
+            opacity_unit_mm,
+            gradient_opacity,
+            window: None,
+        }) => {
             let points = points.into_iter().map(|PointFile { hu, rgba }| ControlPoint { hu, rgba }).collect();
             let transfer = TransferFunction::new(points, opacity_unit_mm.unwrap_or(1.0));
-            Ok((transfer.map_err(RequestError::from)?, None))
+            let transfer = transfer.map_err(RequestError::from)?;
+            Ok((with_gradient_opacity(transfer, gradient_opacity)?, None))
         }
         TransferFile::Function(FunctionFile {
             points: None,
             opacity_unit_mm: None,
+            gradient_opacity: None,
             window: Some(window),
         }) => Ok((windows.transfer(&window)?, None)),
         TransferFile::Function(_) => {
-            let allowed = "either points (and opacity_unit_mm) or a window";
+            let allowed = "either points (and opacity_unit_mm, gradient_opacity) or a window";
             Err(RequestError::new("transfer", &"neither or both", allowed).into())
         }
     }
+}
+
+fn with_gradient_opacity(
+    transfer: TransferFunction,
+    file: Option<GradientFile>,
+) -> Result<TransferFunction, RequestError> {
+    let Some(GradientFile { points }) = file else { return Ok(transfer) };
+    let points = points.into_iter().map(|point| [point.hu_per_mm, point.opacity]).collect();
+    Ok(transfer.with_gradient_opacity(GradientOpacity::new(points)?))
 }
 
 fn preset_names() -> String {

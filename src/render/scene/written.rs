@@ -13,7 +13,13 @@ use crate::transfer::{Preset, TransferFunction};
 pub fn transfer_json(transfer: &TransferFunction) -> Value {
     let points: Vec<Value> =
         transfer.points().iter().map(|point| json!({ "hu": point.hu, "rgba": point.rgba })).collect();
-    json!({ "points": points, "opacity_unit_mm": transfer.opacity_unit_mm() })
+    let mut written = json!({ "points": points, "opacity_unit_mm": transfer.opacity_unit_mm() });
+    if let Some(opacity) = transfer.gradient_opacity() {
+        let point = |&[hu_per_mm, opacity]: &[f64; 2]| json!({ "hu_per_mm": hu_per_mm, "opacity": opacity });
+        written["gradient_opacity"] =
+            json!({ "points": opacity.points().iter().map(point).collect::<Vec<_>>() });
+    }
+    written
 }
 
 /// The value of `shading`.

@@ -282,7 +282,7 @@ fn malformed(name: &str, text: &str, allowed: &str) -> Problem {
         .with("allowed", allowed)
 }
 
-pub(super) fn not_supported(name: &str, why: &str) -> Problem {
+fn not_supported(name: &str, why: &str) -> Problem {
     let detail = format!("{name} is not supported: {why}");
     Problem::new(StatusCode::BAD_REQUEST, "unsupported-parameter", detail).with("path", name)
 }

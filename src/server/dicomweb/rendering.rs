@@ -7,9 +7,9 @@
 
 use serde_json::{Map, Value, json};
 
-use super::parameters::{Method, Parameters, Reformat, Shape, View, Window, not_supported};
+use super::parameters::{Method, Parameters, Reformat, Shape, View, Window};
 use crate::camera::{Orbit, PlaneView};
-use crate::render::{Scene, SceneError, SceneFile};
+use crate::render::{Scene, SceneFile};
 use crate::server::problem::Problem;
 use crate::space::{Patient, Point, Vector};
 use crate::volume::Grid;
@@ -35,7 +35,7 @@ struct Viewpoint {
 /// The scene of a query for a volume on `grid`.
 ///
 /// # Errors
-/// When the viewpoint shows nothing, a method is not done, or the scene is out of range.
+/// When the viewpoint shows nothing, or the scene is out of range.
 pub(super) fn rendering(
     parameters: &Parameters,
     reformat: Reformat,
@@ -64,9 +64,7 @@ pub(super) fn rendering(
             scene["slice"] = viewpoint.slice(parameters.slab_mm, method, height_mm);
         }
     }
-    let scene = SceneFile::parse(scene.to_string().as_bytes())
-        .map_err(|error| unknown_mode(error, method))?
-        .resolve(grid, &Orbit::default())?;
+    let scene = SceneFile::parse(scene.to_string().as_bytes())?.resolve(grid, &Orbit::default())?;
     Ok(Rendering { scene, module: module(reformat, method, viewpoint, parameters.slab_mm, window) })
 }
 
@@ -78,16 +76,6 @@ fn mode(method: Method) -> &'static str {
         Method::Minimum => "minip",
         // The mean of the values (8.3.5.3.3), not that of their opacities.
         Method::Average => "mean",
-    }
-}
-
-/// A method whose mode the renderer does not have.
-fn unknown_mode(error: SceneError, method: Method) -> Problem {
-    match &error {
-        SceneError::Syntax { path, .. } if path == "mode" => {
-            not_supported("renderingmethod", &format!("{} is not done for rendered3D", method.word()))
-        }
-        _ => error.into(),
     }
 }
 

@@ -14,7 +14,7 @@ mod space;
 
 use self::curve::Curve;
 use self::space::ColorSpace;
-use super::{TransferError, TransferFunction};
+use super::{GradientOpacity, TransferError, TransferFunction};
 
 /// Largest file that is read: a thousand colour maps.
 pub const MAX_IMPORT_BYTES: usize = 16 << 20;
@@ -118,6 +118,8 @@ struct Draft {
     color: Curve<3>,
     space: ColorSpace,
     opacity: Curve<1>,
+    /// Over the gradient's magnitude; HU per mm, as VTK's GPU mapper has it.
+    gradient: Option<Curve<1>>,
     opacity_unit_mm: f64,
     light: Option<ImportedLight>,
     left_out: Vec<String>,
@@ -171,13 +173,17 @@ fn choose(found: &[Found<'_>], choice: &ImportChoice<'_>) -> Result<Imported, Im
 }
 
 fn finish(draft: Draft, choice: &ImportChoice<'_>) -> Result<Imported, ImportError> {
-    let Draft { name, color, space, opacity, opacity_unit_mm, light, left_out } = draft;
+    let Draft { name, color, space, opacity, gradient, opacity_unit_mm, light, left_out } = draft;
     let (color, opacity) = match choice.range_hu {
         Some(range_hu) => stretched(color, opacity, range_hu)?,
         None => (color, opacity),
     };
     let points = points::join(&color, space, &opacity);
-    let transfer = TransferFunction::new(points, opacity_unit_mm)?;
+    let mut transfer = TransferFunction::new(points, opacity_unit_mm)?;
+    let acts = |gradient: &Curve<1>| gradient.nodes().iter().any(|node| node.value[0] < 1.0);
+    if let Some(gradient) = gradient.filter(acts) {
+        transfer = transfer.with_gradient_opacity(GradientOpacity::new(points::over_magnitudes(&gradient))?);
+    }
     Ok(Imported { name, transfer, light, left_out })
 }
 
@@ -216,10 +222,4 @@ fn light(place: &str, is_lit: bool, shares: [f64; 3], power: f64) -> Result<Impo
     }
     let shares = if is_lit { shares } else { [1.0, 0.0, 0.0] };
     Ok(ImportedLight { shares, shininess: power.clamp(1.0, 1000.0) })
-}
-
-/// What is said of a gradient opacity that does something.
-fn left_out_gradient(gradient: Option<&Curve<1>>) -> Option<String> {
-    let acts = gradient?.nodes().iter().any(|node| node.value[0] < 1.0);
-    acts.then(|| "the opacity by gradient".to_owned())
 }

@@ -55,7 +55,16 @@ fn draft(map: &Value) -> Result<Draft, ImportError> {
     }
     let name_of = map["Name"].as_str().map(str::to_owned);
     let space = space_of(map, name)?;
-    Ok(Draft { name: name_of, color, space, opacity, opacity_unit_mm: 1.0, light: None, left_out })
+    Ok(Draft {
+        name: name_of,
+        color,
+        space,
+        opacity,
+        gradient: None,
+        opacity_unit_mm: 1.0,
+        light: None,
+        left_out,
+    })
 }
 
 /// The opacity of a map that has none.

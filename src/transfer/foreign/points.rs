@@ -40,6 +40,21 @@ pub(super) fn join(color: &Curve<3>, space: ColorSpace, opacity: &Curve<1>) -> V
     }
 }
 
+/// Points of a function over magnitudes, which begin at 0. Ways that bend are divided.
+pub(super) fn over_magnitudes(opacity: &Curve<1>) -> Vec<[f64; 2]> {
+    const PARTS: u32 = 16;
+    let mut places = vec![0.0];
+    for pair in opacity.nodes().windows(2) {
+        let parts = if is_line(&pair[0]) { 1 } else { PARTS };
+        let share = |i: u32| f64::from(i) / f64::from(parts);
+        places.extend((0..parts).map(|i| pair[0].x + share(i) * (pair[1].x - pair[0].x)));
+    }
+    places.push(opacity.ends()[1]);
+    places.retain(|x| *x >= 0.0);
+    places.dedup();
+    places.into_iter().map(|x| [x, opacity.at(x)]).collect()
+}
+
 struct Joint<'a> {
     color: &'a Curve<3>,
     space: ColorSpace,

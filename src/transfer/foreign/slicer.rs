@@ -8,7 +8,7 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::curve::{Curve, Node, Twins};
 use super::space::ColorSpace;
-use super::{Draft, Found, ImportError, left_out_gradient, light};
+use super::{Draft, Found, ImportError, light};
 
 /// Most elements of a file that are looked at.
 const MAX_PROPERTIES: usize = 4096;
@@ -120,9 +120,10 @@ impl Property {
             color: curve(&self.color, &at("colorTransfer"))?,
             space: ColorSpace::Rgb,
             opacity: curve(&self.opacity, &at("scalarOpacity"))?,
+            gradient,
             opacity_unit_mm: number("scalarOpacityUnitDistance", self.unit_mm.as_ref(), 1.0)?,
             light: Some(light(name, is_lit, shares, power)?),
-            left_out: left_out_gradient(gradient.as_ref()).into_iter().collect(),
+            left_out: Vec::new(),
         })
     }
 }

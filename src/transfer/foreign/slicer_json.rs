@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::curve::{Curve, Node, Twins};
 use super::space::ColorSpace;
-use super::{Draft, Found, ImportError, left_out_gradient, light};
+use super::{Draft, Found, ImportError, light};
 
 const PROPERTIES: &str = "volumeProperties";
 
@@ -60,7 +60,7 @@ fn draft(property: &Value, place: &str) -> Result<Draft, ImportError> {
         _ if component["disableGradientOpacity"].as_bool() == Some(true) => None,
         gradient => Some(curve::<1>(gradient, "y", &at("gradientOpacity"))?),
     };
-    let mut left_out: Vec<String> = left_out_gradient(gradient.as_ref()).into_iter().collect();
+    let mut left_out = Vec::new();
     if !others.is_empty() {
         left_out.push(format!("{} more components", others.len()));
     }
@@ -70,6 +70,7 @@ fn draft(property: &Value, place: &str) -> Result<Draft, ImportError> {
         color,
         space: ColorSpace::Rgb,
         opacity: curve(&component["scalarOpacity"], "y", &at("scalarOpacity"))?,
+        gradient,
         opacity_unit_mm: unit,
         light: Some(light),
         left_out,

@@ -125,7 +125,8 @@ impl Preset {
     #[must_use]
     pub fn transfer(&self) -> TransferFunction {
         let point = |&[hu, r, g, b, opacity]: &[f64; 5]| ControlPoint { hu, rgba: [r, g, b, opacity] };
-        TransferFunction { points: self.points.iter().map(point).collect(), opacity_unit_mm: 1.0 }
+        let points = self.points.iter().map(point).collect();
+        TransferFunction { points, opacity_unit_mm: 1.0, gradient_opacity: None }
     }
 
     /// The HU from which on something is visible, and up to which; `None` where that is everything above.
