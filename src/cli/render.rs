@@ -131,6 +131,7 @@ fn report(
             "driver": adapter.driver,
             "upload_ms": frame.timings.upload_ms,
             "render_ms": frame.timings.render_ms,
+            "overlay_ms": frame.timings.overlay_ms,
         }))?;
     } else {
         let [width, height] = frame.size_px;

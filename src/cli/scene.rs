@@ -8,7 +8,7 @@ use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
 use crate::camera::Orbit;
 use crate::display::{DepthFilter, DisplaySettings, Layout};
-use crate::render::{Mode, SceneFile};
+use crate::render::{Mode, Overlays, SceneFile};
 use crate::transfer::PRESETS;
 
 /// A scene file, and options that go before what it says.
@@ -28,6 +28,9 @@ pub(super) struct SceneArguments {
     /// Value of an opaque isosurface, in HU; its colour is the preset's there
     #[arg(long, value_name = "HU", allow_negative_numbers = true)]
     iso_hu: Option<f64>,
+    /// Drawn over the picture, in its depth: bounding-box
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
+    overlay: Vec<String>,
     /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
     #[arg(long, value_name = "NAME")]
     layout: Option<Layout>,
@@ -80,6 +83,13 @@ fn parse_depth_filter(name: &str) -> Result<DepthFilter, String> {
     DepthFilter::from_name(name).ok_or_else(|| format!("depth filters are {names}"))
 }
 
+fn parse_overlay(name: &str) -> Result<String, String> {
+    if Overlays::SWITCHES.iter().any(|(known, _)| *known == name) {
+        return Ok(name.to_owned());
+    }
+    Err(format!("overlays are {}", Overlays::switch_names()))
+}
+
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parsed.ok_or_else(|| "a size is WIDTHxHEIGHT in pixels, such as 960x540".to_owned())
@@ -116,6 +126,9 @@ impl SceneArguments {
                 bail!("--iso-hu is for --mode isosurface");
             }
             scene = scene.with_iso_hu(hu);
+        }
+        for name in &self.overlay {
+            scene = scene.with_overlay(name)?;
         }
         scene = self.slice.apply(scene)?;
         if scene.is_slice() && self.orbit() != Orbit::default() {

@@ -11,6 +11,8 @@ pub struct Timings {
     pub upload_ms: f64,
     /// Ray casting and read-back.
     pub render_ms: f64,
+    /// Drawing overlays; 0 where there are none.
+    pub overlay_ms: f64,
 }
 
 /// A rendered picture.

@@ -10,6 +10,7 @@ mod frame;
 mod gradients;
 mod letters;
 mod mode;
+mod overlay;
 mod pipelines;
 pub mod reference;
 mod renderer;
@@ -22,6 +23,7 @@ mod upload;
 
 pub use frame::{RenderedFrame, Timings};
 pub use mode::{Mode, SlabBlend};
+pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius};
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
 pub use request::{Clip, ClipPlane, DepthRule, RenderRequest, RequestError, Shading};
 pub use scene::{

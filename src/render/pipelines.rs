@@ -103,7 +103,8 @@ impl PipelineKey {
             threshold: blends && matches!(request.depth, DepthRule::Threshold { .. }),
             shaded: blends && request.shading.needs_gradient(),
             highlight: request.shading.specular > 0.0,
-            gradient_opacity: request.mode == Mode::Composite && request.transfer.gradient_opacity().is_some(),
+            gradient_opacity: request.mode == Mode::Composite
+                && request.transfer.gradient_opacity().is_some(),
             variant,
         }
     }

@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::frame::{RenderedFrame, Timings};
 use super::letters;
 use super::mode::Mode;
+use super::overlay::Drawing;
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant, WORKGROUP_SIDE};
 use super::request::{RenderRequest, RequestError};
 use super::slices::SlicePipelines;
@@ -141,6 +142,10 @@ impl Renderer {
         request: &RenderRequest,
         skipping: Skipping,
     ) -> Result<RenderedFrame, RenderError> {
+        request.validate_on(volume.grid())?;
+        let preparing = Instant::now();
+        let drawing = Drawing::new(request, volume.grid())?;
+        let preparing_ms = milliseconds(preparing);
         let (start, upload_ms) = self.cast(volume, request, skipping, Output::Depth)?;
         let pixels = |bytes: &[u8]| bytemuck::cast_slice(bytes).to_vec();
         let color_rgba = self.read(|target| &target.color, pixels)?;
@@ -151,10 +156,15 @@ impl Renderer {
             depth_mm,
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),
-            timings: Timings { upload_ms, render_ms: milliseconds(start) },
+            timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
         };
         if request.letters {
             letters::burn(&mut frame);
+        }
+        if let Some(drawing) = drawing {
+            let drawn = Instant::now();
+            drawing.draw(&mut frame);
+            frame.timings.overlay_ms = preparing_ms + milliseconds(drawn);
         }
         Ok(frame)
     }

@@ -5,6 +5,9 @@
 
 use super::mode::Mode;
 use super::surface::{self, Surface};
+use std::sync::Arc;
+
+use super::overlay::Overlays;
 use crate::camera::{Camera, Projection};
 use crate::space::{Patient, Point, Vector};
 use crate::transfer::TransferFunction;
@@ -107,6 +110,8 @@ pub struct RenderRequest {
     pub clip: Clip,
     /// Display-referred sRGB, 0..1, behind everything.
     pub background_rgb: [f64; 3],
+    /// What is drawn over the picture, in the same depth. Shared, as it may be large.
+    pub overlays: Arc<Overlays>,
 }
 
 /// A part of a request that is out of range: where, what, and what it may be.
@@ -186,7 +191,8 @@ impl RenderRequest {
             let allowed = "nothing beside other modes than composite";
             return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
         }
-        self.validate_clip()
+        self.validate_clip()?;
+        self.overlays.validate()
     }
 
     /// [`RenderRequest::validate`], and that the work on a volume of this grid is within [`RenderRequest::MAX_SAMPLES`].

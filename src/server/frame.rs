@@ -309,8 +309,8 @@ fn timing(rendered: &Rendered, encode_ms: f64) -> String {
             format!("queue;dur={queue_ms:.2}, render;dur=0;desc=reused, encode;dur={encode_ms:.2}")
         }
         Origin::Rendered => format!(
-            "queue;dur={queue_ms:.2}, upload;dur={:.2}, render;dur={:.2}, encode;dur={encode_ms:.2}",
-            timings.upload_ms, timings.render_ms
+            "queue;dur={queue_ms:.2}, upload;dur={:.2}, render;dur={:.2}, overlay;dur={:.2}, encode;dur={encode_ms:.2}",
+            timings.upload_ms, timings.render_ms, timings.overlay_ms
         ),
     }
 }

@@ -76,6 +76,7 @@ pub(super) async fn openapi() -> impl IntoResponse {
 
 #[cfg(test)]
 mod tests {
+    use crate::render::Overlays;
     use std::collections::BTreeSet;
 
     use super::*;
@@ -115,6 +116,8 @@ mod tests {
         assert_eq!(names("profile"), json!(ProfileName::ALL.map(ProfileName::name)));
         assert_eq!(names("depth_filter"), json!(DepthFilter::ALL.map(DepthFilter::name)));
         assert_eq!(names("content"), json!(ContentType::ALL.map(ContentType::name)));
+        let overlays = &document["components"]["parameters"]["overlay"]["schema"]["items"]["enum"];
+        assert_eq!(*overlays, json!(Overlays::SWITCHES.map(|(name, _)| name)));
         for (name, parameter) in document["components"]["parameters"].as_object().unwrap() {
             assert_eq!(parameter["name"], name.as_str());
         }

@@ -65,7 +65,7 @@ impl Metrics {
                 self.queue.observe(rendered.queue_ms);
                 if rendered.origin == Origin::Rendered {
                     let timings = rendered.frame.timings;
-                    self.render.observe(timings.upload_ms + timings.render_ms);
+                    self.render.observe(timings.upload_ms + timings.render_ms + timings.overlay_ms);
                 }
                 usize::from(rendered.origin == Origin::Reused)
             }

@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 
 use super::problem::Problem;
 use crate::camera::Orbit;
-use crate::render::SceneFile;
+use crate::render::{Overlays, SceneFile};
 use crate::volume::Grid;
 
 /// What the text of a parameter must be.
@@ -42,6 +42,8 @@ enum Target {
     View { camera: &'static str, slice: &'static str },
     /// Two corners of a box.
     ClipBox,
+    /// Overlays by their names, with commas between them.
+    Overlay,
 }
 
 /// One parameter of a scene.
@@ -90,6 +92,7 @@ const PARAMETERS: &[Parameter] = &[
     key("depth_fraction", Kind::Number, "depth.fraction"),
     to("clip_box_mm", Kind::Numbers(6), Target::ClipBox),
     key("background_rgb", Kind::Numbers(3), "background_rgb"),
+    to("overlay", Kind::Text, Target::Overlay),
     key("layout", Kind::Text, "display.layout"),
     key("profile", Kind::Text, "display.profile"),
     key("vz", Kind::Number, "display.profile.vz"),
@@ -251,6 +254,7 @@ impl Parameter {
             Target::Key(known) => known == path,
             Target::Window => path.starts_with("transfer"),
             Target::ClipBox => path == "clip.box_mm",
+            Target::Overlay => path == "overlays",
             Target::FieldOfView => path.ends_with(self.name),
             Target::View { camera, slice } => path == camera || path == slice,
             Target::Orbit(_) => path == self.name,
@@ -277,6 +281,14 @@ impl Parameter {
             Target::Window => {
                 set(scene, "transfer.window.center_hu", value[0].clone());
                 set(scene, "transfer.window.width_hu", value[1].clone());
+            }
+            Target::Overlay => {
+                for name in text.split(',') {
+                    let known = Overlays::SWITCHES.iter().find(|(known, _)| *known == name);
+                    let (_, key) =
+                        known.ok_or_else(|| malformed(self.name, name, &Overlays::switch_names()))?;
+                    set(scene, &format!("overlays.{key}"), true.into());
+                }
             }
             Target::ClipBox => {
                 let corners = value.as_array().map_or(&[][..], Vec::as_slice).chunks(3);

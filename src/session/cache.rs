@@ -61,8 +61,10 @@ impl FrameCache {
 fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
     let request = &key.request;
     let gradient = request.transfer.gradient_opacity().map_or(0, |opacity| size_of_val(opacity.points()));
-    let lists =
-        size_of_val(request.transfer.points()) + gradient + size_of_val(request.clip.planes.as_slice());
+    let lists = size_of_val(request.transfer.points())
+        + gradient
+        + size_of_val(request.clip.planes.as_slice())
+        + request.overlays.size_bytes();
     let pixels = size_of_val(frame.color_rgba.as_slice()) + size_of_val(frame.depth_mm.as_slice());
     size_of_val(key) + lists + size_of_val(frame) + pixels
 }

@@ -12,6 +12,7 @@
 mod closed_forms;
 mod isosurfaces;
 mod modes;
+mod overlays;
 mod projections;
 mod refusals;
 mod skipping;

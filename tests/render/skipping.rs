@@ -1,7 +1,9 @@
 //! Stepping over empty space changes not one byte, and does skip.
 
+use std::sync::Arc;
+
 use relief::camera::{Camera, Orbit, Projection};
-use relief::render::{DepthRule, Mode, RenderRequest, Renderer, SceneFile, Skipping};
+use relief::render::{DepthRule, Mode, Overlays, RenderRequest, Renderer, SceneFile, Skipping};
 use relief::transfer::GradientOpacity;
 use relief::volume::Volume;
 use relief::volume::phantom::Phantom;
@@ -50,6 +52,9 @@ fn skipping_changes_not_one_byte() {
             request = in_mode(Mode::RAYS[i / 2 % Mode::RAYS.len()], request);
         }
         request.depth = if i % 2 == 0 { DepthRule::FirstHit } else { DepthRule::Threshold { fraction: 0.5 } };
+        if i % 5 == 0 {
+            request.overlays = Arc::new(Overlays { bounding_box: true, ..Overlays::default() });
+        }
         assert_same_bytes(&mut renderer, &volume, &request);
     }
     for mut request in requests(&volume).into_iter().step_by(7) {

@@ -44,7 +44,7 @@ async fn a_frame_carries_picture_headers_and_camera() {
     assert_eq!(answer.header("vary"), "Accept");
     assert!(answer.header("cache-control").starts_with("private, max-age="));
     assert!(answer.header("etag").starts_with("W/\""));
-    for part in ["queue;dur=", "upload;dur=1.00", "render;dur=2.00", "encode;dur="] {
+    for part in ["queue;dur=", "upload;dur=1.00", "render;dur=2.00", "overlay;dur=0.00", "encode;dur="] {
         assert!(answer.header("server-timing").contains(part), "{}", answer.header("server-timing"));
     }
     let decoded = Layout::Rgbd.decode(&png(&answer)).unwrap();

@@ -96,7 +96,7 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
         depth_mm,
         camera: request.camera,
         limits: DepthLimits::new(distance - 50.0, distance + 50.0).unwrap(),
-        timings: Timings { upload_ms: 1.0, render_ms: 2.0 },
+        timings: Timings { upload_ms: 1.0, render_ms: 2.0, overlay_ms: 0.0 },
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! It exists to be compared with, not to be fast: tests render a request here and on the GPU and compare pixels. It
 //! takes the request itself and samples voxels by plain trilinear interpolation. It shares with the GPU path the request,
-//! the transfer table, the camera and the depth limits, which tests of their own hold against closed forms.
+//! the transfer table, the camera, the depth limits and the overlays' pass, which tests of their own hold against closed forms.
 //!
 //! | here | shader |
 //! |---|---|
@@ -27,6 +27,7 @@ use rayon::prelude::*;
 
 use super::frame::{RenderedFrame, Timings};
 use super::letters;
+use super::overlay::Drawing;
 use super::renderer::{RenderError, depth_limits};
 use super::request::RenderRequest;
 use crate::volume::Volume;
@@ -37,6 +38,7 @@ use crate::volume::Volume;
 /// When the request is out of range.
 pub fn render(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
     request.validate_on(volume.grid())?;
+    let drawing = Drawing::new(request, volume.grid())?;
     let scene = cast::Caster::new(volume, request);
     let [width, height] = request.size_px;
     let pixels: Vec<([u8; 4], f32)> = (0..height)
@@ -55,6 +57,9 @@ pub fn render(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame,
     };
     if request.letters {
         letters::burn(&mut frame);
+    }
+    if let Some(drawing) = drawing {
+        drawing.draw(&mut frame);
     }
     Ok(frame)
 }

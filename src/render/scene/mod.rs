@@ -4,13 +4,17 @@
 //! gives a [`Scene`] whose every value is in range. Errors name the key's path, the value and what is allowed.
 
 mod error;
+mod overlays;
 mod parts;
 mod slice;
 mod surfaces;
 mod written;
 
+use std::sync::Arc;
+
 use serde::Deserialize;
 
+use self::overlays::OverlaysFile;
 use self::parts::{
     CameraFile, ClipFile, DepthFile, ShadingFile, TransferFile, Windows, default_mode, default_shading,
     expect_objects, resolve_transfer,
@@ -71,6 +75,7 @@ pub struct SceneFile {
     depth: Option<DepthFile>,
     clip: Option<ClipFile>,
     background_rgb: Option<[f64; 3]>,
+    overlays: OverlaysFile,
     display: DisplaySettings,
 }
 
@@ -118,6 +123,15 @@ impl SceneFile {
     #[must_use]
     pub fn with_iso_hu(self, hu: f64) -> Self {
         Self { mode: Some(Mode::Isosurface), iso_hu: Some(hu), surfaces: None, ..self }
+    }
+
+    /// Switches on an overlay by its name, one of [`Overlays::SWITCHES`](super::Overlays::SWITCHES).
+    ///
+    /// # Errors
+    /// When there is none of this name.
+    pub fn with_overlay(mut self, name: &str) -> Result<Self, RequestError> {
+        self.overlays.switch_on(name)?;
+        Ok(self)
     }
 
     /// Whether the scene is that of a slice.
@@ -208,6 +222,7 @@ impl SceneFile {
             depth: self.depth.map_or(Ok(DepthRule::Threshold { fraction: 0.5 }), DepthFile::resolve)?,
             clip: self.clip.unwrap_or_default().resolve()?,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
+            overlays: Arc::new(self.overlays.resolve()?),
         };
         request.validate_on(grid)?;
         Ok(Scene { request, display: self.display })
@@ -289,6 +304,11 @@ mod tests {
             (
                 camera(r#"{"perspective":{"vertical_fov_deg":400}}"#),
                 &["camera.projection.perspective.vertical_fov_deg is 400", "0.1 to 170"],
+            ),
+            (
+                r#"{"overlays":{"items":[{"line":{"from_mm":[0,0,0],"to_mm":[1,1,1],"width_px":0}}]}}"#
+                    .to_owned(),
+                &["overlays.items[0].line.width_px is 0", "0.5 to 64"],
             ),
             (camera(r#"{"fisheye":{}}"#), &["camera.projection", "fisheye"]),
             ("{} trailing".to_owned(), &["trailing"]),

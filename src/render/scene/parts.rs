@@ -5,6 +5,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
+use super::overlays::OverlaysFile;
 use crate::camera::{Camera, CameraError, Projection};
 use crate::render::mode::Mode;
 use crate::render::request::{Clip, ClipPlane, DepthRule, RequestError, Shading};
@@ -170,7 +171,7 @@ struct PlaneFile {
 ///
 /// What is no JSON at all passes: the parser proper says where it goes wrong.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
-    const OBJECTS: [&str; 12] = [
+    const OBJECTS: [&str; 13] = [
         "",
         "/camera",
         "/camera/projection",
@@ -183,6 +184,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/depth",
         "/clip",
         "/slice",
+        "/overlays",
     ];
     let Ok(scene) = serde_json::from_slice::<serde_json::Value>(json) else { return Ok(()) };
     let lists = ["/transfer/points", "/transfer/gradient_opacity/points", "/clip/planes", "/surfaces"]
@@ -191,6 +193,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
             let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
             (0..items).map(move |i| format!("{list}/{i}"))
         });
+    let lists = lists.chain(overlay_items(&scene));
     let paths = OBJECTS.into_iter().chain(["/display"]).map(str::to_owned).chain(lists);
     for path in paths {
         if scene.pointer(&path).is_some_and(serde_json::Value::is_array) {
@@ -200,6 +203,16 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         }
     }
     Ok(())
+}
+
+/// The items of the overlays, and what each says.
+fn overlay_items(scene: &serde_json::Value) -> impl Iterator<Item = String> {
+    let items = scene.pointer("/overlays/items").and_then(serde_json::Value::as_array).map_or(0, Vec::len);
+    (0..items).flat_map(|i| {
+        let item = format!("/overlays/items/{i}");
+        let inner = OverlaysFile::KINDS.map(|kind| format!("{item}/{kind}"));
+        std::iter::once(item).chain(inner)
+    })
 }
 
 impl CameraFile {

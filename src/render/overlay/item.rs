@@ -1,0 +1,303 @@
+//! What is drawn over a picture: items in patient mm, and the instruments that follow the camera.
+//!
+//! These are the values of a request. How they become pixels is in the modules beside; their JSON is in `scene`.
+
+use crate::render::request::RequestError;
+use crate::space::{Patient, Point};
+
+/// Everything that is drawn over a picture, in the same depth as the volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlays {
+    /// At most [`Overlays::MAX_ITEMS`].
+    pub items: Vec<OverlayItem>,
+    /// The twelve edges of the volume's box.
+    pub bounding_box: bool,
+    /// Opacity of what lies behind the volume's surface, 0..1: 0 hides it, 1 shows it as if nothing were before it.
+    pub occluded: f64,
+}
+
+/// One thing in patient space.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OverlayItem {
+    /// A ball.
+    Landmark(Landmark),
+    /// A straight line.
+    Line(Line),
+    /// A line through many points.
+    Curve(Curve),
+    /// A surface of triangles.
+    Mesh(Mesh),
+}
+
+/// A ball around a point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Landmark {
+    /// Its centre.
+    pub at: Point<Patient>,
+    /// Its size.
+    pub radius: Radius,
+    /// Display-referred sRGB, 0..1.
+    pub rgb: [f64; 3],
+}
+
+/// The size of a ball.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Radius {
+    /// A length in the patient, mm.
+    Mm(f64),
+    /// As many pixels at the depth of its centre, whatever the distance.
+    Px(f64),
+}
+
+/// A straight line of constant width in the picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// Both ends.
+    pub ends: [Point<Patient>; 2],
+    /// Width, px.
+    pub width_px: f64,
+    /// Display-referred sRGB, 0..1.
+    pub rgb: [f64; 3],
+}
+
+/// A line through points in order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// Two or more; three or more where it is closed.
+    pub points: Vec<Point<Patient>>,
+    /// Whether the last point is joined to the first.
+    pub closed: bool,
+    /// Whether it is a centripetal Catmull-Rom spline through the points, instead of straight between them.
+    pub smooth: bool,
+    /// Width, px.
+    pub width_px: f64,
+    /// Display-referred sRGB, 0..1.
+    pub rgb: [f64; 3],
+}
+
+/// Triangles, seen from both sides, under a headlight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    /// Corners.
+    pub vertices: Vec<Point<Patient>>,
+    /// Three indices of corners each.
+    pub triangles: Vec<[u32; 3]>,
+    /// Display-referred sRGB, 0..1.
+    pub rgb: [f64; 3],
+    /// 0.05..1. From a half on the mesh writes depth.
+    pub opacity: f64,
+}
+
+impl Default for Overlays {
+    fn default() -> Self {
+        Self { items: Vec::new(), bounding_box: false, occluded: Self::DEFAULT_OCCLUDED }
+    }
+}
+
+impl Overlays {
+    /// Most items of a request.
+    pub const MAX_ITEMS: usize = 20_000;
+    /// Most points of all curves of a request together.
+    pub const MAX_POINTS: usize = 100_000;
+    /// Most corners of all meshes of a request together.
+    pub const MAX_VERTICES: usize = 200_000;
+    /// Most triangles of all meshes of a request together.
+    pub const MAX_TRIANGLES: usize = 400_000;
+    /// What can be switched on by a name, with `--overlay` and in a query, and its key in the JSON form.
+    pub const SWITCHES: [(&str, &str); 1] = [("bounding-box", "bounding_box")];
+    /// Opacity of hidden parts where a request says nothing.
+    pub const DEFAULT_OCCLUDED: f64 = 0.25;
+    /// Widths of lines and curves, px.
+    pub(super) const WIDTHS_PX: [f64; 2] = [0.5, 64.0];
+    /// Coordinates, mm either way: those of cameras.
+    const FARTHEST_MM: f64 = 1e6;
+
+    /// The names of [`Overlays::SWITCHES`] in one line.
+    #[must_use]
+    pub fn switch_names() -> String {
+        Self::SWITCHES.map(|(name, _)| name).join(", ")
+    }
+
+    /// Whether nothing is to be drawn.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty() && !self.bounding_box
+    }
+
+    /// Bytes that the lists take.
+    #[must_use]
+    pub fn size_bytes(&self) -> usize {
+        let inner = |item: &OverlayItem| match item {
+            OverlayItem::Curve(curve) => size_of_val(curve.points.as_slice()),
+            OverlayItem::Mesh(mesh) => {
+                size_of_val(mesh.vertices.as_slice()) + size_of_val(mesh.triangles.as_slice())
+            }
+            OverlayItem::Landmark(_) | OverlayItem::Line(_) => 0,
+        };
+        size_of_val(self.items.as_slice()) + self.items.iter().map(inner).sum::<usize>()
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first value out of range, with its key's path.
+    pub fn validate(&self) -> Result<(), RequestError> {
+        within("overlays.occluded", self.occluded, [0.0, 1.0])?;
+        at_most("overlays.items", "items", self.items.len(), Self::MAX_ITEMS)?;
+        let mut sums = Sums::default();
+        for (index, item) in self.items.iter().enumerate() {
+            let path = Path { index, kind: item.kind() };
+            item.validate(path)?;
+            sums.add(item, path)?;
+        }
+        Ok(())
+    }
+}
+
+impl OverlayItem {
+    /// The item's key in the JSON form.
+    #[must_use]
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::Landmark(_) => "landmark",
+            Self::Line(_) => "line",
+            Self::Curve(_) => "curve",
+            Self::Mesh(_) => "mesh",
+        }
+    }
+
+    fn validate(&self, path: Path) -> Result<(), RequestError> {
+        match self {
+            Self::Landmark(Landmark { at, radius, rgb }) => {
+                path.point("at_mm", *at)?;
+                match *radius {
+                    Radius::Mm(mm) => path.within("radius_mm", mm, [0.01, 1000.0])?,
+                    Radius::Px(px) => path.within("radius_px", px, [0.5, 500.0])?,
+                }
+                path.rgb(rgb)
+            }
+            Self::Line(Line { ends: [from, to], width_px, rgb }) => {
+                path.point("from_mm", *from)?;
+                path.point("to_mm", *to)?;
+                path.within("width_px", *width_px, Overlays::WIDTHS_PX)?;
+                path.rgb(rgb)
+            }
+            Self::Curve(Curve { points, closed, smooth: _, width_px, rgb }) => {
+                let least = if *closed { 3 } else { 2 };
+                if points.len() < least {
+                    let found = format!("{} points", points.len());
+                    return Err(path.refuse("points_mm", &found, &format!("at least {least}")));
+                }
+                path.points("points_mm", points)?;
+                path.within("width_px", *width_px, Overlays::WIDTHS_PX)?;
+                path.rgb(rgb)
+            }
+            Self::Mesh(mesh) => mesh.validate(path),
+        }
+    }
+}
+
+impl Mesh {
+    fn validate(&self, path: Path) -> Result<(), RequestError> {
+        let Self { vertices, triangles, rgb, opacity } = self;
+        for (key, count) in [("vertices_mm", vertices.len()), ("triangles", triangles.len())] {
+            if count == 0 {
+                return Err(path.refuse(key, &"empty", "at least one triangle and its corners"));
+            }
+        }
+        path.points("vertices_mm", vertices)?;
+        let known = |corner: &u32| (*corner as usize) < vertices.len();
+        if let Some(at) = triangles.iter().position(|corners| !corners.iter().all(known)) {
+            let allowed = format!("indices of vertices_mm, 0 to {}", vertices.len() - 1);
+            return Err(path.refuse(&format!("triangles[{at}]"), &format!("{:?}", triangles[at]), &allowed));
+        }
+        path.within("opacity", *opacity, [0.05, 1.0])?;
+        path.rgb(rgb)
+    }
+}
+
+/// Counts over all items: together they bound the memory and the work of a picture.
+#[derive(Default)]
+struct Sums {
+    points: usize,
+    vertices: usize,
+    triangles: usize,
+}
+
+impl Sums {
+    fn add(&mut self, item: &OverlayItem, path: Path) -> Result<(), RequestError> {
+        let over = |key: &str, sum: usize, most: usize| {
+            let found = format!("{sum} in all items up to this one");
+            if sum <= most { Ok(()) } else { Err(path.refuse(key, &found, &format!("at most {most}"))) }
+        };
+        match item {
+            OverlayItem::Curve(curve) => {
+                self.points += curve.points.len();
+                over("points_mm", self.points, Overlays::MAX_POINTS)
+            }
+            OverlayItem::Mesh(mesh) => {
+                self.vertices += mesh.vertices.len();
+                self.triangles += mesh.triangles.len();
+                over("vertices_mm", self.vertices, Overlays::MAX_VERTICES)?;
+                over("triangles", self.triangles, Overlays::MAX_TRIANGLES)
+            }
+            OverlayItem::Landmark(_) | OverlayItem::Line(_) => Ok(()),
+        }
+    }
+}
+
+/// Where an item is in the JSON form.
+#[derive(Clone, Copy)]
+struct Path {
+    index: usize,
+    kind: &'static str,
+}
+
+impl Path {
+    fn key(self, key: &str) -> String {
+        format!("overlays.items[{}].{}.{key}", self.index, self.kind)
+    }
+
+    fn refuse(self, key: &str, found: &impl ToString, allowed: &str) -> RequestError {
+        RequestError::new(&self.key(key), found, allowed)
+    }
+
+    fn within(self, key: &str, value: f64, range: [f64; 2]) -> Result<(), RequestError> {
+        within(&self.key(key), value, range)
+    }
+
+    fn rgb(self, rgb: &[f64; 3]) -> Result<(), RequestError> {
+        rgb.iter().try_for_each(|&channel| self.within("rgb", channel, [0.0, 1.0]))
+    }
+
+    fn point(self, key: &str, point: Point<Patient>) -> Result<(), RequestError> {
+        let far = Overlays::FARTHEST_MM;
+        match point.xyz.to_array().iter().find(|mm| !(-far..=far).contains(*mm)) {
+            Some(mm) => Err(self.refuse(key, mm, &format!("-{far} to {far} mm each"))),
+            None => Ok(()),
+        }
+    }
+
+    fn points(self, key: &str, points: &[Point<Patient>]) -> Result<(), RequestError> {
+        points
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, point)| self.point(key, *point).map_err(|error| at_index(error, i)))
+    }
+}
+
+fn at_index(error: RequestError, index: usize) -> RequestError {
+    RequestError { path: format!("{}[{index}]", error.path), ..error }
+}
+
+fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), RequestError> {
+    let inside = (low..=high).contains(&value);
+    inside.then_some(()).ok_or_else(|| RequestError::new(path, &value, &format!("{low} to {high}")))
+}
+
+fn at_most(path: &str, what: &str, found: usize, most: usize) -> Result<(), RequestError> {
+    if found <= most {
+        return Ok(());
+    }
+    Err(RequestError::new(path, &format!("{found} {what}"), &format!("at most {most}")))
+}

@@ -1,0 +1,108 @@
+//! Overlays: landmarks, lines, curves, meshes and instruments, drawn over a rendered picture in the same depth.
+//!
+//! What it is: a pass on the CPU over a whole frame as it came back from the renderer, the same for every adapter, in f64
+//! and without any dependence on the number of threads: its bytes are the same everywhere. What it is not: it casts no
+//! rays and does not know the voxels; a pixel's depth is all that it knows of the volume.
+//!
+//! Rules. Fragments of a pixel are sorted by depth. What lies before the volume's depth is drawn as it is; what lies
+//! behind has a share of its opacity (`occluded`) and writes no depth. Where dense overlays before the volume cover half
+//! of a pixel or more, the pixel takes the depth of one of them: depths are never blended. Clip planes cut the volume,
+//! not the overlays.
+//!
+//! Spaces: items are in patient mm, primitives in view space and pixels (see `lens`); depth is view depth in mm.
+
+mod build;
+mod curve;
+mod item;
+mod layers;
+mod lens;
+mod shape;
+
+use rayon::prelude::*;
+
+use self::layers::{Band, Scratch};
+use self::lens::Lens;
+use self::shape::{Primitive, pixels};
+use super::frame::RenderedFrame;
+use super::request::{RenderRequest, RequestError};
+use crate::volume::Grid;
+
+pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius};
+
+/// Rows of a picture that one thread draws at a time.
+const BAND_ROWS: u32 = 16;
+
+/// Most pixels that all primitives of a picture together may have to look at: some seconds of a core.
+const MAX_WORK_PX: f64 = (1u64 << 29) as f64;
+
+/// The overlays of one picture, ready to be drawn over it.
+#[derive(Debug)]
+pub(super) struct Drawing {
+    lens: Lens,
+    primitives: Vec<Primitive>,
+    occluded: f32,
+}
+
+impl Drawing {
+    /// What a request wants drawn over the picture of a volume on `grid`; `None` when that is nothing.
+    ///
+    /// # Errors
+    /// When drawing would take too long: items too many and too large for the picture.
+    #[expect(clippy::cast_possible_truncation, reason = "a share")]
+    pub(super) fn new(request: &RenderRequest, grid: &Grid) -> Result<Option<Self>, RequestError> {
+        let overlays = &request.overlays;
+        if overlays.is_empty() {
+            return Ok(None);
+        }
+        let lens = Lens::new(&request.camera, request.size_px);
+        let mut primitives = build::primitives(overlays, &lens, grid);
+        let [width, height] = request.size_px;
+        let mut work_px = 0.0;
+        primitives.retain(|primitive| {
+            let [left, top, right, bottom] = primitive.bounds();
+            let ([a, b], [c, d]) = (pixels(left, right, [0, width]), pixels(top, bottom, [0, height]));
+            work_px += primitive.work_px(f64::from(b - a), f64::from(d - c));
+            a < b && c < d
+        });
+        if work_px > MAX_WORK_PX {
+            let found = format!("{work_px:.0} pixels of drawing in a picture of this size");
+            let allowed = format!("at most {MAX_WORK_PX}: fewer or smaller items");
+            return Err(RequestError::new("overlays.items", &found, &allowed));
+        }
+        Ok(Some(Self { lens, primitives, occluded: overlays.occluded as f32 }))
+    }
+
+    /// Draws over a whole picture.
+    pub(super) fn draw(&self, frame: &mut RenderedFrame) {
+        let [width, height] = frame.size_px;
+        let bands = self.bands(height);
+        let pixels_of_band = (width * BAND_ROWS) as usize;
+        let colors = frame.color_rgba.par_chunks_mut(pixels_of_band);
+        let depths = frame.depth_mm.par_chunks_mut(pixels_of_band);
+        colors.zip(depths).zip(&bands).enumerate().for_each_init(
+            Scratch::default,
+            |scratch, (i, ((color_rgba, depth_mm), members))| {
+                #[expect(clippy::cast_possible_truncation, reason = "a picture's rows are u32")]
+                let first = i as u32 * BAND_ROWS;
+                let rows = [first, (first + BAND_ROWS).min(height)];
+                let mut band = Band { rows, width, color_rgba, depth_mm, scratch };
+                for &member in members {
+                    self.primitives[member as usize].draw(&self.lens, &mut band);
+                }
+                band.resolve(self.occluded);
+            },
+        );
+    }
+
+    /// The primitives of each band of rows, in their order.
+    fn bands(&self, height: u32) -> Vec<Vec<u32>> {
+        let mut bands = vec![Vec::new(); height.div_ceil(BAND_ROWS) as usize];
+        for (index, primitive) in (0u32..).zip(&self.primitives) {
+            let [_, top, _, bottom] = primitive.bounds();
+            let [first, end] = pixels(top, bottom, [0, height]);
+            let touched = first / BAND_ROWS..end.div_ceil(BAND_ROWS);
+            bands[touched.start as usize..touched.end as usize].iter_mut().for_each(|band| band.push(index));
+        }
+        bands
+    }
+}

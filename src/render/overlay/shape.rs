@@ -1,0 +1,341 @@
+//! Primitives and the pixels that they cover: balls, strokes and triangles, already in view and in pixels.
+//!
+//! Each is drawn row by row. Coverage is counted at the sample points of `layers`; a pixel's depth and shade are those
+//! at its centre, or at the primitive's nearest part where the centre is outside. Shade is of a headlight: the share
+//! [`AMBIENT`] from everywhere and the rest by the cosine between surface and ray.
+
+use glam::{DVec2, DVec3};
+
+use super::layers::{Band, FULL, Fragment, Rank, sample_points};
+use super::lens::{Lens, NEAR_MM};
+
+/// Share of light that does not depend on the slope of a surface.
+const AMBIENT: f64 = 0.35;
+
+/// From a pixel's centre to its corner, px.
+const HALF_DIAGONAL: f64 = 0.708;
+
+/// Something to draw.
+#[derive(Clone, Debug)]
+pub(super) struct Primitive {
+    pub(super) shape: Shape,
+    /// Display-referred sRGB, 0..255.
+    pub(super) rgb: [f32; 3],
+    pub(super) opacity: f32,
+    pub(super) rank: Rank,
+}
+
+/// Its form.
+#[derive(Clone, Debug)]
+pub(super) enum Shape {
+    Ball(Ball),
+    Stroke(Stroke),
+    Triangle(Triangle),
+}
+
+/// What a shape has in one pixel: sample points, view depth in mm, and share of its colour.
+struct Cover {
+    points: u16,
+    depth_mm: f64,
+    light: f64,
+}
+
+impl Primitive {
+    /// The box of pixels outside of which nothing is: left, top, right, bottom.
+    pub(super) fn bounds(&self) -> [f64; 4] {
+        match &self.shape {
+            Shape::Ball(ball) => ball.bounds,
+            Shape::Stroke(stroke) => stroke.bounds(),
+            Shape::Triangle(triangle) => triangle.bounds(),
+        }
+    }
+
+    /// About how many pixels of a box of that size have to be looked at.
+    pub(super) fn work_px(&self, width: f64, height: f64) -> f64 {
+        match &self.shape {
+            Shape::Ball(_) | Shape::Triangle(_) => width * height,
+            Shape::Stroke(stroke) => (width + height) * (2.0 * stroke.half_width + 3.0).min(width).max(1.0),
+        }
+    }
+
+    /// Draws what lies in the band.
+    pub(super) fn draw(&self, lens: &Lens, band: &mut Band<'_>) {
+        let [_, top, _, bottom] = self.bounds();
+        let [first, end] = pixels(top, bottom, band.rows);
+        for row in first..end {
+            let [left, right] = self.span(row);
+            let [first, end] = pixels(left, right, [0, band.width]);
+            for column in first..end {
+                if let Some(cover) = self.cover(lens, DVec2::new(f64::from(column), f64::from(row))) {
+                    band.add(column, row, self.fragment(&cover));
+                }
+            }
+        }
+    }
+
+    /// From where to where the shape may be in a row.
+    fn span(&self, row: u32) -> [f64; 2] {
+        match &self.shape {
+            Shape::Ball(ball) => [ball.bounds[0], ball.bounds[2]],
+            Shape::Stroke(stroke) => stroke.span(f64::from(row)),
+            Shape::Triangle(triangle) => triangle.span(f64::from(row)),
+        }
+    }
+
+    /// What the shape has in the pixel with this upper left corner.
+    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
+        match &self.shape {
+            Shape::Ball(ball) => ball.cover(lens, corner),
+            Shape::Stroke(stroke) => stroke.cover(lens, corner),
+            Shape::Triangle(triangle) => triangle.cover(lens, corner),
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "colours and depths are kept as f32")]
+    fn fragment(&self, cover: &Cover) -> Fragment {
+        Fragment {
+            rgb: self.rgb.map(|channel| channel * cover.light as f32),
+            opacity: self.opacity,
+            depth_mm: cover.depth_mm as f32,
+            points: cover.points,
+            rank: self.rank,
+        }
+    }
+}
+
+/// Whole pixels that a stretch touches, within limits.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
+pub(super) fn pixels(low: f64, high: f64, [first, end]: [u32; 2]) -> [u32; 2] {
+    let clamp = |value: f64| value.clamp(f64::from(first), f64::from(end)) as u32;
+    [clamp(low.floor()), clamp(high.ceil())]
+}
+
+fn light(facing: f64) -> f64 {
+    AMBIENT + (1.0 - AMBIENT) * facing
+}
+
+/// The sample points of the pixel at `corner` for which `is_inside` holds.
+fn points_where(corner: DVec2, is_inside: impl Fn(DVec2) -> bool) -> u16 {
+    let mut points = 0;
+    for (i, point) in sample_points().into_iter().enumerate() {
+        points |= u16::from(is_inside(corner + point)) << i;
+    }
+    points
+}
+
+/// A ball: its outline is exact in both projections.
+#[derive(Clone, Debug)]
+pub(super) struct Ball {
+    center: DVec3,
+    radius_mm: f64,
+    bounds: [f64; 4],
+}
+
+impl Ball {
+    /// A ball around a place in view; `None` where it is not wholly before the near plane.
+    pub(super) fn new(lens: &Lens, center: DVec3, radius_mm: f64) -> Option<Self> {
+        if center.z - radius_mm < NEAR_MM {
+            return None;
+        }
+        let low_high = |across: f64| {
+            if !lens.is_perspective {
+                return [across - radius_mm, across + radius_mm];
+            }
+            // Tangents from the eye to a circle, in the plane of one picture axis and the viewing direction.
+            let square = center.z * center.z - radius_mm * radius_mm;
+            let reach = radius_mm * (across * across + square).sqrt();
+            [(across * center.z - reach) / square, (across * center.z + reach) / square]
+        };
+        let ([left, right], [bottom, top]) = (low_high(center.x), low_high(center.y));
+        let pixel = |x: f64, y: f64| lens.pixel(DVec3::new(x, y, 1.0));
+        let (first, last) = (pixel(left, top), pixel(right, bottom));
+        Some(Self { center, radius_mm, bounds: [first.x, first.y, last.x, last.y] })
+    }
+
+    /// A positive number where the ray of a pixel meets the ball, and what the depth is computed from.
+    fn discriminant(&self, across: DVec2, is_perspective: bool) -> (f64, f64, f64) {
+        if !is_perspective {
+            let off = self.radius_mm * self.radius_mm - across.distance_squared(self.center.truncate());
+            return (off, self.center.z, 1.0);
+        }
+        let ray = across.extend(1.0);
+        let (square, along) = (ray.length_squared(), ray.dot(self.center));
+        let power = self.center.length_squared() - self.radius_mm * self.radius_mm;
+        (along * along - square * power, along, square)
+    }
+
+    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
+        let at = |pixel: DVec2| self.discriminant(lens.across(pixel), lens.is_perspective);
+        let is_inside = |pixel: DVec2| at(pixel).0 >= 0.0;
+        let corners = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE];
+        // The outline is convex.
+        let is_full = corners.into_iter().all(|offset| is_inside(corner + offset));
+        let points = if is_full { FULL } else { points_where(corner, is_inside) };
+        if points == 0 {
+            return None;
+        }
+        let (discriminant, along, square) = at(corner + 0.5);
+        let root = discriminant.max(0.0).sqrt();
+        let facing = (root / (self.radius_mm * square.sqrt())).min(1.0);
+        Some(Cover { points, depth_mm: (along - root) / square, light: light(facing) })
+    }
+}
+
+/// A straight line of constant width with round ends. It is as thick as wide: its depth is half its width nearer than
+/// that of its axis, so that a line on a surface is seen.
+#[derive(Clone, Debug)]
+pub(super) struct Stroke {
+    ends: [DVec2; 2],
+    slopes: [f64; 2],
+    half_width: f64,
+}
+
+impl Stroke {
+    /// The line between two places in view; `None` where it is behind the near plane.
+    pub(super) fn new(lens: &Lens, ends: [DVec3; 2], width_px: f64) -> Option<Self> {
+        let ends = Lens::clip_segment(ends[0], ends[1])?;
+        let nearer = |place: DVec3| {
+            let thick = lens.mm_per_px(place.z) * width_px / 2.0;
+            lens.slope((place.z - thick).max(place.z / 2.0))
+        };
+        Some(Self {
+            ends: ends.map(|end| lens.pixel(end)),
+            slopes: ends.map(nearer),
+            half_width: width_px / 2.0,
+        })
+    }
+
+    fn bounds(&self) -> [f64; 4] {
+        let [a, b] = self.ends;
+        let (low, high) = (a.min(b) - self.half_width, a.max(b) + self.half_width);
+        [low.x, low.y, high.x, high.y]
+    }
+
+    fn span(&self, row: f64) -> [f64; 2] {
+        let [a, b] = self.ends;
+        let margin = self.half_width + 1.0;
+        let along = b - a;
+        let shares = if along.y.abs() < 1e-9 {
+            [0.0, 1.0]
+        } else {
+            [row - margin, row + 1.0 + margin].map(|y| ((y - a.y) / along.y).clamp(0.0, 1.0))
+        };
+        let [p, q] = shares.map(|share| a.x + along.x * share);
+        [p.min(q) - margin, p.max(q) + margin]
+    }
+
+    /// The nearest point of the axis, as a share of the way, and its distance, px.
+    fn nearest(&self, pixel: DVec2) -> (f64, f64) {
+        let [a, b] = self.ends;
+        let along = b - a;
+        let square = along.length_squared();
+        let share = if square > 0.0 { ((pixel - a).dot(along) / square).clamp(0.0, 1.0) } else { 0.0 };
+        (share, pixel.distance(a + along * share))
+    }
+
+    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
+        let (share, distance) = self.nearest(corner + 0.5);
+        let points = if distance + HALF_DIAGONAL <= self.half_width {
+            FULL
+        } else if distance - HALF_DIAGONAL > self.half_width {
+            0
+        } else {
+            points_where(corner, |pixel| self.nearest(pixel).1 <= self.half_width)
+        };
+        let [a, b] = self.slopes;
+        let depth_mm = lens.depth_mm(a + (b - a) * share);
+        (points != 0).then_some(Cover { points, depth_mm, light: 1.0 })
+    }
+}
+
+/// A flat triangle, seen from both sides.
+#[derive(Clone, Debug)]
+pub(super) struct Triangle {
+    corners: [DVec2; 3],
+    /// Slope at the first corner, and how it grows to the right and downwards.
+    slope: f64,
+    slope_by_px: DVec2,
+    slope_range: [f64; 2],
+    normal: DVec3,
+}
+
+impl Triangle {
+    /// The triangle between three places in view before the near plane; `None` where it has no area in the picture.
+    pub(super) fn new(lens: &Lens, places: [DVec3; 3], normal: DVec3) -> Option<Self> {
+        let mut corners = places.map(|place| lens.pixel(place));
+        let mut slopes = places.map(|place| lens.slope(place.z));
+        let mut area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);
+        if !area.is_normal() {
+            return None;
+        }
+        if area < 0.0 {
+            corners.swap(1, 2);
+            slopes.swap(1, 2);
+            area = -area;
+        }
+        let [a, b] = [1, 2].map(|i| (corners[i] - corners[0], slopes[i] - slopes[0]));
+        let slope_by_px = DVec2::new(a.1 * b.0.y - b.1 * a.0.y, b.1 * a.0.x - a.1 * b.0.x) / area;
+        let slope_range = [slopes[0].min(slopes[1]).min(slopes[2]), slopes[0].max(slopes[1]).max(slopes[2])];
+        Some(Self { corners, slope: slopes[0], slope_by_px, slope_range, normal })
+    }
+
+    fn bounds(&self) -> [f64; 4] {
+        let [a, b, c] = self.corners;
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        [low.x, low.y, high.x, high.y]
+    }
+
+    fn span(&self, row: f64) -> [f64; 2] {
+        let mut span = [f64::INFINITY, f64::NEG_INFINITY];
+        for (i, &a) in self.corners.iter().enumerate() {
+            let b = self.corners[(i + 1) % 3];
+            let along = b - a;
+            let share = |y: f64| if along.y == 0.0 { 0.0 } else { ((y - a.y) / along.y).clamp(0.0, 1.0) };
+            let touches = a.y.min(b.y) <= row + 1.0 && a.y.max(b.y) >= row;
+            let ends =
+                if along.y == 0.0 { [a.x, b.x] } else { [row, row + 1.0].map(|y| a.x + along.x * share(y)) };
+            for x in ends.into_iter().filter(|_| touches) {
+                span = [span[0].min(x), span[1].max(x)];
+            }
+        }
+        [span[0] - 1e-6, span[1] + 1e-6]
+    }
+
+    /// Twice the area between an edge and a pixel, positive inside, and whether points on the edge itself are inside:
+    /// they belong to one of two triangles that share it.
+    fn edge(&self, i: usize, pixel: DVec2) -> (f64, bool) {
+        let (a, b) = (self.corners[i], self.corners[(i + 1) % 3]);
+        let along = b - a;
+        // Computed from the same end whatever the direction, so that both triangles get the same number.
+        let first = if (a.x, a.y) < (b.x, b.y) { a } else { b };
+        let owns = along.y < 0.0 || (along.y == 0.0 && along.x > 0.0);
+        (along.perp_dot(pixel - first), owns)
+    }
+
+    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
+        let center = corner + 0.5;
+        let reach = |i: usize| {
+            let along = self.corners[(i + 1) % 3] - self.corners[i];
+            0.5 * (along.x.abs() + along.y.abs())
+        };
+        let is_inside = |i: usize, pixel: DVec2| {
+            let (area, owns) = self.edge(i, pixel);
+            area > 0.0 || (area == 0.0 && owns)
+        };
+        let mut is_full = true;
+        for i in 0..3 {
+            let (area, _) = self.edge(i, center);
+            if area < -reach(i) {
+                return None;
+            }
+            is_full &= area > reach(i);
+        }
+        let inside = |pixel: DVec2| (0..3).all(|i| is_inside(i, pixel));
+        let points = if is_full { FULL } else { points_where(corner, inside) };
+        let slope = self.slope + self.slope_by_px.dot(center - self.corners[0]);
+        let depth_mm = lens.depth_mm(slope.clamp(self.slope_range[0], self.slope_range[1]));
+        let ray = if lens.is_perspective { lens.across(center).extend(1.0).normalize() } else { DVec3::Z };
+        let light = light(self.normal.dot(ray).abs().min(1.0));
+        (points != 0).then_some(Cover { points, depth_mm, light })
+    }
+}
