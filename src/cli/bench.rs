@@ -50,6 +50,7 @@ struct Report {
     frames: u32,
     median_ms: f64,
     min_ms: f64,
+    overlay_ms: f64,
     samples_per_frame: u64,
     samples_per_s: f64,
     driver_samples_per_s: f64,
@@ -123,15 +124,16 @@ impl Bench<'_> {
         let first = self.render(&turntable.frame(request, -1))?;
         let first_frame_ms = milliseconds(start);
         let rss_before = memory_mib("VmRSS:");
-        let mut times = Vec::new();
+        let (mut times, mut overlay_times) = (Vec::new(), Vec::new());
         for request in turntable.measured(request) {
             let start = Instant::now();
-            self.render(&request)?;
+            overlay_times.push(self.render(&request)?.timings.overlay_ms);
             times.push(milliseconds(start));
         }
         let rss_growth_mib = memory_mib("VmRSS:").zip(rss_before).map(|(after, before)| after - before);
         times.sort_by(f64::total_cmp);
-        let median_ms = times[times.len() / 2];
+        overlay_times.sort_by(f64::total_cmp);
+        let [median_ms, overlay_ms] = [&times, &overlay_times].map(|sorted| sorted[sorted.len() / 2]);
         let samples_per_frame = self.samples_per_frame(request, turntable)?;
         let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
         let (transfer_change_ms, clip_change_ms) = self.changes(request)?;
@@ -144,6 +146,7 @@ impl Bench<'_> {
             frames: turntable.frames,
             median_ms,
             min_ms: times[0],
+            overlay_ms,
             samples_per_frame,
             samples_per_s,
             driver_samples_per_s,
@@ -229,6 +232,9 @@ fn print(report: &Report) {
         report.share * 100.0,
         report.driver_samples_per_s / 1e6
     );
+    if report.overlay_ms > 0.0 {
+        say!("of which overlays: median {:.1} ms", report.overlay_ms);
+    }
     say!(
         "load {:.0} ms, upload {:.0} ms, first frame {:.0} ms, peak memory {}",
         report.load_ms,

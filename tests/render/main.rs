@@ -10,8 +10,12 @@
 )]
 
 mod closed_forms;
+<<<<<<< HEAD
 mod isosurfaces;
 mod modes;
+=======
+mod instruments;
+>>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
 mod overlays;
 mod projections;
 mod refusals;

@@ -3,19 +3,37 @@
 use glam::DVec3;
 
 use super::curve::catmull_rom;
-use super::item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius};
+use super::instruments::{orientation_cube, scale_bar};
+use super::item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
+use super::labels::{self, Label};
 use super::layers::Rank;
 use super::lens::{Lens, NEAR_MM};
 use super::shape::{Ball, Primitive, Shape, Stroke, Triangle};
+use super::text::{Style, Typesetter, usual_height_px};
 use crate::volume::Grid;
 
 /// Colour and width of the bounding box.
 const BOX_RGB: [f64; 3] = [0.95, 0.8, 0.35];
 const BOX_WIDTH_PX: f64 = 2.0;
 
+/// Straight parts of a smooth curve's spans: so many together, and of each at least and at most.
+const PARTS: usize = 20_000;
+const PARTS_OF_SPAN: [usize; 2] = [4, 32];
+
 /// Everything that a request wants drawn, in the order of its items.
 pub(super) fn primitives(overlays: &Overlays, lens: &Lens, grid: &Grid) -> Vec<Primitive> {
-    let mut builder = Builder { lens, primitives: Vec::with_capacity(overlays.items.len()) };
+    let mut builder = Builder {
+        lens,
+        primitives: Vec::with_capacity(overlays.items.len()),
+        typesetter: Typesetter::default(),
+        labels: Vec::new(),
+    };
+    if overlays.orientation_cube {
+        orientation_cube(lens, &mut builder.primitives);
+    }
+    if overlays.scale_bar {
+        scale_bar(lens, &mut builder.typesetter, &mut builder.primitives);
+    }
     if overlays.bounding_box {
         builder.bounding_box(grid);
     }
@@ -27,24 +45,30 @@ pub(super) fn primitives(overlays: &Overlays, lens: &Lens, grid: &Grid) -> Vec<P
             }
             OverlayItem::Curve(curve) => builder.curve(curve),
             OverlayItem::Mesh(mesh) => builder.mesh(mesh),
+            OverlayItem::Text(text) => builder.text(text),
         }
     }
-    builder.primitives
+    let Builder { mut primitives, mut typesetter, labels, .. } = builder;
+    let height_px = overlays.label_height_px.unwrap_or_else(|| usual_height_px(lens.size_px.y));
+    labels::set(labels, height_px, lens, &mut typesetter, &mut primitives);
+    primitives
 }
 
 struct Builder<'a> {
     lens: &'a Lens,
     primitives: Vec<Primitive>,
+    typesetter: Typesetter,
+    labels: Vec<Label<'a>>,
 }
 
-impl Builder<'_> {
+impl<'a> Builder<'a> {
     #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
     fn push(&mut self, shape: Shape, rgb: [f64; 3], opacity: f64) {
         let rgb = rgb.map(|channel| (channel * 255.0) as f32);
         self.primitives.push(Primitive { shape, rgb, opacity: opacity as f32, rank: Rank::Scene });
     }
 
-    fn landmark(&mut self, landmark: &Landmark) {
+    fn landmark(&mut self, landmark: &'a Landmark) {
         let center = self.lens.place(landmark.at);
         if center.z < NEAR_MM {
             return;
@@ -53,8 +77,14 @@ impl Builder<'_> {
             Radius::Mm(mm) => mm,
             Radius::Px(px) => px * self.lens.mm_per_px(center.z),
         };
-        if let Some(ball) = Ball::new(self.lens, center, radius_mm) {
-            self.push(Shape::Ball(ball), landmark.rgb, 1.0);
+        let Some(ball) = Ball::new(self.lens, center, radius_mm) else { return };
+        self.push(Shape::Ball(ball), landmark.rgb, 1.0);
+        let middle = self.lens.pixel(center);
+        let is_shown = middle.min_element() >= 0.0 && middle.cmple(self.lens.size_px).all();
+        if let Some(text) = landmark.label.as_deref().filter(|_| is_shown) {
+            let radius_px = radius_mm / self.lens.mm_per_px(center.z);
+            let depth_mm = center.z - radius_mm;
+            self.labels.push(Label { text, middle, radius_px, depth_mm, rgb: landmark.rgb });
         }
     }
 
@@ -67,7 +97,9 @@ impl Builder<'_> {
     fn curve(&mut self, curve: &Curve) {
         let points: Vec<DVec3> = curve.points.iter().map(|&point| self.lens.place(point)).collect();
         let line = if curve.smooth {
-            catmull_rom(&points, curve.closed)
+            let spans = points.len() - usize::from(!curve.closed);
+            let parts = (PARTS / spans.max(1)).clamp(PARTS_OF_SPAN[0], PARTS_OF_SPAN[1]);
+            catmull_rom(&points, curve.closed, parts)
         } else {
             let first = curve.closed.then(|| points[0]);
             points.into_iter().chain(first).collect()
@@ -90,6 +122,16 @@ impl Builder<'_> {
                 }
             }
         }
+    }
+
+    fn text(&mut self, text: &Text) {
+        let place = self.lens.place(text.at);
+        if place.z < NEAR_MM {
+            return;
+        }
+        let height_px = text.height_px.unwrap_or_else(|| usual_height_px(self.lens.size_px.y));
+        let style = Style { height_px, rgb: text.rgb, rank: Rank::Scene };
+        self.typesetter.set(&text.text, self.lens.pixel(place), place.z, style, &mut self.primitives);
     }
 
     /// The twelve edges of the box that spans the volume's outermost faces.

@@ -6,12 +6,9 @@
 
 use glam::DVec3;
 
-/// Straight parts of all spans of a curve together, and how many a span has at least and at most.
-const PARTS: usize = 20_000;
-const PARTS_OF_SPAN: [usize; 2] = [4, 32];
-
-/// Points of the curve through `points`, these among them. A closed curve ends where it begins.
-pub(super) fn catmull_rom(points: &[DVec3], closed: bool) -> Vec<DVec3> {
+/// Points of the curve through `points`, these among them, with so many straight parts between two. A closed curve ends
+/// where it begins.
+pub(super) fn catmull_rom(points: &[DVec3], closed: bool, parts: usize) -> Vec<DVec3> {
     // Points that coincide have no direction between them.
     let mut kept = points.to_vec();
     kept.dedup();
@@ -23,7 +20,6 @@ pub(super) fn catmull_rom(points: &[DVec3], closed: bool) -> Vec<DVec3> {
         return kept;
     }
     let spans = if closed { count } else { count - 1 };
-    let parts = (PARTS / spans).clamp(PARTS_OF_SPAN[0], PARTS_OF_SPAN[1]);
     let mut curve = Vec::with_capacity(spans * parts + 1);
     for span in 0..spans {
         let controls = controls(&kept, span, closed);
@@ -73,7 +69,7 @@ mod tests {
     #[test]
     fn the_curve_goes_through_its_points_in_order() {
         let points = [[0.0; 3], [1.0, 5.0, 0.0], [9.0, 5.0, 2.0], [9.0, -3.0, 2.0]].map(DVec3::from);
-        let curve = catmull_rom(&points, false);
+        let curve = catmull_rom(&points, false, 16);
         let mut from = 0;
         for point in points {
             let found = curve[from..].iter().position(|p| p.distance(point) < 1e-9);
@@ -84,7 +80,7 @@ mod tests {
 
     #[test]
     fn a_closed_curve_through_points_of_a_circle_is_nearly_one() {
-        let curve = catmull_rom(&ring(12), true);
+        let curve = catmull_rom(&ring(12), true, 16);
         assert_eq!(curve.first(), curve.last());
         let worst = curve.iter().map(|p| (p.length() - 10.0).abs()).fold(0.0, f64::max);
         assert!(worst < 0.02, "{worst} mm from a circle of 10 mm");
@@ -93,9 +89,9 @@ mod tests {
     #[test]
     fn straight_points_give_a_straight_line_and_twins_no_nonsense() {
         let line: Vec<DVec3> = [0.0, 1.0, 1.0, 4.0, 9.0].map(|x| DVec3::new(x, 2.0 * x, 0.0)).to_vec();
-        for p in catmull_rom(&line, false) {
+        for p in catmull_rom(&line, false, 16) {
             assert!((p.y - 2.0 * p.x).abs() < 1e-9 && (0.0..=9.0).contains(&p.x), "{p}");
         }
-        assert_eq!(catmull_rom(&[DVec3::ONE; 5], true), [DVec3::ONE]);
+        assert_eq!(catmull_rom(&[DVec3::ONE; 5], true, 16), [DVec3::ONE]);
     }
 }

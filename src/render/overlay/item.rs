@@ -2,6 +2,7 @@
 //!
 //! These are the values of a request. How they become pixels is in the modules beside; their JSON is in `scene`.
 
+use super::text::HEIGHTS_PX;
 use crate::render::request::RequestError;
 use crate::space::{Patient, Point};
 
@@ -12,6 +13,12 @@ pub struct Overlays {
     pub items: Vec<OverlayItem>,
     /// The twelve edges of the volume's box.
     pub bounding_box: bool,
+    /// A cube in the lower right corner that turns with the patient, with the letters of its sides.
+    pub orientation_cube: bool,
+    /// A bar of a round length in the lower left corner, true at the depth of the focal point.
+    pub scale_bar: bool,
+    /// Height of the capitals of labels, px; a share of the picture's height where there is none.
+    pub label_height_px: Option<u32>,
     /// Opacity of what lies behind the volume's surface, 0..1: 0 hides it, 1 shows it as if nothing were before it.
     pub occluded: f64,
 }
@@ -27,6 +34,8 @@ pub enum OverlayItem {
     Curve(Curve),
     /// A surface of triangles.
     Mesh(Mesh),
+    /// Words at a point.
+    Text(Text),
 }
 
 /// A ball around a point.
@@ -38,6 +47,8 @@ pub struct Landmark {
     pub radius: Radius,
     /// Display-referred sRGB, 0..1.
     pub rgb: [f64; 3],
+    /// Its name, written beside it where there is room.
+    pub label: Option<String>,
 }
 
 /// The size of a ball.
@@ -88,9 +99,29 @@ pub struct Mesh {
     pub opacity: f64,
 }
 
+/// Words that face the viewer, in the middle of the place that shows a point, at its depth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Text {
+    /// Where.
+    pub at: Point<Patient>,
+    /// One line. Characters that the font does not have are drawn as boxes.
+    pub text: String,
+    /// Height of capitals, 12..96 px; a share of the picture's height where there is none.
+    pub height_px: Option<u32>,
+    /// Display-referred sRGB, 0..1.
+    pub rgb: [f64; 3],
+}
+
 impl Default for Overlays {
     fn default() -> Self {
-        Self { items: Vec::new(), bounding_box: false, occluded: Self::DEFAULT_OCCLUDED }
+        Self {
+            items: Vec::new(),
+            bounding_box: false,
+            orientation_cube: false,
+            scale_bar: false,
+            label_height_px: None,
+            occluded: Self::DEFAULT_OCCLUDED,
+        }
     }
 }
 
@@ -103,8 +134,13 @@ impl Overlays {
     pub const MAX_VERTICES: usize = 200_000;
     /// Most triangles of all meshes of a request together.
     pub const MAX_TRIANGLES: usize = 400_000;
+    /// Most characters of a text or a label.
+    pub const MAX_LINE: usize = 120;
+    /// Most characters of all texts and labels of a request together.
+    pub const MAX_CHARACTERS: usize = 100_000;
     /// What can be switched on by a name, with `--overlay` and in a query, and its key in the JSON form.
-    pub const SWITCHES: [(&str, &str); 1] = [("bounding-box", "bounding_box")];
+    pub const SWITCHES: [(&str, &str); 3] =
+        [("bounding-box", "bounding_box"), ("cube", "orientation_cube"), ("scale-bar", "scale_bar")];
     /// Opacity of hidden parts where a request says nothing.
     pub const DEFAULT_OCCLUDED: f64 = 0.25;
     /// Widths of lines and curves, px.
@@ -121,7 +157,7 @@ impl Overlays {
     /// Whether nothing is to be drawn.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.items.is_empty() && !self.bounding_box
+        self.items.is_empty() && !self.bounding_box && !self.orientation_cube && !self.scale_bar
     }
 
     /// Bytes that the lists take.
@@ -132,7 +168,9 @@ impl Overlays {
             OverlayItem::Mesh(mesh) => {
                 size_of_val(mesh.vertices.as_slice()) + size_of_val(mesh.triangles.as_slice())
             }
-            OverlayItem::Landmark(_) | OverlayItem::Line(_) => 0,
+            OverlayItem::Text(text) => text.text.len(),
+            OverlayItem::Landmark(landmark) => landmark.label.as_ref().map_or(0, String::len),
+            OverlayItem::Line(_) => 0,
         };
         size_of_val(self.items.as_slice()) + self.items.iter().map(inner).sum::<usize>()
     }
@@ -143,6 +181,9 @@ impl Overlays {
     /// The first value out of range, with its key's path.
     pub fn validate(&self) -> Result<(), RequestError> {
         within("overlays.occluded", self.occluded, [0.0, 1.0])?;
+        if let Some(height_px) = self.label_height_px {
+            within("overlays.label_height_px", f64::from(height_px), HEIGHTS_PX.map(f64::from))?;
+        }
         at_most("overlays.items", "items", self.items.len(), Self::MAX_ITEMS)?;
         let mut sums = Sums::default();
         for (index, item) in self.items.iter().enumerate() {
@@ -163,17 +204,19 @@ impl OverlayItem {
             Self::Line(_) => "line",
             Self::Curve(_) => "curve",
             Self::Mesh(_) => "mesh",
+            Self::Text(_) => "text",
         }
     }
 
     fn validate(&self, path: Path) -> Result<(), RequestError> {
         match self {
-            Self::Landmark(Landmark { at, radius, rgb }) => {
+            Self::Landmark(Landmark { at, radius, rgb, label }) => {
                 path.point("at_mm", *at)?;
                 match *radius {
                     Radius::Mm(mm) => path.within("radius_mm", mm, [0.01, 1000.0])?,
                     Radius::Px(px) => path.within("radius_px", px, [0.5, 500.0])?,
                 }
+                label.as_ref().map_or(Ok(()), |label| path.line("label", label))?;
                 path.rgb(rgb)
             }
             Self::Line(Line { ends: [from, to], width_px, rgb }) => {
@@ -193,6 +236,14 @@ impl OverlayItem {
                 path.rgb(rgb)
             }
             Self::Mesh(mesh) => mesh.validate(path),
+            Self::Text(Text { at, text, height_px, rgb }) => {
+                path.point("at_mm", *at)?;
+                path.line("text", text)?;
+                if let Some(height_px) = *height_px {
+                    path.within("height_px", f64::from(height_px), HEIGHTS_PX.map(f64::from))?;
+                }
+                path.rgb(rgb)
+            }
         }
     }
 }
@@ -222,6 +273,7 @@ struct Sums {
     points: usize,
     vertices: usize,
     triangles: usize,
+    characters: usize,
 }
 
 impl Sums {
@@ -241,7 +293,15 @@ impl Sums {
                 over("vertices_mm", self.vertices, Overlays::MAX_VERTICES)?;
                 over("triangles", self.triangles, Overlays::MAX_TRIANGLES)
             }
-            OverlayItem::Landmark(_) | OverlayItem::Line(_) => Ok(()),
+            OverlayItem::Text(Text { text, .. }) => {
+                self.characters += text.chars().count();
+                over("text", self.characters, Overlays::MAX_CHARACTERS)
+            }
+            OverlayItem::Landmark(Landmark { label, .. }) => {
+                self.characters += label.as_ref().map_or(0, |label| label.chars().count());
+                over("label", self.characters, Overlays::MAX_CHARACTERS)
+            }
+            OverlayItem::Line(_) => Ok(()),
         }
     }
 }
@@ -264,6 +324,22 @@ impl Path {
 
     fn within(self, key: &str, value: f64, range: [f64; 2]) -> Result<(), RequestError> {
         within(&self.key(key), value, range)
+    }
+
+    fn line(self, key: &str, text: &str) -> Result<(), RequestError> {
+        let count = text.chars().count();
+        if !(1..=Overlays::MAX_LINE).contains(&count) {
+            let allowed = format!("1 to {} characters", Overlays::MAX_LINE);
+            return Err(self.refuse(key, &format!("{count} characters"), &allowed));
+        }
+        match text.chars().find(|character| character.is_control()) {
+            Some(character) => Err(self.refuse(
+                key,
+                &format!("a text with {character:?}"),
+                "one line without control characters",
+            )),
+            None => Ok(()),
+        }
     }
 
     fn rgb(self, rgb: &[f64; 3]) -> Result<(), RequestError> {

@@ -29,6 +29,8 @@ pub(super) fn sample_points() -> [DVec2; 16] {
 /// What stands before what, whatever the depths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Rank {
+    /// Belongs to the picture: nothing hides it.
+    Instrument,
     /// Belongs to the scene: the volume may hide it.
     Scene,
 }

@@ -7,7 +7,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::camera::{Camera, Projection};
-use crate::space::{Patient, Point, Transform, View};
+use crate::space::{Patient, Point, Transform, Vector, View};
 
 /// Nothing nearer to the eye's plane is drawn, mm.
 pub(super) const NEAR_MM: f64 = 0.1;
@@ -19,6 +19,8 @@ pub(super) struct Lens {
     pub(super) is_perspective: bool,
     half_extent: DVec2,
     pub(super) size_px: DVec2,
+    /// View depth of the focal point, mm.
+    pub(super) focal_mm: f64,
 }
 
 impl Lens {
@@ -28,6 +30,7 @@ impl Lens {
             is_perspective: matches!(camera.projection(), Projection::Perspective { .. }),
             half_extent: camera.half_extent(size_px).into(),
             size_px: DVec2::from(size_px.map(f64::from)),
+            focal_mm: camera.distance_mm(),
         }
     }
 
@@ -35,6 +38,11 @@ impl Lens {
     pub(super) fn place(&self, point: Point<Patient>) -> DVec3 {
         let DVec3 { x, y, z } = (self.view_from_patient * point).xyz;
         DVec3::new(x, y, -z)
+    }
+
+    /// A patient direction in view space: x right, y up, z towards the viewer.
+    pub(super) fn turn(&self, direction: DVec3) -> DVec3 {
+        (self.view_from_patient * Vector::from_xyz(direction)).xyz
     }
 
     /// The pixel that shows a place before the near plane.

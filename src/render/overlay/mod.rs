@@ -7,16 +7,20 @@
 //! Rules. Fragments of a pixel are sorted by depth. What lies before the volume's depth is drawn as it is; what lies
 //! behind has a share of its opacity (`occluded`) and writes no depth. Where dense overlays before the volume cover half
 //! of a pixel or more, the pixel takes the depth of one of them: depths are never blended. Clip planes cut the volume,
-//! not the overlays.
+//! not the overlays. Instruments (orientation cube, scale bar) stand before everything.
 //!
 //! Spaces: items are in patient mm, primitives in view space and pixels (see `lens`); depth is view depth in mm.
 
 mod build;
 mod curve;
+mod font;
+mod instruments;
 mod item;
+mod labels;
 mod layers;
 mod lens;
 mod shape;
+mod text;
 
 use rayon::prelude::*;
 
@@ -27,7 +31,7 @@ use super::frame::RenderedFrame;
 use super::request::{RenderRequest, RequestError};
 use crate::volume::Grid;
 
-pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius};
+pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 
 /// Rows of a picture that one thread draws at a time.
 const BAND_ROWS: u32 = 16;

@@ -1,4 +1,4 @@
-//! Primitives and the pixels that they cover: balls, strokes and triangles, already in view and in pixels.
+//! Primitives and the pixels that they cover: balls, strokes, triangles and glyphs, already in view and in pixels.
 //!
 //! Each is drawn row by row. Coverage is counted at the sample points of `layers`; a pixel's depth and shade are those
 //! at its centre, or at the primitive's nearest part where the centre is outside. Shade is of a headlight: the share
@@ -8,12 +8,13 @@ use glam::{DVec2, DVec3};
 
 use super::layers::{Band, FULL, Fragment, Rank, sample_points};
 use super::lens::{Lens, NEAR_MM};
+use super::text::Stamp;
 
 /// Share of light that does not depend on the slope of a surface.
 const AMBIENT: f64 = 0.35;
 
 /// From a pixel's centre to its corner, px.
-const HALF_DIAGONAL: f64 = 0.708;
+pub(super) const HALF_DIAGONAL: f64 = 0.708;
 
 /// Something to draw.
 #[derive(Clone, Debug)]
@@ -31,6 +32,7 @@ pub(super) enum Shape {
     Ball(Ball),
     Stroke(Stroke),
     Triangle(Triangle),
+    Stamp(Stamp),
 }
 
 /// What a shape has in one pixel: sample points, view depth in mm, and share of its colour.
@@ -47,13 +49,14 @@ impl Primitive {
             Shape::Ball(ball) => ball.bounds,
             Shape::Stroke(stroke) => stroke.bounds(),
             Shape::Triangle(triangle) => triangle.bounds(),
+            Shape::Stamp(stamp) => stamp.bounds(),
         }
     }
 
     /// About how many pixels of a box of that size have to be looked at.
     pub(super) fn work_px(&self, width: f64, height: f64) -> f64 {
         match &self.shape {
-            Shape::Ball(_) | Shape::Triangle(_) => width * height,
+            Shape::Ball(_) | Shape::Triangle(_) | Shape::Stamp(_) => width * height,
             Shape::Stroke(stroke) => (width + height) * (2.0 * stroke.half_width + 3.0).min(width).max(1.0),
         }
     }
@@ -79,6 +82,10 @@ impl Primitive {
             Shape::Ball(ball) => [ball.bounds[0], ball.bounds[2]],
             Shape::Stroke(stroke) => stroke.span(f64::from(row)),
             Shape::Triangle(triangle) => triangle.span(f64::from(row)),
+            Shape::Stamp(stamp) => {
+                let [left, _, right, _] = stamp.bounds();
+                [left, right]
+            }
         }
     }
 
@@ -88,6 +95,10 @@ impl Primitive {
             Shape::Ball(ball) => ball.cover(lens, corner),
             Shape::Stroke(stroke) => stroke.cover(lens, corner),
             Shape::Triangle(triangle) => triangle.cover(lens, corner),
+            Shape::Stamp(stamp) => {
+                let points = stamp.points(corner);
+                (points != 0).then_some(Cover { points, depth_mm: stamp.depth_mm, light: 1.0 })
+            }
         }
     }
 
@@ -205,6 +216,11 @@ impl Stroke {
         })
     }
 
+    /// The line between two pixels, with the depth of each.
+    pub(super) fn flat(lens: &Lens, ends: [DVec2; 2], depths_mm: [f64; 2], width_px: f64) -> Self {
+        Self { ends, slopes: depths_mm.map(|mm| lens.slope(mm)), half_width: width_px / 2.0 }
+    }
+
     fn bounds(&self) -> [f64; 4] {
         let [a, b] = self.ends;
         let (low, high) = (a.min(b) - self.half_width, a.max(b) + self.half_width);
@@ -256,14 +272,23 @@ pub(super) struct Triangle {
     slope: f64,
     slope_by_px: DVec2,
     slope_range: [f64; 2],
-    normal: DVec3,
+    /// In view; without one it has its full colour.
+    normal: Option<DVec3>,
 }
 
 impl Triangle {
     /// The triangle between three places in view before the near plane; `None` where it has no area in the picture.
     pub(super) fn new(lens: &Lens, places: [DVec3; 3], normal: DVec3) -> Option<Self> {
-        let mut corners = places.map(|place| lens.pixel(place));
-        let mut slopes = places.map(|place| lens.slope(place.z));
+        let slopes = places.map(|place| lens.slope(place.z));
+        Self::between(places.map(|place| lens.pixel(place)), slopes, Some(normal))
+    }
+
+    /// The triangle between three pixels, with the depth of each, in its full colour.
+    pub(super) fn flat(lens: &Lens, corners: [DVec2; 3], depths_mm: [f64; 3]) -> Option<Self> {
+        Self::between(corners, depths_mm.map(|mm| lens.slope(mm)), None)
+    }
+
+    fn between(mut corners: [DVec2; 3], mut slopes: [f64; 3], normal: Option<DVec3>) -> Option<Self> {
         let mut area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);
         if !area.is_normal() {
             return None;
@@ -335,7 +360,7 @@ impl Triangle {
         let slope = self.slope + self.slope_by_px.dot(center - self.corners[0]);
         let depth_mm = lens.depth_mm(slope.clamp(self.slope_range[0], self.slope_range[1]));
         let ray = if lens.is_perspective { lens.across(center).extend(1.0).normalize() } else { DVec3::Z };
-        let light = light(self.normal.dot(ray).abs().min(1.0));
+        let light = self.normal.map_or(1.0, |normal| light(normal.dot(ray).abs().min(1.0)));
         (points != 0).then_some(Cover { points, depth_mm, light })
     }
 }
