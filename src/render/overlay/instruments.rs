@@ -118,10 +118,11 @@ pub(super) fn scale_bar(lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<
     let length_mm = round_length(lens.size_px.x * BAR_SHARE * mm_per_px);
     let height_px = usual_height_px(lens.size_px.y);
     let unit = f64::from(height_px);
-    let left = DVec2::new(unit, lens.size_px.y - unit);
+    // An even width around a whole row: sharp edges.
+    let left = DVec2::new(unit, (lens.size_px.y - unit).round());
     let right = left + DVec2::X * length_mm / mm_per_px;
     let tick = DVec2::new(0.0, -0.45 * unit);
-    let (width, rim) = ((unit / 8.0).max(1.5), 2.0 * (unit / 10.0).max(1.5));
+    let (width, rim) = (2.0 * (unit / 16.0).round().max(1.0), 2.0 * (unit / 10.0).max(1.5));
     for (width, rgb) in [(width, BAR_RGB), (width + rim, contrast(BAR_RGB))] {
         for ends in [[left, right], [left, left + tick], [right, right + tick]] {
             let stroke = Stroke::flat(lens, ends, [lens.focal_mm; 2], width);
