@@ -25,14 +25,10 @@ pub(super) struct SceneArguments {
     /// How samples become a colour: composite, mip, minip, mean, average, additive, isosurface, or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
-<<<<<<< HEAD
     /// Value of an opaque isosurface, in HU; its colour is the preset's there
     #[arg(long, value_name = "HU", allow_negative_numbers = true)]
     iso_hu: Option<f64>,
-    /// Drawn over the picture, in its depth: bounding-box
-=======
     /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
     overlay: Vec<String>,
     /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16

@@ -22,12 +22,8 @@ mod uniform;
 mod upload;
 
 pub use frame::{RenderedFrame, Timings};
-<<<<<<< HEAD
 pub use mode::{Mode, SlabBlend};
-pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius};
-=======
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
 pub use request::{Clip, ClipPlane, DepthRule, RenderRequest, RequestError, Shading};
 pub use scene::{

@@ -10,12 +10,9 @@
 )]
 
 mod closed_forms;
-<<<<<<< HEAD
+mod instruments;
 mod isosurfaces;
 mod modes;
-=======
-mod instruments;
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
 mod overlays;
 mod projections;
 mod refusals;

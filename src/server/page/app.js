@@ -33,12 +33,9 @@ const state = {
   slice: { ...NO_SLICE },
   preset: "bone",
   mode: "composite",
-<<<<<<< HEAD
   /** HU of the surface; the server's choice for the preset while null. */
   iso: null,
-=======
   overlays: [],
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
   fieldOfView: 22,
   view: "picture",
   layout: "wowvx",
@@ -93,16 +90,12 @@ function show(picture) {
   shown = picture;
   draw();
   placeMarker();
-<<<<<<< HEAD
   // The picture's own directions, whatever was asked for since.
   for (const edge of ["left", "right", "top", "bottom"]) {
     $(`edge-${edge}`).textContent = picture.camera?.edges[edge] ?? "";
     $(`edge-${edge}`).hidden = picture.kind === "frame";
   }
-  const { queue = 0, render = 0, upload = 0, encode = 0 } = picture.spent;
-=======
   const { queue = 0, render = 0, upload = 0, overlay = 0, encode = 0 } = picture.spent;
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
   const [width, height] = picture.camera?.size_px ?? [picture.bitmap.width, picture.bitmap.height];
   const ms = (value) => `${Math.round(value)} ms`;
   const rendered = render + upload > 0 ? `render ${ms(render + upload + overlay)}` : "render reused";
@@ -360,13 +353,9 @@ const overlayBoxes = () => [...panel.querySelectorAll('input[name="overlay"]')];
 
 panel.addEventListener("change", ({ target }) => {
   if (target.name === "view") return setView(target.value);
-<<<<<<< HEAD
   if (target.name === "plane") return showPlane(target.value);
   if (target.id === "mode") state.mode = target.value;
-=======
-  if (target.name === "mode") state.mode = target.value;
   else if (target.name === "overlay") state.overlays = overlayBoxes().filter((box) => box.checked).map((box) => box.value);
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
   else if (target.name === "projection") state.fieldOfView = Number(target.value);
   else if (target.name === "preset") return setPreset(Number(target.value));
   else if (target.id === "depth-filter") state.depthFilter = target.value;
@@ -445,15 +434,12 @@ onFile(stage, $("upload-button"), $("upload"), async (file) => {
 function remember() {
   if (!state.volume) return;
   const { azimuth, elevation, zoom } = state.pose;
-<<<<<<< HEAD
   const { preset, mode, iso, view, layout, fieldOfView, depthFilter: filter } = state;
   const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
   if (iso !== null) kept.iso = iso;
-=======
   const { preset, mode, view, layout, overlays, fieldOfView, depthFilter: filter } = state;
   const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
   if (overlays.length) kept.overlay = overlays.join(",");
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
   history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice) })}`);
 }
@@ -476,14 +462,11 @@ function recall() {
   state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
   const chosen = presets.findIndex((preset) => preset.name === state.preset);
-<<<<<<< HEAD
   state.mode = word("mode", [...$("mode").options].map((option) => option.value)) ?? presets[chosen].mode;
-=======
   state.mode = word("mode", ["composite", "mip"]) ?? presets[chosen].mode;
   const switched = (kept.get("overlay") ?? "").split(",");
   for (const box of overlayBoxes()) box.checked = switched.includes(box.value);
   state.overlays = overlayBoxes().filter((box) => box.checked).map((box) => box.value);
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
   state.view = word("view", VIEWS) ?? "picture";
   const values = (id) => [...$(id).options].map((option) => option.value);
   state.layout = word("layout", values("layout")) ?? "wowvx";

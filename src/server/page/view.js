@@ -37,15 +37,11 @@ export function stillSize(width, height, ratio) {
 }
 
 /** Query parameters that say how the volume looks, whatever the size and layout. */
-<<<<<<< HEAD
 export function lookQuery(state, aspect) {
   if (state.slice.plane) return sliceQuery(state.slice, state.volume, aspect);
   const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
-=======
-export function lookQuery(state) {
   // An empty list of overlays is no parameter.
   const overlays = state.overlays.length ? { overlay: state.overlays.join(",") } : {};
->>>>>>> d4ad2b1 (overlays: words, cube and scale bar)
   return {
     ...overlays,
     preset: state.preset,
