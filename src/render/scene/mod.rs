@@ -257,7 +257,6 @@ mod tests {
         let camera = |projection: &str| {
             format!(r#"{{"camera":{{"eye_mm":[0,-9,0],"look_at_mm":[0,0,0],"projection":{projection}}}}}"#)
         };
-        let surfaces = |list: &str| format!(r#"{{"mode":"isosurface","surfaces":[{list}]}}"#);
         for (json, parts) in [
             (r#"{"sise_px":[1,1]}"#.to_owned(), &["sise_px", "unknown field"][..]),
             (r#"{"sample_distance_mm":0}"#.to_owned(), &["sample_distance_mm is 0", "0.01 to 100"]),
@@ -312,7 +311,19 @@ mod tests {
             ),
             (camera(r#"{"fisheye":{}}"#), &["camera.projection", "fisheye"]),
             ("{} trailing".to_owned(), &["trailing"]),
-            (r#"{"iso_hu":300}"#.to_owned(), &["iso_hu is 300", "only with mode isosurface"]),
+        ] {
+            let message = refused(&json);
+            for part in parts {
+                assert!(message.contains(part), "{json}: {message:?} lacks {part:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn surfaces_that_are_wrong_are_named_with_path_value_and_range() {
+        let surfaces = |list: &str| format!(r#"{{"mode":"isosurface","surfaces":[{list}]}}"#);
+        for (json, parts) in [
+            (r#"{"iso_hu":300}"#.to_owned(), &["iso_hu is 300", "only with mode isosurface"][..]),
             (r#"{"mode":"mip","surfaces":[]}"#.to_owned(), &["surfaces is 0", "only with mode isosurface"]),
             (r#"{"mode":"isosurface","surfaces":[]}"#.to_owned(), &["surfaces is 0", "1 to 8"]),
             (r#"{"mode":"isosurface","iso_hu":1e6}"#.to_owned(), &["iso_hu is 1000000", "32767"]),

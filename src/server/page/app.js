@@ -434,11 +434,9 @@ onFile(stage, $("upload-button"), $("upload"), async (file) => {
 function remember() {
   if (!state.volume) return;
   const { azimuth, elevation, zoom } = state.pose;
-  const { preset, mode, iso, view, layout, fieldOfView, depthFilter: filter } = state;
+  const { preset, mode, iso, view, layout, overlays, fieldOfView, depthFilter: filter } = state;
   const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
   if (iso !== null) kept.iso = iso;
-  const { preset, mode, view, layout, overlays, fieldOfView, depthFilter: filter } = state;
-  const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
   if (overlays.length) kept.overlay = overlays.join(",");
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
   history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice) })}`);
@@ -463,7 +461,6 @@ function recall() {
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
   const chosen = presets.findIndex((preset) => preset.name === state.preset);
   state.mode = word("mode", [...$("mode").options].map((option) => option.value)) ?? presets[chosen].mode;
-  state.mode = word("mode", ["composite", "mip"]) ?? presets[chosen].mode;
   const switched = (kept.get("overlay") ?? "").split(",");
   for (const box of overlayBoxes()) box.checked = switched.includes(box.value);
   state.overlays = overlayBoxes().filter((box) => box.checked).map((box) => box.value);
