@@ -5,7 +5,6 @@
 // pipeline constants, so a pipeline contains only what it uses.
 
 override MODE: u32 = 0u;
-override DEPTH_RULE: u32 = 0u;
 override SHADED: bool = true;
 // Writes the number of volume samples in place of the depth, for measuring.
 override COUNT_SAMPLES: bool = false;
@@ -17,17 +16,12 @@ const MODE_MEAN: u32 = 3u;
 const MODE_AVERAGE: u32 = 4u;
 const MODE_ADDITIVE: u32 = 5u;
 const MODE_ISOSURFACE: u32 = 6u;
-const DEPTH_FIRST_HIT: u32 = 0u;
-const DEPTH_THRESHOLD: u32 = 1u;
 
-// A ray ends when so little of its light is left: half of 1/255 of a fully lit sample.
-const OPAQUE: f32 = 1.0 - 1.0 / 512.0;
 // A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into the background.
 const VISIBLE: f32 = 0.5 / 255.0;
 // The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a sample distance.
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
-const BISECTIONS: i32 = 12;
 const MISS: f32 = 0x1p+127f;
 
 // Rows from the top: red, green, blue, coverage as bytes from the lowest on.
@@ -40,6 +34,8 @@ struct Hit {
     color: vec4<f32>,
     // Distance along the ray, mm; MISS when nothing is visible.
     t: f32,
+    // The first visible sample.
+    first: f32,
     // Volume samples taken, gradients and depth refinement left out.
     samples: f32,
 }
@@ -59,8 +55,15 @@ fn raycast(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_ind
     } else {
         hit = project(ray);
     }
-    let over = hit.color.rgb + (1.0 - hit.color.a) * frame.background_rgb;
     let at = id.y * frame.size_px.x + id.x;
+    write_hit(at, ray, hit);
+    if DEPTH_RULE == DEPTH_TWO_LAYER {
+        write_hit(at + frame.size_px.x * frame.size_px.y, ray, back_layer(ray, hit.first));
+    }
+}
+
+fn write_hit(at: u32, ray: Ray, hit: Hit) {
+    let over = hit.color.rgb + (1.0 - hit.color.a) * frame.background_rgb;
     color_out[at] = pack4x8unorm(vec4<f32>(over, hit.color.a));
     if COUNT_SAMPLES {
         depth_out[at] = hit.samples;
@@ -91,12 +94,28 @@ struct Gathered {
     before_crossing: vec2<f32>,
 }
 
-fn composite(ray: Ray) -> Hit {
+// What lies behind the first layer, as if that were not there: its colour, and its depth by the threshold rule.
+fn back_layer(ray: Ray, first: f32) -> Hit {
+    var hit: Hit;
+    hit.t = MISS;
     let walk = walk_of(ray);
+    let end = front_layer(ray, walk, first).end;
+    if end < sample_count(ray) {
+        hit = composite_from(ray, walk, end);
+    }
+    return hit;
+}
+
+fn composite(ray: Ray) -> Hit {
+    return composite_from(ray, walk_of(ray), 0.0);
+}
+
+// Samples from number `start` on, blended front to back.
+fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
     let count = sample_count(ray);
     var sum = Gathered(vec3<f32>(0.0), 0.0, count, -2.0, 0.0, count, vec2<f32>(0.0));
     var samples = 0.0;
-    var k = 0.0;
+    var k = start;
     while k < count && sum.opacity < OPAQUE {
         let next = next_sample(walk, k);
         if next > k {
@@ -117,13 +136,19 @@ fn composite(ray: Ray) -> Hit {
     }
     var hit: Hit;
     hit.color = vec4<f32>(sum.color, sum.opacity);
+    hit.first = sum.first;
     hit.samples = samples;
     hit.t = MISS;
     if sum.opacity >= VISIBLE {
-        if DEPTH_RULE == DEPTH_THRESHOLD {
+        if DEPTH_RULE == DEPTH_THRESHOLD || DEPTH_RULE == DEPTH_TWO_LAYER {
+            if DEPTH_RULE == DEPTH_TWO_LAYER && start == 0.0 {
+                sum.opacity = front_layer(ray, walk, sum.first).opacity;
+            }
             hit.t = threshold_crossing(ray, walk, sum);
-        } else {
+        } else if DEPTH_RULE == DEPTH_FIRST_HIT {
             hit.t = first_hit(ray, sum.first);
+        } else {
+            hit.t = depth_by_rule(ray, walk, sum.first);
         }
     }
     return hit;
@@ -150,7 +175,7 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, hu: f32)
     (*sum).color += weight * rgb;
     (*sum).opacity = before + weight;
     (*sum).first = min((*sum).first, k);
-    if DEPTH_RULE == DEPTH_THRESHOLD {
+    if DEPTH_RULE == DEPTH_THRESHOLD || DEPTH_RULE == DEPTH_TWO_LAYER {
         if before < frame.depth_fraction * OPAQUE {
             (*sum).crossing = k;
             (*sum).before_crossing = vec2<f32>(select(before, (*sum).before_last, (*sum).last == k - 1.0), before);
@@ -158,19 +183,6 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, hu: f32)
         (*sum).last = k;
         (*sum).before_last = before;
     }
-}
-
-fn opacity_at(ray: Ray, t: f32) -> f32 {
-    return sample_opacity(voxel_at(ray, t));
-}
-
-// Opacity of the sample at a voxel index.
-fn sample_opacity(p: vec3<f32>) -> f32 {
-    let opacity = opacity_of(sample_hu(p));
-    if GRADIENT_OPACITY {
-        return modulated(opacity, p);
-    }
-    return opacity;
 }
 
 // Where opacity leaves zero between the sample before the first visible one and that one.
@@ -223,7 +235,7 @@ fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
             k = next_k;
             continue;
         }
-        let next = accumulated + (1.0 - accumulated) * sample_opacity(sample_voxel(ray, k));
+        let next = accumulated + (1.0 - accumulated) * sample_opacity(ray, k);
         if next >= target_opacity {
             break;
         }

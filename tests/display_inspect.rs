@@ -27,7 +27,10 @@ fn disc(settings: &DisplaySettings) -> Frame {
         .collect();
     let depth_mm: Vec<f32> =
         pixels().map(|(x, y)| if radius(x, y) < 1.0 { radius(x, y) as f32 } else { f32::INFINITY }).collect();
-    encoder.encode(&Picture::new(size_px, &color, &depth_mm).unwrap(), LIMITS).unwrap()
+    // Behind it, for layouts that carry that: a wall.
+    let (wall, wall_mm) = (vec![[30, 40, 50, 255]; color.len()], vec![0.9; color.len()]);
+    let picture = Picture::new(size_px, &color, &depth_mm).unwrap().with_back(&wall, &wall_mm).unwrap();
+    encoder.encode(&picture, LIMITS).unwrap()
 }
 
 fn disc_of(layout: Layout) -> Frame {

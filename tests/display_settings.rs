@@ -68,7 +68,7 @@ fn wrong_requests_are_refused_with_path_value_and_range() {
     for (json, path, parts) in [
         (r#"{"layuot": "wowvx"}"#, "layuot", ["unknown field `layuot`", "`layout`"]),
         (r#"{"layout": "wowv"}"#, "layout", ["\"wowv\"", "wowvx-full-height"]),
-        (r#"{"layout": "declipse"}"#, "layout", ["declipse is not in this version", "wowvx-4k"]),
+        (r#"{"layout": "stereo"}"#, "layout", ["stereo is not in this version", "wowvx-4k"]),
         (r#"{"content": "film"}"#, "content", ["`film`", "`no-depth`"]),
         (r#"{"factor": 300}"#, "factor", ["300 is out of range", "0 to 255"]),
         (r#"{"offset": 1.5}"#, "offset", ["1.5 is out of range", "0 to 255"]),

@@ -21,3 +21,12 @@ fn modulated(opacity: f32, p: vec3<f32>) -> f32 {
     let product = opacity * mix(low, high, x - f32(i));
     return 1.0 - pow(max(1.0 - product, 1e-30), scale.y);
 }
+
+// Opacity of the sample at a voxel index.
+fn voxel_opacity(p: vec3<f32>) -> f32 {
+    let opacity = opacity_of(sample_hu(p));
+    if GRADIENT_OPACITY {
+        return modulated(opacity, p);
+    }
+    return opacity;
+}

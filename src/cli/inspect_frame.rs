@@ -74,6 +74,10 @@ const fn description(layout: Layout) -> &'static str {
     match layout {
         Layout::Wowvx => "picture and depth side by side on the even lines, odd lines black",
         Layout::WowvxFullHeight | Layout::Wowvx4k => "picture and depth side by side on all lines",
+        Layout::Declipse => "quadrants: picture and depth above, what lies behind and its depth below",
+        Layout::DeclipseLines => {
+            "picture and depth on the even lines, what lies behind and its depth on the odd ones"
+        }
         Layout::Rgbd => "picture and depth side by side, no header: WoWvx displays show it as plain 2D",
         Layout::Color => "a plain picture, or no layout that is known",
         Layout::Depth16 => "depth alone in 16 bits, nearest brightest",

@@ -8,7 +8,7 @@ use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
 use crate::camera::Orbit;
 use crate::display::{DepthFilter, DisplaySettings, Layout};
-use crate::render::{Mode, Overlays, SceneFile};
+use crate::render::{DepthRule, Mode, Overlays, SceneFile};
 use crate::transfer::PRESETS;
 
 /// A scene file, and options that go before what it says.
@@ -31,7 +31,11 @@ pub(super) struct SceneArguments {
     /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
     overlay: Vec<String>,
-    /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, rgbd, color, depth16
+    /// Which depth a semi-transparent ray has: threshold, first-hit, max-opacity, most-contributing, expected, wysiwyp,
+    /// two-layer
+    #[arg(long, value_name = "NAME", value_parser = parse_depth_rule)]
+    depth_rule: Option<DepthRule>,
+    /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, declipse, declipse-lines, rgbd, color, depth16
     #[arg(long, value_name = "NAME")]
     layout: Option<Layout>,
     /// What is done to depth before it goes into a frame: none, median-3, median-5, clear-edge
@@ -76,6 +80,10 @@ fn parse_window(text: &str) -> Result<[f64; 2], String> {
     let parsed =
         text.split_once(',').and_then(|(c, w)| Some([c.trim().parse().ok()?, w.trim().parse().ok()?]));
     parsed.ok_or_else(|| "a window is CENTER,WIDTH in HU, such as 40,400".to_owned())
+}
+
+fn parse_depth_rule(name: &str) -> Result<DepthRule, String> {
+    DepthRule::from_name(name).ok_or_else(|| format!("depth rules are {}", DepthRule::NAMES.join(", ")))
 }
 
 fn parse_depth_filter(name: &str) -> Result<DepthFilter, String> {
@@ -129,6 +137,9 @@ impl SceneArguments {
         }
         for name in &self.overlay {
             scene = scene.with_overlay(name)?;
+        }
+        if let Some(rule) = self.depth_rule {
+            scene = scene.with_depth_rule(rule);
         }
         scene = self.slice.apply(scene)?;
         if scene.is_slice() && self.orbit() != Orbit::default() {

@@ -5,14 +5,14 @@
 //!
 //! The layout is told by what displays look at: the header, the frame's size, black odd lines, a grey right half.
 //! Layouts without a header cannot be told from any other picture: `rgbd` is a picture whose right half alone is
-//! grey, `color` is the rest. At a display's own frame size a missing header is a problem whatever the pixels are,
+//! grey, `color` is the rest. Of the two layouts with a background the header does not tell which it is; their lines do. At a display's own frame size a missing header is a problem whatever the pixels are,
 //! because the display would show plain 2D.
 
 use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
 
-use super::header::{ContentType, HeaderPart, HeaderProblem, HeaderReading};
+use super::header::{ContentType, ExtendedPart, HeaderPart, HeaderProblem, HeaderReading};
 use super::layout::{Frame, Layout, LayoutError, Pixels, depth_problems, odd_and_even_lines};
 use super::problem::FrameProblem;
 
@@ -186,7 +186,11 @@ fn inspect_rgb(frame_px: [u32; 2], samples: &[u8]) -> FrameReport {
     let crc_wrong =
         |problem: &HeaderProblem| matches!(problem, HeaderProblem::Crc { part: HeaderPart::Base, .. });
     let has_header = reading.is_present() && (display_frame || !reading.problems.iter().any(crc_wrong));
-    let layout = guess_layout(frame_px, samples, has_header);
+    let extended = reading.header.and_then(|header| header.extended).filter(|_| has_header);
+    let layout = match extended {
+        Some(ExtendedPart::DeclipseFull | ExtendedPart::DeclipseRemoved) => declipse_layout(width, samples),
+        _ => guess_layout(frame_px, samples, has_header),
+    };
     let mut report = FrameReport::empty(layout, frame_px);
     if has_header {
         report = report.with_header(&reading);
@@ -223,6 +227,18 @@ fn guess_layout(frame_px: [u32; 2], samples: &[u8], has_header: bool) -> Layout 
         _ if gray_right && width.is_multiple_of(2) && !is_gray(samples) => Layout::Rgbd,
         _ => Layout::Color,
     }
+}
+
+/// Which of the two layouts with a background: the header does not say. Where the layers take turns, every other line is
+/// more alike than neighbours are.
+fn declipse_layout(width: usize, samples: &[u8]) -> Layout {
+    let lines: Vec<&[u8]> = samples.chunks_exact(3 * width).collect();
+    let difference =
+        |a: &[u8], b: &[u8]| -> u64 { a.iter().zip(b).map(|(a, b)| u64::from(a.abs_diff(*b))).sum() };
+    let apart = |step: usize| -> u64 {
+        lines.iter().zip(lines.iter().skip(step)).map(|(a, b)| difference(a, b)).sum()
+    };
+    if apart(1) > apart(2) { Layout::DeclipseLines } else { Layout::Declipse }
 }
 
 fn is_gray(samples: &[u8]) -> bool {

@@ -28,7 +28,8 @@ pub use inspect::{
     DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, inspect_frame, inspect_png,
 };
 pub use layout::{
-    DecodedDepth, DecodedFrame, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels, UnknownLayout,
+    DecodedDepth, DecodedFrame, DecodedLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels,
+    UnknownLayout,
 };
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};

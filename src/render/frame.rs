@@ -15,6 +15,15 @@ pub struct Timings {
     pub overlay_ms: f64,
 }
 
+/// What lies behind the first layer of a picture, as if that were not there: rule `two-layer`.
+#[derive(Clone, Debug)]
+pub struct BackLayer {
+    /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is the coverage.
+    pub color_rgba: Vec<[u8; 4]>,
+    /// Rows from the top. View depth in mm, `+inf` where nothing lies behind.
+    pub depth_mm: Vec<f32>,
+}
+
 /// A rendered picture.
 #[derive(Clone, Debug)]
 pub struct RenderedFrame {
@@ -24,6 +33,8 @@ pub struct RenderedFrame {
     pub color_rgba: Vec<[u8; 4]>,
     /// Rows from the top. View depth in mm, `+inf` where the ray hit nothing.
     pub depth_mm: Vec<f32>,
+    /// What lies behind the first layer; `None` but for rule `two-layer`.
+    pub back: Option<BackLayer>,
     /// The camera of the request.
     pub camera: Camera,
     /// Limits that keep depth steady while this volume turns: its bounding sphere around the focal point.

@@ -96,6 +96,7 @@ mod tests {
     fn burnt(plane: NamedPlane, size_px: [u32; 2]) -> RenderedFrame {
         let pixels = size_px[0] as usize * size_px[1] as usize;
         let mut frame = RenderedFrame {
+            back: None,
             size_px,
             color_rgba: vec![[90; 4]; pixels],
             depth_mm: vec![f32::INFINITY; pixels],

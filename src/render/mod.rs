@@ -6,6 +6,7 @@
 //! Spaces: rays start in view space (mm) and sample in voxel indices. Depth is view depth in mm.
 
 mod calibrate;
+mod depth_rule;
 mod frame;
 mod gradients;
 mod letters;
@@ -21,7 +22,7 @@ mod surface;
 mod uniform;
 mod upload;
 
-pub use frame::{RenderedFrame, Timings};
+pub use frame::{BackLayer, RenderedFrame, Timings};
 pub use mode::{Mode, SlabBlend};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};

@@ -34,7 +34,7 @@ impl TableStorage {
 }
 
 /// The whole source of a stage, in parts to be joined: what stages share, then the stage's own.
-pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 7] {
+pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 8] {
     [
         include_str!("../../shaders/lib/frame.wgsl"),
         include_str!("../../shaders/lib/volume.wgsl"),
@@ -42,6 +42,7 @@ pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'stat
         table.source(),
         include_str!("../../shaders/lib/classify.wgsl"),
         include_str!("../../shaders/lib/gradient.wgsl"),
+        include_str!("../../shaders/lib/depth_rules.wgsl"),
         stage,
     ]
 }
@@ -72,7 +73,7 @@ pub(super) const WORKGROUP_SIDE: u32 = 8;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct PipelineKey {
     mode: Mode,
-    threshold: bool,
+    depth_rule: u32,
     shaded: bool,
     highlight: bool,
     gradient_opacity: bool,
@@ -100,7 +101,7 @@ impl PipelineKey {
         let blends = matches!(request.mode, Mode::Composite | Mode::Isosurface);
         Self {
             mode: request.mode,
-            threshold: blends && matches!(request.depth, DepthRule::Threshold { .. }),
+            depth_rule: if blends { request.depth.code() } else { DepthRule::FirstHit.code() },
             shaded: blends && request.shading.needs_gradient(),
             highlight: request.shading.specular > 0.0,
             gradient_opacity: request.mode == Mode::Composite
@@ -114,7 +115,7 @@ impl PipelineKey {
         let flag = |on: bool| f64::from(u8::from(on));
         vec![
             ("MODE", self.mode.constant()),
-            ("DEPTH_RULE", flag(self.threshold)),
+            ("DEPTH_RULE", f64::from(self.depth_rule)),
             ("SHADED", flag(self.shaded)),
             ("HIGHLIGHT", flag(self.highlight)),
             ("GRADIENT_OPACITY", flag(self.gradient_opacity)),

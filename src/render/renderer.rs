@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::frame::{RenderedFrame, Timings};
+use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::letters;
 use super::mode::Mode;
 use super::overlay::Drawing;
@@ -148,12 +148,19 @@ impl Renderer {
         let preparing_ms = milliseconds(preparing);
         let (start, upload_ms) = self.cast(volume, request, skipping, Output::Depth)?;
         let pixels = |bytes: &[u8]| bytemuck::cast_slice(bytes).to_vec();
-        let color_rgba = self.read(|target| &target.color, pixels)?;
-        let depth_mm = self.read(|target| &target.depth, depths)?;
+        let mut color_rgba: Vec<[u8; 4]> = self.read(|target| &target.color, pixels)?;
+        let mut depth_mm = self.read(|target| &target.depth, depths)?;
+        // Layers come one after the other, the first one first.
+        let front_pixels = color_rgba.len() / layers(request);
+        let back = request.has_back_layer().then(|| BackLayer {
+            color_rgba: color_rgba.split_off(front_pixels),
+            depth_mm: depth_mm.split_off(front_pixels),
+        });
         let mut frame = RenderedFrame {
             size_px: request.size_px,
             color_rgba,
             depth_mm,
+            back,
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),
             timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
@@ -227,7 +234,7 @@ impl Renderer {
         request.validate_on(volume.grid())?;
         let start = Instant::now();
         let uploaded = self.upload(volume, request)?;
-        self.make_target(request.size_px)?;
+        self.make_target(request)?;
         let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
         let start = Instant::now();
         self.submit(volume, request, skipping, output)?;
@@ -262,15 +269,16 @@ impl Renderer {
         Ok(true)
     }
 
-    fn make_target(&mut self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
-        let pixels = width as usize * height as usize;
+    fn make_target(&mut self, request: &RenderRequest) -> Result<(), RenderError> {
+        let [width, height] = request.size_px;
+        let pixels = width as usize * height as usize * layers(request);
         if self.target.as_ref().is_some_and(|target| target.pixels == pixels) {
             return Ok(());
         }
         let bytes = pixels as u64 * 4;
         let limit = self.gpu.limits().storage_bytes;
         if bytes > limit {
-            let allowed = format!("at most {} pixels on this adapter", limit / 4);
+            let allowed = format!("at most {} pixels on this adapter", limit / 4 / layers(request) as u64);
             let path = "size_px".to_owned();
             return Err(RequestError { path, found: format!("{width} x {height}"), allowed }.into());
         }
@@ -356,6 +364,11 @@ fn move_to_end<T>(items: &mut [T], is_it: impl Fn(&T) -> bool) -> bool {
         items[i..].rotate_left(1);
     }
     found.is_some()
+}
+
+/// How many pictures a request gives: the first layer, and what lies behind it.
+fn layers(request: &RenderRequest) -> usize {
+    if request.has_back_layer() { 2 } else { 1 }
 }
 
 /// The shader cannot write an infinity portably; it writes the largest power of two for a miss.

@@ -3,27 +3,16 @@
 //! Values here are valid by construction of their parts plus [`RenderRequest::validate`]; the JSON form with its
 //! defaults and error paths is in `scene`.
 
-use super::mode::Mode;
-use super::surface::{self, Surface};
 use std::sync::Arc;
 
+pub use super::depth_rule::DepthRule;
+use super::mode::Mode;
 use super::overlay::Overlays;
+use super::surface::{self, Surface};
 use crate::camera::{Camera, Projection};
 use crate::space::{Patient, Point, Vector};
 use crate::transfer::TransferFunction;
 use crate::volume::Grid;
-
-/// Which depth a semi-transparent ray has.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum DepthRule {
-    /// The first visible point: where opacity leaves zero.
-    FirstHit,
-    /// Where accumulated opacity crosses this fraction of the ray's final opacity.
-    Threshold {
-        /// Share of the final opacity, above 0 and up to 1.
-        fraction: f64,
-    },
-}
 
 /// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
 ///
@@ -173,7 +162,7 @@ impl RenderRequest {
         for channel in self.background_rgb {
             within("background_rgb", channel, 0.0, 1.0)?;
         }
-        if let DepthRule::Threshold { fraction } = self.depth {
+        if let Some(fraction) = self.depth.fraction() {
             within("depth.fraction", fraction, 0.001, 1.0)?;
         }
         if let Mode::Slice(_) = self.mode {
@@ -213,6 +202,12 @@ impl RenderRequest {
             return Err(RequestError::new("sample_distance_mm", &self.sample_distance_mm, &allowed));
         }
         Ok(())
+    }
+
+    /// Whether the picture has a second layer behind the first: rule `two-layer`, in the mode that has depth rules.
+    #[must_use]
+    pub fn has_back_layer(&self) -> bool {
+        self.mode == Mode::Composite && self.depth.has_back_layer()
     }
 
     fn validate_clip(&self) -> Result<(), RequestError> {

@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::renderer::{Skipping, depth_limits};
-use super::request::{Clip, DepthRule, RenderRequest};
+use super::request::{Clip, RenderRequest};
 use super::surface::Surface;
 use super::upload::Appearance;
 use crate::camera::{Camera, Projection};
@@ -87,10 +87,7 @@ impl FrameUniform {
             // Exact: the step is a power of two.
             table_entries_per_hu: 1.0 / table.step_hu,
             table_last: (table.entries.len() - 1) as u32,
-            depth_fraction: match request.depth {
-                DepthRule::Threshold { fraction } => fraction as f32,
-                DepthRule::FirstHit => 0.0,
-            },
+            depth_fraction: request.depth.fraction().unwrap_or(0.0) as f32,
             clip_plane_count: request.clip.planes.len() as u32,
             near_mm: near_mm as f32,
             lowest_visible_hu: table.lowest_visible_hu(),

@@ -12,7 +12,7 @@ use super::metrics::Gauges;
 use super::problem::Problem;
 use super::state::Server;
 use crate::display::{DepthFilter, Layout, ProfileName};
-use crate::render::preset_json;
+use crate::render::{DepthRule, preset_json};
 use crate::transfer::PRESETS;
 
 /// OpenAPI 3.1, written by hand; tests compare its paths and parameters with the code's.
@@ -23,7 +23,8 @@ pub(super) async fn presets() -> Json<Value> {
     let layouts = Layout::ALL.map(Layout::name);
     let profiles = ProfileName::ALL.map(ProfileName::name);
     let filters = DepthFilter::ALL.map(DepthFilter::name);
-    Json(json!({ "presets": presets, "layouts": layouts, "profiles": profiles, "depth_filters": filters }))
+    Json(json!({ "presets": presets, "layouts": layouts, "profiles": profiles, "depth_filters": filters,
+        "depth_rules": DepthRule::NAMES }))
 }
 
 /// The process runs and answers.
@@ -115,6 +116,7 @@ mod tests {
         assert_eq!(names("layout"), json!(Layout::ALL.map(Layout::name)));
         assert_eq!(names("profile"), json!(ProfileName::ALL.map(ProfileName::name)));
         assert_eq!(names("depth_filter"), json!(DepthFilter::ALL.map(DepthFilter::name)));
+        assert_eq!(names("depth_rule"), json!(DepthRule::NAMES));
         assert_eq!(names("content"), json!(ContentType::ALL.map(ContentType::name)));
         let overlays = &document["components"]["parameters"]["overlay"]["schema"]["items"]["enum"];
         assert_eq!(*overlays, json!(Overlays::SWITCHES.map(|(name, _)| name)));

@@ -65,7 +65,9 @@ fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
         + gradient
         + size_of_val(request.clip.planes.as_slice())
         + request.overlays.size_bytes();
-    let pixels = size_of_val(frame.color_rgba.as_slice()) + size_of_val(frame.depth_mm.as_slice());
+    let layer = |color: &[[u8; 4]], depth: &[f32]| size_of_val(color) + size_of_val(depth);
+    let back = frame.back.as_ref().map_or(0, |back| layer(&back.color_rgba, &back.depth_mm));
+    let pixels = layer(&frame.color_rgba, &frame.depth_mm) + back;
     size_of_val(key) + lists + size_of_val(frame) + pixels
 }
 
@@ -90,6 +92,7 @@ mod tests {
             size_px: [10, 10],
             color_rgba: vec![[0; 4]; 100],
             depth_mm: vec![0.0; 100],
+            back: None,
             camera: key.request.camera,
             limits: DepthLimits::new(1.0, 2.0).unwrap(),
             timings: Timings::default(),

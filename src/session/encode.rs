@@ -103,7 +103,10 @@ pub fn encode(
 }
 
 fn png(frame: &RenderedFrame, encoder: &FrameEncoder, limits: DepthLimits) -> Result<Vec<u8>, EncodingError> {
-    let picture = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?;
+    let mut picture = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?;
+    if let Some(back) = &frame.back {
+        picture = picture.with_back(&back.color_rgba, &back.depth_mm)?;
+    }
     Ok(encode_png(&encoder.encode(&picture, limits)?)?)
 }
 

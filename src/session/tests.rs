@@ -27,6 +27,7 @@ impl RenderBackend for Gated {
                 size_px: [1, 1],
                 color_rgba: vec![[1; 4]],
                 depth_mm: vec![5.0],
+                back: None,
                 camera: request.camera,
                 limits: DepthLimits::new(1.0, 9.0).expect("1 < 9"),
                 timings: Timings::default(),

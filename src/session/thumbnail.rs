@@ -117,6 +117,7 @@ mod tests {
             size_px,
             color_rgba: vec![color; pixels],
             depth_mm: vec![0.0; pixels],
+            back: None,
             camera: scene.request.camera,
             limits: DepthLimits::new(1.0, 2.0).unwrap(),
             timings: Timings::default(),

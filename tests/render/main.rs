@@ -10,6 +10,7 @@
 )]
 
 mod closed_forms;
+mod depth_rules;
 mod instruments;
 mod isosurfaces;
 mod modes;

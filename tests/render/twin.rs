@@ -35,7 +35,7 @@ fn expect_equal(gpu: &RenderedFrame, twin: &RenderedFrame, what: &str) {
     assert!(depths as f64 <= pixels * ALLOWED_SHARE, "{what}: {depths} depths of {pixels} differ");
 }
 
-fn request(volume: &Volume, preset: &str, vertical_fov_deg: f64) -> RenderRequest {
+pub(super) fn request(volume: &Volume, preset: &str, vertical_fov_deg: f64) -> RenderRequest {
     let orbit = Orbit { azimuth_deg: 31.0, elevation_deg: 17.0, zoom: 1.2, vertical_fov_deg };
     let scene = SceneFile::default().with_preset(preset).with_size([160, 120]);
     scene.resolve(volume.grid(), &orbit).unwrap().request

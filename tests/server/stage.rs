@@ -94,6 +94,7 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
             .map(|d| if d.is_finite() { [200, 40, 20, 255] } else { [0; 4] })
             .collect(),
         depth_mm,
+        back: None,
         camera: request.camera,
         limits: DepthLimits::new(distance - 50.0, distance + 50.0).unwrap(),
         timings: Timings { upload_ms: 1.0, render_ms: 2.0, overlay_ms: 0.0 },

@@ -16,6 +16,17 @@ pub struct DecodedFrame {
     pub color: Vec<[u8; 3]>,
     /// The depth of every pixel.
     pub depth: DecodedDepth,
+    /// What lies behind the first layer, for layouts that carry it.
+    pub back: Option<DecodedLayer>,
+}
+
+/// A second picture in a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DecodedLayer {
+    /// Red, green, blue of every pixel.
+    pub color: Vec<[u8; 3]>,
+    /// D of every pixel, 255 nearest.
+    pub disparity: Vec<u8>,
 }
 
 /// The depth that was in a frame.
@@ -41,6 +52,7 @@ impl Layout {
                 header: None,
                 color: Vec::new(),
                 depth: DecodedDepth::Scaled16(samples.clone()),
+                back: None,
             }),
             (Self::Depth16, Pixels::Rgb8(_)) => {
                 Err(vec![FrameProblem::PixelFormat { found: "8-bit RGB", expected: "16-bit grey" }])
@@ -53,6 +65,7 @@ impl Layout {
                 header: None,
                 color: rgb_pixels(samples).collect(),
                 depth: DecodedDepth::None,
+                back: None,
             }),
             (_, Pixels::Rgb8(samples)) => decode_halves(self, frame.size_px(), samples),
         }
@@ -65,8 +78,8 @@ impl Layout {
         match self {
             Self::Wowvx4k if frame_px != super::FRAME_4K_PX => wrong("3840x2160"),
             _ if width % 2 != 0 => wrong("an even width"),
-            Self::Wowvx if height % 2 != 0 => wrong("an even height"),
-            Self::Wowvx => Ok([width / 2, height / 2]),
+            Self::Wowvx | Self::Declipse | Self::DeclipseLines if height % 2 != 0 => wrong("an even height"),
+            Self::Wowvx | Self::Declipse | Self::DeclipseLines => Ok([width / 2, height / 2]),
             _ => Ok([width / 2, height]),
         }
     }
@@ -84,15 +97,26 @@ fn decode_halves(
     if !problems.is_empty() {
         return Err(problems);
     }
-    let [width, height] = size_px.map(|side| side as usize);
-    let mut color = Vec::with_capacity(width * height);
-    let mut disparity = Vec::with_capacity(width * height);
-    for line in samples.chunks_exact(6 * width).step_by(layout.line_step()) {
-        let (left, right) = line.split_at(3 * width);
-        color.extend(rgb_pixels(left));
-        disparity.extend(right.iter().step_by(3));
+    let lines = || samples.chunks_exact(6 * size_px[0] as usize);
+    let height = size_px[1] as usize;
+    let (front, back) = match layout {
+        Layout::Declipse => (unpacked(lines().take(height)), Some(unpacked(lines().skip(height)))),
+        Layout::DeclipseLines => (unpacked(lines().step_by(2)), Some(unpacked(lines().skip(1).step_by(2)))),
+        _ => (unpacked(lines().step_by(layout.line_step())), None),
+    };
+    let depth = DecodedDepth::Disparity(front.disparity);
+    Ok(DecodedFrame { size_px, header, color: front.color, depth, back })
+}
+
+/// The picture in the left half of some lines and its disparity in the right one.
+fn unpacked<'a>(lines: impl Iterator<Item = &'a [u8]>) -> DecodedLayer {
+    let mut layer = DecodedLayer { color: Vec::new(), disparity: Vec::new() };
+    for line in lines {
+        let (left, right) = line.split_at(line.len() / 2);
+        layer.color.extend(rgb_pixels(left));
+        layer.disparity.extend(right.iter().step_by(3));
     }
-    Ok(DecodedFrame { size_px, header, color, depth: DecodedDepth::Disparity(disparity) })
+    layer
 }
 
 fn read_header(frame_px: [u32; 2], samples: &[u8], problems: &mut Vec<FrameProblem>) -> Option<Header> {

@@ -9,6 +9,7 @@ pub struct Picture<'a> {
     size_px: [u32; 2],
     color: &'a [[u8; 4]],
     depth_mm: &'a [f32],
+    back: Option<(&'a [[u8; 4]], &'a [f32])>,
 }
 
 /// A frame as a display or a file takes it.
@@ -34,13 +35,37 @@ impl<'a> Picture<'a> {
     /// # Errors
     /// When a side is 0 or above 16384, or the slices do not fill the size.
     pub fn new(size_px: [u32; 2], color: &'a [[u8; 4]], depth_mm: &'a [f32]) -> Result<Self, LayoutError> {
+        pixel_count("a picture", size_px)?;
+        let picture = Self { size_px, color, depth_mm, back: None };
+        picture.check([("the colour", color.len()), ("the depth", depth_mm.len())])?;
+        Ok(picture)
+    }
+
+    /// The same picture with what lies behind its first layer: colour and view depth as of the picture itself.
+    ///
+    /// # Errors
+    /// When the slices do not fill the picture's size.
+    pub fn with_back(self, color: &'a [[u8; 4]], depth_mm: &'a [f32]) -> Result<Self, LayoutError> {
+        self.check([
+            ("the colour of the background", color.len()),
+            ("the depth of the background", depth_mm.len()),
+        ])?;
+        Ok(Self { back: Some((color, depth_mm)), ..self })
+    }
+
+    fn check(&self, counts: [(&'static str, usize); 2]) -> Result<(), LayoutError> {
+        let size_px = self.size_px;
         let expected = pixel_count("a picture", size_px)?;
-        for (what, found) in [("the colour", color.len()), ("the depth", depth_mm.len())] {
-            if found != expected {
-                return Err(LayoutError::PixelCount { what, size_px, found, expected });
-            }
+        match counts.into_iter().find(|(_, found)| *found != expected) {
+            Some((what, found)) => Err(LayoutError::PixelCount { what, size_px, found, expected }),
+            None => Ok(()),
         }
-        Ok(Self { size_px, color, depth_mm })
+    }
+
+    /// What lies behind the first layer, as a picture of its own.
+    #[must_use]
+    pub fn back(&self) -> Option<Self> {
+        self.back.map(|(color, depth_mm)| Self { color, depth_mm, back: None, ..*self })
     }
 
     /// Width and height, pixels.

@@ -8,6 +8,8 @@
 //! | `wowvx` | picture and disparity side by side on the even lines, odd lines black, header on line 0 |
 //! | `wowvx-full-height` | the same on all lines |
 //! | `wowvx-4k` | the same on all lines of 3840x2160 |
+//! | `declipse` | four quadrants: picture and disparity above, the same of what lies behind below; header on line 0 |
+//! | `declipse-lines` | picture and disparity on the even lines, the same of what lies behind on the odd ones |
 //! | `rgbd` | picture and disparity side by side, no header, any size |
 //! | `color` | the picture alone |
 //! | `depth16` | Z alone in 16 bits of grey, 65535 nearest, 0 farthest |
@@ -19,11 +21,11 @@ mod pack;
 use std::str::FromStr;
 
 use super::filter::DepthFilter;
-use super::header::Header;
+use super::header::{ExtendedPart, Header};
 use super::profile::DisplayProfile;
 use crate::units::DepthLimits;
 
-pub use decode::{DecodedDepth, DecodedFrame};
+pub use decode::{DecodedDepth, DecodedFrame, DecodedLayer};
 pub(super) use decode::{depth_problems, odd_and_even_lines};
 pub use frame::{Frame, Picture, Pixels};
 
@@ -31,7 +33,7 @@ pub use frame::{Frame, Picture, Pixels};
 const FRAME_4K_PX: [u32; 2] = [3840, 2160];
 
 /// Layouts that are part of the design and not of this version.
-const LATER: [&str; 3] = ["declipse", "stereo", "views-N"];
+const LATER: [&str; 2] = ["stereo", "views-N"];
 
 /// How a picture and its depth are placed in a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,6 +45,10 @@ pub enum Layout {
     WowvxFullHeight,
     /// `wowvx-4k`: halves of 1920x2160 in 3840x2160.
     Wowvx4k,
+    /// `declipse`: quadrants of the picture, its disparity and the same of what lies behind; 960x540 each in 1920x1080.
+    Declipse,
+    /// `declipse-lines`: the same, with what lies behind on the odd lines.
+    DeclipseLines,
     /// `rgbd`: picture and disparity side by side without header, of any size.
     Rgbd,
     /// `color`: the picture alone, of any size.
@@ -95,6 +101,12 @@ pub enum LayoutError {
         /// The picture's size.
         found_px: [u32; 2],
     },
+    /// The layout needs what lies behind the first layer.
+    #[error("layout {layout} needs what lies behind the first layer: render with depth rule two-layer")]
+    NoBackground {
+        /// The layout.
+        layout: Layout,
+    },
     /// A picture or frame whose pixels do not fill its size, or with no pixels, or too many.
     #[error("{what} of {}x{} has {found} values, expected {expected}", size_px[0], size_px[1])]
     PixelCount {
@@ -129,8 +141,16 @@ pub struct FrameEncoder {
 
 impl Layout {
     /// All layouts of this version.
-    pub const ALL: [Self; 6] =
-        [Self::Wowvx, Self::WowvxFullHeight, Self::Wowvx4k, Self::Rgbd, Self::Color, Self::Depth16];
+    pub const ALL: [Self; 8] = [
+        Self::Wowvx,
+        Self::WowvxFullHeight,
+        Self::Wowvx4k,
+        Self::Declipse,
+        Self::DeclipseLines,
+        Self::Rgbd,
+        Self::Color,
+        Self::Depth16,
+    ];
 
     /// The name in requests and on the command line.
     #[must_use]
@@ -139,6 +159,8 @@ impl Layout {
             Self::Wowvx => "wowvx",
             Self::WowvxFullHeight => "wowvx-full-height",
             Self::Wowvx4k => "wowvx-4k",
+            Self::Declipse => "declipse",
+            Self::DeclipseLines => "declipse-lines",
             Self::Rgbd => "rgbd",
             Self::Color => "color",
             Self::Depth16 => "depth16",
@@ -148,7 +170,13 @@ impl Layout {
     /// Whether frames carry a header on line 0.
     #[must_use]
     pub const fn has_header(self) -> bool {
-        matches!(self, Self::Wowvx | Self::WowvxFullHeight | Self::Wowvx4k)
+        matches!(self, Self::Wowvx | Self::WowvxFullHeight | Self::Wowvx4k) || self.needs_background()
+    }
+
+    /// Whether frames carry what lies behind the first layer as well.
+    #[must_use]
+    pub const fn needs_background(self) -> bool {
+        matches!(self, Self::Declipse | Self::DeclipseLines)
     }
 
     /// Whether frames carry the picture on the left and its disparity on the right.
@@ -166,7 +194,7 @@ impl Layout {
     pub fn render_size_px(self, profile: &DisplayProfile) -> Option<[u32; 2]> {
         let [width, height] = profile.frame_px();
         match self {
-            Self::Wowvx => Some([width / 2, height / 2]),
+            Self::Wowvx | Self::Declipse | Self::DeclipseLines => Some([width / 2, height / 2]),
             Self::WowvxFullHeight | Self::Wowvx4k => Some([width / 2, height]),
             Self::Rgbd | Self::Color | Self::Depth16 => None,
         }
@@ -183,10 +211,14 @@ impl Layout {
         let [width, height] = frame_px;
         let refuse = |remedy| Err(LayoutError::Profile { layout: self, frame_px, sub_image_px, remedy });
         match self {
-            Self::Wowvx if height % 2 != 0 || width % 2 != 0 => refuse("it needs an even width and height"),
-            Self::Wowvx if sub_image_px != [width / 2, height / 2] => refuse(
-                "its sub-images are half as wide and half as high as the frame; use wowvx-4k for dimenco-4k",
-            ),
+            Self::Wowvx | Self::Declipse | Self::DeclipseLines if height % 2 != 0 || width % 2 != 0 => {
+                refuse("it needs an even width and height")
+            }
+            Self::Wowvx | Self::Declipse | Self::DeclipseLines if sub_image_px != [width / 2, height / 2] => {
+                refuse(
+                    "its sub-images are half as wide and half as high as the frame; use wowvx-4k for dimenco-4k",
+                )
+            }
             Self::WowvxFullHeight if width % 2 != 0 => refuse("it needs an even width"),
             Self::Wowvx4k if frame_px != FRAME_4K_PX => {
                 refuse("it needs frames of 3840x2160, as dimenco-4k has")
@@ -235,12 +267,15 @@ impl<'de> serde::Deserialize<'de> for Layout {
 }
 
 impl FrameEncoder {
-    /// An encoder for frames of `layout` on a display with `profile`; layouts without header ignore `header`.
+    /// An encoder for frames of `layout` on a display with `profile`; layouts without header ignore `header`, and those with
+    /// a background announce it there.
     ///
     /// # Errors
     /// When the layout's frame is not the one the display takes, or the header does not fit into the left half.
     pub fn new(layout: Layout, profile: DisplayProfile, header: Header) -> Result<Self, LayoutError> {
         layout.check_profile(&profile)?;
+        let extended = Some(ExtendedPart::DeclipseFull);
+        let header = if layout.needs_background() { Header { extended, ..header } } else { header };
         let half_px = profile.frame_px()[0] / 2;
         if layout.has_header() && half_px < header.width_px() {
             return Err(LayoutError::HeaderWidth { needed_px: header.width_px(), half_px });
@@ -287,7 +322,8 @@ impl FrameEncoder {
     /// Packs a picture into a frame, its depth filtered and scaled between the limits; a miss becomes the far limit.
     ///
     /// # Errors
-    /// When the picture is not of the size that the layout needs; see [`FrameEncoder::render_size_px`].
+    /// When the picture is not of the size that the layout needs (see [`FrameEncoder::render_size_px`]), or has no
+    /// background where the layout needs one.
     pub fn encode(&self, picture: &Picture<'_>, limits: DepthLimits) -> Result<Frame, LayoutError> {
         let found_px = picture.size_px();
         match self.render_size_px() {
@@ -297,7 +333,14 @@ impl FrameEncoder {
             _ if self.layout == Layout::Color => pack::pack(self, picture, limits),
             _ => {
                 let depth_mm = self.filter.apply(picture, limits);
-                pack::pack(self, &Picture::new(found_px, picture.color(), &depth_mm)?, limits)
+                let filtered = Picture::new(found_px, picture.color(), &depth_mm)?;
+                match picture.back() {
+                    Some(back) => {
+                        let depth_mm = self.filter.apply(&back, limits);
+                        pack::pack(self, &filtered.with_back(back.color(), &depth_mm)?, limits)
+                    }
+                    None => pack::pack(self, &filtered, limits),
+                }
             }
         }
     }

@@ -15,11 +15,28 @@ pub(super) fn pack(
         Layout::Depth16 => Frame::new([width, height], Pixels::Gray16(depth_alone(picture, limits))),
         Layout::Rgbd => Frame::new([2 * width, height], Pixels::Rgb8(side_by_side(encoder, picture, limits))),
         Layout::Wowvx | Layout::WowvxFullHeight | Layout::Wowvx4k => {
+            with_header(encoder, width, side_by_side(encoder, picture, limits))
+        }
+        Layout::Declipse | Layout::DeclipseLines => {
+            let back = picture.back().ok_or(LayoutError::NoBackground { layout: encoder.layout })?;
             let mut samples = side_by_side(encoder, picture, limits);
-            encoder.header.write_into_line(&mut samples[..3 * width as usize]);
-            Frame::new(encoder.profile.frame_px(), Pixels::Rgb8(samples))
+            let behind = side_by_side(encoder, &back, limits);
+            if encoder.layout == Layout::Declipse {
+                samples.extend(behind);
+            } else {
+                let line = 6 * width as usize;
+                let pairs = samples.chunks_exact(line).zip(behind.chunks_exact(line));
+                samples = pairs.flat_map(|(front, back)| [front, back]).flatten().copied().collect();
+            }
+            with_header(encoder, width, samples)
         }
     }
+}
+
+/// The display's frame with the header on line 0; `width` is that of the left half.
+fn with_header(encoder: &FrameEncoder, width: u32, mut samples: Vec<u8>) -> Result<Frame, LayoutError> {
+    encoder.header.write_into_line(&mut samples[..3 * width as usize]);
+    Frame::new(encoder.profile.frame_px(), Pixels::Rgb8(samples))
 }
 
 fn color_alone(picture: &Picture<'_>) -> Vec<u8> {

@@ -15,7 +15,7 @@ pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
 pub(super) const VISIBLE: f64 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
-const BISECTIONS: i32 = 12;
+pub(super) const BISECTIONS: i32 = 12;
 
 /// A volume under a request.
 pub(super) struct Caster<'a> {
@@ -26,9 +26,14 @@ pub(super) struct Caster<'a> {
     patient_from_voxel_gradient: DMat3,
 }
 
-/// Premultiplied colour and coverage, and the distance along the ray in mm; `None` when nothing is visible.
+/// Colour over the background as bytes, and view depth in mm.
+pub(super) type Shown = ([u8; 4], f32);
+
+/// Premultiplied colour and coverage, the first visible sample, and the distance along the ray in mm; `None` when nothing
+/// is visible.
 pub(super) struct Hit {
     pub(super) color: DVec4,
+    pub(super) first: Option<i32>,
     pub(super) t: Option<f64>,
 }
 
@@ -39,24 +44,34 @@ impl<'a> Caster<'a> {
         Self { volume, request, rays, table: table_for(request), patient_from_voxel_gradient }
     }
 
-    /// Colour over the background as bytes, and view depth in mm.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..1")]
-    pub(super) fn raycast(&self, pixel: [u32; 2]) -> ([u8; 4], f32) {
+    /// Colour over the background as bytes, and view depth in mm, of a ray's layers: one, or two by rule `two-layer`.
+    pub(super) fn raycast(&self, pixel: [u32; 2]) -> [Shown; 2] {
         let ray = self.rays.ray_of_pixel(pixel);
         let hit = match self.request.mode {
-            Mode::Composite => self.composite(&ray),
+            Mode::Composite => self.composite_from(&ray, 0, self.request.depth),
             Mode::Slice(blend) => self.slice(&ray, blend),
             Mode::Isosurface => self.isosurface(&ray),
             _ => self.project(&ray),
         };
+        let back = match (hit.first, self.request.has_back_layer()) {
+            (Some(first), true) => self.back_layer(&ray, first),
+            _ => None,
+        };
+        let nothing = Hit { color: DVec4::ZERO, first: None, t: None };
+        [self.shown(&ray, &hit), self.shown(&ray, &back.unwrap_or(nothing))]
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..1")]
+    fn shown(&self, ray: &Ray, hit: &Hit) -> Shown {
         let over = hit.color.truncate() + (1.0 - hit.color.w) * DVec3::from(self.request.background_rgb);
         let bytes = over.extend(hit.color.w).to_array().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);
         (bytes, hit.t.map_or(f32::INFINITY, |t| ray.view_depth(t) as f32))
     }
 
-    fn composite(&self, ray: &Ray) -> Hit {
+    /// Samples from number `start` on, blended front to back; depth by `rule`.
+    pub(super) fn composite_from(&self, ray: &Ray, start: i32, rule: DepthRule) -> Hit {
         let (mut color, mut opacity, mut first) = (DVec3::ZERO, 0.0, None);
-        for k in 0..ray.sample_count() {
+        for k in start..ray.sample_count() {
             if opacity >= OPAQUE {
                 break;
             }
@@ -69,11 +84,9 @@ impl<'a> Caster<'a> {
                 first = first.or(Some(k));
             }
         }
-        let t = first.filter(|_| opacity >= VISIBLE).map(|first| match self.request.depth {
-            DepthRule::Threshold { fraction } => self.threshold_crossing(ray, first, fraction * opacity),
-            DepthRule::FirstHit => self.first_hit(ray, first),
-        });
-        Hit { color: color.extend(opacity), t }
+        let visible = first.filter(|_| opacity >= VISIBLE);
+        let t = visible.map(|first| self.depth_by_rule(rule, ray, first, opacity));
+        Hit { color: color.extend(opacity), first, t }
     }
 
     pub(super) fn lit(&self, rgb: DVec3, p: DVec3, ray: &Ray) -> DVec3 {
@@ -95,11 +108,11 @@ impl<'a> Caster<'a> {
         sample
     }
 
-    fn opacity_at(&self, ray: &Ray, t: f64) -> f64 {
+    pub(super) fn opacity_at(&self, ray: &Ray, t: f64) -> f64 {
         self.sample(ray.voxel_at(t)).w
     }
 
-    fn first_hit(&self, ray: &Ray, first: i32) -> f64 {
+    pub(super) fn first_hit(&self, ray: &Ray, first: i32) -> f64 {
         let mut outside = ray.entry.max(ray.sample_t(f64::from(first) - 1.0));
         let mut inside = ray.sample_t(f64::from(first));
         if self.opacity_at(ray, outside) > 0.0 {
@@ -112,7 +125,7 @@ impl<'a> Caster<'a> {
         inside
     }
 
-    fn threshold_crossing(&self, ray: &Ray, first: i32, target: f64) -> f64 {
+    pub(super) fn threshold_crossing(&self, ray: &Ray, first: i32, target: f64) -> f64 {
         let (mut before, mut accumulated, mut k) = (0.0, 0.0, first);
         while k < ray.sample_count() {
             let next = accumulated + (1.0 - accumulated) * self.opacity_at(ray, ray.sample_t(f64::from(k)));

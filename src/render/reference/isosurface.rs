@@ -35,7 +35,7 @@ impl Caster<'_> {
             }
             _ => first_t,
         });
-        Hit { color: whole.color.extend(whole.opacity), t }
+        Hit { color: whole.color.extend(whole.opacity), first: None, t }
     }
 
     fn trace_surfaces(&self, ray: &Ray, target: f64) -> Trace {

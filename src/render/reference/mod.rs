@@ -12,11 +12,13 @@
 //! | `classify` | `shaders/lib/classify.wgsl` |
 //! | `isosurface` | `shaders/raycast/isosurface.wgsl` |
 //! | `project` | `shaders/raycast/project.wgsl` |
+//! | `depth_rules` | `shaders/lib/depth_rules.wgsl` |
 //! | `cast` | `shaders/raycast.wgsl` |
 //! | `slice` | `shaders/slice.wgsl` |
 
 mod cast;
 mod classify;
+mod depth_rules;
 mod field;
 mod isosurface;
 mod project;
@@ -25,7 +27,7 @@ mod slice;
 
 use rayon::prelude::*;
 
-use super::frame::{RenderedFrame, Timings};
+use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::letters;
 use super::overlay::Drawing;
 use super::renderer::{RenderError, depth_limits};
@@ -41,16 +43,21 @@ pub fn render(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame,
     let drawing = Drawing::new(request, volume.grid())?;
     let scene = cast::Caster::new(volume, request);
     let [width, height] = request.size_px;
-    let pixels: Vec<([u8; 4], f32)> = (0..height)
+    let pixels: Vec<[cast::Shown; 2]> = (0..height)
         .into_par_iter()
         .flat_map_iter(|row| (0..width).map(move |column| [column, row]))
         .map(|pixel| scene.raycast(pixel))
         .collect();
-    let (color_rgba, depth_mm) = pixels.into_iter().unzip();
+    let (color_rgba, depth_mm) = pixels.iter().map(|[front, _]| *front).unzip();
+    let back = request.has_back_layer().then(|| {
+        let (color_rgba, depth_mm) = pixels.iter().map(|[_, back]| *back).unzip();
+        BackLayer { color_rgba, depth_mm }
+    });
     let mut frame = RenderedFrame {
         size_px: request.size_px,
         color_rgba,
         depth_mm,
+        back,
         camera: request.camera,
         limits: depth_limits(&request.camera, volume.grid()),
         timings: Timings::default(),

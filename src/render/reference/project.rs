@@ -33,11 +33,11 @@ impl Caster<'_> {
             }
         }
         if largest == f64::NEG_INFINITY {
-            return Hit { color: DVec4::ZERO, t: None };
+            return Hit { color: DVec4::ZERO, first: None, t: None };
         }
         let sample = classify(&self.table, sign * largest);
         let t = (sample.w >= VISIBLE).then(|| self.peak_t(ray, at, largest, sign));
-        Hit { color: (sample.truncate() * sample.w).extend(sample.w), t }
+        Hit { color: (sample.truncate() * sample.w).extend(sample.w), first: None, t }
     }
 
     fn peak_t(&self, ray: &Ray, at: i32, largest: f64, sign: f64) -> f64 {
@@ -59,7 +59,7 @@ impl Caster<'_> {
     fn project_sum(&self, ray: &Ray) -> Hit {
         let count = ray.sample_count();
         if count == 0 {
-            return Hit { color: DVec4::ZERO, t: None };
+            return Hit { color: DVec4::ZERO, first: None, t: None };
         }
         let (mut sum, mut moment) = (0.0, 0.0);
         for k in (0..count).map(f64::from) {
@@ -71,7 +71,7 @@ impl Caster<'_> {
         let shown = if self.request.mode == Mode::Mean { color.w } else { color.x };
         let middle = 0.5 * f64::from(count - 1);
         let t = ray.sample_t(if sum > 0.0 { moment / sum } else { middle }).clamp(ray.entry, ray.exit);
-        Hit { color, t: (shown >= VISIBLE).then_some(t) }
+        Hit { color, first: None, t: (shown >= VISIBLE).then_some(t) }
     }
 
     fn color_of_sum(&self, sum: f64, count: i32) -> DVec4 {

@@ -22,9 +22,9 @@ impl Caster<'_> {
             SlabBlend::Mip => self.extreme_of_slab(ray, 1.0),
             SlabBlend::MinIp => self.extreme_of_slab(ray, -1.0),
         };
-        let Some(Cut { hu, t }) = cut else { return Hit { color: glam::DVec4::ZERO, t: None } };
+        let Some(Cut { hu, t }) = cut else { return Hit { color: glam::DVec4::ZERO, first: None, t: None } };
         let color = classify(&self.table, hu);
-        Hit { color: (color.truncate() * color.w).extend(color.w), t: Some(t) }
+        Hit { color: (color.truncate() * color.w).extend(color.w), first: None, t: Some(t) }
     }
 
     /// Distances of the samples inside the volume, each with its number counted from the plane.

@@ -152,6 +152,12 @@ impl SceneFile {
         Self { transfer: Some(TransferFile::window(center_hu, width_hu)), ..self }
     }
 
+    /// Replaces the depth rule, with its usual fraction.
+    #[must_use]
+    pub fn with_depth_rule(self, rule: DepthRule) -> Self {
+        Self { depth: Some(DepthFile::of_rule(rule)), ..self }
+    }
+
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {
@@ -219,14 +225,29 @@ impl SceneFile {
             sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
             letters: slice.is_some_and(|slice| slice.letters),
-            depth: self.depth.map_or(Ok(DepthRule::Threshold { fraction: 0.5 }), DepthFile::resolve)?,
+            depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
             clip: self.clip.unwrap_or_default().resolve()?,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
             overlays: Arc::new(self.overlays.resolve()?),
         };
         request.validate_on(grid)?;
+        expect_background(&request, &self.display)?;
         Ok(Scene { request, display: self.display })
     }
+}
+
+/// Refuses a layout with a background where the request gives none.
+fn expect_background(request: &RenderRequest, display: &DisplaySettings) -> Result<(), RequestError> {
+    let layout = display.layout;
+    if !layout.needs_background() || request.has_back_layer() {
+        return Ok(());
+    }
+    if request.depth.has_back_layer() {
+        let allowed = format!("composite, which layout {layout} needs");
+        return Err(RequestError::new("mode", &format!("{:?}", request.mode).to_lowercase(), &allowed));
+    }
+    let allowed = format!("two-layer, which layout {layout} needs");
+    Err(RequestError::new("depth.rule", &request.depth.name(), &allowed))
 }
 
 #[cfg(test)]
@@ -250,6 +271,14 @@ mod tests {
         assert_eq!(scene.request.mode, Mode::Composite);
         assert_eq!(scene.request.depth, DepthRule::Threshold { fraction: 0.5 });
         assert_eq!(scene.request.sample_distance_mm, 0.5);
+    }
+
+    #[test]
+    fn a_layout_with_a_background_has_the_rule_that_gives_one() {
+        let scene = SceneFile::parse(br#"{"display":{"layout":"declipse"}}"#).unwrap();
+        let scene = scene.resolve(&grid(), &Orbit::default()).unwrap();
+        assert_eq!(scene.request.depth, DepthRule::TwoLayer { fraction: 0.5 });
+        assert!(scene.request.has_back_layer());
     }
 
     #[test]
@@ -294,6 +323,20 @@ mod tests {
             (r#"{"transfer":{"points":[[1,[0,0,0,0]]]}}"#.to_owned(), &["transfer.points.0: found an array"]),
             (r#"{"size_px":[8192,8192]}"#.to_owned(), &["size_px is 8192 x 8192", "at most 16777216 pixels"]),
             (r#"{"depth":{"rule":"threshold","fraction":2}}"#.to_owned(), &["depth.fraction is 2", "to 1"]),
+            (
+                r#"{"depth":{"rule":"wysiwyp"},"display":{"layout":"declipse"}}"#.to_owned(),
+                &["depth.rule is wysiwyp", "two-layer, which layout declipse needs"],
+            ),
+            (
+                r#"{"mode":"mip","display":{"layout":"declipse-lines"}}"#.to_owned(),
+                &["mode is mip", "composite, which layout declipse-lines needs"],
+            ),
+            (r#"{"depth":{"rule":"nearest"}}"#.to_owned(), &["depth.rule", "nearest", "wysiwyp"]),
+            (
+                r#"{"depth":{"rule":"expected","fraction":0.5}}"#.to_owned(),
+                &["depth.fraction is 0.5", "nothing beside rule expected"],
+            ),
+            (r#"{"depth":{"rule":"two-layer","fraction":0}}"#.to_owned(), &["depth.fraction is 0", "to 1"]),
             (r#"{"shading":{"ambient":2,"diffuse":0}}"#.to_owned(), &["shading.ambient is 2", "0 to 1"]),
             (r#"{"clip":{"box_mm":[[0,0,0],[1,-1,1]]}}"#.to_owned(), &["clip.box_mm", "min < max"]),
             (

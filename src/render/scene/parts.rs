@@ -7,6 +7,7 @@ use serde::{Deserialize, Deserializer};
 use super::SceneError;
 use super::overlays::OverlaysFile;
 use crate::camera::{Camera, CameraError, Projection};
+use crate::display::DisplaySettings;
 use crate::render::mode::Mode;
 use crate::render::request::{Clip, ClipPlane, DepthRule, RequestError, Shading};
 use crate::space::{Point, Vector};
@@ -142,15 +143,17 @@ fn soft_highlight() -> f64 {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DepthFile {
-    rule: DepthRuleFile,
+    #[serde(deserialize_with = "depth_rule")]
+    rule: DepthRule,
     fraction: Option<f64>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum DepthRuleFile {
-    FirstHit,
-    Threshold,
+/// By hand, so that a refusal names the value and all rules.
+fn depth_rule<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DepthRule, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    let shown: String = name.chars().take(40).collect();
+    let unknown = || format!("no depth rule {shown:?}; allowed: {}", DepthRule::NAMES.join(", "));
+    DepthRule::from_name(&name).ok_or_else(|| serde::de::Error::custom(unknown()))
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -334,16 +337,26 @@ impl ShadingFile {
 }
 
 impl DepthFile {
+    /// What applies where nothing was written: the rule that the layout needs.
+    pub(super) fn usual(display: &DisplaySettings) -> Self {
+        let fraction = DepthRule::USUAL_FRACTION;
+        Self::of_rule(if display.layout.needs_background() {
+            DepthRule::TwoLayer { fraction }
+        } else {
+            DepthRule::Threshold { fraction }
+        })
+    }
+
+    pub(super) fn of_rule(rule: DepthRule) -> Self {
+        Self { rule, fraction: None }
+    }
+
     pub(super) fn resolve(self) -> Result<DepthRule, RequestError> {
-        match (self.rule, self.fraction) {
-            (DepthRuleFile::FirstHit, None) => Ok(DepthRule::FirstHit),
-            (DepthRuleFile::FirstHit, Some(fraction)) => {
-                Err(RequestError::new("depth.fraction", &fraction, "nothing beside rule first-hit"))
-            }
-            (DepthRuleFile::Threshold, fraction) => {
-                Ok(DepthRule::Threshold { fraction: fraction.unwrap_or(0.5) })
-            }
-        }
+        let Some(fraction) = self.fraction else { return Ok(self.rule) };
+        self.rule.with_fraction(fraction).ok_or_else(|| {
+            let allowed = format!("nothing beside rule {}", self.rule.name());
+            RequestError::new("depth.fraction", &fraction, &allowed)
+        })
     }
 }
 

@@ -43,6 +43,7 @@ const state = {
   factor: 64,
   offset: 128,
   depthFilter: "none",
+  depthRule: "threshold",
   split: 0.5,
 };
 
@@ -359,6 +360,7 @@ panel.addEventListener("change", ({ target }) => {
   else if (target.name === "projection") state.fieldOfView = Number(target.value);
   else if (target.name === "preset") return setPreset(Number(target.value));
   else if (target.id === "depth-filter") state.depthFilter = target.value;
+  else if (target.id === "depth-rule") state.depthRule = target.value;
   else if (target.id === "volume") return showVolume(volumes[target.selectedIndex]);
   else if (target.id === "layout" || target.id === "profile") {
     state[target.id] = target.value;
@@ -434,8 +436,8 @@ onFile(stage, $("upload-button"), $("upload"), async (file) => {
 function remember() {
   if (!state.volume) return;
   const { azimuth, elevation, zoom } = state.pose;
-  const { preset, mode, iso, view, layout, overlays, fieldOfView, depthFilter: filter } = state;
-  const kept = { volume: state.volume.id, preset, mode, view, layout, filter, fov: fieldOfView };
+  const { preset, mode, iso, view, layout, overlays, fieldOfView, depthFilter: filter, depthRule: rule } = state;
+  const kept = { volume: state.volume.id, preset, mode, view, layout, filter, rule, fov: fieldOfView };
   if (iso !== null) kept.iso = iso;
   if (overlays.length) kept.overlay = overlays.join(",");
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
@@ -468,7 +470,9 @@ function recall() {
   const values = (id) => [...$(id).options].map((option) => option.value);
   state.layout = word("layout", values("layout")) ?? "wowvx";
   state.depthFilter = word("filter", values("depth-filter")) ?? "none";
+  state.depthRule = word("rule", values("depth-rule")) ?? "threshold";
   $("depth-filter").value = state.depthFilter;
+  $("depth-rule").value = state.depthRule;
   choose("view", state.view);
   choose("projection", state.fieldOfView);
   state.iso = kept.has("iso") ? number("iso", 300) : null;
@@ -536,6 +540,7 @@ async function start() {
   presets = known.presets;
   grid.fill(presets);
   $("layout").replaceChildren(...known.layouts.map((name) => option(name)));
+  $("depth-rule").replaceChildren(...known.depth_rules.map((name) => option(name)));
   $("depth-filter").replaceChildren(...known.depth_filters.map((name) => option(name)));
   $("profile").append(...known.profiles.map((name) => option(name)));
   const wanted = recall();

@@ -47,6 +47,7 @@ export function lookQuery(state, aspect) {
     preset: state.preset,
     mode: state.mode,
     ...surface,
+    depth_rule: state.depthRule,
     azimuth_deg: round(state.pose.azimuth, 3),
     elevation_deg: round(state.pose.elevation, 3),
     vertical_fov_deg: state.fieldOfView,
@@ -71,6 +72,8 @@ export function frameQuery(state) {
   if (!state.slice.plane) query.zoom = round(state.pose.zoom, 4);
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;
+  // These layouts carry what lies behind the first layer, which one rule alone gives.
+  if (state.layout.startsWith("declipse")) query.depth_rule = "two-layer";
   return new URLSearchParams({ ...query, factor, offset, depth_filter });
 }
 
