@@ -128,7 +128,7 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
         let hu = sample_hu(p);
         let hu_after = sample_hu(p_after);
         gather(&sum, ray, k, p, hu);
-        if k + 1.0 < count {
+        if k + 1.0 < count && !is_hidden(walk, k + 1.0) {
             gather(&sum, ray, k + 1.0, p_after, hu_after);
         }
         samples += min(2.0, count - k);

@@ -67,7 +67,7 @@ fn slice(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 fn is_inside(ray: Ray, t: f32) -> bool {
-    return t >= ray.entry && t <= ray.exit;
+    return t >= ray.entry && t <= ray.exit && !is_cut(ray, t);
 }
 
 // Distance of sample k, counted from the plane: negative ones are before it.

@@ -27,6 +27,9 @@ const LAYER_OPACITY: f32 = 0.35;
 const LAYER_END_SHARE: f32 = 0.125;
 
 fn opacity_at(ray: Ray, t: f32) -> f32 {
+    if is_cut(ray, t) {
+        return 0.0;
+    }
     return voxel_opacity(voxel_at(ray, t));
 }
 

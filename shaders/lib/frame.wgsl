@@ -42,6 +42,9 @@ struct Frame {
     // Bricks along i, j, k.
     brick_dims: vec3<f32>,
     bricks_per_voxel: f32,
+    // A sphere whose inside is cut away, start space; a radius of 0 cuts nothing.
+    cut_center: vec3<f32>,
+    cut_radius_mm: f32,
     // Start space: what dot(n, p) + d >= 0 holds for is kept.
     clip_planes: array<vec4<f32>, 12>,
     // The volume's smallest value, and how far above it the largest is; at least 1. HU.
@@ -69,6 +72,9 @@ struct Ray {
     step_voxel: vec3<f32>,
     entry: f32,
     exit: f32,
+    // What lies between is cut away by the sphere; empty where the ray misses it.
+    cut_in: f32,
+    cut_out: f32,
     // Distance of the first sample, mm.
     first: f32,
     // Voxel index of the first sample, and voxels from sample to sample.
@@ -98,6 +104,9 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
     let interval = clip_interval(origin, direction, vec2<f32>(max(volume_box.x, 0.0), volume_box.y));
     ray.entry = interval.x;
     ray.exit = interval.y;
+    let cut = cut_interval(origin, direction);
+    ray.cut_in = cut.x;
+    ray.cut_out = cut.y;
     var anchor = box_interval(ray.origin_voxel, ray.step_voxel, 0.0).x;
     if !(abs(anchor - ray.entry) < FAR_OFF) {
         anchor = ray.entry;
@@ -142,6 +151,25 @@ fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -
         }
     }
     return kept;
+}
+
+// Where a ray is inside the sphere that is cut away; an empty interval where it is not.
+fn cut_interval(origin: vec3<f32>, direction: vec3<f32>) -> vec2<f32> {
+    let to_center = frame.cut_center - origin;
+    let middle = dot(to_center, direction);
+    // By the distance of the ray from the centre: squares of the whole way to it would lose what is small beside them.
+    let beside = to_center - middle * direction;
+    let half_squared = frame.cut_radius_mm * frame.cut_radius_mm - dot(beside, beside);
+    if frame.cut_radius_mm <= 0.0 || half_squared <= 0.0 {
+        return vec2<f32>(1e30, -1e30);
+    }
+    let half = sqrt(half_squared);
+    return vec2<f32>(middle - half, middle + half);
+}
+
+// Whether the sphere hides a point of the ray. It hides samples but does not move them, as clip planes do.
+fn is_cut(ray: Ray, t: f32) -> bool {
+    return t > ray.cut_in && t < ray.cut_out;
 }
 
 // Samples have whole numbers from 0 on, kept as f32: a ray of a valid request has far below 2^24.

@@ -16,8 +16,13 @@ struct Walk {
     per_brick: vec3<f32>,
     per_distance: vec3<f32>,
     constant: vec3<f32>,
+    // The sphere that is cut away hides the samples from the first number on, up to and without the second.
+    cut_first: f32,
+    cut_end: f32,
 }
 
+// Whether a sphere is cut away: without one, nobody asks.
+override CUT_AWAY: bool = false;
 // A ray that moves less than this many voxels a sample along an axis never leaves a brick through that axis' faces.
 const STILL: f32 = 1e-7;
 // Skips end this much before the face, in samples, so that rounding never takes them beyond it.
@@ -37,11 +42,21 @@ fn walk_of(ray: Ray) -> Walk {
     walk.per_distance = select(-samples_per_brick, samples_per_brick, forward);
     let face = select(samples_per_brick, vec3<f32>(0.0), forward);
     walk.constant = select(face - walk.brick * samples_per_brick, vec3<f32>(NEVER), still) - BEFORE_FACE;
+    walk.cut_first = floor((ray.cut_in - ray.first) / frame.sample_distance_mm) + 1.0;
+    walk.cut_end = ceil((ray.cut_out - ray.first) / frame.sample_distance_mm);
     return walk;
+}
+
+// Whether the sphere hides sample k.
+fn is_hidden(walk: Walk, k: f32) -> bool {
+    return CUT_AWAY && k >= walk.cut_first && k < walk.cut_end;
 }
 
 // The first sample from k on that is not certain to be invisible: k itself when its brick may show something.
 fn next_sample(walk: Walk, k: f32) -> f32 {
+    if is_hidden(walk, k) {
+        return walk.cut_end;
+    }
     let brick = max(floor(walk.brick + walk.brick_step * k), vec3<f32>(0.0));
     let at = u32(i32((brick.z * frame.brick_dims.y + brick.y) * frame.brick_dims.x + brick.x));
     let distance = f32((brick_distances[at >> 2u] >> ((at & 3u) * 8u)) & 255u);

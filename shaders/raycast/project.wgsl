@@ -63,7 +63,8 @@ fn peak_t(ray: Ray, at: f32, largest: f32, sign: f32) -> f32 {
     if curvature < -FLAT_HU {
         offset = clamp(0.5 * (before - after) / curvature, -0.5, 0.5);
     }
-    return clamp(t + offset * frame.sample_distance_mm, ray.entry, ray.exit);
+    let top = clamp(t + offset * frame.sample_distance_mm, ray.entry, ray.exit);
+    return select(top, t, is_cut(ray, top));
 }
 
 // How bright a value is: 0 for the volume's smallest, 1 for its largest.

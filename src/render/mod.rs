@@ -26,7 +26,7 @@ pub use frame::{BackLayer, RenderedFrame, Timings};
 pub use mode::{Mode, SlabBlend};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
-pub use request::{Clip, ClipPlane, DepthRule, RenderRequest, RequestError, Shading};
+pub use request::{Clip, ClipPlane, ClipSphere, DepthRule, RenderRequest, RequestError, Shading};
 pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
 };

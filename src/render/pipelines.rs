@@ -75,6 +75,7 @@ pub(super) struct PipelineKey {
     mode: Mode,
     depth_rule: u32,
     shaded: bool,
+    cut_away: bool,
     highlight: bool,
     gradient_opacity: bool,
     variant: Variant,
@@ -103,6 +104,7 @@ impl PipelineKey {
             mode: request.mode,
             depth_rule: if blends { request.depth.code() } else { DepthRule::FirstHit.code() },
             shaded: blends && request.shading.needs_gradient(),
+            cut_away: request.clip.sphere.is_some(),
             highlight: request.shading.specular > 0.0,
             gradient_opacity: request.mode == Mode::Composite
                 && request.transfer.gradient_opacity().is_some(),
@@ -117,6 +119,7 @@ impl PipelineKey {
             ("MODE", self.mode.constant()),
             ("DEPTH_RULE", f64::from(self.depth_rule)),
             ("SHADED", flag(self.shaded)),
+            ("CUT_AWAY", flag(self.cut_away)),
             ("HIGHLIGHT", flag(self.highlight)),
             ("GRADIENT_OPACITY", flag(self.gradient_opacity)),
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),

@@ -50,11 +50,27 @@ pub struct ClipPlane {
     pub normal: Vector<Patient>,
 }
 
-/// The part of the volume that is shown: what all planes keep.
+/// A sphere whose inside is not shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClipSphere {
+    /// Its centre.
+    pub center: Point<Patient>,
+    /// Its radius, mm; see [`ClipSphere::RADIUS_MM`].
+    pub radius_mm: f64,
+}
+
+impl ClipSphere {
+    /// Radii that a sphere may have, mm.
+    pub const RADIUS_MM: std::ops::RangeInclusive<f64> = 0.01..=10_000.0;
+}
+
+/// The part of the volume that is shown: what all planes keep, but for the inside of the sphere.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     /// At most [`Clip::MAX_PLANES`]; the six faces of a clip box count among them.
     pub planes: Vec<ClipPlane>,
+    /// What is cut away, such as what lies around a cursor. Neither this nor planes cost a rebuild of anything.
+    pub sphere: Option<ClipSphere>,
 }
 
 impl Clip {
@@ -176,6 +192,11 @@ impl RenderRequest {
             }
         }
         surface::validate(self.mode, &self.surfaces)?;
+        let is_point_rule = matches!(self.depth, DepthRule::FirstHit | DepthRule::Threshold { .. });
+        if self.mode == Mode::Isosurface && !is_point_rule {
+            let allowed = "threshold or first-hit in mode isosurface";
+            return Err(RequestError::new("depth.rule", &self.depth.name(), allowed));
+        }
         if self.transfer.gradient_opacity().is_some() && self.mode != Mode::Composite {
             let allowed = "nothing beside other modes than composite";
             return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
@@ -218,6 +239,23 @@ impl RenderRequest {
                 &format!("{count} planes"),
                 "at most 6 beside the box",
             ));
+        }
+        if let Some(ClipSphere { center, radius_mm }) = self.clip.sphere {
+            // Sums and surfaces along a ray would count what is cut away.
+            if matches!(self.mode, Mode::Mean | Mode::Average | Mode::Additive | Mode::Isosurface) {
+                let allowed = "nothing in modes mean, average, additive and isosurface";
+                return Err(RequestError::new("clip.sphere", &"there", allowed));
+            }
+            if center.xyz.abs().max_element() > 1e6 || !center.xyz.is_finite() {
+                let allowed = "within 1000000 mm";
+                let found = format!("{:?}", center.xyz.to_array());
+                return Err(RequestError::new("clip.sphere.center_mm", &found, allowed));
+            }
+            if !ClipSphere::RADIUS_MM.contains(&radius_mm) {
+                let (low, high) = (ClipSphere::RADIUS_MM.start(), ClipSphere::RADIUS_MM.end());
+                let allowed = format!("{low} to {high} mm");
+                return Err(RequestError::new("clip.sphere.radius_mm", &radius_mm, &allowed));
+            }
         }
         let usable = |plane: &ClipPlane| {
             plane.point.xyz.abs().max_element() <= 1e6 && plane.normal.normalized().is_some()

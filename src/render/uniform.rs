@@ -41,6 +41,8 @@ pub(super) struct FrameUniform {
     skipping: u32,
     brick_dims: [f32; 3],
     bricks_per_voxel: f32,
+    cut_center: [f32; 3],
+    cut_radius_mm: f32,
     clip_planes: [[f32; 4]; Clip::MAX_PLANES],
     lowest_hu: f32,
     span_hu: f32,
@@ -67,6 +69,10 @@ impl FrameUniform {
         let voxel_from_start = voxel_from_view(camera, grid).affine * glam::DAffine3::from_translation(start);
         let light = &request.shading;
         let table = &appearance.table;
+        let cut = request.clip.sphere;
+        let cut_radius_mm = cut.map_or(0.0, |sphere| sphere.radius_mm);
+        let cut_center =
+            cut.map_or(glam::DVec3::ZERO, |sphere| (camera.view_from_patient() * sphere.center).xyz);
         Self {
             voxel_from_start: glam::DMat4::from(voxel_from_start).as_mat4().to_cols_array_2d(),
             patient_from_view: columns(camera.patient_from_view().linear()),
@@ -94,6 +100,8 @@ impl FrameUniform {
             skipping: u32::from(skipping == Skipping::On),
             brick_dims: appearance.bricks.dims.map(|n| n as f32),
             bricks_per_voxel: 1.0 / appearance.bricks.edge as f32,
+            cut_center: (cut_center + glam::DVec3::Z * near_mm).to_array().map(|mm| mm as f32),
+            cut_radius_mm: cut_radius_mm as f32,
             clip_planes: clip_planes_in_view(camera, &request.clip)
                 .map(|[x, y, z, d]| [x, y, z, d - z * near_mm].map(|value| value as f32)),
             lowest_hu: lowest_hu as f32,
@@ -210,6 +218,8 @@ mod tests {
             skipping,
             brick_dims,
             bricks_per_voxel,
+            cut_center,
+            cut_radius_mm,
             clip_planes,
             lowest_hu,
             span_hu,

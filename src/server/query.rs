@@ -44,6 +44,8 @@ enum Target {
     ClipBox,
     /// Overlays by their names, with commas between them.
     Overlay,
+    /// Centre and radius of a sphere.
+    ClipSphere,
 }
 
 /// One parameter of a scene.
@@ -91,6 +93,7 @@ const PARAMETERS: &[Parameter] = &[
     key("depth_rule", Kind::Text, "depth.rule"),
     key("depth_fraction", Kind::Number, "depth.fraction"),
     to("clip_box_mm", Kind::Numbers(6), Target::ClipBox),
+    to("clip_sphere_mm", Kind::Numbers(4), Target::ClipSphere),
     key("background_rgb", Kind::Numbers(3), "background_rgb"),
     to("overlay", Kind::Text, Target::Overlay),
     key("layout", Kind::Text, "display.layout"),
@@ -255,6 +258,7 @@ impl Parameter {
             Target::Window => path.starts_with("transfer"),
             Target::ClipBox => path == "clip.box_mm",
             Target::Overlay => path == "overlays",
+            Target::ClipSphere => path.starts_with("clip.sphere"),
             Target::FieldOfView => path.ends_with(self.name),
             Target::View { camera, slice } => path == camera || path == slice,
             Target::Orbit(_) => path == self.name,
@@ -289,6 +293,11 @@ impl Parameter {
                         known.ok_or_else(|| malformed(self.name, name, &Overlays::switch_names()))?;
                     set(scene, &format!("overlays.{key}"), true.into());
                 }
+            }
+            Target::ClipSphere => {
+                let numbers = value.as_array().map_or(&[][..], Vec::as_slice);
+                set(scene, "clip.sphere.center_mm", numbers[..3].into());
+                set(scene, "clip.sphere.radius_mm", numbers[3].clone());
             }
             Target::ClipBox => {
                 let corners = value.as_array().map_or(&[][..], Vec::as_slice).chunks(3);

@@ -74,7 +74,7 @@ fn clipped_values_are_no_extremes() {
         let mut request = looking_along_y(&volume, mode, window, 60.0);
         // What lies behind y = 20 mm is left: the extreme is on the plane.
         let plane = ClipPlane { point: Point::new(0.0, 20.0, 0.0), normal: Vector::new(0.0, 1.0, 0.0) };
-        request.clip = Clip { planes: vec![plane] };
+        request.clip = Clip { planes: vec![plane], ..Clip::default() };
         let frame = renderer.render(&volume, &request).unwrap();
         for (off_mm, red, depth_mm) in pixels(&frame, 60.0) {
             let expected = 255.0 * (sign * (300.0 * off_mm.hypot(20.0) - 9000.0) + 10500.0) / 21000.0;

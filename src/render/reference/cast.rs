@@ -75,7 +75,11 @@ impl<'a> Caster<'a> {
             if opacity >= OPAQUE {
                 break;
             }
-            let p = ray.voxel_at(ray.sample_t(f64::from(k)));
+            let t = ray.sample_t(f64::from(k));
+            if ray.is_cut(t) {
+                continue;
+            }
+            let p = ray.voxel_at(t);
             let sample = self.sample(p);
             if sample.w > 0.0 {
                 let weight = (1.0 - opacity) * sample.w;
@@ -109,7 +113,7 @@ impl<'a> Caster<'a> {
     }
 
     pub(super) fn opacity_at(&self, ray: &Ray, t: f64) -> f64 {
-        self.sample(ray.voxel_at(t)).w
+        if ray.is_cut(t) { 0.0 } else { self.sample(ray.voxel_at(t)).w }
     }
 
     pub(super) fn first_hit(&self, ray: &Ray, first: i32) -> f64 {

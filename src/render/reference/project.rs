@@ -27,8 +27,9 @@ impl Caster<'_> {
     fn project_extreme(&self, ray: &Ray, sign: f64) -> Hit {
         let (mut largest, mut at) = (f64::NEG_INFINITY, 0);
         for k in 0..ray.sample_count() {
-            let value = sign * self.value_at(ray, ray.sample_t(f64::from(k)));
-            if value > largest {
+            let t = ray.sample_t(f64::from(k));
+            let value = sign * self.value_at(ray, t);
+            if value > largest && !ray.is_cut(t) {
                 (largest, at) = (value, k);
             }
         }
@@ -47,7 +48,8 @@ impl Caster<'_> {
         let curvature = before - 2.0 * largest + after;
         let offset =
             if curvature < -FLAT_HU { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
-        (t + offset * ray.sample_distance_mm).clamp(ray.entry, ray.exit)
+        let top = (t + offset * ray.sample_distance_mm).clamp(ray.entry, ray.exit);
+        if ray.is_cut(top) { t } else { top }
     }
 
     fn share_of_sample(&self, hu: f64) -> f64 {

@@ -20,6 +20,8 @@ pub(super) struct Ray {
     step_voxel: DVec3,
     pub(super) entry: f64,
     pub(super) exit: f64,
+    /// Between them the sphere cuts away.
+    cut: Option<(f64, f64)>,
     first: f64,
     depth_origin: f64,
     depth_step: f64,
@@ -33,6 +35,8 @@ pub(super) struct Rays<'a> {
     patient_from_view: DMat3,
     dims: DVec3,
     clip_planes: [[f64; 4]; Clip::MAX_PLANES],
+    /// Centre in view space and radius in mm.
+    cut: Option<(DVec3, f64)>,
 }
 
 impl<'a> Rays<'a> {
@@ -41,7 +45,10 @@ impl<'a> Rays<'a> {
         let voxel_from_view = voxel_from_view(&request.camera, grid).affine;
         let clip_planes = clip_planes_in_view(&request.camera, &request.clip);
         let patient_from_view = request.camera.patient_from_view().linear();
-        Self { request, voxel_from_view, patient_from_view, dims, clip_planes }
+        let view_from_patient = request.camera.view_from_patient();
+        let cut =
+            request.clip.sphere.map(|sphere| ((view_from_patient * sphere.center).xyz, sphere.radius_mm));
+        Self { request, voxel_from_view, patient_from_view, dims, clip_planes, cut }
     }
 
     pub(super) fn ray_of_pixel(&self, [column, row]: [u32; 2]) -> Ray {
@@ -69,6 +76,7 @@ impl<'a> Rays<'a> {
             step_voxel,
             entry,
             exit,
+            cut: self.cut.and_then(|cut| cut_interval(origin, direction, cut)),
             first,
             depth_origin,
             depth_step,
@@ -102,7 +110,19 @@ impl<'a> Rays<'a> {
     }
 }
 
+/// Where a ray is inside a sphere.
+fn cut_interval(origin: DVec3, direction: DVec3, (center, radius_mm): (DVec3, f64)) -> Option<(f64, f64)> {
+    let to_center = center - origin;
+    let middle = to_center.dot(direction);
+    let half_squared = radius_mm * radius_mm - (to_center - middle * direction).length_squared();
+    (half_squared > 0.0).then(|| (middle - half_squared.sqrt(), middle + half_squared.sqrt()))
+}
+
 impl Ray {
+    pub(super) fn is_cut(&self, t: f64) -> bool {
+        self.cut.is_some_and(|(cut_in, cut_out)| t > cut_in && t < cut_out)
+    }
+
     #[expect(clippy::cast_possible_truncation, reason = "a ray of a valid request has below 2^31 samples")]
     pub(super) fn sample_count(&self) -> i32 {
         (((self.exit - self.first) / self.sample_distance_mm - ON_FACE).floor() + 1.0).max(0.0) as i32

@@ -75,5 +75,5 @@ impl Caster<'_> {
 }
 
 fn is_inside(ray: &Ray, t: f64) -> bool {
-    (ray.entry..=ray.exit).contains(&t)
+    (ray.entry..=ray.exit).contains(&t) && !ray.is_cut(t)
 }

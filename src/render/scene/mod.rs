@@ -340,6 +340,15 @@ mod tests {
             (r#"{"shading":{"ambient":2,"diffuse":0}}"#.to_owned(), &["shading.ambient is 2", "0 to 1"]),
             (r#"{"clip":{"box_mm":[[0,0,0],[1,-1,1]]}}"#.to_owned(), &["clip.box_mm", "min < max"]),
             (
+                r#"{"clip":{"sphere":{"center_mm":[0,0,0],"radius_mm":0}}}"#.to_owned(),
+                &["clip.sphere.radius_mm is 0", "0.01 to 10000 mm"],
+            ),
+            (
+                r#"{"clip":{"sphere":{"center_mm":[0,2e6,0],"radius_mm":5}}}"#.to_owned(),
+                &["clip.sphere.center_mm is [0.0, 2000000.0, 0.0]", "within 1000000 mm"],
+            ),
+            (r#"{"clip":{"sphere":[1,2]}}"#.to_owned(), &["clip.sphere: found an array"]),
+            (
                 r#"{"clip":{"planes":[{"point_mm":[0,0,0],"normal":[0,0,0]}]}}"#.to_owned(),
                 &["clip.planes[0].normal is [0.0, 0.0, 0.0]"],
             ),

@@ -9,7 +9,7 @@ use super::overlays::OverlaysFile;
 use crate::camera::{Camera, CameraError, Projection};
 use crate::display::DisplaySettings;
 use crate::render::mode::Mode;
-use crate::render::request::{Clip, ClipPlane, DepthRule, RequestError, Shading};
+use crate::render::request::{Clip, ClipPlane, ClipSphere, DepthRule, RequestError, Shading};
 use crate::space::{Point, Vector};
 use crate::transfer::{
     ControlPoint, GradientOpacity, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
@@ -161,6 +161,14 @@ fn depth_rule<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DepthRule, D
 pub(super) struct ClipFile {
     box_mm: Option<[[f64; 3]; 2]>,
     planes: Vec<PlaneFile>,
+    sphere: Option<SphereFile>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SphereFile {
+    center_mm: [f64; 3],
+    radius_mm: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -174,7 +182,7 @@ struct PlaneFile {
 ///
 /// What is no JSON at all passes: the parser proper says where it goes wrong.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
-    const OBJECTS: [&str; 13] = [
+    const OBJECTS: [&str; 14] = [
         "",
         "/camera",
         "/camera/projection",
@@ -186,6 +194,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/shading",
         "/depth",
         "/clip",
+        "/clip/sphere",
         "/slice",
         "/overlays",
     ];
@@ -376,6 +385,10 @@ impl ClipFile {
         for (i, plane) in self.planes.into_iter().enumerate() {
             clip.planes.push(plane.resolve(i)?);
         }
+        clip.sphere = self.sphere.map(|SphereFile { center_mm, radius_mm }| ClipSphere {
+            center: Point::from_xyz(center_mm.into()),
+            radius_mm,
+        });
         Ok(clip)
     }
 }
