@@ -18,7 +18,7 @@ struct Trace {
 }
 
 // Two neighbouring samples.
-struct Interval {
+struct Stretch {
     near_t: f32,
     near_hu: f32,
     far_t: f32,
@@ -85,7 +85,7 @@ fn trace_surfaces(ray: Ray, target_opacity: f32) -> Trace {
                     near_hu = sample_hu(sample_voxel(ray, near));
                     trace.samples += 1.0;
                 }
-                let interval = Interval(sample_t(ray, near), near_hu, sample_t(ray, place), hu);
+                let interval = Stretch(sample_t(ray, near), near_hu, sample_t(ray, place), hu);
                 trace = meet_surfaces(ray, interval, trace, target_opacity);
             }
             near_hu = hu;
@@ -97,7 +97,7 @@ fn trace_surfaces(ray: Ray, target_opacity: f32) -> Trace {
 }
 
 // The surfaces within an interval, in their order along the ray: values rise or fall through them one after another.
-fn meet_surfaces(ray: Ray, interval: Interval, before: Trace, target_opacity: f32) -> Trace {
+fn meet_surfaces(ray: Ray, interval: Stretch, before: Trace, target_opacity: f32) -> Trace {
     var trace = before;
     var rest = interval;
     let rises = interval.far_hu > interval.near_hu;
@@ -133,7 +133,7 @@ fn blend_surface(ray: Ray, t: f32, rgba: vec4<f32>, before: Trace, target_opacit
 }
 
 // Where the value passes `level` within an interval whose ends are on different sides of it.
-fn crossing_t(ray: Ray, interval: Interval, level: f32) -> f32 {
+fn crossing_t(ray: Ray, interval: Stretch, level: f32) -> f32 {
     var near_t = interval.near_t;
     var far_t = interval.far_t;
     var near = interval.near_hu - level;
