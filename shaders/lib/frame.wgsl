@@ -84,17 +84,26 @@ struct Ray {
     depth_step: f32,
 }
 
-fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
-    let ndc = (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size_px) * 2.0 - 1.0;
+// A line of sight in start space: a point before the volume, and a direction of unit length.
+struct Sight {
+    origin: vec3<f32>,
+    direction: vec3<f32>,
+}
+
+// The line of sight through a point of the picture, in pixels; u right, v down, centres at +0.5.
+fn sight_through(position: vec2<f32>) -> Sight {
+    let ndc = position / vec2<f32>(frame.size_px) * 2.0 - 1.0;
     let across = vec2<f32>(ndc.x, -ndc.y) * frame.half_extent;
-    var origin = vec3<f32>(0.0);
-    var direction = vec3<f32>(0.0, 0.0, -1.0);
     if frame.is_orthographic != 0u {
-        origin = vec3<f32>(across, 0.0);
-    } else {
-        origin = vec3<f32>(across * frame.near_mm, 0.0);
-        direction = normalize(vec3<f32>(across, -1.0));
+        return Sight(vec3<f32>(across, 0.0), vec3<f32>(0.0, 0.0, -1.0));
     }
+    return Sight(vec3<f32>(across * frame.near_mm, 0.0), normalize(vec3<f32>(across, -1.0)));
+}
+
+fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
+    let sight = sight_through(vec2<f32>(pixel) + 0.5);
+    let origin = sight.origin;
+    let direction = sight.direction;
     var ray: Ray;
     ray.direction = frame.patient_from_view * direction;
     ray.origin_voxel = (frame.voxel_from_start * vec4<f32>(origin, 1.0)).xyz;

@@ -2,15 +2,18 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use anyhow::bail;
+use indicatif::{ProgressBar, ProgressStyle};
 
 use super::adapter::AdapterArguments;
 use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
-use crate::render::{RenderedFrame, Renderer};
+use crate::render::{Mode, RenderError, RenderRequest, RenderedFrame, Renderer};
 use crate::session::{FileFormat, Product, encode};
+use crate::volume::Volume;
 
 /// Render a series to a file: a 2D-plus-depth frame, colour, or depth.
 ///
@@ -23,6 +26,7 @@ Examples:
   relief render --series head --preset skin --azimuth-deg 40 --layout color --out side.png
   relief render --series chest --plane axial --offset-mm 40 --layout color --out slice.png
   relief render --series chest --plane coronal --slab-mm 10 --slab-blend mip --layout color --out slab.png
+  relief render --series head --mode path-traced --passes 256 --layout color --out light.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -88,13 +92,40 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         scene.expect_size_of_layout()?;
     }
     let mut renderer = adapter.open_renderer()?;
-    let frame = renderer.render(&loaded.volume, &scene.request)?;
+    let frame = match scene.request.mode {
+        Mode::PathTraced => render_passes(&mut renderer, &loaded.volume, &scene.request)?,
+        _ => renderer.render(&loaded.volume, &scene.request)?,
+    };
     let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
     for (output, product) in outputs.into_iter().flatten() {
         let bytes = encode(&frame, &scene.display, product, output.format)?;
         write_whole(&output.path, &bytes)?;
     }
     report(&renderer, &frame, &out.path, depth_out.as_ref().map(|out| out.path.as_path()), json)
+}
+
+/// Renders pass by pass: a progress bar on a terminal, log lines at times elsewhere.
+fn render_passes(
+    renderer: &mut Renderer,
+    volume: &Volume,
+    request: &RenderRequest,
+) -> Result<RenderedFrame, RenderError> {
+    const BETWEEN_LINES: Duration = Duration::from_secs(10);
+    let passes = request.path_trace.passes;
+    let style = ProgressStyle::with_template("{msg:20} {bar:40} {pos}/{len} passes, {eta} left");
+    let bar =
+        ProgressBar::new(passes.into()).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.set_message("tracing paths");
+    let mut told = Instant::now();
+    let frame = renderer.render_reporting(volume, request, &mut |done| {
+        bar.set_position(done.into());
+        if bar.is_hidden() && told.elapsed() > BETWEEN_LINES {
+            told = Instant::now();
+            tracing::info!("{done} of {passes} passes");
+        }
+    });
+    bar.finish_and_clear();
+    frame
 }
 
 /// Refuses outputs that could not be written in the end.

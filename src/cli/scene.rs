@@ -22,12 +22,16 @@ pub(super) struct SceneArguments {
     preset: Option<String>,
     #[command(flatten)]
     transfer: TransferArguments,
-    /// How samples become a colour: composite, mip, minip, mean, average, additive, isosurface, or slice (see --plane)
+    /// How samples become a colour: composite, mip, minip, mean, average, additive, isosurface,
+    /// path-traced (scattered light, see --passes), or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
     /// Value of an opaque isosurface, in HU; its colour is the preset's there
     #[arg(long, value_name = "HU", allow_negative_numbers = true)]
     iso_hu: Option<f64>,
+    /// Paths through each pixel in mode path-traced; noise falls with the square root
+    #[arg(long, value_name = "N")]
+    passes: Option<u32>,
     /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
     overlay: Vec<String>,
@@ -144,6 +148,9 @@ impl SceneArguments {
         scene = self.slice.apply(scene)?;
         if scene.is_slice() && self.orbit() != Orbit::default() {
             bail!("a slice has its own view; leave --azimuth-deg, --elevation-deg, --zoom and --fov-deg out");
+        }
+        if let Some(passes) = self.passes {
+            scene = scene.with_passes(passes);
         }
         if let Some(layout) = self.layout {
             let display = scene.display().clone();

@@ -117,6 +117,13 @@ impl Gpu {
         self.limits
     }
 
+    /// Waits until all submitted work is done; `what` names it in messages.
+    pub(crate) fn wait(&self, what: &'static str) -> Result<(), GpuError> {
+        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
+        let stalled = |error: wgpu::PollError| GpuError::Stalled { what, reason: error.to_string() };
+        self.device.poll(wait).map(|_| ()).map_err(stalled)
+    }
+
     /// Compiles WGSL sources joined in this order.
     pub(crate) fn shader(&self, label: &'static str, sources: &[&str]) -> wgpu::ShaderModule {
         self.device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -10,8 +10,10 @@ mod depth_rule;
 mod frame;
 mod gradients;
 mod letters;
+mod light;
 mod mode;
 mod overlay;
+mod pathtrace;
 mod pipelines;
 pub mod reference;
 mod renderer;
@@ -23,8 +25,10 @@ mod uniform;
 mod upload;
 
 pub use frame::{BackLayer, RenderedFrame, Timings};
+pub use light::{Light, Placement};
 pub use mode::{Mode, SlabBlend};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
+pub use pathtrace::PathTrace;
 pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
 pub use request::{Clip, ClipPlane, ClipSphere, DepthRule, RenderRequest, RequestError, Shading};
 pub use scene::{

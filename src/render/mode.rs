@@ -30,6 +30,9 @@ pub enum Mode {
     /// The plane through the camera's focal point across the viewing direction, or a slab around it, through the
     /// transfer function, unshaded. Takes a parallel projection.
     Slice(SlabBlend),
+    /// Light is followed from the lights to one scattering and the eye; see [`super::PathTrace`]. Depth is as of
+    /// `Composite`.
+    PathTraced,
 }
 
 /// Which value a slab shows.
@@ -78,7 +81,7 @@ impl Mode {
     ];
 
     /// All modes.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Composite,
         Self::Mip,
         Self::Minip,
@@ -87,6 +90,7 @@ impl Mode {
         Self::Additive,
         Self::Isosurface,
         Self::Slice(SlabBlend::Mean),
+        Self::PathTraced,
     ];
 
     /// The name in requests and on the command line.
@@ -101,6 +105,7 @@ impl Mode {
             Self::Additive => "additive",
             Self::Isosurface => "isosurface",
             Self::Slice(_) => "slice",
+            Self::PathTraced => "path-traced",
         }
     }
 
@@ -113,7 +118,8 @@ impl Mode {
     /// The ray caster's constant of a mode.
     pub(super) const fn constant(self) -> f64 {
         match self {
-            Self::Composite => 0.0,
+            // The depth of a path-traced picture is the composite one.
+            Self::Composite | Self::PathTraced => 0.0,
             Self::Mip => 1.0,
             Self::Minip => 2.0,
             Self::Mean => 3.0,
@@ -139,7 +145,7 @@ impl TryFrom<String> for Mode {
 /// The table that a request's samples look up. A projection's opacity is per opacity unit, whatever the sample distance.
 pub(super) fn table_for(request: &RenderRequest) -> TransferTable {
     let step_mm = match request.mode {
-        Mode::Composite => request.sample_distance_mm,
+        Mode::Composite | Mode::PathTraced => request.sample_distance_mm,
         Mode::Mip
         | Mode::Minip
         | Mode::Mean
@@ -162,7 +168,9 @@ pub(super) fn is_of_interest(
     high_hu: f32,
 ) -> bool {
     match request.mode {
-        Mode::Composite | Mode::Average | Mode::Additive => table.is_visible(low_hu, high_hu),
+        Mode::Composite | Mode::PathTraced | Mode::Average | Mode::Additive => {
+            table.is_visible(low_hu, high_hu)
+        }
         Mode::Mip => table.is_visible(f32::MIN, high_hu),
         Mode::Minip => table.is_visible(low_hu, f32::MAX),
         // A slice takes every sample.

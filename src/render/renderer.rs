@@ -6,6 +6,7 @@ use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::letters;
 use super::mode::Mode;
 use super::overlay::Drawing;
+use super::pathtrace::{Order, PathTracer};
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant, WORKGROUP_SIDE};
 use super::request::{RenderRequest, RequestError};
 use super::slices::SlicePipelines;
@@ -66,6 +67,8 @@ pub struct Renderer {
     volumes: Vec<VolumeOnGpu>,
     appearances: Vec<Appearance>,
     target: Option<Target>,
+    /// Made when first asked for: its shader is slow to compile.
+    path_tracer: Option<PathTracer>,
 }
 
 /// Where the rays of a picture of some size write.
@@ -109,6 +112,7 @@ impl Renderer {
             volumes,
             appearances,
             target: None,
+            path_tracer: None,
         })
     }
 
@@ -132,11 +136,71 @@ impl Renderer {
         self.render_with(volume, request, Skipping::On)
     }
 
-    /// As [`Renderer::render`], with a say over empty-space skipping.
+    /// As [`Renderer::render`]; in mode path-traced, `report` gets the number of passes done so far.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn render_reporting(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        report: &mut dyn FnMut(u32),
+    ) -> Result<RenderedFrame, RenderError> {
+        self.render_as(volume, request, Skipping::On, report)
+    }
+
+    /// The picture of mode path-traced, of a volume that was cast before.
+    fn trace_paths(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        report: &mut dyn FnMut(u32),
+    ) -> Result<Vec<[u8; 4]>, RenderError> {
+        let tracer = match &mut self.path_tracer {
+            Some(tracer) => tracer,
+            none => none.insert(PathTracer::new(&self.gpu, self.format.hu_scale())?),
+        };
+        let on_gpu = self.volumes.last().expect("uploaded for its depth");
+        let appearance = self.appearances.last().expect("uploaded for its depth");
+        let (gpu, sampler) = (&self.gpu, &self.sampler);
+        tracer.render(Order { gpu, volume, on_gpu, appearance, sampler, request }, report)
+    }
+
+    /// As [`Renderer::render`], with a say over empty-space skipping by rays. A path-traced picture has their depth, and
+    /// otherwise always skips.
     ///
     /// # Errors
     /// As [`Renderer::render`].
     pub fn render_with(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: Skipping,
+    ) -> Result<RenderedFrame, RenderError> {
+        self.render_as(volume, request, skipping, &mut |_| ())
+    }
+
+    fn render_as(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: Skipping,
+        report: &mut dyn FnMut(u32),
+    ) -> Result<RenderedFrame, RenderError> {
+        if request.mode != Mode::PathTraced {
+            return self.cast_frame(volume, request, skipping);
+        }
+        request.validate_on(volume.grid())?;
+        // Its depth is that of the composite picture.
+        let cast = RenderRequest { mode: Mode::Composite, lights: Vec::new(), ..request.clone() };
+        let mut frame = self.cast_frame(volume, &cast, skipping)?;
+        let start = Instant::now();
+        frame.color_rgba = self.trace_paths(volume, request, report)?;
+        frame.timings.render_ms += milliseconds(start);
+        Ok(frame)
+    }
+
+    fn cast_frame(
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
@@ -221,6 +285,9 @@ impl Renderer {
     pub fn forget(&mut self, volume: ContentHash) {
         self.volumes.retain(|known| known.hash != volume);
         self.appearances.retain(|known| !known.is_of(volume));
+        if let Some(tracer) = &mut self.path_tracer {
+            tracer.forget(volume);
+        }
     }
 
     /// Uploads what is missing and submits the rays; gives the start of the render and the upload's time in ms.

@@ -6,8 +6,10 @@
 use std::sync::Arc;
 
 pub use super::depth_rule::DepthRule;
+use super::light::Light;
 use super::mode::Mode;
 use super::overlay::Overlays;
+use super::pathtrace::PathTrace;
 use super::surface::{self, Surface};
 use crate::camera::{Camera, Projection};
 use crate::space::{Patient, Point, Vector};
@@ -117,6 +119,10 @@ pub struct RenderRequest {
     pub background_rgb: [f64; 3],
     /// What is drawn over the picture, in the same depth. Shared, as it may be large.
     pub overlays: Arc<Overlays>,
+    /// At most [`Light::MAX`]. For mode path-traced alone; other modes have the headlight.
+    pub lights: Vec<Light>,
+    /// What mode path-traced takes beside.
+    pub path_trace: PathTrace,
 }
 
 /// A part of a request that is out of range: where, what, and what it may be.
@@ -201,6 +207,8 @@ impl RenderRequest {
             let allowed = "nothing beside other modes than composite";
             return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
         }
+        self.path_trace.validate(pixels)?;
+        self.validate_lights()?;
         self.validate_clip()?;
         self.overlays.validate()
     }
@@ -228,7 +236,23 @@ impl RenderRequest {
     /// Whether the picture has a second layer behind the first: rule `two-layer`, in the mode that has depth rules.
     #[must_use]
     pub fn has_back_layer(&self) -> bool {
-        self.mode == Mode::Composite && self.depth.has_back_layer()
+        matches!(self.mode, Mode::Composite | Mode::PathTraced) && self.depth.has_back_layer()
+    }
+
+    fn validate_lights(&self) -> Result<(), RequestError> {
+        if self.lights.len() > Light::MAX {
+            let found = format!("{} lights", self.lights.len());
+            return Err(RequestError::new("lights", &found, &format!("at most {}", Light::MAX)));
+        }
+        if self.mode != Mode::PathTraced && !self.lights.is_empty() {
+            let found = format!("{} lights", self.lights.len());
+            return Err(RequestError::new(
+                "lights",
+                &found,
+                "none in this mode: path-traced has placed lights",
+            ));
+        }
+        (0..).zip(&self.lights).try_for_each(|(index, light)| light.validate(index))
     }
 
     fn validate_clip(&self) -> Result<(), RequestError> {

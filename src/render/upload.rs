@@ -70,10 +70,15 @@ pub(super) struct VolumeOnGpu {
     pub(super) view: wgpu::TextureView,
     pub(super) gradients: Gradients,
     format: VoxelFormat,
-    bricks: BrickRanges,
+    pub(super) bricks: BrickRanges,
 }
 
 impl VolumeOnGpu {
+    /// The value that a texel holds for an HU.
+    pub(super) fn stored(&self, hu: i16) -> f32 {
+        self.format.stored(hu)
+    }
+
     pub(super) fn upload(
         gpu: &Gpu,
         volume: &Volume,

@@ -73,6 +73,8 @@ const PARAMETERS: &[Parameter] = &[
     to("window", Kind::Numbers(2), Target::Window),
     key("mode", Kind::Text, "mode"),
     key("iso_hu", Kind::Number, "iso_hu"),
+    key("passes", Kind::Whole(1), "path_trace.passes"),
+    key("seed", Kind::Whole(1), "path_trace.seed"),
     key("size_px", Kind::Whole(2), "size_px"),
     to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
     to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),

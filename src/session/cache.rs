@@ -64,7 +64,8 @@ fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
     let lists = size_of_val(request.transfer.points())
         + gradient
         + size_of_val(request.clip.planes.as_slice())
-        + request.overlays.size_bytes();
+        + request.overlays.size_bytes()
+        + size_of_val(request.lights.as_slice());
     let layer = |color: &[[u8; 4]], depth: &[f32]| size_of_val(color) + size_of_val(depth);
     let back = frame.back.as_ref().map_or(0, |back| layer(&back.color_rgba, &back.depth_mm));
     let pixels = layer(&frame.color_rgba, &frame.depth_mm) + back;

@@ -8,12 +8,14 @@
 
 mod foreign;
 mod gradient;
+mod medium;
 mod presets;
 mod table;
 mod window;
 
 pub use foreign::{ImportChoice, ImportError, Imported, ImportedLight, MAX_IMPORT_BYTES, import};
 pub use gradient::{GradientOpacity, GradientTable};
+pub use medium::{MediumTable, linear_from_srgb};
 pub use presets::{PRESETS, Preset, PresetGroup, PresetMode, preset};
 pub use table::TransferTable;
 pub use window::{Window, WindowMap};

@@ -40,6 +40,12 @@ impl BrickRanges {
         Self { edge, dims, ranges_hu }
     }
 
+    /// Smallest and largest HU of each brick, x fastest.
+    #[must_use]
+    pub fn ranges_hu(&self) -> &[(i16, i16)] {
+        &self.ranges_hu
+    }
+
     /// The distance map of the bricks for which `is_visible(low, high)` holds.
     #[must_use]
     pub fn distance_map(&self, is_visible: impl Fn(i16, i16) -> bool) -> DistanceMap {

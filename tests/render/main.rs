@@ -16,6 +16,7 @@ mod instruments;
 mod isosurfaces;
 mod modes;
 mod overlays;
+mod pathtrace;
 mod projections;
 mod refusals;
 mod skipping;

@@ -48,7 +48,7 @@ impl<'a> Caster<'a> {
     pub(super) fn raycast(&self, pixel: [u32; 2]) -> [Shown; 2] {
         let ray = self.rays.ray_of_pixel(pixel);
         let hit = match self.request.mode {
-            Mode::Composite => self.composite_from(&ray, 0, self.request.depth),
+            Mode::Composite | Mode::PathTraced => self.composite_from(&ray, 0, self.request.depth),
             Mode::Slice(blend) => self.slice(&ray, blend),
             Mode::Isosurface => self.isosurface(&ray),
             _ => self.project(&ray),

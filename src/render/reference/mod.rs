@@ -4,6 +4,8 @@
 //! takes the request itself and samples voxels by plain trilinear interpolation. It shares with the GPU path the request,
 //! the transfer table, the camera, the depth limits and the overlays' pass, which tests of their own hold against closed forms.
 //!
+//! Of mode path-traced the twin has the depth alone, which is the composite one; its colours here are those of composite.
+//!
 //! | here | shader |
 //! |---|---|
 //! | `ray` | `shaders/lib/frame.wgsl` |

@@ -4,6 +4,7 @@
 //! gives a [`Scene`] whose every value is in range. Errors name the key's path, the value and what is allowed.
 
 mod error;
+mod lights;
 mod overlays;
 mod parts;
 mod slice;
@@ -14,6 +15,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
+use self::lights::{LightFile, PathTraceFile, resolve_lights};
 use self::overlays::OverlaysFile;
 use self::parts::{
     CameraFile, ClipFile, DepthFile, ShadingFile, TransferFile, Windows, default_mode, default_shading,
@@ -76,6 +78,8 @@ pub struct SceneFile {
     clip: Option<ClipFile>,
     background_rgb: Option<[f64; 3]>,
     overlays: OverlaysFile,
+    lights: Option<Vec<LightFile>>,
+    path_trace: Option<PathTraceFile>,
     display: DisplaySettings,
 }
 
@@ -158,6 +162,13 @@ impl SceneFile {
         Self { depth: Some(DepthFile::of_rule(rule)), ..self }
     }
 
+    /// Replaces the number of passes of mode path-traced.
+    #[must_use]
+    pub fn with_passes(self, passes: u32) -> Self {
+        let path_trace = self.path_trace.unwrap_or_default().with_passes(passes);
+        Self { path_trace: Some(path_trace), ..self }
+    }
+
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {
@@ -229,6 +240,8 @@ impl SceneFile {
             clip: self.clip.unwrap_or_default().resolve()?,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
             overlays: Arc::new(self.overlays.resolve()?),
+            lights: resolve_lights(self.lights, mode)?,
+            path_trace: self.path_trace.unwrap_or_default().resolve(),
         };
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;

@@ -182,7 +182,7 @@ struct PlaneFile {
 ///
 /// What is no JSON at all passes: the parser proper says where it goes wrong.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
-    const OBJECTS: [&str; 14] = [
+    const OBJECTS: [&str; 15] = [
         "",
         "/camera",
         "/camera/projection",
@@ -197,14 +197,16 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/clip/sphere",
         "/slice",
         "/overlays",
+        "/path_trace",
     ];
     let Ok(scene) = serde_json::from_slice::<serde_json::Value>(json) else { return Ok(()) };
-    let lists = ["/transfer/points", "/transfer/gradient_opacity/points", "/clip/planes", "/surfaces"]
-        .into_iter()
-        .flat_map(|list| {
-            let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
-            (0..items).map(move |i| format!("{list}/{i}"))
-        });
+    let lists =
+        ["/transfer/points", "/transfer/gradient_opacity/points", "/clip/planes", "/surfaces", "/lights"]
+            .into_iter()
+            .flat_map(|list| {
+                let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
+                (0..items).map(move |i| format!("{list}/{i}"))
+            });
     let lists = lists.chain(overlay_items(&scene));
     let paths = OBJECTS.into_iter().chain(["/display"]).map(str::to_owned).chain(lists);
     for path in paths {

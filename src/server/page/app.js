@@ -9,7 +9,7 @@ import { onDivider, onGestures } from "./gestures.js";
 import { PresetGrid } from "./presets.js";
 import { describeSurface, onSurface } from "./surface.js";
 import {
-  Fetcher, HOME, Refusal, frameQuery, normalized, project, request, stageQuery, stillSize,
+  Fetcher, HOME, Refusal, firstPasses, frameQuery, morePasses, normalized, project, request, stageQuery, stillSize,
 } from "./view.js";
 import {
   NO_SLICE, PLANES, dragged, kept as keptSlice, onControls, paged, recalled, showControls, sliceWords, zoomed,
@@ -74,14 +74,20 @@ function frameOrder(moving) {
 }
 
 /** While moving, colour alone is enough for the picture; else colour and depth come side by side in one PNG. */
-function stageOrder(moving) {
+function stageOrder(moving, passes = firstPasses(state, moving), before = 0) {
   const { clientWidth, clientHeight } = stage;
   const full = stillSize(clientWidth, clientHeight, Math.min(2, devicePixelRatio));
   const size = moving ? full.map((side) => Math.max(16, Math.round(side * fetcher.scale))) : full;
   const kind = moving && state.view === "picture" ? "color" : "rgbd";
-  const query = stageQuery(state, size, kind);
+  const query = stageQuery(state, size, kind, passes);
   const accept = kind === "color" ? "image/jpeg" : "image/png";
-  return { url: `${volumePath("frame")}?${query}`, accept, kind, moving, query, size };
+  return { url: `${volumePath("frame")}?${query}`, accept, kind, moving, query, size, passes, added: passes - before };
+}
+
+/** A path-traced picture that stands still gets more passes, until it has enough or something changes. */
+function refine(picture) {
+  const passes = picture.kind === "rgbd" ? morePasses(picture) : undefined;
+  if (passes !== undefined && !fetcher.hasWish) fetcher.want(stageOrder(false, passes, picture.passes));
 }
 
 // ---------------------------------------------------------------- showing them
@@ -101,7 +107,9 @@ function show(picture) {
   const ms = (value) => `${Math.round(value)} ms`;
   const rendered = render + upload > 0 ? `render ${ms(render + upload + overlay)}` : "render reused";
   const spent = [`queue ${ms(queue)}`, rendered, `encode ${ms(encode)}`, `in all ${ms(picture.totalMs)}`];
-  $("timing").textContent = [`${width} × ${height}`, ...spent].join(DOT);
+  const passes = picture.passes === undefined ? [] : [`${picture.passes} passes`];
+  $("timing").textContent = [`${width} × ${height}`, ...passes, ...spent].join(DOT);
+  refine(picture);
 }
 
 function showFailure(error) {

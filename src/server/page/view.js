@@ -14,6 +14,12 @@ const STILL_PIXELS = 1_000_000;
 /** While moving, pictures shrink until a render takes about this long. */
 const MOVING_MS = 90;
 
+/** Passes of a path-traced picture: while moving, when it comes to rest, and at most; and how long adding some may take. */
+const MOVING_PASSES = 1;
+const FIRST_PASSES = 2;
+const MOST_PASSES = 256;
+const REFINING_MS = 1500;
+
 /** How often a picture is asked for that the server has no time for, and the longest wait between, ms. */
 const MOST_TRIES = 8;
 const LONGEST_WAIT_MS = 4000;
@@ -58,11 +64,28 @@ export function lookQuery(state, aspect) {
  * Query of a picture that fills the stage. The server fits a volume to a picture's height; a picture that is taller
  * than wide has to stand back for it.
  */
-export function stageQuery(state, [width, height], layout) {
+export function stageQuery(state, [width, height], layout, passes) {
   const zoom = state.slice.plane ? {} : { zoom: round(state.pose.zoom * Math.min(1, width / height), 4) };
-  const look = lookQuery(state, width / height);
-  const depth_filter = state.depthFilter;
-  return new URLSearchParams({ ...look, ...zoom, size_px: `${width},${height}`, layout, depth_filter });
+  const look = { ...lookQuery(state, width / height), ...zoom };
+  const query = { ...look, size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
+  return new URLSearchParams(passes === undefined ? query : { ...query, passes });
+}
+
+/** Passes of the first picture that is asked for; undefined in modes that have none. */
+export function firstPasses(state, moving) {
+  if (state.slice.plane || state.mode !== "path-traced") return undefined;
+  return moving ? MOVING_PASSES : FIRST_PASSES;
+}
+
+/**
+ * Passes to ask for after a picture, as many more as take about [`REFINING_MS`]; undefined when there are enough. The
+ * server continues what it has, so that only those that are added take time.
+ */
+export function morePasses({ passes, added, moving, spent }) {
+  if (passes === undefined || moving || passes >= MOST_PASSES) return undefined;
+  const each = spent.render > 0 ? spent.render / added : REFINING_MS / passes;
+  const more = clamp(Math.floor(REFINING_MS / each), 1, passes);
+  return Math.min(MOST_PASSES, passes + more);
 }
 
 /** Query of the frame that a display gets. */
@@ -139,6 +162,11 @@ export class Fetcher {
   /** Whether a picture is on its way. */
   get isBusy() {
     return this.#running !== null;
+  }
+
+  /** Whether a picture newer than the one on its way is wanted. */
+  get hasWish() {
+    return this.#wanted !== null;
   }
 
   /** Asks for a picture: `{ url, accept, moving, ... }`. */

@@ -1,0 +1,92 @@
+// Follows light paths with one scattering and adds them up: each dispatch adds passes to a picture.
+//
+// A path goes from the eye to a collision and from there straight to each light and to one direction of the surroundings.
+// Sums are kept in linear light; what is written out is their mean over the background, as display-referred sRGB.
+// Passes are added one by one in their order, so the sum has the same bits however they are grouped into dispatches.
+//
+// Spaces: start space (see lib/frame.wgsl), mm; voxel index. Light: linear, 1 is white.
+
+// Rows from the top: sums over passes of linear red, green, blue and collisions.
+@group(1) @binding(3) var<storage, read_write> sums: array<vec4<f32>>;
+// Rows from the top: red, green, blue, coverage as bytes from the lowest on.
+@group(1) @binding(4) var<storage, read_write> picture: array<u32>;
+
+@compute @workgroup_size(8, 8)
+fn pathtrace(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size_px) {
+        return;
+    }
+    let at = id.y * frame.size_px.x + id.x;
+    var sum = vec4<f32>(0.0);
+    if path.first_pass > 0u {
+        sum = sums[at];
+    }
+    let end = path.first_pass + path.passes;
+    for (var pass_number = path.first_pass; pass_number < end; pass_number++) {
+        sum += light_of_path(id.xy, pass_number);
+    }
+    sums[at] = sum;
+    let mean = sum / f32(end);
+    let linear = mean.rgb * path.exposure + (1.0 - mean.a) * path.background;
+    picture[at] = pack4x8unorm(vec4<f32>(display_referred(linear), mean.a));
+}
+
+// Linear light that one path brings, and whether it collided.
+fn light_of_path(pixel: vec2<u32>, pass_number: u32) -> vec4<f32> {
+    var random = random_of(pixel, pass_number, path.seed);
+    // Anywhere in the pixel: edges are smooth once there are passes enough.
+    let sight = sight_through(vec2<f32>(pixel) + next_two(&random));
+    let segment = segment_of(sight.origin, sight.direction, NO_COLLISION);
+    let t = free_flight(segment, &random);
+    if t >= NO_COLLISION {
+        return vec4<f32>(0.0);
+    }
+    let place = sight.origin + sight.direction * t;
+    let voxel = segment_voxel(segment, t);
+    let albedo = medium_at(sample_hu(voxel)).rgb;
+    let collision = collision_of(albedo, gradient_per_mm(voxel), -sight.direction);
+    var light = vec3<f32>(0.0);
+    for (var i = 0u; i < path.light_count; i++) {
+        light += light_of(path.lights[i], place, collision, &random);
+    }
+    if any(path.environment > vec3<f32>(0.0)) {
+        let direction = sampled_direction(collision, &random);
+        let open = transmittance(segment_of(place, direction, NO_COLLISION), &random);
+        light += albedo * path.environment * open;
+    }
+    return vec4<f32>(light, 1.0);
+}
+
+// Gradients transform by the transpose of the points' inverse; differences are over two voxels.
+fn gradient_per_mm(voxel: vec3<f32>) -> vec3<f32> {
+    return 0.5 * central_differences(voxel) * mat3x3<f32>(
+        frame.voxel_from_start[0].xyz,
+        frame.voxel_from_start[1].xyz,
+        frame.voxel_from_start[2].xyz,
+    );
+}
+
+// From a point of the light's disc straight to the collision.
+fn light_of(light: PathLight, place: vec3<f32>, collision: Collision, random: ptr<function, Random>) -> vec3<f32> {
+    var toward = light.toward;
+    var distance = NO_COLLISION;
+    if light.is_near != 0u {
+        let arm = light.toward - place;
+        distance = length(arm);
+        toward = arm / max(distance, 1e-6);
+    }
+    let u = next_two(random);
+    let direction = around(toward, mix(1.0, light.cos_half, u.x), u.y);
+    let share = scattered(collision, direction);
+    if all(share <= vec3<f32>(0.0)) {
+        return vec3<f32>(0.0);
+    }
+    return share * light.radiance * transmittance(segment_of(place, direction, distance), random);
+}
+
+// sRGB's transfer function (IEC 61966-2-1), values clamped to 0..1.
+fn display_referred(linear: vec3<f32>) -> vec3<f32> {
+    let x = clamp(linear, vec3<f32>(0.0), vec3<f32>(1.0));
+    let curved = 1.055 * pow(x, vec3<f32>(1.0 / 2.4)) - 0.055;
+    return select(curved, 12.92 * x, x <= vec3<f32>(0.0031308));
+}

@@ -1,0 +1,92 @@
+//! Lights that are placed: where they are, in whose space, how large, bright and of what colour.
+//!
+//! A light of intensity 1 makes a white surface that faces it white, at whatever distance. `View` lights move with the
+//! camera, `Patient` lights stay with the patient. Lengths mm, angles in radians.
+
+use super::request::RequestError;
+use crate::camera::Camera;
+use crate::space::{Patient, Point, Vector, View};
+
+/// Where a light is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Placement {
+    /// Endlessly far away, in this direction from everything; moves with the camera.
+    ViewDirection(Vector<View>),
+    /// At this place, which moves with the camera.
+    ViewPosition(Point<View>),
+    /// Endlessly far away, in this direction from everything.
+    PatientDirection(Vector<Patient>),
+    /// At this place.
+    PatientPosition(Point<Patient>),
+}
+
+/// One light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Where it is.
+    pub placement: Placement,
+    /// Display-referred sRGB, 0..1.
+    pub rgb: [f64; 3],
+    /// 0..100; 1 makes a white surface that faces it white.
+    pub intensity: f64,
+    /// The angle that its disc fills, radians, 0 to half a turn: larger ones cast softer shadows.
+    pub size: f64,
+}
+
+/// A placement in view space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum InView {
+    /// Unit length.
+    Direction(glam::DVec3),
+    Position(glam::DVec3),
+}
+
+impl Light {
+    /// Most lights of a request.
+    pub const MAX: usize = 4;
+
+    /// Checks ranges; `index` is for the messages.
+    pub(super) fn validate(&self, index: usize) -> Result<(), RequestError> {
+        let refuse = |key: &str, found: String, allowed: &str| {
+            Err(RequestError::new(&format!("lights[{index}].{key}"), &found, allowed))
+        };
+        let (key, xyz) = match self.placement {
+            Placement::ViewDirection(Vector { xyz, .. })
+            | Placement::PatientDirection(Vector { xyz, .. }) => ("direction", xyz),
+            Placement::ViewPosition(Point { xyz, .. }) | Placement::PatientPosition(Point { xyz, .. }) => {
+                ("position_mm", xyz)
+            }
+        };
+        if key == "direction" && xyz.try_normalize().is_none() {
+            return refuse(key, format!("{:?}", xyz.to_array()), "a direction of finite length above zero");
+        }
+        if key == "position_mm" && !xyz.to_array().iter().all(|mm| (-1e6..=1e6).contains(mm)) {
+            return refuse(key, format!("{:?}", xyz.to_array()), "-1000000 to 1000000 mm each");
+        }
+        if let Some(channel) = self.rgb.iter().find(|channel| !(0.0..=1.0).contains(*channel)) {
+            return refuse("rgb", channel.to_string(), "0 to 1");
+        }
+        if !(0.0..=100.0).contains(&self.intensity) {
+            return refuse("intensity", self.intensity.to_string(), "0 to 100");
+        }
+        let degrees = self.size.to_degrees();
+        if !(0.0..=180.0 + 1e-9).contains(&degrees) {
+            return refuse("size_deg", degrees.to_string(), "0 to 180");
+        }
+        Ok(())
+    }
+
+    /// Where it is for this camera.
+    pub(super) fn in_view(&self, camera: &Camera) -> InView {
+        match self.placement {
+            Placement::ViewDirection(direction) => InView::Direction(direction.xyz.normalize_or_zero()),
+            Placement::ViewPosition(position) => InView::Position(position.xyz),
+            Placement::PatientDirection(direction) => {
+                InView::Direction((camera.view_from_patient() * direction).xyz.normalize_or_zero())
+            }
+            Placement::PatientPosition(position) => {
+                InView::Position((camera.view_from_patient() * position).xyz)
+            }
+        }
+    }
+}

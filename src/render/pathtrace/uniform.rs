@@ -1,0 +1,147 @@
+//! The Rust mirror of `struct Path` in `shaders/lib/path.wgsl`, and how a request fills it.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::camera::Camera;
+use crate::render::light::{InView, Light};
+use crate::render::request::RenderRequest;
+use crate::transfer::{MediumTable, linear_from_srgb};
+
+/// One light as the shader has it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(super) struct LightUniform {
+    toward: [f32; 3],
+    is_near: u32,
+    radiance: [f32; 3],
+    cos_half: f32,
+}
+
+/// One dispatch's parameters as the shader has them; meanings and units are there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct PathUniform {
+    pub(super) first_pass: u32,
+    pub(super) passes: u32,
+    seed: u32,
+    light_count: u32,
+    environment: [f32; 3],
+    exposure: f32,
+    background: [f32; 3],
+    anisotropy: f32,
+    surface: f32,
+    surface_hu_per_mm: f32,
+    table_first_hu: f32,
+    table_step_hu: f32,
+    table_last: u32,
+    brick_edge: u32,
+    padding_a: u32,
+    padding_b: u32,
+    lights: [LightUniform; Light::MAX],
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
+impl PathUniform {
+    /// The parameters of `request`, for no pass yet. `near_mm` is the view depth of the plane that start space begins at.
+    pub(super) fn new(request: &RenderRequest, near_mm: f64, table: &MediumTable, brick_edge: usize) -> Self {
+        let settings = &request.path_trace;
+        let mut lights = [LightUniform::default(); Light::MAX];
+        for (light, out) in request.lights.iter().zip(&mut lights) {
+            *out = LightUniform::new(light, &request.camera, near_mm);
+        }
+        Self {
+            first_pass: 0,
+            passes: 0,
+            seed: settings.seed,
+            light_count: request.lights.len() as u32,
+            environment: [settings.environment as f32; 3],
+            exposure: settings.exposure as f32,
+            background: request.background_rgb.map(|channel| linear_from_srgb(channel) as f32),
+            anisotropy: settings.anisotropy as f32,
+            surface: settings.surface as f32,
+            surface_hu_per_mm: settings.surface_hu_per_mm as f32,
+            table_first_hu: table.first_hu,
+            table_step_hu: table.step_hu,
+            table_last: (table.entries.len() - 1) as u32,
+            brick_edge: brick_edge as u32,
+            padding_a: 0,
+            padding_b: 0,
+            lights,
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
+impl LightUniform {
+    fn new(light: &Light, camera: &Camera, near_mm: f64) -> Self {
+        let (toward, is_near) = match light.in_view(camera) {
+            InView::Direction(direction) => (direction, 0),
+            InView::Position(position) => (position + glam::DVec3::new(0.0, 0.0, near_mm), 1),
+        };
+        Self {
+            toward: toward.as_vec3().to_array(),
+            is_near,
+            radiance: light.rgb.map(|channel| (linear_from_srgb(channel) * light.intensity) as f32),
+            cos_half: (light.size / 2.0).cos() as f32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::{offset_of, size_of};
+
+    use super::super::stage::{BINDINGS, PATHTRACE_SOURCES};
+    use super::{LightUniform, PathUniform};
+    use crate::render::light::Light;
+    use crate::render::pipelines::WORKGROUP_SIDE;
+
+    fn reflected() -> naga::Module {
+        naga::front::wgsl::parse_str(&PATHTRACE_SOURCES.join("\n")).expect("the shader parses")
+    }
+
+    fn members(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
+        let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
+        let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is a struct") };
+        (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
+    }
+
+    macro_rules! mirror {
+        ($of:ident: $($field:ident),* $(,)?) => {
+            (vec![$((stringify!($field).to_owned(), offset_of!($of, $field) as u32)),*], size_of::<$of>() as u32)
+        };
+    }
+
+    #[test]
+    fn path_uniform_mirrors_the_shader() {
+        let module = reflected();
+        let path = mirror!(
+            PathUniform: first_pass, passes, seed, light_count, environment, exposure, background, anisotropy,
+            surface, surface_hu_per_mm, table_first_hu, table_step_hu, table_last, brick_edge, padding_a, padding_b,
+            lights,
+        );
+        assert_eq!(path, members(&module, "Path"));
+        assert_eq!(mirror!(LightUniform: toward, is_near, radiance, cos_half), members(&module, "PathLight"));
+        let (_, most) =
+            module.constants.iter().find(|(_, c)| c.name.as_deref() == Some("MAX_LIGHTS")).unwrap();
+        let value = &module.global_expressions[most.init];
+        assert!(
+            matches!(value, naga::Expression::Literal(naga::Literal::U32(n)) if *n as usize == Light::MAX)
+        );
+    }
+
+    #[test]
+    fn bindings_and_workgroup_mirror_the_shader() {
+        let module = reflected();
+        let mut bindings: Vec<(u32, u32, &str)> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, g)| g.binding.map(|at| (at.group, at.binding, g.name.as_deref().unwrap())))
+            // What the lib files have for the ray caster alone.
+            .filter(|(_, _, name)| !["bricks", "brick_distances", "gradients"].contains(name))
+            .collect();
+        bindings.sort_unstable();
+        assert_eq!(bindings, BINDINGS);
+        assert_eq!(module.entry_points[0].workgroup_size, [WORKGROUP_SIDE, WORKGROUP_SIDE, 1]);
+    }
+}
