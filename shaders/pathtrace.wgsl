@@ -12,8 +12,9 @@
 @group(1) @binding(4) var<storage, read_write> picture: array<u32>;
 
 @compute @workgroup_size(8, 8)
-fn pathtrace(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= frame.size_px) {
+fn pathtrace(@builtin(global_invocation_id) place: vec3<u32>) {
+    let id = place.xy + vec2<u32>(0u, frame.first_row);
+    if any(id >= frame.size_px) {
         return;
     }
     let at = id.y * frame.size_px.x + id.x;
@@ -23,7 +24,7 @@ fn pathtrace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let end = path.first_pass + path.passes;
     for (var pass_number = path.first_pass; pass_number < end; pass_number++) {
-        sum += light_of_path(id.xy, pass_number);
+        sum += light_of_path(id, pass_number);
     }
     sums[at] = sum;
     let mean = sum / f32(end);

@@ -42,7 +42,7 @@ struct Hit {
 
 @compute @workgroup_size(8, 8)
 fn raycast(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) index: u32) {
-    let id = tile.xy * 8u + place_in_tile(index);
+    let id = tile.xy * 8u + place_in_tile(index) + vec2<u32>(0u, frame.first_row);
     if any(id >= frame.size_px) {
         return;
     }

@@ -41,11 +41,12 @@ struct Cut {
 }
 
 @compute @workgroup_size(8, 8)
-fn slice(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= frame.size_px) {
+fn slice(@builtin(global_invocation_id) place: vec3<u32>) {
+    let id = place.xy + vec2<u32>(0u, frame.first_row);
+    if any(id >= frame.size_px) {
         return;
     }
-    let ray = ray_of_pixel(id.xy);
+    let ray = ray_of_pixel(id);
     var cut: Cut;
     if BLEND == BLEND_MEAN {
         cut = mean_of_slab(ray);

@@ -195,3 +195,43 @@ fn a_series_that_cannot_be_served_ends_it_with_the_reason() {
     assert_eq!(empty.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&empty.stderr).contains("no CT slices"));
 }
+
+/// The number of a line of the metrics.
+fn metric(running: &Running, name: &str) -> u64 {
+    let (_, text) = running.get("/metrics");
+    let text = String::from_utf8(text).unwrap();
+    let value = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    value.unwrap_or_else(|| panic!("no {name} in {text}")).parse().unwrap()
+}
+
+#[test]
+fn a_long_render_that_nobody_waits_for_makes_way() {
+    const SIDE: u64 = 2048;
+    if !has_adapter("a_long_render_that_nobody_waits_for_makes_way") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let running = Running::start(&phantom(folder.path()));
+    running.await_ready();
+    let (_, listed) = running.get("/v1/volumes");
+    let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
+    let id = listed["volumes"][0]["id"].as_str().unwrap();
+    // Some 10^10 samples, none of which may be left out: minutes.
+    let long = format!(
+        "/v1/volumes/{id}/frame?mode=mean&layout=color&size_px={SIDE},{SIDE}&sample_distance_mm=0.05"
+    );
+    let mut leaving = TcpStream::connect(&running.address).unwrap();
+    write!(leaving, "GET {long} HTTP/1.1\r\nHost: {}\r\n\r\n", running.address).unwrap();
+    while metric(&running, "relief_render_bands_total") < 1 {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    drop(leaving);
+    let (head, _) = running.get(&format!("/v1/volumes/{id}/frame?layout=color&size_px=64,64"));
+    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    assert_eq!(metric(&running, "relief_render_abandoned_total{when=\"rendering\"}"), 1);
+    // All of it would have been 64 bands.
+    let bands = metric(&running, "relief_render_bands_total");
+    assert!(bands < 16, "{bands} bands");
+    let (status, _) = running.stop("-TERM");
+    assert_eq!(status, Some(0));
+}

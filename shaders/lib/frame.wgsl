@@ -16,7 +16,8 @@ struct Frame {
     sample_distance_mm: f32,
     // Texture coordinates per voxel, 1 / dims.
     texture_per_voxel: vec3<f32>,
-    padding: f32,
+    // The first row of pixels of this dispatch: a picture may be made in bands.
+    first_row: u32,
     // Half the picture: at 1 mm before the eye (perspective) or everywhere (orthographic), mm.
     half_extent: vec2<f32>,
     size_px: vec2<u32>,

@@ -1,5 +1,6 @@
 //! `relief render`: a picture of a series as a file.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ use super::adapter::AdapterArguments;
 use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
-use crate::render::{Mode, RenderError, RenderRequest, RenderedFrame, Renderer};
+use crate::render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
 use crate::session::{FileFormat, Product, encode};
 use crate::volume::Volume;
 
@@ -117,12 +118,13 @@ fn render_passes(
         ProgressBar::new(passes.into()).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar.set_message("tracing paths");
     let mut told = Instant::now();
-    let frame = renderer.render_reporting(volume, request, &mut |done| {
+    let frame = renderer.render_watched(volume, request, &mut |Progress { passes: done, .. }| {
         bar.set_position(done.into());
         if bar.is_hidden() && told.elapsed() > BETWEEN_LINES {
             told = Instant::now();
             tracing::info!("{done} of {passes} passes");
         }
+        ControlFlow::Continue(())
     });
     bar.finish_and_clear();
     frame

@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use super::adapter::{AdapterChoice, AdapterDescription, choose};
 
+pub(crate) use wgpu::SubmissionIndex;
+
 /// How long a frame may take before the device counts as hung. Software adapters need seconds for large pictures.
 const PATIENCE: Duration = Duration::from_secs(300);
 
@@ -120,6 +122,13 @@ impl Gpu {
     /// Waits until all submitted work is done; `what` names it in messages.
     pub(crate) fn wait(&self, what: &'static str) -> Result<(), GpuError> {
         let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
+        let stalled = |error: wgpu::PollError| GpuError::Stalled { what, reason: error.to_string() };
+        self.device.poll(wait).map(|_| ()).map_err(stalled)
+    }
+
+    /// Waits until this submission is done, and with it all before; `what` names it in messages.
+    pub(crate) fn wait_for(&self, submission: SubmissionIndex, what: &'static str) -> Result<(), GpuError> {
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) };
         let stalled = |error: wgpu::PollError| GpuError::Stalled { what, reason: error.to_string() };
         self.device.poll(wait).map(|_| ()).map_err(stalled)
     }

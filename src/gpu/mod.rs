@@ -7,5 +7,5 @@ mod adapter;
 mod device;
 
 pub use adapter::{AdapterChoice, AdapterDescription, AdapterKind, adapters};
-pub(crate) use device::{ErrorScope, Readback};
+pub(crate) use device::{ErrorScope, Readback, SubmissionIndex};
 pub use device::{Gpu, GpuError, Limits};

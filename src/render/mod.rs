@@ -5,6 +5,7 @@
 //!
 //! Spaces: rays start in view space (mm) and sample in voxel indices. Depth is view depth in mm.
 
+mod bands;
 mod calibrate;
 mod depth_rule;
 mod frame;
@@ -23,6 +24,7 @@ mod slices;
 mod surface;
 mod uniform;
 mod upload;
+mod watch;
 
 pub use frame::{BackLayer, RenderedFrame, Timings};
 pub use light::{Light, Placement};
@@ -35,3 +37,4 @@ pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
 };
 pub use surface::Surface;
+pub use watch::Progress;

@@ -1,17 +1,20 @@
 //! The renderer: owns the device, keeps what is uploaded, casts rays and brings the picture back.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
+use super::bands::{Bands, Dispatch};
 use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::letters;
 use super::mode::Mode;
 use super::overlay::Drawing;
 use super::pathtrace::{Order, PathTracer};
-use super::pipelines::{Output, PipelineKey, Pipelines, Variant, WORKGROUP_SIDE};
+use super::pipelines::{Output, PipelineKey, Pipelines, Variant};
 use super::request::{RenderRequest, RequestError};
 use super::slices::SlicePipelines;
 use super::uniform::FrameUniform;
 use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
+use super::watch::{Progress, Watch};
 use crate::camera::Camera;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::units::DepthLimits;
@@ -40,6 +43,9 @@ pub enum RenderError {
         /// The smallest factor that fits.
         factor: usize,
     },
+    /// Whoever ordered the picture wants it no longer.
+    #[error("the picture is no longer wanted")]
+    Cancelled,
     /// The GPU failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -60,6 +66,7 @@ pub struct Renderer {
     gpu: Gpu,
     format: VoxelFormat,
     max_gradient_bytes: usize,
+    bands: Bands,
     pipelines: Pipelines,
     slices: SlicePipelines,
     sampler: wgpu::Sampler,
@@ -101,10 +108,12 @@ impl Renderer {
         });
         let (volumes, appearances) = (Vec::new(), Vec::new());
         let max_gradient_bytes = super::gradients::MAX_BYTES;
+        let bands = Bands::of(gpu.description().kind);
         Ok(Self {
             gpu,
             format,
             max_gradient_bytes,
+            bands,
             pipelines,
             slices,
             sampler,
@@ -128,6 +137,12 @@ impl Renderer {
         self.max_gradient_bytes = max_bytes;
     }
 
+    /// Cuts pictures into bands of about so many pixels, whole rows of tiles at least; between bands a picture can be
+    /// cancelled. The bytes are the same whatever the bands. Software adapters have 2^16, others 2^22 unless told.
+    pub fn set_band_pixels(&mut self, pixels: u32) {
+        self.bands = Bands { pixels };
+    }
+
     /// Renders one picture.
     ///
     /// # Errors
@@ -136,17 +151,18 @@ impl Renderer {
         self.render_with(volume, request, Skipping::On)
     }
 
-    /// As [`Renderer::render`]; in mode path-traced, `report` gets the number of passes done so far.
+    /// As [`Renderer::render`]; `goes_on` is told after every band, and pass of mode path-traced, how far the picture is,
+    /// and may end it. Work that the adapter has already, a band at most, is finished all the same.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
-    pub fn render_reporting(
+    /// As [`Renderer::render`], and [`RenderError::Cancelled`] when `goes_on` breaks off.
+    pub fn render_watched(
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        report: &mut dyn FnMut(u32),
+        goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, RenderError> {
-        self.render_as(volume, request, Skipping::On, report)
+        self.render_as(volume, request, Skipping::On, &mut Watch::new(goes_on))
     }
 
     /// The picture of mode path-traced, of a volume that was cast before.
@@ -154,7 +170,7 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        report: &mut dyn FnMut(u32),
+        watch: &mut Watch<'_>,
     ) -> Result<Vec<[u8; 4]>, RenderError> {
         let tracer = match &mut self.path_tracer {
             Some(tracer) => tracer,
@@ -162,8 +178,8 @@ impl Renderer {
         };
         let on_gpu = self.volumes.last().expect("uploaded for its depth");
         let appearance = self.appearances.last().expect("uploaded for its depth");
-        let (gpu, sampler) = (&self.gpu, &self.sampler);
-        tracer.render(Order { gpu, volume, on_gpu, appearance, sampler, request }, report)
+        let (gpu, sampler, bands) = (&self.gpu, &self.sampler, self.bands);
+        tracer.render(Order { gpu, volume, on_gpu, appearance, sampler, request, bands }, watch)
     }
 
     /// As [`Renderer::render`], with a say over empty-space skipping by rays. A path-traced picture has their depth, and
@@ -177,7 +193,7 @@ impl Renderer {
         request: &RenderRequest,
         skipping: Skipping,
     ) -> Result<RenderedFrame, RenderError> {
-        self.render_as(volume, request, skipping, &mut |_| ())
+        self.render_as(volume, request, skipping, &mut Watch::new(&mut |_| ControlFlow::Continue(())))
     }
 
     fn render_as(
@@ -185,17 +201,17 @@ impl Renderer {
         volume: &Volume,
         request: &RenderRequest,
         skipping: Skipping,
-        report: &mut dyn FnMut(u32),
+        watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
         if request.mode != Mode::PathTraced {
-            return self.cast_frame(volume, request, skipping);
+            return self.cast_frame(volume, request, skipping, watch);
         }
         request.validate_on(volume.grid())?;
         // Its depth is that of the composite picture.
         let cast = RenderRequest { mode: Mode::Composite, lights: Vec::new(), ..request.clone() };
-        let mut frame = self.cast_frame(volume, &cast, skipping)?;
+        let mut frame = self.cast_frame(volume, &cast, skipping, watch)?;
         let start = Instant::now();
-        frame.color_rgba = self.trace_paths(volume, request, report)?;
+        frame.color_rgba = self.trace_paths(volume, request, watch)?;
         frame.timings.render_ms += milliseconds(start);
         Ok(frame)
     }
@@ -205,12 +221,13 @@ impl Renderer {
         volume: &Volume,
         request: &RenderRequest,
         skipping: Skipping,
+        watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
         request.validate_on(volume.grid())?;
         let preparing = Instant::now();
         let drawing = Drawing::new(request, volume.grid())?;
         let preparing_ms = milliseconds(preparing);
-        let (start, upload_ms) = self.cast(volume, request, skipping, Output::Depth)?;
+        let (start, upload_ms) = self.cast(volume, request, (skipping, Output::Depth), watch)?;
         let pixels = |bytes: &[u8]| bytemuck::cast_slice(bytes).to_vec();
         let mut color_rgba: Vec<[u8; 4]> = self.read(|target| &target.color, pixels)?;
         let mut depth_mm = self.read(|target| &target.depth, depths)?;
@@ -250,7 +267,8 @@ impl Renderer {
         request: &RenderRequest,
         skipping: Skipping,
     ) -> Result<u64, RenderError> {
-        self.cast(volume, request, skipping, Output::SampleCount)?;
+        let how = (skipping, Output::SampleCount);
+        self.cast(volume, request, how, &mut Watch::new(&mut |_| ControlFlow::Continue(())))?;
         let sum = |bytes: &[u8]| bytemuck::cast_slice::<u8, f32>(bytes).iter().map(|&n| f64::from(n)).sum();
         let total: f64 = self.read(|target| &target.depth, sum)?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of whole counts")]
@@ -295,8 +313,8 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        skipping: Skipping,
-        output: Output,
+        how: (Skipping, Output),
+        watch: &mut Watch<'_>,
     ) -> Result<(Instant, f64), RenderError> {
         request.validate_on(volume.grid())?;
         let start = Instant::now();
@@ -304,7 +322,7 @@ impl Renderer {
         self.make_target(request)?;
         let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
         let start = Instant::now();
-        self.submit(volume, request, skipping, output)?;
+        self.submit(volume, request, how, watch)?;
         Ok((start, upload_ms))
     }
 
@@ -358,13 +376,13 @@ impl Renderer {
         Ok(())
     }
 
-    /// Records and submits the one dispatch and its read-back.
+    /// Records and submits the rays, band after band, and their read-back.
     fn submit(
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        skipping: Skipping,
-        output: Output,
+        (skipping, output): (Skipping, Output),
+        watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
         let appearance = self.appearances.last().expect("uploaded before");
         let target = self.target.as_ref().expect("made before");
@@ -382,18 +400,20 @@ impl Renderer {
         let pipeline = pipeline.clone();
         let scope = ErrorScope::open(&self.gpu, "a frame");
         let bindings = self.bind(request.mode, appearance, target);
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &bindings, &[]);
-            let [x, y] = request.size_px.map(|side| side.div_ceil(WORKGROUP_SIDE));
-            pass.dispatch_workgroups(x, y, 1);
-        }
-        target.color.record(&mut encoder);
-        target.depth.record(&mut encoder);
-        self.gpu.queue.submit([encoder.finish()]);
-        Ok(scope.close()?)
+        scope.close()?;
+        let dispatch = Dispatch {
+            gpu: &self.gpu,
+            size_px: request.size_px,
+            bands: self.bands,
+            uniform: &self.uniform,
+            pipeline: &pipeline,
+            groups: &[&bindings],
+        };
+        let read_back = |encoder: &mut wgpu::CommandEncoder| {
+            target.color.record(encoder);
+            target.depth.record(encoder);
+        };
+        dispatch.submit(read_back, watch)
     }
 
     fn bind(&self, mode: Mode, appearance: &Appearance, target: &Target) -> wgpu::BindGroup {

@@ -148,7 +148,7 @@ impl RenderRequest {
     pub const MAX_SIDE_PX: u32 = 8192;
     /// Most pixels of a picture.
     pub const MAX_PIXELS: u64 = 1 << 24;
-    /// Most samples that the rays of a picture may take: minutes of a software adapter, which nothing can interrupt.
+    /// Most samples that the rays of a picture may take: minutes of a software adapter.
     pub const MAX_SAMPLES: f64 = 4e10;
 
     /// Thickest slab of a slice, mm.

@@ -64,6 +64,7 @@ pub(super) async fn readyz(State(server): State<Arc<Server>>) -> Result<Json<Val
 pub(super) async fn metrics(State(server): State<Arc<Server>>) -> impl IntoResponse {
     let gauges = Gauges {
         waiting: server.service.waiting(),
+        counts: server.service.counts(),
         volumes: server.volumes.count().0,
         ready: readiness(&server).is_ok(),
         uptime: server.started.elapsed(),

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use crate::session::{Origin, Rendered, ServiceError};
+use crate::session::{Counts, Origin, Rendered, ServiceError};
 
 /// Method, route pattern and status of an answer.
 type Answer = (&'static str, String, u16);
@@ -26,6 +26,7 @@ pub(super) struct Metrics {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gauges {
     pub(super) waiting: usize,
+    pub(super) counts: Counts,
     pub(super) volumes: usize,
     pub(super) ready: bool,
     pub(super) uptime: Duration,
@@ -91,6 +92,16 @@ impl Metrics {
             let labels = format!("outcome=\"{outcome}\"");
             line(&mut text, "relief_render_orders_total", &labels, count.load(Ordering::Relaxed));
         }
+        head(
+            &mut text,
+            "relief_render_abandoned_total",
+            "counter",
+            "Render orders that nobody waited for any more.",
+        );
+        let Counts { skipped, cancelled, bands } = gauges.counts;
+        for (when, count) in [("waiting", skipped), ("rendering", cancelled)] {
+            line(&mut text, "relief_render_abandoned_total", &format!("when=\"{when}\""), count);
+        }
         let not_modified = self.not_modified.load(Ordering::Relaxed) as f64;
         let in_flight = self.in_flight.load(Ordering::Relaxed) as f64;
         let ready = f64::from(u8::from(gauges.ready));
@@ -101,6 +112,7 @@ impl Metrics {
                 "Frames answered by their tag, not rendered.",
                 not_modified,
             ),
+            ("relief_render_bands_total", "counter", "Bands of pictures rendered.", bands as f64),
             ("relief_requests_in_flight", "gauge", "HTTP requests being answered.", in_flight),
             ("relief_render_queue_length", "gauge", "Render orders that wait.", gauges.waiting as f64),
             ("relief_volumes", "gauge", "Volumes in memory.", gauges.volumes as f64),

@@ -103,6 +103,7 @@ impl From<ServiceError> for Problem {
             ServiceError::Backend(BackendError::Refused(reason)) => {
                 Self::new(StatusCode::UNPROCESSABLE_ENTITY, "over-adapter-limits", reason)
             }
+            ServiceError::Backend(BackendError::Cancelled) => Self::internal("rendering", error),
             ServiceError::Backend(BackendError::Failed(cause)) => Self::internal("rendering", cause),
         }
     }

@@ -1,14 +1,21 @@
 //! The GPU renderer as the service's backend.
 
+use std::ops::ControlFlow;
+
 use super::{BackendError, RenderBackend};
 use crate::gpu::GpuError;
-use crate::render::{RenderError, RenderRequest, RenderedFrame, Renderer};
+use crate::render::{Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
 use crate::volume::{ContentHash, Volume};
 
 impl RenderBackend for Renderer {
-    fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError> {
-        // Inherent methods go first, so this is the renderer's own.
-        self.render(volume, request).map_err(|error| match error {
+    fn render(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<RenderedFrame, BackendError> {
+        self.render_watched(volume, request, goes_on).map_err(|error| match error {
+            RenderError::Cancelled => BackendError::Cancelled,
             // Too little memory for one picture says nothing about the next.
             RenderError::Request(_)
             | RenderError::VolumeTooLarge { .. }
@@ -18,6 +25,7 @@ impl RenderBackend for Renderer {
     }
 
     fn forget(&mut self, volume: ContentHash) {
+        // Inherent methods go first, so this is the renderer's own.
         self.forget(volume);
     }
 }

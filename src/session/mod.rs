@@ -13,23 +13,30 @@ mod service;
 mod thumbnail;
 mod ticket;
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::render::{RenderRequest, RenderedFrame};
+use crate::render::{Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
 pub use encode::{EncodingError, FileFormat, Product, encode};
-pub use service::{QueueConfig, RenderService};
+pub use service::{Counts, QueueConfig, RenderService};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
 
 /// Whatever turns requests into frames. It lives on the service's thread and is called by it alone.
 pub trait RenderBackend: Send + 'static {
-    /// Renders one picture.
+    /// Renders one picture. `goes_on` is to be asked as often as the work can be broken off, some ten times a second if
+    /// it can, and breaks when nobody waits for the picture any more.
     ///
     /// # Errors
     /// When this request cannot be rendered; the service answers with the error and goes on.
-    fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError>;
+    fn render(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<RenderedFrame, BackendError>;
 
     /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders needs none.
     fn forget(&mut self, _volume: ContentHash) {}
@@ -41,6 +48,9 @@ pub enum BackendError {
     /// The request asks for more than this adapter has; the message says which limit and what to do.
     #[error("{0}")]
     Refused(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// Nobody waited for the picture any more.
+    #[error("the picture is no longer wanted")]
+    Cancelled,
     /// The adapter or the driver failed.
     #[error("rendering failed: {0}")]
     Failed(#[source] Box<dyn std::error::Error + Send + Sync>),

@@ -1,12 +1,13 @@
 //! The render thread and the bounded queue before it.
 //!
 //! One thread owns the backend, because a device is used from one place at a time; orders wait in a queue of fixed
-//! length, and one more is refused rather than kept. An order that nobody waits for any more is skipped. What makes
-//! room, forgetting a volume, goes through the same queue, but is never refused.
+//! length, and one more is refused rather than kept. An order that nobody waits for any more is skipped, and broken off
+//! where it renders already. What makes room, forgetting a volume, goes through the same queue, but is never refused.
 
 use std::any::Any;
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -15,7 +16,7 @@ use std::time::Instant;
 use super::cache::{FrameCache, FrameKey};
 use super::ticket::{Promise, Ticket, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
-use crate::render::{RenderRequest, RenderedFrame};
+use crate::render::{Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
 /// How much a service keeps.
@@ -49,6 +50,20 @@ struct Shared {
     waiting: AtomicUsize,
     recent: Mutex<FrameCache>,
     is_healthy: AtomicBool,
+    skipped: AtomicU64,
+    cancelled: AtomicU64,
+    bands: AtomicU64,
+}
+
+/// What has been done since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Orders that nobody waited for when their turn came.
+    pub skipped: u64,
+    /// Orders that were broken off while they rendered, since nobody waited for them any more.
+    pub cancelled: u64,
+    /// Bands of pictures that were rendered.
+    pub bands: u64,
 }
 
 /// What the thread is told to do.
@@ -76,8 +91,14 @@ impl RenderService {
         )]
         let (sender, receiver) = channel();
         let recent = Mutex::new(FrameCache::new(config.recent_bytes));
-        let (waiting, is_healthy) = (AtomicUsize::new(0), AtomicBool::new(true));
-        let shared = Arc::new(Shared { waiting, recent, is_healthy });
+        let shared = Arc::new(Shared {
+            waiting: AtomicUsize::new(0),
+            recent,
+            is_healthy: AtomicBool::new(true),
+            skipped: AtomicU64::new(0),
+            cancelled: AtomicU64::new(0),
+            bands: AtomicU64::new(0),
+        });
         let seen = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
             .name("relief-render".into())
@@ -90,7 +111,8 @@ impl RenderService {
         })
     }
 
-    /// Orders a picture. The answer comes through the ticket; dropping that cancels the order.
+    /// Orders a picture. The answer comes through the ticket; dropping that cancels the order,
+    /// in the queue as while it renders.
     ///
     /// # Errors
     /// [`ServiceError::Busy`] when the queue is full, [`ServiceError::Stopped`] when the thread has ended.
@@ -128,6 +150,14 @@ impl RenderService {
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.shared.waiting.load(Ordering::Relaxed)
+    }
+
+    /// What has been done since the start.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        let Shared { skipped, cancelled, bands, .. } = &*self.shared;
+        Counts { skipped: read(skipped), cancelled: read(cancelled), bands: read(bands) }
     }
 
     /// Whether the thread takes orders.
@@ -176,6 +206,7 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &Shared) 
 /// Answers one order, from the recent frames if it can.
 fn answer(backend: &mut impl RenderBackend, order: Order, shared: &Shared) {
     if !order.promise.is_wanted() {
+        shared.skipped.fetch_add(1, Ordering::Relaxed);
         tracing::debug!("skipped an order that nobody waits for");
         return;
     }
@@ -184,7 +215,7 @@ fn answer(backend: &mut impl RenderBackend, order: Order, shared: &Shared) {
     let recent = lock(&shared.recent).get(&order.key);
     let outcome = match recent {
         Some(frame) => Ok(Rendered { frame, queue_ms, origin: Origin::Reused }),
-        None => render(backend, &order, &shared.is_healthy).map(|frame| {
+        None => render(backend, &order, shared).map(|frame| {
             let frame = Arc::new(frame);
             lock(&shared.recent).put(order.key, Arc::clone(&frame));
             Rendered { frame, queue_ms, origin: Origin::Rendered }
@@ -197,12 +228,23 @@ fn answer(backend: &mut impl RenderBackend, order: Order, shared: &Shared) {
 fn render(
     backend: &mut impl RenderBackend,
     order: &Order,
-    is_healthy: &AtomicBool,
+    shared: &Shared,
 ) -> Result<RenderedFrame, ServiceError> {
-    let outcome = guarded(|| backend.render(&order.volume, &order.key.request));
+    let is_healthy = &shared.is_healthy;
+    let mut counted = 0;
+    let mut goes_on = |progress: Progress| {
+        shared.bands.fetch_add(progress.bands - counted, Ordering::Relaxed);
+        counted = progress.bands;
+        if order.promise.is_wanted() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    };
+    let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
     match outcome {
         Ok(Ok(_)) => is_healthy.store(true, Ordering::Relaxed),
         Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),
+        Ok(Err(BackendError::Cancelled)) => {
+            shared.cancelled.fetch_add(1, Ordering::Relaxed);
+            tracing::debug!("broke off an order that nobody waits for");
+        }
         Ok(Err(BackendError::Refused(_))) | Err(_) => {}
     }
     Ok(outcome.map_err(ServiceError::Panicked)??)

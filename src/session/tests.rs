@@ -1,6 +1,7 @@
 //! The render service with a backend that counts, waits at a gate, refuses or panics on demand.
 
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
 
 use super::*;
 use crate::camera::Orbit;
@@ -8,7 +9,7 @@ use crate::render::{SceneFile, Timings};
 use crate::units::DepthLimits;
 use crate::volume::Grid;
 
-/// Renders 1x1 pictures; each one waits for a word from the test and says which it is.
+/// Renders 1x1 pictures; each one waits for a word from the test, unless nobody waits for it, and says which it is.
 struct Gated {
     go: Receiver<()>,
     started: SyncSender<f64>,
@@ -16,9 +17,23 @@ struct Gated {
 }
 
 impl RenderBackend for Gated {
-    fn render(&mut self, _: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError> {
+    fn render(
+        &mut self,
+        _: &Volume,
+        request: &RenderRequest,
+        goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<RenderedFrame, BackendError> {
         let _ = self.started.try_send(request.sample_distance_mm);
-        self.go.recv().map_err(|gone| BackendError::Failed(gone.into()))?;
+        for bands in 1.. {
+            match self.go.recv_timeout(Duration::from_millis(1)) {
+                Ok(()) => break,
+                Err(RecvTimeoutError::Timeout) if goes_on(Progress { bands, passes: 0 }).is_break() => {
+                    return Err(BackendError::Cancelled);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(gone) => return Err(BackendError::Failed(gone.into())),
+            }
+        }
         match request.sample_distance_mm {
             13.0 => panic!("unlucky"),
             14.0 => Err(BackendError::Refused("too large".into())),
@@ -96,6 +111,23 @@ fn an_order_that_nobody_waits_for_is_skipped() {
     first.wait().unwrap();
     last.wait().unwrap();
     assert_eq!(bench.started.try_iter().collect::<Vec<_>>(), [3.0]);
+}
+
+#[test]
+fn an_order_whose_ticket_is_dropped_while_it_renders_makes_way_for_the_next() {
+    let bench = Bench::new(4);
+    let first = bench.order(1.0).unwrap();
+    bench.started.recv().unwrap();
+    let second = bench.order(2.0).unwrap();
+    assert!(bench.started.try_recv().is_err(), "the first one renders");
+    drop(first);
+    assert_eq!(bench.started.recv().unwrap(), 2.0, "without a word that the first may finish");
+    bench.go.send(()).unwrap();
+    assert_eq!(second.wait().unwrap().origin, Origin::Rendered);
+    let counts = bench.service.counts();
+    assert_eq!((counts.skipped, counts.cancelled), (0, 1));
+    assert!(counts.bands > 0, "{counts:?}");
+    assert!(bench.service.is_healthy());
 }
 
 #[test]

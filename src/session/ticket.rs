@@ -1,7 +1,7 @@
 //! A promise of a frame: a future without a runtime, and the render thread's end of it.
 //!
-//! Dropping the [`Ticket`] tells the render thread that nobody waits any more, and the order is skipped. Dropping
-//! the [`Promise`] unkept answers [`ServiceError::Stopped`], so that no one waits for a thread that has ended.
+//! Dropping the [`Ticket`] tells the render thread that nobody waits any more, and the order is skipped or broken off.
+//! Dropping the [`Promise`] unkept answers [`ServiceError::Stopped`], so that no one waits for a thread that has ended.
 
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -20,7 +20,7 @@ struct Slot {
 
 /// Brings the frame of one order. Await it, or block on [`Ticket::wait`].
 #[derive(Debug)]
-#[must_use = "an order whose ticket is dropped is not rendered"]
+#[must_use = "an order whose ticket is dropped is not rendered, or not to its end"]
 pub struct Ticket {
     slot: Arc<Mutex<Slot>>,
 }

@@ -9,6 +9,7 @@
     reason = "tests fail and speak aloud"
 )]
 
+mod bands;
 mod clip_sphere;
 mod closed_forms;
 mod depth_rules;

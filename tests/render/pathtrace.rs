@@ -2,9 +2,11 @@
 //!
 //! Colours are read back as linear light, 8 bits a pixel; means over many noisy pixels are finer than that.
 
+use std::ops::ControlFlow;
+
 use relief::camera::{Camera, Projection};
 use relief::render::{
-    Light, Mode, PathTrace, Placement, RenderRequest, RenderedFrame, Renderer, SceneFile, Shading,
+    Light, Mode, PathTrace, Placement, Progress, RenderRequest, RenderedFrame, Renderer, SceneFile, Shading,
 };
 use relief::space::{Point, Vector};
 use relief::transfer::{ControlPoint, TransferFunction, linear_from_srgb};
@@ -84,13 +86,17 @@ fn a_seed_decides_every_byte_however_passes_are_grouped() {
     let mut told = Vec::new();
     for passes in [1, 4, 12] {
         let request = head_request(&volume, passes);
-        let mut report = |done| told.push(done);
-        let frame = renderer.render_reporting(&volume, &request, &mut report).unwrap();
+        let mut report = |progress: Progress| {
+            told.push(progress.passes);
+            ControlFlow::Continue(())
+        };
+        let frame = renderer.render_watched(&volume, &request, &mut report).unwrap();
         if passes == 12 {
             assert!(frame.color_rgba == at_once.color_rgba, "continued passes are other passes");
         }
     }
-    assert_eq!(told, [1, 4, 12]);
+    told.dedup();
+    assert_eq!(told, [0, 1, 0, 4, 0, 12]);
     // With another picture in between nothing can be continued.
     let mut other = head_request(&volume, 12);
     other.path_trace.seed = 2;

@@ -150,6 +150,26 @@ async fn the_order_of_a_vanished_client_is_not_rendered() {
 }
 
 #[tokio::test]
+async fn the_render_of_a_vanished_client_ends_and_the_next_is_served() {
+    let running = start(ConnectionLimits::default()).await;
+    running.stage.gate.close();
+    let vanishing = running.send(&running.stage.path("frame?zoom=2")).await;
+    running.stage.gate.held().await;
+    drop(vanishing);
+    // The gate stays closed: only because nobody waits does the render end.
+    let ended = "relief_render_abandoned_total{when=\"rendering\"} 1\n";
+    while !running.get("/metrics").await.contains(ended) {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    running.stage.gate.open();
+    assert!(running.get(&running.stage.path("frame?zoom=3")).await.starts_with("HTTP/1.1 200"));
+    assert!(
+        running.get("/readyz").await.starts_with("HTTP/1.1 200"),
+        "a cancelled render says nothing of the adapter"
+    );
+}
+
+#[tokio::test]
 async fn a_connection_serves_one_request_after_another() {
     let running = start(ConnectionLimits::default()).await;
     let mut stream = TcpStream::connect(running.address).await.unwrap();

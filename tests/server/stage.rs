@@ -1,5 +1,6 @@
 //! What the tests stand on: a backend with a closed form and a gate, a server around it, and short ways to ask.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
@@ -10,7 +11,7 @@ use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
 use relief::camera::Projection;
 use relief::dicom::{self, Strictness};
-use relief::render::{RenderRequest, RenderedFrame, Timings};
+use relief::render::{Progress, RenderRequest, RenderedFrame, Timings};
 use relief::server::{Config, LoadedVolume, Server, VolumeLoader, app};
 use relief::session::{BackendError, QueueConfig, RenderBackend, RenderService};
 use relief::units::DepthLimits;
@@ -56,22 +57,40 @@ impl Gate {
         self.renders.load(Ordering::SeqCst)
     }
 
-    fn pass(&self) {
+    /// Waits at the gate, and asks at times whether to go on.
+    fn pass(&self, goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>) -> ControlFlow<()> {
         self.inside.fetch_add(1, Ordering::SeqCst);
-        let closed = self.closed.lock().unwrap();
-        let (_open, waited) =
-            self.changed.wait_timeout_while(closed, Duration::from_secs(20), |closed| *closed).unwrap();
+        let mut asked = ControlFlow::Continue(());
+        for bands in 1.. {
+            let closed = self.closed.lock().unwrap();
+            let (still, _) =
+                self.changed.wait_timeout_while(closed, Duration::from_millis(2), |closed| *closed).unwrap();
+            let is_open = !*still;
+            drop(still);
+            assert!(is_open || bands < 10_000, "a test left the gate closed");
+            asked = goes_on(Progress { bands, passes: 0 });
+            if is_open || asked.is_break() {
+                break;
+            }
+        }
         self.inside.fetch_sub(1, Ordering::SeqCst);
-        assert!(!waited.timed_out(), "a test left the gate closed");
+        asked
     }
 }
 
 struct SphereBackend(Arc<Gate>);
 
 impl RenderBackend for SphereBackend {
-    fn render(&mut self, _: &Volume, request: &RenderRequest) -> Result<RenderedFrame, BackendError> {
+    fn render(
+        &mut self,
+        _: &Volume,
+        request: &RenderRequest,
+        goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<RenderedFrame, BackendError> {
         self.0.renders.fetch_add(1, Ordering::SeqCst);
-        self.0.pass();
+        if self.0.pass(goes_on).is_break() {
+            return Err(BackendError::Cancelled);
+        }
         match request.sample_distance_mm {
             13.0 => panic!("secret panic"),
             14.0 => Err(BackendError::Refused("the volume is larger than this adapter takes".into())),

@@ -45,7 +45,7 @@ impl PathTrace {
     pub const MAX_PASSES: u32 = 16_384;
     /// Largest seed.
     pub const MAX_SEED: u32 = 65_535;
-    /// Most paths of a picture, all passes together: minutes of a software adapter, which nothing can interrupt.
+    /// Most paths of a picture, all passes together: minutes of a software adapter.
     pub const MAX_PATHS: u64 = 1 << 29;
 
     /// The lights of a request that names none: a large warm one from the upper left, a faint one from the right.

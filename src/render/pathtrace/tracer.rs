@@ -4,15 +4,17 @@ use super::medium::Medium;
 use super::stage::Stage;
 use super::uniform::PathUniform;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
-use crate::render::pipelines::WORKGROUP_SIDE;
+use crate::render::bands::{Bands, Dispatch};
 use crate::render::renderer::{RenderError, Skipping, depth_limits};
 use crate::render::request::{RenderRequest, RequestError};
 use crate::render::uniform::FrameUniform;
 use crate::render::upload::{Appearance, BRICK_EDGE, VolumeOnGpu};
+use crate::render::watch::Watch;
 use crate::volume::{ContentHash, Volume};
 
-/// Paths of one dispatch: short enough for drivers that stop long ones, long enough not to matter.
-const PATHS_OF_DISPATCH: u64 = 1 << 20;
+/// Paths of one dispatch: short enough for drivers that stop long ones and for those who wait for a picture to be
+/// cancelled, long enough not to matter.
+const PATHS_OF_DISPATCH: u64 = 1 << 18;
 
 /// The path tracer of one device.
 pub(in crate::render) struct PathTracer {
@@ -34,6 +36,7 @@ pub(in crate::render) struct Order<'a> {
     pub(in crate::render) appearance: &'a Appearance,
     pub(in crate::render) sampler: &'a wgpu::Sampler,
     pub(in crate::render) request: &'a RenderRequest,
+    pub(in crate::render) bands: Bands,
 }
 
 /// What has been added up, and for which request.
@@ -72,11 +75,11 @@ impl PathTracer {
         self.sums = self.sums.take().filter(|sums| sums.volume != volume);
     }
 
-    /// The picture of a request: rows from the top, sRGB and coverage. `report` gets the passes done so far.
+    /// The picture of a request: rows from the top, sRGB and coverage.
     pub(in crate::render) fn render(
         &mut self,
         order: Order<'_>,
-        report: &mut dyn FnMut(u32),
+        watch: &mut Watch<'_>,
     ) -> Result<Vec<[u8; 4]>, RenderError> {
         let Order { gpu, on_gpu, request, .. } = order;
         if !self.medium.as_ref().is_some_and(|medium| medium.fits(on_gpu.hash, request)) {
@@ -88,7 +91,7 @@ impl PathTracer {
             other => Sums::new(gpu, on_gpu.hash, request, other)?,
         };
         // What failed half-way is not kept: its sums may hold half a pass.
-        self.add_passes(order, &mut sums, report)?;
+        self.add_passes(order, &mut sums, watch)?;
         let picture = sums.picture.read(gpu, |bytes| bytemuck::cast_slice(bytes).to_vec())?;
         self.sums = Some(sums);
         Ok(picture)
@@ -98,40 +101,42 @@ impl PathTracer {
         &self,
         order: Order<'_>,
         sums: &mut Sums,
-        report: &mut dyn FnMut(u32),
-    ) -> Result<(), GpuError> {
-        let Order { gpu, volume, request, .. } = order;
+        watch: &mut Watch<'_>,
+    ) -> Result<(), RenderError> {
+        let Order { gpu, volume, request, bands, .. } = order;
         let medium = self.medium.as_ref().expect("uploaded before");
         let near_mm = depth_limits(&request.camera, volume.grid()).near_mm;
         let mut uniform = PathUniform::new(request, near_mm, &medium.table, BRICK_EDGE);
         let frame = FrameUniform::new(request, volume, order.appearance, Skipping::On);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         let groups = self.bind(order, medium, sums);
-        let at_once = u32::try_from(PATHS_OF_DISPATCH / sums.pixels).unwrap_or(u32::MAX).max(1);
+        let dispatch = Dispatch {
+            gpu,
+            size_px: request.size_px,
+            bands,
+            uniform: &self.frame,
+            pipeline: &self.stage.pipeline,
+            groups: &[&groups[0], &groups[1]],
+        };
+        let at_once = u32::try_from(PATHS_OF_DISPATCH / sums.pixels.min(bands.pixels.into()))
+            .unwrap_or(u32::MAX)
+            .max(1);
         let wanted = request.path_trace.passes;
         loop {
             // A picture that has all its passes is written out again: its settings may have come back.
             (uniform.first_pass, uniform.passes) = (sums.passes, at_once.min(wanted - sums.passes));
-            let scope = ErrorScope::open(gpu, "a pass of paths");
             gpu.queue.write_buffer(&self.path, 0, bytemuck::bytes_of(&uniform));
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                pass.set_pipeline(&self.stage.pipeline);
-                pass.set_bind_group(0, &groups[0], &[]);
-                pass.set_bind_group(1, &groups[1], &[]);
-                let [x, y] = request.size_px.map(|side| side.div_ceil(WORKGROUP_SIDE));
-                pass.dispatch_workgroups(x, y, 1);
-            }
-            sums.passes += uniform.passes;
-            let done = sums.passes == wanted;
-            if done {
-                sums.picture.record(&mut encoder);
-            }
-            gpu.queue.submit([encoder.finish()]);
-            scope.close()?;
+            let passes = sums.passes + uniform.passes;
+            let done = passes == wanted;
+            let read_back = |encoder: &mut wgpu::CommandEncoder| {
+                if done {
+                    sums.picture.record(encoder);
+                }
+            };
+            dispatch.submit(read_back, watch)?;
             gpu.wait("a pass of paths")?;
-            report(sums.passes);
+            sums.passes = passes;
+            watch.passes_done(passes)?;
             if done {
                 return Ok(());
             }

@@ -1,0 +1,134 @@
+//! A picture in bands of rows, submitted one after another, so that it can be ended when nobody waits for it any more.
+//!
+//! Software adapters alone need more than one for pictures of usual sizes: they take seconds where graphics cards take
+//! milliseconds. Every pixel is computed as it would be in one dispatch, so bands change not one byte.
+
+use std::mem::offset_of;
+
+use super::pipelines::WORKGROUP_SIDE;
+use super::renderer::RenderError;
+use super::uniform::FrameUniform;
+use super::watch::Watch;
+use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
+
+/// Rows of pixels that one dispatch makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Band {
+    first_row: u32,
+    rows: u32,
+}
+
+/// How a picture is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Bands {
+    /// Pixels of a band, about; whole rows of tiles at least.
+    pub(super) pixels: u32,
+}
+
+impl Bands {
+    /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the cores, and wait for the
+    /// last one: bands of 1024 tiles cost nothing that can be measured.
+    pub(super) fn of(kind: AdapterKind) -> Self {
+        Self { pixels: if kind == AdapterKind::Software { 1 << 16 } else { 1 << 22 } }
+    }
+
+    /// The bands of a picture, from the top.
+    fn cut(self, [width, height]: [u32; 2]) -> impl Iterator<Item = Band> {
+        let tile_rows = (self.pixels / (width * WORKGROUP_SIDE)).max(1);
+        let rows = tile_rows.saturating_mul(WORKGROUP_SIDE).min(height.max(1));
+        (0..height)
+            .step_by(rows as usize)
+            .map(move |first_row| Band { first_row, rows: rows.min(height - first_row) })
+    }
+}
+
+/// What all bands of a picture have in common.
+pub(super) struct Dispatch<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) size_px: [u32; 2],
+    pub(super) bands: Bands,
+    /// The stage's `Frame`, but for the row that a band begins at.
+    pub(super) uniform: &'a wgpu::Buffer,
+    pub(super) pipeline: &'a wgpu::ComputePipeline,
+    /// From group 0 on.
+    pub(super) groups: &'a [&'a wgpu::BindGroup],
+}
+
+impl Dispatch<'_> {
+    /// Submits all bands, the last one with `finish` behind it, and asks after each that is done whether to go on. While
+    /// one is waited for, the next is there already, so that the adapter never waits. Returns before the last is done.
+    ///
+    /// # Errors
+    /// When the adapter refuses a command, or nobody waits for the picture any more.
+    pub(super) fn submit(
+        &self,
+        mut finish: impl FnMut(&mut wgpu::CommandEncoder),
+        watch: &mut Watch<'_>,
+    ) -> Result<(), RenderError> {
+        let mut before: Option<SubmissionIndex> = None;
+        for band in self.bands.cut(self.size_px) {
+            let is_last = band.first_row + band.rows == self.size_px[1];
+            let submitted = self.submit_band(band, |encoder| {
+                if is_last {
+                    finish(encoder);
+                }
+            })?;
+            if let Some(before) = before.replace(submitted) {
+                self.gpu.wait_for(before, "a band")?;
+                watch.band_done()?;
+            }
+        }
+        watch.band_done()
+    }
+
+    fn submit_band(
+        &self,
+        band: Band,
+        finish: impl FnOnce(&mut wgpu::CommandEncoder),
+    ) -> Result<SubmissionIndex, RenderError> {
+        let Self { gpu, uniform, .. } = self;
+        let scope = ErrorScope::open(gpu, "a frame");
+        let at = offset_of!(FrameUniform, first_row) as u64;
+        // Takes effect with the submission below, behind those before.
+        gpu.queue.write_buffer(uniform, at, bytemuck::bytes_of(&band.first_row));
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(self.pipeline);
+            for (index, group) in (0..).zip(self.groups) {
+                pass.set_bind_group(index, *group, &[]);
+            }
+            let [x, y] = [self.size_px[0], band.rows].map(|side| side.div_ceil(WORKGROUP_SIDE));
+            pass.dispatch_workgroups(x, y, 1);
+        }
+        finish(&mut encoder);
+        let submitted = gpu.queue.submit([encoder.finish()]);
+        scope.close()?;
+        Ok(submitted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_are_whole_rows_of_tiles_that_cover_the_picture_once() {
+        for (pixels, size_px, first_rows) in [
+            (1 << 16, [960, 540], (0..9).map(|i| i * 64).collect::<Vec<_>>()),
+            (1 << 22, [960, 540], vec![0]),
+            (1, [960, 20], vec![0, 8, 16]),
+            (1 << 16, [8192, 2048], (0..256).map(|i| i * 8).collect()),
+            (u32::MAX, [1, 1], vec![0]),
+        ] {
+            let bands: Vec<Band> = Bands { pixels }.cut(size_px).collect();
+            assert_eq!(
+                bands.iter().map(|band| band.first_row).collect::<Vec<_>>(),
+                first_rows,
+                "{size_px:?}"
+            );
+            let rows: u32 = bands.iter().map(|band| band.rows).sum();
+            assert_eq!(rows, size_px[1]);
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! Pictures in the making: how far they are, and whether anybody still waits for them.
+
+use std::ops::ControlFlow;
+
+use super::renderer::RenderError;
+
+/// How far a picture is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Bands that are done, all passes and the depth of a path-traced picture included.
+    pub bands: u64,
+    /// Passes that are done, of mode path-traced; those that were there from before count.
+    pub passes: u32,
+}
+
+/// Follows one picture: counts what is done, and asks after every band whether to go on.
+pub(super) struct Watch<'a> {
+    progress: Progress,
+    goes_on: &'a mut dyn FnMut(Progress) -> ControlFlow<()>,
+}
+
+impl<'a> Watch<'a> {
+    pub(super) fn new(goes_on: &'a mut dyn FnMut(Progress) -> ControlFlow<()>) -> Self {
+        Self { progress: Progress::default(), goes_on }
+    }
+
+    /// One more band is done.
+    pub(super) fn band_done(&mut self) -> Result<(), RenderError> {
+        self.progress.bands += 1;
+        self.ask()
+    }
+
+    /// So many passes are done.
+    pub(super) fn passes_done(&mut self, passes: u32) -> Result<(), RenderError> {
+        self.progress.passes = passes;
+        self.ask()
+    }
+
+    fn ask(&mut self) -> Result<(), RenderError> {
+        match (self.goes_on)(self.progress) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(RenderError::Cancelled),
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Pictures in bands are those of one dispatch, and one that nobody wants ends with its band.
+
+use std::ops::ControlFlow;
+
+use relief::camera::Orbit;
+use relief::render::{DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, SceneFile};
+use relief::volume::Volume;
+use relief::volume::phantom::Phantom;
+
+use super::{in_mode, renderer};
+
+/// A width and a height that are no whole numbers of tiles.
+const SIZE: [u32; 2] = [97, 61];
+/// Rows of tiles of that size: bands at the smallest.
+const TILE_ROWS: u64 = 8;
+
+fn request(volume: &Volume, json: &str) -> RenderRequest {
+    let scene = SceneFile::parse(json.as_bytes()).unwrap().with_size(SIZE);
+    scene.resolve(volume.grid(), &Orbit { azimuth_deg: 30.0, ..Orbit::default() }).unwrap().request
+}
+
+fn slice(volume: &Volume) -> RenderRequest {
+    let json = r#"{"mode": "slice", "slice": {"plane": "coronal", "slab_mm": 20, "blend": "mip"}}"#;
+    let scene = SceneFile::parse(json.as_bytes()).unwrap().with_size(SIZE);
+    scene.resolve(volume.grid(), &Orbit::default()).unwrap().request
+}
+
+fn bits(depths: &[f32]) -> Vec<u32> {
+    depths.iter().map(|mm| mm.to_bits()).collect()
+}
+
+fn assert_same(a: &RenderedFrame, b: &RenderedFrame, what: &str) {
+    assert!(a.color_rgba == b.color_rgba, "colour of {what}");
+    assert!(bits(&a.depth_mm) == bits(&b.depth_mm), "depth of {what}");
+    let back = |frame: &RenderedFrame| {
+        frame.back.as_ref().map(|back| (back.color_rgba.clone(), bits(&back.depth_mm)))
+    };
+    assert!(back(a) == back(b), "what lies behind, of {what}");
+}
+
+#[test]
+fn bands_change_not_one_byte() {
+    let Some(mut renderer) = renderer("bands_change_not_one_byte") else { return };
+    let volume = Phantom::head(64).unwrap().volume;
+    let base = request(&volume, r#"{"transfer": "skin"}"#);
+    let mut requests: Vec<_> = Mode::RAYS.map(|mode| in_mode(mode, base.clone())).to_vec();
+    requests.push(RenderRequest { depth: DepthRule::TwoLayer { fraction: 0.5 }, ..base });
+    requests.push(request(
+        &volume,
+        r#"{"mode": "path-traced", "transfer": "skin", "path_trace": {"passes": 5}}"#,
+    ));
+    requests.push(slice(&volume));
+    for request in requests {
+        let what = format!("{:?}", request.mode);
+        let [whole, cut, fine] = [u32::MAX, 97 * 24, 1].map(|pixels| {
+            renderer.set_band_pixels(pixels);
+            // A path-traced picture would be continued, not made anew.
+            renderer.forget(volume.content_hash());
+            renderer.render(&volume, &request).unwrap()
+        });
+        renderer.set_band_pixels(1 << 16);
+        assert_same(&whole, &cut, &what);
+        assert_same(&whole, &fine, &what);
+    }
+}
+
+#[test]
+fn a_cancelled_picture_ends_with_its_band_and_harms_no_later_one() {
+    let Some(mut renderer) = renderer("a_cancelled_picture_ends_with_its_band") else { return };
+    let volume = Phantom::head(64).unwrap().volume;
+    for json in [r#"{"transfer": "bone"}"#, r#"{"mode": "path-traced", "path_trace": {"passes": 64}}"#] {
+        let request = request(&volume, json);
+        let whole = renderer.render(&volume, &request).unwrap();
+        renderer.forget(volume.content_hash());
+        renderer.set_band_pixels(1);
+        for last in [1, 3, TILE_ROWS + 2] {
+            let mut asked = Vec::new();
+            let mut goes_on = |progress: Progress| {
+                asked.push(progress.bands);
+                if progress.bands < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            };
+            let outcome = renderer.render_watched(&volume, &request, &mut goes_on);
+            if request.mode == Mode::PathTraced || last <= TILE_ROWS {
+                assert!(matches!(outcome, Err(RenderError::Cancelled)), "{json} after {last}");
+                assert_eq!(asked, (1..=last).collect::<Vec<_>>(), "{json}");
+            } else {
+                assert_same(&outcome.unwrap(), &whole, json);
+                assert_eq!(asked.len() as u64, TILE_ROWS);
+            }
+        }
+        let again = renderer.render(&volume, &request).unwrap();
+        renderer.set_band_pixels(1 << 16);
+        assert_same(&again, &whole, json);
+    }
+}
