@@ -235,3 +235,41 @@ fn a_long_render_that_nobody_waits_for_makes_way() {
     let (status, _) = running.stop("-TERM");
     assert_eq!(status, Some(0));
 }
+
+#[test]
+fn of_three_series_under_a_budget_for_two_one_is_evicted() {
+    if !has_adapter("of_three_series_under_a_budget_for_two_one_is_evicted") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut arguments: Vec<String> =
+        ["serve", "--listen", "127.0.0.1:0", "--gpu-memory", "800kB"].map(str::to_owned).into();
+    for kind in ["sphere", "slab", "ramp"] {
+        let series = folder.path().join(kind).to_str().unwrap().to_owned();
+        let made = relief(&["phantom", "--kind", kind, "--size", "32", "--out", &series]).output().unwrap();
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        arguments.extend(["--series".to_owned(), series]);
+    }
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let running = Running::spawn(&mut relief(&arguments));
+    running.await_ready();
+    let (_, listed) = running.get("/v1/volumes");
+    let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
+    let ids: Vec<&str> =
+        listed["volumes"].as_array().unwrap().iter().map(|v| v["id"].as_str().unwrap()).collect();
+    let show = |id: &str, azimuth: u32| {
+        let path = format!("/v1/volumes/{id}/frame?layout=color&size_px=32,24&azimuth_deg={azimuth}");
+        assert!(running.get(&path).0.starts_with("HTTP/1.1 200"), "{path}");
+        assert!(metric(&running, "relief_gpu_memory_bytes") <= 800_000);
+        ["relief_gpu_volumes", "relief_gpu_uploads_total", "relief_gpu_evictions_total"]
+            .map(|name| metric(&running, name))
+    };
+    // 32^3 voxels of ten bytes, and an appearance of 66048 bytes: 393728 bytes each.
+    assert_eq!(show(ids[0], 0), [1, 1, 0]);
+    assert_eq!(show(ids[1], 0), [2, 2, 0]);
+    assert_eq!(show(ids[2], 0), [2, 3, 1]);
+    assert_eq!(show(ids[1], 10), [2, 3, 1], "the second is still there");
+    assert_eq!(show(ids[0], 10), [2, 4, 2], "the first had gone, and now the third goes");
+    assert_eq!(metric(&running, "relief_gpu_memory_limit_bytes"), 800_000);
+    assert_eq!(running.stop("-TERM").0, Some(0));
+}

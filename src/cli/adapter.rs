@@ -2,8 +2,9 @@
 
 use anyhow::Context;
 
+use super::memory::parse_bytes;
 use crate::gpu::{AdapterChoice, Gpu};
-use crate::render::Renderer;
+use crate::render::{Renderer, VolumeLimits};
 
 /// The graphics adapter to use.
 #[derive(Debug, clap::Args)]
@@ -11,12 +12,27 @@ pub(super) struct AdapterArguments {
     /// Graphics adapter: best, software, or a part of its name
     #[arg(long, value_name = "NAME", default_value = "best", env = "RELIEF_ADAPTER")]
     adapter: String,
+    /// Graphics memory for volumes, their gradients and maps of empty space, such as 512MiB or 8GiB; of several volumes
+    /// the one least recently shown goes first
+    #[arg(long, value_name = "BYTES", default_value = "4GiB", value_parser = parse_bytes)]
+    gpu_memory: u64,
 }
 
 impl AdapterArguments {
     /// A renderer on the chosen adapter.
     pub(super) fn open_renderer(&self) -> anyhow::Result<Renderer> {
         let gpu = Gpu::open(&AdapterChoice::parse(&self.adapter))?;
-        Renderer::new(gpu).context("the renderer cannot start")
+        let mut renderer = Renderer::new(gpu).context("the renderer cannot start")?;
+        let limits = VolumeLimits { memory_bytes: self.gpu_memory, ..renderer.volume_limits() };
+        renderer.set_volume_limits(limits);
+        Ok(renderer)
+    }
+
+    /// As [`AdapterArguments::open_renderer`], for a volume of these dimensions: one that the adapter cannot take is
+    /// refused here, before it is read.
+    pub(super) fn open_renderer_for(&self, dims: [usize; 3]) -> anyhow::Result<Renderer> {
+        let renderer = self.open_renderer()?;
+        renderer.volume_limits().plan(dims)?;
+        Ok(renderer)
     }
 }

@@ -71,10 +71,12 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let Arguments { series, scene, adapter, frames, orbit_deg, no_skipping, json } = arguments;
     let scene_file = scene.read()?;
     let start = Instant::now();
-    let loaded = series.load()?;
-    let load_ms = milliseconds(start);
+    let (loaded, (mut renderer, open_ms)) = series.load_after(|dims| {
+        let start = Instant::now();
+        Ok((adapter.open_renderer_for(dims)?, milliseconds(start)))
+    })?;
+    let load_ms = milliseconds(start) - open_ms;
     let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
-    let mut renderer = adapter.open_renderer()?;
     let turntable = Turntable { frames, step: orbit_deg.to_radians() };
     let skipping = if no_skipping { Skipping::Off } else { Skipping::On };
     let mut bench = Bench { renderer: &mut renderer, volume: &loaded.volume, skipping };

@@ -87,12 +87,11 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     // Before the long work: what is wrong with the arguments is known at once.
     let scene_file = scene.read()?;
     check_outputs(&out, depth_out.as_ref())?;
-    let loaded = series.load()?;
+    let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
     let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
     }
-    let mut renderer = adapter.open_renderer()?;
     let frame = match scene.request.mode {
         Mode::PathTraced => render_passes(&mut renderer, &loaded.volume, &scene.request)?,
         _ => renderer.render(&loaded.volume, &scene.request)?,

@@ -15,6 +15,7 @@ use super::adapter::AdapterArguments;
 use super::output::say;
 use super::source::{self, SeriesOptions};
 use crate::dicom::{self, LoadLimits, Strictness};
+use crate::render::VolumeLimits;
 use crate::server::{
     self, Config, ConnectionLimits, Drained, LoadedVolume, Server, UploadLimits, VolumeLoader,
 };
@@ -68,14 +69,15 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         std::fs::metadata(path).with_context(|| format!("cannot read --series {}", path.display()))?;
     }
     let renderer = arguments.adapter.open_renderer()?;
+    let limits = renderer.volume_limits();
     let adapter = renderer.gpu().description().to_string();
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(renderer, queue)?);
     let config = config(&arguments, &adapter);
-    let server = Arc::new(Server::new(Arc::clone(&service), upload_loader(), config));
+    let server = Arc::new(Server::new(Arc::clone(&service), upload_loader(limits), config));
     server.expect_volumes(arguments.series.len());
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-    let outcome = runtime.block_on(serve(arguments, server));
+    let outcome = runtime.block_on(serve(arguments, server, limits));
     service.shut_down();
     // An upload that is being read when the time is up is not waited for.
     runtime.shutdown_timeout(Duration::from_secs(1));
@@ -83,7 +85,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
 }
 
 /// Binds, loads and serves until a signal, or until a series turns out to be unusable.
-async fn serve(arguments: Arguments, server: Arc<Server>) -> anyhow::Result<ExitCode> {
+async fn serve(arguments: Arguments, server: Arc<Server>, limits: VolumeLimits) -> anyhow::Result<ExitCode> {
     let Arguments { series, options, listen, .. } = arguments;
     let listener = tokio::net::TcpListener::bind(listen).await;
     let listener = listener.with_context(|| format!("cannot listen on {listen}"))?;
@@ -93,7 +95,7 @@ async fn serve(arguments: Arguments, server: Arc<Server>) -> anyhow::Result<Exit
     if !address.ip().is_loopback() {
         eprintln!("warning: {address} can be reached from other machines, and there is no authentication");
     }
-    let failed = load_behind(series, options, Arc::clone(&server))?;
+    let failed = load_behind(series, (options, limits), Arc::clone(&server))?;
     let mut failure = None;
     let stop = async {
         tokio::select! {
@@ -111,14 +113,14 @@ async fn serve(arguments: Arguments, server: Arc<Server>) -> anyhow::Result<Exit
 /// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when all went well.
 fn load_behind(
     paths: Vec<PathBuf>,
-    options: SeriesOptions,
+    (options, limits): (SeriesOptions, VolumeLimits),
     server: Arc<Server>,
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
     let (report, failed) = oneshot::channel();
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
         for path in paths {
-            match source::load(&path, &options) {
-                Ok(loaded) => server.add_volume(served(loaded)),
+            match source::load_after(&path, &options, |dims| Ok(limits.plan(dims)?)) {
+                Ok((loaded, _)) => server.add_volume(served(loaded)),
                 Err(error) => {
                     let _ = report.send(error.context(format!("cannot serve {}", path.display())));
                     return;
@@ -148,11 +150,13 @@ fn config(arguments: &Arguments, adapter: &str) -> Config {
 }
 
 /// Reads an uploaded file. Its name here is nobody else's business.
-fn upload_loader() -> VolumeLoader {
-    let read = |path: &Path| -> Result<LoadedVolume, dicom::Error> {
+fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
+    let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
+    let read = move |path: &Path| -> anyhow::Result<LoadedVolume> {
         let found = dicom::discover(path, Strictness::Lenient, &|_| ())?;
-        let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
-        dicom::load_within(limits, found.select(None)?, Strictness::Lenient, &|_| ()).map(served)
+        let entry = found.select(None)?;
+        volumes.plan(entry.dims())?;
+        Ok(dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map(served)?)
     };
     Arc::new(move |path| {
         read(path)

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::dicom::{self, Discovery, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
+use super::memory::available_bytes;
+use crate::dicom::{self, Discovery, LoadLimits, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
 
 /// A CT series to load.
 #[derive(Debug, clap::Args)]
@@ -36,21 +37,35 @@ pub(super) struct SeriesOptions {
 }
 
 impl SeriesArguments {
-    /// Loads the series, with progress and warnings on stderr.
-    pub(super) fn load(&self) -> anyhow::Result<Loaded> {
-        load(&self.series, &self.options)
+    /// [`load_after`] of this series.
+    pub(super) fn load_after<T>(
+        &self,
+        before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
+    ) -> anyhow::Result<(Loaded, T)> {
+        load_after(&self.series, &self.options, before)
     }
 }
 
 /// Loads the chosen series under `path`, with progress and warnings on stderr.
 pub(super) fn load(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
+    load_after(path, options, |_| Ok(())).map(|(loaded, ())| loaded)
+}
+
+/// As [`load`]; `before` is given the dimensions that the volume will have, when all headers are read and no slice yet, and
+/// may refuse them.
+pub(super) fn load_after<T>(
+    path: &Path,
+    options: &SeriesOptions,
+    before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
+) -> anyhow::Result<(Loaded, T)> {
     let strictness = strictness(options.strict);
     let found = discover(path, strictness)?;
     let entry = select(&found, options.series_uid.as_deref())?;
     warn(&found.warnings());
+    let prepared = before(entry.dims().map(|side| side.div_ceil(options.downsample.into())))?;
     let loaded = load_entry(entry, strictness)?;
     warn(&loaded.warnings);
-    Ok(loaded.downsampled(options.downsample.into()))
+    Ok((loaded.downsampled(options.downsample.into()), prepared))
 }
 
 /// The chosen series, or the only one; where there are several, the error names the option that chooses.
@@ -76,13 +91,20 @@ pub(super) fn discover(path: &Path, strictness: Strictness) -> anyhow::Result<Di
     Ok(found)
 }
 
-/// [`dicom::load`] with progress on stderr.
+/// [`dicom::load_within`] with progress on stderr.
 pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow::Result<Loaded> {
     let (start, reporter) = (Instant::now(), Reporter::default());
-    let loaded = dicom::load(entry, strictness, &|progress| reporter.report(progress));
+    let loaded = dicom::load_within(limits(), entry, strictness, &|progress| reporter.report(progress));
     let loaded = loaded.context("cannot load the series")?; // without its UID, which may not leave this machine
     tracing::debug!("loaded {:?} voxels in {:.1} ms", loaded.volume.grid().dims(), milliseconds(start));
     Ok(loaded)
+}
+
+/// The library's own limits, and no more than this machine has to give: a system that promises memory which it does not
+/// have ends the process when that is touched.
+fn limits() -> LoadLimits {
+    let usual = LoadLimits::default().voxel_bytes;
+    LoadLimits { voxel_bytes: available_bytes().map_or(usual, |available| usual.min(available)) }
 }
 
 fn milliseconds(start: Instant) -> f64 {

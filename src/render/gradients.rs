@@ -13,9 +13,6 @@ use super::upload::{SLAB_BYTES, texture_3d, write_layers};
 use crate::gpu::Gpu;
 use crate::volume::Volume;
 
-/// Largest size of a gradient texture unless told otherwise; larger volumes are shaded by six fetches of values.
-pub(super) const MAX_BYTES: usize = 1 << 30;
-
 /// The gradients of a volume on the GPU.
 pub(super) struct Gradients {
     pub(super) view: wgpu::TextureView,
@@ -24,9 +21,8 @@ pub(super) struct Gradients {
 }
 
 impl Gradients {
-    /// Computes and uploads the gradients of a volume if they take at most `max_bytes`.
-    pub(super) fn upload(gpu: &Gpu, volume: &Volume, max_bytes: usize) -> Self {
-        let precomputed = volume.voxels_hu().len() * size_of::<Texel>() <= max_bytes;
+    /// Computes and uploads the gradients of a volume that is to have them.
+    pub(super) fn upload(gpu: &Gpu, volume: &Volume, precomputed: bool) -> Self {
         let dims = if precomputed { volume.grid().dims() } else { [1; 3] };
         let texture = texture_3d(gpu, "gradients", dims, wgpu::TextureFormat::Rgba16Float);
         if precomputed {

@@ -21,6 +21,7 @@ mod renderer;
 mod request;
 mod scene;
 mod slices;
+mod store;
 mod surface;
 mod uniform;
 mod upload;
@@ -36,5 +37,6 @@ pub use request::{Clip, ClipPlane, ClipSphere, DepthRule, RenderRequest, Request
 pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
 };
+pub use store::{MemoryUse, VolumeLimits, VolumePlan};
 pub use surface::Surface;
 pub use watch::Progress;

@@ -12,17 +12,14 @@ use super::pathtrace::{Order, PathTracer};
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant};
 use super::request::{RenderRequest, RequestError};
 use super::slices::SlicePipelines;
+use super::store::{MemoryUse, Store, VolumeLimits};
 use super::uniform::FrameUniform;
-use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
+use super::upload::VoxelFormat;
 use super::watch::{Progress, Watch};
 use crate::camera::Camera;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::units::DepthLimits;
 use crate::volume::{ContentHash, Grid, Volume};
-
-/// Volumes and appearances kept on the GPU; the least recently used goes first.
-const KEPT_VOLUMES: usize = 4;
-const KEPT_APPEARANCES: usize = 16;
 
 /// Why a picture could not be rendered.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +39,37 @@ pub enum RenderError {
         limit: usize,
         /// The smallest factor that fits.
         factor: usize,
+    },
+    /// The volume is larger than a texture of this adapter may be.
+    #[error(
+        "the volume has {dims:?} voxels and needs {needed} bytes, {available} are available in one texture of this adapter; \
+         load it with --downsample {factor}"
+    )]
+    VolumeOverTexture {
+        /// Voxels along i, j, k.
+        dims: [usize; 3],
+        /// Bytes of voxels.
+        needed: u64,
+        /// Bytes that a texture may have.
+        available: u64,
+        /// The smallest factor that fits.
+        factor: usize,
+    },
+    /// The volume needs more memory than volumes may take.
+    #[error(
+        "the volume has {dims:?} voxels and needs {needed} bytes of graphics memory, {available} are available; \
+         {}allow more with --gpu-memory",
+        factor.map_or_else(String::new, |factor| format!("load it with --downsample {factor}, or "))
+    )]
+    VolumeOverMemory {
+        /// Voxels along i, j, k.
+        dims: [usize; 3],
+        /// Bytes of the volume, lit without gradients, and of one appearance.
+        needed: u64,
+        /// Bytes that volumes may take.
+        available: u64,
+        /// The smallest factor that fits; `None` where none does.
+        factor: Option<usize>,
     },
     /// Whoever ordered the picture wants it no longer.
     #[error("the picture is no longer wanted")]
@@ -65,14 +93,12 @@ pub enum Skipping {
 pub struct Renderer {
     gpu: Gpu,
     format: VoxelFormat,
-    max_gradient_bytes: usize,
     bands: Bands,
+    store: Store,
     pipelines: Pipelines,
     slices: SlicePipelines,
     sampler: wgpu::Sampler,
     uniform: wgpu::Buffer,
-    volumes: Vec<VolumeOnGpu>,
-    appearances: Vec<Appearance>,
     target: Option<Target>,
     /// Made when first asked for: its shader is slow to compile.
     path_tracer: Option<PathTracer>,
@@ -106,20 +132,17 @@ impl Renderer {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let (volumes, appearances) = (Vec::new(), Vec::new());
-        let max_gradient_bytes = super::gradients::MAX_BYTES;
+        let store = Store::new(&gpu, format);
         let bands = Bands::of(gpu.description().kind);
         Ok(Self {
             gpu,
             format,
-            max_gradient_bytes,
             bands,
+            store,
             pipelines,
             slices,
             sampler,
             uniform,
-            volumes,
-            appearances,
             target: None,
             path_tracer: None,
         })
@@ -131,10 +154,25 @@ impl Renderer {
         &self.gpu
     }
 
-    /// Limits the textures of precomputed gradients, four bytes a voxel, of volumes that go up from now on. Volumes
-    /// beyond the limit are lit by six fetches of values for each visible sample: slower, and all but the same picture.
-    pub fn limit_gradients(&mut self, max_bytes: usize) {
-        self.max_gradient_bytes = max_bytes;
+    /// What volumes may need.
+    #[must_use]
+    pub fn volume_limits(&self) -> VolumeLimits {
+        self.store.limits
+    }
+
+    /// Replaces what volumes may need, for those that go up from now on. Values beyond those of the adapter, and more
+    /// than [`VolumeLimits::BRICKS`] bricks, are cut to them.
+    pub fn set_volume_limits(&mut self, limits: VolumeLimits) {
+        let most = VolumeLimits::of(&self.gpu);
+        let (side, bricks) = (limits.side.min(most.side), limits.bricks.min(most.bricks));
+        let texture_bytes = limits.texture_bytes.min(most.texture_bytes);
+        self.store.limits = VolumeLimits { side, bricks, texture_bytes, ..limits };
+    }
+
+    /// What is kept on the adapter.
+    #[must_use]
+    pub fn memory(&self) -> MemoryUse {
+        self.store.memory()
     }
 
     /// Cuts pictures into bands of about so many pixels, whole rows of tiles at least; between bands a picture can be
@@ -176,8 +214,8 @@ impl Renderer {
             Some(tracer) => tracer,
             none => none.insert(PathTracer::new(&self.gpu, self.format.hu_scale())?),
         };
-        let on_gpu = self.volumes.last().expect("uploaded for its depth");
-        let appearance = self.appearances.last().expect("uploaded for its depth");
+        // Both went up for its depth.
+        let (on_gpu, appearance) = (self.store.volume(), self.store.appearance());
         let (gpu, sampler, bands) = (&self.gpu, &self.sampler, self.bands);
         tracer.render(Order { gpu, volume, on_gpu, appearance, sampler, request, bands }, watch)
     }
@@ -294,15 +332,13 @@ impl Renderer {
     /// # Errors
     /// When the volume is too large for the adapter, or the adapter fails.
     pub fn sampling_rate(&mut self, volume: &Volume) -> Result<f64, RenderError> {
-        self.upload_volume(volume)?;
-        let volume = self.volumes.last().expect("uploaded above");
-        Ok(super::calibrate::sampling_rate(&self.gpu, &volume.view, &self.sampler)?)
+        self.store.prepare_volume(&self.gpu, volume)?;
+        Ok(super::calibrate::sampling_rate(&self.gpu, &self.store.volume().view, &self.sampler)?)
     }
 
     /// Frees what is kept of a volume: its voxels and the appearances made for it.
     pub fn forget(&mut self, volume: ContentHash) {
-        self.volumes.retain(|known| known.hash != volume);
-        self.appearances.retain(|known| !known.is_of(volume));
+        self.store.forget(volume);
         if let Some(tracer) = &mut self.path_tracer {
             tracer.forget(volume);
         }
@@ -318,40 +354,12 @@ impl Renderer {
     ) -> Result<(Instant, f64), RenderError> {
         request.validate_on(volume.grid())?;
         let start = Instant::now();
-        let uploaded = self.upload(volume, request)?;
+        let uploaded = self.store.prepare(&self.gpu, volume, request)?;
         self.make_target(request)?;
         let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
         let start = Instant::now();
         self.submit(volume, request, how, watch)?;
         Ok((start, upload_ms))
-    }
-
-    /// Puts the volume and the appearance of a request last in their lists; says whether anything went up.
-    fn upload(&mut self, volume: &Volume, request: &RenderRequest) -> Result<bool, RenderError> {
-        let hash = volume.content_hash();
-        let had_volume = !self.upload_volume(volume)?;
-        let had_appearance = move_to_end(&mut self.appearances, |known| known.fits(hash, request));
-        if !had_appearance {
-            if self.appearances.len() == KEPT_APPEARANCES {
-                self.appearances.remove(0);
-            }
-            let volume = self.volumes.last().expect("pushed or moved there above");
-            self.appearances.push(Appearance::upload(&self.gpu, volume, request)?);
-        }
-        Ok(!(had_volume && had_appearance))
-    }
-
-    /// Puts a volume last in its list; says whether it went up.
-    fn upload_volume(&mut self, volume: &Volume) -> Result<bool, RenderError> {
-        let hash = volume.content_hash();
-        if move_to_end(&mut self.volumes, |known| known.hash == hash) {
-            return Ok(false);
-        }
-        if self.volumes.len() == KEPT_VOLUMES {
-            self.volumes.remove(0);
-        }
-        self.volumes.push(VolumeOnGpu::upload(&self.gpu, volume, self.format, self.max_gradient_bytes)?);
-        Ok(true)
     }
 
     fn make_target(&mut self, request: &RenderRequest) -> Result<(), RenderError> {
@@ -384,22 +392,21 @@ impl Renderer {
         (skipping, output): (Skipping, Output),
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
-        let appearance = self.appearances.last().expect("uploaded before");
+        let appearance = self.store.appearance();
         let target = self.target.as_ref().expect("made before");
         let uniform = FrameUniform::new(request, volume, appearance, skipping);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         let pipeline = match request.mode {
             Mode::Slice(blend) => self.slices.prepare(&self.gpu, request, volume.grid(), (blend, output))?,
             _ => {
-                let precomputed_gradients =
-                    self.volumes.last().is_some_and(|volume| volume.gradients.precomputed);
+                let precomputed_gradients = self.store.volume().gradients.precomputed;
                 let variant = Variant { output, precomputed_gradients };
                 self.pipelines.get(&self.gpu, PipelineKey::new(request, variant))?
             }
         };
         let pipeline = pipeline.clone();
         let scope = ErrorScope::open(&self.gpu, "a frame");
-        let bindings = self.bind(request.mode, appearance, target);
+        let bindings = self.bind(request.mode, target);
         scope.close()?;
         let dispatch = Dispatch {
             gpu: &self.gpu,
@@ -416,8 +423,8 @@ impl Renderer {
         dispatch.submit(read_back, watch)
     }
 
-    fn bind(&self, mode: Mode, appearance: &Appearance, target: &Target) -> wgpu::BindGroup {
-        let volume = self.volumes.last().expect("uploaded before");
+    fn bind(&self, mode: Mode, target: &Target) -> wgpu::BindGroup {
+        let (volume, appearance) = (self.store.volume(), self.store.appearance());
         let shared = [
             self.uniform.as_entire_binding(),
             wgpu::BindingResource::TextureView(&volume.view),
@@ -442,15 +449,6 @@ impl Renderer {
             entries: &entries,
         })
     }
-}
-
-/// Moves the first item for which `is_it` holds to the end; says whether there was one.
-fn move_to_end<T>(items: &mut [T], is_it: impl Fn(&T) -> bool) -> bool {
-    let found = items.iter().position(is_it);
-    if let Some(i) = found {
-        items[i..].rotate_left(1);
-    }
-    found.is_some()
 }
 
 /// How many pictures a request gives: the first layer, and what lies behind it.

@@ -1,16 +1,13 @@
 //! Volumes and appearances on the GPU: what goes up, once for each content.
 
-use super::RenderError;
 use super::gradients::Gradients;
 use super::mode::{Mode, is_of_interest, table_for};
 use super::request::RenderRequest;
+use super::store::VolumePlan;
 use super::surface::Surface;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
 use crate::transfer::{TransferFunction, TransferTable};
 use crate::volume::{BrickRanges, ContentHash, DistanceMap, Volume};
-
-/// Edge of a brick in voxels. Smaller bricks skip more closely but cost more map reads.
-pub(super) const BRICK_EDGE: usize = 4;
 
 /// Bytes handed to the queue at once: staging memory stays small beside the volume.
 pub(super) const SLAB_BYTES: usize = 16 << 20;
@@ -69,6 +66,7 @@ pub(super) struct VolumeOnGpu {
     pub(super) hash: ContentHash,
     pub(super) view: wgpu::TextureView,
     pub(super) gradients: Gradients,
+    pub(super) plan: VolumePlan,
     format: VoxelFormat,
     pub(super) bricks: BrickRanges,
 }
@@ -79,13 +77,13 @@ impl VolumeOnGpu {
         self.format.stored(hu)
     }
 
+    /// Uploads a volume as planned for its dimensions.
     pub(super) fn upload(
         gpu: &Gpu,
         volume: &Volume,
         format: VoxelFormat,
-        max_gradient_bytes: usize,
-    ) -> Result<Self, RenderError> {
-        check_size(gpu.limits(), volume)?;
+        plan: VolumePlan,
+    ) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "a volume");
         let dims = volume.grid().dims();
         let texture = texture_3d(gpu, "volume", dims, format.texture_format());
@@ -96,23 +94,12 @@ impl VolumeOnGpu {
             // Submitting frees the staging memory of the slabs before.
             gpu.queue.submit([]);
         }
-        let gradients = Gradients::upload(gpu, volume, max_gradient_bytes);
+        let gradients = Gradients::upload(gpu, volume, plan.gradient_bytes > 0);
         scope.close()?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let bricks = BrickRanges::new(volume, BRICK_EDGE);
-        Ok(Self { hash: volume.content_hash(), view, gradients, format, bricks })
+        let bricks = BrickRanges::new(volume, plan.brick_edge);
+        Ok(Self { hash: volume.content_hash(), view, gradients, plan, format, bricks })
     }
-}
-
-/// Refuses what the adapter cannot hold, with the factor that would fit.
-fn check_size(limits: Limits, volume: &Volume) -> Result<(), RenderError> {
-    let dims = volume.grid().dims();
-    let limit = limits.texture_3d_side as usize;
-    let largest = dims.into_iter().max().unwrap_or(0);
-    if largest > limit {
-        return Err(RenderError::VolumeTooLarge { dims, limit, factor: largest.div_ceil(limit) });
-    }
-    Ok(())
 }
 
 /// How bricks tile a volume.
@@ -136,6 +123,7 @@ pub(super) struct Appearance {
     pub(super) bricks: BrickLayout,
     /// Four bricks a word.
     pub(super) distances: wgpu::Buffer,
+    pub(super) bytes: u64,
 }
 
 impl Appearance {
@@ -154,6 +142,7 @@ impl Appearance {
         let table_buffer = read_only(gpu, "transfer table", &table_bytes);
         let distances = upload_distances(gpu, &map);
         let bricks = BrickLayout { edge: map.edge, dims: map.dims };
+        let bytes = table_buffer.size() + distances.size();
         scope.close()?;
         Ok(Self {
             volume: volume.hash,
@@ -165,6 +154,7 @@ impl Appearance {
             table_buffer,
             bricks,
             distances,
+            bytes,
         })
     }
 

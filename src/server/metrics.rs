@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use crate::render::MemoryUse;
 use crate::session::{Counts, Origin, Rendered, ServiceError};
 
 /// Method, route pattern and status of an answer.
@@ -27,6 +28,7 @@ pub(super) struct Metrics {
 pub(super) struct Gauges {
     pub(super) waiting: usize,
     pub(super) counts: Counts,
+    pub(super) memory: MemoryUse,
     pub(super) volumes: usize,
     pub(super) ready: bool,
     pub(super) uptime: Duration,
@@ -98,33 +100,45 @@ impl Metrics {
             "counter",
             "Render orders that nobody waited for any more.",
         );
-        let Counts { skipped, cancelled, bands } = gauges.counts;
+        let Counts { skipped, cancelled, .. } = gauges.counts;
         for (when, count) in [("waiting", skipped), ("rendering", cancelled)] {
             line(&mut text, "relief_render_abandoned_total", &format!("when=\"{when}\""), count);
         }
-        let not_modified = self.not_modified.load(Ordering::Relaxed) as f64;
-        let in_flight = self.in_flight.load(Ordering::Relaxed) as f64;
-        let ready = f64::from(u8::from(gauges.ready));
-        for (name, kind, help, value) in [
-            (
-                "relief_not_modified_total",
-                "counter",
-                "Frames answered by their tag, not rendered.",
-                not_modified,
-            ),
-            ("relief_render_bands_total", "counter", "Bands of pictures rendered.", bands as f64),
-            ("relief_requests_in_flight", "gauge", "HTTP requests being answered.", in_flight),
-            ("relief_render_queue_length", "gauge", "Render orders that wait.", gauges.waiting as f64),
-            ("relief_volumes", "gauge", "Volumes in memory.", gauges.volumes as f64),
-            ("relief_ready", "gauge", "1 when frames can be rendered.", ready),
-            ("relief_uptime_seconds", "gauge", "Time since the start.", gauges.uptime.as_secs_f64()),
-        ] {
+        for (name, kind, help, value) in self.values(gauges) {
             head(&mut text, name, kind, help);
             line(&mut text, name, "", value);
         }
         self.queue.write(&mut text, "relief_render_queue_seconds", "Time that orders waited.");
         self.render.write(&mut text, "relief_render_seconds", "Time of upload and rendering.");
         text
+    }
+
+    /// What has one value: name, kind, help, value.
+    fn values(&self, gauges: Gauges) -> Vec<(&'static str, &'static str, &'static str, f64)> {
+        let not_modified = self.not_modified.load(Ordering::Relaxed) as f64;
+        let in_flight = self.in_flight.load(Ordering::Relaxed) as f64;
+        let ready = f64::from(u8::from(gauges.ready));
+        let MemoryUse { volumes, used_bytes, limit_bytes, uploads, evictions } = gauges.memory;
+        let counter = |name, help, value: f64| (name, "counter", help, value);
+        let gauge = |name, help, value: f64| (name, "gauge", help, value);
+        vec![
+            counter("relief_not_modified_total", "Frames answered by their tag, not rendered.", not_modified),
+            counter("relief_render_bands_total", "Bands of pictures rendered.", gauges.counts.bands as f64),
+            gauge("relief_requests_in_flight", "HTTP requests being answered.", in_flight),
+            gauge("relief_render_queue_length", "Render orders that wait.", gauges.waiting as f64),
+            gauge("relief_volumes", "Volumes in memory.", gauges.volumes as f64),
+            gauge("relief_gpu_volumes", "Volumes in graphics memory.", volumes as f64),
+            gauge("relief_gpu_memory_bytes", "Graphics memory that volumes take.", used_bytes as f64),
+            gauge(
+                "relief_gpu_memory_limit_bytes",
+                "Graphics memory that volumes may take.",
+                limit_bytes as f64,
+            ),
+            counter("relief_gpu_uploads_total", "Volumes that went into graphics memory.", uploads as f64),
+            counter("relief_gpu_evictions_total", "Volumes that left it for others.", evictions as f64),
+            gauge("relief_ready", "1 when frames can be rendered.", ready),
+            gauge("relief_uptime_seconds", "Time since the start.", gauges.uptime.as_secs_f64()),
+        ]
     }
 }
 

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{BackendError, RenderBackend};
 use crate::gpu::GpuError;
-use crate::render::{Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
+use crate::render::{MemoryUse, Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
 use crate::volume::{ContentHash, Volume};
 
 impl RenderBackend for Renderer {
@@ -19,6 +19,8 @@ impl RenderBackend for Renderer {
             // Too little memory for one picture says nothing about the next.
             RenderError::Request(_)
             | RenderError::VolumeTooLarge { .. }
+            | RenderError::VolumeOverTexture { .. }
+            | RenderError::VolumeOverMemory { .. }
             | RenderError::Gpu(GpuError::OutOfMemory { .. }) => BackendError::Refused(error.into()),
             RenderError::Gpu(_) => BackendError::Failed(error.into()),
         })
@@ -27,5 +29,9 @@ impl RenderBackend for Renderer {
     fn forget(&mut self, volume: ContentHash) {
         // Inherent methods go first, so this is the renderer's own.
         self.forget(volume);
+    }
+
+    fn memory(&self) -> MemoryUse {
+        self.memory()
     }
 }

@@ -16,7 +16,7 @@ mod ticket;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::render::{Progress, RenderRequest, RenderedFrame};
+use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
 pub use encode::{EncodingError, FileFormat, Product, encode};
@@ -40,6 +40,11 @@ pub trait RenderBackend: Send + 'static {
 
     /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders needs none.
     fn forget(&mut self, _volume: ContentHash) {}
+
+    /// What is kept of volumes on the adapter; nothing by a backend that keeps nothing.
+    fn memory(&self) -> MemoryUse {
+        MemoryUse::default()
+    }
 }
 
 /// Why a backend gave no frame.

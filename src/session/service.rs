@@ -16,7 +16,7 @@ use std::time::Instant;
 use super::cache::{FrameCache, FrameKey};
 use super::ticket::{Promise, Ticket, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
-use crate::render::{Progress, RenderRequest, RenderedFrame};
+use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
 /// How much a service keeps.
@@ -53,6 +53,7 @@ struct Shared {
     skipped: AtomicU64,
     cancelled: AtomicU64,
     bands: AtomicU64,
+    memory: Mutex<MemoryUse>,
 }
 
 /// What has been done since the start.
@@ -98,6 +99,7 @@ impl RenderService {
             skipped: AtomicU64::new(0),
             cancelled: AtomicU64::new(0),
             bands: AtomicU64::new(0),
+            memory: Mutex::new(backend.memory()),
         });
         let seen = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
@@ -160,6 +162,12 @@ impl RenderService {
         Counts { skipped: read(skipped), cancelled: read(cancelled), bands: read(bands) }
     }
 
+    /// What is kept of volumes on the adapter, as of the last job.
+    #[must_use]
+    pub fn memory(&self) -> MemoryUse {
+        *lock(&self.shared.memory)
+    }
+
     /// Whether the thread takes orders.
     #[must_use]
     pub fn is_alive(&self) -> bool {
@@ -198,6 +206,7 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &Shared) 
                 if let Err(panic) = guarded(|| backend.forget(volume)) {
                     tracing::error!(panic, "forgetting a volume panicked");
                 }
+                *lock(&shared.memory) = backend.memory();
             }
         }
     }
@@ -238,6 +247,8 @@ fn render(
         if order.promise.is_wanted() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
     let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
+    // Before the answer: whoever has that may ask.
+    *lock(&shared.memory) = backend.memory();
     match outcome {
         Ok(Ok(_)) => is_healthy.store(true, Ordering::Relaxed),
         Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),

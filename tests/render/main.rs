@@ -15,6 +15,7 @@ mod closed_forms;
 mod depth_rules;
 mod instruments;
 mod isosurfaces;
+mod memory;
 mod modes;
 mod overlays;
 mod pathtrace;

@@ -1,7 +1,9 @@
 //! The GPU against the f64 twin, over mode x projection x depth rule x shading.
 
 use relief::camera::Orbit;
-use relief::render::{Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, reference};
+use relief::render::{
+    Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, VolumeLimits, reference,
+};
 use relief::space::{Point, Vector};
 use relief::transfer::GradientOpacity;
 use relief::transfer::Window;
@@ -127,10 +129,11 @@ fn gpu_and_twin_agree_where_gradients_are_not_precomputed() {
     let request = RenderRequest { depth: DepthRule::FirstHit, ..request(&volume, "soft-tissue", 25.0) };
     let precomputed = renderer.render(&volume, &request).unwrap();
     renderer.forget(volume.content_hash());
-    renderer.limit_gradients(0);
+    let limits = renderer.volume_limits();
+    renderer.set_volume_limits(VolumeLimits { gradient_bytes: 0, ..limits });
     let values = renderer.render(&volume, &request).unwrap();
     renderer.forget(volume.content_hash());
-    renderer.limit_gradients(1 << 30);
+    renderer.set_volume_limits(limits);
     drop(renderer);
     assert!(
         values.color_rgba != precomputed.color_rgba,

@@ -8,7 +8,7 @@ use crate::render::bands::{Bands, Dispatch};
 use crate::render::renderer::{RenderError, Skipping, depth_limits};
 use crate::render::request::{RenderRequest, RequestError};
 use crate::render::uniform::FrameUniform;
-use crate::render::upload::{Appearance, BRICK_EDGE, VolumeOnGpu};
+use crate::render::upload::{Appearance, VolumeOnGpu};
 use crate::render::watch::Watch;
 use crate::volume::{ContentHash, Volume};
 
@@ -106,7 +106,7 @@ impl PathTracer {
         let Order { gpu, volume, request, bands, .. } = order;
         let medium = self.medium.as_ref().expect("uploaded before");
         let near_mm = depth_limits(&request.camera, volume.grid()).near_mm;
-        let mut uniform = PathUniform::new(request, near_mm, &medium.table, BRICK_EDGE);
+        let mut uniform = PathUniform::new(request, near_mm, &medium.table, order.appearance.bricks.edge);
         let frame = FrameUniform::new(request, volume, order.appearance, Skipping::On);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         let groups = self.bind(order, medium, sums);

@@ -1,0 +1,316 @@
+//! What is kept on the adapter: volumes and their appearances, within a limit of bytes, the least recently used first out.
+//!
+//! Voxels, gradients, transfer tables and maps of empty space count. Pictures do not, nor does the one medium of the path
+//! tracer: their sizes are bounded by the request's. What a volume takes is known from its dimensions, so one that
+//! cannot fit is refused before anything is allocated for it.
+
+use super::renderer::RenderError;
+use super::request::RenderRequest;
+use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
+use crate::gpu::{AdapterKind, Gpu};
+use crate::transfer::TransferTable;
+use crate::volume::{ContentHash, Volume};
+
+/// Most appearances: a look for one compares it with all.
+const KEPT_APPEARANCES: usize = 16;
+
+/// Bytes of a transfer table: a uniform has room for the longest.
+const TABLE_BYTES: u64 = (size_of::<[f32; 4]>() * TransferTable::MAX_ENTRIES) as u64;
+
+/// What a volume may need of an adapter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VolumeLimits {
+    /// Most voxels along a side.
+    pub side: usize,
+    /// Most bytes of one texture.
+    pub texture_bytes: u64,
+    /// Most bytes of all volumes together.
+    pub memory_bytes: u64,
+    /// Most bytes of one volume's gradients; larger volumes are lit without.
+    pub gradient_bytes: u64,
+    /// Most bricks of one volume; larger volumes have larger bricks.
+    pub bricks: u64,
+}
+
+/// What a volume takes on an adapter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VolumePlan {
+    /// Bytes of voxels.
+    pub voxel_bytes: u64,
+    /// Bytes of gradients; 0 where the volume is lit without: slower, and all but the same picture.
+    pub gradient_bytes: u64,
+    /// Bytes of each appearance: a transfer table and a map of empty space.
+    pub appearance_bytes: u64,
+    /// Edge of a brick in voxels.
+    pub brick_edge: usize,
+}
+
+impl VolumeLimits {
+    /// Bytes that volumes may take together unless told otherwise.
+    pub const MEMORY_BYTES: u64 = 4 << 30;
+    /// Bytes of gradients of one volume unless told otherwise: 2^27 voxels.
+    pub const GRADIENT_BYTES: u64 = 1 << 30;
+    /// Bricks are numbered in 32-bit floats, which tell whole numbers apart up to here.
+    pub const BRICKS: u64 = 1 << 24;
+    /// Bytes of a texture that software drivers take; they do not tell, and Mesa's refuses more.
+    const SOFTWARE_TEXTURE_BYTES: u64 = 2 << 30;
+    /// Edge of a brick in voxels. Smaller bricks skip more closely but cost more map reads.
+    const BRICK_EDGE: usize = 4;
+
+    pub(super) fn of(gpu: &Gpu) -> Self {
+        let is_software = gpu.description().kind == AdapterKind::Software;
+        Self {
+            texture_bytes: if is_software { Self::SOFTWARE_TEXTURE_BYTES } else { u64::MAX },
+            side: gpu.limits().texture_3d_side as usize,
+            memory_bytes: Self::MEMORY_BYTES,
+            gradient_bytes: Self::GRADIENT_BYTES,
+            bricks: Self::BRICKS,
+        }
+    }
+
+    /// What a volume of these dimensions takes.
+    ///
+    /// # Errors
+    /// When a side is longer or a texture larger than the adapter takes, or voxels alone need more memory than there may
+    /// be; with what is needed, what is available, and the factor of a downsampled volume that fits.
+    pub fn plan(&self, dims: [usize; 3]) -> Result<VolumePlan, RenderError> {
+        let longest = dims.into_iter().max().unwrap_or(0);
+        if longest > self.side {
+            let factor = longest.div_ceil(self.side);
+            return Err(RenderError::VolumeTooLarge { dims, limit: self.side, factor });
+        }
+        let plan = self.without_gradients(dims);
+        let factor = |fits: &dyn Fn(VolumePlan) -> bool| {
+            let smaller = |factor: usize| self.without_gradients(dims.map(|side| side.div_ceil(factor)));
+            (2..=longest).find(|&factor| fits(smaller(factor)))
+        };
+        let (needed, available) = (plan.voxel_bytes, self.texture_bytes);
+        if needed > available {
+            let factor = factor(&|smaller| smaller.voxel_bytes <= available).unwrap_or(longest);
+            return Err(RenderError::VolumeOverTexture { dims, needed, available, factor });
+        }
+        let (needed, available) = (plan.bytes_with_appearance(), self.memory_bytes);
+        if needed > available {
+            let factor = factor(&|smaller| smaller.bytes_with_appearance() <= available);
+            return Err(RenderError::VolumeOverMemory { dims, needed, available, factor });
+        }
+        let gradient_bytes = plan.voxel_bytes.saturating_mul(4);
+        let lit = VolumePlan { gradient_bytes, ..plan };
+        let most = self.gradient_bytes.min(self.texture_bytes);
+        let fits = gradient_bytes <= most && lit.bytes_with_appearance() <= available;
+        Ok(if fits { lit } else { plan })
+    }
+
+    fn without_gradients(&self, dims: [usize; 3]) -> VolumePlan {
+        let product = |sides: [usize; 3]| sides.iter().fold(1u64, |n, &side| n.saturating_mul(side as u64));
+        let bricks = |edge: usize| product(dims.map(|side| side.div_ceil(edge)));
+        let edges = std::iter::successors(Some(Self::BRICK_EDGE), |edge| Some(edge * 2));
+        let brick_edge = edges.take(28).find(|&edge| bricks(edge) <= self.bricks).unwrap_or(1 << 30);
+        VolumePlan {
+            voxel_bytes: product(dims).saturating_mul(2),
+            gradient_bytes: 0,
+            appearance_bytes: TABLE_BYTES + bricks(brick_edge).next_multiple_of(4),
+            brick_edge,
+        }
+    }
+}
+
+impl VolumePlan {
+    /// Voxels and gradients.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.voxel_bytes.saturating_add(self.gradient_bytes)
+    }
+
+    fn bytes_with_appearance(&self) -> u64 {
+        self.bytes().saturating_add(self.appearance_bytes)
+    }
+}
+
+/// What is kept on an adapter, and what went up and out since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryUse {
+    /// Volumes that are there.
+    pub volumes: usize,
+    /// Bytes that they and their appearances take.
+    pub used_bytes: u64,
+    /// Bytes that they may take.
+    pub limit_bytes: u64,
+    /// Volumes that went up.
+    pub uploads: u64,
+    /// Volumes that had to go for others.
+    pub evictions: u64,
+}
+
+/// Volumes and appearances, in the order of their last use.
+pub(super) struct Store {
+    pub(super) limits: VolumeLimits,
+    format: VoxelFormat,
+    volumes: Vec<VolumeOnGpu>,
+    appearances: Vec<Appearance>,
+    uploads: u64,
+    evictions: u64,
+}
+
+impl Store {
+    pub(super) fn new(gpu: &Gpu, format: VoxelFormat) -> Self {
+        let limits = VolumeLimits::of(gpu);
+        Self { limits, format, volumes: Vec::new(), appearances: Vec::new(), uploads: 0, evictions: 0 }
+    }
+
+    /// The volume that was prepared last.
+    pub(super) fn volume(&self) -> &VolumeOnGpu {
+        self.volumes.last().expect("prepared before")
+    }
+
+    /// The appearance that was prepared last.
+    pub(super) fn appearance(&self) -> &Appearance {
+        self.appearances.last().expect("prepared before")
+    }
+
+    pub(super) fn memory(&self) -> MemoryUse {
+        let volumes = self.volumes.iter().map(|volume| volume.plan.bytes()).sum::<u64>();
+        MemoryUse {
+            volumes: self.volumes.len(),
+            used_bytes: volumes + self.appearances.iter().map(|known| known.bytes).sum::<u64>(),
+            limit_bytes: self.limits.memory_bytes,
+            uploads: self.uploads,
+            evictions: self.evictions,
+        }
+    }
+
+    /// Makes a volume and the appearance of a request the last used; says whether anything went up.
+    pub(super) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        volume: &Volume,
+        request: &RenderRequest,
+    ) -> Result<bool, RenderError> {
+        let hash = volume.content_hash();
+        let had_volume = !self.prepare_volume(gpu, volume)?;
+        let had_appearance = move_to_end(&mut self.appearances, |known| known.fits(hash, request));
+        if !had_appearance {
+            let bytes = self.volume().plan.appearance_bytes;
+            while !self.appearances.is_empty()
+                && (self.appearances.len() == KEPT_APPEARANCES || self.lacks_room_for(bytes))
+            {
+                self.appearances.remove(0);
+            }
+            while self.volumes.len() > 1 && self.lacks_room_for(bytes) {
+                self.evict_first();
+            }
+            let appearance = Appearance::upload(gpu, self.volume(), request)?;
+            self.appearances.push(appearance);
+        }
+        Ok(!(had_volume && had_appearance))
+    }
+
+    /// Makes a volume the last used; says whether it went up.
+    pub(super) fn prepare_volume(&mut self, gpu: &Gpu, volume: &Volume) -> Result<bool, RenderError> {
+        let hash = volume.content_hash();
+        if move_to_end(&mut self.volumes, |known| known.hash == hash) {
+            return Ok(false);
+        }
+        let plan = self.limits.plan(volume.grid().dims())?;
+        let evicted = self.evictions;
+        while !self.volumes.is_empty() && self.lacks_room_for(plan.bytes_with_appearance()) {
+            self.evict_first();
+        }
+        if self.evictions > evicted {
+            // What is dropped is freed when the device has nothing more to do with it.
+            gpu.wait("freeing memory")?;
+        }
+        self.volumes.push(VolumeOnGpu::upload(gpu, volume, self.format, plan)?);
+        self.uploads += 1;
+        Ok(true)
+    }
+
+    /// Frees what is kept of a volume.
+    pub(super) fn forget(&mut self, volume: ContentHash) {
+        self.volumes.retain(|known| known.hash != volume);
+        self.appearances.retain(|known| !known.is_of(volume));
+    }
+
+    fn lacks_room_for(&self, bytes: u64) -> bool {
+        self.memory().used_bytes.saturating_add(bytes) > self.limits.memory_bytes
+    }
+
+    fn evict_first(&mut self) {
+        let hash = self.volumes.remove(0).hash;
+        self.appearances.retain(|known| !known.is_of(hash));
+        self.evictions += 1;
+    }
+}
+
+/// Moves the first item for which `is_it` holds to the end; says whether there was one.
+fn move_to_end<T>(items: &mut [T], is_it: impl Fn(&T) -> bool) -> bool {
+    let found = items.iter().position(is_it);
+    if let Some(i) = found {
+        items[i..].rotate_left(1);
+    }
+    found.is_some()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: VolumeLimits = VolumeLimits {
+        side: 4096,
+        texture_bytes: u64::MAX,
+        memory_bytes: 4 << 30,
+        gradient_bytes: VolumeLimits::GRADIENT_BYTES,
+        bricks: VolumeLimits::BRICKS,
+    };
+
+    #[test]
+    fn gradients_come_along_where_they_fit() {
+        let plan = LIMITS.plan([512, 512, 300]).unwrap();
+        assert_eq!((plan.voxel_bytes, plan.gradient_bytes, plan.brick_edge), (157_286_400, 629_145_600, 4));
+        assert_eq!(plan.appearance_bytes, 65_536 + 128 * 128 * 75);
+        let narrow = VolumeLimits { memory_bytes: plan.bytes_with_appearance() - 1, ..LIMITS };
+        assert_eq!(narrow.plan([512, 512, 300]).unwrap().gradient_bytes, 0);
+        assert_eq!(LIMITS.plan([512, 512, 1000]).unwrap().gradient_bytes, 0, "2 GiB of gradients");
+    }
+
+    #[test]
+    fn bricks_are_as_small_as_their_numbers_allow() {
+        let limits = VolumeLimits { memory_bytes: u64::MAX, ..LIMITS };
+        for (dims, edge) in
+            [([1024; 3], 4), ([1025, 1024, 1024], 8), ([2048, 2048, 2000], 8), ([4096; 3], 16), ([1; 3], 4)]
+        {
+            assert_eq!(limits.plan(dims).unwrap().brick_edge, edge, "{dims:?}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_fit_is_refused_with_what_it_needs_what_there_is_and_what_would_fit() {
+        let message = LIMITS.plan([2048, 2048, 2000]).unwrap_err().to_string();
+        // 2 bytes a voxel, 256 x 256 x 250 bricks, 4096 entries of 16 bytes.
+        let needed = 2048u64 * 2048 * 2000 * 2 + 256 * 256 * 250 + 65_536;
+        for part in
+            [needed.to_string(), (4u64 << 30).to_string(), "--downsample 2".into(), "--gpu-memory".into()]
+        {
+            assert!(message.contains(&part), "{message:?} lacks {part}");
+        }
+        let roomy = VolumeLimits { memory_bytes: needed, ..LIMITS };
+        assert_eq!(roomy.plan([2048, 2048, 2000]).unwrap().gradient_bytes, 0);
+        let usual = VolumeLimits { side: 2048, ..roomy };
+        assert!(usual.plan([2048, 2048, 2000]).is_ok());
+        let message = usual.plan([2049, 10, 10]).unwrap_err().to_string();
+        assert!(
+            message.contains("at most 2048 along a side") && message.contains("--downsample 2"),
+            "{message}"
+        );
+        assert!(LIMITS.plan([usize::MAX; 3]).is_err());
+        let software = VolumeLimits { texture_bytes: 2 << 30, ..roomy };
+        let message = software.plan([2048, 2048, 2000]).unwrap_err().to_string();
+        for part in ["needs 16777216000 bytes", "2147483648 are available in one texture", "--downsample 2"] {
+            assert!(message.contains(part), "{message:?} lacks {part}");
+        }
+        assert!(software.plan([1024; 3]).is_ok());
+        let tiny = VolumeLimits { memory_bytes: 10, ..LIMITS };
+        let message = tiny.plan([4; 3]).unwrap_err().to_string();
+        assert!(!message.contains("--downsample"), "nothing fits into 10 bytes: {message}");
+    }
+}
