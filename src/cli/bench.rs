@@ -234,6 +234,9 @@ fn print(report: &Report) {
         report.share * 100.0,
         report.driver_samples_per_s / 1e6
     );
+    if let Some(growth) = report.rss_growth_mib {
+        say!("memory grew by {growth:.2} MiB over these frames");
+    }
     if report.overlay_ms > 0.0 {
         say!("of which overlays: median {:.1} ms", report.overlay_ms);
     }

@@ -1,0 +1,105 @@
+//! Memory does not grow with the number of frames, whatever changes between them.
+//!
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
+#![cfg(target_os = "linux")]
+
+use std::ops::ControlFlow;
+use std::process::Command;
+
+use relief::camera::Orbit;
+use relief::gpu::{AdapterChoice, Gpu};
+use relief::render::{Mode, RenderError, RenderRequest, Renderer, SceneFile, Surface};
+use relief::transfer::TransferFunction;
+use relief::volume::Volume;
+use relief::volume::phantom::Phantom;
+
+/// More than pages that an allocator keeps; less than a kilobyte for each of the frames below.
+const ALLOWED_MIB: f64 = 1.0;
+
+fn software(test: &str) -> Option<Gpu> {
+    match Gpu::open(&AdapterChoice::Software) {
+        Ok(gpu) => Some(gpu),
+        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
+            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
+        }
+        Err(_) => {
+            eprintln!("SKIPPED: {test} (no software graphics adapter)");
+            None
+        }
+    }
+}
+
+/// Memory that this process holds, MiB.
+fn resident_mib() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    line.split_whitespace().next().unwrap().parse::<f64>().unwrap() / 1024.0
+}
+
+/// A request unlike the others: mode, size, view and transfer function change from frame to frame.
+fn request(volume: &Volume, i: u32) -> RenderRequest {
+    const MODES: [Mode; 4] = [Mode::Composite, Mode::Mip, Mode::Isosurface, Mode::PathTraced];
+    let size = [[64, 48], [48, 32], [97, 61]][i as usize % 3];
+    let orbit = Orbit { azimuth_deg: f64::from(i * 7 % 360), ..Orbit::default() };
+    let scene = SceneFile::default().with_preset("skin").with_size(size).with_passes(1);
+    let mut request = scene.resolve(volume.grid(), &orbit).unwrap().request;
+    let unit_mm = 1.0 + f64::from(i) / 1000.0;
+    request.transfer = TransferFunction::new(request.transfer.points().to_vec(), unit_mm).unwrap();
+    request.mode = MODES[i as usize / 3 % 4];
+    if request.mode == Mode::Isosurface {
+        request.surfaces = vec![Surface::opaque(300.0, &request.transfer)];
+    }
+    request
+}
+
+/// Every tenth frame is broken off, every fiftieth volume is forgotten.
+fn render(renderer: &mut Renderer, volumes: &[Volume], frames: std::ops::Range<u32>) {
+    for i in frames {
+        let volume = &volumes[i as usize / 12 % volumes.len()];
+        let mut goes_on = |_| if i % 10 == 9 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        match renderer.render_watched(volume, &request(volume, i), &mut goes_on) {
+            Ok(frame) => assert!(i % 10 != 9 && !frame.color_rgba.is_empty()),
+            Err(error) => assert!(i % 10 == 9 && matches!(error, RenderError::Cancelled), "{error}"),
+        }
+        if i % 50 == 49 {
+            renderer.forget(volume.content_hash());
+        }
+    }
+}
+
+#[test]
+fn a_thousand_frames_take_no_more_memory_than_a_few() {
+    let Some(gpu) = software("a_thousand_frames_take_no_more_memory_than_a_few") else { return };
+    let mut renderer = Renderer::new(gpu).unwrap();
+    let volumes = [Phantom::head(32), Phantom::sphere(32)].map(|phantom| phantom.unwrap().volume);
+    // Every pipeline is compiled, every buffer has had its largest size, every list is full.
+    render(&mut renderer, &volumes, 0..200);
+    let before = resident_mib();
+    render(&mut renderer, &volumes, 200..1200);
+    let growth = resident_mib() - before;
+    assert!(growth < ALLOWED_MIB, "{growth:.2} MiB over 1000 frames");
+}
+
+#[test]
+fn relief_bench_tells_growth_and_there_is_none() {
+    if software("relief_bench_tells_growth").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let relief = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+        let output = command.env("RELIEF_ADAPTER", "software").args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    let series = folder.path().join("head");
+    let series = series.to_str().unwrap();
+    relief(&["phantom", "--kind", "head", "--size", "32", "--out", series]);
+    let report = relief(&["bench", "--series", series, "--size", "48x32", "--frames", "1000", "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+    assert_eq!(report["frames"], 1000);
+    let growth = report["rss_growth_mib"].as_f64().unwrap();
+    assert!(growth < ALLOWED_MIB, "{growth:.2} MiB over 1000 frames");
+}
