@@ -6,6 +6,8 @@
 
 override MODE: u32 = 0u;
 override SHADED: bool = true;
+// One fetch for value and gradient of every sample, where most are visible; else gradients of visible ones alone.
+override FETCH_TOGETHER: bool = false;
 // Writes the number of volume samples in place of the depth, for measuring.
 override COUNT_SAMPLES: bool = false;
 
@@ -19,9 +21,6 @@ const MODE_ISOSURFACE: u32 = 6u;
 
 // A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into the background.
 const VISIBLE: f32 = 0.5 / 255.0;
-// The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a sample distance.
-const PARTS: i32 = 4;
-const LEVELS: i32 = 3;
 const MISS: f32 = 0x1p+127f;
 
 // Rows from the top: red, green, blue, coverage as bytes from the lowest on.
@@ -125,11 +124,11 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
         // Two samples for each look at the bricks: the second is taken in vain now and then, but shows nothing then.
         let p = sample_voxel(ray, k);
         let p_after = sample_voxel(ray, k + 1.0);
-        let hu = sample_hu(p);
-        let hu_after = sample_hu(p_after);
-        gather(&sum, ray, k, p, hu);
+        let fetched = fetch(p);
+        let fetched_after = fetch(p_after);
+        gather(&sum, ray, k, p, fetched);
         if k + 1.0 < count && !is_hidden(walk, k + 1.0) {
-            gather(&sum, ray, k + 1.0, p_after, hu_after);
+            gather(&sum, ray, k + 1.0, p_after, fetched_after);
         }
         samples += min(2.0, count - k);
         k += 2.0;
@@ -154,21 +153,34 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
     return hit;
 }
 
+// What is known of a sample before it is classified: its value (w), and its gradient where one fetch gives both.
+fn fetch(p: vec3<f32>) -> vec4<f32> {
+    if FETCH_TOGETHER {
+        return gradient_and_hu(p);
+    }
+    return vec4<f32>(vec3<f32>(0.0), sample_hu(p));
+}
+
 // Adds sample k, at voxel index p, behind what was gathered before.
-fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, hu: f32) {
+fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, fetched: vec4<f32>) {
+    let hu = fetched.w;
     if hu < frame.lowest_visible_hu || (*sum).opacity >= OPAQUE {
         return;
     }
     var sample = classify(hu);
-    if GRADIENT_OPACITY {
-        sample.a = modulated(sample.a, p);
+    if GRADIENT_OPACITY && sample.a > 0.0 {
+        sample.a = modulated(sample.a, gradient_factor(p));
     }
     if sample.a <= 0.0 {
         return;
     }
     var rgb = sample.rgb * frame.ambient;
     if SHADED {
-        rgb = shade(sample.rgb, gradient_at(p), ray.direction);
+        var gradient = fetched.xyz;
+        if !FETCH_TOGETHER {
+            gradient = gradient_at(p);
+        }
+        rgb = shade(sample.rgb, gradient, ray.direction);
     }
     let before = (*sum).opacity;
     let weight = (1.0 - before) * sample.a;
@@ -183,109 +195,4 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, hu: f32)
         (*sum).last = k;
         (*sum).before_last = before;
     }
-}
-
-// Where opacity leaves zero between the sample before the first visible one and that one.
-fn first_hit(ray: Ray, first: f32) -> f32 {
-    var outside = max(ray.entry, sample_t(ray, first - 1.0));
-    var inside = sample_t(ray, first);
-    if opacity_at(ray, outside) > 0.0 {
-        return outside;
-    }
-    for (var i = 0; i < BISECTIONS; i++) {
-        let middle = 0.5 * (outside + inside);
-        if opacity_at(ray, middle) > 0.0 {
-            inside = middle;
-        } else {
-            outside = middle;
-        }
-    }
-    return inside;
-}
-
-// Opacity of 1/4^level of a sample's path: 1 - (1 - a)^(1 / 4^level), by square roots.
-fn part_opacity(opacity: f32, level: i32) -> f32 {
-    var transparency = max(1.0 - opacity, 0.0);
-    for (var i = 0; i < level; i++) {
-        transparency = sqrt(sqrt(transparency));
-    }
-    return 1.0 - transparency;
-}
-
-// Where accumulated opacity crosses its share of the ray's final opacity.
-//
-// First the sample whose slab holds the crossing, then that slab and the one before it in finer and finer parts: a
-// sharp edge between two samples is seen by the later one alone, though it may lie nearer to the earlier. An opaque
-// ray's crossing is at or a little behind the sample that gathering has kept; any other is looked for from the start.
-fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
-    let target_opacity = frame.depth_fraction * sum.opacity;
-    let count = sample_count(ray);
-    var before = 0.0;
-    var accumulated = 0.0;
-    var k = sum.first;
-    if sum.opacity >= OPAQUE {
-        before = sum.before_crossing.x;
-        accumulated = sum.before_crossing.y;
-        k = sum.crossing;
-    }
-    while k < count {
-        let next_k = next_sample(walk, k);
-        if next_k > k {
-            before = accumulated;
-            k = next_k;
-            continue;
-        }
-        let next = accumulated + (1.0 - accumulated) * sample_opacity(ray, k);
-        if next >= target_opacity {
-            break;
-        }
-        before = accumulated;
-        accumulated = next;
-        k += 1.0;
-    }
-    let start = max(k - 1.0, 0.0);
-    return refine_crossing(ray, sample_t(ray, start - 0.5), i32(k - start) + 1, before, target_opacity);
-}
-
-// The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has accumulated.
-fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity: f32) -> f32 {
-    var start = begin;
-    var parts = slabs * PARTS;
-    var settled = before;
-    var part = frame.sample_distance_mm;
-    var t = begin;
-    for (var level = 1; level <= LEVELS; level++) {
-        part /= f32(PARTS);
-        var previous = settled;
-        var accumulated = settled;
-        var a = 0.0;
-        var j = 0;
-        while j < parts {
-            a = part_opacity(opacity_at(ray, start + (f32(j) + 0.5) * part), level);
-            let next = accumulated + (1.0 - accumulated) * a;
-            if next >= target_opacity {
-                break;
-            }
-            previous = accumulated;
-            accumulated = next;
-            j += 1;
-        }
-        t = start + (f32(j) + share_of_part(a, accumulated, target_opacity)) * part;
-        if j == parts {
-            // Finer parts add up to a little less than the coarse ones did: the crossing is at the end.
-            t = start + f32(parts) * part;
-            break;
-        }
-        start += f32(max(j - 1, 0)) * part;
-        settled = previous;
-        parts = min(j + 1, 2) * PARTS;
-    }
-    return clamp(t, ray.entry, ray.exit);
-}
-
-// How far into a part of opacity `a` the crossing lies, 0..1: opacity grows exponentially within it.
-fn share_of_part(a: f32, accumulated: f32, target_opacity: f32) -> f32 {
-    let whole = log(max(1.0 - a, 1e-30));
-    let needed = log(max((1.0 - target_opacity) / (1.0 - accumulated), 1e-30));
-    return clamp(needed / min(whole, -1e-30), 0.0, 1.0);
 }

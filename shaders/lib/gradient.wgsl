@@ -7,26 +7,37 @@ override GRADIENT_OPACITY: bool = false;
 
 const GRADIENT_LAST: u32 = 1023u;
 
-// Opacity of one sample at voxel index p from that of its value, per opacity unit.
-fn modulated(opacity: f32, p: vec3<f32>) -> f32 {
-    if opacity <= 0.0 {
-        return 0.0;
-    }
+// What a value's opacity at voxel index p is multiplied by.
+fn gradient_factor(p: vec3<f32>) -> f32 {
     let head = frame.table_last + 1u;
-    let scale = transfer_table[head].xy;
-    let x = min(length(gradient_at(p)) * scale.x, f32(GRADIENT_LAST));
+    let x = min(length(gradient_at(p)) * transfer_table[head].x, f32(GRADIENT_LAST));
     let i = min(u32(x), GRADIENT_LAST - 1u);
-    let low = transfer_table[head + 1u + i].x;
-    let high = transfer_table[head + 2u + i].x;
-    let product = opacity * mix(low, high, x - f32(i));
-    return 1.0 - pow(max(1.0 - product, 1e-30), scale.y);
+    return mix(transfer_table[head + 1u + i].x, transfer_table[head + 2u + i].x, x - f32(i));
+}
+
+// Opacity of one sample from that of its value, per opacity unit, and its factor.
+fn modulated(opacity: f32, factor: f32) -> f32 {
+    return 1.0 - pow(max(1.0 - opacity * factor, 1e-30), transfer_table[frame.table_last + 1u].y);
+}
+
+// What the opacity of the sample at a voxel index depends on: its value, HU, and its factor.
+fn opacity_basis(p: vec3<f32>) -> vec2<f32> {
+    let hu = sample_hu(p);
+    if GRADIENT_OPACITY && hu >= frame.lowest_visible_hu {
+        return vec2<f32>(hu, gradient_factor(p));
+    }
+    return vec2<f32>(hu, 1.0);
+}
+
+fn opacity_from(basis: vec2<f32>) -> f32 {
+    let opacity = opacity_of(basis.x);
+    if GRADIENT_OPACITY && opacity > 0.0 {
+        return modulated(opacity, basis.y);
+    }
+    return opacity;
 }
 
 // Opacity of the sample at a voxel index.
 fn voxel_opacity(p: vec3<f32>) -> f32 {
-    let opacity = opacity_of(sample_hu(p));
-    if GRADIENT_OPACITY {
-        return modulated(opacity, p);
-    }
-    return opacity;
+    return opacity_from(opacity_basis(p));
 }

@@ -5,7 +5,7 @@
 
 @group(0) @binding(1) var volume: texture_3d<f32>;
 @group(0) @binding(2) var volume_sampler: sampler;
-// Gradients of the voxels, HU/mm along the patient axes, and their length; a single texel where PRECOMPUTED_GRADIENTS is off.
+// Gradients of the voxels along the patient axes, and their values; a single texel where PRECOMPUTED_GRADIENTS is off.
 @group(0) @binding(7) var gradients: texture_3d<f32>;
 
 // HU of a texel value of 1: 32767 for signed normalised 16 bit, 1 for floating point.
@@ -15,15 +15,24 @@ fn sample_hu(p: vec3<f32>) -> f32 {
     return textureSampleLevel(volume, volume_sampler, (p + 0.5) * frame.texture_per_voxel, 0.0).x * HU_SCALE;
 }
 
+// HU/mm of a gradient's component of 1.
+override GRADIENT_SCALE: f32 = 4096.0;
+
 // One fetch of gradients made when the volume went up, or six of values.
 override PRECOMPUTED_GRADIENTS: bool = true;
 
 // HU/mm along the patient axes.
 fn gradient_at(p: vec3<f32>) -> vec3<f32> {
     if PRECOMPUTED_GRADIENTS {
-        return textureSampleLevel(gradients, volume_sampler, (p + 0.5) * frame.texture_per_voxel, 0.0).xyz;
+        return gradient_and_hu(p).xyz;
     }
     return frame.patient_from_voxel_gradient * central_differences(p);
+}
+
+// Gradient, HU/mm along the patient axes, and value, HU, by one fetch of precomputed ones.
+fn gradient_and_hu(p: vec3<f32>) -> vec4<f32> {
+    let texel = textureSampleLevel(gradients, volume_sampler, (p + 0.5) * frame.texture_per_voxel, 0.0);
+    return texel * vec4<f32>(vec3<f32>(GRADIENT_SCALE), HU_SCALE);
 }
 
 // Over one voxel to both sides: HU per two voxels, along i, j, k.

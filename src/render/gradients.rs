@@ -1,15 +1,16 @@
 //! Gradients of a volume, for shading with one fetch instead of six.
 //!
-//! A gradient is the central difference over one voxel to both sides, in HU/mm along the patient axes, as half floats: of
-//! a direction they keep 11 bits, whatever its length. Trilinear interpolation of central differences equals central
-//! differences of interpolated values, so the picture is that of six fetches but for rounding.
+//! A gradient is the central difference over one voxel to both sides, in HU/mm along the patient axes. Trilinear
+//! interpolation of central differences equals central differences of interpolated values, so the picture is that of six
+//! fetches but for rounding. Beside a voxel's gradient lies its value: where most samples are visible, one fetch of both
+//! is quicker than one of each.
 
 use glam::{Mat3, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
 use super::uniform::patient_from_voxel_gradient;
-use super::upload::{SLAB_BYTES, texture_3d, write_layers};
+use super::upload::{SLAB_BYTES, VoxelFormat, texture_3d, write_layers};
 use crate::gpu::Gpu;
 use crate::volume::Volume;
 
@@ -22,30 +23,61 @@ pub(super) struct Gradients {
 
 impl Gradients {
     /// Computes and uploads the gradients of a volume that is to have them.
-    pub(super) fn upload(gpu: &Gpu, volume: &Volume, precomputed: bool) -> Self {
+    pub(super) fn upload(gpu: &Gpu, volume: &Volume, format: VoxelFormat, precomputed: bool) -> Self {
         let dims = if precomputed { volume.grid().dims() } else { [1; 3] };
-        let texture = texture_3d(gpu, "gradients", dims, wgpu::TextureFormat::Rgba16Float);
+        let texture = texture_3d(gpu, "gradients", dims, texture_format(format));
         if precomputed {
-            fill(gpu, volume, &texture);
+            fill(gpu, volume, format, &texture);
         }
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         Self { view, precomputed }
     }
 }
 
-/// A gradient along x, y, z, HU/mm; the fourth component is its length.
-type Texel = [f16; 4];
+/// Steepest gradient that signed normalised texels hold along an axis, HU/mm; steeper ones keep their direction. A
+/// texel's step is 1/8 HU/mm.
+const STEEPEST: f32 = 4096.0;
 
-fn fill(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture) {
+/// HU/mm of a component of 1, as shaders read it.
+pub(super) fn gradient_scale(format: VoxelFormat) -> f32 {
+    match format {
+        VoxelFormat::Norm16 => STEEPEST,
+        VoxelFormat::Half => 1.0,
+    }
+}
+
+fn texture_format(format: VoxelFormat) -> wgpu::TextureFormat {
+    match format {
+        VoxelFormat::Norm16 => wgpu::TextureFormat::Rgba16Snorm,
+        VoxelFormat::Half => wgpu::TextureFormat::Rgba16Float,
+    }
+}
+
+/// A gradient along x, y, z and a value, as the bits of 16-bit texels.
+type Texel = [u16; 4];
+
+fn texel(format: VoxelFormat, gradient: Vec3, hu: i16) -> Texel {
+    match format {
+        VoxelFormat::Norm16 => {
+            let kept = gradient * (STEEPEST / gradient.abs().max_element().max(STEEPEST));
+            #[expect(clippy::cast_possible_truncation, reason = "at most the largest value of 16 bits")]
+            let norm = |x: f32| (x * (f32::from(i16::MAX) / STEEPEST)).round() as i16;
+            [norm(kept.x), norm(kept.y), norm(kept.z), hu].map(i16::cast_unsigned)
+        }
+        VoxelFormat::Half => gradient.extend(f32::from(hu)).to_array().map(|x| f16::from_f32(x).to_bits()),
+    }
+}
+
+fn fill(gpu: &Gpu, volume: &Volume, format: VoxelFormat, texture: &wgpu::Texture) {
     let [nx, ny, nz] = volume.grid().dims();
     let patient_from_voxel = patient_from_voxel_gradient(volume.grid()).as_mat3();
     let layers = (SLAB_BYTES / (nx * ny * size_of::<Texel>())).max(1);
-    let mut texels: Vec<Texel> = vec![[f16::ZERO; 4]; nx * ny * layers.min(nz)];
+    let mut texels: Vec<Texel> = vec![[0; 4]; nx * ny * layers.min(nz)];
     for first in (0..nz).step_by(layers) {
         let count = layers.min(nz - first);
         let slab = &mut texels[..nx * ny * count];
         slab.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
-            fill_row(volume, patient_from_voxel, [row % ny, first + row / ny], out);
+            fill_row(volume, format, patient_from_voxel, [row % ny, first + row / ny], out);
         });
         write_layers(gpu, texture, first, [nx, ny, count], bytemuck::cast_slice(slab));
         // Submitting frees the staging memory of the slabs before.
@@ -53,23 +85,28 @@ fn fill(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture) {
     }
 }
 
-/// The gradients of the voxels (.., j, k); differences are one-sided at the volume's faces.
-fn fill_row(volume: &Volume, patient_from_voxel: Mat3, [j, k]: [usize; 2], out: &mut [Texel]) {
+/// The voxels (.., j, k); differences are one-sided at the volume's faces.
+fn fill_row(
+    volume: &Volume,
+    format: VoxelFormat,
+    patient_from_voxel: Mat3,
+    [j, k]: [usize; 2],
+    out: &mut [Texel],
+) {
     let [nx, ny, nz] = volume.grid().dims();
     let row = |j: usize, k: usize| &volume.voxels_hu()[(k * ny + j) * nx..][..nx];
     let here = row(j, k);
     let (j_low, j_high) = (row(j.saturating_sub(1), k), row((j + 1).min(ny - 1), k));
     let (k_low, k_high) = (row(j, k.saturating_sub(1)), row(j, (k + 1).min(nz - 1)));
     let difference = |high: i16, low: i16| f32::from(high) - f32::from(low);
-    for (i, texel) in out.iter_mut().enumerate() {
+    for (i, out) in out.iter_mut().enumerate() {
         let (i_low, i_high) = (here[i.saturating_sub(1)], here[(i + 1).min(nx - 1)]);
         let along_voxels = Vec3::new(
             difference(i_high, i_low),
             difference(j_high[i], j_low[i]),
             difference(k_high[i], k_low[i]),
         );
-        let hu_per_mm = patient_from_voxel * along_voxels;
-        *texel = hu_per_mm.extend(hu_per_mm.length()).to_array().map(f16::from_f32);
+        *out = texel(format, patient_from_voxel * along_voxels, here[i]);
     }
 }
 
@@ -79,20 +116,26 @@ mod tests {
     use crate::volume::Grid;
 
     #[test]
-    fn texels_point_up_the_slope_of_a_ramp_in_patient_axes() {
+    fn texels_point_up_the_slope_of_a_ramp_in_patient_axes_and_have_its_value() {
         // Anisotropic, and the slices stacked downwards: 30 HU/mm along x, -8 along z.
         let spacing = [0.5, 1.0, 2.5];
         let grid = Grid::axis_aligned([5, 4, 3], spacing, [0.0; 3]).unwrap();
         let voxels = (0..60).map(|v| (15 * (v % 5) - 20 * (v / 20)) as i16).collect();
         let volume = Volume::new(grid, voxels).unwrap();
-        let mut row = [[f16::ZERO; 4]; 5];
-        fill_row(&volume, patient_from_voxel_gradient(volume.grid()).as_mat3(), [1, 1], &mut row);
-        let gradient = |texel: Texel| texel.map(f16::to_f32);
-        assert_eq!(gradient(row[2]), [30.0, 0.0, -8.0, 31.046875]);
-        assert_eq!(
-            gradient(row[0]),
-            [15.0, 0.0, -8.0, 17.0],
-            "half as steep at the face: a one-sided difference"
-        );
+        let mut row = [[0; 4]; 5];
+        let rotation = patient_from_voxel_gradient(volume.grid()).as_mat3();
+        fill_row(&volume, VoxelFormat::Half, rotation, [1, 1], &mut row);
+        let halves = |texel: Texel| texel.map(|bits| f16::from_bits(bits).to_f32());
+        assert_eq!(halves(row[2]), [30.0, 0.0, -8.0, 10.0]);
+        // Half as steep at the face: a one-sided difference.
+        assert_eq!(halves(row[0]), [15.0, 0.0, -8.0, -20.0]);
+        fill_row(&volume, VoxelFormat::Norm16, rotation, [1, 1], &mut row);
+        assert_eq!(row[2].map(u16::cast_signed), [240, 0, -64, 10], "in steps of 4096/32767 HU/mm");
+    }
+
+    #[test]
+    fn a_gradient_too_steep_for_a_texel_keeps_its_direction() {
+        let texel = texel(VoxelFormat::Norm16, Vec3::new(8192.0, -2048.0, 0.0), 3).map(u16::cast_signed);
+        assert_eq!(texel, [32767, -8192, 0, 3]);
     }
 }

@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 
+use super::gradients::gradient_scale;
 use super::mode::Mode;
 use super::request::{DepthRule, RenderRequest};
+use super::upload::VoxelFormat;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, GpuError};
 
 /// Where the transfer table is kept: what is quick to read differs between software drivers and graphics cards.
@@ -51,6 +53,7 @@ pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'stat
 pub(super) const RAYCAST: &str = concat!(
     include_str!("../../shaders/raycast/project.wgsl"),
     include_str!("../../shaders/raycast/isosurface.wgsl"),
+    include_str!("../../shaders/raycast/crossing.wgsl"),
     include_str!("../../shaders/raycast.wgsl"),
 );
 
@@ -86,6 +89,8 @@ pub(super) struct PipelineKey {
 pub(super) struct Variant {
     pub(super) output: Output,
     pub(super) precomputed_gradients: bool,
+    /// Whether most samples are visible, so that fetching value and gradient together pays.
+    pub(super) mostly_visible: bool,
 }
 
 /// What a ray writes beside its colour.
@@ -112,8 +117,12 @@ impl PipelineKey {
         }
     }
 
+    fn fetch_together(self) -> bool {
+        self.shaded && self.variant.precomputed_gradients && self.variant.mostly_visible
+    }
+
     /// Values of the shader's `override` constants.
-    fn constants(self, hu_scale: f64) -> Vec<(&'static str, f64)> {
+    fn constants(self, format: VoxelFormat) -> Vec<(&'static str, f64)> {
         let flag = |on: bool| f64::from(u8::from(on));
         vec![
             ("MODE", self.mode.constant()),
@@ -122,9 +131,11 @@ impl PipelineKey {
             ("CUT_AWAY", flag(self.cut_away)),
             ("HIGHLIGHT", flag(self.highlight)),
             ("GRADIENT_OPACITY", flag(self.gradient_opacity)),
+            ("FETCH_TOGETHER", flag(self.fetch_together())),
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
             ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),
-            ("HU_SCALE", hu_scale),
+            ("GRADIENT_SCALE", gradient_scale(format).into()),
+            ("HU_SCALE", format.hu_scale()),
         ]
     }
 }
@@ -134,13 +145,13 @@ pub(super) struct Pipelines {
     module: wgpu::ShaderModule,
     pub(super) bind_group_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
-    hu_scale: f64,
+    format: VoxelFormat,
     compiled: HashMap<PipelineKey, wgpu::ComputePipeline>,
 }
 
 impl Pipelines {
-    /// `hu_scale` is the HU of a texel value of 1.
-    pub(super) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
+    /// `format` is that of the volumes.
+    pub(super) fn new(gpu: &Gpu, format: VoxelFormat) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "the ray-casting shader");
         let table = TableStorage::of(gpu);
         let module = gpu.shader("raycast", &stage_sources(table, RAYCAST));
@@ -151,7 +162,7 @@ impl Pipelines {
             immediate_size: 0,
         });
         scope.close()?;
-        Ok(Self { module, bind_group_layout, layout, hu_scale, compiled: HashMap::new() })
+        Ok(Self { module, bind_group_layout, layout, format, compiled: HashMap::new() })
     }
 
     /// The pipeline of this key.
@@ -164,7 +175,7 @@ impl Pipelines {
                 module: &self.module,
                 entry_point: Some("raycast"),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &key.constants(self.hu_scale),
+                    constants: &key.constants(self.format),
                     ..Default::default()
                 },
                 cache: None,

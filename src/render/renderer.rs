@@ -118,7 +118,7 @@ impl Renderer {
     /// When the adapter refuses the shaders.
     pub fn new(gpu: Gpu) -> Result<Self, RenderError> {
         let format = VoxelFormat::of(gpu.limits());
-        let pipelines = Pipelines::new(&gpu, format.hu_scale())?;
+        let pipelines = Pipelines::new(&gpu, format)?;
         let slices = SlicePipelines::new(&gpu, format.hu_scale())?;
         let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("trilinear"),
@@ -400,7 +400,8 @@ impl Renderer {
             Mode::Slice(blend) => self.slices.prepare(&self.gpu, request, volume.grid(), (blend, output))?,
             _ => {
                 let precomputed_gradients = self.store.volume().gradients.precomputed;
-                let variant = Variant { output, precomputed_gradients };
+                let mostly_visible = appearance.mostly_visible;
+                let variant = Variant { output, precomputed_gradients, mostly_visible };
                 self.pipelines.get(&self.gpu, PipelineKey::new(request, variant))?
             }
         };

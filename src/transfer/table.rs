@@ -83,6 +83,16 @@ impl TransferTable {
         self.visible_before[high + 1] > self.visible_before[low]
     }
 
+    /// Opacity of a value, as the shader has it before any gradient.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
+    pub fn opacity(&self, hu: f32) -> f32 {
+        let x = self.position(hu);
+        let i = (x as usize).min(self.entries.len() - 2);
+        let [low, high] = [i, i + 1].map(|i| self.entries[i][3]);
+        low + (x - i as f32) * (high - low)
+    }
+
     /// No value below this is visible, HU; the lowest number when even the lowest entry is, for it holds below the table.
     #[must_use]
     pub fn lowest_visible_hu(&self) -> f32 {
@@ -144,6 +154,14 @@ mod tests {
         assert_eq!((buffer[last + 1], buffer[last + 2][0]), ([2.0, 0.5, 0.0, 0.0], 0.25));
         assert_eq!(buffer.len() - last, 2 + GradientTable::ENTRIES);
         assert_eq!(buffer[buffer.len() - 1][0], 1.0);
+    }
+
+    #[test]
+    fn opacity_is_linear_between_entries_and_holds_beyond_them() {
+        let table = TransferTable::new(&ramp(100.0, 300.0), 1.0);
+        for (hu, opacity) in [(-9.0, 0.0), (100.0, 0.0), (200.03, 0.250_075), (300.0, 0.5), (4000.0, 0.5)] {
+            assert!((table.opacity(hu) - opacity).abs() < 1e-6, "{hu} HU: {}", table.opacity(hu));
+        }
     }
 
     #[test]

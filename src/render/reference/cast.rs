@@ -1,8 +1,8 @@
 //! One ray after another; twin of `shaders/raycast.wgsl`, without empty-space skipping, which changes nothing.
 
-use glam::{DMat3, DVec3, DVec4};
+use glam::{DMat3, DVec2, DVec3, DVec4};
 
-use super::classify::{classify, modulated, shade};
+use super::classify::{classify, gradient_factor, modulated, shade};
 use super::field::{central_differences, sample_hu};
 use super::ray::{Ray, Rays};
 use crate::render::mode::{Mode, table_for};
@@ -105,11 +105,22 @@ impl<'a> Caster<'a> {
     /// Colour and opacity of the sample at a position.
     fn sample(&self, p: DVec3) -> DVec4 {
         let mut sample = classify(&self.table, sample_hu(self.volume, p));
-        if let Some(table) = self.table.gradient.as_ref().filter(|_| sample.w > 0.0) {
-            let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
-            sample.w = modulated(table, sample.w, gradient);
-        }
+        sample.w = self.opacity_from(self.opacity_basis(p));
         sample
+    }
+
+    /// What the opacity of the sample at a position depends on: its value, HU, and its factor by gradient.
+    fn opacity_basis(&self, p: DVec3) -> DVec2 {
+        let factor = self.table.gradient.as_ref().map_or(1.0, |table| {
+            let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
+            gradient_factor(table, gradient)
+        });
+        DVec2::new(sample_hu(self.volume, p), factor)
+    }
+
+    fn opacity_from(&self, basis: DVec2) -> f64 {
+        let opacity = classify(&self.table, basis.x).w;
+        self.table.gradient.as_ref().map_or(opacity, |table| modulated(table, opacity, basis.y))
     }
 
     pub(super) fn opacity_at(&self, ray: &Ray, t: f64) -> f64 {
@@ -144,32 +155,69 @@ impl<'a> Caster<'a> {
         self.refine_crossing(ray, begin, k + 1 - start, before, target)
     }
 
+    /// What opacity depends on is taken every quarter of a sample distance and is linear between.
     fn refine_crossing(&self, ray: &Ray, begin: f64, slabs: i32, before: f64, target: f64) -> f64 {
-        let (mut start, mut parts, mut settled) = (begin, slabs * PARTS, before);
-        let (mut part, mut t) = (ray.sample_distance_mm, begin);
-        for level in 1..=LEVELS {
-            part /= f64::from(PARTS);
-            let (mut previous, mut accumulated, mut a, mut j) = (settled, settled, 0.0, 0);
-            while j < parts {
-                a = part_opacity(self.opacity_at(ray, start + (f64::from(j) + 0.5) * part), level);
-                let next = accumulated + (1.0 - accumulated) * a;
-                if next >= target {
-                    break;
-                }
-                (previous, accumulated) = (accumulated, next);
-                j += 1;
-            }
-            t = start + (f64::from(j) + share_of_part(a, accumulated, target)) * part;
-            if j == parts {
-                t = start + f64::from(parts) * part;
+        let (count, part) = (slabs * PARTS, ray.sample_distance_mm / f64::from(PARTS));
+        let end_of = |part_number: i32| begin + f64::from(part_number) * part;
+        let basis_at = |t: f64| self.opacity_basis(ray.voxel_at(t));
+        let shown = |t: f64, basis| if ray.is_cut(t) { 0.0 } else { self.opacity_from(basis) };
+        let (mut early, mut middle, mut late) = (DVec2::ZERO, DVec2::ZERO, basis_at(begin));
+        let (mut settled, mut accumulated, mut j) = (before, before, 0);
+        while j < count {
+            (early, middle, late) = (middle, late, basis_at(end_of(j + 1)));
+            let a = part_opacity(shown(end_of(j) + 0.5 * part, middle.lerp(late, 0.5)), 1);
+            let next = accumulated + (1.0 - accumulated) * a;
+            if next >= target {
                 break;
             }
-            start += f64::from((j - 1).max(0)) * part;
-            settled = previous;
-            parts = (j + 1).min(2) * PARTS;
+            (settled, accumulated) = (accumulated, next);
+            j += 1;
         }
-        t.clamp(ray.entry, ray.exit)
+        if j == count {
+            return end_of(count).clamp(ray.entry, ray.exit);
+        }
+        // Places from here on in parts, from the start of the part before; there is none before the first.
+        let origin = end_of(j - 1);
+        let opacity_at = |s: f64, level| {
+            let basis = if s > 1.0 { middle.lerp(late, s - 1.0) } else { early.lerp(middle, s) };
+            part_opacity(shown(origin + s * part, basis), level)
+        };
+        let (start, span) = if j == 0 { (1.0, 1) } else { (0.0, 2) };
+        let s = finer_crossing(opacity_at, (start, span), settled, target);
+        (origin + s * part).clamp(ray.entry, ray.exit)
     }
+}
+
+/// The crossing in parts, by levels 2 and 3 of parts of parts; `opacity_at` of a place and a level.
+fn finer_crossing(
+    opacity_at: impl Fn(f64, i32) -> f64,
+    (mut start, mut span): (f64, i32),
+    mut settled: f64,
+    target: f64,
+) -> f64 {
+    let (mut size, mut s) = (1.0, start);
+    for level in 2..=LEVELS {
+        size /= f64::from(PARTS);
+        let (mut previous, mut accumulated, mut a, mut j) = (settled, settled, 0.0, 0);
+        while j < span * PARTS {
+            a = opacity_at(start + (f64::from(j) + 0.5) * size, level);
+            let next = accumulated + (1.0 - accumulated) * a;
+            if next >= target {
+                break;
+            }
+            (previous, accumulated) = (accumulated, next);
+            j += 1;
+        }
+        s = start + (f64::from(j) + share_of_part(a, accumulated, target)) * size;
+        if j == span * PARTS {
+            s = start + f64::from(j) * size;
+            break;
+        }
+        start += f64::from((j - 1).max(0)) * size;
+        span = (j + 1).min(2);
+        settled = previous;
+    }
+    s
 }
 
 /// Opacity of 1/4^level of a sample's path.

@@ -15,16 +15,19 @@ pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {
     entry(i).lerp(entry(i + 1), x - i as f64)
 }
 
-/// Opacity of one sample from that of its value, per opacity unit, and its gradient, HU/mm; twin of
-/// `shaders/lib/gradient.wgsl`.
-pub(super) fn modulated(table: &GradientTable, opacity: f64, gradient: DVec3) -> f64 {
+/// What a value's opacity is multiplied by where the gradient, HU/mm, is this; twin of `shaders/lib/gradient.wgsl`.
+pub(super) fn gradient_factor(table: &GradientTable, gradient: DVec3) -> f64 {
     let last = table.entries.len() - 1;
     let x = (gradient.length() * f64::from(table.entries_per_hu_mm)).min(last as f64);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the table")]
     let i = (x as usize).min(last - 1);
     let [low, high] = [i, i + 1].map(|i| f64::from(table.entries[i]));
-    let product = opacity * (low + (x - i as f64) * (high - low));
-    1.0 - (1.0 - product).max(0.0).powf(f64::from(table.path_units))
+    low + (x - i as f64) * (high - low)
+}
+
+/// Opacity of one sample from that of its value, per opacity unit, and its factor.
+pub(super) fn modulated(table: &GradientTable, opacity: f64, factor: f64) -> f64 {
+    1.0 - (1.0 - opacity * factor).max(0.0).powf(f64::from(table.path_units))
 }
 
 /// Headlight at the eye, two-sided; ambient light alone where the gradient has no length. Patient axes.
