@@ -22,6 +22,8 @@ const MODE_ISOSURFACE: u32 = 6u;
 // A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into the background.
 const VISIBLE: f32 = 0.5 / 255.0;
 const MISS: f32 = 0x1p+127f;
+// Half of a pre-integrated sample that adds less than this share of it gets no gradient of its own.
+const LITTLE: f32 = 0.125;
 
 // Rows from the top: red, green, blue, coverage as bytes from the lowest on.
 @group(0) @binding(5) var<storage, read_write> color_out: array<u32>;
@@ -122,13 +124,22 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
             continue;
         }
         // Two samples for each look at the bricks: the second is taken in vain now and then, but shows nothing then.
-        let p = sample_voxel(ray, k);
-        let p_after = sample_voxel(ray, k + 1.0);
-        let fetched = fetch(p);
-        let fetched_after = fetch(p_after);
-        gather(&sum, ray, k, p, fetched);
-        if k + 1.0 < count && !is_hidden(walk, k + 1.0) {
-            gather(&sum, ray, k + 1.0, p_after, fetched_after);
+        if PRE_INTEGRATED {
+            let passage = passage_of_sample(ray, k);
+            gather_passage(&sum, ray, k, passage);
+            if k + 1.0 < count && !is_hidden(walk, k + 1.0) {
+                let after = Passage(passage.back, hu_along(ray, k + 1.0), hu_along(ray, k + 1.5));
+                gather_passage(&sum, ray, k + 1.0, after);
+            }
+        } else {
+            let p = sample_voxel(ray, k);
+            let p_after = sample_voxel(ray, k + 1.0);
+            let fetched = fetch(p);
+            let fetched_after = fetch(p_after);
+            gather(&sum, ray, k, p, fetched);
+            if k + 1.0 < count && !is_hidden(walk, k + 1.0) {
+                gather(&sum, ray, k + 1.0, p_after, fetched_after);
+            }
         }
         samples += min(2.0, count - k);
         k += 2.0;
@@ -182,8 +193,41 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, fetched:
         }
         rgb = shade(sample.rgb, gradient, ray.direction);
     }
+    blend(sum, k, rgb, sample.a);
+}
+
+// Adds pre-integrated sample k behind what was gathered before.
+fn gather_passage(sum: ptr<function, Gathered>, ray: Ray, k: f32, passage: Passage) {
+    let highest = max(max(passage.front, passage.middle), passage.back);
+    if highest < frame.lowest_visible_hu || (*sum).opacity >= OPAQUE {
+        return;
+    }
+    let passed = classify_passage(passage);
+    let opacity = passed_opacity(passed);
+    if opacity <= 0.0 {
+        return;
+    }
+    var front = passed.front.rgb * frame.ambient;
+    var back = passed.back.rgb * frame.ambient;
+    if SHADED {
+        // A half that adds little to the other is lit like that.
+        let front_place = select(-0.25, 0.25, passed.front.a < LITTLE * opacity);
+        let back_place = select(0.25, -0.25, passed.back.a < LITTLE * opacity);
+        let gradient = gradient_at(sample_voxel(ray, k + front_place));
+        front = shade(passed.front.rgb, gradient, ray.direction);
+        var gradient_behind = gradient;
+        if back_place != front_place {
+            gradient_behind = gradient_at(sample_voxel(ray, k + back_place));
+        }
+        back = shade(passed.back.rgb, gradient_behind, ray.direction);
+    }
+    blend(sum, k, (passed.front.a * front + passed.back.a * back) / opacity, opacity);
+}
+
+// Adds a sample of this lit colour and opacity, above 0.
+fn blend(sum: ptr<function, Gathered>, k: f32, rgb: vec3<f32>, opacity: f32) {
     let before = (*sum).opacity;
-    let weight = (1.0 - before) * sample.a;
+    let weight = (1.0 - before) * opacity;
     (*sum).color += weight * rgb;
     (*sum).opacity = before + weight;
     (*sum).first = min((*sum).first, k);

@@ -48,6 +48,9 @@ fn depth_by_rule(ray: Ray, walk: Walk, first: f32) -> f32 {
 }
 
 fn sample_opacity(ray: Ray, k: f32) -> f32 {
+    if PRE_INTEGRATED {
+        return passed_opacity(classify_passage(passage_of_sample(ray, k)));
+    }
     return voxel_opacity(sample_voxel(ray, k));
 }
 

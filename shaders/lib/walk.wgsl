@@ -59,7 +59,11 @@ fn next_sample(walk: Walk, k: f32) -> f32 {
     }
     let brick = max(floor(walk.brick + walk.brick_step * k), vec3<f32>(0.0));
     let at = u32(i32((brick.z * frame.brick_dims.y + brick.y) * frame.brick_dims.x + brick.x));
-    let distance = f32((brick_distances[at >> 2u] >> ((at & 3u) * 8u)) & 255u);
+    var distance = f32((brick_distances[at >> 2u] >> ((at & 3u) * 8u)) & 255u);
+    if PRE_INTEGRATED {
+        // A sample's path reaches into neighbouring bricks, which have to be empty too; half a path is no longer than a brick.
+        distance = max(distance - 1.0, 0.0);
+    }
     if distance == 0.0 || frame.skipping == 0u {
         return k;
     }

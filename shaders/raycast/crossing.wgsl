@@ -5,11 +5,23 @@
 // The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a sample distance.
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
+// Parts of a pre-integrated sample's path in which something visible is looked for.
+const PATH_PARTS: i32 = 16;
 
-// Where opacity leaves zero between the sample before the first visible one and that one.
+// Where opacity leaves zero between the sample before the first visible one and that one. A pre-integrated sample may be
+// visible anywhere on its path.
 fn first_hit(ray: Ray, first: f32) -> f32 {
     var outside = max(ray.entry, sample_t(ray, first - 1.0));
     var inside = sample_t(ray, first);
+    if PRE_INTEGRATED {
+        let part = frame.sample_distance_mm / f32(PATH_PARTS);
+        outside = max(ray.entry, sample_t(ray, first - 0.5));
+        inside = outside;
+        for (var i = 0; i < PATH_PARTS && opacity_at(ray, inside) <= 0.0; i++) {
+            outside = inside;
+            inside = min(outside + part, ray.exit);
+        }
+    }
     if opacity_at(ray, outside) > 0.0 {
         return outside;
     }

@@ -8,7 +8,7 @@ use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
 use crate::camera::Orbit;
 use crate::display::{DepthFilter, DisplaySettings, Layout};
-use crate::render::{DepthRule, Mode, Overlays, SceneFile};
+use crate::render::{Classification, DepthRule, Mode, Overlays, SceneFile};
 use crate::transfer::PRESETS;
 
 /// A scene file, and options that go before what it says.
@@ -26,6 +26,10 @@ pub(super) struct SceneArguments {
     /// path-traced (scattered light, see --passes), or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
+    /// Which values a sample of mode composite stands for: sampled, the one in its middle, or pre-integrated, all that its
+    /// path passes: as close at twice the sample distance, and thin layers are not missed
+    #[arg(long, value_name = "NAME", value_parser = parse_classification)]
+    classification: Option<Classification>,
     /// Value of an opaque isosurface, in HU; its colour is the preset's there
     #[arg(long, value_name = "HU", allow_negative_numbers = true)]
     iso_hu: Option<f64>,
@@ -90,6 +94,11 @@ fn parse_depth_rule(name: &str) -> Result<DepthRule, String> {
     DepthRule::from_name(name).ok_or_else(|| format!("depth rules are {}", DepthRule::NAMES.join(", ")))
 }
 
+fn parse_classification(name: &str) -> Result<Classification, String> {
+    let names = Classification::ALL.map(Classification::name).join(", ");
+    Classification::from_name(name).ok_or_else(|| format!("classifications are {names}"))
+}
+
 fn parse_depth_filter(name: &str) -> Result<DepthFilter, String> {
     let names = DepthFilter::ALL.map(DepthFilter::name).join(", ");
     DepthFilter::from_name(name).ok_or_else(|| format!("depth filters are {names}"))
@@ -138,6 +147,9 @@ impl SceneArguments {
                 bail!("--iso-hu is for --mode isosurface");
             }
             scene = scene.with_iso_hu(hu);
+        }
+        if let Some(classification) = self.classification {
+            scene = scene.with_classification(classification);
         }
         for name in &self.overlay {
             scene = scene.with_overlay(name)?;

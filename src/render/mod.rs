@@ -7,6 +7,7 @@
 
 mod bands;
 mod calibrate;
+mod classification;
 mod depth_rule;
 mod frame;
 mod gradients;
@@ -27,6 +28,7 @@ mod uniform;
 mod upload;
 mod watch;
 
+pub use classification::Classification;
 pub use frame::{BackLayer, RenderedFrame, Timings};
 pub use light::{Light, Placement};
 pub use mode::{Mode, SlabBlend};

@@ -4,6 +4,7 @@
 
 use serde::Deserialize;
 
+use super::classification::Classification;
 use super::request::RenderRequest;
 use crate::transfer::TransferTable;
 
@@ -154,7 +155,10 @@ pub(super) fn table_for(request: &RenderRequest) -> TransferTable {
         | Mode::Isosurface
         | Mode::Slice(_) => request.transfer.opacity_unit_mm(),
     };
-    TransferTable::new(&request.transfer, step_mm)
+    match request.classification {
+        Classification::Sampled => TransferTable::new(&request.transfer, step_mm),
+        Classification::PreIntegrated => TransferTable::integrated(&request.transfer, step_mm),
+    }
 }
 
 /// Whether a brick with values in this range, in HU, can change the picture.

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::classification::Classification;
 use super::gradients::gradient_scale;
 use super::mode::Mode;
 use super::request::{DepthRule, RenderRequest};
@@ -36,13 +37,14 @@ impl TableStorage {
 }
 
 /// The whole source of a stage, in parts to be joined: what stages share, then the stage's own.
-pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 8] {
+pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 9] {
     [
         include_str!("../../shaders/lib/frame.wgsl"),
         include_str!("../../shaders/lib/volume.wgsl"),
         include_str!("../../shaders/lib/walk.wgsl"),
         table.source(),
         include_str!("../../shaders/lib/classify.wgsl"),
+        include_str!("../../shaders/lib/passage.wgsl"),
         include_str!("../../shaders/lib/gradient.wgsl"),
         include_str!("../../shaders/lib/depth_rules.wgsl"),
         stage,
@@ -81,6 +83,7 @@ pub(super) struct PipelineKey {
     cut_away: bool,
     highlight: bool,
     gradient_opacity: bool,
+    classification: Classification,
     variant: Variant,
 }
 
@@ -113,6 +116,7 @@ impl PipelineKey {
             highlight: request.shading.specular > 0.0,
             gradient_opacity: request.mode == Mode::Composite
                 && request.transfer.gradient_opacity().is_some(),
+            classification: request.classification,
             variant,
         }
     }
@@ -131,6 +135,7 @@ impl PipelineKey {
             ("CUT_AWAY", flag(self.cut_away)),
             ("HIGHLIGHT", flag(self.highlight)),
             ("GRADIENT_OPACITY", flag(self.gradient_opacity)),
+            ("PRE_INTEGRATED", flag(self.classification == Classification::PreIntegrated)),
             ("FETCH_TOGETHER", flag(self.fetch_together())),
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
             ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use super::classification::{self, Classification};
 pub use super::depth_rule::DepthRule;
 use super::light::Light;
 use super::mode::Mode;
@@ -100,6 +101,8 @@ pub struct RenderRequest {
     pub mode: Mode,
     /// Colour and opacity of values.
     pub transfer: TransferFunction,
+    /// Which values a sample of mode composite stands for.
+    pub classification: Classification,
     /// The surfaces of mode isosurface, values rising; none in other modes.
     pub surfaces: Vec<Surface>,
     /// Light.
@@ -198,6 +201,7 @@ impl RenderRequest {
             }
         }
         surface::validate(self.mode, &self.surfaces)?;
+        classification::validate(self)?;
         let is_point_rule = matches!(self.depth, DepthRule::FirstHit | DepthRule::Threshold { .. });
         if self.mode == Mode::Isosurface && !is_point_rule {
             let allowed = "threshold or first-hit in mode isosurface";

@@ -4,6 +4,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::classification::Classification;
 use super::renderer::{Skipping, depth_limits};
 use super::request::{Clip, RenderRequest};
 use super::surface::Surface;
@@ -97,7 +98,9 @@ impl FrameUniform {
             clip_plane_count: request.clip.planes.len() as u32,
             near_mm: near_mm as f32,
             lowest_visible_hu: table.lowest_visible_hu(),
-            skipping: u32::from(skipping == Skipping::On),
+            skipping: u32::from(
+                skipping == Skipping::On && paths_end_in_neighbours(request, grid, appearance),
+            ),
             brick_dims: appearance.bricks.dims.map(|n| n as f32),
             bricks_per_voxel: 1.0 / appearance.bricks.edge as f32,
             cut_center: (cut_center + glam::DVec3::Z * near_mm).to_array().map(|mm| mm as f32),
@@ -112,6 +115,14 @@ impl FrameUniform {
             surface_rgba: surface_colors(&request.surfaces),
         }
     }
+}
+
+/// Whether a pre-integrated sample's path, half of it to each side, stays within the bricks next to its own: what lets
+/// bricks be skipped.
+fn paths_end_in_neighbours(request: &RenderRequest, grid: &Grid, appearance: &Appearance) -> bool {
+    let finest_mm = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+    request.classification == Classification::Sampled
+        || 0.5 * request.sample_distance_mm <= finest_mm * appearance.bricks.edge as f64
 }
 
 /// A matrix as a uniform has it: each column padded to four.

@@ -1,5 +1,6 @@
 //! Volumes and appearances on the GPU: what goes up, once for each content.
 
+use super::classification::Classification;
 use super::gradients::Gradients;
 use super::mode::{Mode, is_of_interest, table_for};
 use super::request::RenderRequest;
@@ -117,6 +118,7 @@ pub(super) struct Appearance {
     transfer: TransferFunction,
     sample_distance_mm: f64,
     mode: Mode,
+    classification: Classification,
     surfaces: Vec<Surface>,
     pub(super) table: TransferTable,
     pub(super) table_buffer: wgpu::Buffer,
@@ -152,6 +154,7 @@ impl Appearance {
             transfer: request.transfer.clone(),
             sample_distance_mm: request.sample_distance_mm,
             mode: request.mode,
+            classification: request.classification,
             surfaces: request.surfaces.clone(),
             table,
             table_buffer,
@@ -170,6 +173,7 @@ impl Appearance {
     pub(super) fn fits(&self, volume: ContentHash, request: &RenderRequest) -> bool {
         self.volume == volume
             && self.mode == request.mode
+            && self.classification == request.classification
             && self.surfaces == request.surfaces
             && self.sample_distance_mm == request.sample_distance_mm
             && self.transfer == request.transfer

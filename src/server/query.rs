@@ -72,6 +72,7 @@ const PARAMETERS: &[Parameter] = &[
     to("window_hu", Kind::Numbers(2), Target::Window),
     to("window", Kind::Numbers(2), Target::Window),
     key("mode", Kind::Text, "mode"),
+    key("classification", Kind::Text, "classification"),
     key("iso_hu", Kind::Number, "iso_hu"),
     key("passes", Kind::Whole(1), "path_trace.passes"),
     key("seed", Kind::Whole(1), "path_trace.seed"),

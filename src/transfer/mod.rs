@@ -8,6 +8,7 @@
 
 mod foreign;
 mod gradient;
+mod integral;
 mod medium;
 mod presets;
 mod table;
@@ -15,6 +16,7 @@ mod window;
 
 pub use foreign::{ImportChoice, ImportError, Imported, ImportedLight, MAX_IMPORT_BYTES, import};
 pub use gradient::{GradientOpacity, GradientTable};
+pub use integral::IntegralTable;
 pub use medium::{MediumTable, linear_from_srgb};
 pub use presets::{PRESETS, Preset, PresetGroup, PresetMode, preset};
 pub use table::TransferTable;

@@ -1,6 +1,6 @@
 //! A transfer function tabulated for one sample distance: what the shaders and their f64 twin look up.
 
-use super::{GradientTable, TransferFunction};
+use super::{GradientTable, IntegralTable, TransferFunction};
 
 /// Colour and step-corrected opacity at equidistant HU values, linear between them.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +13,8 @@ pub struct TransferTable {
     pub entries: Vec<[f32; 4]>,
     /// What opacities are still to be multiplied by.
     pub gradient: Option<GradientTable>,
+    /// For pre-integrated classification.
+    pub integral: Option<IntegralTable>,
     /// How many entries before each are visible, and one for the whole.
     visible_before: Vec<u32>,
 }
@@ -29,17 +31,34 @@ impl TransferTable {
     /// Entries lie at multiples of the step from a whole HU on, so control points at whole HU are met exactly while
     /// all points span at most 4095 HU.
     #[must_use]
+    pub fn new(transfer: &TransferFunction, step_mm: f64) -> Self {
+        Self::within(transfer, step_mm, Self::MAX_ENTRIES)
+    }
+
+    /// As [`TransferTable::new`], with what pre-integrated classification looks up beside; both have half the room.
+    #[must_use]
+    pub fn integrated(transfer: &TransferFunction, step_mm: f64) -> Self {
+        let table = Self::within(transfer, step_mm, Self::MAX_ENTRIES / 2);
+        Self { integral: Some(IntegralTable::new(&table)), ..table }
+    }
+
+    /// As [`TransferTable::new`], with at most `most` entries, 64 to [`TransferTable::MAX_ENTRIES`]: for tables that share a
+    /// buffer. A function with opacity by gradient takes 1025 of them beside.
+    ///
+    /// # Panics
+    /// When `most` leaves no room.
+    #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "control points are within ±1e5"
     )]
-    pub fn new(transfer: &TransferFunction, step_mm: f64) -> Self {
+    pub fn within(transfer: &TransferFunction, step_mm: f64, most: usize) -> Self {
         let points = transfer.points();
         let (first, last) = (points[0].hu.floor(), points[points.len() - 1].hu.ceil());
         // The table of opacity by gradient lies behind, within the same limit.
         let behind = if transfer.gradient_opacity().is_some() { GradientTable::ENTRIES + 1 } else { 0 };
-        let needed = (last - first) / (Self::MAX_ENTRIES - behind - 1) as f64;
+        let needed = (last - first) / (most - behind - 1) as f64;
         let step = needed.log2().ceil().exp2().max(Self::FINEST_STEP_HU);
         let count = ((last - first) / step).ceil() as usize + 1;
         let path_units = step_mm / transfer.opacity_unit_mm();
@@ -58,17 +77,25 @@ impl TransferTable {
             *count += u32::from(entry[3] > 0.0);
             Some(*count)
         }));
-        Self { first_hu: first as f32, step_hu: step as f32, entries, gradient, visible_before }
+        Self {
+            first_hu: first as f32,
+            step_hu: step as f32,
+            entries,
+            gradient,
+            integral: None,
+            visible_before,
+        }
     }
 
-    /// What the shader's buffer holds: the entries, and behind them the table of opacity by gradient, whose first entry
-    /// has its two numbers.
+    /// What the shader's buffer holds: the entries, and behind them either the integrals, one for each, or the table of
+    /// opacity by gradient, whose first entry has its two numbers.
     #[must_use]
     pub fn buffer(&self) -> Vec<[f32; 4]> {
         let head = self.gradient.iter().map(|table| [table.entries_per_hu_mm, table.path_units, 0.0, 0.0]);
         let opacities = self.gradient.iter().flat_map(|table| &table.entries);
         let behind = head.chain(opacities.map(|opacity| [*opacity, 0.0, 0.0, 0.0]));
-        self.entries.iter().copied().chain(behind).collect()
+        let integrals = self.integral.iter().flat_map(|table| &table.entries).copied();
+        self.entries.iter().copied().chain(integrals).chain(behind).collect()
     }
 
     /// Whether any value in `low_hu..=high_hu` is visible, judged by the entries that its look-up may touch.

@@ -19,6 +19,7 @@ mod memory;
 mod modes;
 mod overlays;
 mod pathtrace;
+mod pre_integrated;
 mod projections;
 mod refusals;
 mod skipping;

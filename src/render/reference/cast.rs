@@ -15,6 +15,7 @@ pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
 pub(super) const VISIBLE: f64 = 0.5 / 255.0;
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
+const PATH_PARTS: i32 = 16;
 pub(super) const BISECTIONS: i32 = 12;
 
 /// A volume under a request.
@@ -79,11 +80,13 @@ impl<'a> Caster<'a> {
             if ray.is_cut(t) {
                 continue;
             }
-            let p = ray.voxel_at(t);
-            let sample = self.sample(p);
+            let sample = match &self.table.integral {
+                Some(integral) => self.passage_sample(integral, ray, k),
+                None => self.lit_sample(ray, t),
+            };
             if sample.w > 0.0 {
                 let weight = (1.0 - opacity) * sample.w;
-                color += weight * self.lit(sample.truncate(), p, ray);
+                color += weight * sample.truncate();
                 opacity += weight;
                 first = first.or(Some(k));
             }
@@ -100,6 +103,13 @@ impl<'a> Caster<'a> {
         }
         let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
         shade(light, rgb, gradient, ray.direction)
+    }
+
+    /// Lit colour and opacity of the sample at a distance along a ray.
+    fn lit_sample(&self, ray: &Ray, t: f64) -> DVec4 {
+        let p = ray.voxel_at(t);
+        let sample = self.sample(p);
+        if sample.w > 0.0 { self.lit(sample.truncate(), p, ray).extend(sample.w) } else { sample }
     }
 
     /// Colour and opacity of the sample at a position.
@@ -130,6 +140,17 @@ impl<'a> Caster<'a> {
     pub(super) fn first_hit(&self, ray: &Ray, first: i32) -> f64 {
         let mut outside = ray.entry.max(ray.sample_t(f64::from(first) - 1.0));
         let mut inside = ray.sample_t(f64::from(first));
+        if self.table.integral.is_some() {
+            let part = ray.sample_distance_mm / f64::from(PATH_PARTS);
+            outside = ray.entry.max(ray.sample_t(f64::from(first) - 0.5));
+            inside = outside;
+            for _ in 0..PATH_PARTS {
+                if self.opacity_at(ray, inside) > 0.0 {
+                    break;
+                }
+                (outside, inside) = (inside, (inside + part).min(ray.exit));
+            }
+        }
         if self.opacity_at(ray, outside) > 0.0 {
             return outside;
         }
@@ -143,7 +164,7 @@ impl<'a> Caster<'a> {
     pub(super) fn threshold_crossing(&self, ray: &Ray, first: i32, target: f64) -> f64 {
         let (mut before, mut accumulated, mut k) = (0.0, 0.0, first);
         while k < ray.sample_count() {
-            let next = accumulated + (1.0 - accumulated) * self.opacity_at(ray, ray.sample_t(f64::from(k)));
+            let next = accumulated + (1.0 - accumulated) * self.sample_opacity(ray, k);
             if next >= target {
                 break;
             }

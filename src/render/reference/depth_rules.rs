@@ -40,8 +40,12 @@ impl Caster<'_> {
         }
     }
 
-    fn sample_opacity(&self, ray: &Ray, k: i32) -> f64 {
-        self.opacity_at(ray, ray.sample_t(f64::from(k)))
+    pub(super) fn sample_opacity(&self, ray: &Ray, k: i32) -> f64 {
+        let t = ray.sample_t(f64::from(k));
+        match &self.table.integral {
+            Some(integral) if !ray.is_cut(t) => self.passage_opacity(integral, ray, k),
+            _ => self.opacity_at(ray, t),
+        }
     }
 
     /// Number, opacity and accumulated opacity before it, of each sample of a ray as far as it is shown.

@@ -23,6 +23,7 @@ mod classify;
 mod depth_rules;
 mod field;
 mod isosurface;
+mod passage;
 mod project;
 mod ray;
 mod slice;

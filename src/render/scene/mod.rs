@@ -23,6 +23,7 @@ use self::parts::{
 };
 use self::slice::expect_one_view;
 use self::surfaces::{SurfaceFile, resolve_surfaces};
+use super::classification::Classification;
 use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
 use crate::camera::Orbit;
@@ -72,6 +73,7 @@ pub struct SceneFile {
     iso_hu: Option<f64>,
     surfaces: Option<Vec<SurfaceFile>>,
     transfer: Option<TransferFile>,
+    classification: Option<Classification>,
     shading: Option<ShadingFile>,
     sample_distance_mm: Option<f64>,
     depth: Option<DepthFile>,
@@ -169,6 +171,12 @@ impl SceneFile {
         Self { path_trace: Some(path_trace), ..self }
     }
 
+    /// Replaces which values a sample stands for.
+    #[must_use]
+    pub fn with_classification(self, classification: Classification) -> Self {
+        Self { classification: Some(classification), ..self }
+    }
+
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {
@@ -231,6 +239,7 @@ impl SceneFile {
             mode,
             surfaces: resolve_surfaces(mode, self.iso_hu, self.surfaces, &transfer)?,
             transfer,
+            classification: self.classification.unwrap_or_default(),
             shading: self.shading.map_or_else(|| default_shading(preset), ShadingFile::resolve),
             // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
             sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
@@ -365,6 +374,15 @@ mod tests {
                 &["transfer.points[0]", "rgb"],
             ),
             (r#"{"transfer":{}}"#.to_owned(), &["transfer is neither or both"]),
+            (r#"{"classification":"2d"}"#.to_owned(), &["classification", "2d", "sampled, pre-integrated"]),
+            (
+                r#"{"classification":"pre-integrated","mode":"mip"}"#.to_owned(),
+                &["classification is pre-integrated", "sampled in other modes than composite"],
+            ),
+            (
+                r#"{"classification":"pre-integrated","depth":{"rule":"wysiwyp"}}"#.to_owned(),
+                &["classification is pre-integrated", "sampled with depth rules max-opacity"],
+            ),
             ("[]".to_owned(), &["found an array, expected an object"]),
             (r#"{"shading":[0.2,0.8,0,10]}"#.to_owned(), &["shading: found an array"]),
             (r#"{"transfer":{"points":[[1,[0,0,0,0]]]}}"#.to_owned(), &["transfer.points.0: found an array"]),
