@@ -191,7 +191,7 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, fetched:
         if !FETCH_TOGETHER {
             gradient = gradient_at(p);
         }
-        rgb = shade(sample.rgb, gradient, ray.direction);
+        rgb = lit(sample.rgb, gradient, ray.direction, p);
     }
     blend(sum, k, rgb, sample.a);
 }
@@ -213,13 +213,16 @@ fn gather_passage(sum: ptr<function, Gathered>, ray: Ray, k: f32, passage: Passa
         // A half that adds little to the other is lit like that.
         let front_place = select(-0.25, 0.25, passed.front.a < LITTLE * opacity);
         let back_place = select(0.25, -0.25, passed.back.a < LITTLE * opacity);
-        let gradient = gradient_at(sample_voxel(ray, k + front_place));
-        front = shade(passed.front.rgb, gradient, ray.direction);
+        let p = sample_voxel(ray, k + front_place);
+        let gradient = gradient_at(p);
+        front = lit(passed.front.rgb, gradient, ray.direction, p);
+        var p_behind = p;
         var gradient_behind = gradient;
         if back_place != front_place {
-            gradient_behind = gradient_at(sample_voxel(ray, k + back_place));
+            p_behind = sample_voxel(ray, k + back_place);
+            gradient_behind = gradient_at(p_behind);
         }
-        back = shade(passed.back.rgb, gradient_behind, ray.direction);
+        back = lit(passed.back.rgb, gradient_behind, ray.direction, p_behind);
     }
     blend(sum, k, (passed.front.a * front + passed.back.a * back) / opacity, opacity);
 }

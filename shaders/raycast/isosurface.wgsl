@@ -120,7 +120,8 @@ fn blend_surface(ray: Ray, t: f32, rgba: vec4<f32>, before: Trace, target_opacit
     var trace = before;
     var rgb = rgba.rgb * frame.ambient;
     if SHADED {
-        rgb = shade(rgba.rgb, gradient_at(voxel_at(ray, t)), ray.direction);
+        let p = voxel_at(ray, t);
+        rgb = lit(rgba.rgb, gradient_at(p), ray.direction, p);
     }
     let weight = (1.0 - trace.opacity) * rgba.a;
     trace.color += weight * rgb;

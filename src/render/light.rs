@@ -33,6 +33,14 @@ pub struct Light {
     pub size: f64,
 }
 
+/// A placement in patient space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum InPatient {
+    /// Unit length.
+    Direction(Vector<Patient>),
+    Position(Point<Patient>),
+}
+
 /// A placement in view space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum InView {
@@ -87,6 +95,19 @@ impl Light {
             Placement::PatientPosition(position) => {
                 InView::Position((camera.view_from_patient() * position).xyz)
             }
+        }
+    }
+
+    /// Where it is in the patient for this camera.
+    pub(super) fn in_patient(&self, camera: &Camera) -> InPatient {
+        let unit = |direction: Vector<Patient>| {
+            InPatient::Direction(Vector::from_xyz(direction.xyz.normalize_or_zero()))
+        };
+        match self.placement {
+            Placement::ViewDirection(direction) => unit(camera.patient_from_view() * direction),
+            Placement::ViewPosition(position) => InPatient::Position(camera.patient_from_view() * position),
+            Placement::PatientDirection(direction) => unit(direction),
+            Placement::PatientPosition(position) => InPatient::Position(position),
         }
     }
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::classification::Classification;
 use super::gradients::gradient_scale;
+use super::illumination::lighting_layout;
 use super::mode::Mode;
 use super::request::{DepthRule, RenderRequest};
 use super::upload::VoxelFormat;
@@ -21,14 +22,14 @@ impl TableStorage {
         if gpu.description().kind == AdapterKind::Software { Self::Uniform } else { Self::Storage }
     }
 
-    fn source(self) -> &'static str {
+    pub(super) fn source(self) -> &'static str {
         match self {
             Self::Uniform => include_str!("../../shaders/table/uniform.wgsl"),
             Self::Storage => include_str!("../../shaders/table/storage.wgsl"),
         }
     }
 
-    fn binding(self) -> wgpu::BufferBindingType {
+    pub(super) fn binding(self) -> wgpu::BufferBindingType {
         match self {
             Self::Uniform => wgpu::BufferBindingType::Uniform,
             Self::Storage => wgpu::BufferBindingType::Storage { read_only: true },
@@ -53,13 +54,14 @@ pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'stat
 
 /// The ray caster's own source.
 pub(super) const RAYCAST: &str = concat!(
+    include_str!("../../shaders/lib/lights.wgsl"),
     include_str!("../../shaders/raycast/project.wgsl"),
     include_str!("../../shaders/raycast/isosurface.wgsl"),
     include_str!("../../shaders/raycast/crossing.wgsl"),
     include_str!("../../shaders/raycast.wgsl"),
 );
 
-/// The stage's resources by binding.
+/// The stage's resources by binding, in its first group; `illumination` has the second one's.
 pub(super) const BINDINGS: [(u32, &str); 8] = [
     (0, "frame"),
     (1, "volume"),
@@ -84,6 +86,9 @@ pub(super) struct PipelineKey {
     highlight: bool,
     gradient_opacity: bool,
     classification: Classification,
+    placed_lights: bool,
+    shadows: bool,
+    occlusion: bool,
     variant: Variant,
 }
 
@@ -108,15 +113,20 @@ pub(super) enum Output {
 impl PipelineKey {
     pub(super) fn new(request: &RenderRequest, variant: Variant) -> Self {
         let blends = matches!(request.mode, Mode::Composite | Mode::Isosurface);
+        let reflects = request.shading.needs_gradient();
+        let occlusion = blends && request.illumination.occlusion.strength > 0.0;
         Self {
             mode: request.mode,
             depth_rule: if blends { request.depth.code() } else { DepthRule::FirstHit.code() },
-            shaded: blends && request.shading.needs_gradient(),
+            shaded: blends && (reflects || occlusion),
             cut_away: request.clip.sphere.is_some(),
             highlight: request.shading.specular > 0.0,
             gradient_opacity: request.mode == Mode::Composite
                 && request.transfer.gradient_opacity().is_some(),
             classification: request.classification,
+            placed_lights: blends && reflects && !request.lights.is_empty(),
+            shadows: request.casts_shadows(),
+            occlusion,
             variant,
         }
     }
@@ -137,6 +147,9 @@ impl PipelineKey {
             ("GRADIENT_OPACITY", flag(self.gradient_opacity)),
             ("PRE_INTEGRATED", flag(self.classification == Classification::PreIntegrated)),
             ("FETCH_TOGETHER", flag(self.fetch_together())),
+            ("PLACED_LIGHTS", flag(self.placed_lights)),
+            ("SHADOWS", flag(self.shadows)),
+            ("OCCLUSION", flag(self.occlusion)),
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
             ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),
             ("GRADIENT_SCALE", gradient_scale(format).into()),
@@ -149,6 +162,7 @@ impl PipelineKey {
 pub(super) struct Pipelines {
     module: wgpu::ShaderModule,
     pub(super) bind_group_layout: wgpu::BindGroupLayout,
+    pub(super) lighting_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
     format: VoxelFormat,
     compiled: HashMap<PipelineKey, wgpu::ComputePipeline>,
@@ -161,13 +175,14 @@ impl Pipelines {
         let table = TableStorage::of(gpu);
         let module = gpu.shader("raycast", &stage_sources(table, RAYCAST));
         let bind_group_layout = bind_group_layout(gpu, table);
+        let lighting_layout = lighting_layout(gpu);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("raycast"),
-            bind_group_layouts: &[Some(&bind_group_layout)],
+            bind_group_layouts: &[Some(&bind_group_layout), Some(&lighting_layout)],
             immediate_size: 0,
         });
         scope.close()?;
-        Ok(Self { module, bind_group_layout, layout, format, compiled: HashMap::new() })
+        Ok(Self { module, bind_group_layout, lighting_layout, layout, format, compiled: HashMap::new() })
     }
 
     /// The pipeline of this key.

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::bands::{Bands, Dispatch};
 use super::frame::{BackLayer, RenderedFrame, Timings};
+use super::illumination::{self, Illumination, Illuminator};
 use super::letters;
 use super::mode::Mode;
 use super::overlay::Drawing;
@@ -100,6 +101,7 @@ pub struct Renderer {
     sampler: wgpu::Sampler,
     uniform: wgpu::Buffer,
     target: Option<Target>,
+    illuminator: Illuminator,
     /// Made when first asked for: its shader is slow to compile.
     path_tracer: Option<PathTracer>,
 }
@@ -120,6 +122,7 @@ impl Renderer {
         let format = VoxelFormat::of(gpu.limits());
         let pipelines = Pipelines::new(&gpu, format)?;
         let slices = SlicePipelines::new(&gpu, format.hu_scale())?;
+        let illuminator = Illuminator::new(&gpu, pipelines.lighting_layout.clone(), format)?;
         let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("trilinear"),
             mag_filter: wgpu::FilterMode::Linear,
@@ -144,6 +147,7 @@ impl Renderer {
             sampler,
             uniform,
             target: None,
+            illuminator,
             path_tracer: None,
         })
     }
@@ -246,7 +250,8 @@ impl Renderer {
         }
         request.validate_on(volume.grid())?;
         // Its depth is that of the composite picture.
-        let cast = RenderRequest { mode: Mode::Composite, lights: Vec::new(), ..request.clone() };
+        let (lights, illumination) = (Vec::new(), Illumination::default());
+        let cast = RenderRequest { mode: Mode::Composite, lights, illumination, ..request.clone() };
         let mut frame = self.cast_frame(volume, &cast, skipping, watch)?;
         let start = Instant::now();
         frame.color_rgba = self.trace_paths(volume, request, watch)?;
@@ -339,6 +344,7 @@ impl Renderer {
     /// Frees what is kept of a volume: its voxels and the appearances made for it.
     pub fn forget(&mut self, volume: ContentHash) {
         self.store.forget(volume);
+        self.illuminator.forget(&self.gpu, volume);
         if let Some(tracer) = &mut self.path_tracer {
             tracer.forget(volume);
         }
@@ -354,12 +360,19 @@ impl Renderer {
     ) -> Result<(Instant, f64), RenderError> {
         request.validate_on(volume.grid())?;
         let start = Instant::now();
-        let uploaded = self.store.prepare(&self.gpu, volume, request)?;
+        let uploaded = self.store.prepare(&self.gpu, volume, request)? | self.illuminate(volume, request)?;
         self.make_target(request)?;
         let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
         let start = Instant::now();
         self.submit(volume, request, how, watch)?;
         Ok((start, upload_ms))
+    }
+
+    /// Prepares the light of a request whose volume and appearance are uploaded; says whether that took filling cells.
+    fn illuminate(&mut self, volume: &Volume, request: &RenderRequest) -> Result<bool, RenderError> {
+        let (on_gpu, appearance) = (self.store.volume(), self.store.appearance());
+        let (gpu, sampler) = (&self.gpu, &self.sampler);
+        self.illuminator.prepare(illumination::Order { gpu, volume, on_gpu, appearance, sampler, request })
     }
 
     fn make_target(&mut self, request: &RenderRequest) -> Result<(), RenderError> {
@@ -415,7 +428,10 @@ impl Renderer {
             bands: self.bands,
             uniform: &self.uniform,
             pipeline: &pipeline,
-            groups: &[&bindings],
+            groups: match request.mode {
+                Mode::Slice(_) => &[&bindings],
+                _ => &[&bindings, self.illuminator.bindings()],
+            },
         };
         let read_back = |encoder: &mut wgpu::CommandEncoder| {
             target.color.record(encoder);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::classification::{self, Classification};
 pub use super::depth_rule::DepthRule;
+use super::illumination::Illumination;
 use super::light::Light;
 use super::mode::Mode;
 use super::overlay::Overlays;
@@ -122,8 +123,10 @@ pub struct RenderRequest {
     pub background_rgb: [f64; 3],
     /// What is drawn over the picture, in the same depth. Shared, as it may be large.
     pub overlays: Arc<Overlays>,
-    /// At most [`Light::MAX`]. For mode path-traced alone; other modes have the headlight.
+    /// At most [`Light::MAX`], for modes composite, isosurface and path-traced. Without any the first two have the headlight.
     pub lights: Vec<Light>,
+    /// Shadows of the lights and occlusion by surroundings, for modes composite and isosurface.
+    pub illumination: Illumination,
     /// What mode path-traced takes beside.
     pub path_trace: PathTrace,
 }
@@ -243,19 +246,34 @@ impl RenderRequest {
         matches!(self.mode, Mode::Composite | Mode::PathTraced) && self.depth.has_back_layer()
     }
 
+    /// Whether rays are lit otherwise than by the headlight alone: by placed lights, or less for their surroundings.
+    #[must_use]
+    pub fn has_own_light(&self) -> bool {
+        let has_light = matches!(self.mode, Mode::Composite | Mode::Isosurface);
+        has_light && (!self.lights.is_empty() || self.illumination.occlusion.strength > 0.0)
+    }
+
+    /// Whether rays look up shadows of placed lights.
+    #[must_use]
+    pub fn casts_shadows(&self) -> bool {
+        self.has_own_light()
+            && self.shading.needs_gradient()
+            && self.illumination.shadows > 0.0
+            && !self.lights.is_empty()
+    }
+
     fn validate_lights(&self) -> Result<(), RequestError> {
         if self.lights.len() > Light::MAX {
             let found = format!("{} lights", self.lights.len());
             return Err(RequestError::new("lights", &found, &format!("at most {}", Light::MAX)));
         }
-        if self.mode != Mode::PathTraced && !self.lights.is_empty() {
+        let is_lit = matches!(self.mode, Mode::Composite | Mode::Isosurface | Mode::PathTraced);
+        if !is_lit && !self.lights.is_empty() {
             let found = format!("{} lights", self.lights.len());
-            return Err(RequestError::new(
-                "lights",
-                &found,
-                "none in this mode: path-traced has placed lights",
-            ));
+            let allowed = "none in this mode: composite, isosurface and path-traced have placed lights";
+            return Err(RequestError::new("lights", &found, allowed));
         }
+        self.illumination.validate(&self.lights)?;
         (0..).zip(&self.lights).try_for_each(|(index, light)| light.validate(index))
     }
 

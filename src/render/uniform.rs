@@ -253,7 +253,11 @@ mod tests {
             let mut bindings: Vec<(u32, &str)> = module
                 .global_variables
                 .iter()
-                .filter_map(|(_, global)| Some((global.binding?.binding, global.name.as_deref()?)))
+                .filter_map(|(_, global)| {
+                    // `illumination` has the second group.
+                    let at = global.binding.filter(|at| at.group == 0)?;
+                    Some((at.binding, global.name.as_deref()?))
+                })
                 .collect();
             bindings.sort_unstable();
             assert_eq!(bindings, BINDINGS);

@@ -138,12 +138,7 @@ impl Appearance {
             .bricks
             .distance_map(|low, high| is_of_interest(request, &table, stored(low), stored(high)));
         let scope = ErrorScope::open(gpu, "a transfer function and its distance map");
-        let buffer = table.buffer();
-        let entries: &[u8] = bytemuck::cast_slice(&buffer);
-        // A uniform has room for the longest table, whatever this one's length.
-        let mut table_bytes = vec![0; size_of::<[f32; 4]>() * TransferTable::MAX_ENTRIES];
-        table_bytes[..entries.len()].copy_from_slice(entries);
-        let table_buffer = read_only(gpu, "transfer table", &table_bytes);
+        let table_buffer = upload_table(gpu, &table);
         let distances = upload_distances(gpu, &map);
         let mostly_visible = is_mostly_visible(&volume.bricks, &table, stored);
         let bricks = BrickLayout { edge: map.edge, dims: map.dims };
@@ -178,6 +173,16 @@ impl Appearance {
             && self.sample_distance_mm == request.sample_distance_mm
             && self.transfer == request.transfer
     }
+}
+
+/// A transfer table for shaders to read.
+pub(super) fn upload_table(gpu: &Gpu, table: &TransferTable) -> wgpu::Buffer {
+    let buffer = table.buffer();
+    let entries: &[u8] = bytemuck::cast_slice(&buffer);
+    // A uniform has room for the longest table, whatever this one's length.
+    let mut table_bytes = vec![0; size_of::<[f32; 4]>() * TransferTable::MAX_ENTRIES];
+    table_bytes[..entries.len()].copy_from_slice(entries);
+    read_only(gpu, "transfer table", &table_bytes)
 }
 
 /// Whether most samples that rays take are likely to be visible: most bricks that show anything show all they hold, and

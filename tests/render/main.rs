@@ -13,6 +13,7 @@ mod bands;
 mod clip_sphere;
 mod closed_forms;
 mod depth_rules;
+mod illumination;
 mod instruments;
 mod isosurfaces;
 mod memory;

@@ -3,12 +3,13 @@
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 
 /// The stage's sources, in the order in which they are joined.
-pub(super) const PATHTRACE_SOURCES: [&str; 7] = [
+pub(super) const PATHTRACE_SOURCES: [&str; 8] = [
     include_str!("../../../shaders/lib/frame.wgsl"),
     include_str!("../../../shaders/lib/volume.wgsl"),
     include_str!("../../../shaders/lib/path.wgsl"),
     include_str!("../../../shaders/lib/random.wgsl"),
     include_str!("../../../shaders/lib/tracking.wgsl"),
+    include_str!("../../../shaders/lib/direction.wgsl"),
     include_str!("../../../shaders/lib/scatter.wgsl"),
     include_str!("../../../shaders/pathtrace.wgsl"),
 ];

@@ -2,8 +2,9 @@
 
 use glam::{DMat3, DVec2, DVec3, DVec4};
 
-use super::classify::{classify, gradient_factor, modulated, shade};
+use super::classify::{classify, gradient_factor, modulated};
 use super::field::{central_differences, sample_hu};
+use super::lights::Lights;
 use super::ray::{Ray, Rays};
 use crate::render::mode::{Mode, table_for};
 use crate::render::request::{DepthRule, RenderRequest};
@@ -24,6 +25,7 @@ pub(super) struct Caster<'a> {
     pub(super) request: &'a RenderRequest,
     pub(super) rays: Rays<'a>,
     pub(super) table: TransferTable,
+    lights: Lights<'a>,
     patient_from_voxel_gradient: DMat3,
 }
 
@@ -42,7 +44,8 @@ impl<'a> Caster<'a> {
     pub(super) fn new(volume: &'a Volume, request: &'a RenderRequest) -> Self {
         let rays = Rays::new(request, volume.grid());
         let patient_from_voxel_gradient = patient_from_voxel_gradient(volume.grid());
-        Self { volume, request, rays, table: table_for(request), patient_from_voxel_gradient }
+        let lights = Lights::new(volume, request);
+        Self { volume, request, rays, table: table_for(request), lights, patient_from_voxel_gradient }
     }
 
     /// Colour over the background as bytes, and view depth in mm, of a ray's layers: one, or two by rule `two-layer`.
@@ -98,11 +101,11 @@ impl<'a> Caster<'a> {
 
     pub(super) fn lit(&self, rgb: DVec3, p: DVec3, ray: &Ray) -> DVec3 {
         let light = &self.request.shading;
-        if !light.needs_gradient() {
+        if !light.needs_gradient() && !self.lights.is_occluded() {
             return rgb * light.ambient;
         }
         let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
-        shade(light, rgb, gradient, ray.direction)
+        self.lights.lit(rgb, gradient, ray.direction, p)
     }
 
     /// Lit colour and opacity of the sample at a distance along a ray.

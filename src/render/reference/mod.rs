@@ -12,6 +12,8 @@
 //! | `field` | `shaders/lib/volume.wgsl` |
 //! | - | `shaders/lib/walk.wgsl`: skipping changes nothing |
 //! | `classify` | `shaders/lib/classify.wgsl` |
+//! | `illumination` | `shaders/illuminate.wgsl` |
+//! | `lights` | `shaders/lib/lights.wgsl` |
 //! | `isosurface` | `shaders/raycast/isosurface.wgsl` |
 //! | `project` | `shaders/raycast/project.wgsl` |
 //! | `depth_rules` | `shaders/lib/depth_rules.wgsl` |
@@ -22,7 +24,9 @@ mod cast;
 mod classify;
 mod depth_rules;
 mod field;
+mod illumination;
 mod isosurface;
+mod lights;
 mod passage;
 mod project;
 mod ray;

@@ -1,12 +1,51 @@
 //! Placed lights and the path tracer's settings as written in JSON, and what each becomes.
 
-use serde::Deserialize;
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use crate::render::light::{Light, Placement};
+use crate::render::lighting::Lighting;
 use crate::render::mode::Mode;
 use crate::render::pathtrace::PathTrace;
 use crate::render::request::RequestError;
 use crate::space::{Point, Vector};
+
+/// A set's name, or each light.
+#[derive(Clone, Debug)]
+pub(super) enum LightsFile {
+    Named(String),
+    Placed(Vec<LightFile>),
+}
+
+impl LightsFile {
+    pub(super) fn named(name: &str) -> Self {
+        Self::Named(name.to_owned())
+    }
+}
+
+/// By hand, since serde's untagged enums forget where in the lights a mistake is.
+impl<'de> Deserialize<'de> for LightsFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NameOrLights;
+        impl<'de> Visitor<'de> for NameOrLights {
+            type Value = LightsFile;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                write!(f, "an array of lights or one of {}", Lighting::names())
+            }
+
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<LightsFile, E> {
+                Ok(LightsFile::named(name))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, items: A) -> Result<LightsFile, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(items)).map(LightsFile::Placed)
+            }
+        }
+        deserializer.deserialize_any(NameOrLights)
+    }
+}
 
 /// One light: `{"direction": [..]}` or `{"position_mm": [..]}`, the rest may be left out.
 #[derive(Clone, Debug, Deserialize)]
@@ -45,9 +84,16 @@ pub(super) struct PathTraceFile {
 }
 
 /// The lights of a request; where none are written, those that are usual for its mode.
-pub(super) fn resolve_lights(file: Option<Vec<LightFile>>, mode: Mode) -> Result<Vec<Light>, RequestError> {
+pub(super) fn resolve_lights(file: Option<LightsFile>, mode: Mode) -> Result<Vec<Light>, RequestError> {
     match file {
-        Some(lights) => (0..).zip(lights).map(|(index, light)| light.resolve(index)).collect(),
+        Some(LightsFile::Named(name)) => {
+            let shown: String = name.chars().take(40).collect();
+            let unknown = || RequestError::new("lights", &shown, &Lighting::names());
+            Ok(Lighting::named(&name).ok_or_else(unknown)?.lights(mode))
+        }
+        Some(LightsFile::Placed(lights)) => {
+            (0..).zip(lights).map(|(index, light)| light.resolve(index)).collect()
+        }
         None if mode == Mode::PathTraced => Ok(PathTrace::default_lights()),
         None => Ok(Vec::new()),
     }
@@ -124,7 +170,13 @@ mod tests {
                 r#"{"mode":"path-traced","lights":[{"position_mm":[0,0,1],"intensity":101}]}"#,
                 &["lights[0].intensity is 101", "0 to 100"],
             ),
-            (r#"{"lights":[{"direction":[0,0,1]}]}"#, &["lights is 1 lights", "none in this mode"]),
+            (
+                r#"{"mode":"mip","lights":[{"direction":[0,0,1]}]}"#,
+                &["lights is 1 lights", "none in this mode", "isosurface"],
+            ),
+            (r#"{"lights":"disco"}"#, &["lights is disco", "headlight, studio"]),
+            (r#"{"lights":7}"#, &["lights", "integer `7`", "an array of lights or one of headlight"]),
+            (r#"{"lights":[{"direction":[0,0,1],"color":1}]}"#, &["lights[0].color", "unknown field"]),
         ] {
             let parsed = SceneFile::parse(json.as_bytes());
             let refused = parsed.and_then(|scene| scene.resolve(&grid, &Orbit::default()));

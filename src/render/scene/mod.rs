@@ -7,6 +7,7 @@ mod error;
 mod lights;
 mod overlays;
 mod parts;
+mod shading;
 mod slice;
 mod surfaces;
 mod written;
@@ -15,15 +16,17 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use self::lights::{LightFile, PathTraceFile, resolve_lights};
+use self::lights::{LightsFile, PathTraceFile, resolve_lights};
 use self::overlays::OverlaysFile;
 use self::parts::{
-    CameraFile, ClipFile, DepthFile, ShadingFile, TransferFile, Windows, default_mode, default_shading,
-    expect_objects, resolve_transfer,
+    CameraFile, ClipFile, DepthFile, TransferFile, Windows, default_mode, default_shading, expect_objects,
+    resolve_transfer,
 };
+use self::shading::ShadingFile;
 use self::slice::expect_one_view;
 use self::surfaces::{SurfaceFile, resolve_surfaces};
 use super::classification::Classification;
+use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
 use crate::camera::Orbit;
@@ -80,7 +83,7 @@ pub struct SceneFile {
     clip: Option<ClipFile>,
     background_rgb: Option<[f64; 3]>,
     overlays: OverlaysFile,
-    lights: Option<Vec<LightFile>>,
+    lights: Option<LightsFile>,
     path_trace: Option<PathTraceFile>,
     display: DisplaySettings,
 }
@@ -104,7 +107,8 @@ impl SceneFile {
     /// Replaces the transfer function by a preset of this name.
     #[must_use]
     pub fn with_preset(self, name: &str) -> Self {
-        Self { transfer: Some(TransferFile::Preset(name.to_owned())), shading: None, ..self }
+        let shading = self.shading.and_then(ShadingFile::without_reflection);
+        Self { transfer: Some(TransferFile::Preset(name.to_owned())), shading, ..self }
     }
 
     /// Replaces the transfer function and the light, and the mode where `look` has one; the rest of `look` is left.
@@ -177,6 +181,24 @@ impl SceneFile {
         Self { classification: Some(classification), ..self }
     }
 
+    /// Replaces the lights by those of this name, one of [`Lighting::ALL`](super::Lighting::ALL).
+    #[must_use]
+    pub fn with_lighting(self, name: &str) -> Self {
+        Self { lights: Some(LightsFile::named(name)), ..self }
+    }
+
+    /// Replaces how much of shadows and of occlusion shows, and how far that reaches (mm), where there is something.
+    #[must_use]
+    pub fn with_illumination(
+        self,
+        shadows: Option<f64>,
+        occlusion: Option<f64>,
+        radius_mm: Option<f64>,
+    ) -> Self {
+        let shading = self.shading.unwrap_or_default().with_illumination(shadows, occlusion, radius_mm);
+        Self { shading: Some(shading), ..self }
+    }
+
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {
@@ -240,7 +262,8 @@ impl SceneFile {
             surfaces: resolve_surfaces(mode, self.iso_hu, self.surfaces, &transfer)?,
             transfer,
             classification: self.classification.unwrap_or_default(),
-            shading: self.shading.map_or_else(|| default_shading(preset), ShadingFile::resolve),
+            illumination: self.shading.as_ref().map_or_else(Illumination::default, ShadingFile::illumination),
+            shading: self.shading.unwrap_or_default().resolve(default_shading(preset)),
             // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
             sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),

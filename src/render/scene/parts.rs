@@ -127,21 +127,6 @@ impl WindowMapFile {
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ShadingFile {
-    ambient: f64,
-    diffuse: f64,
-    #[serde(default)]
-    specular: f64,
-    #[serde(default = "soft_highlight")]
-    shininess: f64,
-}
-
-fn soft_highlight() -> f64 {
-    10.0
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct DepthFile {
     #[serde(deserialize_with = "depth_rule")]
     rule: DepthRule,
@@ -182,7 +167,7 @@ struct PlaneFile {
 ///
 /// What is no JSON at all passes: the parser proper says where it goes wrong.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
-    const OBJECTS: [&str; 15] = [
+    const OBJECTS: [&str; 16] = [
         "",
         "/camera",
         "/camera/projection",
@@ -192,6 +177,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/transfer/window",
         "/transfer/gradient_opacity",
         "/shading",
+        "/shading/occlusion",
         "/depth",
         "/clip",
         "/clip/sphere",
@@ -338,13 +324,6 @@ pub(super) fn default_shading(preset: Option<&Preset>) -> Shading {
     let ([ambient, diffuse, specular], shininess) =
         preset.map_or(([0.2, 0.8, 0.0], 10.0), |preset| (preset.light, preset.shininess));
     Shading { ambient, diffuse, specular, shininess }
-}
-
-impl ShadingFile {
-    pub(super) fn resolve(self) -> Shading {
-        let Self { ambient, diffuse, specular, shininess } = self;
-        Shading { ambient, diffuse, specular, shininess }
-    }
 }
 
 impl DepthFile {

@@ -1,0 +1,297 @@
+//! Fills cells where none are kept, and binds them for the rays.
+
+use super::cells::Cells;
+use super::settings::Occlusion;
+use super::stage::{CELL_BINDINGS, CELLS_SIDE, Stage, StageKey};
+use super::uniform::{IlluminationUniform, LightingUniform};
+use crate::camera::{Camera, Projection};
+use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::render::light::InPatient;
+use crate::render::mode::Mode;
+use crate::render::renderer::{RenderError, Skipping};
+use crate::render::request::{Clip, RenderRequest, RequestError};
+use crate::render::surface::Surface;
+use crate::render::uniform::FrameUniform;
+use crate::render::upload::{Appearance, VolumeOnGpu, VoxelFormat, upload_table};
+use crate::space::Vector;
+use crate::transfer::{TransferFunction, TransferTable};
+use crate::volume::{ContentHash, Grid, Volume};
+
+/// What cells are kept in: every adapter can write and filter it.
+pub(super) const TEXELS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+
+/// Fillings kept, each of at most 8 MiB; the least recently used goes first.
+const KEPT: usize = 4;
+
+/// Cells of one dispatch: short enough for drivers that stop long ones.
+const CELLS_OF_DISPATCH: usize = 1 << 18;
+
+/// What is lit, and with what.
+#[derive(Clone, Copy)]
+pub(in crate::render) struct Order<'a> {
+    pub(in crate::render) gpu: &'a Gpu,
+    pub(in crate::render) volume: &'a Volume,
+    pub(in crate::render) on_gpu: &'a VolumeOnGpu,
+    pub(in crate::render) appearance: &'a Appearance,
+    pub(in crate::render) sampler: &'a wgpu::Sampler,
+    pub(in crate::render) request: &'a RenderRequest,
+}
+
+/// What is sought in each cell.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Sought {
+    /// The share of each light that reaches it: where the light is, and the angle that it fills in radians.
+    Shadows(Vec<(InPatient, f64)>),
+    /// The share of directions that is open within this radius.
+    Openness { radius_mm: f64 },
+}
+
+/// All that a filling depends on.
+#[derive(Clone, Debug, PartialEq)]
+struct Key {
+    volume: ContentHash,
+    mode: Mode,
+    transfer: TransferFunction,
+    surfaces: Vec<Surface>,
+    clip: Clip,
+    sought: Sought,
+}
+
+impl Key {
+    fn new(volume: ContentHash, request: &RenderRequest, sought: Sought) -> Self {
+        Self {
+            volume,
+            mode: request.mode,
+            transfer: request.transfer.clone(),
+            surfaces: request.surfaces.clone(),
+            clip: request.clip.clone(),
+            sought,
+        }
+    }
+}
+
+/// Filled cells.
+struct Filling {
+    key: Key,
+    view: wgpu::TextureView,
+}
+
+/// Keeps what rays need beside the volume to light its samples.
+pub(in crate::render) struct Illuminator {
+    layout: wgpu::BindGroupLayout,
+    lighting: wgpu::Buffer,
+    /// In the place of cells that are not looked up.
+    nothing: wgpu::TextureView,
+    bindings: wgpu::BindGroup,
+    format: VoxelFormat,
+    /// Made when first asked for.
+    stage: Option<Stage>,
+    kept: Vec<Filling>,
+}
+
+impl Illuminator {
+    /// `layout` is that of the ray caster's second group; `format` is that of the volumes.
+    pub(in crate::render) fn new(
+        gpu: &Gpu,
+        layout: wgpu::BindGroupLayout,
+        format: VoxelFormat,
+    ) -> Result<Self, GpuError> {
+        let scope = ErrorScope::open(gpu, "placed lights");
+        let lighting = uniform_buffer(gpu, "lighting", size_of::<LightingUniform>());
+        let nothing = cell_texture(gpu, [1; 3]);
+        let bindings = bind(gpu, &layout, &lighting, [&nothing, &nothing]);
+        scope.close()?;
+        Ok(Self { layout, lighting, nothing, bindings, format, stage: None, kept: Vec::new() })
+    }
+
+    /// The ray caster's second group, for the request that was last prepared.
+    pub(in crate::render) fn bindings(&self) -> &wgpu::BindGroup {
+        &self.bindings
+    }
+
+    /// Lets go of what is kept of a volume.
+    pub(in crate::render) fn forget(&mut self, gpu: &Gpu, volume: ContentHash) {
+        self.bindings = bind(gpu, &self.layout, &self.lighting, [&self.nothing, &self.nothing]);
+        self.kept.retain(|filling| filling.key.volume != volume);
+    }
+
+    /// Makes the second group fit a request, if its rays read that; says whether cells were filled.
+    pub(in crate::render) fn prepare(&mut self, order: Order<'_>) -> Result<bool, RenderError> {
+        let Order { gpu, volume, on_gpu, request, .. } = order;
+        if !request.has_own_light() {
+            return Ok(false);
+        }
+        let grid = volume.grid();
+        let cells = Cells::of(grid);
+        let lighting = LightingUniform::new(request, grid, &cells);
+        gpu.queue.write_buffer(&self.lighting, 0, bytemuck::bytes_of(&lighting));
+        let mut filled = false;
+        let mut views = [self.nothing.clone(), self.nothing.clone()];
+        for (sought, view) in sought(request).into_iter().zip(&mut views) {
+            let Some(sought) = sought else { continue };
+            let key = Key::new(on_gpu.hash, request, sought);
+            if let Some(at) = self.kept.iter().position(|filling| filling.key == key) {
+                self.kept[at..].rotate_left(1);
+            } else {
+                if self.kept.len() == KEPT {
+                    self.kept.remove(0);
+                }
+                let made = self.fill(order, &cells, &key)?;
+                self.kept.push(Filling { key, view: made });
+                filled = true;
+            }
+            *view = self.kept[self.kept.len() - 1].view.clone();
+        }
+        let scope = ErrorScope::open(gpu, "placed lights");
+        self.bindings = bind(gpu, &self.layout, &self.lighting, [&views[0], &views[1]]);
+        scope.close()?;
+        Ok(filled)
+    }
+
+    fn fill(&mut self, order: Order<'_>, cells: &Cells, key: &Key) -> Result<wgpu::TextureView, RenderError> {
+        let Order { gpu, volume, on_gpu, appearance, request, .. } = order;
+        let stage = match &mut self.stage {
+            Some(stage) => stage,
+            none => none.insert(Stage::new(gpu, self.format)?),
+        };
+        let is_openness = matches!(key.sought, Sought::Openness { .. });
+        let stage_key = StageKey::new(request, is_openness, on_gpu.gradients.precomputed);
+        let pipeline = stage.get(gpu, stage_key)?;
+        let step_mm = match key.sought {
+            Sought::Shadows(_) => cells.shadow_step_mm(),
+            Sought::Openness { radius_mm } => cells.openness_step_mm(radius_mm),
+        };
+        let steady = steady_request(request, volume.grid(), step_mm)?;
+        let frame = FrameUniform::new(&steady, volume, appearance, Skipping::On);
+        let mut uniform =
+            IlluminationUniform::new(&steady, volume.grid(), appearance.bricks.edge, cells, &key.sought);
+        let scope = ErrorScope::open(gpu, "cells of light");
+        let buffers = Buffers {
+            frame: uniform_buffer(gpu, "frame", size_of::<FrameUniform>()),
+            illumination: uniform_buffer(gpu, "illumination", size_of::<IlluminationUniform>()),
+            table: upload_table(gpu, &TransferTable::new(&request.transfer, step_mm)),
+        };
+        gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&frame));
+        let view = cell_texture(gpu, cells.dims);
+        let groups = buffers.bind(order, stage, &view);
+        let [x, y, layers] = uniform.dispatch_size();
+        let at_once = layers_at_once(cells.dims);
+        for first in (0..layers).step_by(at_once as usize) {
+            uniform.first_layer = first * CELLS_SIDE;
+            gpu.queue.write_buffer(&buffers.illumination, 0, bytemuck::bytes_of(&uniform));
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                pass.set_pipeline(&pipeline);
+                pass.set_bind_group(0, &groups[0], &[]);
+                pass.set_bind_group(1, &groups[1], &[]);
+                pass.dispatch_workgroups(x, y, at_once.min(layers - first));
+            }
+            gpu.queue.submit([encoder.finish()]);
+        }
+        scope.close()?;
+        gpu.wait("cells of light")?;
+        Ok(view)
+    }
+}
+
+/// What the rays of a request look up: shadows, openness.
+fn sought(request: &RenderRequest) -> [Option<Sought>; 2] {
+    let lights = || request.lights.iter().map(|light| (light.in_patient(&request.camera), light.size));
+    let Occlusion { strength, radius_mm } = request.illumination.occlusion;
+    [
+        request.casts_shadows().then(|| Sought::Shadows(lights().collect())),
+        (strength > 0.0).then_some(Sought::Openness { radius_mm }),
+    ]
+}
+
+/// The request with a camera that the volume alone decides: cells must not depend on who looked first.
+fn steady_request(request: &RenderRequest, grid: &Grid, step_mm: f64) -> Result<RenderRequest, RequestError> {
+    let radius_mm = grid.bounding_radius_mm();
+    let eye = grid.center() + Vector::new(0.0, -2.0 * radius_mm, 0.0);
+    let projection = Projection::Orthographic { height_mm: (2.0 * radius_mm).clamp(1e-3, 1e6) };
+    let camera = Camera::new(eye, grid.center(), Vector::new(0.0, 0.0, 1.0), projection)?;
+    Ok(RenderRequest { camera, sample_distance_mm: step_mm, ..request.clone() })
+}
+
+/// Layers of workgroups of one dispatch.
+fn layers_at_once([nx, ny, _]: [usize; 3]) -> u32 {
+    let layers = CELLS_OF_DISPATCH / (nx * ny * CELLS_SIDE as usize).max(1);
+    u32::try_from(layers).unwrap_or(u32::MAX).max(1)
+}
+
+/// What a filling needs beside what the volume and its appearance have.
+struct Buffers {
+    frame: wgpu::Buffer,
+    illumination: wgpu::Buffer,
+    table: wgpu::Buffer,
+}
+
+impl Buffers {
+    fn bind(&self, order: Order<'_>, stage: &Stage, cells: &wgpu::TextureView) -> [wgpu::BindGroup; 2] {
+        let resources = [
+            self.frame.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&order.on_gpu.view),
+            wgpu::BindingResource::Sampler(order.sampler),
+            order.appearance.distances.as_entire_binding(),
+            self.table.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&order.on_gpu.gradients.view),
+            self.illumination.as_entire_binding(),
+            wgpu::BindingResource::TextureView(cells),
+        ];
+        let entries = CELL_BINDINGS.iter().zip(resources);
+        [0, 1].map(|group| {
+            let of_group = entries.clone().filter(|((of, _, _), _)| *of as usize == group);
+            let entries: Vec<_> = of_group
+                .map(|(&(_, binding, _), resource)| wgpu::BindGroupEntry { binding, resource })
+                .collect();
+            order.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("illuminate"),
+                layout: &stage.layouts[group],
+                entries: &entries,
+            })
+        })
+    }
+}
+
+fn bind(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    lighting: &wgpu::Buffer,
+    [shadows, openness]: [&wgpu::TextureView; 2],
+) -> wgpu::BindGroup {
+    let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("lighting"),
+        layout,
+        entries: &[
+            entry(0, lighting.as_entire_binding()),
+            entry(1, wgpu::BindingResource::TextureView(shadows)),
+            entry(2, wgpu::BindingResource::TextureView(openness)),
+        ],
+    })
+}
+
+fn uniform_buffer(gpu: &Gpu, label: &str, size: usize) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: size as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "fewer cells than voxels, which fit the adapter")]
+fn cell_texture(gpu: &Gpu, [nx, ny, nz]: [usize; 3]) -> wgpu::TextureView {
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("cells of light"),
+        size: wgpu::Extent3d { width: nx as u32, height: ny as u32, depth_or_array_layers: nz as u32 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format: TEXELS,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING,
+        view_formats: &[],
+    });
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
