@@ -27,6 +27,7 @@ Examples:
   relief render --series head --preset skin --azimuth-deg 40 --layout color --out side.png
   relief render --series chest --plane axial --offset-mm 40 --layout color --out slice.png
   relief render --series chest --plane coronal --slab-mm 10 --slab-blend mip --layout color --out slab.png
+  relief render --series head --preset bone --lights studio --shadows 0.8 --occlusion 0.7 --layout color --out lit.png
   relief render --series head --mode path-traced --passes 256 --layout color --out light.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
 pub(super) struct Arguments {

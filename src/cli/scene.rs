@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
+use super::light::LightArguments;
 use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
 use crate::camera::Orbit;
@@ -36,6 +37,8 @@ pub(super) struct SceneArguments {
     /// Paths through each pixel in mode path-traced; noise falls with the square root
     #[arg(long, value_name = "N")]
     passes: Option<u32>,
+    #[command(flatten)]
+    light: LightArguments,
     /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
     overlay: Vec<String>,
@@ -164,6 +167,7 @@ impl SceneArguments {
         if let Some(passes) = self.passes {
             scene = scene.with_passes(passes);
         }
+        scene = self.light.apply(scene);
         if let Some(layout) = self.layout {
             let display = scene.display().clone();
             // A layout asked for here goes before a size that was written for another one.

@@ -12,7 +12,7 @@ use super::metrics::Gauges;
 use super::problem::Problem;
 use super::state::Server;
 use crate::display::{DepthFilter, Layout, ProfileName};
-use crate::render::{DepthRule, preset_json};
+use crate::render::{DepthRule, Lighting, preset_json};
 use crate::transfer::PRESETS;
 
 /// OpenAPI 3.1, written by hand; tests compare its paths and parameters with the code's.
@@ -24,7 +24,7 @@ pub(super) async fn presets() -> Json<Value> {
     let profiles = ProfileName::ALL.map(ProfileName::name);
     let filters = DepthFilter::ALL.map(DepthFilter::name);
     Json(json!({ "presets": presets, "layouts": layouts, "profiles": profiles, "depth_filters": filters,
-        "depth_rules": DepthRule::NAMES }))
+        "depth_rules": DepthRule::NAMES, "lights": Lighting::ALL.map(|lighting| lighting.name) }))
 }
 
 /// The process runs and answers.
@@ -119,6 +119,7 @@ mod tests {
         assert_eq!(names("profile"), json!(ProfileName::ALL.map(ProfileName::name)));
         assert_eq!(names("depth_filter"), json!(DepthFilter::ALL.map(DepthFilter::name)));
         assert_eq!(names("depth_rule"), json!(DepthRule::NAMES));
+        assert_eq!(names("lights"), json!(Lighting::ALL.map(|lighting| lighting.name)));
         assert_eq!(names("content"), json!(ContentType::ALL.map(ContentType::name)));
         let overlays = &document["components"]["parameters"]["overlay"]["schema"]["items"]["enum"];
         assert_eq!(*overlays, json!(Overlays::SWITCHES.map(|(name, _)| name)));

@@ -76,6 +76,10 @@ const PARAMETERS: &[Parameter] = &[
     key("iso_hu", Kind::Number, "iso_hu"),
     key("passes", Kind::Whole(1), "path_trace.passes"),
     key("seed", Kind::Whole(1), "path_trace.seed"),
+    key("lights", Kind::Text, "lights"),
+    key("shadows", Kind::Number, "shading.shadows"),
+    key("occlusion", Kind::Number, "shading.occlusion.strength"),
+    key("occlusion_radius_mm", Kind::Number, "shading.occlusion.radius_mm"),
     key("size_px", Kind::Whole(2), "size_px"),
     to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
     to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),
@@ -124,7 +128,12 @@ const EXCLUSIVE: &[(&str, &str)] = &[
 ];
 
 /// Parameters that mean nothing without another one.
-const NEEDS: &[(&str, &str)] = &[("look_at_mm", "eye_mm"), ("depth_fraction", "depth_rule")];
+const NEEDS: &[(&str, &str)] = &[
+    ("look_at_mm", "eye_mm"),
+    ("depth_fraction", "depth_rule"),
+    ("shadows", "lights"),
+    ("occlusion_radius_mm", "occlusion"),
+];
 /// The same where the mode is no slice, and where it is.
 const NEEDS_OF_VIEW: &[(&str, &str)] = &[
     ("up", "eye_mm"),

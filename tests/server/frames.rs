@@ -87,6 +87,11 @@ async fn query_and_body_give_the_same_frame_and_tag() {
                     "depth": { "rule": "first-hit" }, "background_rgb": [0.1, 0.2, 0.3], "sample_distance_mm": 2 }),
         ),
         (
+            "preset=skin&lights=studio&shadows=0.8&occlusion=0.5&occlusion_radius_mm=9",
+            json!({ "transfer": "skin", "lights": "studio",
+                    "shading": { "shadows": 0.8, "occlusion": { "strength": 0.5, "radius_mm": 9 } } }),
+        ),
+        (
             "eye_mm=0,-300,5&look_at_mm=0,0,5&up=0,0,1&vertical_fov_deg=20&depth_rule=threshold&depth_fraction=0.3",
             json!({ "camera": { "eye_mm": [0, -300, 5], "look_at_mm": [0, 0, 5], "up": [0, 0, 1],
                                 "projection": { "perspective": { "vertical_fov_deg": 20 } } },

@@ -6,6 +6,7 @@
 import { drawPicture } from "./draw.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
+import { NO_LIGHT, describeLight, fillLights, keptLight, onLight, recalledLight } from "./light.js";
 import { PresetGrid } from "./presets.js";
 import { describeSurface, onSurface } from "./surface.js";
 import {
@@ -35,6 +36,7 @@ const state = {
   mode: "composite",
   /** HU of the surface; the server's choice for the preset while null. */
   iso: null,
+  light: { ...NO_LIGHT },
   overlays: [],
   fieldOfView: 22,
   view: "picture",
@@ -70,7 +72,7 @@ function refresh({ moving = false } = {}) {
 }
 
 function frameOrder(moving) {
-  return { url: `${volumePath("frame")}?${frameQuery(state)}`, accept: "image/png", kind: "frame", moving };
+  return { url: `${volumePath("frame")}?${frameQuery(state, moving)}`, accept: "image/png", kind: "frame", moving };
 }
 
 /** While moving, colour alone is enough for the picture; else colour and depth come side by side in one PNG. */
@@ -79,7 +81,7 @@ function stageOrder(moving, passes = firstPasses(state, moving), before = 0) {
   const full = stillSize(clientWidth, clientHeight, Math.min(2, devicePixelRatio));
   const size = moving ? full.map((side) => Math.max(16, Math.round(side * fetcher.scale))) : full;
   const kind = moving && state.view === "picture" ? "color" : "rgbd";
-  const query = stageQuery(state, size, kind, passes);
+  const query = stageQuery(state, size, kind, passes, moving);
   const accept = kind === "color" ? "image/jpeg" : "image/png";
   return { url: `${volumePath("frame")}?${query}`, accept, kind, moving, query, size, passes, added: passes - before };
 }
@@ -287,6 +289,7 @@ function setPreset(index) {
   Object.assign(state, { preset: name, mode });
   $("mode").value = mode;
   describeSurface(state);
+  describeLight(state);
   grid.choose(index);
   $("purpose").textContent = purpose;
   refresh();
@@ -375,9 +378,11 @@ panel.addEventListener("change", ({ target }) => {
     return state.view === "frame" ? refresh() : remember();
   } else return;
   describeSurface(state);
+  describeLight(state);
   refresh();
 });
 onSurface(state, () => refresh({ moving: true }));
+onLight(state, () => refresh({ moving: true }));
 
 for (const id of ["factor", "offset"]) {
   $(id).addEventListener("input", ({ target }) => {
@@ -449,7 +454,7 @@ function remember() {
   if (iso !== null) kept.iso = iso;
   if (overlays.length) kept.overlay = overlays.join(",");
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
-  history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice) })}`);
+  history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice), ...keptLight(state.light) })}`);
 }
 
 function recall() {
@@ -485,6 +490,8 @@ function recall() {
   choose("projection", state.fieldOfView);
   state.iso = kept.has("iso") ? number("iso", 300) : null;
   describeSurface(state);
+  state.light = recalledLight(kept);
+  describeLight(state);
   for (const id of ["mode", "layout"]) $(id).value = state[id];
   grid.choose(chosen);
   $("purpose").textContent = presets[chosen].purpose;
@@ -548,6 +555,7 @@ async function start() {
   presets = known.presets;
   grid.fill(presets);
   $("layout").replaceChildren(...known.layouts.map((name) => option(name)));
+  fillLights(known.lights);
   $("depth-rule").replaceChildren(...known.depth_rules.map((name) => option(name)));
   $("depth-filter").replaceChildren(...known.depth_filters.map((name) => option(name)));
   $("profile").append(...known.profiles.map((name) => option(name)));

@@ -3,6 +3,7 @@
 //
 // Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the picture.
 
+import { lightQuery } from "./light.js";
 import { sliceQuery } from "./slices.js";
 
 /** The view that "reset" returns to. A little closer than "all of it": corners of a volume are mostly air. */
@@ -43,7 +44,7 @@ export function stillSize(width, height, ratio) {
 }
 
 /** Query parameters that say how the volume looks, whatever the size and layout. */
-export function lookQuery(state, aspect) {
+export function lookQuery(state, aspect, moving = false) {
   if (state.slice.plane) return sliceQuery(state.slice, state.volume, aspect);
   const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
   // An empty list of overlays is no parameter.
@@ -53,6 +54,7 @@ export function lookQuery(state, aspect) {
     preset: state.preset,
     mode: state.mode,
     ...surface,
+    ...lightQuery(state, moving),
     depth_rule: state.depthRule,
     azimuth_deg: round(state.pose.azimuth, 3),
     elevation_deg: round(state.pose.elevation, 3),
@@ -64,9 +66,9 @@ export function lookQuery(state, aspect) {
  * Query of a picture that fills the stage. The server fits a volume to a picture's height; a picture that is taller
  * than wide has to stand back for it.
  */
-export function stageQuery(state, [width, height], layout, passes) {
+export function stageQuery(state, [width, height], layout, passes, moving) {
   const zoom = state.slice.plane ? {} : { zoom: round(state.pose.zoom * Math.min(1, width / height), 4) };
-  const look = { ...lookQuery(state, width / height), ...zoom };
+  const look = { ...lookQuery(state, width / height, moving), ...zoom };
   const query = { ...look, size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
   return new URLSearchParams(passes === undefined ? query : { ...query, passes });
 }
@@ -89,9 +91,9 @@ export function morePasses({ passes, added, moving, spent }) {
 }
 
 /** Query of the frame that a display gets. */
-export function frameQuery(state) {
+export function frameQuery(state, moving) {
   // Every layout that is a frame has pictures of 16:9.
-  const query = { ...lookQuery(state, 16 / 9), layout: state.layout };
+  const query = { ...lookQuery(state, 16 / 9, moving), layout: state.layout };
   if (!state.slice.plane) query.zoom = round(state.pose.zoom, 4);
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;

@@ -1,0 +1,41 @@
+//! Options of light: placed lights by name, shadows and occlusion.
+
+use crate::render::{Lighting, SceneFile};
+
+/// Light, in place of what a scene file says.
+#[derive(Debug, clap::Args)]
+pub(super) struct LightArguments {
+    /// Lights of modes composite, isosurface and path-traced: headlight, studio, side, above
+    #[arg(long, value_name = "NAME", value_parser = parse_lights)]
+    lights: Option<String>,
+    /// How much of the shadows of placed lights shows, 0 to 1; needs --lights, or lights in the scene file
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+    shadows: Option<f64>,
+    /// How much less light nooks have, 0 to 1 (ambient occlusion)
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+    occlusion: Option<f64>,
+    /// How far away things take light away, with --occlusion
+    #[arg(long, value_name = "MM", requires = "occlusion", allow_negative_numbers = true)]
+    occlusion_radius_mm: Option<f64>,
+}
+
+fn parse_lights(name: &str) -> Result<String, String> {
+    if Lighting::named(name).is_some() {
+        return Ok(name.to_owned());
+    }
+    let lines = Lighting::ALL.map(|lighting| format!("  {:<10} {}", lighting.name, lighting.purpose));
+    Err(format!("lights are\n{}", lines.join("\n")))
+}
+
+impl LightArguments {
+    pub(super) fn apply(&self, mut scene: SceneFile) -> SceneFile {
+        if let Some(name) = &self.lights {
+            scene = scene.with_lighting(name);
+        }
+        let Self { shadows, occlusion, occlusion_radius_mm, .. } = *self;
+        if shadows.is_some() || occlusion.is_some() {
+            scene = scene.with_illumination(shadows, occlusion, occlusion_radius_mm);
+        }
+        scene
+    }
+}
