@@ -12,8 +12,8 @@ use super::adapter::AdapterArguments;
 use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
-use crate::render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
-use crate::session::{FileFormat, Product, encode};
+use crate::render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
+use crate::session::{FileFormat, Product, SpeedBook, encode};
 use crate::volume::Volume;
 
 /// Render a series to a file: a 2D-plus-depth frame, colour, or depth.
@@ -29,6 +29,7 @@ Examples:
   relief render --series chest --plane coronal --slab-mm 10 --slab-blend mip --layout color --out slab.png
   relief render --series head --preset bone --lights studio --shadows 0.8 --occlusion 0.7 --layout color --out lit.png
   relief render --series head --mode path-traced --passes 256 --layout color --out light.png
+  relief render --series chest --preset skin --budget-ms 100 --layout color --out quick.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -43,6 +44,10 @@ pub(super) struct Arguments {
     /// Where the depth alone goes: .png or .exr
     #[arg(long, value_name = "FILE", value_parser = parse_depth)]
     depth_out: Option<Output>,
+    /// How long the picture may take to render: fewer rays, samples or passes, and enlarged, if it would take longer. Two
+    /// very small pictures before it measure how fast this machine is
+    #[arg(long, value_name = "MS")]
+    budget_ms: Option<f64>,
     /// Print what was made as one JSON object
     #[arg(long)]
     json: bool,
@@ -84,14 +89,20 @@ fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, St
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, scene, adapter, out, depth_out, json } = arguments;
+    let Arguments { series, scene, adapter, out, depth_out, budget_ms, json } = arguments;
     // Before the long work: what is wrong with the arguments is known at once.
-    let scene_file = scene.read()?;
+    let mut scene_file = scene.read()?;
+    if let Some(ms) = budget_ms {
+        scene_file = scene_file.with_budget_ms(ms);
+    }
     check_outputs(&out, depth_out.as_ref())?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
-    let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
+    let mut scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
+    }
+    if let Some(ms) = scene.budget_ms {
+        scene.request = within_budget(&mut renderer, &loaded.volume, &scene.request, ms)?;
     }
     let frame = match scene.request.mode {
         Mode::PathTraced => render_passes(&mut renderer, &loaded.volume, &scene.request)?,
@@ -102,7 +113,27 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         let bytes = encode(&frame, &scene.display, product, output.format)?;
         write_whole(&output.path, &bytes)?;
     }
-    report(&renderer, &frame, &out.path, depth_out.as_ref().map(|out| out.path.as_path()), json)
+    let outputs = (out.path.as_path(), depth_out.as_ref().map(|out| out.path.as_path()));
+    report(&renderer, (&scene, &frame), outputs, json)
+}
+
+/// The request, reduced as far as a budget wants it by the speed of two very small pictures; the first one only compiles.
+fn within_budget(
+    renderer: &mut Renderer,
+    volume: &Volume,
+    request: &RenderRequest,
+    budget_ms: f64,
+) -> Result<RenderRequest, RenderError> {
+    let least = SpeedBook::least(request);
+    renderer.render(volume, &least)?;
+    let (hash, grid) = (volume.content_hash(), volume.grid());
+    // Another seed: paths that are there already take no time.
+    let mut measured = least;
+    measured.path_trace.seed ^= 1;
+    let ms = renderer.render(volume, &measured)?.timings.render_ms;
+    let mut speeds = SpeedBook::default();
+    speeds.record(hash, grid, &measured, measured.path_trace.passes, ms);
+    Ok(speeds.plan(hash, grid, request, budget_ms).request)
 }
 
 /// Renders pass by pass: a progress bar on a terminal, log lines at times elsewhere.
@@ -146,14 +177,14 @@ fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()>
 
 fn report(
     renderer: &Renderer,
-    frame: &RenderedFrame,
-    out: &Path,
-    depth_out: Option<&Path>,
+    (scene, frame): (&Scene, &RenderedFrame),
+    (out, depth_out): (&Path, Option<&Path>),
     json: bool,
 ) -> anyhow::Result<ExitCode> {
     let adapter = renderer.gpu().description();
+    let rays_px = scene.request.reduced_px.unwrap_or(frame.size_px);
     if json {
-        print_json(&serde_json::json!({
+        let mut made = serde_json::json!({
             "out": out,
             "depth_out": depth_out,
             "size_px": frame.size_px,
@@ -165,10 +196,23 @@ fn report(
             "upload_ms": frame.timings.upload_ms,
             "render_ms": frame.timings.render_ms,
             "overlay_ms": frame.timings.overlay_ms,
-        }))?;
+        });
+        if let Some(budget_ms) = scene.budget_ms {
+            made["budget_ms"] = budget_ms.into();
+            made["rays_px"] = rays_px.to_vec().into();
+            made["sample_distance_mm"] = scene.request.sample_distance_mm.into();
+            if scene.request.mode == Mode::PathTraced {
+                made["passes"] = scene.request.path_trace.passes.into();
+            }
+        }
+        print_json(&made)?;
     } else {
         let [width, height] = frame.size_px;
         say!("{}: {width}x{height} in {:.0} ms on {adapter}", out.display(), frame.timings.render_ms);
+        if scene.budget_ms.is_some() {
+            let [columns, rows] = rays_px;
+            say!("under a budget: {columns}x{rows} rays, samples of {} mm", scene.request.sample_distance_mm);
+        }
         if let Some(path) = depth_out {
             say!("{}: depth", path.display());
         }

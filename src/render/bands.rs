@@ -5,8 +5,8 @@
 
 use std::mem::offset_of;
 
+use super::error::RenderError;
 use super::pipelines::WORKGROUP_SIDE;
-use super::renderer::RenderError;
 use super::uniform::FrameUniform;
 use super::watch::Watch;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
@@ -19,22 +19,47 @@ pub(super) struct Band {
 }
 
 /// How a picture is cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bands {
     /// Pixels of a band, about; whole rows of tiles at least.
     pub(super) pixels: u32,
+    /// Samples that the rays of a band may take, about.
+    pub(super) samples: f64,
 }
 
 impl Bands {
     /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the cores, and wait for the
-    /// last one: bands of 1024 tiles cost nothing that can be measured.
+    /// last one: bands of 512 tiles a core cost nothing that can be measured. They take a core some 150 ms at most.
+    #[expect(clippy::cast_possible_truncation, reason = "no machine has 2^32 cores")]
     pub(super) fn of(kind: AdapterKind) -> Self {
-        Self { pixels: if kind == AdapterKind::Software { 1 << 16 } else { 1 << 22 } }
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        match kind {
+            AdapterKind::Software => {
+                Self { pixels: (1 << 15) * cores.min(128) as u32, samples: f64::from(1 << 24) * cores as f64 }
+            }
+            _ => Self { pixels: 1 << 22, samples: 1e10 },
+        }
+    }
+
+    /// Bands of so many pixels, whatever their rays take.
+    pub(super) fn of_pixels(pixels: u32) -> Self {
+        Self { pixels, samples: f64::INFINITY }
+    }
+
+    /// For rays that may take so many samples each.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates at what it is compared with"
+    )]
+    pub(super) fn for_rays(self, samples_of_ray: f64) -> Self {
+        let pixels = (self.samples / samples_of_ray.max(1.0)) as u32;
+        Self { pixels: self.pixels.min(pixels), ..self }
     }
 
     /// The bands of a picture, from the top.
     fn cut(self, [width, height]: [u32; 2]) -> impl Iterator<Item = Band> {
-        let tile_rows = (self.pixels / (width * WORKGROUP_SIDE)).max(1);
+        let tile_rows = (self.pixels / (width.max(1) * WORKGROUP_SIDE)).max(1);
         let rows = tile_rows.saturating_mul(WORKGROUP_SIDE).min(height.max(1));
         (0..height)
             .step_by(rows as usize)
@@ -121,7 +146,7 @@ mod tests {
             (1 << 16, [8192, 2048], (0..256).map(|i| i * 8).collect()),
             (u32::MAX, [1, 1], vec![0]),
         ] {
-            let bands: Vec<Band> = Bands { pixels }.cut(size_px).collect();
+            let bands: Vec<Band> = Bands::of_pixels(pixels).cut(size_px).collect();
             assert_eq!(
                 bands.iter().map(|band| band.first_row).collect::<Vec<_>>(),
                 first_rows,
@@ -130,5 +155,15 @@ mod tests {
             let rows: u32 = bands.iter().map(|band| band.rows).sum();
             assert_eq!(rows, size_px[1]);
         }
+    }
+
+    #[test]
+    fn long_rays_make_small_bands() {
+        let bands = Bands { pixels: 1 << 16, samples: 6.5e7 };
+        assert_eq!(bands.for_rays(100.0).pixels, 1 << 16);
+        assert_eq!(bands.for_rays(6500.0).pixels, 10_000);
+        assert_eq!(bands.for_rays(f64::INFINITY).pixels, 0);
+        assert_eq!(Bands::of_pixels(u32::MAX).for_rays(1e9).pixels, u32::MAX);
+        assert_eq!(bands.for_rays(f64::INFINITY).cut([960, 540]).count(), 68, "a row of tiles each");
     }
 }

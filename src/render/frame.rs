@@ -11,7 +11,7 @@ pub struct Timings {
     pub upload_ms: f64,
     /// Ray casting and read-back.
     pub render_ms: f64,
-    /// Drawing overlays; 0 where there are none.
+    /// Drawing overlays, and enlarging a reduced picture before; 0 where there is neither.
     pub overlay_ms: f64,
 }
 

@@ -9,6 +9,8 @@ mod bands;
 mod calibrate;
 mod classification;
 mod depth_rule;
+mod enlarge;
+mod error;
 mod frame;
 mod gradients;
 mod illumination;
@@ -31,6 +33,7 @@ mod upload;
 mod watch;
 
 pub use classification::Classification;
+pub use error::RenderError;
 pub use frame::{BackLayer, RenderedFrame, Timings};
 pub use illumination::{Illumination, Occlusion};
 pub use light::{Light, Placement};
@@ -38,7 +41,7 @@ pub use lighting::Lighting;
 pub use mode::{Mode, SlabBlend};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
-pub use renderer::{RenderError, Renderer, Skipping, depth_limits};
+pub use renderer::{Renderer, Skipping, depth_limits};
 pub use request::{Clip, ClipPlane, ClipSphere, DepthRule, RenderRequest, RequestError, Shading};
 pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,

@@ -4,6 +4,8 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::bands::{Bands, Dispatch};
+use super::enlarge::enlarged;
+use super::error::RenderError;
 use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::illumination::{self, Illumination, Illuminator};
 use super::letters;
@@ -18,67 +20,9 @@ use super::uniform::FrameUniform;
 use super::upload::VoxelFormat;
 use super::watch::{Progress, Watch};
 use crate::camera::Camera;
-use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
+use crate::gpu::{ErrorScope, Gpu, Readback};
 use crate::units::DepthLimits;
 use crate::volume::{ContentHash, Grid, Volume};
-
-/// Why a picture could not be rendered.
-#[derive(Debug, thiserror::Error)]
-pub enum RenderError {
-    /// The request is out of range.
-    #[error(transparent)]
-    Request(#[from] RequestError),
-    /// The volume exceeds the adapter's limit.
-    #[error(
-        "the volume has {dims:?} voxels, this adapter takes at most {limit} along a side; \
-         load it with --downsample {factor}"
-    )]
-    VolumeTooLarge {
-        /// Voxels along i, j, k.
-        dims: [usize; 3],
-        /// Most voxels along a side.
-        limit: usize,
-        /// The smallest factor that fits.
-        factor: usize,
-    },
-    /// The volume is larger than a texture of this adapter may be.
-    #[error(
-        "the volume has {dims:?} voxels and needs {needed} bytes, {available} are available in one texture of this adapter; \
-         load it with --downsample {factor}"
-    )]
-    VolumeOverTexture {
-        /// Voxels along i, j, k.
-        dims: [usize; 3],
-        /// Bytes of voxels.
-        needed: u64,
-        /// Bytes that a texture may have.
-        available: u64,
-        /// The smallest factor that fits.
-        factor: usize,
-    },
-    /// The volume needs more memory than volumes may take.
-    #[error(
-        "the volume has {dims:?} voxels and needs {needed} bytes of graphics memory, {available} are available; \
-         {}allow more with --gpu-memory",
-        factor.map_or_else(String::new, |factor| format!("load it with --downsample {factor}, or "))
-    )]
-    VolumeOverMemory {
-        /// Voxels along i, j, k.
-        dims: [usize; 3],
-        /// Bytes of the volume, lit without gradients, and of one appearance.
-        needed: u64,
-        /// Bytes that volumes may take.
-        available: u64,
-        /// The smallest factor that fits; `None` where none does.
-        factor: Option<usize>,
-    },
-    /// Whoever ordered the picture wants it no longer.
-    #[error("the picture is no longer wanted")]
-    Cancelled,
-    /// The GPU failed.
-    #[error(transparent)]
-    Gpu(#[from] GpuError),
-}
 
 /// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn it off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -180,9 +124,10 @@ impl Renderer {
     }
 
     /// Cuts pictures into bands of about so many pixels, whole rows of tiles at least; between bands a picture can be
-    /// cancelled. The bytes are the same whatever the bands. Software adapters have 2^16, others 2^22 unless told.
+    /// cancelled. The bytes are the same whatever the bands. Unless told, software adapters have 2^15 for each core, others
+    /// 2^22, and fewer where rays are long.
     pub fn set_band_pixels(&mut self, pixels: u32) {
-        self.bands = Bands { pixels };
+        self.bands = Bands::of_pixels(pixels);
     }
 
     /// Renders one picture.
@@ -245,10 +190,43 @@ impl Renderer {
         skipping: Skipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
+        request.validate_on(volume.grid())?;
+        let preparing = Instant::now();
+        let drawing = Drawing::new(request, volume.grid())?;
+        let preparing_ms = milliseconds(preparing);
+        let mut frame = match request.reduced_px {
+            None => self.rays(volume, request, skipping, watch)?,
+            Some(size_px) => {
+                let reduced = RenderRequest { size_px, reduced_px: None, ..request.clone() };
+                let frame = self.rays(volume, &reduced, skipping, watch)?;
+                let start = Instant::now();
+                let mut frame = enlarged(frame, request.size_px);
+                frame.timings.overlay_ms += milliseconds(start);
+                frame
+            }
+        };
+        if request.letters {
+            letters::burn(&mut frame);
+        }
+        if let Some(drawing) = drawing {
+            let drawn = Instant::now();
+            drawing.draw(&mut frame);
+            frame.timings.overlay_ms += preparing_ms + milliseconds(drawn);
+        }
+        Ok(frame)
+    }
+
+    /// The picture of the volume alone: nothing is drawn over it.
+    fn rays(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: Skipping,
+        watch: &mut Watch<'_>,
+    ) -> Result<RenderedFrame, RenderError> {
         if request.mode != Mode::PathTraced {
             return self.cast_frame(volume, request, skipping, watch);
         }
-        request.validate_on(volume.grid())?;
         // Its depth is that of the composite picture.
         let (lights, illumination) = (Vec::new(), Illumination::default());
         let cast = RenderRequest { mode: Mode::Composite, lights, illumination, ..request.clone() };
@@ -266,10 +244,6 @@ impl Renderer {
         skipping: Skipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
-        request.validate_on(volume.grid())?;
-        let preparing = Instant::now();
-        let drawing = Drawing::new(request, volume.grid())?;
-        let preparing_ms = milliseconds(preparing);
         let (start, upload_ms) = self.cast(volume, request, (skipping, Output::Depth), watch)?;
         let pixels = |bytes: &[u8]| bytemuck::cast_slice(bytes).to_vec();
         let mut color_rgba: Vec<[u8; 4]> = self.read(|target| &target.color, pixels)?;
@@ -280,7 +254,7 @@ impl Renderer {
             color_rgba: color_rgba.split_off(front_pixels),
             depth_mm: depth_mm.split_off(front_pixels),
         });
-        let mut frame = RenderedFrame {
+        Ok(RenderedFrame {
             size_px: request.size_px,
             color_rgba,
             depth_mm,
@@ -288,16 +262,7 @@ impl Renderer {
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),
             timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
-        };
-        if request.letters {
-            letters::burn(&mut frame);
-        }
-        if let Some(drawing) = drawing {
-            let drawn = Instant::now();
-            drawing.draw(&mut frame);
-            frame.timings.overlay_ms = preparing_ms + milliseconds(drawn);
-        }
-        Ok(frame)
+        })
     }
 
     /// How many volume samples the rays of a picture take, gradients and depth refinement left out.
@@ -425,7 +390,7 @@ impl Renderer {
         let dispatch = Dispatch {
             gpu: &self.gpu,
             size_px: request.size_px,
-            bands: self.bands,
+            bands: self.bands.for_rays(request.samples_of_ray(volume.grid())),
             uniform: &self.uniform,
             pipeline: &pipeline,
             groups: match request.mode {

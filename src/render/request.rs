@@ -98,6 +98,9 @@ pub struct RenderRequest {
     pub camera: Camera,
     /// Width and height in pixels.
     pub size_px: [u32; 2],
+    /// Fewer pixels, for which rays are cast in place of `size_px`; the picture is enlarged to that before overlays and
+    /// letters are drawn. For pictures under a budget of time.
+    pub reduced_px: Option<[u32; 2]>,
     /// How samples become a colour.
     pub mode: Mode,
     /// Colour and opacity of values.
@@ -157,6 +160,9 @@ impl RenderRequest {
     /// Most samples that the rays of a picture may take: minutes of a software adapter.
     pub const MAX_SAMPLES: f64 = 4e10;
 
+    /// Budgets of time that a picture may have, ms.
+    pub const BUDGET_MS: std::ops::RangeInclusive<f64> = 1.0..=60_000.0;
+
     /// Thickest slab of a slice, mm.
     pub const MAX_SLAB_MM: f64 = 1000.0;
 
@@ -177,6 +183,11 @@ impl RenderRequest {
             let [width, height] = self.size_px;
             let allowed = format!("at most {} pixels", Self::MAX_PIXELS);
             return Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed));
+        }
+        if let Some(reduced) = self.reduced_px {
+            for (side, most) in reduced.into_iter().zip(self.size_px) {
+                within("reduced_px", f64::from(side), 1.0, f64::from(most))?;
+            }
         }
         within("sample_distance_mm", self.sample_distance_mm, 0.01, 100.0)?;
         for (path, value) in [
@@ -227,17 +238,27 @@ impl RenderRequest {
     pub fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
         self.validate()?;
         let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
-        let across_mm = 2.0 * grid.bounding_radius_mm();
-        let longest_ray_mm = match self.mode {
-            Mode::Slice(_) => self.slab_mm.min(across_mm),
-            _ => across_mm,
-        };
+        let longest_ray_mm = self.longest_ray_mm(grid);
         let least_mm = pixels * longest_ray_mm / Self::MAX_SAMPLES;
         if self.sample_distance_mm < least_mm {
             let allowed = format!("at least {least_mm:.3} mm for a picture of this size");
             return Err(RequestError::new("sample_distance_mm", &self.sample_distance_mm, &allowed));
         }
         Ok(())
+    }
+
+    fn longest_ray_mm(&self, grid: &Grid) -> f64 {
+        let across_mm = 2.0 * grid.bounding_radius_mm();
+        match self.mode {
+            Mode::Slice(_) => self.slab_mm.min(across_mm),
+            _ => across_mm,
+        }
+    }
+
+    /// Most samples that a ray may take in a volume of this grid, gradients and depth refinement left out.
+    #[must_use]
+    pub fn samples_of_ray(&self, grid: &Grid) -> f64 {
+        self.longest_ray_mm(grid) / self.sample_distance_mm
     }
 
     /// Whether the picture has a second layer behind the first: rule `two-layer`, in the mode that has depth rules.

@@ -4,7 +4,7 @@
 //! tracer: their sizes are bounded by the request's. What a volume takes is known from its dimensions, so one that
 //! cannot fit is refused before anything is allocated for it.
 
-use super::renderer::RenderError;
+use super::error::RenderError;
 use super::request::RenderRequest;
 use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
 use crate::gpu::{AdapterKind, Gpu};

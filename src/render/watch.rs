@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::renderer::RenderError;
+use super::error::RenderError;
 
 /// How far a picture is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -11,6 +11,8 @@ pub struct Progress {
     pub bands: u64,
     /// Passes that are done, of mode path-traced; those that were there from before count.
     pub passes: u32,
+    /// Of those, the passes that were there from before.
+    pub continued: u32,
 }
 
 /// Follows one picture: counts what is done, and asks after every band whether to go on.
@@ -28,6 +30,11 @@ impl<'a> Watch<'a> {
     pub(super) fn band_done(&mut self) -> Result<(), RenderError> {
         self.progress.bands += 1;
         self.ask()
+    }
+
+    /// So many passes were there before anything was done.
+    pub(super) fn continues(&mut self, passes: u32) {
+        self.progress.continued = passes;
     }
 
     /// So many passes are done.

@@ -1,6 +1,6 @@
 //! Frames, depth and picks: from a scene in a query or a body to the picture, its depth or a point in it.
 //!
-//! The order of things: volume, media type, scene, then the `ETag`, and only then the render queue. Encoding runs on
+//! The order of things: volume, media type, scene, its budget of time, then the `ETag`, and only then the render queue. Encoding runs on
 //! blocking threads. A client that leaves drops its handler, and with it the order.
 
 use std::fmt::Debug;
@@ -21,6 +21,7 @@ use super::camera::camera_json;
 use super::guard::read_body;
 use super::negotiate::{knows_tag, negotiate};
 use super::problem::Problem;
+use super::quality::within_budget;
 use super::query::{Order, Query};
 use super::state::Server;
 use super::volumes::Entry;
@@ -174,14 +175,16 @@ fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem
 pub(super) async fn answer(
     server: &Server,
     entry: &Entry,
-    scene: Scene,
+    mut scene: Scene,
     headers: &HeaderMap,
     (method, product, media): (Method, Product, FileFormat),
 ) -> Result<Response, Problem> {
+    let quality = within_budget(server, entry, &mut scene);
     let tag = entity_tag(server, entry, &scene, &(product, media));
     let display = scene.display.clone();
     let job = move |frame: &RenderedFrame| encode(frame, &display, product, media);
-    answer_as(server, entry, &scene, headers, (method, media, &tag), job).await
+    let answered = answer_as(server, entry, &scene, headers, (method, media, &tag), job).await?;
+    Ok(quality.mark(answered))
 }
 
 /// As [`answer`], with the tag and the encoder of one's own.
@@ -239,8 +242,14 @@ async fn encode_apart(
     Ok((bytes.into(), since.elapsed().as_secs_f64() * 1e3))
 }
 
-async fn pick(server: &Server, entry: &Entry, scene: Scene, at: [f64; 2]) -> Result<Json<Value>, Problem> {
+async fn pick(
+    server: &Server,
+    entry: &Entry,
+    mut scene: Scene,
+    at: [f64; 2],
+) -> Result<Json<Value>, Problem> {
     let pixel = pixel_at(at, scene.request.size_px)?;
+    within_budget(server, entry, &mut scene);
     let frame = render(server, entry, &scene).await?.frame;
     let limits = scene.display.limits(frame.limits)?;
     let depth = frame.depth_at(pixel);

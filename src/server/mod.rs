@@ -34,6 +34,7 @@ mod negotiate;
 mod observe;
 mod page;
 mod problem;
+mod quality;
 mod query;
 mod state;
 mod thumbnail;

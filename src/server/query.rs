@@ -81,6 +81,7 @@ const PARAMETERS: &[Parameter] = &[
     key("occlusion", Kind::Number, "shading.occlusion.strength"),
     key("occlusion_radius_mm", Kind::Number, "shading.occlusion.radius_mm"),
     key("size_px", Kind::Whole(2), "size_px"),
+    key("budget_ms", Kind::Number, "budget_ms"),
     to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
     to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),
     to("zoom", Kind::Number, Target::Orbit(|orbit| &mut orbit.zoom)),

@@ -5,6 +5,7 @@
 //! be awaited anywhere or waited for. Camera and depth are those of `render`: patient mm and view depth in mm.
 
 mod backend;
+mod budget;
 mod cache;
 mod encode;
 mod glyphs;
@@ -19,6 +20,7 @@ use std::sync::Arc;
 use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
+pub use budget::{Planned, SpeedBook};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use service::{Counts, QueueConfig, RenderService};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, contact_sheet, thumbnail_scene};

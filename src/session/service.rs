@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use super::budget::{Planned, SpeedBook};
 use super::cache::{FrameCache, FrameKey};
 use super::ticket::{Promise, Ticket, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
@@ -54,6 +55,7 @@ struct Shared {
     cancelled: AtomicU64,
     bands: AtomicU64,
     memory: Mutex<MemoryUse>,
+    speeds: Mutex<SpeedBook>,
 }
 
 /// What has been done since the start.
@@ -100,6 +102,7 @@ impl RenderService {
             cancelled: AtomicU64::new(0),
             bands: AtomicU64::new(0),
             memory: Mutex::new(backend.memory()),
+            speeds: Mutex::default(),
         });
         let seen = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
@@ -140,9 +143,17 @@ impl RenderService {
         Ok(ticket)
     }
 
+    /// A request, reduced so that it can be expected to render within a budget (ms), by the speed of earlier pictures of
+    /// this volume and mode.
+    #[must_use]
+    pub fn plan(&self, volume: &Volume, request: &RenderRequest, budget_ms: f64) -> Planned {
+        lock(&self.shared.speeds).plan(volume.content_hash(), volume.grid(), request, budget_ms)
+    }
+
     /// Drops what is kept of a volume: its recent frames at once, what the backend has after the orders before.
     pub fn forget(&self, volume: ContentHash) {
         lock(&self.shared.recent).forget(volume);
+        lock(&self.shared.speeds).forget(volume);
         if let Some(sender) = lock(&self.queue).as_ref() {
             let _ = sender.send(Job::Forget(volume)); // a thread that has ended keeps nothing
         }
@@ -240,17 +251,23 @@ fn render(
     shared: &Shared,
 ) -> Result<RenderedFrame, ServiceError> {
     let is_healthy = &shared.is_healthy;
-    let mut counted = 0;
+    let mut last = Progress::default();
     let mut goes_on = |progress: Progress| {
-        shared.bands.fetch_add(progress.bands - counted, Ordering::Relaxed);
-        counted = progress.bands;
+        shared.bands.fetch_add(progress.bands - last.bands, Ordering::Relaxed);
+        last = progress;
         if order.promise.is_wanted() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
     let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
     // Before the answer: whoever has that may ask.
     *lock(&shared.memory) = backend.memory();
-    match outcome {
-        Ok(Ok(_)) => is_healthy.store(true, Ordering::Relaxed),
+    match &outcome {
+        Ok(Ok(frame)) => {
+            is_healthy.store(true, Ordering::Relaxed);
+            let FrameKey { volume, request } = &order.key;
+            let passes = last.passes.saturating_sub(last.continued);
+            let (grid, ms) = (order.volume.grid(), frame.timings.render_ms);
+            lock(&shared.speeds).record(*volume, grid, request, passes, ms);
+        }
         Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),
         Ok(Err(BackendError::Cancelled)) => {
             shared.cancelled.fetch_add(1, Ordering::Relaxed);

@@ -27,7 +27,9 @@ impl RenderBackend for Gated {
         for bands in 1.. {
             match self.go.recv_timeout(Duration::from_millis(1)) {
                 Ok(()) => break,
-                Err(RecvTimeoutError::Timeout) if goes_on(Progress { bands, passes: 0 }).is_break() => {
+                Err(RecvTimeoutError::Timeout)
+                    if goes_on(Progress { bands, ..Progress::default() }).is_break() =>
+                {
                     return Err(BackendError::Cancelled);
                 }
                 Err(RecvTimeoutError::Timeout) => {}

@@ -22,6 +22,7 @@ mod overlays;
 mod pathtrace;
 mod pre_integrated;
 mod projections;
+mod reduced;
 mod refusals;
 mod skipping;
 mod slices;

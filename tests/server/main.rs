@@ -4,6 +4,7 @@
 //! can be foreseen and every order of events arranged. No GPU is needed.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod budget;
 mod dicomweb;
 mod frames;
 mod operation;

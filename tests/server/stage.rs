@@ -68,7 +68,7 @@ impl Gate {
             let is_open = !*still;
             drop(still);
             assert!(is_open || bands < 10_000, "a test left the gate closed");
-            asked = goes_on(Progress { bands, passes: 0 });
+            asked = goes_on(Progress { bands, ..Progress::default() });
             if is_open || asked.is_break() {
                 break;
             }

@@ -5,7 +5,8 @@ use super::stage::Stage;
 use super::uniform::PathUniform;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::render::bands::{Bands, Dispatch};
-use crate::render::renderer::{RenderError, Skipping, depth_limits};
+use crate::render::error::RenderError;
+use crate::render::renderer::{Skipping, depth_limits};
 use crate::render::request::{RenderRequest, RequestError};
 use crate::render::uniform::FrameUniform;
 use crate::render::upload::{Appearance, VolumeOnGpu};
@@ -122,6 +123,7 @@ impl PathTracer {
             .unwrap_or(u32::MAX)
             .max(1);
         let wanted = request.path_trace.passes;
+        watch.continues(sums.passes);
         loop {
             // A picture that has all its passes is written out again: its settings may have come back.
             (uniform.first_pass, uniform.passes) = (sums.passes, at_once.min(wanted - sums.passes));

@@ -34,10 +34,11 @@ mod slice;
 
 use rayon::prelude::*;
 
+use super::error::RenderError;
 use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::letters;
 use super::overlay::Drawing;
-use super::renderer::{RenderError, depth_limits};
+use super::renderer::depth_limits;
 use super::request::RenderRequest;
 use crate::volume::Volume;
 

@@ -44,6 +44,9 @@ pub struct Scene {
     pub request: RenderRequest,
     /// What becomes of the picture.
     pub display: DisplaySettings,
+    /// How long the picture may take to render, ms; without one it is made as it is ordered. The request is reduced by whoever
+    /// knows how fast pictures are.
+    pub budget_ms: Option<f64>,
 }
 
 impl Scene {
@@ -71,6 +74,7 @@ impl Scene {
 pub struct SceneFile {
     camera: Option<CameraFile>,
     size_px: Option<[u32; 2]>,
+    budget_ms: Option<f64>,
     mode: Option<Mode>,
     slice: Option<SliceFile>,
     iso_hu: Option<f64>,
@@ -205,6 +209,12 @@ impl SceneFile {
         Self { size_px: Some(size_px), ..self }
     }
 
+    /// Replaces how long the picture may take to render, ms.
+    #[must_use]
+    pub fn with_budget_ms(self, budget_ms: f64) -> Self {
+        Self { budget_ms: Some(budget_ms), ..self }
+    }
+
     /// Leaves the size to the layout.
     #[must_use]
     pub fn with_size_of_layout(self) -> Self {
@@ -236,6 +246,7 @@ impl SceneFile {
     /// The first value out of range, with the key's path, the value and the allowed range.
     pub fn resolve(self, grid: &Grid, orbit: &Orbit) -> Result<Scene, SceneError> {
         self.display.validate()?;
+        expect_budget(self.budget_ms)?;
         let size_of_layout = self.display.encoder()?.render_size_px();
         let size_px = self.size_px.or(size_of_layout).unwrap_or([960, 540]);
         let is_slice = self.is_slice();
@@ -258,6 +269,7 @@ impl SceneFile {
         let request = RenderRequest {
             camera,
             size_px,
+            reduced_px: None,
             mode,
             surfaces: resolve_surfaces(mode, self.iso_hu, self.surfaces, &transfer)?,
             transfer,
@@ -277,7 +289,19 @@ impl SceneFile {
         };
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;
-        Ok(Scene { request, display: self.display })
+        Ok(Scene { request, display: self.display, budget_ms: self.budget_ms })
+    }
+}
+
+/// Refuses a budget that nothing can keep, and one that is none.
+fn expect_budget(budget_ms: Option<f64>) -> Result<(), RequestError> {
+    let range = RenderRequest::BUDGET_MS;
+    match budget_ms.filter(|ms| !range.contains(ms)) {
+        Some(ms) => {
+            let allowed = format!("{} to {} ms", range.start(), range.end());
+            Err(RequestError::new("budget_ms", &ms, &allowed))
+        }
+        None => Ok(()),
     }
 }
 
@@ -368,6 +392,7 @@ mod tests {
         for (json, parts) in [
             (r#"{"sise_px":[1,1]}"#.to_owned(), &["sise_px", "unknown field"][..]),
             (r#"{"sample_distance_mm":0}"#.to_owned(), &["sample_distance_mm is 0", "0.01 to 100"]),
+            (r#"{"budget_ms":0.5}"#.to_owned(), &["budget_ms is 0.5", "1 to 60000 ms"]),
             (r#"{"sample_distance_mm":1e999}"#.to_owned(), &["sample_distance_mm", "out of range"]),
             (r#"{"size_px":[0,5]}"#.to_owned(), &["size_px is 0", "1 to 8192"]),
             (r#"{"mode":"xray"}"#.to_owned(), &["mode", "xray", "composite", "mip"]),

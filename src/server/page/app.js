@@ -1,6 +1,6 @@
 // The page: wires controls, pointer and keyboard to a view, and draws what comes back.
 //
-// A change asks for a small picture at once and for a full one when things are still. Clicks ask for the patient
+// A change asks at once for a picture under a budget of time, and for a whole one when things are still. Clicks ask for the patient
 // position under them in the very picture that is shown.
 
 import { drawPicture } from "./draw.js";
@@ -62,7 +62,7 @@ const grid = new PresetGrid($("presets"), $("presets"), () => fetcher.isBusy);
 
 const volumePath = (part) => `/v1/volumes/${state.volume.id}/${part}`;
 
-/** Asks for the picture of the present state; while moving a small one, and a full one after a pause. */
+/** Asks for the picture of the present state; while moving one under a budget, and a whole one after a pause. */
 function refresh({ moving = false } = {}) {
   if (!state.volume) return;
   clearTimeout(stillTimer);
@@ -79,9 +79,10 @@ function frameOrder(moving) {
 function stageOrder(moving, passes = firstPasses(state, moving), before = 0) {
   const { clientWidth, clientHeight } = stage;
   const full = stillSize(clientWidth, clientHeight, Math.min(2, devicePixelRatio));
-  const size = moving ? full.map((side) => Math.max(16, Math.round(side * fetcher.scale))) : full;
   const kind = moving && state.view === "picture" ? "color" : "rgbd";
-  const query = stageQuery(state, size, kind, passes, moving);
+  // A lossless picture of full size takes longer to pack than to render.
+  const size = moving && kind === "rgbd" ? full.map((side) => Math.ceil(side / 2)) : full;
+  const query = stageQuery(state, size, kind, { passes, moving });
   const accept = kind === "color" ? "image/jpeg" : "image/png";
   return { url: `${volumePath("frame")}?${query}`, accept, kind, moving, query, size, passes, added: passes - before };
 }
@@ -109,8 +110,9 @@ function show(picture) {
   const ms = (value) => `${Math.round(value)} ms`;
   const rendered = render + upload > 0 ? `render ${ms(render + upload + overlay)}` : "render reused";
   const spent = [`queue ${ms(queue)}`, rendered, `encode ${ms(encode)}`, `in all ${ms(picture.totalMs)}`];
+  const rays = picture.quality?.reduced ? [`rays ${picture.quality.rays_px.join(" × ")}`] : [];
   const passes = picture.passes === undefined ? [] : [`${picture.passes} passes`];
-  $("timing").textContent = [`${width} × ${height}`, ...passes, ...spent].join(DOT);
+  $("timing").textContent = [`${width} × ${height}`, ...rays, ...passes, ...spent].join(DOT);
   refine(picture);
 }
 
@@ -163,6 +165,8 @@ async function pickAt([x, y]) {
   if (!shown?.query) return;
   const { query, size } = shown;
   const at = new URLSearchParams(query);
+  // Of a picture under a budget the whole one is asked: it is on its way already.
+  at.delete("budget_ms");
   at.set("u", Math.min(size[0] - 0.01, x * size[0]).toFixed(2));
   at.set("v", Math.min(size[1] - 0.01, y * size[1]).toFixed(2));
   try {

@@ -12,8 +12,8 @@ export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1.4 });
 /** Pixels of a still picture at most: more costs a software renderer seconds. */
 const STILL_PIXELS = 1_000_000;
 
-/** While moving, pictures shrink until a render takes about this long. */
-const MOVING_MS = 90;
+/** How long the server may render a picture while things move: it casts fewer rays then. */
+const MOVING_MS = 80;
 
 /** Passes of a path-traced picture: while moving, when it comes to rest, and at most; and how long adding some may take. */
 const MOVING_PASSES = 1;
@@ -64,12 +64,12 @@ export function lookQuery(state, aspect, moving = false) {
 
 /**
  * Query of a picture that fills the stage. The server fits a volume to a picture's height; a picture that is taller
- * than wide has to stand back for it.
+ * than wide has to stand back for it. While moving, it has a budget.
  */
-export function stageQuery(state, [width, height], layout, passes, moving) {
+export function stageQuery(state, [width, height], layout, { passes, moving = false } = {}) {
   const zoom = state.slice.plane ? {} : { zoom: round(state.pose.zoom * Math.min(1, width / height), 4) };
   const look = { ...lookQuery(state, width / height, moving), ...zoom };
-  const query = { ...look, size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
+  const query = { ...look, ...budget(moving), size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
   return new URLSearchParams(passes === undefined ? query : { ...query, passes });
 }
 
@@ -90,10 +90,12 @@ export function morePasses({ passes, added, moving, spent }) {
   return Math.min(MOST_PASSES, passes + more);
 }
 
-/** Query of the frame that a display gets. */
-export function frameQuery(state, moving) {
+const budget = (moving) => (moving ? { budget_ms: MOVING_MS } : {});
+
+/** Query of the frame that a display gets; with a budget while moving. */
+export function frameQuery(state, moving = false) {
   // Every layout that is a frame has pictures of 16:9.
-  const query = { ...lookQuery(state, 16 / 9, moving), layout: state.layout };
+  const query = { ...lookQuery(state, 16 / 9, moving), ...budget(moving), layout: state.layout };
   if (!state.slice.plane) query.zoom = round(state.pose.zoom, 4);
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;
@@ -144,21 +146,15 @@ function decode(blob) {
 
 /**
  * Fetches the newest picture wanted: at most one is on its way, and of those asked for meanwhile only the last is
- * kept. While moving, sizes adapt to the renderer's speed.
+ * kept. One that was to be whole is broken off when another is wanted, and the server ends it.
  */
 export class Fetcher {
   #wanted = null;
   #running = null;
-  #scale = 0.5;
 
   /** `show` gets each picture with its order; `fail` an error, or null when things work again. */
   constructor(show, fail, busy) {
     Object.assign(this, { show, fail, busy });
-  }
-
-  /** How much smaller moving pictures are than still ones. */
-  get scale() {
-    return this.#scale;
   }
 
   /** Whether a picture is on its way. */
@@ -204,15 +200,8 @@ export class Fetcher {
     const bitmap = await decode(await answer.blob());
     const spent = timings(answer.headers.get("Server-Timing"));
     const camera = JSON.parse(answer.headers.get("Relief-Camera") ?? "null");
-    this.#adapt(order, spent);
-    this.show({ ...order, bitmap, camera, spent, totalMs: performance.now() - since });
-  }
-
-  /** Moves the scale towards the one at which a render takes [`MOVING_MS`]. */
-  #adapt(order, spent) {
-    if (!order.moving || !spent.render) return;
-    const ideal = this.#scale * Math.sqrt(MOVING_MS / Math.max(1, spent.render));
-    this.#scale = clamp(this.#scale + 0.5 * (ideal - this.#scale), 0.2, 1);
+    const quality = JSON.parse(answer.headers.get("Relief-Quality") ?? "null");
+    this.show({ ...order, bitmap, camera, spent, quality, totalMs: performance.now() - since });
   }
 
   /** Asks again, ever later and not for ever, when the error says that it will pass. A newer order goes first. */

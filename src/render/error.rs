@@ -1,0 +1,62 @@
+//! Why there is no picture: what was wrong with the request or the volume, or that the adapter failed.
+
+use super::request::RequestError;
+use crate::gpu::GpuError;
+
+/// Why a picture could not be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The request is out of range.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// The volume exceeds the adapter's limit.
+    #[error(
+        "the volume has {dims:?} voxels, this adapter takes at most {limit} along a side; \
+         load it with --downsample {factor}"
+    )]
+    VolumeTooLarge {
+        /// Voxels along i, j, k.
+        dims: [usize; 3],
+        /// Most voxels along a side.
+        limit: usize,
+        /// The smallest factor that fits.
+        factor: usize,
+    },
+    /// The volume is larger than a texture of this adapter may be.
+    #[error(
+        "the volume has {dims:?} voxels and needs {needed} bytes, {available} are available in one texture of this adapter; \
+         load it with --downsample {factor}"
+    )]
+    VolumeOverTexture {
+        /// Voxels along i, j, k.
+        dims: [usize; 3],
+        /// Bytes of voxels.
+        needed: u64,
+        /// Bytes that a texture may have.
+        available: u64,
+        /// The smallest factor that fits.
+        factor: usize,
+    },
+    /// The volume needs more memory than volumes may take.
+    #[error(
+        "the volume has {dims:?} voxels and needs {needed} bytes of graphics memory, {available} are available; \
+         {}allow more with --gpu-memory",
+        factor.map_or_else(String::new, |factor| format!("load it with --downsample {factor}, or "))
+    )]
+    VolumeOverMemory {
+        /// Voxels along i, j, k.
+        dims: [usize; 3],
+        /// Bytes of the volume, lit without gradients, and of one appearance.
+        needed: u64,
+        /// Bytes that volumes may take.
+        available: u64,
+        /// The smallest factor that fits; `None` where none does.
+        factor: Option<usize>,
+    },
+    /// Whoever ordered the picture wants it no longer.
+    #[error("the picture is no longer wanted")]
+    Cancelled,
+    /// The GPU failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}

@@ -1,0 +1,47 @@
+//! Pictures under a budget of time: reduced by what is known of the renderer's speed, and marked with what was used.
+
+use axum::http::{HeaderName, HeaderValue, header};
+use axum::response::Response;
+use serde_json::json;
+
+use super::state::Server;
+use super::volumes::Entry;
+use crate::render::{Mode, Scene};
+
+static RELIEF_QUALITY: HeaderName = HeaderName::from_static("relief-quality");
+
+/// What was done for a budget; nothing where there was none.
+#[derive(Debug)]
+pub(super) struct Quality(Option<HeaderValue>);
+
+/// Reduces a scene that has a budget as far as it must be, so that equal answers have equal scenes, and equal tags.
+pub(super) fn within_budget(server: &Server, entry: &Entry, scene: &mut Scene) -> Quality {
+    let Some(budget_ms) = scene.budget_ms else { return Quality(None) };
+    let planned = server.service.plan(&entry.volume, &scene.request, budget_ms);
+    scene.request = planned.request;
+    let request = &scene.request;
+    let mut used = json!({
+        "budget_ms": budget_ms,
+        "expected_ms": (planned.expected_ms * 100.0).round() / 100.0,
+        "reduced": planned.is_reduced,
+        "rays_px": request.reduced_px.unwrap_or(request.size_px),
+        "sample_distance_mm": request.sample_distance_mm,
+    });
+    if request.mode == Mode::PathTraced {
+        used["passes"] = json!(request.path_trace.passes);
+    }
+    Quality(HeaderValue::from_str(&used.to_string()).ok())
+}
+
+impl Quality {
+    /// Adds the header. The next picture of the same address may be a better one, so that this one is asked for anew each
+    /// time; its tag still saves the bytes.
+    pub(super) fn mark(self, mut response: Response) -> Response {
+        if let Some(used) = self.0 {
+            let headers = response.headers_mut();
+            headers.insert(&RELIEF_QUALITY, used);
+            headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+        }
+        response
+    }
+}
