@@ -243,7 +243,9 @@ fn of_three_series_under_a_budget_for_two_one_is_evicted() {
     }
     let folder = tempfile::tempdir().unwrap();
     let mut arguments: Vec<String> =
-        ["serve", "--listen", "127.0.0.1:0", "--gpu-memory", "800kB"].map(str::to_owned).into();
+        ["serve", "--listen", "127.0.0.1:0", "--gpu-memory", "800kB", "--memory", "140kB"]
+            .map(str::to_owned)
+            .into();
     for kind in ["sphere", "slab", "ramp"] {
         let series = folder.path().join(kind).to_str().unwrap().to_owned();
         let made = relief(&["phantom", "--kind", kind, "--size", "32", "--out", &series]).output().unwrap();
@@ -271,5 +273,8 @@ fn of_three_series_under_a_budget_for_two_one_is_evicted() {
     assert_eq!(show(ids[1], 10), [2, 3, 1], "the second is still there");
     assert_eq!(show(ids[0], 10), [2, 4, 2], "the first had gone, and now the third goes");
     assert_eq!(metric(&running, "relief_gpu_memory_limit_bytes"), 800_000);
+    // Of the machine's own memory two volumes may have 65536 bytes each: all but the fourth picture had its series read.
+    assert_eq!(metric(&running, "relief_series_reads_total"), 4);
+    assert!(metric(&running, "relief_memory_bytes") <= 140_000);
     assert_eq!(running.stop("-TERM").0, Some(0));
 }

@@ -12,6 +12,7 @@ use anyhow::Context;
 use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
+use super::memory::parse_bytes;
 use super::output::say;
 use super::source::{self, SeriesOptions};
 use crate::dicom::{self, LoadLimits, Strictness};
@@ -47,6 +48,9 @@ pub(super) struct Arguments {
     uploads: Uploads,
     #[command(flatten)]
     adapter: AdapterArguments,
+    /// Memory for voxels of all volumes, such as 8GiB; series that are not shown are read again when they are
+    #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = parse_bytes)]
+    memory: u64,
     /// Orders that may wait while one renders; more are answered with 503
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=4096))]
     queue: u16,
@@ -119,16 +123,35 @@ fn load_behind(
     let (report, failed) = oneshot::channel();
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
         for path in paths {
-            match source::load_after(&path, &options, |dims| Ok(limits.plan(dims)?)) {
-                Ok((loaded, _)) => server.add_volume(served(loaded)),
-                Err(error) => {
-                    let _ = report.send(error.context(format!("cannot serve {}", path.display())));
-                    return;
-                }
+            if let Err(error) = load_one(&path, &options, limits, &server) {
+                let _ = report.send(error.context(format!("cannot serve {}", path.display())));
+                return;
             }
         }
     })?;
     Ok(failed)
+}
+
+/// Loads a series, with room made before and a way to read it again.
+fn load_one(
+    path: &Path,
+    options: &SeriesOptions,
+    limits: VolumeLimits,
+    server: &Server,
+) -> anyhow::Result<()> {
+    let (loaded, _) = source::load_after(path, options, |dims| {
+        limits.plan(dims)?;
+        let bytes = dims.iter().fold(size_of::<i16>() as u64, |bytes, &n| bytes.saturating_mul(n as u64));
+        Ok(server.make_room(bytes)?)
+    })?;
+    let (path, options) = (path.to_owned(), options.clone());
+    let read = move || {
+        // What failed may name files, and those patients: not for the log.
+        let again = source::load(&path, &options).map_err(|_| "its files cannot be read any more".to_owned());
+        again.map(|loaded| loaded.volume)
+    };
+    server.add_series(served(loaded), Arc::new(read))?;
+    Ok(())
 }
 
 fn served(loaded: dicom::Loaded) -> LoadedVolume {
@@ -145,6 +168,7 @@ fn config(arguments: &Arguments, adapter: &str) -> Config {
         adapter: adapter.to_owned(),
         allowed_hosts: (loopback || !arguments.allow_host.is_empty()).then(|| hosts.collect()),
         uploads: uploads.then(UploadLimits::default),
+        memory_bytes: arguments.memory,
         ..Config::default()
     }
 }

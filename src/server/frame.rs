@@ -23,6 +23,7 @@ use super::negotiate::{knows_tag, negotiate};
 use super::problem::Problem;
 use super::quality::within_budget;
 use super::query::{Order, Query};
+use super::resident::with_voxels;
 use super::state::Server;
 use super::volumes::Entry;
 use crate::render::{RenderedFrame, RequestError, Scene, depth_limits};
@@ -75,7 +76,7 @@ pub(super) async fn get_pick(
     let mut query = Query::of(&uri)?;
     let at = [query.take_number("u")?, query.take_number("v")?];
     let picked = async {
-        let scene = resolve(Order::from_query(&query, entry.volume.grid())?, &entry, SizeRule::Any)?;
+        let scene = resolve(Order::from_query(&query, &entry.grid)?, &entry, SizeRule::Any)?;
         pick(&server, &entry, scene, at).await
     };
     picked.await.map_err(|problem| query.blame(problem))
@@ -117,7 +118,7 @@ async fn answer_query(
     (product, media): (Product, FileFormat),
 ) -> Result<Response, Problem> {
     let answered = async {
-        let order = Order::from_query(query, entry.volume.grid())?;
+        let order = Order::from_query(query, &entry.grid)?;
         let scene = resolve(order, entry, SizeRule::of(product, media))?;
         answer(server, entry, scene, headers, (Method::GET, product, media)).await
     };
@@ -163,11 +164,11 @@ impl SizeRule {
 /// The complete scene. A size that contradicts the layout is refused where the answer has that layout, and a depth
 /// limit that contradicts the volume's always: nothing is rendered for what cannot be answered.
 fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem> {
-    let scene = order.file.resolve(entry.volume.grid(), &order.orbit)?;
+    let scene = order.file.resolve(&entry.grid, &order.orbit)?;
     if rule == SizeRule::OfLayout {
         scene.expect_size_of_layout()?;
     }
-    scene.display.limits(depth_limits(&scene.request.camera, entry.volume.grid()))?;
+    scene.display.limits(depth_limits(&scene.request.camera, &entry.grid))?;
     Ok(scene)
 }
 
@@ -213,7 +214,9 @@ pub(super) async fn answer_as(
 }
 
 async fn render(server: &Server, entry: &Entry, scene: &Scene) -> Result<Rendered, Problem> {
-    let ticket = server.service.render(&entry.volume, scene.request.clone());
+    let volume = with_voxels(server, entry).await?;
+    let ticket = server.service.render(&volume, scene.request.clone());
+    drop(volume); // the order has its own
     let outcome = match ticket {
         Ok(ticket) => ticket.await,
         Err(refused) => Err(refused),
@@ -221,7 +224,7 @@ async fn render(server: &Server, entry: &Entry, scene: &Scene) -> Result<Rendere
     server.metrics.rendered(&outcome);
     if !server.volumes.has(entry) {
         // Removed since it was found: the frame must not outlive it.
-        server.service.forget(entry.volume.content_hash());
+        server.service.forget(entry.hash);
     }
     Ok(outcome?)
 }
@@ -289,7 +292,7 @@ fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
 /// `form` is how the picture is written.
 pub(super) fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, form: &impl Debug) -> String {
     let order = format!("{}\n{scene:?}\n{form:?}", server.config.identity);
-    let hash = Sha256::new().chain_update(entry.volume.content_hash().0).chain_update(order).finalize();
+    let hash = Sha256::new().chain_update(entry.hash.0).chain_update(order).finalize();
     let digits: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
     // Weak: another adapter of the same name may round a pixel another way.
     format!("W/\"{digits}\"")

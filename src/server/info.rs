@@ -66,6 +66,7 @@ pub(super) async fn metrics(State(server): State<Arc<Server>>) -> impl IntoRespo
         waiting: server.service.waiting(),
         counts: server.service.counts(),
         memory: server.service.memory(),
+        host: server.volumes.memory(),
         volumes: server.volumes.count().0,
         ready: readiness(&server).is_ok(),
         uptime: server.started.elapsed(),

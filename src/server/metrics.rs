@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use super::resident::HostMemory;
 use crate::render::MemoryUse;
 use crate::session::{Counts, Origin, Rendered, ServiceError};
 
@@ -29,6 +30,7 @@ pub(super) struct Gauges {
     pub(super) waiting: usize,
     pub(super) counts: Counts,
     pub(super) memory: MemoryUse,
+    pub(super) host: HostMemory,
     pub(super) volumes: usize,
     pub(super) ready: bool,
     pub(super) uptime: Duration,
@@ -136,6 +138,18 @@ impl Metrics {
             ),
             counter("relief_gpu_uploads_total", "Volumes that went into graphics memory.", uploads as f64),
             counter("relief_gpu_evictions_total", "Volumes that left it for others.", evictions as f64),
+            gauge("relief_memory_bytes", "Memory that voxels take.", gauges.host.used_bytes as f64),
+            gauge(
+                "relief_memory_limit_bytes",
+                "Memory that voxels may take.",
+                gauges.host.limit_bytes as f64,
+            ),
+            counter(
+                "relief_memory_evictions_total",
+                "Series that left memory.",
+                gauges.host.evictions as f64,
+            ),
+            counter("relief_series_reads_total", "Series that were read again.", gauges.host.reads as f64),
             gauge("relief_ready", "1 when frames can be rendered.", ready),
             gauge("relief_uptime_seconds", "Time since the start.", gauges.uptime.as_secs_f64()),
         ]

@@ -36,6 +36,7 @@ mod page;
 mod problem;
 mod quality;
 mod query;
+mod resident;
 mod state;
 mod thumbnail;
 mod upload;
@@ -54,6 +55,7 @@ use crate::session::Product;
 use problem::Problem;
 
 pub use listen::{ConnectionLimits, Drained, serve};
+pub use resident::{NoRoom, VolumeReader};
 pub use state::{Config, Server, UploadLimits, VolumeLoader};
 pub use volumes::LoadedVolume;
 

@@ -17,7 +17,7 @@ pub(super) struct Quality(Option<HeaderValue>);
 /// Reduces a scene that has a budget as far as it must be, so that equal answers have equal scenes, and equal tags.
 pub(super) fn within_budget(server: &Server, entry: &Entry, scene: &mut Scene) -> Quality {
     let Some(budget_ms) = scene.budget_ms else { return Quality(None) };
-    let planned = server.service.plan(&entry.volume, &scene.request, budget_ms);
+    let planned = server.service.plan(entry.hash, &entry.grid, &scene.request, budget_ms);
     scene.request = planned.request;
     let request = &scene.request;
     let mut used = json!({

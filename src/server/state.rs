@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
 
 use super::metrics::Metrics;
+use super::resident::{NoRoom, VolumeReader};
 use super::volumes::{LoadedVolume, Volumes};
 use crate::session::RenderService;
 
@@ -29,6 +30,9 @@ pub struct Config {
     pub body_timeout: Duration,
     /// Limits of uploads; `None` refuses them.
     pub uploads: Option<UploadLimits>,
+    /// Most bytes of voxels in memory, of all volumes together; orders that wait keep theirs beside. Of the series that can
+    /// be read again the least recently shown goes first.
+    pub memory_bytes: u64,
 }
 
 /// How much may be uploaded.
@@ -54,6 +58,7 @@ impl Default for Config {
             request_timeout: Duration::from_secs(60),
             body_timeout: Duration::from_secs(15),
             uploads: Some(UploadLimits::default()),
+            memory_bytes: 16 << 30,
         }
     }
 }
@@ -75,6 +80,8 @@ pub struct Server {
     pub(super) encoders: Arc<Semaphore>,
     /// The place of an upload at work: one at a time.
     pub(super) upload: Arc<Semaphore>,
+    /// The place of a series that is read again: one at a time, or each would make room for itself alone.
+    pub(super) reading: Arc<Semaphore>,
     pub(super) started: Instant,
 }
 
@@ -84,14 +91,15 @@ impl Server {
     pub fn new(service: Arc<RenderService>, loader: VolumeLoader, config: Config) -> Self {
         let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
         Self {
-            config,
             service,
-            volumes: Volumes::default(),
+            volumes: Volumes::within(config.memory_bytes),
+            reading: Arc::new(Semaphore::new(1)),
             metrics: Metrics::default(),
             loader,
             encoders: Arc::new(Semaphore::new(cores)),
             upload: Arc::new(Semaphore::new(1)),
             started: Instant::now(),
+            config,
         }
     }
 
@@ -100,9 +108,28 @@ impl Server {
         self.volumes.expect(count);
     }
 
-    /// Adds a volume of the operator's own; it cannot be removed over HTTP.
+    /// Adds a volume of the operator's own; it cannot be removed over HTTP, and its voxels stay.
+    ///
+    /// # Panics
+    /// When there is no room for it, which only [`Server::add_series`] expects.
     pub fn add_volume(&self, loaded: LoadedVolume) {
-        self.volumes.add_own(loaded);
+        self.volumes.add_own(loaded, None).expect("room for a volume that stays");
+    }
+
+    /// Adds a series of the operator's own, whose voxels may go when others need the room: `reader` reads them again.
+    ///
+    /// # Errors
+    /// When there is no room for it even without all that can go.
+    pub fn add_series(&self, loaded: LoadedVolume, reader: VolumeReader) -> Result<(), NoRoom> {
+        self.volumes.add_own(loaded, Some(reader))
+    }
+
+    /// Lets voxels go until so many bytes have room: before a series is read.
+    ///
+    /// # Errors
+    /// When there is no room even without all that can go.
+    pub fn make_room(&self, bytes: u64) -> Result<(), NoRoom> {
+        self.volumes.make_room(bytes)
     }
 }
 

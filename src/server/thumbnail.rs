@@ -29,7 +29,7 @@ pub(super) async fn thumbnail(
     let preset = preset(&name).ok_or_else(unknown)?;
     let media = negotiate(&headers, &FORMATS)?;
     Query::of(&uri)?.expect_empty()?;
-    let scene = thumbnail_scene(preset, entry.volume.grid(), THUMBNAIL_SIZE_PX)?;
+    let scene = thumbnail_scene(preset, &entry.grid, THUMBNAIL_SIZE_PX)?;
     answer(&server, &entry, scene, &headers, (Method::GET, Product::Frame, media)).await
 }
 

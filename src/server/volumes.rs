@@ -10,9 +10,10 @@ use axum::http::StatusCode;
 use serde_json::{Value, json};
 
 use super::problem::Problem;
+use super::resident::{HostMemory, NoRoom, Residents, VolumeReader, Voxels};
 use super::state::{Server, UploadLimits};
 use crate::dicom::SeriesIdentity;
-use crate::volume::Volume;
+use crate::volume::{ContentHash, Grid, Volume};
 
 /// A volume and how many warnings its reading gave.
 #[derive(Clone, Debug)]
@@ -35,7 +36,10 @@ enum Owner {
 #[derive(Debug)]
 pub(super) struct Entry {
     pub(super) id: String,
-    pub(super) volume: Volume,
+    pub(super) grid: Grid,
+    pub(super) hash: ContentHash,
+    pub(super) voxels: Voxels,
+    range_hu: (i16, i16),
     warnings: usize,
     owner: Owner,
     identity: Option<SeriesIdentity>,
@@ -49,8 +53,11 @@ pub(super) enum Added {
 }
 
 /// All volumes, in the order of their arrival.
-#[derive(Debug, Default)]
-pub(super) struct Volumes(RwLock<Inner>);
+#[derive(Debug)]
+pub(super) struct Volumes {
+    inner: RwLock<Inner>,
+    residents: Residents,
+}
 
 #[derive(Debug, Default)]
 struct Inner {
@@ -70,29 +77,33 @@ pub(super) enum AddError {
     )]
     Bytes {
         /// Bytes of the new volume.
-        needed: usize,
+        needed: u64,
         /// Bytes left of those allowed.
-        free: usize,
+        free: u64,
         /// Bytes allowed.
-        allowed: usize,
+        allowed: u64,
     },
+    /// The voxels of all volumes would need more memory than allowed.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
 }
 
 impl Entry {
-    fn new(loaded: LoadedVolume, owner: Owner) -> Arc<Self> {
-        let id = loaded.volume.content_hash().short();
+    fn new(loaded: LoadedVolume, owner: Owner, reader: Option<VolumeReader>) -> Arc<Self> {
         let LoadedVolume { volume, warnings, identity } = loaded;
-        Arc::new(Self { id, volume, warnings, owner, identity })
+        let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
+        let voxels = Voxels::new(volume, reader);
+        Arc::new(Self { id: hash.short(), grid, hash, voxels, range_hu, warnings, owner, identity })
     }
 
-    fn voxel_bytes(&self) -> usize {
-        size_of_val(self.volume.voxels_hu())
+    pub(super) fn voxel_bytes(&self) -> u64 {
+        (self.grid.voxel_count() * size_of::<i16>()) as u64
     }
 
     /// What clients learn of a volume.
     pub(super) fn describe(&self) -> Value {
-        let grid = self.volume.grid();
-        let (low, high) = self.volume.range_hu();
+        let grid = &self.grid;
+        let (low, high) = self.range_hu;
         let bounds = grid.bounds();
         json!({
             "id": self.id,
@@ -112,16 +123,37 @@ impl Entry {
 }
 
 impl Volumes {
+    /// None yet; their voxels together may take so many bytes.
+    pub(super) fn within(limit_bytes: u64) -> Self {
+        Self { inner: RwLock::default(), residents: Residents::new(limit_bytes) }
+    }
+
+    pub(super) fn residents(&self) -> &Residents {
+        &self.residents
+    }
+
+    /// Lets voxels go that can be read again until so many bytes have room, the least recently shown first.
+    pub(super) fn make_room(&self, bytes: u64) -> Result<(), NoRoom> {
+        self.residents.make_room(&self.read().entries, bytes)
+    }
+
+    pub(super) fn memory(&self) -> HostMemory {
+        self.residents.memory(&self.read().entries)
+    }
+
     pub(super) fn expect(&self, count: usize) {
         self.write().expected += count;
     }
 
-    pub(super) fn add_own(&self, loaded: LoadedVolume) {
-        let entry = Entry::new(loaded, Owner::Operator); // hashes the voxels: not under the lock
+    pub(super) fn add_own(&self, loaded: LoadedVolume, reader: Option<VolumeReader>) -> Result<(), NoRoom> {
+        let entry = Entry::new(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
         let mut inner = self.write();
-        inner.expected = inner.expected.saturating_sub(1);
         inner.entries.retain(|known| known.id != entry.id);
+        self.residents.make_room(&inner.entries, entry.voxel_bytes())?;
+        inner.expected = inner.expected.saturating_sub(1);
+        self.residents.touch(&entry.voxels);
         inner.entries.push(entry);
+        Ok(())
     }
 
     /// Adds an upload, or finds it here already.
@@ -130,21 +162,23 @@ impl Volumes {
         loaded: LoadedVolume,
         limits: UploadLimits,
     ) -> Result<(Arc<Entry>, Added), AddError> {
-        let entry = Entry::new(loaded, Owner::Upload);
+        let entry = Entry::new(loaded, Owner::Upload, None);
         let mut inner = self.write();
         if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
             return Ok((Arc::clone(known), Added::Known));
         }
         let uploads = inner.entries.iter().filter(|known| known.owner == Owner::Upload);
-        let (count, bytes) = uploads.fold((0, 0), |(n, bytes), known| (n + 1, bytes + known.voxel_bytes()));
+        let (count, bytes) =
+            uploads.fold((0, 0u64), |(n, bytes), known| (n + 1, bytes + known.voxel_bytes()));
         if count >= limits.volumes {
             return Err(AddError::Count(count));
         }
-        let (needed, allowed) = (entry.voxel_bytes(), limits.voxel_bytes);
+        let (needed, allowed) = (entry.voxel_bytes(), limits.voxel_bytes as u64);
         let free = allowed.saturating_sub(bytes);
         if needed > free {
             return Err(AddError::Bytes { needed, free, allowed });
         }
+        self.residents.make_room(&inner.entries, needed)?;
         inner.entries.push(Arc::clone(&entry));
         Ok((entry, Added::New))
     }
@@ -191,11 +225,11 @@ impl Volumes {
 
     /// Entries are whole between statements, so a panic elsewhere leaves them usable.
     fn read(&self) -> RwLockReadGuard<'_, Inner> {
-        self.0.read().unwrap_or_else(PoisonError::into_inner)
+        self.inner.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn write(&self) -> RwLockWriteGuard<'_, Inner> {
-        self.0.write().unwrap_or_else(PoisonError::into_inner)
+        self.inner.write().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -222,6 +256,6 @@ pub(super) async fn remove(
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
     let removed = server.volumes.remove(&id)?;
-    server.service.forget(removed.volume.content_hash());
+    server.service.forget(removed.hash);
     Ok(StatusCode::NO_CONTENT)
 }

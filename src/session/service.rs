@@ -18,7 +18,7 @@ use super::cache::{FrameCache, FrameKey};
 use super::ticket::{Promise, Ticket, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
 use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
-use crate::volume::{ContentHash, Volume};
+use crate::volume::{ContentHash, Grid, Volume};
 
 /// How much a service keeps.
 #[derive(Clone, Copy, Debug)]
@@ -146,8 +146,8 @@ impl RenderService {
     /// A request, reduced so that it can be expected to render within a budget (ms), by the speed of earlier pictures of
     /// this volume and mode.
     #[must_use]
-    pub fn plan(&self, volume: &Volume, request: &RenderRequest, budget_ms: f64) -> Planned {
-        lock(&self.shared.speeds).plan(volume.content_hash(), volume.grid(), request, budget_ms)
+    pub fn plan(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest, budget_ms: f64) -> Planned {
+        lock(&self.shared.speeds).plan(volume, grid, request, budget_ms)
     }
 
     /// Drops what is kept of a volume: its recent frames at once, what the backend has after the orders before.

@@ -7,6 +7,7 @@
 mod budget;
 mod dicomweb;
 mod frames;
+mod memory;
 mod operation;
 mod problems;
 mod slices;

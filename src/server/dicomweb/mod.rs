@@ -65,7 +65,7 @@ async fn rendered(
     let entry = server.volumes.find_series(study, series)?;
     let parameters = Parameters::of(uri, reformat)?;
     let accept = parameters.accept(headers)?;
-    let Rendering { scene, module } = rendering(&parameters, reformat, entry.volume.grid())?;
+    let Rendering { scene, module } = rendering(&parameters, reformat, &entry.grid)?;
     if parameters.metadata {
         return metadata(&accept, &module.to_string());
     }
