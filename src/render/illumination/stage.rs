@@ -13,13 +13,14 @@ use crate::render::upload::VoxelFormat;
 pub(super) const CELLS_SIDE: u32 = 4;
 
 /// The stage's sources, in the order in which they are joined.
-pub(super) fn illuminate_sources(table: TableStorage) -> [&'static str; 8] {
+pub(super) fn illuminate_sources(table: TableStorage) -> [&'static str; 9] {
     [
         include_str!("../../../shaders/lib/frame.wgsl"),
         include_str!("../../../shaders/lib/volume.wgsl"),
         include_str!("../../../shaders/lib/walk.wgsl"),
         table.source(),
         include_str!("../../../shaders/lib/classify.wgsl"),
+        include_str!("../../../shaders/lib/passage.wgsl"),
         include_str!("../../../shaders/lib/gradient.wgsl"),
         include_str!("../../../shaders/lib/direction.wgsl"),
         include_str!("../../../shaders/illuminate.wgsl"),
