@@ -52,6 +52,14 @@ fn is_hidden(walk: Walk, k: f32) -> bool {
     return CUT_AWAY && k >= walk.cut_first && k < walk.cut_end;
 }
 
+// How many of a ray's samples the sphere hides.
+fn hidden_count(walk: Walk, count: f32) -> f32 {
+    if !CUT_AWAY {
+        return 0.0;
+    }
+    return max(clamp(walk.cut_end, 0.0, count) - clamp(walk.cut_first, 0.0, count), 0.0);
+}
+
 // The first sample from k on that is not certain to be invisible: k itself when its brick may show something.
 fn next_sample(walk: Walk, k: f32) -> f32 {
     if is_hidden(walk, k) {

@@ -116,8 +116,12 @@ fn meet_surfaces(ray: Ray, interval: Stretch, before: Trace, target_opacity: f32
     return trace;
 }
 
+// What the sphere cuts away is not there; its wall is no surface, as a clip plane is none.
 fn blend_surface(ray: Ray, t: f32, rgba: vec4<f32>, before: Trace, target_opacity: f32) -> Trace {
     var trace = before;
+    if CUT_AWAY && is_cut(ray, t) {
+        return trace;
+    }
     var rgb = rgba.rgb * frame.ambient;
     if SHADED {
         let p = voxel_at(ray, t);

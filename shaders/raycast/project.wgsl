@@ -80,11 +80,12 @@ fn share_of_sample(hu: f32) -> f32 {
     return opacity_of(hu) * brightness_of(hu);
 }
 
-// The sum of the samples' shares: as the mean over all samples of the ray, or per opacity unit of path. Its depth is
+// The sum of the samples' shares: as the mean over all samples of the ray that the sphere does not hide, or per opacity unit of path. Its depth is
 // the mean depth of the samples, each weighted by its share. Samples of empty bricks have no share.
 fn project_sum(ray: Ray) -> Hit {
     let walk = walk_of(ray);
     let count = sample_count(ray);
+    let shown_count = count - hidden_count(walk, count);
     var sum = 0.0;
     var moment = 0.0;
     var samples = 0.0;
@@ -105,8 +106,8 @@ fn project_sum(ray: Ray) -> Hit {
     hit.color = vec4<f32>(0.0);
     hit.samples = samples;
     hit.t = MISS;
-    if count > 0.0 {
-        hit.color = color_of_sum(sum, count);
+    if shown_count > 0.0 {
+        hit.color = color_of_sum(sum, shown_count);
         // A grey is opaque even where it is black.
         let shown = select(hit.color.r, hit.color.a, MODE == MODE_MEAN);
         if shown >= VISIBLE {

@@ -308,11 +308,6 @@ impl RenderRequest {
             ));
         }
         if let Some(ClipSphere { center, radius_mm }) = self.clip.sphere {
-            // Sums and surfaces along a ray would count what is cut away.
-            if matches!(self.mode, Mode::Mean | Mode::Average | Mode::Additive | Mode::Isosurface) {
-                let allowed = "nothing in modes mean, average, additive and isosurface";
-                return Err(RequestError::new("clip.sphere", &"there", allowed));
-            }
             if center.xyz.abs().max_element() > 1e6 || !center.xyz.is_finite() {
                 let allowed = "within 1000000 mm";
                 let found = format!("{:?}", center.xyz.to_array());

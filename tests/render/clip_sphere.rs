@@ -4,12 +4,12 @@
 use relief::camera::{Camera, Orbit, Projection};
 use relief::render::{ClipSphere, DepthRule, Mode, RenderRequest, SceneFile, Shading, Skipping};
 use relief::space::{Point, Vector};
-use relief::transfer::{ControlPoint, TransferFunction};
+use relief::transfer::{ControlPoint, TransferFunction, Window};
 use relief::volume::Volume;
 use relief::volume::phantom::Phantom;
 
-use super::renderer;
 use super::twin::{compare, oblique_head, request as head_request};
+use super::{in_mode, renderer};
 
 const RADIUS_MM: f64 = 30.0;
 const SIDE: u32 = 96;
@@ -109,11 +109,23 @@ fn gpu_and_twin_agree_about_the_sphere_in_modes_and_rules() {
         request.clip.sphere = Some([side, middle][i % 2]);
         compare(&volume, &request, &format!("a sphere, {name}"));
     }
-    for (mode, sphere) in [(Mode::Mip, side), (Mode::Mip, middle), (Mode::Composite, far)] {
-        let mut request = RenderRequest { mode, ..head_request(&volume, "soft-tissue", 25.0) };
+    for (mode, sphere) in [
+        (Mode::Mip, side),
+        (Mode::Mip, middle),
+        (Mode::Composite, far),
+        (Mode::Average, middle),
+        (Mode::Additive, side),
+        (Mode::Isosurface, side),
+        (Mode::Isosurface, middle),
+    ] {
+        let mut request = in_mode(mode, head_request(&volume, "soft-tissue", 25.0));
         request.clip.sphere = Some(sphere);
         compare(&volume, &request, &format!("{mode:?} with a sphere"));
     }
+    let transfer = Window::grey(-400.0, 2000.0).translucent().unwrap();
+    let mut request = RenderRequest { transfer, ..in_mode(Mode::Mean, head_request(&volume, "bone", 0.0)) };
+    request.clip.sphere = Some(middle);
+    compare(&volume, &request, "the mean with a sphere");
 }
 
 #[test]
@@ -130,10 +142,14 @@ fn skipping_changes_no_byte_beside_a_sphere_and_moving_it_uploads_nothing() {
         let on = renderer.render_with(&volume, &request, Skipping::On).unwrap();
         assert_eq!(on.timings.upload_ms, 0.0, "a sphere that moves uploads nothing");
         assert_eq!(on.color_rgba == plain.color_rgba, i == 2, "spheres 0 and 1 are seen, 2 is far off");
-        for (mode, rule) in
-            [(Mode::Composite, "threshold"), (Mode::Composite, "two-layer"), (Mode::Mip, "threshold")]
-        {
-            request.mode = mode;
+        for (mode, rule) in [
+            (Mode::Composite, "threshold"),
+            (Mode::Composite, "two-layer"),
+            (Mode::Mip, "threshold"),
+            (Mode::Additive, "threshold"),
+            (Mode::Isosurface, "threshold"),
+        ] {
+            request = in_mode(mode, request);
             request.depth = DepthRule::from_name(rule).unwrap();
             let [on, off] = [Skipping::On, Skipping::Off]
                 .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());

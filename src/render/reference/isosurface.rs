@@ -66,6 +66,10 @@ impl Caster<'_> {
         let mut rest = near;
         for surface in met {
             let t = self.crossing_t(ray, rest, far, surface.level_hu());
+            rest = Sample { t, hu: surface.level_hu() };
+            if ray.is_cut(t) {
+                continue;
+            }
             let [r, g, b] = surface.rgb;
             let lit = self.lit(DVec3::new(r, g, b), ray.voxel_at(t), ray);
             let weight = (1.0 - trace.opacity) * surface.opacity;
@@ -74,7 +78,6 @@ impl Caster<'_> {
             if trace.at.is_none() && trace.opacity >= target {
                 trace.at = Some((t, trace.opacity));
             }
-            rest = Sample { t, hu: surface.level_hu() };
         }
     }
 

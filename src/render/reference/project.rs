@@ -59,25 +59,26 @@ impl Caster<'_> {
     }
 
     fn project_sum(&self, ray: &Ray) -> Hit {
-        let count = ray.sample_count();
-        if count == 0 {
+        let is_shown = |k: &f64| !ray.is_cut(ray.sample_t(*k));
+        let shown: Vec<f64> = (0..ray.sample_count()).map(f64::from).filter(is_shown).collect();
+        if shown.is_empty() {
             return Hit { color: DVec4::ZERO, first: None, t: None };
         }
         let (mut sum, mut moment) = (0.0, 0.0);
-        for k in (0..count).map(f64::from) {
+        for &k in &shown {
             let share = self.share_of_sample(self.value_at(ray, ray.sample_t(k)));
             sum += share;
             moment += share * k;
         }
-        let color = self.color_of_sum(sum, count);
-        let shown = if self.request.mode == Mode::Mean { color.w } else { color.x };
-        let middle = 0.5 * f64::from(count - 1);
+        let color = self.color_of_sum(sum, shown.len());
+        let brightness = if self.request.mode == Mode::Mean { color.w } else { color.x };
+        let middle = 0.5 * f64::from(ray.sample_count() - 1);
         let t = ray.sample_t(if sum > 0.0 { moment / sum } else { middle }).clamp(ray.entry, ray.exit);
-        Hit { color, first: None, t: (shown >= VISIBLE).then_some(t) }
+        Hit { color, first: None, t: (brightness >= VISIBLE).then_some(t) }
     }
 
-    fn color_of_sum(&self, sum: f64, count: i32) -> DVec4 {
-        let mean = sum / f64::from(count);
+    fn color_of_sum(&self, sum: f64, count: usize) -> DVec4 {
+        let mean = sum / count as f64;
         match self.request.mode {
             Mode::Additive => {
                 let units = self.request.sample_distance_mm / self.request.transfer.opacity_unit_mm();
