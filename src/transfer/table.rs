@@ -166,6 +166,16 @@ mod tests {
     }
 
     #[test]
+    fn tables_that_share_a_buffer_are_coarser_and_cover_the_same_span() {
+        for most in [64, 200, 1000] {
+            let table = TransferTable::within(&ramp(-1024.0, 3071.0), 1.0, most);
+            assert!(table.entries.len() <= most, "{} of {most}", table.entries.len());
+            assert_eq!(table.first_hu, -1024.0);
+            assert!(table.first_hu + table.step_hu * (table.entries.len() - 1) as f32 >= 3071.0);
+        }
+    }
+
+    #[test]
     fn the_whole_range_of_ct_has_an_entry_for_each_hu() {
         assert_eq!(TransferTable::new(&ramp(-1024.0, 3071.0), 1.0).step_hu, 1.0);
     }

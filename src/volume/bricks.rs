@@ -49,8 +49,17 @@ impl BrickRanges {
     /// The distance map of the bricks for which `is_visible(low, high)` holds.
     #[must_use]
     pub fn distance_map(&self, is_visible: impl Fn(i16, i16) -> bool) -> DistanceMap {
-        let start = |&(low, high): &(i16, i16)| if is_visible(low, high) { 0 } else { u8::MAX };
-        let mut distances: Vec<u8> = self.ranges_hu.iter().map(start).collect();
+        self.distance_map_by(|_, low, high| is_visible(low, high))
+    }
+
+    /// As [`BrickRanges::distance_map`], of the bricks for which `is_visible(brick, low, high)` holds; bricks are numbered
+    /// x fastest.
+    #[must_use]
+    pub fn distance_map_by(&self, is_visible: impl Fn(usize, i16, i16) -> bool) -> DistanceMap {
+        let start = |(brick, &(low, high)): (usize, &(i16, i16))| {
+            if is_visible(brick, low, high) { 0 } else { u8::MAX }
+        };
+        let mut distances: Vec<u8> = self.ranges_hu.iter().enumerate().map(start).collect();
         sweep(&mut distances, self.dims);
         // The map is symmetric, so the backward sweep is the forward one on the reversed array.
         distances.reverse();

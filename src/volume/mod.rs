@@ -1,13 +1,14 @@
 //! Volumes: HU voxels on a regular grid placed in patient space.
 //!
 //! What it is: the grid and its geometry, the voxels, their range and content hash, min-max bricks for empty-space
-//! skipping, and procedural phantoms whose truth is known. What it is not: it reads no files (see `dicom`) and
+//! skipping, label maps, and procedural phantoms whose truth is known. What it is not: it reads no files (see `dicom`) and
 //! knows no GPU (see `render`).
 //!
 //! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z.
 
 mod bricks;
 mod grid;
+mod labels;
 pub mod phantom;
 
 use std::sync::{Arc, OnceLock};
@@ -16,6 +17,7 @@ use sha2::{Digest, Sha256};
 
 pub use bricks::{BrickRanges, DistanceMap};
 pub use grid::{Bounds, Grid, GridError};
+pub use labels::{BrickLabels, LabelCountError, LabelMap, Places, Segment};
 
 /// A CT volume in HU. Cheap to clone: the voxels are shared.
 #[derive(Clone)]
