@@ -178,7 +178,7 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, fetched:
     if hu < frame.lowest_visible_hu || (*sum).opacity >= OPAQUE {
         return;
     }
-    var sample = classify(hu);
+    var sample = classify_at(p, hu);
     if GRADIENT_OPACITY && sample.a > 0.0 {
         sample.a = modulated(sample.a, gradient_factor(p));
     }

@@ -30,13 +30,15 @@ struct Slab {
 @group(0) @binding(5) var<storage, read_write> color_out: array<u32>;
 // Rows from the top: view depth in mm; anything above 1e38 is a miss.
 @group(0) @binding(6) var<storage, read_write> depth_out: array<f32>;
-@group(0) @binding(8) var<uniform> slab: Slab;
+@group(0) @binding(9) var<uniform> slab: Slab;
 
 // What a ray finds in the slab.
 struct Cut {
     hu: f32,
     // Distance along the ray, mm; MISS when no sample is inside.
     t: f32,
+    // Voxel index whose segment it has.
+    p: vec3<f32>,
     samples: u32,
 }
 
@@ -55,7 +57,7 @@ fn slice(@builtin(global_invocation_id) place: vec3<u32>) {
     }
     var color = vec4<f32>(0.0);
     if cut.t < MISS {
-        color = classify(cut.hu);
+        color = classify_at(cut.p, cut.hu);
     }
     let over = mix(frame.background_rgb, color.rgb, color.a);
     let at = id.y * frame.size_px.x + id.x;
@@ -67,8 +69,9 @@ fn slice(@builtin(global_invocation_id) place: vec3<u32>) {
     }
 }
 
+// Whether a sample is inside of what is shown.
 fn is_inside(ray: Ray, t: f32) -> bool {
-    return t >= ray.entry && t <= ray.exit && !is_cut(ray, t);
+    return t >= ray.entry && t <= ray.exit && !is_cut(ray, t) && is_shown(voxel_at(ray, t));
 }
 
 // Distance of sample k, counted from the plane: negative ones are before it.
@@ -79,7 +82,7 @@ fn slab_t(k: i32) -> f32 {
 // The mean over what is inside of the slab, by the trapezoidal rule: samples on its faces count half.
 fn mean_of_slab(ray: Ray) -> Cut {
     let pairs = i32(slab.pairs);
-    var cut = Cut(0.0, MISS, 0u);
+    var cut = Cut(0.0, MISS, vec3<f32>(0.0), 0u);
     var weights = 0.0;
     for (var k = -pairs; k <= pairs; k++) {
         let t = slab_t(k);
@@ -94,6 +97,7 @@ fn mean_of_slab(ray: Ray) -> Cut {
         cut.hu /= weights;
         // The plane itself, or the part of the slab next to it where the plane is outside.
         cut.t = clamp(slab.plane_t, ray.entry, ray.exit);
+        cut.p = voxel_at(ray, cut.t);
     }
     return cut;
 }
@@ -101,7 +105,7 @@ fn mean_of_slab(ray: Ray) -> Cut {
 // The largest value in the slab, or the smallest; from the plane outwards, so that of equal ones the nearest to it.
 fn extreme_of_slab(ray: Ray) -> Cut {
     let sign = select(-1.0, 1.0, BLEND == BLEND_MIP);
-    var cut = Cut(0.0, MISS, 0u);
+    var cut = Cut(0.0, MISS, vec3<f32>(0.0), 0u);
     var best = -1e30;
     for (var k = 0; k <= i32(slab.pairs); k++) {
         for (var side = -1; side <= 1; side += 2) {
@@ -118,6 +122,7 @@ fn extreme_of_slab(ray: Ray) -> Cut {
     }
     if cut.samples > 0u {
         cut.hu = sign * best;
+        cut.p = voxel_at(ray, cut.t);
         cut.t = top_t(ray, cut.t, best, sign);
     }
     return cut;

@@ -29,8 +29,9 @@ fn opacity_basis(p: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(hu, 1.0);
 }
 
-fn opacity_from(basis: vec2<f32>) -> f32 {
-    let opacity = opacity_of(basis.x);
+// Opacity of the sample at a voxel index by what it depends on; that of its segment is looked up here.
+fn opacity_from(p: vec3<f32>, basis: vec2<f32>) -> f32 {
+    let opacity = opacity_of_label(p, basis.x);
     if GRADIENT_OPACITY && opacity > 0.0 {
         return modulated(opacity, basis.y);
     }
@@ -39,5 +40,5 @@ fn opacity_from(basis: vec2<f32>) -> f32 {
 
 // Opacity of the sample at a voxel index.
 fn voxel_opacity(p: vec3<f32>) -> f32 {
-    return opacity_from(opacity_basis(p));
+    return opacity_from(p, opacity_basis(p));
 }

@@ -150,7 +150,7 @@ fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity
 
 // Opacity over one sample distance at a point of the ray.
 fn shown_opacity(ray: Ray, t: f32, basis: vec2<f32>) -> f32 {
-    return select(opacity_from(basis), 0.0, is_cut(ray, t));
+    return select(opacity_from(voxel_at(ray, t), basis), 0.0, is_cut(ray, t));
 }
 
 // How far into a part of opacity `a` the crossing lies, 0..1: opacity grows exponentially within it.

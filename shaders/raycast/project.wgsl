@@ -30,9 +30,10 @@ fn project_extreme(ray: Ray) -> Hit {
             k = next;
             continue;
         }
-        let value = sign * sample_hu(sample_voxel(ray, k));
+        let p = sample_voxel(ray, k);
+        let value = sign * sample_hu(p);
         samples += 1.0;
-        if value > largest {
+        if value > largest && is_shown(p) {
             largest = value;
             at = k;
         }
@@ -43,7 +44,7 @@ fn project_extreme(ray: Ray) -> Hit {
     hit.samples = samples;
     hit.t = MISS;
     if at >= 0.0 {
-        let sample = classify(sign * largest);
+        let sample = classify_at(sample_voxel(ray, at), sign * largest);
         hit.color = vec4<f32>(sample.rgb * sample.a, sample.a);
         if sample.a >= VISIBLE {
             hit.t = peak_t(ray, at, largest, sign);

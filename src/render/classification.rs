@@ -59,6 +59,9 @@ pub(super) fn validate(request: &RenderRequest) -> Result<(), RequestError> {
     if request.transfer.gradient_opacity().is_some() {
         return refuse("sampled with opacity by gradient");
     }
+    if request.labels.is_some() {
+        return refuse("sampled with segments of a label map");
+    }
     let looks_between_samples =
         matches!(request.depth, DepthRule::MaxOpacity | DepthRule::MostContributing | DepthRule::Wysiwyp);
     if looks_between_samples {

@@ -4,7 +4,6 @@
 
 use serde::Deserialize;
 
-use super::classification::Classification;
 use super::request::RenderRequest;
 use crate::transfer::TransferTable;
 
@@ -140,24 +139,6 @@ impl TryFrom<String> for Mode {
     fn try_from(name: String) -> Result<Self, String> {
         let names = Self::ALL.map(Self::name).join(", ");
         Self::from_name(&name).ok_or_else(|| format!("unknown mode {name:?}, allowed: {names}"))
-    }
-}
-
-/// The table that a request's samples look up. A projection's opacity is per opacity unit, whatever the sample distance.
-pub(super) fn table_for(request: &RenderRequest) -> TransferTable {
-    let step_mm = match request.mode {
-        Mode::Composite | Mode::PathTraced => request.sample_distance_mm,
-        Mode::Mip
-        | Mode::Minip
-        | Mode::Mean
-        | Mode::Average
-        | Mode::Additive
-        | Mode::Isosurface
-        | Mode::Slice(_) => request.transfer.opacity_unit_mm(),
-    };
-    match request.classification {
-        Classification::Sampled => TransferTable::new(&request.transfer, step_mm),
-        Classification::PreIntegrated => TransferTable::integrated(&request.transfer, step_mm),
     }
 }
 

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use super::classification::Classification;
 use super::gradients::gradient_scale;
 use super::illumination::lighting_layout;
+use super::labels::Edges;
 use super::mode::Mode;
 use super::request::{DepthRule, RenderRequest};
 use super::upload::VoxelFormat;
@@ -38,13 +39,14 @@ impl TableStorage {
 }
 
 /// The whole source of a stage, in parts to be joined: what stages share, then the stage's own.
-pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 9] {
+pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 10] {
     [
         include_str!("../../shaders/lib/frame.wgsl"),
         include_str!("../../shaders/lib/volume.wgsl"),
         include_str!("../../shaders/lib/walk.wgsl"),
         table.source(),
         include_str!("../../shaders/lib/classify.wgsl"),
+        include_str!("../../shaders/lib/labels.wgsl"),
         include_str!("../../shaders/lib/passage.wgsl"),
         include_str!("../../shaders/lib/gradient.wgsl"),
         include_str!("../../shaders/lib/depth_rules.wgsl"),
@@ -62,7 +64,7 @@ pub(super) const RAYCAST: &str = concat!(
 );
 
 /// The stage's resources by binding, in its first group; `illumination` has the second one's.
-pub(super) const BINDINGS: [(u32, &str); 8] = [
+pub(super) const BINDINGS: [(u32, &str); 9] = [
     (0, "frame"),
     (1, "volume"),
     (2, "volume_sampler"),
@@ -71,6 +73,7 @@ pub(super) const BINDINGS: [(u32, &str); 8] = [
     (5, "color_out"),
     (6, "depth_out"),
     (7, "gradients"),
+    (8, "labels"),
 ];
 
 /// Pixels along each side of a workgroup's tile.
@@ -89,6 +92,7 @@ pub(super) struct PipelineKey {
     placed_lights: bool,
     shadows: bool,
     occlusion: bool,
+    edges: Option<Edges>,
     variant: Variant,
 }
 
@@ -127,6 +131,7 @@ impl PipelineKey {
             placed_lights: blends && reflects && !request.lights.is_empty(),
             shadows: request.casts_shadows(),
             occlusion,
+            edges: request.labels.as_ref().map(|labels| labels.edges),
             variant,
         }
     }
@@ -150,6 +155,8 @@ impl PipelineKey {
             ("PLACED_LIGHTS", flag(self.placed_lights)),
             ("SHADOWS", flag(self.shadows)),
             ("OCCLUSION", flag(self.occlusion)),
+            ("LABELLED", flag(self.edges.is_some())),
+            ("SMOOTH_EDGES", flag(self.edges == Some(Edges::Smooth))),
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
             ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),
             ("GRADIENT_SCALE", gradient_scale(format).into()),
@@ -225,6 +232,7 @@ pub(super) fn binding_types(table: TableStorage) -> [wgpu::BindingType; BINDINGS
         buffer(BufferBindingType::Storage { read_only: false }),
         buffer(BufferBindingType::Storage { read_only: false }),
         texture(TextureSampleType::Float { filterable: true }),
+        texture(TextureSampleType::Uint),
     ]
 }
 

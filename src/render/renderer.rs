@@ -336,8 +336,9 @@ impl Renderer {
     /// Prepares the light of a request whose volume and appearance are uploaded; says whether that took filling cells.
     fn illuminate(&mut self, volume: &Volume, request: &RenderRequest) -> Result<bool, RenderError> {
         let (on_gpu, appearance) = (self.store.volume(), self.store.appearance());
-        let (gpu, sampler) = (&self.gpu, &self.sampler);
-        self.illuminator.prepare(illumination::Order { gpu, volume, on_gpu, appearance, sampler, request })
+        let (gpu, sampler, labels) = (&self.gpu, &self.sampler, self.store.labels(request));
+        let order = illumination::Order { gpu, volume, on_gpu, appearance, labels, sampler, request };
+        self.illuminator.prepare(order)
     }
 
     fn make_target(&mut self, request: &RenderRequest) -> Result<(), RenderError> {
@@ -385,7 +386,7 @@ impl Renderer {
         };
         let pipeline = pipeline.clone();
         let scope = ErrorScope::open(&self.gpu, "a frame");
-        let bindings = self.bind(request.mode, target);
+        let bindings = self.bind(request, target);
         scope.close()?;
         let dispatch = Dispatch {
             gpu: &self.gpu,
@@ -405,7 +406,7 @@ impl Renderer {
         dispatch.submit(read_back, watch)
     }
 
-    fn bind(&self, mode: Mode, target: &Target) -> wgpu::BindGroup {
+    fn bind(&self, request: &RenderRequest, target: &Target) -> wgpu::BindGroup {
         let (volume, appearance) = (self.store.volume(), self.store.appearance());
         let shared = [
             self.uniform.as_entire_binding(),
@@ -416,8 +417,9 @@ impl Renderer {
             target.color.storage.as_entire_binding(),
             target.depth.storage.as_entire_binding(),
             wgpu::BindingResource::TextureView(&volume.gradients.view),
+            wgpu::BindingResource::TextureView(self.store.labels(request)),
         ];
-        let (layout, slab) = match mode {
+        let (layout, slab) = match request.mode {
             Mode::Slice(_) => (&self.slices.bind_group_layout, Some(self.slices.slab.as_entire_binding())),
             _ => (&self.pipelines.bind_group_layout, None),
         };

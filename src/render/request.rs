@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::classification::{self, Classification};
 pub use super::depth_rule::DepthRule;
 use super::illumination::Illumination;
+use super::labels::Labels;
 use super::light::Light;
 use super::mode::Mode;
 use super::overlay::Overlays;
@@ -122,6 +123,8 @@ pub struct RenderRequest {
     pub depth: DepthRule,
     /// Which part is shown.
     pub clip: Clip,
+    /// How the segments of a label map are shown; `None` where all of the volume is shown alike. Shared, as it may be large.
+    pub labels: Option<Arc<Labels>>,
     /// Display-referred sRGB, 0..1, behind everything.
     pub background_rgb: [f64; 3],
     /// What is drawn over the picture, in the same depth. Shared, as it may be large.
@@ -225,6 +228,9 @@ impl RenderRequest {
             let allowed = "nothing beside other modes than composite";
             return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
         }
+        if let Some(labels) = &self.labels {
+            labels.validate(self)?;
+        }
         self.path_trace.validate(pixels)?;
         self.validate_lights()?;
         self.validate_clip()?;
@@ -237,6 +243,9 @@ impl RenderRequest {
     /// The first value out of range.
     pub fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
         self.validate()?;
+        if let Some(labels) = &self.labels {
+            labels.validate_on(grid)?;
+        }
         let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
         let longest_ray_mm = self.longest_ray_mm(grid);
         let least_mm = pixels * longest_ray_mm / Self::MAX_SAMPLES;

@@ -6,6 +6,7 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::labels::Edges;
 use super::mode::SlabBlend;
 use super::pipelines::{BINDINGS, Output, TableStorage, binding_types, stage_sources};
 use super::renderer::depth_limits;
@@ -17,7 +18,7 @@ use crate::volume::Grid;
 const SLICE: &str = include_str!("../../shaders/slice.wgsl");
 
 /// The resource that a slice has beside those of the ray caster.
-pub(super) const SLAB_BINDING: (u32, &str) = (8, "slab");
+pub(super) const SLAB_BINDING: (u32, &str) = (9, "slab");
 
 /// Where the samples of a slab lie: on its plane and in pairs before and behind it, from face to face.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +60,14 @@ impl SlabUniform {
     }
 }
 
+/// What a pipeline is specialised for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct SliceKey {
+    blend: SlabBlend,
+    output: Output,
+    edges: Option<Edges>,
+}
+
 /// The pipelines of mode `slice`, compiled when first asked for.
 pub(super) struct SlicePipelines {
     module: wgpu::ShaderModule,
@@ -66,7 +75,7 @@ pub(super) struct SlicePipelines {
     layout: wgpu::PipelineLayout,
     pub(super) slab: wgpu::Buffer,
     hu_scale: f64,
-    compiled: HashMap<(SlabBlend, Output), wgpu::ComputePipeline>,
+    compiled: HashMap<SliceKey, wgpu::ComputePipeline>,
 }
 
 impl SlicePipelines {
@@ -100,7 +109,8 @@ impl SlicePipelines {
         (blend, output): (SlabBlend, Output),
     ) -> Result<&wgpu::ComputePipeline, GpuError> {
         gpu.queue.write_buffer(&self.slab, 0, bytemuck::bytes_of(&SlabUniform::new(request, grid)));
-        if !self.compiled.contains_key(&(blend, output)) {
+        let key = SliceKey { blend, output, edges: request.labels.as_ref().map(|labels| labels.edges) };
+        if !self.compiled.contains_key(&key) {
             let scope = ErrorScope::open(gpu, "the slice pipeline");
             let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some("slice"),
@@ -108,27 +118,35 @@ impl SlicePipelines {
                 module: &self.module,
                 entry_point: Some("slice"),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &constants(blend, output, self.hu_scale),
+                    constants: &key.constants(self.hu_scale),
                     ..Default::default()
                 },
                 cache: None,
             });
             scope.close()?;
-            self.compiled.insert((blend, output), pipeline);
+            self.compiled.insert(key, pipeline);
         }
-        Ok(&self.compiled[&(blend, output)])
+        Ok(&self.compiled[&key])
     }
 }
 
-/// Values of the shader's `override` constants.
-fn constants(blend: SlabBlend, output: Output, hu_scale: f64) -> [(&'static str, f64); 3] {
-    let blend = match blend {
-        SlabBlend::Mean => 0.0,
-        SlabBlend::Mip => 1.0,
-        SlabBlend::MinIp => 2.0,
-    };
-    let counts = f64::from(u8::from(output == Output::SampleCount));
-    [("BLEND", blend), ("COUNT_SAMPLES", counts), ("HU_SCALE", hu_scale)]
+impl SliceKey {
+    /// Values of the shader's `override` constants.
+    fn constants(self, hu_scale: f64) -> [(&'static str, f64); 5] {
+        let blend = match self.blend {
+            SlabBlend::Mean => 0.0,
+            SlabBlend::Mip => 1.0,
+            SlabBlend::MinIp => 2.0,
+        };
+        let flag = |on: bool| f64::from(u8::from(on));
+        [
+            ("BLEND", blend),
+            ("LABELLED", flag(self.edges.is_some())),
+            ("SMOOTH_EDGES", flag(self.edges == Some(Edges::Smooth))),
+            ("COUNT_SAMPLES", flag(self.output == Output::SampleCount)),
+            ("HU_SCALE", hu_scale),
+        ]
+    }
 }
 
 fn bind_group_layout(gpu: &Gpu, table: TableStorage) -> wgpu::BindGroupLayout {

@@ -1,11 +1,12 @@
 //! What is kept on the adapter: volumes and their appearances, within a limit of bytes, the least recently used first out.
 //!
-//! Voxels, gradients, transfer tables and maps of empty space count. Pictures do not, nor does the one medium of the path
+//! Voxels, gradients, label maps, transfer tables and maps of empty space count. Pictures do not, nor does the one medium of the path
 //! tracer: their sizes are bounded by the request's. What a volume takes is known from its dimensions, so one that
 //! cannot fit is refused before anything is allocated for it.
 
 use super::error::RenderError;
-use super::request::RenderRequest;
+use super::label_maps::LabelMaps;
+use super::request::{RenderRequest, RequestError};
 use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
 use crate::gpu::{AdapterKind, Gpu};
 use crate::transfer::TransferTable;
@@ -147,6 +148,7 @@ pub(super) struct Store {
     pub(super) limits: VolumeLimits,
     format: VoxelFormat,
     volumes: Vec<VolumeOnGpu>,
+    label_maps: LabelMaps,
     appearances: Vec<Appearance>,
     uploads: u64,
     evictions: u64,
@@ -155,7 +157,9 @@ pub(super) struct Store {
 impl Store {
     pub(super) fn new(gpu: &Gpu, format: VoxelFormat) -> Self {
         let limits = VolumeLimits::of(gpu);
-        Self { limits, format, volumes: Vec::new(), appearances: Vec::new(), uploads: 0, evictions: 0 }
+        let label_maps = LabelMaps::new(gpu);
+        let (volumes, appearances) = (Vec::new(), Vec::new());
+        Self { limits, format, volumes, label_maps, appearances, uploads: 0, evictions: 0 }
     }
 
     /// The volume that was prepared last.
@@ -168,11 +172,18 @@ impl Store {
         self.appearances.last().expect("prepared before")
     }
 
+    /// The label map of a request that was prepared last; a single texel where it has none.
+    pub(super) fn labels(&self, request: &RenderRequest) -> &wgpu::TextureView {
+        self.label_maps.view(request)
+    }
+
     pub(super) fn memory(&self) -> MemoryUse {
         let volumes = self.volumes.iter().map(|volume| volume.plan.bytes()).sum::<u64>();
         MemoryUse {
             volumes: self.volumes.len(),
-            used_bytes: volumes + self.appearances.iter().map(|known| known.bytes).sum::<u64>(),
+            used_bytes: volumes
+                + self.label_maps.bytes()
+                + self.appearances.iter().map(|known| known.bytes).sum::<u64>(),
             limit_bytes: self.limits.memory_bytes,
             uploads: self.uploads,
             evictions: self.evictions,
@@ -188,6 +199,7 @@ impl Store {
     ) -> Result<bool, RenderError> {
         let hash = volume.content_hash();
         let had_volume = !self.prepare_volume(gpu, volume)?;
+        let had_labels = !self.prepare_labels(gpu, request)?;
         let had_appearance = move_to_end(&mut self.appearances, |known| known.fits(hash, request));
         if !had_appearance {
             let bytes = self.volume().plan.appearance_bytes;
@@ -199,10 +211,11 @@ impl Store {
             while self.volumes.len() > 1 && self.lacks_room_for(bytes) {
                 self.evict_first();
             }
-            let appearance = Appearance::upload(gpu, self.volume(), request)?;
+            let segments = self.label_maps.segments(request);
+            let appearance = Appearance::upload(gpu, self.volume(), segments, request)?;
             self.appearances.push(appearance);
         }
-        Ok(!(had_volume && had_appearance))
+        Ok(!(had_volume && had_labels && had_appearance))
     }
 
     /// Makes a volume the last used; says whether it went up.
@@ -225,9 +238,31 @@ impl Store {
         Ok(true)
     }
 
+    /// Makes the label map of a request on the volume that was prepared last the last used; says whether it went up.
+    fn prepare_labels(&mut self, gpu: &Gpu, request: &RenderRequest) -> Result<bool, RenderError> {
+        let Some(labels) = &request.labels else { return Ok(false) };
+        let (volume, brick_edge) = (self.volume().hash, self.volume().plan.brick_edge);
+        if self.label_maps.use_again(volume, &labels.map) {
+            return Ok(false);
+        }
+        let bytes = labels.map.size_bytes() as u64;
+        while self.lacks_room_for(bytes) && self.label_maps.drop_first() {}
+        while self.volumes.len() > 1 && self.lacks_room_for(bytes) {
+            self.evict_first();
+        }
+        if self.lacks_room_for(bytes) {
+            let free = self.limits.memory_bytes.saturating_sub(self.memory().used_bytes);
+            let allowed = format!("at most {free} bytes beside the volume; raise --gpu-memory");
+            return Err(RequestError::new("labels", &format!("a map of {bytes} bytes"), &allowed).into());
+        }
+        self.label_maps.upload(gpu, volume, &labels.map, brick_edge)?;
+        Ok(true)
+    }
+
     /// Frees what is kept of a volume.
     pub(super) fn forget(&mut self, volume: ContentHash) {
         self.volumes.retain(|known| known.hash != volume);
+        self.label_maps.forget(volume);
         self.appearances.retain(|known| !known.is_of(volume));
     }
 
@@ -237,6 +272,7 @@ impl Store {
 
     fn evict_first(&mut self) {
         let hash = self.volumes.remove(0).hash;
+        self.label_maps.forget(hash);
         self.appearances.retain(|known| !known.is_of(hash));
         self.evictions += 1;
     }

@@ -69,7 +69,7 @@ impl FrameUniform {
         let start = glam::DVec3::new(0.0, 0.0, -near_mm);
         let voxel_from_start = voxel_from_view(camera, grid).affine * glam::DAffine3::from_translation(start);
         let light = &request.shading;
-        let table = &appearance.table;
+        let table = &appearance.tables.own;
         let cut = request.clip.sphere;
         let cut_radius_mm = cut.map_or(0.0, |sphere| sphere.radius_mm);
         let cut_center =
@@ -97,7 +97,7 @@ impl FrameUniform {
             depth_fraction: request.depth.fraction().unwrap_or(0.0) as f32,
             clip_plane_count: request.clip.planes.len() as u32,
             near_mm: near_mm as f32,
-            lowest_visible_hu: table.lowest_visible_hu(),
+            lowest_visible_hu: appearance.tables.lowest_visible_hu(),
             skipping: u32::from(
                 skipping == Skipping::On && paths_end_in_neighbours(request, grid, appearance),
             ),

@@ -1,14 +1,18 @@
 //! Volumes and appearances on the GPU: what goes up, once for each content.
 
+use std::sync::Arc;
+
 use super::classification::Classification;
 use super::gradients::Gradients;
-use super::mode::{Mode, is_of_interest, table_for};
+use super::labels::Labels;
+use super::mode::Mode;
 use super::request::RenderRequest;
 use super::store::VolumePlan;
 use super::surface::Surface;
+use super::tables::{TableSet, Tables};
 use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
 use crate::transfer::{TransferFunction, TransferTable};
-use crate::volume::{BrickRanges, ContentHash, DistanceMap, Volume};
+use crate::volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Volume};
 
 /// Bytes handed to the queue at once: staging memory stays small beside the volume.
 pub(super) const SLAB_BYTES: usize = 16 << 20;
@@ -120,7 +124,8 @@ pub(super) struct Appearance {
     mode: Mode,
     classification: Classification,
     surfaces: Vec<Surface>,
-    pub(super) table: TransferTable,
+    labels: Option<Arc<Labels>>,
+    pub(super) tables: Tables,
     pub(super) table_buffer: wgpu::Buffer,
     pub(super) bricks: BrickLayout,
     /// Four bricks a word.
@@ -131,16 +136,19 @@ pub(super) struct Appearance {
 }
 
 impl Appearance {
-    pub(super) fn upload(gpu: &Gpu, volume: &VolumeOnGpu, request: &RenderRequest) -> Result<Self, GpuError> {
-        let table = table_for(request);
-        let stored = |hu| volume.format.stored(hu);
-        let map = volume
-            .bricks
-            .distance_map(|low, high| is_of_interest(request, &table, stored(low), stored(high)));
+    /// `segments` is what occurs in the bricks of the request's label map, if it has one.
+    pub(super) fn upload(
+        gpu: &Gpu,
+        volume: &VolumeOnGpu,
+        segments: Option<&BrickLabels>,
+        request: &RenderRequest,
+    ) -> Result<Self, GpuError> {
+        let tables = Tables::new(request);
+        let map = distance_map(volume, segments, request, &tables);
         let scope = ErrorScope::open(gpu, "a transfer function and its distance map");
-        let table_buffer = upload_table(gpu, &table);
+        let table_buffer = upload_table(gpu, &tables.buffer());
         let distances = upload_distances(gpu, &map);
-        let mostly_visible = is_mostly_visible(&volume.bricks, &table, stored);
+        let mostly_visible = is_mostly_visible(&volume.bricks, &tables.own, |hu| volume.stored(hu));
         let bricks = BrickLayout { edge: map.edge, dims: map.dims };
         let bytes = table_buffer.size() + distances.size();
         scope.close()?;
@@ -151,7 +159,8 @@ impl Appearance {
             mode: request.mode,
             classification: request.classification,
             surfaces: request.surfaces.clone(),
-            table,
+            labels: request.labels.clone(),
+            tables,
             table_buffer,
             bricks,
             distances,
@@ -172,13 +181,13 @@ impl Appearance {
             && self.surfaces == request.surfaces
             && self.sample_distance_mm == request.sample_distance_mm
             && self.transfer == request.transfer
+            && self.labels == request.labels
     }
 }
 
 /// A transfer table for shaders to read.
-pub(super) fn upload_table(gpu: &Gpu, table: &TransferTable) -> wgpu::Buffer {
-    let buffer = table.buffer();
-    let entries: &[u8] = bytemuck::cast_slice(&buffer);
+pub(super) fn upload_table(gpu: &Gpu, buffer: &[[f32; 4]]) -> wgpu::Buffer {
+    let entries: &[u8] = bytemuck::cast_slice(buffer);
     // A uniform has room for the longest table, whatever this one's length.
     let mut table_bytes = vec![0; size_of::<[f32; 4]>() * TransferTable::MAX_ENTRIES];
     table_bytes[..entries.len()].copy_from_slice(entries);
@@ -201,6 +210,25 @@ fn is_mostly_visible(bricks: &BrickRanges, table: &TransferTable, stored: impl F
     let usual = (opacities / whole.max(1) as f32).min(0.999);
     // Samples of this opacity until 1/512 of the light is left.
     2 * whole > shown && 512f32.ln() > RUN * -(1.0 - usual).ln()
+}
+
+/// How far it is to what a request shows.
+fn distance_map(
+    volume: &VolumeOnGpu,
+    segments: Option<&BrickLabels>,
+    request: &RenderRequest,
+    tables: &Tables,
+) -> DistanceMap {
+    let stored = |hu| volume.stored(hu);
+    let Some(segments) = segments else {
+        let shows = |low, high| tables.is_of_interest(request, stored(low), stored(high));
+        return volume.bricks.distance_map(shows);
+    };
+    let sets: Vec<TableSet> = segments.sets().iter().map(|places| tables.set_of(places)).collect();
+    volume.bricks.distance_map_by(|brick, low, high| {
+        let set = sets[segments.of_brick()[brick] as usize];
+        tables.is_of_interest_in(request, set, stored(low), stored(high))
+    })
 }
 
 fn upload_distances(gpu: &Gpu, map: &DistanceMap) -> wgpu::Buffer {

@@ -65,6 +65,7 @@ fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
         + gradient
         + size_of_val(request.clip.planes.as_slice())
         + request.overlays.size_bytes()
+        + request.labels.as_ref().map_or(0, |labels| labels.size_bytes())
         + size_of_val(request.lights.as_slice());
     let layer = |color: &[[u8; 4]], depth: &[f32]| size_of_val(color) + size_of_val(depth);
     let back = frame.back.as_ref().map_or(0, |back| layer(&back.color_rgba, &back.depth_mm));

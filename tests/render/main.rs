@@ -16,6 +16,7 @@ mod depth_rules;
 mod illumination;
 mod instruments;
 mod isosurfaces;
+mod labels;
 mod memory;
 mod modes;
 mod overlays;

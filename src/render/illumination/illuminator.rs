@@ -1,5 +1,7 @@
 //! Fills cells where none are kept, and binds them for the rays.
 
+use std::sync::Arc;
+
 use super::cells::Cells;
 use super::settings::Occlusion;
 use super::stage::{CELL_BINDINGS, CELLS_SIDE, Stage, StageKey};
@@ -7,15 +9,18 @@ use super::uniform::{IlluminationUniform, LightingUniform};
 use crate::camera::{Camera, Projection};
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::render::RenderError;
+use crate::render::classification::Classification;
+use crate::render::labels::Labels;
 use crate::render::light::InPatient;
 use crate::render::mode::Mode;
 use crate::render::renderer::Skipping;
 use crate::render::request::{Clip, RenderRequest, RequestError};
 use crate::render::surface::Surface;
+use crate::render::tables::Tables;
 use crate::render::uniform::FrameUniform;
 use crate::render::upload::{Appearance, VolumeOnGpu, VoxelFormat, upload_table};
 use crate::space::Vector;
-use crate::transfer::{TransferFunction, TransferTable};
+use crate::transfer::TransferFunction;
 use crate::volume::{ContentHash, Grid, Volume};
 
 /// What cells are kept in: every adapter can write and filter it.
@@ -34,6 +39,7 @@ pub(in crate::render) struct Order<'a> {
     pub(in crate::render) volume: &'a Volume,
     pub(in crate::render) on_gpu: &'a VolumeOnGpu,
     pub(in crate::render) appearance: &'a Appearance,
+    pub(in crate::render) labels: &'a wgpu::TextureView,
     pub(in crate::render) sampler: &'a wgpu::Sampler,
     pub(in crate::render) request: &'a RenderRequest,
 }
@@ -53,6 +59,8 @@ struct Key {
     volume: ContentHash,
     mode: Mode,
     transfer: TransferFunction,
+    classification: Classification,
+    labels: Option<Arc<Labels>>,
     surfaces: Vec<Surface>,
     clip: Clip,
     sought: Sought,
@@ -64,6 +72,8 @@ impl Key {
             volume,
             mode: request.mode,
             transfer: request.transfer.clone(),
+            classification: request.classification,
+            labels: request.labels.clone(),
             surfaces: request.surfaces.clone(),
             clip: request.clip.clone(),
             sought,
@@ -170,7 +180,7 @@ impl Illuminator {
         let buffers = Buffers {
             frame: uniform_buffer(gpu, "frame", size_of::<FrameUniform>()),
             illumination: uniform_buffer(gpu, "illumination", size_of::<IlluminationUniform>()),
-            table: upload_table(gpu, &TransferTable::new(&request.transfer, step_mm)),
+            table: upload_table(gpu, &Tables::new(&steady).buffer()),
         };
         gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&frame));
         let view = cell_texture(gpu, cells.dims);
@@ -237,6 +247,7 @@ impl Buffers {
             order.appearance.distances.as_entire_binding(),
             self.table.as_entire_binding(),
             wgpu::BindingResource::TextureView(&order.on_gpu.gradients.view),
+            wgpu::BindingResource::TextureView(order.labels),
             self.illumination.as_entire_binding(),
             wgpu::BindingResource::TextureView(cells),
         ];

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::render::gradients::gradient_scale;
+use crate::render::labels::Edges;
 use crate::render::mode::Mode;
 use crate::render::pipelines::TableStorage;
 use crate::render::request::RenderRequest;
@@ -13,7 +14,7 @@ use crate::render::upload::VoxelFormat;
 pub(super) const CELLS_SIDE: u32 = 4;
 
 /// The stage's sources, in the order in which they are joined.
-pub(super) fn illuminate_sources(table: TableStorage) -> [&'static str; 9] {
+pub(super) fn illuminate_sources(table: TableStorage) -> [&'static str; 10] {
     [
         include_str!("../../../shaders/lib/frame.wgsl"),
         include_str!("../../../shaders/lib/volume.wgsl"),
@@ -21,6 +22,7 @@ pub(super) fn illuminate_sources(table: TableStorage) -> [&'static str; 9] {
         table.source(),
         include_str!("../../../shaders/lib/classify.wgsl"),
         include_str!("../../../shaders/lib/passage.wgsl"),
+        include_str!("../../../shaders/lib/labels.wgsl"),
         include_str!("../../../shaders/lib/gradient.wgsl"),
         include_str!("../../../shaders/lib/direction.wgsl"),
         include_str!("../../../shaders/illuminate.wgsl"),
@@ -28,13 +30,14 @@ pub(super) fn illuminate_sources(table: TableStorage) -> [&'static str; 9] {
 }
 
 /// The stage's resources by group and binding; group 0 has names and places of the ray caster's.
-pub(super) const CELL_BINDINGS: [(u32, u32, &str); 8] = [
+pub(super) const CELL_BINDINGS: [(u32, u32, &str); 9] = [
     (0, 0, "frame"),
     (0, 1, "volume"),
     (0, 2, "volume_sampler"),
     (0, 3, "brick_distances"),
     (0, 4, "transfer_table"),
     (0, 7, "gradients"),
+    (0, 8, "labels"),
     (1, 0, "illumination"),
     (1, 1, "cells_out"),
 ];
@@ -50,6 +53,7 @@ pub(super) struct StageKey {
     surfaces: bool,
     cut_away: bool,
     gradient_opacity: bool,
+    edges: Option<Edges>,
     precomputed_gradients: bool,
 }
 
@@ -60,6 +64,7 @@ impl StageKey {
             surfaces: request.mode == Mode::Isosurface,
             cut_away: request.clip.sphere.is_some(),
             gradient_opacity: request.transfer.gradient_opacity().is_some(),
+            edges: request.labels.as_ref().map(|labels| labels.edges),
             precomputed_gradients,
         }
     }
@@ -111,6 +116,8 @@ impl Stage {
                     ("SURFACES", flag(key.surfaces)),
                     ("CUT_AWAY", flag(key.cut_away)),
                     ("GRADIENT_OPACITY", flag(key.gradient_opacity)),
+                    ("LABELLED", flag(key.edges.is_some())),
+                    ("SMOOTH_EDGES", flag(key.edges == Some(Edges::Smooth))),
                     ("PRECOMPUTED_GRADIENTS", flag(key.precomputed_gradients)),
                     ("GRADIENT_SCALE", gradient_scale(self.format).into()),
                     ("HU_SCALE", self.format.hu_scale()),
@@ -160,6 +167,11 @@ fn binding_type(name: &str, table: TableStorage) -> wgpu::BindingType {
             access: wgpu::StorageTextureAccess::WriteOnly,
             format: super::illuminator::TEXELS,
             view_dimension: TextureViewDimension::D3,
+        },
+        "labels" => BindingType::Texture {
+            sample_type: TextureSampleType::Uint,
+            view_dimension: TextureViewDimension::D3,
+            multisampled: false,
         },
         _ => BindingType::Texture {
             sample_type: TextureSampleType::Float { filterable: true },

@@ -2,14 +2,14 @@
 
 use glam::{DMat3, DVec2, DVec3, DVec4};
 
-use super::classify::{classify, gradient_factor, modulated};
+use super::classify::{gradient_factor, modulated};
 use super::field::{central_differences, sample_hu};
 use super::lights::Lights;
 use super::ray::{Ray, Rays};
-use crate::render::mode::{Mode, table_for};
+use crate::render::mode::Mode;
 use crate::render::request::{DepthRule, RenderRequest};
+use crate::render::tables::Tables;
 use crate::render::uniform::patient_from_voxel_gradient;
-use crate::transfer::TransferTable;
 use crate::volume::Volume;
 
 pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
@@ -24,7 +24,7 @@ pub(super) struct Caster<'a> {
     pub(super) volume: &'a Volume,
     pub(super) request: &'a RenderRequest,
     pub(super) rays: Rays<'a>,
-    pub(super) table: TransferTable,
+    pub(super) tables: Tables,
     lights: Lights<'a>,
     patient_from_voxel_gradient: DMat3,
 }
@@ -45,7 +45,8 @@ impl<'a> Caster<'a> {
         let rays = Rays::new(request, volume.grid());
         let patient_from_voxel_gradient = patient_from_voxel_gradient(volume.grid());
         let lights = Lights::new(volume, request);
-        Self { volume, request, rays, table: table_for(request), lights, patient_from_voxel_gradient }
+        let tables = Tables::new(request);
+        Self { volume, request, rays, tables, lights, patient_from_voxel_gradient }
     }
 
     /// Colour over the background as bytes, and view depth in mm, of a ray's layers: one, or two by rule `two-layer`.
@@ -83,7 +84,7 @@ impl<'a> Caster<'a> {
             if ray.is_cut(t) {
                 continue;
             }
-            let sample = match &self.table.integral {
+            let sample = match &self.tables.own.integral {
                 Some(integral) => self.passage_sample(integral, ray, k),
                 None => self.lit_sample(ray, t),
             };
@@ -117,23 +118,24 @@ impl<'a> Caster<'a> {
 
     /// Colour and opacity of the sample at a position.
     fn sample(&self, p: DVec3) -> DVec4 {
-        let mut sample = classify(&self.table, sample_hu(self.volume, p));
-        sample.w = self.opacity_from(self.opacity_basis(p));
+        let basis = self.opacity_basis(p);
+        let mut sample = self.classify_at(p, basis.x);
+        sample.w = self.opacity_from(p, basis);
         sample
     }
 
     /// What the opacity of the sample at a position depends on: its value, HU, and its factor by gradient.
     fn opacity_basis(&self, p: DVec3) -> DVec2 {
-        let factor = self.table.gradient.as_ref().map_or(1.0, |table| {
+        let factor = self.tables.own.gradient.as_ref().map_or(1.0, |table| {
             let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
             gradient_factor(table, gradient)
         });
         DVec2::new(sample_hu(self.volume, p), factor)
     }
 
-    fn opacity_from(&self, basis: DVec2) -> f64 {
-        let opacity = classify(&self.table, basis.x).w;
-        self.table.gradient.as_ref().map_or(opacity, |table| modulated(table, opacity, basis.y))
+    fn opacity_from(&self, p: DVec3, basis: DVec2) -> f64 {
+        let opacity = self.classify_at(p, basis.x).w;
+        self.tables.own.gradient.as_ref().map_or(opacity, |table| modulated(table, opacity, basis.y))
     }
 
     pub(super) fn opacity_at(&self, ray: &Ray, t: f64) -> f64 {
@@ -143,7 +145,7 @@ impl<'a> Caster<'a> {
     pub(super) fn first_hit(&self, ray: &Ray, first: i32) -> f64 {
         let mut outside = ray.entry.max(ray.sample_t(f64::from(first) - 1.0));
         let mut inside = ray.sample_t(f64::from(first));
-        if self.table.integral.is_some() {
+        if self.tables.own.integral.is_some() {
             let part = ray.sample_distance_mm / f64::from(PATH_PARTS);
             outside = ray.entry.max(ray.sample_t(f64::from(first) - 0.5));
             inside = outside;
@@ -184,7 +186,8 @@ impl<'a> Caster<'a> {
         let (count, part) = (slabs * PARTS, ray.sample_distance_mm / f64::from(PARTS));
         let end_of = |part_number: i32| begin + f64::from(part_number) * part;
         let basis_at = |t: f64| self.opacity_basis(ray.voxel_at(t));
-        let shown = |t: f64, basis| if ray.is_cut(t) { 0.0 } else { self.opacity_from(basis) };
+        let shown =
+            |t: f64, basis| if ray.is_cut(t) { 0.0 } else { self.opacity_from(ray.voxel_at(t), basis) };
         let (mut early, mut middle, mut late) = (DVec2::ZERO, DVec2::ZERO, basis_at(begin));
         let (mut settled, mut accumulated, mut j) = (before, before, 0);
         while j < count {

@@ -42,7 +42,7 @@ impl Caster<'_> {
 
     pub(super) fn sample_opacity(&self, ray: &Ray, k: i32) -> f64 {
         let t = ray.sample_t(f64::from(k));
-        match &self.table.integral {
+        match &self.tables.own.integral {
             Some(integral) if !ray.is_cut(t) => self.passage_opacity(integral, ray, k),
             _ => self.opacity_at(ray, t),
         }

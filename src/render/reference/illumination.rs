@@ -6,15 +6,16 @@ use std::sync::OnceLock;
 
 use glam::DVec3;
 
-use super::classify::{classify, gradient_factor, modulated};
+use super::classify::{gradient_factor, modulated};
 use super::field::{central_differences, sample_hu};
+use super::labels::classify_at;
 use crate::render::illumination::{Cells, DIRECTIONS, disc_rays, sphere_direction};
 use crate::render::light::InPatient;
 use crate::render::mode::Mode;
 use crate::render::request::RenderRequest;
+use crate::render::tables::Tables;
 use crate::render::uniform::patient_from_voxel_gradient;
 use crate::space::{Patient, Point, Vector};
-use crate::transfer::TransferTable;
 use crate::volume::Volume;
 
 /// Samples that lie on a face but for rounding count as outside.
@@ -23,7 +24,7 @@ const ON_FACE: f64 = 1e-3;
 /// How a ray gathers opacity.
 struct March {
     step_mm: f64,
-    table: TransferTable,
+    tables: Tables,
 }
 
 /// The cells of a volume under a request.
@@ -44,7 +45,10 @@ impl<'a> CellsOfLight<'a> {
         let shadows = (0..count(request.casts_shadows())).map(|_| OnceLock::new()).collect();
         let open = request.illumination.occlusion.strength > 0.0;
         let openness = (0..count(open)).map(|_| OnceLock::new()).collect();
-        let march = |step_mm| March { step_mm, table: TransferTable::new(&request.transfer, step_mm) };
+        let march = |step_mm| {
+            let marched = RenderRequest { sample_distance_mm: step_mm, ..request.clone() };
+            March { step_mm, tables: Tables::new(&marched) }
+        };
         let shadow_march = march(cells.shadow_step_mm());
         let openness_march = march(cells.openness_step_mm(request.illumination.occlusion.radius_mm));
         Self { volume, request, cells, shadow_march, openness_march, shadows, openness }
@@ -148,7 +152,7 @@ impl<'a> CellsOfLight<'a> {
                 share *= near.map_or(1.0, |near| self.past_levels(near, hu));
                 near = Some(hu);
             } else {
-                share *= 1.0 - self.opacity(&march.table, voxel, hu);
+                share *= 1.0 - self.opacity(&march.tables, voxel, hu);
             }
         }
         share
@@ -172,9 +176,9 @@ impl<'a> CellsOfLight<'a> {
         (is_inside(place - margin) && is_inside(place + margin) && !is_cut).then(|| voxel(place))
     }
 
-    fn opacity(&self, table: &TransferTable, voxel: DVec3, hu: f64) -> f64 {
-        let opacity = classify(table, hu).w;
-        match &table.gradient {
+    fn opacity(&self, tables: &Tables, voxel: DVec3, hu: f64) -> f64 {
+        let opacity = classify_at(tables, self.request.labels.as_deref(), voxel, hu).w;
+        match &tables.own.gradient {
             Some(table) if opacity > 0.0 => {
                 let along_voxels = central_differences(self.volume, voxel);
                 let gradient = patient_from_voxel_gradient(self.volume.grid()) * along_voxels;

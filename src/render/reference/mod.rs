@@ -14,6 +14,7 @@
 //! | `classify` | `shaders/lib/classify.wgsl` |
 //! | `illumination` | `shaders/illuminate.wgsl` |
 //! | `lights` | `shaders/lib/lights.wgsl` |
+//! | `labels` | `shaders/lib/labels.wgsl` |
 //! | `isosurface` | `shaders/raycast/isosurface.wgsl` |
 //! | `project` | `shaders/raycast/project.wgsl` |
 //! | `depth_rules` | `shaders/lib/depth_rules.wgsl` |
@@ -26,6 +27,7 @@ mod depth_rules;
 mod field;
 mod illumination;
 mod isosurface;
+mod labels;
 mod lights;
 mod passage;
 mod project;

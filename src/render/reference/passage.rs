@@ -19,7 +19,7 @@ struct Passed {
 
 /// A table and its integrals.
 #[derive(Clone, Copy)]
-struct Tables<'a> {
+struct Integrals<'a> {
     table: &'a TransferTable,
     integral: &'a IntegralTable,
 }
@@ -52,11 +52,11 @@ impl Caster<'_> {
             sample_hu(self.volume, ray.voxel_at(t))
         };
         let values = [-0.5, 0.0, 0.5].map(|place| hu_along(f64::from(k) + place));
-        Tables { table: &self.table, integral }.classify_passage(values)
+        Integrals { table: &self.tables.own, integral }.classify_passage(values)
     }
 }
 
-impl Tables<'_> {
+impl Integrals<'_> {
     fn classify_passage(self, [front, middle, back]: [f64; 3]) -> Passed {
         let (low, high) = (front.min(middle).min(back), front.max(middle).max(back));
         if !self.is_visible_between(low, high) {

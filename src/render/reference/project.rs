@@ -29,14 +29,15 @@ impl Caster<'_> {
         for k in 0..ray.sample_count() {
             let t = ray.sample_t(f64::from(k));
             let value = sign * self.value_at(ray, t);
-            if value > largest && !ray.is_cut(t) {
+            if value > largest && !ray.is_cut(t) && self.is_shown(ray.voxel_at(t)) {
                 (largest, at) = (value, k);
             }
         }
         if largest == f64::NEG_INFINITY {
             return Hit { color: DVec4::ZERO, first: None, t: None };
         }
-        let sample = classify(&self.table, sign * largest);
+        let p = ray.voxel_at(ray.sample_t(f64::from(at)));
+        let sample = self.classify_at(p, sign * largest);
         let t = (sample.w >= VISIBLE).then(|| self.peak_t(ray, at, largest, sign));
         Hit { color: (sample.truncate() * sample.w).extend(sample.w), first: None, t }
     }
@@ -55,7 +56,11 @@ impl Caster<'_> {
     fn share_of_sample(&self, hu: f64) -> f64 {
         let (lowest_hu, span_hu) = brightness_range(self.volume);
         let brightness = ((hu - lowest_hu) / span_hu).clamp(0.0, 1.0);
-        if self.request.mode == Mode::Mean { brightness } else { classify(&self.table, hu).w * brightness }
+        if self.request.mode == Mode::Mean {
+            brightness
+        } else {
+            classify(&self.tables.own, hu).w * brightness
+        }
     }
 
     fn project_sum(&self, ray: &Ray) -> Hit {
@@ -86,7 +91,7 @@ impl Caster<'_> {
             }
             Mode::Mean => {
                 let (lowest_hu, span_hu) = brightness_range(self.volume);
-                let sample = classify(&self.table, lowest_hu + mean * span_hu);
+                let sample = classify(&self.tables.own, lowest_hu + mean * span_hu);
                 (sample.truncate() * sample.w).extend(sample.w)
             }
             _ => DVec3::splat(mean).extend(1.0),

@@ -1,7 +1,8 @@
 //! Slices and slabs; twin of `shaders/slice.wgsl`.
 
+use glam::{DVec3, DVec4};
+
 use super::cast::{Caster, Hit};
-use super::classify::classify;
 use super::field::sample_hu;
 use super::ray::Ray;
 use crate::render::mode::SlabBlend;
@@ -9,10 +10,11 @@ use crate::render::slices::SlabSamples;
 
 const FLAT_HU: f64 = 0.05;
 
-/// Value and distance along the ray in mm of what a ray finds in the slab.
+/// Value and distance along the ray in mm of what a ray finds in the slab, and the voxel index whose segment it has.
 struct Cut {
     hu: f64,
     t: f64,
+    p: DVec3,
 }
 
 impl Caster<'_> {
@@ -22,8 +24,8 @@ impl Caster<'_> {
             SlabBlend::Mip => self.extreme_of_slab(ray, 1.0),
             SlabBlend::MinIp => self.extreme_of_slab(ray, -1.0),
         };
-        let Some(Cut { hu, t }) = cut else { return Hit { color: glam::DVec4::ZERO, first: None, t: None } };
-        let color = classify(&self.table, hu);
+        let Some(Cut { hu, t, p }) = cut else { return Hit { color: DVec4::ZERO, first: None, t: None } };
+        let color = self.classify_at(p, hu);
         Hit { color: (color.truncate() * color.w).extend(color.w), first: None, t: Some(t) }
     }
 
@@ -33,32 +35,39 @@ impl Caster<'_> {
         self.request.camera.distance_mm() + k as f64 * SlabSamples::of(self.request).spacing_mm
     }
 
+    fn is_counted(&self, ray: &Ray, t: f64) -> bool {
+        (ray.entry..=ray.exit).contains(&t) && !ray.is_cut(t) && self.is_shown(ray.voxel_at(t))
+    }
+
     fn mean_of_slab(&self, ray: &Ray) -> Option<Cut> {
         let pairs = i64::from(SlabSamples::of(self.request).pairs);
         let (mut sum, mut weights) = (0.0, 0.0);
         for k in -pairs..=pairs {
             let t = self.slab_t(k);
-            if is_inside(ray, t) {
+            if self.is_counted(ray, t) {
                 let weight = if pairs > 0 && k.abs() == pairs { 0.5 } else { 1.0 };
                 sum += weight * sample_hu(self.volume, ray.voxel_at(t));
                 weights += weight;
             }
         }
-        (weights > 0.0).then(|| Cut { hu: sum / weights, t: self.slab_t(0).clamp(ray.entry, ray.exit) })
+        (weights > 0.0).then(|| {
+            let t = self.slab_t(0).clamp(ray.entry, ray.exit);
+            Cut { hu: sum / weights, t, p: ray.voxel_at(t) }
+        })
     }
 
     fn extreme_of_slab(&self, ray: &Ray, sign: f64) -> Option<Cut> {
         let pairs = i64::from(SlabSamples::of(self.request).pairs);
         let outwards = std::iter::once(0).chain((1..=pairs).flat_map(|k| [-k, k]));
         let mut best: Option<(f64, f64)> = None;
-        for t in outwards.map(|k| self.slab_t(k)).filter(|t| is_inside(ray, *t)) {
+        for t in outwards.map(|k| self.slab_t(k)).filter(|t| self.is_counted(ray, *t)) {
             let value = sign * sample_hu(self.volume, ray.voxel_at(t));
             if best.is_none_or(|(largest, _)| value > largest) {
                 best = Some((value, t));
             }
         }
         let (largest, t) = best?;
-        Some(Cut { hu: sign * largest, t: self.top_t(ray, t, largest, sign) })
+        Some(Cut { hu: sign * largest, t: self.top_t(ray, t, largest, sign), p: ray.voxel_at(t) })
     }
 
     fn top_t(&self, ray: &Ray, t: f64, best: f64, sign: f64) -> f64 {
@@ -72,8 +81,4 @@ impl Caster<'_> {
         let (low, high) = (ray.entry.max(self.slab_t(-pairs)), ray.exit.min(self.slab_t(pairs)));
         (t + offset * spacing_mm).clamp(low, high)
     }
-}
-
-fn is_inside(ray: &Ray, t: f64) -> bool {
-    (ray.entry..=ray.exit).contains(&t) && !ray.is_cut(t)
 }

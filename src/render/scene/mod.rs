@@ -4,6 +4,7 @@
 //! gives a [`Scene`] whose every value is in range. Errors name the key's path, the value and what is allowed.
 
 mod error;
+mod labels;
 mod lights;
 mod overlays;
 mod parts;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
+use self::labels::{LabelsFile, Written, resolve_labels};
 use self::lights::{LightsFile, PathTraceFile, resolve_lights};
 use self::overlays::OverlaysFile;
 use self::parts::{
@@ -31,7 +33,7 @@ use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
 use crate::camera::Orbit;
 use crate::display::DisplaySettings;
-use crate::volume::Grid;
+use crate::volume::{Grid, LabelMap};
 
 pub use error::SceneError;
 pub use slice::{SliceFile, SlicePlane};
@@ -85,6 +87,7 @@ pub struct SceneFile {
     sample_distance_mm: Option<f64>,
     depth: Option<DepthFile>,
     clip: Option<ClipFile>,
+    labels: Option<LabelsFile>,
     background_rgb: Option<[f64; 3]>,
     overlays: OverlaysFile,
     lights: Option<LightsFile>,
@@ -245,6 +248,20 @@ impl SceneFile {
     /// # Errors
     /// The first value out of range, with the key's path, the value and the allowed range.
     pub fn resolve(self, grid: &Grid, orbit: &Orbit) -> Result<Scene, SceneError> {
+        self.resolve_labelled(grid, orbit, None)
+    }
+
+    /// As [`SceneFile::resolve`], for a volume with a label map on its grid. Where the scene says nothing of labels, segments
+    /// are tinted in the modes that show them.
+    ///
+    /// # Errors
+    /// As [`SceneFile::resolve`].
+    pub fn resolve_labelled(
+        self,
+        grid: &Grid,
+        orbit: &Orbit,
+        map: Option<&Arc<LabelMap>>,
+    ) -> Result<Scene, SceneError> {
         self.display.validate()?;
         expect_budget(self.budget_ms)?;
         let size_of_layout = self.display.encoder()?.render_size_px();
@@ -265,12 +282,15 @@ impl SceneFile {
             || self.mode.unwrap_or_else(|| default_mode(preset)),
             |slice| Mode::Slice(slice.blend),
         );
+        let mut clip = self.clip.unwrap_or_default();
+        let written = Written { labels: self.labels, clip: clip.labels.take() };
         let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let request = RenderRequest {
             camera,
             size_px,
             reduced_px: None,
             mode,
+            labels: resolve_labels(written, map, mode, &transfer)?,
             surfaces: resolve_surfaces(mode, self.iso_hu, self.surfaces, &transfer)?,
             transfer,
             classification: self.classification.unwrap_or_default(),
@@ -281,7 +301,7 @@ impl SceneFile {
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
             letters: slice.is_some_and(|slice| slice.letters),
             depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
-            clip: self.clip.unwrap_or_default().resolve()?,
+            clip: clip.resolve()?,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
             overlays: Arc::new(self.overlays.resolve()?),
             lights: resolve_lights(self.lights, mode)?,

@@ -5,6 +5,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
+use super::labels::{ClipLabelsFile, label_objects};
 use super::overlays::OverlaysFile;
 use crate::camera::{Camera, CameraError, Projection};
 use crate::display::DisplaySettings;
@@ -147,6 +148,8 @@ pub(super) struct ClipFile {
     box_mm: Option<[[f64; 3]; 2]>,
     planes: Vec<PlaneFile>,
     sphere: Option<SphereFile>,
+    /// Not for the ray's interval: it becomes a look of the labels.
+    pub(super) labels: Option<ClipLabelsFile>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -193,7 +196,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
                 let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
                 (0..items).map(move |i| format!("{list}/{i}"))
             });
-    let lists = lists.chain(overlay_items(&scene));
+    let lists = lists.chain(overlay_items(&scene)).chain(label_objects(&scene));
     let paths = OBJECTS.into_iter().chain(["/display"]).map(str::to_owned).chain(lists);
     for path in paths {
         if scene.pointer(&path).is_some_and(serde_json::Value::is_array) {

@@ -1,0 +1,138 @@
+//! Segment-wise looks of a request: a label map, and for each of its segments transfer function, visibility and tint.
+//!
+//! What it is not: how samples look segments up, which is in `shaders/lib/labels.wgsl` and its twin. Modes that add up or
+//! look for surfaces have no segments: an isosurface runs along the edge of what was segmented, now on its one side and now
+//! on the other. Space: voxel index of the volume, on whose grid the map lies.
+
+use std::sync::Arc;
+
+use super::mode::Mode;
+use super::request::{RenderRequest, RequestError};
+use crate::transfer::TransferFunction;
+use crate::volume::{Grid, LabelMap};
+
+/// How one segment is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Whether it is shown; what is not is as clear as air.
+    pub visible: bool,
+    /// Which transfer function: 0 for the request's own, else the one before this place in [`Labels::transfers`].
+    pub transfer: usize,
+    /// The colour that it is tinted with, display-referred sRGB, 0..1.
+    pub tint_rgb: [f64; 3],
+    /// How much of its colour gives way to the tint, 0..1.
+    pub tint: f64,
+}
+
+impl Look {
+    /// As if there were no segment.
+    pub const PLAIN: Self = Self { visible: true, transfer: 0, tint_rgb: [0.0; 3], tint: 0.0 };
+}
+
+/// Where the edge between segments runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Edges {
+    /// Where the trilinear weight of one segment's voxels passes that of another's: as smooth as the volume.
+    #[default]
+    Smooth,
+    /// Around whole voxels.
+    Voxels,
+}
+
+impl Edges {
+    /// Both of them.
+    pub const ALL: [Self; 2] = [Self::Smooth, Self::Voxels];
+
+    /// The name in requests.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Smooth => "smooth",
+            Self::Voxels => "voxels",
+        }
+    }
+}
+
+/// A label map and how its segments are shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Labels {
+    /// On the volume's grid; see [`LabelMap::resampled`].
+    pub map: Arc<LabelMap>,
+    /// First that of voxels without a segment, then those of the map's segments in their order.
+    pub looks: Vec<Look>,
+    /// Transfer functions beside the request's own; none with opacity by gradient.
+    pub transfers: Vec<TransferFunction>,
+    /// Where edges between segments run.
+    pub edges: Edges,
+}
+
+impl Labels {
+    /// Most segments that a map may have to be shown: looks and transfer functions share a table.
+    pub const MOST_SEGMENTS: usize = 512;
+
+    /// Most transfer functions beside the request's own.
+    pub const MOST_TRANSFERS: usize = 15;
+
+    /// Whether a mode can show segments.
+    #[must_use]
+    pub const fn are_shown_by(mode: Mode) -> bool {
+        matches!(mode, Mode::Composite | Mode::Mip | Mode::Minip | Mode::Slice(_))
+    }
+
+    /// Whether the picture is the one without them.
+    #[must_use]
+    pub fn are_plain(&self) -> bool {
+        let is_plain = |look: &Look| look.visible && look.transfer == 0 && look.tint == 0.0;
+        self.looks.iter().all(is_plain)
+    }
+
+    /// Bytes that a request holds for them, the map left out: that is shared.
+    #[must_use]
+    pub fn size_bytes(&self) -> usize {
+        let points: usize = self.transfers.iter().map(|transfer| size_of_val(transfer.points())).sum();
+        size_of_val(self.looks.as_slice()) + points
+    }
+
+    pub(super) fn validate(&self, request: &RenderRequest) -> Result<(), RequestError> {
+        let refuse = |found: String, allowed: &str| Err(RequestError::new("labels", &found, allowed));
+        if !Self::are_shown_by(request.mode) {
+            let modes = Mode::ALL.into_iter().filter(|mode| Self::are_shown_by(*mode)).map(Mode::name);
+            let allowed = format!("nothing beside other modes than {}", modes.collect::<Vec<_>>().join(", "));
+            return refuse("there".to_owned(), &allowed);
+        }
+        let segments = self.map.segments().len();
+        if segments > Self::MOST_SEGMENTS {
+            return refuse(format!("a map of {segments} segments"), "maps of at most 512 segments");
+        }
+        if self.looks.len() != segments + 1 {
+            return refuse(format!("{} looks", self.looks.len()), &format!("{}", segments + 1));
+        }
+        if self.transfers.len() > Self::MOST_TRANSFERS {
+            let found = format!("{} transfer functions", self.transfers.len());
+            return refuse(found, "at most 15 different ones beside the scene's own");
+        }
+        let own = std::iter::once(&request.transfer);
+        if own.chain(&self.transfers).any(|transfer| transfer.gradient_opacity().is_some()) {
+            let allowed = "nothing in a scene with labels";
+            return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
+        }
+        let in_range = |look: &Look| {
+            look.transfer <= self.transfers.len()
+                && look.tint_rgb.iter().chain([&look.tint]).all(|share| (0.0..=1.0).contains(share))
+        };
+        match self.looks.iter().find(|look| !in_range(look)) {
+            Some(look) => {
+                refuse(format!("{look:?}"), "tints of 0 to 1 and a transfer function that is there")
+            }
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
+        if self.map.grid() == grid {
+            return Ok(());
+        }
+        let found = format!("a map of {:?} voxels on a grid of its own", self.map.grid().dims());
+        Err(RequestError::new("labels", &found, "a map on the volume's grid"))
+    }
+}
