@@ -8,7 +8,7 @@
 //! |---|---|
 //! | 0 | [`units`], [`space`] |
 //! | 1 | [`volume`], [`transfer`], [`camera`] |
-//! | 2 | [`gpu`], [`dicom`], [`display`] |
+//! | 2 | [`gpu`], [`dicom`], [`formats`], [`display`] |
 //! | 3 | [`render`] |
 //! | 4 | [`session`] |
 //! | 5 | [`server`] |
@@ -20,6 +20,7 @@ pub mod camera;
 pub mod cli;
 pub mod dicom;
 pub mod display;
+pub mod formats;
 pub mod gpu;
 pub mod render;
 pub mod server;

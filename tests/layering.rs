@@ -19,6 +19,7 @@ const RANKS: &[(&str, u32)] = &[
     ("annotation", 1),
     ("gpu", 2),
     ("dicom", 2),
+    ("formats", 2),
     ("display", 2),
     ("render", 3),
     ("session", 4),
@@ -46,7 +47,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("nalgebra", &["tracking"]),
     ("anyhow", &["cli"]),
     ("clap", &["cli"]),
-    ("quick_xml", &["transfer"]),
+    ("quick_xml", &["transfer", "formats"]),
     ("indicatif", &["cli"]),
     ("tracing_subscriber", &["cli"]),
 ];

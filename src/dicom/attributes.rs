@@ -32,6 +32,11 @@ pub(super) const INTERCEPT: Attribute = attribute(tags::RESCALE_INTERCEPT, "Resc
 pub(super) const PER_FRAME: Attribute =
     attribute(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, "PerFrameFunctionalGroupsSequence");
 
+pub(super) const SEGMENTATION: Attribute = attribute(tags::SEGMENTATION_TYPE, "SegmentationType");
+pub(super) const SEGMENT: Attribute = attribute(tags::SEGMENT_NUMBER, "SegmentNumber");
+pub(super) const REFERENCED_SEGMENT: Attribute =
+    attribute(tags::REFERENCED_SEGMENT_NUMBER, "ReferencedSegmentNumber");
+
 /// A positive number in mm; `None` when absent or unusable, for attributes that nothing depends on.
 pub(super) fn positive(data: &DataSet, attribute: Attribute) -> Option<f64> {
     let [mm] = numbers(data, attribute, "a positive number in mm").ok()?;

@@ -112,6 +112,16 @@ impl DataSet {
         }
     }
 
+    /// Unsigned 16-bit integers; none when absent.
+    pub(super) fn words(&self, tag: Tag) -> Vec<u16> {
+        let Some(Value::Bytes { bytes, big_endian }) = self.value(tag) else { return Vec::new() };
+        let word = |pair: &[u8]| {
+            let pair = [pair[0], pair[1]];
+            if *big_endian { u16::from_be_bytes(pair) } else { u16::from_le_bytes(pair) }
+        };
+        bytes.chunks_exact(2).map(word).collect()
+    }
+
     /// The items of a kept sequence; none when absent.
     pub(super) fn items(&self, tag: Tag) -> &[Self] {
         match self.value(tag) {

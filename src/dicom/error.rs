@@ -261,6 +261,9 @@ pub enum Defect {
         /// The limit in bytes.
         limit: u64,
     },
+    /// Slices that lie on no grid that can be held.
+    #[error("{0}")]
+    Geometry(String),
     /// A transfer syntax nobody here can decode.
     #[error("TransferSyntaxUID (0002,0010): found {found}, which {why}")]
     TransferSyntax {

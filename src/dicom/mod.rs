@@ -18,7 +18,8 @@
 //! The data set is walked by a reader of our own (`dataset`), since the pixels of 300 slices should be read once, and
 //! a parser that recurses can be made to overflow the stack; codecs, dictionary and transfer syntaxes are dicom-rs's.
 //!
-//! What it is not: a DICOM toolkit. Objects other than CT images are listed as skipped.
+//! What it is not: a DICOM toolkit. Objects other than CT images are listed as skipped;
+//! segmentation objects become label maps when they are asked for.
 
 mod attributes;
 mod batches;
@@ -36,6 +37,7 @@ mod load;
 mod part10;
 mod pixels;
 mod resample;
+mod segmentation;
 mod series;
 mod source;
 mod stack;
@@ -46,5 +48,6 @@ pub use discover::{Discovery, Skipped, Strictness, discover};
 pub use error::{Attribute, Defect, Error, Reasons};
 pub use identity::SeriesIdentity;
 pub use load::{LoadLimits, Loaded, Progress, Stage, load, load_within};
+pub use segmentation::{LoadedSegmentation, load_segmentation};
 pub use series::SeriesEntry;
 pub use warnings::{Warning, WarningCode};

@@ -1,0 +1,102 @@
+//! A file's bytes, unpacked where it is gzipped, and what they begin with.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use flate2::bufread::MultiGzDecoder;
+
+use super::FormatError;
+
+/// Which format a file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Nifti,
+    Nrrd,
+}
+
+/// A file as it is read from front to back.
+pub(super) struct Source {
+    reader: BufReader<Box<dyn Read + Send>>,
+}
+
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+impl Source {
+    /// Opens a file; one that begins as gzip does is unpacked on the way.
+    pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
+        let failed = |source| FormatError::Read { path: path.to_owned(), source };
+        let mut file = BufReader::new(File::open(path).map_err(failed)?);
+        let is_packed = file.fill_buf().map_err(failed)?.starts_with(&GZIP);
+        let reader: Box<dyn Read + Send> =
+            if is_packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        Ok(Self { reader: BufReader::with_capacity(1 << 16, reader) })
+    }
+
+    /// Bytes that are in memory, for tests.
+    #[cfg(test)]
+    pub(super) fn of_bytes(bytes: Vec<u8>) -> Self {
+        Self { reader: BufReader::new(Box::new(std::io::Cursor::new(bytes))) }
+    }
+
+    /// The format, by the first bytes, which stay to be read.
+    pub(super) fn kind(&mut self) -> Result<Kind, FormatError> {
+        let head = self.reader.fill_buf().map_err(FormatError::Damaged)?;
+        let size =
+            head.first_chunk().map(|four: &[u8; 4]| [i32::from_le_bytes(*four), i32::from_be_bytes(*four)]);
+        if head.starts_with(b"NRRD0") {
+            return Ok(Kind::Nrrd);
+        }
+        if size.is_some_and(|sizes| sizes.iter().any(|size| [348, 540].contains(size))) {
+            return Ok(Kind::Nifti);
+        }
+        let shown: Vec<String> = head.iter().take(8).map(|byte| format!("{byte:02X}")).collect();
+        let found =
+            if shown.is_empty() { "nothing".to_owned() } else { format!("bytes {}", shown.join(" ")) };
+        Err(FormatError::Unknown { found })
+    }
+
+    /// So many bytes, which are few.
+    pub(super) fn take(&mut self, count: usize) -> Result<Vec<u8>, FormatError> {
+        let mut bytes = Vec::new();
+        self.reader.by_ref().take(count as u64).read_to_end(&mut bytes).map_err(FormatError::Damaged)?;
+        if bytes.len() < count {
+            return Err(FormatError::Cut { expected: count as u64, found: bytes.len() as u64 });
+        }
+        Ok(bytes)
+    }
+
+    /// A line without its end, of at most `longest` bytes; `None` where the file ends.
+    pub(super) fn line(&mut self, longest: usize) -> Result<Option<String>, FormatError> {
+        let mut bytes = Vec::new();
+        let most = longest as u64 + 1;
+        self.reader.by_ref().take(most).read_until(b'\n', &mut bytes).map_err(FormatError::Damaged)?;
+        if bytes.is_empty() {
+            return Ok(None);
+        }
+        if bytes.len() > longest && bytes.last() != Some(&b'\n') {
+            let allowed = format!("lines of at most {longest} bytes");
+            return Err(FormatError::header("the header", "a longer line", allowed));
+        }
+        let text = String::from_utf8_lossy(&bytes);
+        Ok(Some(text.trim_end_matches(['\r', '\n']).to_owned()))
+    }
+
+    /// Reads on through what is left as gzip; nothing before it may have been gzip, too.
+    pub(super) fn unpack_rest(&mut self) {
+        let packed = std::mem::replace(&mut self.reader, BufReader::new(Box::new(std::io::empty())));
+        self.reader = BufReader::with_capacity(1 << 16, Box::new(MultiGzDecoder::new(packed)));
+    }
+
+    /// Up to `buffer.len()` bytes, fewer only where the file ends.
+    pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, FormatError> {
+        let mut filled = 0;
+        while filled < buffer.len() {
+            match self.reader.read(&mut buffer[filled..]).map_err(FormatError::Damaged)? {
+                0 => break,
+                count => filled += count,
+            }
+        }
+        Ok(filled)
+    }
+}
