@@ -76,7 +76,8 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Ok((adapter.open_renderer_for(dims)?, milliseconds(start)))
     })?;
     let load_ms = milliseconds(start) - open_ms;
-    let scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
+    let labels = series.load_labels(loaded.volume.grid())?;
+    let scene = scene_file.resolve_labelled(loaded.volume.grid(), &scene.orbit(), labels.as_ref())?;
     let turntable = Turntable { frames, step: orbit_deg.to_radians() };
     let skipping = if no_skipping { Skipping::Off } else { Skipping::On };
     let mut bench = Bench { renderer: &mut renderer, volume: &loaded.volume, skipping };

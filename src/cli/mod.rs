@@ -10,6 +10,7 @@ mod doctor;
 mod golden;
 mod inspect;
 mod inspect_frame;
+mod labels;
 mod light;
 mod memory;
 mod output;

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output::{self, say};
 use crate::dicom::write::{Existing, SeriesFolder, SeriesLabels};
+use crate::formats::seg_nrrd;
 use crate::volume::phantom::{Kind, Phantom, Recipe};
 
 /// Make a procedural CT series with its truth: DICOM slices and truth.json in a folder.
@@ -47,6 +48,7 @@ struct Report<'a> {
     kind: &'a str,
     folder: &'a std::path::Path,
     truth: PathBuf,
+    labels: Option<PathBuf>,
     slices: usize,
     dims: [usize; 3],
     spacing_mm: [f64; 3],
@@ -69,12 +71,17 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     bar.set_message("writing");
     folder.write_slices(&volume, &labels(kind, seed), &advance)?;
     folder.write_file("truth.json", &serde_json::to_vec_pretty(&truth)?)?;
+    let organs = recipe.label_map();
+    if let Some(map) = &organs {
+        folder.write_file("labels.seg.nrrd", &seg_nrrd(map)?)?;
+    }
     folder.finish()?;
     bar.finish_and_clear();
     let report = Report {
         kind: kind.name(),
         folder: &out,
         truth: out.join("truth.json"),
+        labels: organs.map(|_| out.join("labels.seg.nrrd")),
         slices: truth.dims[2],
         dims: truth.dims,
         spacing_mm: truth.spacing_mm,
@@ -97,6 +104,9 @@ fn print_text(report: &Report<'_>) {
     say!("Made the {} phantom in {folder} in {:.1} s.", report.kind, report.seconds);
     say!("  {} DICOM slices: {nx} x {ny} x {nz} voxels of {sx:.4} x {sy:.4} x {sz:.4} mm", report.slices);
     say!("  truth.json: its materials, surfaces and landmarks in patient mm");
+    if report.labels.is_some() {
+        say!("  labels.seg.nrrd: its organs, for --labels");
+    }
     say!("Next: relief render --series {folder} --preset bone --out {}.png", report.kind);
 }
 

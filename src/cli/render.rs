@@ -28,6 +28,7 @@ Examples:
   relief render --series chest --plane axial --offset-mm 40 --layout color --out slice.png
   relief render --series chest --plane coronal --slab-mm 10 --slab-blend mip --layout color --out slab.png
   relief render --series head --preset bone --lights studio --shadows 0.8 --occlusion 0.7 --layout color --out lit.png
+  relief render --series abdomen --labels segments.nii.gz --preset soft-tissue --keep-labels liver,spleen --out organs.png
   relief render --series head --mode path-traced --passes 256 --layout color --out light.png
   relief render --series chest --preset skin --budget-ms 100 --layout color --out quick.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
@@ -97,7 +98,8 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     }
     check_outputs(&out, depth_out.as_ref())?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
-    let mut scene = scene_file.resolve(loaded.volume.grid(), &scene.orbit())?;
+    let labels = series.load_labels(loaded.volume.grid())?;
+    let mut scene = scene_file.resolve_labelled(loaded.volume.grid(), &scene.orbit(), labels.as_ref())?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
     }

@@ -42,6 +42,15 @@ pub(super) struct SceneArguments {
     /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
     overlay: Vec<String>,
+    /// Segments of --labels that are cut away, by label or name; 0 is what has no segment
+    #[arg(long, value_name = "LABELS", value_delimiter = ',', conflicts_with = "keep_labels")]
+    cut_labels: Vec<String>,
+    /// Segments of --labels that alone are shown, by label or name
+    #[arg(long, value_name = "LABELS", value_delimiter = ',')]
+    keep_labels: Vec<String>,
+    /// How strongly segments are tinted, 0 to 1 (0.5 where nothing is said)
+    #[arg(long, value_name = "SHARE")]
+    label_tint: Option<f64>,
     /// Which depth a semi-transparent ray has: threshold, first-hit, max-opacity, most-contributing, expected, wysiwyp,
     /// two-layer
     #[arg(long, value_name = "NAME", value_parser = parse_depth_rule)]
@@ -157,6 +166,7 @@ impl SceneArguments {
         for name in &self.overlay {
             scene = scene.with_overlay(name)?;
         }
+        scene = scene.with_labels(&self.cut_labels, &self.keep_labels, self.label_tint);
         if let Some(rule) = self.depth_rule {
             scene = scene.with_depth_rule(rule);
         }

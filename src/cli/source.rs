@@ -2,22 +2,28 @@
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::labels;
 use super::memory::available_bytes;
 use crate::dicom::{self, Discovery, LoadLimits, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
+use crate::formats;
+use crate::volume::{Grid, LabelMap};
 
 /// A CT series to load.
 #[derive(Debug, clap::Args)]
 pub(super) struct SeriesArguments {
-    /// CT series: a folder, a file, a DICOMDIR or a zip
+    /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or .nrrd
     #[arg(long, value_name = "PATH")]
     pub(super) series: PathBuf,
+    /// Segments of the series: a label map as .nii, .nii.gz, .nrrd or .seg.nrrd, or a DICOM segmentation
+    #[arg(long, value_name = "FILE")]
+    pub(super) labels: Option<PathBuf>,
     #[command(flatten)]
     pub(super) options: SeriesOptions,
 }
@@ -44,6 +50,11 @@ impl SeriesArguments {
     ) -> anyhow::Result<(Loaded, T)> {
         load_after(&self.series, &self.options, before)
     }
+
+    /// Loads the label map onto the grid of the series, if one is given.
+    pub(super) fn load_labels(&self, grid: &Grid) -> anyhow::Result<Option<Arc<LabelMap>>> {
+        self.labels.as_deref().map(|path| labels::load(path, grid)).transpose()
+    }
 }
 
 /// Loads the chosen series under `path`, with progress and warnings on stderr.
@@ -52,12 +63,17 @@ pub(super) fn load(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loade
 }
 
 /// As [`load`]; `before` is given the dimensions that the volume will have, when all headers are read and no slice yet, and
-/// may refuse them.
+/// may refuse them. Of a volume in a single file it is given them when that is read.
 pub(super) fn load_after<T>(
     path: &Path,
     options: &SeriesOptions,
     before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
 ) -> anyhow::Result<(Loaded, T)> {
+    if formats::is_known(path) {
+        let loaded = load_file(path, options)?;
+        let prepared = before(loaded.volume.grid().dims())?;
+        return Ok((loaded, prepared));
+    }
     let strictness = strictness(options.strict);
     let found = discover(path, strictness)?;
     let entry = select(&found, options.series_uid.as_deref())?;
@@ -66,6 +82,18 @@ pub(super) fn load_after<T>(
     let loaded = load_entry(entry, strictness)?;
     warn(&loaded.warnings);
     Ok((loaded.downsampled(options.downsample.into()), prepared))
+}
+
+/// Loads a volume of another format than DICOM.
+fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
+    if options.series_uid.is_some() {
+        bail!("{} is one volume and no series; leave --series-uid out", path.display());
+    }
+    let found = formats::read_volume(path).with_context(|| format!("cannot use {}", path.display()))?;
+    for warning in found.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(Loaded::of_volume(found.volume).downsampled(options.downsample.into()))
 }
 
 /// The chosen series, or the only one; where there are several, the error names the option that chooses.

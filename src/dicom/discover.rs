@@ -30,8 +30,8 @@ pub struct Skipped {
     pub file: String,
     /// Why it is not used.
     pub reason: String,
-    /// What is wrong with it; `None` for sound objects of another kind, and for JSON sidecars: phantoms and other
-    /// tools put them beside slices, and they are no sign of damage.
+    /// What is wrong with it; `None` for sound objects of another kind, and for sidecars (JSON, label maps):
+    /// phantoms and other tools put them beside slices, and they are no sign of damage.
     #[serde(skip)]
     pub defect: Option<Defect>,
 }
@@ -86,7 +86,9 @@ impl Skipped {
         match rejection {
             Rejection::Unwanted(reason) => Self { file, reason, defect: None },
             Rejection::Defective(defect) => {
-                let is_sidecar = matches!(defect, Defect::NotDicom { .. }) && file.ends_with(".json");
+                let is_sidecar =
+                    [".json", ".nrrd", ".nii", ".nii.gz"].iter().any(|ending| file.ends_with(ending));
+                let is_sidecar = is_sidecar && matches!(defect, Defect::NotDicom { .. });
                 let reason = defect.to_string();
                 Self { file, reason, defect: (!is_sidecar).then_some(defect) }
             }

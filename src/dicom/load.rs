@@ -71,6 +71,13 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// A volume that comes from elsewhere: without warnings, and of no study.
+    #[must_use]
+    pub fn of_volume(volume: Volume) -> Self {
+        let identity = SeriesIdentity::default();
+        Self { volume, warnings: Vec::new(), identity, stack_sha256: OnceLock::new() }
+    }
+
     /// SHA-256 of the HU stack as read: little-endian 16-bit, (z, y, x) order, ascending along row x column, before
     /// any resampling.
     #[must_use]

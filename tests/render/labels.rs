@@ -292,15 +292,24 @@ fn hundreds_of_segments_are_shown_and_what_changes_nothing_costs_nothing() {
     assert!(mean.labels.is_none(), "a scene that says nothing of labels is for modes without them too");
 }
 
-#[test]
-fn labels_that_are_wrong_are_named_with_path_value_and_range() {
+/// Voxels of labels 0, 1 and 2 in turn.
+fn striped() -> (Grid, Arc<LabelMap>) {
     let grid = Grid::axis_aligned([8; 3], [1.0; 3], [0.0; 3]).unwrap();
     let map = label_map(&grid, |[i, ..], _| (i % 3) as u16);
-    let refused = |json: &str, map: Option<&Arc<LabelMap>>| {
-        let scene = SceneFile::parse(json.as_bytes());
-        let resolved = scene.and_then(|scene| scene.resolve_labelled(&grid, &Orbit::default(), map));
-        resolved.map(|scene| scene.request.labels).expect_err(json).to_string()
-    };
+    (grid, map)
+}
+
+/// What is said of a scene that is refused.
+fn refused(json: &str, map: Option<&Arc<LabelMap>>) -> String {
+    let scene = SceneFile::parse(json.as_bytes());
+    let (grid, _) = striped();
+    let resolved = scene.and_then(|scene| scene.resolve_labelled(&grid, &Orbit::default(), map));
+    resolved.map(|scene| scene.request.labels).expect_err(json).to_string()
+}
+
+#[test]
+fn labels_that_are_wrong_are_named_with_path_value_and_range() {
+    let (_, map) = striped();
     for (json, parts) in [
         (
             r#"{"labels": {"segments": [{"label": "liver"}]}}"#,
@@ -352,6 +361,11 @@ fn labels_that_are_wrong_are_named_with_path_value_and_range() {
             assert!(message.contains(part), "{json}: {message:?} lacks {part:?}");
         }
     }
+}
+
+#[test]
+fn labels_beside_the_wrong_volume_or_map_are_refused() {
+    let (grid, map) = striped();
     for json in [r#"{"labels": {}}"#, r#"{"clip": {"labels": {"cut": [1]}}}"#] {
         assert!(
             refused(json, None).contains("labels is there, allowed: nothing beside a volume without"),

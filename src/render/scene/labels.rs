@@ -72,6 +72,25 @@ pub(super) struct ClipLabelsFile {
     keep: Option<Vec<LabelFile>>,
 }
 
+impl ClipLabelsFile {
+    /// What is cut away or kept, each by its label or its name; `None` where both are empty.
+    pub(super) fn of(cut: &[String], keep: &[String]) -> Option<Self> {
+        let list = |words: &[String]| {
+            let labels = words
+                .iter()
+                .map(|word| word.parse().map_or_else(|_| LabelFile::Name(word.clone()), LabelFile::Label));
+            (!words.is_empty()).then(|| labels.collect())
+        };
+        (!(cut.is_empty() && keep.is_empty())).then(|| Self { cut: list(cut), keep: list(keep) })
+    }
+}
+
+impl LabelsFile {
+    pub(super) fn set_tint(&mut self, tint: f64) {
+        self.tint = Some(tint);
+    }
+}
+
 /// A segment by its label or its name.
 #[derive(Clone, Debug)]
 enum LabelFile {

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use self::labels::{LabelsFile, Written, resolve_labels};
+use self::labels::{ClipLabelsFile, LabelsFile, Written, resolve_labels};
 use self::lights::{LightsFile, PathTraceFile, resolve_lights};
 use self::overlays::OverlaysFile;
 use self::parts::{
@@ -149,6 +149,19 @@ impl SceneFile {
     pub fn with_overlay(mut self, name: &str) -> Result<Self, RequestError> {
         self.overlays.switch_on(name)?;
         Ok(self)
+    }
+
+    /// Cuts these segments away, or keeps these alone, each by its label or its name, and tints all by this share. What is
+    /// empty or `None` leaves what the scene says.
+    #[must_use]
+    pub fn with_labels(mut self, cut: &[String], keep: &[String], tint: Option<f64>) -> Self {
+        if let Some(labels) = ClipLabelsFile::of(cut, keep) {
+            self.clip.get_or_insert_default().labels = Some(labels);
+        }
+        if let Some(tint) = tint {
+            self.labels.get_or_insert_default().set_tint(tint);
+        }
+        self
     }
 
     /// Whether the scene is that of a slice.

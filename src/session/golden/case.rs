@@ -1,6 +1,7 @@
 //! One case: `case.toml` and `scene.json`, checked.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -63,6 +64,7 @@ pub struct Case {
     folder: PathBuf,
     purpose: String,
     recipe: Recipe,
+    is_labelled: bool,
     tolerance: Tolerance,
     aspects: Vec<Aspect>,
     scene: SceneFile,
@@ -93,6 +95,9 @@ struct VolumeFile {
     size: usize,
     #[serde(default)]
     seed: u64,
+    /// Whether the phantom's organs are labelled.
+    #[serde(default)]
+    labels: bool,
 }
 
 impl Case {
@@ -114,6 +119,7 @@ impl Case {
             folder: folder.to_owned(),
             purpose: file.purpose,
             recipe,
+            is_labelled: file.volume.labels,
             tolerance: file.tolerance.tolerance(),
             aspects: checked_aspects(&path, file.compare)?,
             scene: parsed.map_err(|source| GoldenError::Scene { path: scene, source })?,
@@ -158,12 +164,13 @@ impl Case {
         &self.aspects
     }
 
-    /// The complete scene for the volume's grid.
+    /// The complete scene for the volume's grid, with the phantom's organs where the case asks for them.
     ///
     /// # Errors
     /// When a value is out of range, or the tolerance would let a depth pass that is off by one sample.
     pub fn scene(&self, grid: &Grid) -> Result<Scene, GoldenError> {
-        let resolved = self.scene.clone().resolve(grid, &Orbit::default());
+        let organs = if self.is_labelled { self.recipe.label_map().map(Arc::new) } else { None };
+        let resolved = self.scene.clone().resolve_labelled(grid, &Orbit::default(), organs.as_ref());
         let path = || self.folder.join(SCENE_FILE);
         let scene = resolved.map_err(|source| GoldenError::Scene { path: path(), source })?;
         let least_mm = 4.0 * self.tolerance.depth_mm;

@@ -21,7 +21,7 @@ mod truth;
 
 use std::str::FromStr;
 
-use super::{Grid, Volume, stack_sha256};
+use super::{Grid, LabelMap, Segment, Volume, stack_sha256};
 pub use truth::{Landmark, Material, Surface, SurfaceShape, TRUTH_SCHEMA, Truth};
 
 /// What a phantom shows.
@@ -159,6 +159,21 @@ impl Recipe {
         self.assemble(&placement, voxels, facts)
     }
 
+    /// The organs of the phantom as segments on its grid; only the head has any.
+    #[must_use]
+    pub fn label_map(&self) -> Option<LabelMap> {
+        if self.kind != Kind::Head {
+            return None;
+        }
+        let placement = self.placement();
+        let described = head::ORGANS.map(|(label, name, rgb)| {
+            Segment::new(label, Some(name), Some(rgb.map(|byte| f64::from(byte) / 255.0)))
+        });
+        let labels = head::labels(&placement, self.seed);
+        let map = LabelMap::new(placement.grid(), &labels, described.to_vec());
+        Some(map.expect("one label was made for each voxel of the placement"))
+    }
+
     fn assemble(&self, placement: &Placement, voxels: Vec<i16>, facts: Facts) -> Phantom {
         let Placement { dims, spacing_mm, origin_mm } = *placement;
         let truth = Truth {
@@ -176,9 +191,8 @@ impl Recipe {
             surfaces: facts.surfaces,
             landmarks: facts.landmarks,
         };
-        let grid = Grid::axis_aligned(dims, spacing_mm, origin_mm)
-            .expect("sizes are at least 16 and extents positive, so the grid holds voxels");
-        let volume = Volume::new(grid, voxels).expect("one value was made for each voxel of the placement");
+        let volume = Volume::new(placement.grid(), voxels)
+            .expect("one value was made for each voxel of the placement");
         Phantom { volume, truth }
     }
 
@@ -251,6 +265,11 @@ impl Placement {
         let spacing_mm = std::array::from_fn(|a| extent_mm[a] / dims[a] as f64);
         let origin_mm = std::array::from_fn(|a| center_mm[a] - spacing_mm[a] * (dims[a] as f64 - 1.0) / 2.0);
         Self { dims, spacing_mm, origin_mm }
+    }
+
+    fn grid(&self) -> Grid {
+        Grid::axis_aligned(self.dims, self.spacing_mm, self.origin_mm)
+            .expect("sizes are at least 16 and extents positive, so the grid holds voxels")
     }
 
     /// Patient coordinate of a voxel centre along one axis, mm.

@@ -88,12 +88,42 @@ pub(super) fn head(placement: &Placement, seed: u64, report: &(dyn Fn(usize) + S
     (voxels, facts)
 }
 
-/// Paints up to [`BLOCK`] slices from slice `first` on.
-fn paint_slab(anatomy: &Anatomy, placement: &Placement, first: usize, slab: &mut [i16], seed: u64) {
+/// Labels, names and colours (sRGB as bytes) of the organs that are told apart.
+pub(super) const ORGANS: [(u16, &str, [u8; 3]); 10] = [
+    (1, "skull", [241, 229, 200]),
+    (2, "mandible", [222, 203, 160]),
+    (3, "cervical spine", [205, 186, 142]),
+    (4, "teeth", [255, 252, 240]),
+    (5, "brain", [236, 168, 150]),
+    (6, "arteries", [216, 40, 34]),
+    (7, "veins", [58, 92, 196]),
+    (8, "eyes", [150, 205, 220]),
+    (9, "muscles", [176, 74, 62]),
+    (10, "airways", [130, 190, 235]),
+];
+
+/// The label of each voxel's centre, of [`ORGANS`].
+pub(super) fn labels(placement: &Placement, seed: u64) -> Vec<u16> {
+    let anatomy = Anatomy::new(seed);
+    let [nx, ny, nz] = placement.dims;
+    let mut labels = vec![0u16; nx * ny * nz];
+    labels.par_chunks_mut(nx * ny * BLOCK).enumerate().for_each(|(n, slab)| {
+        for_each_near(&anatomy, placement, n * BLOCK, slab.len(), |local, p, at| slab[at] = local.label(p));
+    });
+    labels
+}
+
+/// Calls with each voxel of up to [`BLOCK`] slices from slice `first` on, where there is more than air: what is near, the
+/// voxel's centre, and its place among `voxels`.
+fn for_each_near(
+    anatomy: &Anatomy,
+    placement: &Placement,
+    first: usize,
+    voxels: usize,
+    mut visit: impl FnMut(&tissue::LocalAnatomy<'_>, Vec3, usize),
+) {
     let [nx, ny, _] = placement.dims;
-    let depth = slab.len() / (nx * ny);
-    let edge = Edge::of_voxels(placement.spacing_mm);
-    let mut hu = vec![tissue::AIR_HU; slab.len()];
+    let depth = voxels / (nx * ny);
     for y0 in (0..ny).step_by(BLOCK) {
         for x0 in (0..nx).step_by(BLOCK) {
             let (x1, y1) = ((x0 + BLOCK).min(nx), (y0 + BLOCK).min(ny));
@@ -104,12 +134,20 @@ fn paint_slab(anatomy: &Anatomy, placement: &Placement, first: usize, slab: &mut
                 for j in y0..y1 {
                     for i in x0..x1 {
                         let p = center_of(placement, [i, j, first + k]);
-                        hu[(k * ny + j) * nx + i] = local.hu(p, edge);
+                        visit(&local, p, (k * ny + j) * nx + i);
                     }
                 }
             }
         }
     }
+}
+
+/// Paints up to [`BLOCK`] slices from slice `first` on.
+fn paint_slab(anatomy: &Anatomy, placement: &Placement, first: usize, slab: &mut [i16], seed: u64) {
+    let [nx, ny, _] = placement.dims;
+    let edge = Edge::of_voxels(placement.spacing_mm);
+    let mut hu = vec![tissue::AIR_HU; slab.len()];
+    for_each_near(anatomy, placement, first, slab.len(), |local, p, at| hu[at] = local.hu(p, edge));
     for (k, (clean, noisy)) in hu.chunks(nx * ny).zip(slab.chunks_mut(nx * ny)).enumerate() {
         let grain = grain(nx, ny, first + k, seed ^ 0x67_7261);
         for ((out, clean), grain) in noisy.iter_mut().zip(clean).zip(grain) {

@@ -162,6 +162,29 @@ impl LocalAnatomy<'_> {
         AIR_HU + (hu - AIR_HU) * inside
     }
 
+    /// Label of the organ at a point of the region, of [`super::ORGANS`]; 0 for skin, fat and air outside.
+    pub(super) fn label(&self, p: Vec3) -> u16 {
+        let skull = self.skull.distance(p);
+        let airways = || !self.cavities.is_absent() && self.cavities.air(p, skull, self.seed) < 0.0;
+        let teeth = || self.crowns.distance(p).min(self.dentine.distance(p)) < 0.0;
+        match () {
+            () if self.skin.distance(p) >= 0.0 => 0,
+            // Vessels are thinner than voxels: their partial volume is theirs.
+            () if self.arteries.distance(p) < 0.7 => 6,
+            () if self.veins.distance(p) < 0.7 => 7,
+            () if self.cavity.distance(p) < 0.0 => 5,
+            () if airways() => 10,
+            () if teeth() => 4,
+            // Half a millimetre more than bone's own edge: its partial volume belongs to it.
+            () if skull < 0.5 => 1,
+            () if self.mandible.distance(p) < 0.5 => 2,
+            () if self.neck_bones.distance(p) < 0.5 => 3,
+            () if self.eyeballs.distance(p) < 0.0 => 8,
+            () if self.muscles.distance(p) < 0.0 => 9,
+            () => 0,
+        }
+    }
+
     /// Skin, fat, muscle, glands, gristle, eyes.
     fn soft(&self, p: Vec3, depth: f32, air: f32, edge: Edge) -> f32 {
         let lumps = 12.0 * gradient_noise(p * 0.22, self.seed ^ 0xfa7);
