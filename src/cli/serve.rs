@@ -8,17 +8,18 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
+use super::labels;
 use super::memory::parse_bytes;
 use super::output::say;
 use super::source::{self, SeriesOptions};
 use crate::dicom::{self, LoadLimits, Strictness};
 use crate::render::VolumeLimits;
 use crate::server::{
-    self, Config, ConnectionLimits, Drained, LoadedVolume, Server, UploadLimits, VolumeLoader,
+    self, Config, ConnectionLimits, Drained, LabelsLoader, LoadedVolume, Server, UploadLimits, VolumeLoader,
 };
 use crate::session::{QueueConfig, RenderService};
 
@@ -27,6 +28,7 @@ use crate::session::{QueueConfig, RenderService};
 #[command(after_help = "\
 Examples:
   relief serve --series head                     the page is at the printed address
+  relief serve --series abdomen --labels organs.seg.nrrd
   relief serve --series chest --series head --listen 127.0.0.1:0
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
@@ -35,6 +37,9 @@ pub(super) struct Arguments {
     /// CT series to serve: a folder, a file, a DICOMDIR or a zip; may be given several times
     #[arg(long, value_name = "PATH")]
     series: Vec<PathBuf>,
+    /// Label map of the series in the same place: of the first --series, of the second, ...
+    #[arg(long, value_name = "FILE")]
+    labels: Vec<PathBuf>,
     #[command(flatten)]
     options: SeriesOptions,
     /// Address to listen on; port 0 takes a free one
@@ -68,9 +73,13 @@ enum Uploads {
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    for path in &arguments.series {
+    for path in arguments.series.iter().chain(&arguments.labels) {
         // Told before anything is opened: a typo should not cost a wait.
-        std::fs::metadata(path).with_context(|| format!("cannot read --series {}", path.display()))?;
+        std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
+    }
+    if arguments.labels.len() > arguments.series.len() {
+        let [labels, series] = [&arguments.labels, &arguments.series].map(Vec::len);
+        bail!("{labels} --labels for {series} --series; give each label map behind its series");
     }
     let renderer = arguments.adapter.open_renderer()?;
     let limits = renderer.volume_limits();
@@ -78,7 +87,8 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(renderer, queue)?);
     let config = config(&arguments, &adapter);
-    let server = Arc::new(Server::new(Arc::clone(&service), upload_loader(limits), config));
+    let server = Server::new(Arc::clone(&service), upload_loader(limits), config);
+    let server = Arc::new(server.reading_labels(labels_loader()));
     server.expect_volumes(arguments.series.len());
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let outcome = runtime.block_on(serve(arguments, server, limits));
@@ -90,7 +100,9 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
 
 /// Binds, loads and serves until a signal, or until a series turns out to be unusable.
 async fn serve(arguments: Arguments, server: Arc<Server>, limits: VolumeLimits) -> anyhow::Result<ExitCode> {
-    let Arguments { series, options, listen, .. } = arguments;
+    let Arguments { series, labels, options, listen, .. } = arguments;
+    let labels = labels.into_iter().map(Some).chain(std::iter::repeat(None));
+    let series = series.into_iter().zip(labels).collect();
     let listener = tokio::net::TcpListener::bind(listen).await;
     let listener = listener.with_context(|| format!("cannot listen on {listen}"))?;
     let address = listener.local_addr()?;
@@ -116,14 +128,14 @@ async fn serve(arguments: Arguments, server: Arc<Server>, limits: VolumeLimits) 
 
 /// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when all went well.
 fn load_behind(
-    paths: Vec<PathBuf>,
+    paths: Vec<(PathBuf, Option<PathBuf>)>,
     (options, limits): (SeriesOptions, VolumeLimits),
     server: Arc<Server>,
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
     let (report, failed) = oneshot::channel();
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
-        for path in paths {
-            if let Err(error) = load_one(&path, &options, limits, &server) {
+        for (path, labels) in paths {
+            if let Err(error) = load_one(&path, labels.as_deref(), &options, limits, &server) {
                 let _ = report.send(error.context(format!("cannot serve {}", path.display())));
                 return;
             }
@@ -132,9 +144,10 @@ fn load_behind(
     Ok(failed)
 }
 
-/// Loads a series, with room made before and a way to read it again.
+/// Loads a series and its label map, with room made before and a way to read it again.
 fn load_one(
     path: &Path,
+    labels: Option<&Path>,
     options: &SeriesOptions,
     limits: VolumeLimits,
     server: &Server,
@@ -150,12 +163,15 @@ fn load_one(
         let again = source::load(&path, &options).map_err(|_| "its files cannot be read any more".to_owned());
         again.map(|loaded| loaded.volume)
     };
-    server.add_series(served(loaded), Arc::new(read))?;
+    let served = served(loaded);
+    let labels = labels.map(|labels| labels::load(labels, served.volume.grid())).transpose()?;
+    server.add_series(LoadedVolume { labels, ..served }, Arc::new(read))?;
     Ok(())
 }
 
 fn served(loaded: dicom::Loaded) -> LoadedVolume {
-    LoadedVolume { warnings: loaded.warnings.len(), volume: loaded.volume, identity: Some(loaded.identity) }
+    let dicom::Loaded { volume, warnings, identity, .. } = loaded;
+    LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), labels: None }
 }
 
 fn config(arguments: &Arguments, adapter: &str) -> Config {
@@ -185,6 +201,14 @@ fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
     Arc::new(move |path| {
         read(path)
             .map_err(|error| error.to_string().replace(&path.display().to_string(), "the uploaded file"))
+    })
+}
+
+/// Reads an uploaded label map; what it is called here is nobody else's business either.
+fn labels_loader() -> LabelsLoader {
+    Arc::new(|path, grid| {
+        labels::load(path, grid)
+            .map_err(|error| format!("{error:#}").replace(&path.display().to_string(), "that was uploaded"))
     })
 }
 

@@ -164,7 +164,7 @@ impl SizeRule {
 /// The complete scene. A size that contradicts the layout is refused where the answer has that layout, and a depth
 /// limit that contradicts the volume's always: nothing is rendered for what cannot be answered.
 fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem> {
-    let scene = order.file.resolve(&entry.grid, &order.orbit)?;
+    let scene = order.file.resolve_labelled(&entry.grid, &order.orbit, entry.labels.as_ref())?;
     if rule == SizeRule::OfLayout {
         scene.expect_size_of_layout()?;
     }
@@ -262,8 +262,10 @@ async fn pick(
     found["pixel"] = json!(pixel);
     found["hit"] = json!(depth.is_hit());
     found["depth_mm"] = depth.is_hit().then_some(depth.0).into();
-    found["patient_mm"] =
-        frame.pick(pixel).map(|point| point.xyz.to_array()).map_or(Value::Null, Value::from);
+    let point = frame.pick(pixel);
+    found["patient_mm"] = point.map(|point| point.xyz.to_array()).map_or(Value::Null, Value::from);
+    let segment = point.zip(entry.labels.as_ref()).and_then(|(point, labels)| labels.at(point));
+    found["segment"] = segment.map(|segment| json!({ "label": segment.label, "name": segment.name })).into();
     Ok(Json(found))
 }
 

@@ -28,6 +28,7 @@ mod dicomweb;
 mod frame;
 mod guard;
 mod info;
+mod labels;
 mod listen;
 mod metrics;
 mod negotiate;
@@ -48,7 +49,7 @@ use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::{from_fn, from_fn_with_state};
-use axum::routing::get;
+use axum::routing::{get, post};
 use tower_http::catch_panic::CatchPanicLayer;
 
 use crate::session::Product;
@@ -56,7 +57,7 @@ use problem::Problem;
 
 pub use listen::{ConnectionLimits, Drained, serve};
 pub use resident::{NoRoom, VolumeReader};
-pub use state::{Config, Server, UploadLimits, VolumeLoader};
+pub use state::{Config, LabelsLoader, Server, UploadLimits, VolumeLoader};
 pub use volumes::LoadedVolume;
 
 /// All routes of a server.
@@ -79,7 +80,9 @@ pub fn app(server: Arc<Server>) -> Router {
         .merge(page::routes())
         .layer(from_fn_with_state(Arc::clone(&server), guard::deadline));
     // An upload takes as long as it takes; it has limits of its own.
-    let unbounded = Router::new().route("/v1/volumes", get(volumes::list).post(upload::upload));
+    let unbounded = Router::new()
+        .route("/v1/volumes", get(volumes::list).post(upload::upload))
+        .route("/v1/volumes/{id}/labels", post(labels::upload));
     bounded
         .merge(unbounded)
         .fallback(not_found)

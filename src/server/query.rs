@@ -25,6 +25,8 @@ enum Kind {
     Numbers(usize),
     /// So many whole numbers with commas between them.
     Whole(usize),
+    /// Any number of labels, or of names of segments, with commas between them.
+    Labels,
 }
 
 /// Where a parameter goes.
@@ -102,6 +104,9 @@ const PARAMETERS: &[Parameter] = &[
     key("depth_fraction", Kind::Number, "depth.fraction"),
     to("clip_box_mm", Kind::Numbers(6), Target::ClipBox),
     to("clip_sphere_mm", Kind::Numbers(4), Target::ClipSphere),
+    key("cut_labels", Kind::Labels, "clip.labels.cut"),
+    key("keep_labels", Kind::Labels, "clip.labels.keep"),
+    key("label_tint", Kind::Number, "labels.tint"),
     key("background_rgb", Kind::Numbers(3), "background_rgb"),
     to("overlay", Kind::Text, Target::Overlay),
     key("layout", Kind::Text, "display.layout"),
@@ -121,6 +126,7 @@ const EXCLUSIVE: &[(&str, &str)] = &[
     ("preset", "window"),
     ("window_hu", "window"),
     ("plane", "normal"),
+    ("cut_labels", "keep_labels"),
     ("profile", "vz"),
     ("eye_mm", "azimuth_deg"),
     ("eye_mm", "elevation_deg"),
@@ -267,7 +273,9 @@ impl Parameter {
     /// Whether a problem with this JSON path is about this parameter.
     fn sets(&self, path: &str) -> bool {
         match self.target {
-            Target::Key(known) => known == path,
+            Target::Key(known) => {
+                path.strip_prefix(known).is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
+            }
             Target::Window => path.starts_with("transfer"),
             Target::ClipBox => path == "clip.box_mm",
             Target::Overlay => path == "overlays",
@@ -335,6 +343,13 @@ impl Kind {
                 values
                     .map(Value::from)
                     .ok_or_else(|| malformed(name, text, &format!("{count} numbers, a,b,...")))
+            }
+            Self::Labels => {
+                let label = |word: &str| {
+                    let word = word.trim();
+                    word.parse::<u16>().map_or_else(|_| Value::from(word), Value::from)
+                };
+                Ok(text.split(',').map(label).collect::<Vec<_>>().into())
             }
             Self::Whole(count) => {
                 let values: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();

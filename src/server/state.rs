@@ -10,9 +10,13 @@ use super::metrics::Metrics;
 use super::resident::{NoRoom, VolumeReader};
 use super::volumes::{LoadedVolume, Volumes};
 use crate::session::RenderService;
+use crate::volume::{Grid, LabelMap};
 
 /// Reads a series from a file that was uploaded. Blocks. Its error is told to the client, so it names no path here.
 pub type VolumeLoader = Arc<dyn Fn(&Path) -> Result<LoadedVolume, String> + Send + Sync>;
+
+/// Reads a label map from a file that was uploaded, onto the grid of a volume. As [`VolumeLoader`] otherwise.
+pub type LabelsLoader = Arc<dyn Fn(&Path, &Grid) -> Result<Arc<LabelMap>, String> + Send + Sync>;
 
 /// How a server behaves.
 #[derive(Clone, Debug)]
@@ -76,6 +80,7 @@ pub struct Server {
     pub(super) volumes: Volumes,
     pub(super) metrics: Metrics,
     pub(super) loader: VolumeLoader,
+    pub(super) labels_loader: Option<LabelsLoader>,
     /// Places of encoders at work, so that they leave the async threads and the machine's memory alone.
     pub(super) encoders: Arc<Semaphore>,
     /// The place of an upload at work: one at a time.
@@ -96,11 +101,18 @@ impl Server {
             reading: Arc::new(Semaphore::new(1)),
             metrics: Metrics::default(),
             loader,
+            labels_loader: None,
             encoders: Arc::new(Semaphore::new(cores)),
             upload: Arc::new(Semaphore::new(1)),
             started: Instant::now(),
             config,
         }
+    }
+
+    /// The same server, which takes label maps and reads them so.
+    #[must_use]
+    pub fn reading_labels(self, loader: LabelsLoader) -> Self {
+        Self { labels_loader: Some(loader), ..self }
     }
 
     /// Says that this many volumes will be added: the server is not ready before.

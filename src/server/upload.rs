@@ -48,14 +48,18 @@ pub(super) async fn upload(
 }
 
 /// Refuses what says that it is too large before any of it is read.
-fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
+pub(super) fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
     let length =
         headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     if length.is_some_and(|length| length > limit) { Err(too_large(limit)) } else { Ok(()) }
 }
 
 /// The body as a file. The slower it comes, the sooner it must be whole: waits count against the slowest rate.
-async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Result<TempPath, Problem> {
+pub(super) async fn receive(
+    mut body: Body,
+    patience: Duration,
+    limits: UploadLimits,
+) -> Result<TempPath, Problem> {
     let failed = |error: std::io::Error| Problem::internal("storing the upload", error);
     let file = tempfile::Builder::new().prefix("relief-upload-").suffix(".zip").tempfile().map_err(failed)?;
     let (file, path) = file.into_parts();

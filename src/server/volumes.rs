@@ -13,7 +13,7 @@ use super::problem::Problem;
 use super::resident::{HostMemory, NoRoom, Residents, VolumeReader, Voxels};
 use super::state::{Server, UploadLimits};
 use crate::dicom::SeriesIdentity;
-use crate::volume::{ContentHash, Grid, Volume};
+use crate::volume::{ContentHash, Grid, LabelMap, Segment, Volume};
 
 /// A volume and how many warnings its reading gave.
 #[derive(Clone, Debug)]
@@ -24,6 +24,8 @@ pub struct LoadedVolume {
     pub warnings: usize,
     /// The study and series that it answers for; `None` answers for none.
     pub identity: Option<SeriesIdentity>,
+    /// Its label map, on its grid.
+    pub labels: Option<Arc<LabelMap>>,
 }
 
 /// Who brought a volume.
@@ -33,16 +35,18 @@ enum Owner {
     Upload,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Entry {
     pub(super) id: String,
     pub(super) grid: Grid,
     pub(super) hash: ContentHash,
-    pub(super) voxels: Voxels,
+    /// Shared with what it was before it got another label map.
+    pub(super) voxels: Arc<Voxels>,
     range_hu: (i16, i16),
     warnings: usize,
     owner: Owner,
     identity: Option<SeriesIdentity>,
+    pub(super) labels: Option<Arc<LabelMap>>,
 }
 
 /// Whether an upload brought something new.
@@ -90,10 +94,10 @@ pub(super) enum AddError {
 
 impl Entry {
     fn new(loaded: LoadedVolume, owner: Owner, reader: Option<VolumeReader>) -> Arc<Self> {
-        let LoadedVolume { volume, warnings, identity } = loaded;
+        let LoadedVolume { volume, warnings, identity, labels } = loaded;
         let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
-        let voxels = Voxels::new(volume, reader);
-        Arc::new(Self { id: hash.short(), grid, hash, voxels, range_hu, warnings, owner, identity })
+        let voxels = Arc::new(Voxels::new(volume, reader));
+        Arc::new(Self { id: hash.short(), grid, hash, voxels, range_hu, warnings, owner, identity, labels })
     }
 
     pub(super) fn voxel_bytes(&self) -> u64 {
@@ -115,6 +119,7 @@ impl Entry {
             "radius_mm": grid.bounding_radius_mm(),
             "bounds_mm": [bounds.min.xyz.to_array(), bounds.max.xyz.to_array()],
             "hu_range": [low, high],
+            "segments": self.labels.as_deref().map(segments),
             "warnings": self.warnings,
             "removable": self.owner == Owner::Upload,
             "links": { "self": format!("/v1/volumes/{}", self.id), "frame": format!("/v1/volumes/{}/frame", self.id) },
@@ -183,6 +188,14 @@ impl Volumes {
         Ok((entry, Added::New))
     }
 
+    /// Gives a volume another label map.
+    pub(super) fn set_labels(&self, id: &str, labels: Arc<LabelMap>) -> Result<Arc<Entry>, Problem> {
+        let mut inner = self.write();
+        let known = inner.entries.iter_mut().find(|entry| entry.id == id).ok_or_else(no_such_volume)?;
+        *known = Arc::new(Entry { labels: Some(labels), ..Entry::clone(known) });
+        Ok(Arc::clone(known))
+    }
+
     /// The volume with this id.
     pub(super) fn find(&self, id: &str) -> Result<Arc<Entry>, Problem> {
         let inner = self.read();
@@ -231,6 +244,20 @@ impl Volumes {
     fn write(&self) -> RwLockWriteGuard<'_, Inner> {
         self.inner.write().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// What clients learn of a label map: labels rising, colours as they are shown.
+fn segments(map: &LabelMap) -> Vec<Value> {
+    let segment = |(segment, voxels): (&Segment, u64)| {
+        json!({
+            "label": segment.label,
+            "name": segment.name,
+            "rgb": segment.color(),
+            "voxels": voxels,
+            "volume_ml": voxels as f64 * map.voxel_mm3() / 1000.0,
+        })
+    };
+    map.counted().map(segment).collect()
 }
 
 fn no_such_volume() -> Problem {

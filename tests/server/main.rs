@@ -7,6 +7,7 @@
 mod budget;
 mod dicomweb;
 mod frames;
+mod labels;
 mod memory;
 mod operation;
 mod problems;

@@ -21,7 +21,7 @@ async fn readiness_follows_volumes_and_the_render_thread() {
     for loading in [2, 1] {
         assert_eq!(stage.get("/readyz").await.problem(503)["loading"], loading);
         assert!(stage.get("/metrics").await.text().contains("relief_ready 0\n"));
-        stage.server.add_volume(LoadedVolume { volume: cube(), warnings: 0, identity: None });
+        stage.server.add_volume(LoadedVolume { volume: cube(), warnings: 0, identity: None, labels: None });
     }
     let ready = stage.get("/readyz").await;
     assert_eq!(ready.status, 200);
@@ -73,6 +73,7 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
         "origin_mm",
         "radius_mm",
         "removable",
+        "segments",
         "spacing_mm",
         "warnings",
     ];

@@ -12,7 +12,7 @@ use http_body_util::BodyExt;
 use relief::camera::Projection;
 use relief::dicom::{self, Strictness};
 use relief::render::{Progress, RenderRequest, RenderedFrame, Timings};
-use relief::server::{Config, LoadedVolume, Server, VolumeLoader, app};
+use relief::server::{Config, LabelsLoader, LoadedVolume, Server, VolumeLoader, app};
 use relief::session::{BackendError, QueueConfig, RenderBackend, RenderService};
 use relief::units::DepthLimits;
 use relief::volume::{Grid, Volume};
@@ -162,7 +162,7 @@ impl Stage {
         let empty = Self::empty(config, queue);
         let volume = cube();
         let id = volume.content_hash().short();
-        empty.server.add_volume(LoadedVolume { volume, warnings: 2, identity: None });
+        empty.server.add_volume(LoadedVolume { volume, warnings: 2, identity: None, labels: None });
         Self { id, ..empty }
     }
 
@@ -174,7 +174,8 @@ impl Stage {
     pub(crate) fn loading(config: Config, queue: QueueConfig, loader: VolumeLoader) -> Self {
         let gate = Arc::new(Gate::default());
         let service = Arc::new(RenderService::start(SphereBackend(Arc::clone(&gate)), queue).unwrap());
-        let server = Arc::new(Server::new(Arc::clone(&service), loader, config));
+        let server =
+            Arc::new(Server::new(Arc::clone(&service), loader, config).reading_labels(labels_loader()));
         Self { app: app(Arc::clone(&server)), server, service, gate, id: String::new() }
     }
 
@@ -240,6 +241,13 @@ pub(crate) fn cube() -> Volume {
     Volume::new(grid, (0..64).collect()).unwrap()
 }
 
+fn labels_loader() -> LabelsLoader {
+    Arc::new(|path, grid| {
+        let found = relief::formats::read_labels(path).map_err(|error| error.to_string())?;
+        Ok(Arc::new(found.map.resampled(grid)))
+    })
+}
+
 fn loader() -> VolumeLoader {
     Arc::new(|path| {
         let found = dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
@@ -249,6 +257,7 @@ fn loader() -> VolumeLoader {
             warnings: loaded.warnings.len(),
             volume: loaded.volume,
             identity: Some(loaded.identity),
+            labels: None,
         })
     })
 }

@@ -6,6 +6,7 @@
 import { drawPicture } from "./draw.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
+import { ALL_SHOWN, kept as keptLabels, onSegments, recalled as recalledLabels, showSegments } from "./labels.js";
 import { NO_LIGHT, describeLight, fillLights, keptLight, onLight, recalledLight } from "./light.js";
 import { PresetGrid } from "./presets.js";
 import { describeSurface, onSurface } from "./surface.js";
@@ -38,6 +39,7 @@ const state = {
   iso: null,
   light: { ...NO_LIGHT },
   overlays: [],
+  labels: { ...ALL_SHOWN },
   fieldOfView: 22,
   view: "picture",
   layout: "wowvx",
@@ -183,6 +185,7 @@ const pickText = (found) => [
   ["Patient", `${lps(found.patient_mm)} mm`],
   ["LPS", found.patient_mm.map((value) => value.toFixed(2)).join(", ")],
   ["View depth", `${found.depth_mm.toFixed(1)} mm`],
+  ...(found.segment ? [["Segment", found.segment.name ?? `label ${found.segment.label}`]] : []),
 ];
 
 /** The marker stays on its place in the patient while the volume turns. */
@@ -400,6 +403,11 @@ for (const id of ["factor", "offset"]) {
 
 onControls($, () => state.volume, (change, moving) => setSlice(change, moving));
 
+onSegments(() => state.labels, (labels, moving) => {
+  state.labels = labels;
+  refresh({ moving });
+});
+
 function describeHeader() {
   $("factor-value").textContent = `${Math.round((state.factor / 64) * 100)} %`;
   $("offset-value").textContent = String(state.offset);
@@ -458,7 +466,7 @@ function remember() {
   if (iso !== null) kept.iso = iso;
   if (overlays.length) kept.overlay = overlays.join(",");
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
-  history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice), ...keptLight(state.light) })}`);
+  history.replaceState(null, "", `#${new URLSearchParams({ ...kept, ...pose, ...keptSlice(state.slice), ...keptLight(state.light), ...keptLabels(state.labels) })}`);
 }
 
 function recall() {
@@ -475,6 +483,7 @@ function recall() {
     zoom: number("zoom", zoom),
   });
   state.slice = recalled(kept);
+  state.labels = recalledLabels(kept);
   choose("plane", state.slice.plane);
   state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
@@ -516,7 +525,11 @@ function showVolume(volume) {
   if (!volume) return;
   state.volume = volume;
   // A place in one volume is none in another.
-  if (shown) state.slice = { ...state.slice, at: null };
+  if (shown) {
+    state.slice = { ...state.slice, at: null };
+    state.labels = { ...state.labels, cut: [] };
+  }
+  showSegments(volume, state.labels);
   $("volume").value = volume.id;
   $("volume-facts").textContent = facts(volume);
   forgetPick();

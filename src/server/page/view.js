@@ -3,6 +3,7 @@
 //
 // Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the picture.
 
+import { labelQuery } from "./labels.js";
 import { lightQuery } from "./light.js";
 import { sliceQuery } from "./slices.js";
 
@@ -45,12 +46,14 @@ export function stillSize(width, height, ratio) {
 
 /** Query parameters that say how the volume looks, whatever the size and layout. */
 export function lookQuery(state, aspect, moving = false) {
-  if (state.slice.plane) return sliceQuery(state.slice, state.volume, aspect);
+  const labels = labelQuery(state);
+  if (state.slice.plane) return { ...sliceQuery(state.slice, state.volume, aspect), ...labels };
   const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
   // An empty list of overlays is no parameter.
   const overlays = state.overlays.length ? { overlay: state.overlays.join(",") } : {};
   return {
     ...overlays,
+    ...labels,
     preset: state.preset,
     mode: state.mode,
     ...surface,
