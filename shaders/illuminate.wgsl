@@ -84,7 +84,7 @@ fn is_within_reach(voxel: vec3<f32>) -> bool {
 fn openness_at(place: vec3<f32>) -> f32 {
     var sum = 0.0;
     for (var i = 0u; i < DIRECTIONS; i++) {
-        sum += transmittance(place, illumination.directions[i].xyz, illumination.radius_mm);
+        sum += light_passed(place, illumination.directions[i].xyz, illumination.radius_mm);
     }
     return sum / f32(DIRECTIONS);
 }
@@ -104,13 +104,13 @@ fn share_of(source: Source, place: vec3<f32>) -> f32 {
         let turn = fract(f32(i) * 0.618034);
         let cosine = mix(1.0, source.cos_half, (f32(i) + 0.5) / f32(source.rays));
         let direction = select(toward, around(toward, cosine, turn), source.rays > 1u);
-        sum += transmittance(place, direction, distance);
+        sum += light_passed(place, direction, distance);
     }
     return sum / f32(source.rays);
 }
 
 // The share of light that passes on the last `longest` mm to a place, but for the stretch at its end.
-fn transmittance(place: vec3<f32>, direction: vec3<f32>, longest: f32) -> f32 {
+fn light_passed(place: vec3<f32>, direction: vec3<f32>, longest: f32) -> f32 {
     var ray: Ray;
     ray.origin_voxel = (frame.voxel_from_start * vec4<f32>(place, 1.0)).xyz;
     ray.step_voxel = (frame.voxel_from_start * vec4<f32>(direction, 0.0)).xyz;

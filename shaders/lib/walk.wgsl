@@ -65,6 +65,11 @@ fn next_sample(walk: Walk, k: f32) -> f32 {
     if is_hidden(walk, k) {
         return walk.cut_end;
     }
+    return next_in_bricks(walk, k);
+}
+
+// The same whatever the sphere hides.
+fn next_in_bricks(walk: Walk, k: f32) -> f32 {
     let brick = max(floor(walk.brick + walk.brick_step * k), vec3<f32>(0.0));
     let at = u32(i32((brick.z * frame.brick_dims.y + brick.y) * frame.brick_dims.x + brick.x));
     var distance = f32((brick_distances[at >> 2u] >> ((at & 3u) * 8u)) & 255u);

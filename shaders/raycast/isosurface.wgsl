@@ -71,7 +71,8 @@ fn trace_surfaces(ray: Ray, target_opacity: f32) -> Trace {
         let place = place_of(ray, k, count);
         var next = place;
         if may_skip {
-            next = next_sample(walk, place);
+            // Hidden samples count: a surface may lie before the sphere, behind the sample before.
+            next = next_in_bricks(walk, place);
         }
         let is_empty = next > place;
         // Places between samples lead to the sample before what is counted from them, at least to the next one.
