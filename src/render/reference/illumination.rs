@@ -79,7 +79,7 @@ impl<'a> CellsOfLight<'a> {
             let place = self.place(cell);
             let march = &self.openness_march;
             let all =
-                (0..DIRECTIONS).map(|i| self.transmittance(march, place, sphere_direction(i), radius_mm));
+                (0..DIRECTIONS).map(|i| self.light_passed(march, place, sphere_direction(i), radius_mm));
             all.sum::<f64>() / DIRECTIONS as f64
         };
         let corners = self.corners(position).into_iter();
@@ -127,7 +127,7 @@ impl<'a> CellsOfLight<'a> {
             let rays = disc_rays(light.size);
             let ray = |i: u32| {
                 let direction = if rays > 1 { disc_direction(toward, light.size, i, rays) } else { toward };
-                self.transmittance(&self.shadow_march, place, direction, longest)
+                self.light_passed(&self.shadow_march, place, direction, longest)
             };
             *share = (0..rays).map(ray).sum::<f64>() / f64::from(rays);
         }
@@ -135,7 +135,7 @@ impl<'a> CellsOfLight<'a> {
     }
 
     /// The share of light that passes on the last `longest` mm to a place, but for the stretch at its end.
-    fn transmittance(&self, march: &March, place: DVec3, direction: DVec3, longest: f64) -> f64 {
+    fn light_passed(&self, march: &March, place: DVec3, direction: DVec3, longest: f64) -> f64 {
         let (begin, step) = (self.cells.begin_mm(), march.step_mm);
         let farthest = longest.min(4.0 * self.volume.grid().bounding_radius_mm());
         let at = |t: f64| place + direction * t;
