@@ -7,7 +7,7 @@
 //! | rank | modules |
 //! |---|---|
 //! | 0 | [`units`], [`space`] |
-//! | 1 | [`volume`], [`transfer`], [`camera`] |
+//! | 1 | [`volume`], [`transfer`], [`camera`], [`tracking`] |
 //! | 2 | [`gpu`], [`dicom`], [`formats`], [`display`] |
 //! | 3 | [`render`] |
 //! | 4 | [`session`] |
@@ -26,6 +26,7 @@ pub mod render;
 pub mod server;
 pub mod session;
 pub mod space;
+pub mod tracking;
 pub mod transfer;
 pub mod units;
 pub mod volume;

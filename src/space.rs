@@ -5,6 +5,8 @@
 //! | [`Voxel`] | continuous index (i, j, k); integers are voxel centres |
 //! | [`Patient`] | DICOM LPS (x to the left, y to the back, z to the head), mm; also the world |
 //! | [`View`] | right-handed, x right, y up, looking along -z, mm (as OpenGL and glTF) |
+//! | [`Beacon`] | the LED rig that a Wiimote looks at, mm |
+//! | [`Sensor`] | the camera in a Wiimote, mm: x right, y down, z forward (as OpenCV) |
 //!
 //! A transform is named destination-from-source and typed the same way, so that neighbours in a product agree:
 //! `view_from_patient * patient_from_voxel`. Anything else does not compile:
@@ -52,6 +54,10 @@ spaces! {
     Patient,
     /// The camera's own space in mm: x right, y up, looking along -z.
     View,
+    /// The LED rig that a Wiimote looks at, in mm.
+    Beacon,
+    /// The camera in a Wiimote, in mm: x right, y down, z forward.
+    Sensor,
 }
 
 /// A position in space `S`.
