@@ -1,7 +1,7 @@
 //! The Wiimote as a six-degree-of-freedom pointer: from reports to poses.
 //!
 //! A Wiimote's infrared camera sees the LEDs of a beacon whose layout is known. [`report`] turns its reports into
-//! blobs, acceleration and angular rates. Everything here is arithmetic on numbers that came from outside: no
+//! blobs, acceleration and angular rates; [`sensor`] is the camera, [`Beacon`] what it looks at. Everything here is arithmetic on numbers that came from outside: no
 //! sockets, no threads, no clock.
 //!
 //! | space | definition |
@@ -10,4 +10,8 @@
 //! | `Sensor` | the Wiimote's camera, mm: x right, y down, z forward |
 //! | pixels | u right, v down, 1024 x 768; the raw y of reports points up, v = 767 - y |
 
+mod beacon;
 pub mod report;
+pub mod sensor;
+
+pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
