@@ -1,7 +1,8 @@
 //! The Wiimote as a six-degree-of-freedom pointer: from reports to poses.
 //!
 //! A Wiimote's infrared camera sees the LEDs of a beacon whose layout is known. [`report`] turns its reports into
-//! blobs, acceleration and angular rates; [`sensor`] is the camera, [`Beacon`] what it looks at. Everything here is arithmetic on numbers that came from outside: no
+//! blobs, acceleration and angular rates; [`sensor`] is the camera, [`Beacon`] what it looks at; [`solve`] finds
+//! the [`pose`] that explains a view. Everything here is arithmetic on numbers that came from outside: no
 //! sockets, no threads, no clock.
 //!
 //! | space | definition |
@@ -11,7 +12,9 @@
 //! | pixels | u right, v down, 1024 x 768; the raw y of reports points up, v = 767 - y |
 
 mod beacon;
+pub mod pose;
 pub mod report;
 pub mod sensor;
+pub mod solve;
 
 pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
