@@ -2,7 +2,8 @@
 //!
 //! A Wiimote's infrared camera sees the LEDs of a beacon whose layout is known. [`report`] turns its reports into
 //! blobs, acceleration and angular rates; [`sensor`] is the camera, [`Beacon`] what it looks at; [`solve`] finds
-//! the [`pose`] that explains a view. Everything here is arithmetic on numbers that came from outside: no
+//! the [`pose`] that explains a view, [`correspondence`] which blob is which LED, [`filter`] joins poses over time, and
+//! [`tracker`] does all of it. [`simulate`] makes recordings. Everything here is arithmetic on numbers that came from outside: no
 //! sockets, no threads, no clock.
 //!
 //! | space | definition |
@@ -12,9 +13,13 @@
 //! | pixels | u right, v down, 1024 x 768; the raw y of reports points up, v = 767 - y |
 
 mod beacon;
+pub mod correspondence;
+pub mod filter;
 pub mod pose;
 pub mod report;
 pub mod sensor;
+pub mod simulate;
 pub mod solve;
+pub mod tracker;
 
 pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};

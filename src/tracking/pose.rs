@@ -52,6 +52,13 @@ impl Pose {
         jacobian * covariance * jacobian.transpose()
     }
 
+    /// Angle in radians and distance in mm between where this pose and another put the sensor in the beacon's frame.
+    #[must_use]
+    pub fn inverse_distance(&self, other: &Self) -> (f64, f64) {
+        let (angle, _) = self.distance(other);
+        (angle, (self.inverse().position - other.inverse().position).norm())
+    }
+
     /// Angle in radians and distance in mm to another pose.
     #[must_use]
     pub fn distance(&self, other: &Self) -> (f64, f64) {

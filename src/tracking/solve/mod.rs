@@ -70,6 +70,12 @@ impl View<'_> {
     /// (two with gravity), or no pose has them before the camera.
     #[must_use]
     pub fn solve(&self) -> Option<Solutions> {
+        self.solve_below(f64::INFINITY)
+    }
+
+    /// The same, without minima whose starts have a chi-square above `hopeless`: starts are close to their minima.
+    #[must_use]
+    pub fn solve_below(&self, hopeless: f64) -> Option<Solutions> {
         let mut starts = start::Starts::default();
         if self.sightings.len() >= 3 {
             start::global(self, &mut starts);
@@ -82,7 +88,7 @@ impl View<'_> {
         for pose in starts.poses() {
             let known = [best, second];
             let is_known = |pose: &Pose| known.iter().flatten().any(|found| is_same(&found.pose, pose));
-            if is_known(pose) {
+            if is_known(pose) || self.cost(pose).is_none_or(|cost| cost > hopeless) {
                 continue;
             }
             let Some(found) = self.refine(pose).filter(|found| !is_known(&found.pose)) else { continue };

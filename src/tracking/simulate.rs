@@ -1,0 +1,257 @@
+//! Recordings of a Wiimote that is not there: a path, a beacon, a camera, and everything that goes wrong on the way.
+//!
+//! The camera sees LEDs with noise, rounds to whole units, reports four blobs at most, and sees two LEDs that are close as
+//! one. A blob keeps its slot while it is seen. Reports come at about 98 Hz with jitter; some are lost, doubled or swapped.
+//! Accelerometer and MotionPlus follow the path. Equal settings make equal recordings.
+
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+
+use super::beacon::Beacon;
+use super::pose::SensorPose;
+use super::report::calibration::AccelerometerCalibration;
+use super::report::motion_plus::GyroCalibration;
+use super::report::{Blob, Buttons, DataReport, Extension, Layout, Report, SENSOR_HEIGHT, SENSOR_WIDTH};
+use super::sensor::Pinhole;
+use super::solve::random::Random;
+use super::tracker::body_from_sensor;
+
+/// The rate that was measured on a real remote, reports a second.
+pub const REPORT_HZ: f64 = 98.27;
+/// Standard gravity, mm/s².
+const GRAVITY_MM_S2: f64 = 9806.65;
+
+/// Where the sensor is at a time (seconds): `beacon_from_sensor`.
+pub trait Path {
+    /// The pose at this time.
+    fn at(&self, seconds: f64) -> SensorPose;
+}
+
+/// What the camera does to a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensing {
+    /// Standard deviation of a blob's coordinates before rounding, px.
+    pub noise_px: f64,
+    /// Whether coordinates are rounded to whole units, as a Wiimote's are.
+    pub whole_pixels: bool,
+    /// LEDs whose pictures are nearer than this are one blob, px.
+    pub merge_px: f64,
+    /// Diameter of the LEDs, mm, which makes the blobs' sizes.
+    pub led_mm: f64,
+}
+
+/// What happens to reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Delivery {
+    /// Standard deviation of the time between reports, ms.
+    pub jitter_ms: f64,
+    /// Share of reports that are lost.
+    pub lost: f64,
+    /// Share of reports that come twice.
+    pub doubled: f64,
+    /// Share of reports that are overtaken by the next.
+    pub swapped: f64,
+}
+
+impl Delivery {
+    /// All arrive, at even intervals.
+    pub const PERFECT: Self = Self { jitter_ms: 0.0, lost: 0.0, doubled: 0.0, swapped: 0.0 };
+    /// As over the air: the measured spread of 4 Hz is 0.4 ms, and 1 % of each mishap.
+    pub const RADIO: Self = Self { jitter_ms: 0.4, lost: 0.01, doubled: 0.01, swapped: 0.01 };
+}
+
+/// An LED that is hidden for a while.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hidden {
+    /// Which LED.
+    pub led: usize,
+    /// From when to when, seconds.
+    pub seconds: [f64; 2],
+}
+
+/// A recording to be made.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    /// The true camera.
+    pub camera: Pinhole,
+    /// The true beacon.
+    pub beacon: Beacon,
+    /// Noise.
+    pub sensing: Sensing,
+    /// Mishaps.
+    pub delivery: Delivery,
+    /// LEDs that are hidden at times.
+    pub hidden: Vec<Hidden>,
+    /// Whether a MotionPlus is plugged in.
+    pub gyroscope: bool,
+    /// Seed of all that is random.
+    pub seed: u64,
+}
+
+/// A report, when it arrives, and the truth when it was made.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    /// Time stamp, ns.
+    pub t_ns: u64,
+    /// The report.
+    pub report: Report,
+    /// Where the sensor was.
+    pub truth: SensorPose,
+}
+
+impl Simulation {
+    /// A typical camera that sees the beacon with half a pixel of noise.
+    #[must_use]
+    pub fn new(beacon: Beacon, seed: u64) -> Self {
+        let sensing = Sensing { noise_px: 0.5, whole_pixels: true, merge_px: 16.0, led_mm: 5.0 };
+        let delivery = Delivery::PERFECT;
+        Self {
+            camera: Pinhole::TYPICAL,
+            beacon,
+            sensing,
+            delivery,
+            hidden: Vec::new(),
+            gyroscope: false,
+            seed,
+        }
+    }
+
+    /// The reports of `seconds` along a path, in the order in which they arrive.
+    pub fn record(&self, path: &impl Path, seconds: f64) -> Vec<Simulated> {
+        let mut random = Random::new(self.seed);
+        let mut slots = Slots::default();
+        let mut reports: Vec<Simulated> = Vec::new();
+        let mut at = 0.0;
+        while at < seconds {
+            let truth = path.at(at);
+            let seen = self.see(&truth, at, &mut random);
+            let report = self.report(path, at, slots.place(&seen), &mut random);
+            let t_ns = (at * 1e9) as u64 + 1_000_000_000;
+            let made = Simulated { t_ns, report, truth };
+            let mishap = |share: f64, random: &mut Random| random.between(0.0, 1.0) < share;
+            if !mishap(self.delivery.lost, &mut random) {
+                if mishap(self.delivery.doubled, &mut random) {
+                    reports.push(Simulated { t_ns: t_ns + 300_000, ..made.clone() });
+                    let last = reports.len() - 1;
+                    reports.insert(last, made);
+                } else {
+                    reports.push(made);
+                }
+                let last = reports.len() - 1;
+                if last > 0 && mishap(self.delivery.swapped, &mut random) {
+                    reports.swap(last - 1, last);
+                }
+            }
+            let period = 1.0 / REPORT_HZ + self.delivery.jitter_ms * 1e-3 * random.normal();
+            at += period.max(1e-3);
+        }
+        reports
+    }
+
+    /// The LEDs that are seen, as blobs: (LED, blob).
+    fn see(&self, truth: &SensorPose, at: f64, random: &mut Random) -> Vec<(usize, Blob)> {
+        let pose = truth.inverse();
+        let mut seen: Vec<(usize, Vector2<f64>, f64)> = Vec::new();
+        for (led, position) in self.beacon.leds().iter().enumerate() {
+            let is_hidden = |h: &Hidden| h.led == led && (h.seconds[0]..h.seconds[1]).contains(&at);
+            let point = pose.place(position);
+            // Noise is drawn for every LED, so that hiding one leaves the others as they were.
+            let noise = Vector2::new(random.normal(), random.normal()) * self.sensing.noise_px;
+            let Some(pixel) = self.camera.project(&point) else { continue };
+            if self.hidden.iter().any(is_hidden) {
+                continue;
+            }
+            let pixel = pixel + noise;
+            let near = seen.iter_mut().find(|(_, other, _)| (*other - pixel).norm() < self.sensing.merge_px);
+            if let Some((_, other, _)) = near {
+                *other = (*other + pixel) / 2.0;
+            } else {
+                seen.push((led, pixel, self.camera.fx * self.sensing.led_mm / point.z / 8.0));
+            }
+        }
+        let blobs = seen.into_iter().filter_map(|(led, pixel, size)| Some((led, self.blob(pixel, size)?)));
+        blobs.take(4).collect()
+    }
+
+    fn blob(&self, pixel: Vector2<f64>, size: f64) -> Option<Blob> {
+        let (width, height) = (f64::from(SENSOR_WIDTH), f64::from(SENSOR_HEIGHT));
+        let (x, y) = (pixel.x.round(), height - 1.0 - pixel.y.round());
+        let inside = (0.0..width).contains(&x) && (0.0..height).contains(&y);
+        let size = Some(size.round().clamp(0.0, 15.0) as u8);
+        inside.then(|| Blob { size, ..Blob::at(x as u16, y as u16) })
+    }
+
+    fn report(&self, path: &impl Path, at: f64, blobs: [Option<Blob>; 4], random: &mut Random) -> Report {
+        let pose = path.at(at);
+        let to_sensor = pose.orientation.inverse();
+        const STEP: f64 = 2e-3;
+        let [before, after] = [path.at(at - STEP), path.at(at + STEP)];
+        let bend = after.position - pose.position * 2.0 + before.position;
+        let felt = bend / (STEP * STEP * GRAVITY_MM_S2) + self.beacon.up().into_inner();
+        let noise = random.normal3() * 0.01;
+        let counts = AccelerometerCalibration::TYPICAL.counts(body_from_sensor(&(to_sensor * felt + noise)));
+        let [x, y, z] = counts;
+        let turn = (before.orientation.inverse() * after.orientation).scaled_axis() / (2.0 * STEP);
+        let rates = turn + random.normal3() * 0.002;
+        let reading = GyroCalibration::TYPICAL.reading(body_from_sensor(&rates)).encode();
+        let layout = if self.gyroscope { Layout::AccelerationIrExtension6 } else { Layout::AccelerationIr };
+        let plain = |blob: Blob| if self.gyroscope { Blob::at(blob.x, blob.y) } else { blob };
+        Report::Data(DataReport {
+            layout,
+            buttons: Some(Buttons::default()),
+            acceleration: Some([x, y & !1, z & !1]),
+            blobs: Some(blobs.map(|blob| blob.map(plain))),
+            extension: self.gyroscope.then(|| Extension::new(&reading)),
+        })
+    }
+}
+
+/// Which LED has which of the camera's four slots.
+#[derive(Default)]
+struct Slots([Option<usize>; 4]);
+
+impl Slots {
+    fn place(&mut self, seen: &[(usize, Blob)]) -> [Option<Blob>; 4] {
+        for slot in &mut self.0 {
+            *slot = slot.filter(|led| seen.iter().any(|(other, _)| other == led));
+        }
+        let mut blobs = [None; 4];
+        for (led, blob) in seen {
+            let known = self.0.iter().position(|slot| *slot == Some(*led));
+            let Some(at) = known.or_else(|| self.0.iter().position(Option::is_none)) else { continue };
+            self.0[at] = Some(*led);
+            blobs[at] = Some(*blob);
+        }
+        blobs
+    }
+}
+
+/// A hand that points at the beacon: slow sways of position, aim and roll, none of which repeat together.
+#[derive(Clone, Debug)]
+pub struct Hand {
+    centre: Vector3<f64>,
+    target: Vector3<f64>,
+    phases: [f64; 9],
+}
+
+impl Hand {
+    /// About `distance_mm` before the beacon.
+    #[must_use]
+    pub fn before(beacon: &Beacon, distance_mm: f64, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let phases = std::array::from_fn(|_| random.between(0.0, std::f64::consts::TAU));
+        let target = beacon.centroid();
+        Self { centre: target + Vector3::z() * distance_mm, target, phases }
+    }
+}
+
+impl Path for Hand {
+    fn at(&self, seconds: f64) -> SensorPose {
+        let wave = |at: usize, hertz: f64| (std::f64::consts::TAU * hertz * seconds + self.phases[at]).sin();
+        let sway = Vector3::new(wave(0, 0.31) * 200.0, wave(1, 0.23) * 120.0, wave(2, 0.17) * 200.0)
+            + Vector3::new(wave(3, 1.1) * 15.0, wave(4, 1.3) * 15.0, 0.0);
+        let aim = Vector3::new(wave(5, 0.41) * 120.0, wave(6, 0.37) * 80.0, 0.0);
+        let roll = wave(7, 0.29) * 0.3 + wave(8, 1.7) * 0.02;
+        let level = SensorPose { position: self.centre + sway, orientation: UnitQuaternion::identity() };
+        SensorPose::looking_at(level.position, self.target + aim, &Vector3::y(), roll).unwrap_or(level)
+    }
+}

@@ -1,0 +1,342 @@
+//! From reports to poses, one after another.
+//!
+//! A [`Tracker`] takes timed reports and gives a [`Sample`] for each that shows the camera's picture. It is searching until
+//! four blobs are identified, then tracking: blobs are matched to the LEDs where the filter expects them, and one LED is
+//! enough to correct it. Without any for [`MAX_PREDICTION_S`] it is lost, and searches with the last pose as a hint. What
+//! cannot be told apart is ambiguous, and has no pose.
+//!
+//! Reports may come twice, late or not at all: a report that is not newer than the last one is dropped, and the filter moves
+//! by the time between reports. Every sample carries the time of its report.
+
+mod associate;
+mod frames;
+mod options;
+mod record;
+
+pub use frames::{Frame, Frames, body_from_sensor, sensor_from_body};
+pub use options::{FilterKind, Options, SolverKind};
+pub use record::PoseRecord;
+
+use nalgebra::Matrix6;
+
+use super::beacon::Beacon;
+use super::correspondence::{Assignment, Earlier, Hints, Identified, identify};
+use super::filter::{ErrorStateFilter, PoseFilter, Verdict};
+use super::pose::{Pose, SensorPose};
+use super::sensor::Pinhole;
+use super::solve::{MAX_SEEN, Sighting, View, paper};
+use associate::Association;
+
+/// For how long a pose is predicted without seeing an LED, seconds.
+pub const MAX_PREDICTION_S: f64 = 0.05;
+/// After this long without a pose it is no hint any more, seconds.
+const HINT_S: f64 = 2.0;
+
+/// For how long an error of the accelerometer's up lasts, seconds.
+const GRAVITY_ERROR_S: f64 = 0.15;
+
+/// What the tracker knows after a report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TrackingState {
+    /// No pose yet.
+    Searching,
+    /// There is a pose.
+    Tracking,
+    /// There are blobs, but more than one pose explains them.
+    Ambiguous,
+    /// There was a pose, but not any more.
+    Lost,
+}
+
+/// What a report says about the pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Time of the report, ns.
+    pub t_ns: u64,
+    /// What is known.
+    pub state: TrackingState,
+    /// `beacon_from_sensor`, while tracking.
+    pub pose: Option<SensorPose>,
+    /// Covariance of position (mm) and turn (radians, beacon axes).
+    pub covariance: Option<Matrix6<f64>>,
+    /// Root mean square of the matched blobs' errors, px.
+    pub rms_px: Option<f64>,
+    /// How many blobs were matched.
+    pub leds: usize,
+}
+
+/// How many reports were dropped, and why.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// Not newer than the last.
+    pub late: u64,
+    /// The same as the last, within 2 ms.
+    pub repeated: u64,
+}
+
+/// The pose so far.
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a tracker has one, and nothing is allocated while tracking")]
+enum Estimate {
+    None,
+    Solved { pose: Pose, t_ns: u64 },
+    ErrorState { filter: ErrorStateFilter, t_ns: u64, seen_ns: u64 },
+    Plain { filter: PoseFilter, t_ns: u64 },
+}
+
+/// A pose of this frame and what goes with it.
+struct Fix {
+    pose: Pose,
+    covariance: Matrix6<f64>,
+    rms_px: Option<f64>,
+    leds: usize,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Tracker {
+    camera: Pinhole,
+    beacon: Beacon,
+    options: Options,
+    frames: Frames,
+    estimate: Estimate,
+    had_pose: bool,
+}
+
+impl Tracker {
+    /// A tracker that has seen nothing yet.
+    #[must_use]
+    pub fn new(camera: Pinhole, beacon: Beacon, options: Options) -> Self {
+        let frames = Frames::new(options.accelerometer, options.gyroscope);
+        Self { camera, beacon, options, frames, estimate: Estimate::None, had_pose: false }
+    }
+
+    /// Reports that were dropped so far.
+    #[must_use]
+    pub fn dropped(&self) -> Dropped {
+        self.frames.dropped()
+    }
+
+    /// Takes a report; gives a sample if it completes a picture of the camera.
+    pub fn push(&mut self, t_ns: u64, report: &super::report::Report) -> Option<Sample> {
+        let frame = self.frames.push(t_ns, report)?;
+        Some(self.take(&frame))
+    }
+
+    /// Takes a picture of the camera; its time is newer than that of the last one.
+    pub fn take(&mut self, frame: &Frame) -> Sample {
+        let sample = match &self.estimate {
+            Estimate::ErrorState { .. } => self.follow(frame),
+            _ => None,
+        };
+        let sample = sample.unwrap_or_else(|| self.find(frame));
+        self.had_pose |= sample.pose.is_some();
+        sample
+    }
+
+    /// The pose `seconds` after the last sample, at most [`MAX_PREDICTION_S`]; `None` when there is none to predict from.
+    #[must_use]
+    pub fn predicted(&self, seconds: f64) -> Option<SensorPose> {
+        match &self.estimate {
+            Estimate::ErrorState { filter, .. } => Some(filter.predicted(seconds).state().pose),
+            _ => None,
+        }
+    }
+
+    /// One step of the error-state filter; `None` when it has lost the LEDs and they must be found again.
+    fn follow(&mut self, frame: &Frame) -> Option<Sample> {
+        let Estimate::ErrorState { filter, t_ns, seen_ns } = &mut self.estimate else { return None };
+        let seconds = seconds_between(*t_ns, frame.t_ns);
+        filter.predict(seconds);
+        *t_ns = frame.t_ns;
+        if let Some(rates) = frame.rates.filter(|_| self.options.use_gyroscope) {
+            filter.update_rates(&rates, self.options.gyroscope_sigma);
+        }
+        let association =
+            associate::associate(filter, &self.camera, &self.beacon, frame.blobs(), &self.options);
+        let mut ambiguous = false;
+        let mut taken = 0;
+        match association {
+            Association::Matched(sightings) => {
+                let update = filter.update_pixels(&self.camera, sightings.as_slice(), self.options.noise_px);
+                if update.verdict == Verdict::Accepted {
+                    taken = sightings.as_slice().len();
+                    *seen_ns = frame.t_ns;
+                }
+            }
+            Association::Ambiguous => ambiguous = true,
+            Association::Nothing => {}
+        }
+        // Four LEDs say more about the tilt than an accelerometer in a moving hand. Its errors last longer than a frame, so
+        // each of its many samples weighs less.
+        let slowness = (2.0 * GRAVITY_ERROR_S / seconds.max(1e-3)).sqrt().max(1.0);
+        if taken < MAX_SEEN
+            && let Some(gravity) = frame.gravity(&self.beacon, self.options.gravity_sigma * slowness)
+        {
+            filter.update_gravity(&gravity);
+        }
+        if seconds_between(*seen_ns, frame.t_ns) > MAX_PREDICTION_S {
+            let pose = filter.pose();
+            self.estimate = Estimate::Solved { pose, t_ns: *seen_ns };
+            return None;
+        }
+        if ambiguous {
+            return Some(Sample::without_pose(frame.t_ns, TrackingState::Ambiguous));
+        }
+        let pose = filter.pose();
+        let rms_px = match association {
+            Association::Matched(seen) if taken > 0 => {
+                let sightings = seen.as_slice();
+                let (camera, noise_px) = (&self.camera, self.options.noise_px);
+                View { camera, sightings, noise_px, gravity: None }.rms_px(&pose)
+            }
+            _ => None,
+        };
+        Some(Sample {
+            t_ns: frame.t_ns,
+            state: TrackingState::Tracking,
+            pose: Some(filter.state().pose),
+            covariance: Some(filter.covariance()),
+            rms_px,
+            leds: taken,
+        })
+    }
+
+    /// Identifies the blobs of a frame on their own, and begins or corrects the estimate with the pose.
+    fn find(&mut self, frame: &Frame) -> Sample {
+        let without = if self.had_pose { TrackingState::Lost } else { TrackingState::Searching };
+        let hints = self.hints(frame);
+        let enough = frame.blobs().len() >= if hints.earlier.is_some() { 3 } else { 4 };
+        if !enough {
+            return Sample::without_pose(frame.t_ns, without);
+        }
+        match identify(&self.camera, &self.beacon, frame.blobs(), self.options.noise_px, &hints) {
+            Identified::Found { assignment, refined } => match self.fix(frame, &assignment, &refined.pose) {
+                Some(fix) => self.accept(frame.t_ns, &fix),
+                None => Sample::without_pose(frame.t_ns, without),
+            },
+            Identified::Ambiguous { .. } => Sample::without_pose(frame.t_ns, TrackingState::Ambiguous),
+            Identified::Unexplained(_) => Sample::without_pose(frame.t_ns, without),
+        }
+    }
+
+    fn hints(&self, frame: &Frame) -> Hints {
+        let last = match &self.estimate {
+            Estimate::None => None,
+            Estimate::Solved { pose, t_ns } => Some((*pose, *t_ns)),
+            Estimate::ErrorState { filter, t_ns, .. } => Some((filter.pose(), *t_ns)),
+            Estimate::Plain { filter, t_ns } => Some((filter.pose().inverse(), *t_ns)),
+        };
+        let earlier = last.map(|(pose, t_ns)| (pose, seconds_between(t_ns, frame.t_ns)));
+        let earlier = earlier.filter(|(_, seconds)| *seconds < HINT_S).map(|(pose, seconds)| Earlier {
+            pose,
+            // A single view is known to a degree and 20 mm, and a hand turns by a radian and moves by 0.5 m in a second.
+            sigma_angle: 0.02 + seconds,
+            sigma_mm: 20.0 + 500.0 * seconds,
+            reach_px: 10.0 + 2.0 * self.camera.fx * seconds, // and it turns by 2 radians at most
+        });
+        Hints { gravity: frame.gravity(&self.beacon, self.options.search_gravity_sigma), earlier }
+    }
+
+    /// The pose of identified blobs by the chosen solver, from pixels alone where four are seen.
+    fn fix(&self, frame: &Frame, assignment: &Assignment, found: &Pose) -> Option<Fix> {
+        let mut sightings = Sightings::default();
+        for (blob, led) in frame.blobs().iter().zip(assignment) {
+            sightings.push(Sighting { led: self.beacon.leds()[(*led)?], pixel: *blob });
+        }
+        let mut view = self.view(sightings.as_slice());
+        if sightings.as_slice().len() < MAX_SEEN {
+            view.gravity = frame.gravity(&self.beacon, self.options.gravity_sigma);
+        }
+        let pose = match self.options.solver {
+            SolverKind::Lm => view.refine(found)?.pose,
+            SolverKind::Paper => paper::solve(&view, found)?.pose,
+        };
+        Some(Fix {
+            pose,
+            covariance: view.bound(&pose)?,
+            rms_px: view.rms_px(&pose),
+            leds: sightings.as_slice().len(),
+        })
+    }
+
+    fn accept(&mut self, t_ns: u64, fix: &Fix) -> Sample {
+        let motion = self.options.motion;
+        let (mut pose, mut covariance) = (fix.pose.inverse(), fix.covariance);
+        self.estimate = match (self.options.filter, std::mem::replace(&mut self.estimate, Estimate::None)) {
+            (FilterKind::None, _) => Estimate::Solved { pose: fix.pose, t_ns },
+            (FilterKind::ErrorState, _) => {
+                let filter = ErrorStateFilter::new(&fix.pose, &fix.covariance, motion);
+                Estimate::ErrorState { filter, t_ns, seen_ns: t_ns }
+            }
+            (FilterKind::Pose, Estimate::Plain { mut filter, t_ns: then })
+                if seconds_between(then, t_ns) <= MAX_PREDICTION_S =>
+            {
+                filter.predict(seconds_between(then, t_ns));
+                filter.update(&pose, &fix.covariance);
+                (pose, covariance) = (filter.pose(), filter.covariance());
+                Estimate::Plain { filter, t_ns }
+            }
+            (FilterKind::Pose, _) => {
+                Estimate::Plain { filter: PoseFilter::new(&pose, &fix.covariance, motion), t_ns }
+            }
+        };
+        Sample {
+            t_ns,
+            state: TrackingState::Tracking,
+            pose: Some(pose),
+            covariance: Some(covariance),
+            rms_px: fix.rms_px,
+            leds: fix.leds,
+        }
+    }
+
+    fn view<'a>(&'a self, sightings: &'a [Sighting]) -> View<'a> {
+        View { camera: &self.camera, sightings, noise_px: self.options.noise_px, gravity: None }
+    }
+}
+
+impl Sample {
+    fn without_pose(t_ns: u64, state: TrackingState) -> Self {
+        Self { t_ns, state, pose: None, covariance: None, rms_px: None, leds: 0 }
+    }
+}
+
+/// Up to four sightings, without allocation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sightings {
+    all: [Sighting; MAX_SEEN],
+    count: usize,
+}
+
+impl Default for Sightings {
+    fn default() -> Self {
+        let none = Sighting { led: nalgebra::Vector3::zeros(), pixel: nalgebra::Vector2::zeros() };
+        Self { all: [none; MAX_SEEN], count: 0 }
+    }
+}
+
+impl Sightings {
+    fn push(&mut self, sighting: Sighting) {
+        if let Some(slot) = self.all.get_mut(self.count) {
+            *slot = sighting;
+            self.count += 1;
+        }
+    }
+
+    fn pop(&mut self) {
+        self.count = self.count.saturating_sub(1);
+    }
+
+    fn as_slice(&self) -> &[Sighting] {
+        &self.all[..self.count]
+    }
+}
+
+fn seconds_between(earlier_ns: u64, later_ns: u64) -> f64 {
+    later_ns.saturating_sub(earlier_ns) as f64 * 1e-9
+}
+
+#[cfg(test)]
+mod tests;
