@@ -3,7 +3,8 @@
 //! A Wiimote's infrared camera sees the LEDs of a beacon whose layout is known. [`report`] turns its reports into
 //! blobs, acceleration and angular rates; [`sensor`] is the camera, [`Beacon`] what it looks at; [`solve`] finds
 //! the [`pose`] that explains a view, [`correspondence`] which blob is which LED, [`filter`] joins poses over time, and
-//! [`tracker`] does all of it. [`simulate`] makes recordings. Everything here is arithmetic on numbers that came from outside: no
+//! [`tracker`] does all of it. [`host`] brings a remote's camera up, [`simulate`] makes
+//! recordings, [`igtl`] writes poses for others. Everything here is arithmetic on numbers that came from outside: no
 //! sockets, no threads, no clock.
 //!
 //! | space | definition |
@@ -15,6 +16,8 @@
 mod beacon;
 pub mod correspondence;
 pub mod filter;
+pub mod host;
+pub mod igtl;
 pub mod pose;
 pub mod report;
 pub mod sensor;

@@ -1,0 +1,188 @@
+//! OpenIGTLink, version 1: poses as the messages that navigation software reads.
+//!
+//! A message is a header of 58 bytes (big-endian: version, type, device name, time, length and CRC-64 of the body) and a
+//! body. TRANSFORM has twelve 32-bit floats, the columns of the rotation and the translation in mm; POSITION the
+//! translation and a quaternion; TDATA a list of named tools, of which those that are not seen are left out.
+
+use crate::tracking::pose::SensorPose;
+
+/// Bytes of a header.
+pub const HEADER_BYTES: usize = 58;
+/// The longest body that is read; what clients send is far shorter.
+pub const MAX_BODY_BYTES: u64 = 4096;
+
+const VERSION: u16 = 1;
+const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_ECMA_182);
+/// A tracked instrument of six degrees of freedom.
+const TOOL_6D: u8 = 2;
+
+/// A header that is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum IgtlError {
+    /// Another protocol, or one that this is not.
+    #[error("OpenIGTLink version {0}, expected 1 to 3")]
+    Version(u16),
+    /// A body that no client sends.
+    #[error("an OpenIGTLink body of {0} bytes, allowed: up to {MAX_BODY_BYTES}")]
+    Body(u64),
+}
+
+/// What a header says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// Message type, such as `STT_TDATA`.
+    pub kind: String,
+    /// Bytes of the body.
+    pub body_bytes: usize,
+}
+
+impl Header {
+    /// Reads a header.
+    ///
+    /// # Errors
+    /// When the version is unknown or the body too long.
+    pub fn decode(bytes: &[u8; HEADER_BYTES]) -> Result<Self, IgtlError> {
+        let version = u16::from_be_bytes([bytes[0], bytes[1]]);
+        if !(1..=3).contains(&version) {
+            return Err(IgtlError::Version(version));
+        }
+        let mut length = [0; 8];
+        length.copy_from_slice(&bytes[42..50]);
+        let length = u64::from_be_bytes(length);
+        if length > MAX_BODY_BYTES {
+            return Err(IgtlError::Body(length));
+        }
+        let name = bytes[2..14].split(|byte| *byte == 0).next().unwrap_or_default();
+        Ok(Self { kind: String::from_utf8_lossy(name).into_owned(), body_bytes: length as usize })
+    }
+}
+
+/// A message of this type, from this device, at this time (ns since 1970).
+#[must_use]
+pub fn message(kind: &str, device: &str, unix_ns: u64, body: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(HEADER_BYTES + body.len());
+    bytes.extend(VERSION.to_be_bytes());
+    bytes.extend(padded::<12>(kind));
+    bytes.extend(padded::<20>(device));
+    let (seconds, rest) = (unix_ns / 1_000_000_000, unix_ns % 1_000_000_000);
+    let fraction = (rest << 32) / 1_000_000_000;
+    bytes.extend((seconds << 32 | fraction).to_be_bytes());
+    bytes.extend((body.len() as u64).to_be_bytes());
+    bytes.extend(CRC.checksum(body).to_be_bytes());
+    bytes.extend(body);
+    bytes
+}
+
+/// A TRANSFORM: `beacon_from_sensor`.
+#[must_use]
+pub fn transform(device: &str, unix_ns: u64, pose: &SensorPose) -> Vec<u8> {
+    message("TRANSFORM", device, unix_ns, &matrix(pose))
+}
+
+/// A POSITION with its quaternion.
+#[must_use]
+pub fn position(device: &str, unix_ns: u64, pose: &SensorPose) -> Vec<u8> {
+    let numbers = pose.position.iter().copied().chain(pose.orientation_xyzw());
+    let body: Vec<u8> = numbers.flat_map(|number| (number as f32).to_be_bytes()).collect();
+    message("POSITION", device, unix_ns, &body)
+}
+
+/// A TDATA with one tool, or with none when it is not seen.
+#[must_use]
+pub fn tracking_data(device: &str, unix_ns: u64, tool: &str, pose: Option<&SensorPose>) -> Vec<u8> {
+    let mut body = Vec::new();
+    if let Some(pose) = pose {
+        body.extend(padded::<20>(tool));
+        body.extend([TOOL_6D, 0]);
+        body.extend(matrix(pose));
+    }
+    message("TDATA", device, unix_ns, &body)
+}
+
+/// The answer to STT_TDATA and STP_TDATA.
+#[must_use]
+pub fn acknowledged(device: &str, unix_ns: u64) -> Vec<u8> {
+    message("RTS_TDATA", device, unix_ns, &[0])
+}
+
+/// Columns of the rotation, then the translation, as big-endian 32-bit floats.
+fn matrix(pose: &SensorPose) -> Vec<u8> {
+    let rotation = pose.orientation.to_rotation_matrix().into_inner();
+    let numbers = rotation.iter().chain(pose.position.iter()); // nalgebra goes by columns
+    numbers.flat_map(|number| (*number as f32).to_be_bytes()).collect()
+}
+
+fn padded<const N: usize>(text: &str) -> [u8; N] {
+    let mut bytes = [0; N];
+    for (byte, source) in bytes.iter_mut().take(N - 1).zip(text.bytes()) {
+        *byte = source;
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    use super::*;
+
+    /// The numbers of the official test messages (transform, position, tracking data) and the checksums given there.
+    #[test]
+    fn messages_have_the_official_bytes() {
+        let columns: [f32; 9] = [
+            -0.954_892,
+            0.196_632,
+            -0.222_525,
+            -0.196_632,
+            0.142_857,
+            0.970_014,
+            0.222_525,
+            0.970_014,
+            -0.097_749_1,
+        ];
+        let body: Vec<u8> =
+            columns.into_iter().chain([46.0531, 19.4709, 46.0531]).flat_map(f32::to_be_bytes).collect();
+        let sent = message("TRANSFORM", "DeviceName", 0, &body);
+        assert_eq!(sent[..2], [0, 1]);
+        assert_eq!(sent[50..58], 0xf6dd_2b8e_b4df_6dd2_u64.to_be_bytes());
+        assert_eq!(&sent[2..14], b"TRANSFORM\0\0\0");
+        assert_eq!(&sent[14..34], b"DeviceName\0\0\0\0\0\0\0\0\0\0");
+        assert_eq!(sent[42..50], 48_u64.to_be_bytes());
+
+        let position: [f32; 7] = [46.0531, 19.4709, 46.0531, 0.0, 0.577_350_26, 0.577_350_26, 0.333_333_34];
+        let body: Vec<u8> = position.into_iter().flat_map(f32::to_be_bytes).collect();
+        assert_eq!(message("POSITION", "x", 0, &body)[50..58], 0x6bc8_d628_2b79_a3a1_u64.to_be_bytes());
+        let header = Header::decode(sent[..HEADER_BYTES].as_array().unwrap()).unwrap();
+        assert_eq!(header, Header { kind: "TRANSFORM".to_owned(), body_bytes: 48 });
+    }
+
+    #[test]
+    fn times_are_seconds_and_fractions_of_two() {
+        let sent = message("STATUS", "d", 1_234_567_890_500_000_000, &[]);
+        assert_eq!(sent[34..42], (1_234_567_890_u64 << 32 | 1 << 31).to_be_bytes());
+    }
+
+    #[test]
+    fn poses_are_written_by_columns_in_mm() {
+        let pose = SensorPose {
+            position: Vector3::new(1.0, 2.0, 3.0),
+            orientation: UnitQuaternion::from_scaled_axis(Vector3::z() * std::f64::consts::FRAC_PI_2),
+        };
+        let floats: Vec<f32> =
+            matrix(&pose).as_chunks::<4>().0.iter().map(|b| f32::from_be_bytes(*b)).collect();
+        let expected = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0];
+        assert!(floats.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{floats:?}");
+        assert_eq!(tracking_data("d", 0, "Wiimote", Some(&pose)).len(), HEADER_BYTES + 70);
+        assert_eq!(tracking_data("d", 0, "Wiimote", None).len(), HEADER_BYTES);
+        assert_eq!(position("d", 0, &pose).len(), HEADER_BYTES + 28);
+    }
+
+    #[test]
+    fn foreign_headers_are_refused() {
+        let mut bytes = [0; HEADER_BYTES];
+        assert_eq!(Header::decode(&bytes), Err(IgtlError::Version(0)));
+        bytes[1] = 2;
+        bytes[42] = 1;
+        assert!(matches!(Header::decode(&bytes), Err(IgtlError::Body(_))));
+    }
+}
