@@ -21,6 +21,11 @@ mod scene;
 mod serve;
 mod slice;
 mod source;
+mod track;
+mod track_display;
+mod track_publish;
+mod track_simulate;
+mod track_source;
 mod transfer;
 
 use std::io::IsTerminal;
@@ -42,6 +47,7 @@ Examples:
   relief render --series head --preset bone --out head.png
   relief inspect head.png                        decode the 2D-plus-depth header of a frame
   relief serve --series head                     serve it; the page is at the printed address
+  relief track --reports hidraw                  poses of a Wiimote that sees a beacon
 
 Log detail is set by RELIEF_LOG (error, warn, info, debug, trace).
 Exit status: 0 done, 1 failed, 2 wrong arguments.";
@@ -54,6 +60,7 @@ enum Command {
     Presets(presets::Arguments),
     Bench(bench::Arguments),
     Serve(serve::Arguments),
+    Track(track::Arguments),
     Golden(golden::Arguments),
     Doctor(doctor::Arguments),
 }
@@ -70,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Presets(arguments) => presets::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
+        Command::Track(arguments) => track::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),
     };

@@ -32,6 +32,36 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     write().with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// A file that is written bit by bit and appears when it is finished.
+pub(super) struct GrowingFile {
+    file: std::io::BufWriter<tempfile::NamedTempFile>,
+    path: std::path::PathBuf,
+}
+
+impl GrowingFile {
+    pub(super) fn create(path: &Path) -> anyhow::Result<Self> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let file = shared_temporary().prefix(".relief-").tempfile_in(folder);
+        let file = file.with_context(|| format!("cannot write {}", path.display()))?;
+        Ok(Self { file: std::io::BufWriter::new(file), path: path.to_owned() })
+    }
+
+    pub(super) fn line(&mut self, line: &str) -> anyhow::Result<()> {
+        writeln!(self.file, "{line}").with_context(|| format!("cannot write {}", self.path.display()))
+    }
+
+    pub(super) fn finish(self) -> anyhow::Result<()> {
+        let Self { file, path } = self;
+        let finish = || -> std::io::Result<()> {
+            let file = file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+            file.as_file().sync_all()?;
+            file.persist(&path)?;
+            Ok(())
+        };
+        finish().with_context(|| format!("cannot write {}", path.display()))
+    }
+}
+
 /// Temporary files are private to their owner. One that becomes a result is no more private than the umask says.
 fn shared_temporary() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();

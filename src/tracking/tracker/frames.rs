@@ -92,6 +92,16 @@ impl Frames {
         }
     }
 
+    /// Replaces the calibrations that are given.
+    pub fn calibrate(
+        &mut self,
+        accelerometer: Option<AccelerometerCalibration>,
+        gyroscope: Option<GyroCalibration>,
+    ) {
+        self.accelerometer = accelerometer.unwrap_or(self.accelerometer);
+        self.gyroscope = gyroscope.unwrap_or(self.gyroscope);
+    }
+
     /// Reports dropped so far.
     #[must_use]
     pub fn dropped(&self) -> Dropped {

@@ -23,6 +23,8 @@ use super::beacon::Beacon;
 use super::correspondence::{Assignment, Earlier, Hints, Identified, identify};
 use super::filter::{ErrorStateFilter, PoseFilter, Verdict};
 use super::pose::{Pose, SensorPose};
+use super::report::calibration::AccelerometerCalibration;
+use super::report::motion_plus::GyroCalibration;
 use super::sensor::Pinhole;
 use super::solve::{MAX_SEEN, Sighting, View, paper};
 use associate::Association;
@@ -110,6 +112,15 @@ impl Tracker {
     pub fn new(camera: Pinhole, beacon: Beacon, options: Options) -> Self {
         let frames = Frames::new(options.accelerometer, options.gyroscope);
         Self { camera, beacon, options, frames, estimate: Estimate::None, had_pose: false }
+    }
+
+    /// From now on counts mean this: a remote tells its own calibration after it was connected.
+    pub fn calibrate(
+        &mut self,
+        accelerometer: Option<AccelerometerCalibration>,
+        gyroscope: Option<GyroCalibration>,
+    ) {
+        self.frames.calibrate(accelerometer, gyroscope);
     }
 
     /// Reports that were dropped so far.

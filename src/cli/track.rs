@@ -1,0 +1,253 @@
+//! `relief track`: poses of a Wiimote from its reports, live or recorded.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::Context;
+
+use super::track_display::{Display, Sink};
+use super::track_publish::Publisher;
+use super::track_simulate;
+use super::track_source::{Event, LiveOptions, Source};
+use crate::tracking::Beacon;
+use crate::tracking::filter::Motion;
+use crate::tracking::host::Sensitivity;
+use crate::tracking::sensor::{Pinhole, file};
+use crate::tracking::solve::bound::quantised_noise;
+use crate::tracking::tracker::{FilterKind, Options, PoseRecord, SolverKind, Tracker};
+
+/// Track a Wiimote: from the blobs its camera sees to poses, as JSON lines or OpenIGTLink.
+#[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true, after_help = AFTER_HELP)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    action: Option<Action>,
+    #[command(flatten)]
+    follow: FollowArguments,
+}
+
+const AFTER_HELP: &str = "\
+Poses are beacon_from_sensor: where the camera is in the beacon's frame, mm, and how it is turned (x right, y down, z forward).
+On a terminal a table shows the newest; elsewhere, and with --json, each pose is one JSON object on a line.
+
+Examples:
+  relief track simulate --out rec.jsonl                     a hand that points at the recommended beacon
+  relief track --reports rec.jsonl --out poses.jsonl
+  relief track --reports hidraw --beacon beacon.toml --sensor camera.yaml --igtl 127.0.0.1:18944
+  relief track beacon                                       the recommended beacon as a file";
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    Simulate(track_simulate::Arguments),
+    /// Print the recommended beacon as a beacon.toml
+    Beacon,
+}
+
+#[derive(Debug, clap::Args)]
+struct FollowArguments {
+    /// Where reports come from: a recording (- is stdin), hidraw, /dev/hidrawN, or tcp://HOST:PORT, which sends a recording
+    #[arg(long, value_name = "SOURCE")]
+    reports: Option<String>,
+    #[command(flatten)]
+    scene: SceneArguments,
+    #[command(flatten)]
+    filter: FilterArguments,
+    /// Sensitivity of the camera, 1 to 6: the highest that sees no stray light
+    #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=6))]
+    sensitivity: u8,
+    /// File of poses, JSON lines
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Record the reports of a live source
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Print JSON lines on a terminal too
+    #[arg(long)]
+    json: bool,
+    /// Serve poses over OpenIGTLink (TRANSFORM, POSITION; TDATA to those who ask)
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    igtl: Option<std::net::SocketAddr>,
+    /// Publish the pose as it will be this much later
+    #[arg(long, value_name = "MS", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=50))]
+    predict_ms: u8,
+    /// Play a recording at the speed at which it was made
+    #[arg(long)]
+    realtime: bool,
+}
+
+/// What is looked at, and with what.
+#[derive(Debug, clap::Args)]
+pub(super) struct SceneArguments {
+    /// The LEDs; the recommended beacon by default
+    #[arg(long, value_name = "BEACON.toml")]
+    beacon: Option<PathBuf>,
+    /// The camera, YAML of OpenCV or ROS; a typical Wiimote by default, whose distances are 3 % uncertain
+    #[arg(long, value_name = "CAMERA.yaml")]
+    sensor: Option<PathBuf>,
+    /// Noise of a blob's coordinates before they are rounded, px
+    #[arg(long, value_name = "PX", default_value_t = 0.5, value_parser = noise)]
+    noise_px: f64,
+}
+
+#[derive(Debug, clap::Args)]
+struct FilterArguments {
+    /// How single frames are solved; ipopt is another name of paper
+    #[arg(long, value_enum, default_value_t = Solver::Lm)]
+    solver: Solver,
+    /// What joins frames
+    #[arg(long, value_enum, default_value_t = Filter::ErrorState)]
+    filter: Filter,
+    /// Every frame on its own: --filter none
+    #[arg(long, conflicts_with = "filter")]
+    no_filter: bool,
+    /// How the Wiimote moves
+    #[arg(long, value_enum, default_value_t = Moved::Hand)]
+    motion: Moved,
+    /// Use the rates of a MotionPlus
+    #[arg(long)]
+    gyro: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Solver {
+    /// Least squared pixel errors
+    Lm,
+    /// The linearised energy of the 2009 paper, by an interior-point method
+    #[value(alias = "ipopt")]
+    Paper,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Filter {
+    /// On pixels, gravity and rates
+    ErrorState,
+    /// The paper's, on poses
+    Pose,
+    /// Every frame on its own
+    None,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Moved {
+    /// In a hand
+    Hand,
+    /// On a robot's arm or a tripod
+    Arm,
+}
+
+fn noise(text: &str) -> Result<f64, String> {
+    let px: f64 = text.parse().map_err(|error| format!("{error}"))?;
+    if (0.01..=20.0).contains(&px) { Ok(px) } else { Err("allowed: 0.01 to 20 px".to_owned()) }
+}
+
+impl SceneArguments {
+    pub(super) fn beacon(&self) -> anyhow::Result<Beacon> {
+        let Some(path) = &self.beacon else { return Ok(Beacon::recommended()) };
+        Beacon::read(&read_text(path)?).with_context(|| format!("{} is no beacon", path.display()))
+    }
+
+    pub(super) fn camera(&self) -> anyhow::Result<Pinhole> {
+        let Some(path) = &self.sensor else { return Ok(Pinhole::TYPICAL) };
+        file::read(&read_text(path)?).with_context(|| format!("{} is no camera", path.display()))
+    }
+
+    pub(super) fn noise_px(&self) -> f64 {
+        self.noise_px
+    }
+}
+
+/// A small text file; a larger one is something else.
+pub(super) fn read_text(path: &Path) -> anyhow::Result<String> {
+    use std::io::Read;
+    let read = || -> std::io::Result<String> {
+        let mut text = String::new();
+        std::fs::File::open(path)?.take(1 << 20).read_to_string(&mut text)?;
+        Ok(text)
+    };
+    read().with_context(|| format!("cannot read {}", path.display()))
+}
+
+impl FilterArguments {
+    fn options(&self, noise_px: f64) -> Options {
+        let filter = match self.filter {
+            _ if self.no_filter => FilterKind::None,
+            Filter::None => FilterKind::None,
+            Filter::ErrorState => FilterKind::ErrorState,
+            Filter::Pose => FilterKind::Pose,
+        };
+        Options {
+            filter,
+            solver: if self.solver == Solver::Paper { SolverKind::Paper } else { SolverKind::Lm },
+            noise_px: quantised_noise(noise_px),
+            motion: if self.motion == Moved::Arm { Motion::ARM } else { Motion::HAND },
+            use_gyroscope: self.gyro,
+            ..Options::default()
+        }
+    }
+}
+
+pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    match arguments.action {
+        Some(Action::Simulate(arguments)) => track_simulate::run(&arguments),
+        Some(Action::Beacon) => {
+            super::output::say!("{}", Beacon::recommended().write().trim_end());
+            Ok(ExitCode::SUCCESS)
+        }
+        None => follow(&arguments.follow),
+    }
+}
+
+fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
+    let Some(reports) = &arguments.reports else {
+        eprintln!(
+            "relief track: --reports SOURCE is missing: a recording, hidraw, /dev/hidrawN or tcp://HOST:PORT"
+        );
+        return Ok(ExitCode::from(2));
+    };
+    let (beacon, camera) = (arguments.scene.beacon()?, arguments.scene.camera()?);
+    let options = arguments.filter.options(arguments.scene.noise_px());
+    let mut tracker = Tracker::new(camera, beacon, options);
+    let live = LiveOptions {
+        sensitivity: Sensitivity::of_level(arguments.sensitivity).unwrap_or_default(),
+        gyroscope: arguments.filter.gyro,
+        realtime: arguments.realtime,
+        record: arguments.record.clone(),
+    };
+    let mut source = Source::open(reports, &live)?;
+    let publisher = arguments.igtl.map(Publisher::start).transpose()?;
+    let mut display = Display::new(Sink::choose(arguments.out.as_deref(), arguments.json)?);
+    let ahead_s = f64::from(arguments.predict_ms) * 1e-3;
+    let mut failure = None;
+    loop {
+        match source.next() {
+            Ok(Some(Event::Report(t_ns, report))) => {
+                let start = Instant::now();
+                let Some(sample) = tracker.push(t_ns, &report) else { continue };
+                let solve_us = start.elapsed().as_secs_f64() * 1e6;
+                if let Some(publisher) = &publisher {
+                    let pose =
+                        if ahead_s > 0.0 { tracker.predicted(ahead_s).or(sample.pose) } else { sample.pose };
+                    let pose = sample.pose.and(pose);
+                    publisher.publish(t_ns + u64::from(arguments.predict_ms) * 1_000_000, pose);
+                }
+                display.show(&PoseRecord::new(&sample, solve_us))?;
+            }
+            Ok(Some(Event::Calibration(accelerometer, gyroscope))) => {
+                tracker.calibrate(accelerometer, gyroscope);
+            }
+            Ok(None) => break,
+            Err(error) => {
+                failure = Some(error);
+                break;
+            }
+        }
+    }
+    // What was tracked before a recording turned out to be broken is not a whole result: the file stays away.
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    source.finish()?;
+    display.finish(tracker.dropped())?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,116 @@
+//! `relief track simulate`: a recording of a Wiimote that is not there, with its truth.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use super::output::{print_json, say, write_whole};
+use super::track::SceneArguments;
+use crate::tracking::report::recording::recording_line;
+use crate::tracking::simulate::{Delivery, Hand, Hidden, Simulation};
+
+/// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried without one.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+--sensor is the true camera and --beacon the true beacon; track with others to see what miscalibration does. Equal arguments
+make equal files.
+
+Examples:
+  relief track simulate --out rec.jsonl --truth truth.jsonl
+  relief track simulate --distance-mm 2000 --mishaps --hide 0:2:3 --out rec.jsonl")]
+pub(super) struct Arguments {
+    /// File to make: reports as JSON lines
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// File of the true poses, JSON lines
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Length of the recording
+    #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=3600))]
+    seconds: u16,
+    /// Mean distance from the beacon
+    #[arg(long, value_name = "MM", default_value_t = 1400, value_parser = clap::value_parser!(u32).range(300..=10_000))]
+    distance_mm: u32,
+    /// Lose, double and swap reports, and let their times jitter
+    #[arg(long)]
+    mishaps: bool,
+    /// Hide LED number N (from 0) from one second to another; may be given several times
+    #[arg(long, value_name = "N:FROM:TO", value_parser = parse_hidden)]
+    hide: Vec<Hidden>,
+    /// With a MotionPlus
+    #[arg(long)]
+    gyro: bool,
+    /// Seed of all that is random
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Truth {
+    t_ns: u64,
+    position_mm: [f64; 3],
+    orientation_xyzw: [f64; 4],
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    out: &'a std::path::Path,
+    reports: usize,
+    seconds: u16,
+    seed: u64,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+    let beacon = arguments.scene.beacon()?;
+    let path = Hand::before(&beacon, f64::from(arguments.distance_mm), arguments.seed);
+    let mut simulation = Simulation::new(beacon, arguments.seed);
+    simulation.camera = arguments.scene.camera()?;
+    simulation.sensing.noise_px = arguments.scene.noise_px();
+    simulation.hidden.clone_from(&arguments.hide);
+    simulation.gyroscope = arguments.gyro;
+    if arguments.mishaps {
+        simulation.delivery = Delivery::RADIO;
+    }
+    let made = simulation.record(&path, f64::from(arguments.seconds));
+    let line = |t_ns: u64, bytes: &[u8]| recording_line(t_ns, bytes) + "\n";
+    let reports: String = made.iter().map(|made| line(made.t_ns, &made.report.encode())).collect();
+    write_whole(&arguments.out, reports.as_bytes())?;
+    if let Some(truth) = &arguments.truth {
+        let mut lines = String::new();
+        for made in &made {
+            let pose = &made.truth;
+            let (position_mm, orientation_xyzw) = (pose.position.into(), pose.orientation_xyzw());
+            let truth = Truth { t_ns: made.t_ns, position_mm, orientation_xyzw };
+            lines += &serde_json::to_string(&truth)?;
+            lines.push('\n');
+        }
+        write_whole(truth, lines.as_bytes())?;
+    }
+    let report =
+        Report { out: &arguments.out, reports: made.len(), seconds: arguments.seconds, seed: arguments.seed };
+    if arguments.json {
+        print_json(&report)?;
+    } else {
+        say!("Made {} reports of {} s in {}.", report.reports, report.seconds, report.out.display());
+        say!("Next: relief track --reports {} --json", report.out.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn parse_hidden(text: &str) -> Result<Hidden, String> {
+    let parts: Vec<&str> = text.split(':').collect();
+    let &[led, from, to] = parts.as_slice() else {
+        return Err("expected N:FROM:TO, such as 0:2:3".to_owned());
+    };
+    let seconds = |text: &str| text.parse::<f64>().ok().filter(|s| s.is_finite());
+    match (led.parse(), seconds(from), seconds(to)) {
+        (Ok(led), Some(from), Some(to)) if from < to && led < crate::tracking::MAX_LEDS => {
+            Ok(Hidden { led, seconds: [from, to] })
+        }
+        _ => Err("expected N:FROM:TO with N from 0 to 5 and FROM before TO, in seconds".to_owned()),
+    }
+}

@@ -1,0 +1,190 @@
+//! `relief track` as users run it: recordings made and tracked, against the truth that the recording was made with.
+#![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+fn relief(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+    command.arg("track").args(arguments).env_remove("RELIEF_LOG");
+    command
+}
+
+fn run(arguments: &[&str]) -> Output {
+    relief(arguments).output().expect("the program runs")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn json_lines(text: &[u8]) -> Vec<Value> {
+    std::str::from_utf8(text).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A recording of `seconds` and its truth, in this folder.
+fn recording(folder: &Path, more: &[&str]) -> (String, Vec<Value>) {
+    let [out, truth] = ["rec.jsonl", "truth.jsonl"].map(|name| text(&folder.join(name)).to_owned());
+    let made = run(&[&["simulate", "--out", &out, "--truth", &truth], more].concat());
+    assert!(made.status.success(), "{}", stderr(&made));
+    (out, json_lines(&std::fs::read(truth).unwrap()))
+}
+
+fn vector(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+/// Distance in mm and angle in degrees between a pose and the truth of its time.
+fn errors(pose: &Value, truth: &[Value]) -> Option<(f64, f64)> {
+    let truth = truth.iter().find(|truth| truth["t_ns"] == pose["t_ns"])?;
+    let pairs =
+        |key: &str| -> Vec<(f64, f64)> { vector(&pose[key]).into_iter().zip(vector(&truth[key])).collect() };
+    let distance = pairs("position_mm").iter().map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    let dot: f64 = pairs("orientation_xyzw").iter().map(|(a, b)| a * b).sum();
+    Some((distance, 2.0 * dot.abs().min(1.0).acos().to_degrees()))
+}
+
+fn rms(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let count = values.clone().count() as f64;
+    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
+}
+
+#[test]
+fn a_recording_is_tracked_to_the_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reports, truth) = recording(folder.path(), &["--seconds", "6", "--mishaps", "--seed", "3"]);
+    let out = folder.path().join("poses.jsonl");
+    let mut spreads = Vec::new();
+    for more in [&[][..], &["--no-filter"], &["--no-filter", "--solver", "paper"], &["--filter", "pose"]] {
+        let tracked = run(&[&["--reports", &reports, "--out", text(&out)], more].concat());
+        assert!(tracked.status.success(), "{}", stderr(&tracked));
+        assert!(stderr(&tracked).contains("late and"), "{}", stderr(&tracked));
+        let poses = json_lines(&std::fs::read(&out).unwrap());
+        let tracking = poses.iter().filter(|pose| pose["state"] == "tracking");
+        assert!(tracking.clone().count() * 100 >= poses.len() * 95, "{more:?}: {}", stderr(&tracked));
+        let errors: Vec<_> = tracking.filter_map(|pose| errors(pose, &truth)).collect();
+        assert!(errors.len() > 500);
+        spreads.push((rms(errors.iter().map(|e| e.0)), rms(errors.iter().map(|e| e.1))));
+    }
+    let [filtered, single, paper, plain] = spreads[..] else { panic!() };
+    assert!(filtered.0 < 12.0 && filtered.1 < 0.5, "{spreads:?} mm, degrees");
+    assert!(filtered.0 < single.0 && filtered.1 < single.1, "{spreads:?}");
+    assert!(plain.1 < single.1, "{spreads:?}");
+    assert!((0.9..1.5).contains(&(paper.0 / single.0)), "{spreads:?}");
+}
+
+/// A focal length that is 3 % too short puts the sensor 3 % too near: the file of the camera is used.
+#[test]
+fn the_camera_and_the_beacon_come_from_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reports, truth) = recording(folder.path(), &["--seconds", "2"]);
+    let camera = folder.path().join("camera.yaml");
+    let matrix = "data: [1299.8, 0., 511.5, 0., 1299.8, 383.5, 0., 0., 1.]";
+    let yaml = format!(
+        "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n  rows: 3\n  cols: 3\n  dt: d\n  {matrix}\n\
+         distortion_coefficients: !!opencv-matrix\n  rows: 1\n  cols: 5\n  dt: d\n  data: [0., 0., 0., 0., 0.]\n"
+    );
+    std::fs::write(&camera, yaml).unwrap();
+    let beacon = folder.path().join("beacon.toml");
+    std::fs::write(&beacon, run(&["beacon"]).stdout).unwrap();
+    let tracked = run(&["--reports", &reports, "--sensor", text(&camera), "--beacon", text(&beacon)]);
+    assert!(tracked.status.success(), "{}", stderr(&tracked));
+    let poses = json_lines(&tracked.stdout);
+    let last = poses.last().unwrap();
+    let truth = truth.iter().find(|truth| truth["t_ns"] == last["t_ns"]).unwrap();
+    let [z, true_z] = [last, truth].map(|pose| vector(&pose["position_mm"])[2]);
+    assert!((z / true_z - 0.97).abs() < 0.01, "{z} {true_z}");
+}
+
+#[test]
+fn wrong_input_is_refused_and_leaves_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reports, _) = recording(folder.path(), &["--seconds", "1"]);
+    let broken = folder.path().join("broken.jsonl");
+    let whole = std::fs::read_to_string(&reports).unwrap();
+    std::fs::write(&broken, whole.replacen("\"report\":\"33", "\"report\":\"93", 1)).unwrap();
+    let out = folder.path().join("poses.jsonl");
+    let none = folder.path().join("none");
+    for (arguments, status, message) in [
+        (vec!["--reports", text(&broken), "--out", text(&out)], 1, "line 1: report id 0x93"),
+        (vec!["--reports", text(&none)], 1, "cannot read"),
+        (vec!["--reports", &reports, "--beacon", &reports], 1, "is no beacon"),
+        (vec!["--reports", &reports, "--sensor", &reports], 1, "is no camera"),
+        (vec!["--reports", "tcp://127.0.0.1:1"], 1, "cannot reach"),
+        (vec![], 2, "--reports SOURCE is missing"),
+        (vec!["--reports", &reports, "--noise-px", "0"], 2, "allowed: 0.01 to 20 px"),
+        (vec!["--reports", &reports, "--predict-ms", "51"], 2, "51 is not in 0..=50"),
+        (vec!["--reports", &reports, "--record", text(&out)], 1, "--record is for live sources"),
+    ] {
+        let output = run(&arguments);
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(message), "{arguments:?}: {}", stderr(&output));
+        assert!(!out.exists());
+    }
+}
+
+/// The same recording from stdin and over a socket gives the same poses.
+#[test]
+fn reports_come_from_stdin_and_from_sockets_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reports, _) = recording(folder.path(), &["--seconds", "2"]);
+    let positions = |output: &Output| -> Vec<Value> {
+        assert!(output.status.success(), "{}", stderr(output));
+        json_lines(&output.stdout).iter().map(|pose| pose["position_mm"].clone()).collect()
+    };
+    let expected = positions(&run(&["--reports", &reports]));
+    assert!(expected.len() > 150);
+    let piped = relief(&["--reports", "-"]).stdin(std::fs::File::open(&reports).unwrap()).output().unwrap();
+    assert_eq!(positions(&piped), expected);
+
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", listener.local_addr().unwrap());
+    let bytes = std::fs::read(&reports).unwrap();
+    let sender =
+        std::thread::Builder::new().spawn(move || listener.accept().unwrap().0.write_all(&bytes)).unwrap();
+    let received = run(&["--reports", &address]);
+    sender.join().unwrap().unwrap();
+    assert_eq!(positions(&received), expected);
+}
+
+/// A client of our own reads TRANSFORM and POSITION, asks for TDATA and gets it.
+#[test]
+fn poses_are_published_over_openigtlink() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reports, _) = recording(folder.path(), &["--seconds", "5"]);
+    let mut child = relief(&["--reports", &reports, "--realtime", "--igtl", "127.0.0.1:0", "--json"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut errors = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    std::io::BufRead::read_line(&mut errors, &mut line).unwrap();
+    let address = line.trim().strip_prefix("OpenIGTLink on ").unwrap().to_owned();
+    let mut stream = TcpStream::connect(address).unwrap();
+    let request = relief::tracking::igtl::message("STT_TDATA", "", 0, &[0; 36]);
+    stream.write_all(&request).unwrap();
+    let mut kinds = std::collections::BTreeMap::new();
+    while kinds.get("TDATA").is_none_or(|count: &usize| *count < 20) {
+        let mut head = [0; 58];
+        stream.read_exact(&mut head).unwrap();
+        let header = relief::tracking::igtl::Header::decode(&head).unwrap();
+        let mut body = vec![0; header.body_bytes];
+        stream.read_exact(&mut body).unwrap();
+        // A tool that is not seen yet is left out of TDATA.
+        let expected = [("TRANSFORM", 48), ("POSITION", 28), ("TDATA", 70), ("TDATA", 0), ("RTS_TDATA", 1)];
+        assert!(expected.contains(&(header.kind.as_str(), body.len())), "{header:?}");
+        *kinds.entry(header.kind).or_insert(0) += usize::from(!body.is_empty());
+    }
+    assert!(kinds["TRANSFORM"] >= 20 && kinds["POSITION"] >= 20 && kinds["RTS_TDATA"] == 1, "{kinds:?}");
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
