@@ -77,7 +77,7 @@ fn flatten(
         .map(|voxel| {
             let there = voxel.iter().enumerate().filter(|(_, label)| **label > 0);
             overlaps += u64::from(there.clone().count() > 1);
-            there.last().map_or(0, |(layer, &label)| *renumbered.get(&(layer, label)).unwrap_or(&label))
+            there.next_back().map_or(0, |(layer, &label)| *renumbered.get(&(layer, label)).unwrap_or(&label))
         })
         .collect();
     if overlaps > 0 {
