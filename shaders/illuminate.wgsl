@@ -51,7 +51,7 @@ struct Illumination {
 
 @group(1) @binding(0) var<uniform> illumination: Illumination;
 // The share of each source that reaches a cell, or in x the open share of all directions.
-@group(1) @binding(1) var cells_out: texture_storage_3d<rgba8unorm, write>;
+@group(1) @binding(1) var cells_out: texture_storage_3d<rgba16float, write>;
 
 @compute @workgroup_size(4, 4, 4)
 fn illuminate(@builtin(global_invocation_id) id: vec3<u32>) {

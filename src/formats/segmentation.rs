@@ -75,7 +75,7 @@ fn flatten(
     let flat = values
         .chunks_exact(layers)
         .map(|voxel| {
-            let there = voxel.iter().enumerate().filter(|(_, label)| **label > 0);
+            let mut there = voxel.iter().enumerate().filter(|(_, label)| **label > 0);
             overlaps += u64::from(there.clone().count() > 1);
             there.next_back().map_or(0, |(layer, &label)| *renumbered.get(&(layer, label)).unwrap_or(&label))
         })

@@ -4,8 +4,8 @@
 use glam::DVec3;
 use relief::camera::{Camera, Projection};
 use relief::render::{
-    Illumination, Light, Mode, Occlusion, PathTrace, Placement, RenderRequest, RenderedFrame, SceneFile,
-    Shading, Skipping, Surface,
+    Classification, Illumination, Light, Mode, Occlusion, PathTrace, Placement, RenderRequest, RenderedFrame,
+    SceneFile, Shading, Skipping, Surface,
 };
 use relief::space::{Point, Vector};
 use relief::transfer::{ControlPoint, GradientOpacity, TransferFunction, linear_from_srgb};
@@ -324,7 +324,7 @@ fn lit_head(volume: &Volume, mode: Mode, preset: &str, fov: f64) -> RenderReques
     let mut request = in_mode(mode, request(volume, preset, fov));
     request.shading = Shading { ambient: 0.3, diffuse: 0.6, specular: 0.2, shininess: 20.0 };
     let lamp = Placement::PatientPosition(volume.grid().center() + Vector::new(-150.0, -220.0, 90.0));
-    let beside = Placement::ViewDirection(Vector::new(-0.8, 0.7, 0.6));
+    let beside = Placement::ViewDirection(Vector::new(-1.0, 0.3, 0.2));
     let white = distant(DVec3::Z, 0.0);
     request.lights = vec![
         Light { placement: beside, size: 0.3, rgb: [1.0, 0.9, 0.8], ..white },
@@ -355,6 +355,9 @@ fn gpu_and_twin_agree_about_lights_shadows_and_occlusion() {
     let opacity = GradientOpacity::new(vec![[20.0, 0.0], [80.0, 0.4], [300.0, 1.0]]).unwrap();
     faded.transfer = faded.transfer.with_gradient_opacity(opacity);
     compare(&volume, &faded, "lights, opacity by gradient");
+    let mut smooth = lit_head(&volume, Mode::Composite, "soft-tissue", 25.0);
+    smooth.classification = Classification::PreIntegrated;
+    compare(&volume, &smooth, "lights, pre-integrated");
     let mut ambient = lit_head(&volume, Mode::Composite, "bone", 25.0);
     ambient.shading = Shading { ambient: 0.9, ..Shading::NONE };
     compare(&volume, &ambient, "occlusion of ambient light alone");
@@ -368,7 +371,11 @@ fn light_changes_no_depth_and_skipping_no_byte() {
         let lit = lit_head(&volume, mode, "skin", 25.0);
         let plain = RenderRequest { lights: vec![], illumination: Illumination::default(), ..lit.clone() };
         let [with, without] = [&lit, &plain].map(|request| renderer.render(&volume, request).unwrap());
-        assert!(with.depth_mm == without.depth_mm, "{mode:?}: light moves depth");
+        // Two pipelines: the last bit may differ.
+        let apart = |(a, b): (&f32, &f32)| if a == b { 0.0 } else { (a - b).abs() };
+        let worst = with.depth_mm.iter().zip(&without.depth_mm).map(apart).fold(0.0, f32::max);
+        println!("{mode:?}: light moves depth by {worst} mm");
+        assert!(worst < 0.001, "{mode:?}: light moves depth by {worst} mm");
         assert!(with.color_rgba != without.color_rgba, "{mode:?}: light changes nothing");
         let unskipped = renderer.render_with(&volume, &lit, Skipping::Off).unwrap();
         assert!(with.color_rgba == unskipped.color_rgba, "{mode:?}: skipping changes bytes");

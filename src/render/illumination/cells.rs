@@ -28,7 +28,7 @@ pub(in crate::render) struct Cells {
 }
 
 impl Cells {
-    /// Most cells of a volume: 8 MiB of texels.
+    /// Most cells of a volume: 16 MiB of texels.
     pub(in crate::render) const MOST: usize = 1 << 21;
 
     /// Cells of two voxels along the finest axis and about as wide along the others, or as much coarser as it takes.

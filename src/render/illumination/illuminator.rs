@@ -23,10 +23,11 @@ use crate::space::Vector;
 use crate::transfer::TransferFunction;
 use crate::volume::{ContentHash, Grid, Volume};
 
-/// What cells are kept in: every adapter can write and filter it.
-pub(super) const TEXELS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// What cells are kept in: every adapter can write and filter it. Drivers in software interpolate 8-bit texels by weights
+/// of 8 bits, which showed in pictures.
+pub(super) const TEXELS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
-/// Fillings kept, each of at most 8 MiB; the least recently used goes first.
+/// Fillings kept, each of at most 16 MiB; the least recently used goes first.
 const KEPT: usize = 4;
 
 /// Cells of one dispatch: short enough for drivers that stop long ones.
@@ -58,8 +59,9 @@ pub(super) enum Sought {
 struct Key {
     volume: ContentHash,
     mode: Mode,
-    transfer: TransferFunction,
+    /// Rays that take paths for samples look up cells that others do not.
     classification: Classification,
+    transfer: TransferFunction,
     labels: Option<Arc<Labels>>,
     surfaces: Vec<Surface>,
     clip: Clip,
@@ -71,8 +73,8 @@ impl Key {
         Self {
             volume,
             mode: request.mode,
-            transfer: request.transfer.clone(),
             classification: request.classification,
+            transfer: request.transfer.clone(),
             labels: request.labels.clone(),
             surfaces: request.surfaces.clone(),
             clip: request.clip.clone(),

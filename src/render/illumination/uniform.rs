@@ -7,6 +7,7 @@ use glam::{DAffine3, DMat4, DVec3};
 use super::cells::{Cells, DIRECTIONS, disc_rays, sphere_direction};
 use super::illuminator::Sought;
 use super::stage::CELLS_SIDE;
+use crate::render::classification::Classification;
 use crate::render::light::{InPatient, Light};
 use crate::render::renderer::depth_limits;
 use crate::render::request::RenderRequest;
@@ -127,6 +128,8 @@ impl IlluminationUniform {
             let toward = toward.to_array();
             *out = SourceUniform { toward, is_near, cos_half, rays, padding_a: 0, padding_b: 0 };
         }
+        // A path reaches into the next brick.
+        let is_pre_integrated = request.classification == Classification::PreIntegrated;
         Self {
             start_from_voxel: DMat4::from(start_from_voxel).as_mat4().to_cols_array_2d(),
             cell_voxels: cells.voxels.map(|n| n as f32),
@@ -135,7 +138,7 @@ impl IlluminationUniform {
             source_count: lights.len() as u32,
             begin_mm: cells.begin_mm() as f32,
             radius_mm: radius_mm as f32,
-            reach: cells.reach(brick_edge) as u32,
+            reach: cells.reach(brick_edge) as u32 + u32::from(is_pre_integrated),
             padding: 0,
             sources,
             directions: std::array::from_fn(|i| turned(sphere_direction(i)).extend(0.0).to_array()),

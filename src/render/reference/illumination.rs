@@ -1,6 +1,6 @@
 //! Shadows and openness in cells; twin of `shaders/illuminate.wgsl`, in patient space, without skipping.
 //!
-//! Each cell is computed when it is first looked up. Values are not rounded to 8 bits as the GPU's are.
+//! Each cell is computed when it is first looked up. Values are not rounded to half floats as the GPU's are.
 
 use std::sync::OnceLock;
 
@@ -195,11 +195,12 @@ impl<'a> CellsOfLight<'a> {
     }
 }
 
-/// Point `i` of a light's disc, by Vogel's spiral.
+/// Point `i` of a light's disc, by Vogel's spiral. The disc is turned as seen from the front of the patient, where the
+/// shader's start space is.
 fn disc_direction(toward: DVec3, size: f64, i: u32, rays: u32) -> DVec3 {
     let turn = (f64::from(i) * 0.618_034).fract() * std::f64::consts::TAU;
     let cosine = 1.0 + ((size / 2.0).cos() - 1.0) * (f64::from(i) + 0.5) / f64::from(rays);
-    let other = if toward.x.abs() > 0.7 { DVec3::Y } else { DVec3::X };
+    let other = if toward.x.abs() > 0.7 { DVec3::Z } else { DVec3::X };
     let x = other.cross(toward).normalize();
     let y = toward.cross(x);
     toward * cosine + (x * turn.cos() + y * turn.sin()) * (1.0 - cosine * cosine).max(0.0).sqrt()
