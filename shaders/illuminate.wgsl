@@ -158,12 +158,18 @@ fn past_surfaces(ray: Ray, first: f32, last: f32) -> f32 {
     var near_is_known = false;
     var k = first;
     while k <= last && share > DARK {
+        if is_hidden(walk, k) {
+            // A surface between what is shown and what is cut away is not there.
+            near_is_known = false;
+            k = max(walk.cut_end, k + 1.0);
+            continue;
+        }
         let next = next_sample(walk, k);
         let is_empty = next > k;
         if !is_empty || near_is_known {
             let hu = sample_hu(sample_voxel(ray, k));
             if !near_is_known {
-                near = select(hu, sample_hu(sample_voxel(ray, k - 1.0)), k > first);
+                near = select(hu, sample_hu(sample_voxel(ray, k - 1.0)), k > first && !is_hidden(walk, k - 1.0));
             }
             share *= past_levels(near, hu);
             near = hu;

@@ -351,6 +351,8 @@ fn gpu_and_twin_agree_about_lights_shadows_and_occlusion() {
     clipped.clip.sphere =
         Some(relief::render::ClipSphere { center: center + Vector::new(0.0, -60.0, 20.0), radius_mm: 35.0 });
     compare(&volume, &clipped, "lights, clipped");
+    let surfaces = RenderRequest { clip: clipped.clip, ..lit_head(&volume, Mode::Isosurface, "skin", 0.0) };
+    compare(&volume, &surfaces, "lights, clipped surfaces");
     let mut faded = lit_head(&volume, Mode::Composite, "skin", 0.0);
     let opacity = GradientOpacity::new(vec![[20.0, 0.0], [80.0, 0.4], [300.0, 1.0]]).unwrap();
     faded.transfer = faded.transfer.with_gradient_opacity(opacity);
