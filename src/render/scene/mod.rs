@@ -201,24 +201,6 @@ impl SceneFile {
         Self { classification: Some(classification), ..self }
     }
 
-    /// Replaces the lights by those of this name, one of [`Lighting::ALL`](super::Lighting::ALL).
-    #[must_use]
-    pub fn with_lighting(self, name: &str) -> Self {
-        Self { lights: Some(LightsFile::named(name)), ..self }
-    }
-
-    /// Replaces how much of shadows and of occlusion shows, and how far that reaches (mm), where there is something.
-    #[must_use]
-    pub fn with_illumination(
-        self,
-        shadows: Option<f64>,
-        occlusion: Option<f64>,
-        radius_mm: Option<f64>,
-    ) -> Self {
-        let shading = self.shading.unwrap_or_default().with_illumination(shadows, occlusion, radius_mm);
-        Self { shading: Some(shading), ..self }
-    }
-
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {

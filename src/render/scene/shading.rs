@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use super::SceneFile;
+use super::lights::LightsFile;
 use crate::render::illumination::{Illumination, Occlusion};
 use crate::render::request::Shading;
 
@@ -22,6 +24,26 @@ pub(super) struct ShadingFile {
 struct OcclusionFile {
     strength: Option<f64>,
     radius_mm: Option<f64>,
+}
+
+impl SceneFile {
+    /// Replaces the lights by those of this name, one of [`Lighting::ALL`](crate::render::Lighting::ALL).
+    #[must_use]
+    pub fn with_lighting(self, name: &str) -> Self {
+        Self { lights: Some(LightsFile::named(name)), ..self }
+    }
+
+    /// Replaces how much of shadows and of occlusion shows, and how far that reaches (mm), where there is something.
+    #[must_use]
+    pub fn with_illumination(
+        self,
+        shadows: Option<f64>,
+        occlusion: Option<f64>,
+        radius_mm: Option<f64>,
+    ) -> Self {
+        let shading = self.shading.unwrap_or_default().with_illumination(shadows, occlusion, radius_mm);
+        Self { shading: Some(shading), ..self }
+    }
 }
 
 impl ShadingFile {
