@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use relief::camera::{Camera, Orbit, Projection};
 use relief::render::{
-    ClipPlane, DepthRule, Labels, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping, SlabBlend,
+    ClipPlane, DepthRule, Illumination, Labels, Light, Mode, Occlusion, Placement, RenderRequest,
+    RenderedFrame, SceneFile, Shading, Skipping, SlabBlend,
 };
 use relief::space::{Patient, Point, Vector};
 use relief::transfer::{ControlPoint, TransferFunction};
@@ -229,6 +230,37 @@ fn gpu_and_twin_agree_about_segments_in_every_mode_and_rule() {
 }
 
 #[test]
+fn what_is_hidden_throws_no_shadow() {
+    let volume = oblique_head();
+    let map = patchwork(volume.grid());
+    for edges in ["smooth", "voxels"] {
+        let request = resolved(&volume, &map, &PATCHWORK.replace("EDGES", edges));
+        let placement = Placement::ViewDirection(Vector::new(-0.8, 0.7, 0.6));
+        let light = Light { placement, rgb: [1.0; 3], intensity: 1.0, size: 0.3 };
+        let illumination =
+            Illumination { shadows: 0.9, occlusion: Occlusion { strength: 0.8, radius_mm: 24.0 } };
+        let lit = RenderRequest { lights: vec![light], illumination, ..request };
+        compare(&volume, &lit, &format!("shadows of segments, {edges}"));
+        // Shadows and nooks of what is hidden would darken what is left.
+        let Some(mut renderer) = renderer("what_is_hidden_throws_no_shadow") else { return };
+        let brightness = |frame: RenderedFrame| {
+            let channels = frame.color_rgba.iter().flat_map(|pixel| pixel[..3].to_vec());
+            channels.map(u64::from).sum::<u64>()
+        };
+        let alone = resolved(
+            &volume,
+            &map,
+            r#"{"transfer": "bone", "size_px": [160, 120], "clip": {"labels": {"keep": [7]}}}"#,
+        );
+        let alone = RenderRequest { lights: lit.lights.clone(), illumination, ..alone };
+        let unshaded = RenderRequest { illumination: Illumination::default(), ..alone.clone() };
+        let [shaded, unshaded] = [alone, unshaded].map(|r| brightness(renderer.render(&volume, &r).unwrap()));
+        println!("{edges}: {shaded} with shadows of the ball alone, {unshaded} without any");
+        assert!(shaded > unshaded / 4 && shaded < unshaded, "{shaded} of {unshaded}");
+    }
+}
+
+#[test]
 fn gpu_and_twin_agree_about_segments_in_slices() {
     let volume = oblique_head();
     let map = patchwork(volume.grid());
@@ -352,6 +384,10 @@ fn labels_that_are_wrong_are_named_with_path_value_and_range() {
         (r#"{"labels": {"segment": []}}"#, &["labels", "segment", "unknown field"]),
         (r#"{"clip": {"labels": {"cut": [1], "keep": [2]}}}"#, &["clip.labels is cut and keep"]),
         (r#"{"clip": {"labels": {"cut": ["liver"]}}}"#, &["clip.labels.cut[0] is \"liver\""]),
+        (
+            r#"{"classification": "pre-integrated", "labels": {}}"#,
+            &["classification is pre-integrated", "sampled in a scene with labels"],
+        ),
         (r#"{"mode": "mean", "labels": {}}"#, &["labels is there", "composite, mip, minip, slice"]),
         (r#"{"mode": "isosurface", "clip": {"labels": {"cut": [1]}}}"#, &["labels is there"]),
         (r#"{"mode": "path-traced", "labels": {"tint": 0}}"#, &["labels is there"]),

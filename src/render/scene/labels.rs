@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
 use super::parts::{TransferFile, Windows, resolve_transfer};
+use crate::render::classification::Classification;
 use crate::render::labels::{Edges, Labels, Look};
 use crate::render::mode::Mode;
 use crate::render::request::RequestError;
@@ -173,7 +174,7 @@ pub(super) struct Written {
 pub(super) fn resolve_labels(
     written: Written,
     map: Option<&Arc<LabelMap>>,
-    mode: Mode,
+    (mode, classification): (Mode, Classification),
     transfer: &TransferFunction,
 ) -> Result<Option<Arc<Labels>>, SceneError> {
     let path = match (&written.labels, &written.clip) {
@@ -186,6 +187,7 @@ pub(super) fn resolve_labels(
         return path.map_or(Ok(None), |path| Err(RequestError::new(path, &"there", allowed).into()));
     };
     let can = Labels::are_shown_by(mode)
+        && classification == Classification::Sampled
         && transfer.gradient_opacity().is_none()
         && map.segments().len() <= Labels::MOST_SEGMENTS;
     if path.is_none() && !can {

@@ -279,16 +279,17 @@ impl SceneFile {
         );
         let mut clip = self.clip.unwrap_or_default();
         let written = Written { labels: self.labels, clip: clip.labels.take() };
+        let classification = self.classification.unwrap_or_default();
         let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let request = RenderRequest {
             camera,
             size_px,
             reduced_px: None,
             mode,
-            labels: resolve_labels(written, map, mode, &transfer)?,
+            labels: resolve_labels(written, map, (mode, classification), &transfer)?,
             surfaces: resolve_surfaces(mode, self.iso_hu, self.surfaces, &transfer)?,
             transfer,
-            classification: self.classification.unwrap_or_default(),
+            classification,
             illumination: self.shading.as_ref().map_or_else(Illumination::default, ShadingFile::illumination),
             shading: self.shading.unwrap_or_default().resolve(default_shading(preset)),
             // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
