@@ -1,12 +1,7 @@
 //! Label maps and volumes in files: NIfTI, NRRD and DICOM segmentations of other programs against facts that were computed
 //! independently, against SimpleITK, and against damage.
 
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "tests fail and speak aloud"
-)]
+#![expect(clippy::unwrap_used, reason = "tests fail and speak aloud")]
 
 #[path = "../common/mod.rs"]
 mod common;

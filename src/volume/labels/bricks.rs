@@ -104,8 +104,9 @@ mod tests {
     #[test]
     fn a_brick_has_what_occurs_in_it_and_on_its_far_faces() {
         let (dims, edge) = ([11, 9, 10], 4);
-        let label =
-            |at: usize| [0, 7, 7, 3, 0, 0, 0, 0, 0, 9][(at * 7919 / 13) % 10] * u16::from(at.is_multiple_of(5));
+        let label = |at: usize| {
+            [0, 7, 7, 3, 0, 0, 0, 0, 0, 9][(at * 7919 / 13) % 10] * u16::from(at.is_multiple_of(5))
+        };
         let labels: Vec<u16> = (0..dims.iter().product()).map(label).collect();
         let grid = Grid::axis_aligned(dims, [1.0; 3], [0.0; 3]).unwrap();
         let map = LabelMap::new(grid, &labels, vec![]).unwrap();
