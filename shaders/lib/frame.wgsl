@@ -54,6 +54,8 @@ struct Frame {
     // Sample distance in opacity units.
     units_per_sample: f32,
     surface_count: u32,
+    // HU/mm of a component of 1 of precomputed gradients.
+    gradient_scale: f32,
     // Isosurfaces, rising: the value that a ray has to pass (HU), four to a vector; colour and opacity of a crossing.
     surface_hu: array<vec4<f32>, 2>,
     surface_rgba: array<vec4<f32>, 8>,

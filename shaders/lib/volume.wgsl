@@ -15,9 +15,6 @@ fn sample_hu(p: vec3<f32>) -> f32 {
     return textureSampleLevel(volume, volume_sampler, (p + 0.5) * frame.texture_per_voxel, 0.0).x * HU_SCALE;
 }
 
-// HU/mm of a gradient's component of 1.
-override GRADIENT_SCALE: f32 = 4096.0;
-
 // One fetch of gradients made when the volume went up, or six of values.
 override PRECOMPUTED_GRADIENTS: bool = true;
 
@@ -32,7 +29,7 @@ fn gradient_at(p: vec3<f32>) -> vec3<f32> {
 // Gradient, HU/mm along the patient axes, and value, HU, by one fetch of precomputed ones.
 fn gradient_and_hu(p: vec3<f32>) -> vec4<f32> {
     let texel = textureSampleLevel(gradients, volume_sampler, (p + 0.5) * frame.texture_per_voxel, 0.0);
-    return texel * vec4<f32>(vec3<f32>(GRADIENT_SCALE), HU_SCALE);
+    return texel * vec4<f32>(vec3<f32>(frame.gradient_scale), HU_SCALE);
 }
 
 // Over one voxel to both sides: HU per two voxels, along i, j, k.

@@ -19,6 +19,8 @@ pub(super) struct Gradients {
     pub(super) view: wgpu::TextureView,
     /// Whether there are gradients at all, and not just a texel in their place.
     pub(super) precomputed: bool,
+    /// HU/mm of a component of 1, as shaders read it.
+    pub(super) scale: f32,
 }
 
 impl Gradients {
@@ -26,24 +28,44 @@ impl Gradients {
     pub(super) fn upload(gpu: &Gpu, volume: &Volume, format: VoxelFormat, precomputed: bool) -> Self {
         let dims = if precomputed { volume.grid().dims() } else { [1; 3] };
         let texture = texture_3d(gpu, "gradients", dims, texture_format(format));
+        let scale = if precomputed { scale_for(volume, format) } else { 1.0 };
         if precomputed {
-            fill(gpu, volume, format, &texture);
+            fill(gpu, volume, (format, scale), &texture);
         }
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Self { view, precomputed }
+        Self { view, precomputed, scale }
     }
 }
 
-/// Steepest gradient that signed normalised texels hold along an axis, HU/mm; steeper ones keep their direction. A
-/// texel's step is 1/8 HU/mm.
-const STEEPEST: f32 = 4096.0;
-
-/// HU/mm of a component of 1, as shaders read it.
-pub(super) fn gradient_scale(format: VoxelFormat) -> f32 {
+/// HU/mm of a component of 1: for signed normalised texels the power of two that the steepest gradient needs, so that a
+/// texel's step is far below what opacity by gradient can tell.
+fn scale_for(volume: &Volume, format: VoxelFormat) -> f32 {
     match format {
-        VoxelFormat::Norm16 => STEEPEST,
+        VoxelFormat::Norm16 => steepest(volume).max(1.0).log2().ceil().exp2(),
         VoxelFormat::Half => 1.0,
     }
+}
+
+/// No gradient of the volume is longer than this, HU/mm.
+fn steepest(volume: &Volume) -> f32 {
+    let [nx, ny, _] = volume.grid().dims();
+    let voxels = volume.voxels_hu();
+    // Differences over two voxels; those over one at the faces are smaller than the largest step, and a step is at most
+    // as long as two.
+    let largest = |stride: usize| -> f32 {
+        let over = |apart: usize| {
+            let later = voxels.get(apart..).unwrap_or_default();
+            let pairs = voxels.par_chunks(nx * ny).zip(later.par_chunks(nx * ny));
+            let of_layer = |(early, late): (&[i16], &[i16])| {
+                early.iter().zip(late).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+            };
+            pairs.map(of_layer).max().unwrap_or(0)
+        };
+        over(stride).max(over(2 * stride)).into()
+    };
+    let [i, j, k] = [1, nx, nx * ny].map(largest);
+    let axes = patient_from_voxel_gradient(volume.grid()).as_mat3();
+    (axes.x_axis * i).length() + (axes.y_axis * j).length() + (axes.z_axis * k).length()
 }
 
 fn texture_format(format: VoxelFormat) -> wgpu::TextureFormat {
@@ -56,19 +78,21 @@ fn texture_format(format: VoxelFormat) -> wgpu::TextureFormat {
 /// A gradient along x, y, z and a value, as the bits of 16-bit texels.
 type Texel = [u16; 4];
 
-fn texel(format: VoxelFormat, gradient: Vec3, hu: i16) -> Texel {
+/// How gradients are stored: the format, and HU/mm of a component of 1.
+type Storage = (VoxelFormat, f32);
+
+fn texel((format, scale): Storage, gradient: Vec3, hu: i16) -> Texel {
     match format {
         VoxelFormat::Norm16 => {
-            let kept = gradient * (STEEPEST / gradient.abs().max_element().max(STEEPEST));
             #[expect(clippy::cast_possible_truncation, reason = "at most the largest value of 16 bits")]
-            let norm = |x: f32| (x * (f32::from(i16::MAX) / STEEPEST)).round() as i16;
-            [norm(kept.x), norm(kept.y), norm(kept.z), hu].map(i16::cast_unsigned)
+            let norm = |x: f32| (x * (f32::from(i16::MAX) / scale)).round() as i16;
+            [norm(gradient.x), norm(gradient.y), norm(gradient.z), hu].map(i16::cast_unsigned)
         }
         VoxelFormat::Half => gradient.extend(f32::from(hu)).to_array().map(|x| f16::from_f32(x).to_bits()),
     }
 }
 
-fn fill(gpu: &Gpu, volume: &Volume, format: VoxelFormat, texture: &wgpu::Texture) {
+fn fill(gpu: &Gpu, volume: &Volume, storage: Storage, texture: &wgpu::Texture) {
     let [nx, ny, nz] = volume.grid().dims();
     let patient_from_voxel = patient_from_voxel_gradient(volume.grid()).as_mat3();
     let layers = (SLAB_BYTES / (nx * ny * size_of::<Texel>())).max(1);
@@ -77,7 +101,7 @@ fn fill(gpu: &Gpu, volume: &Volume, format: VoxelFormat, texture: &wgpu::Texture
         let count = layers.min(nz - first);
         let slab = &mut texels[..nx * ny * count];
         slab.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
-            fill_row(volume, format, patient_from_voxel, [row % ny, first + row / ny], out);
+            fill_row(volume, storage, patient_from_voxel, [row % ny, first + row / ny], out);
         });
         write_layers(gpu, texture, first, [nx, ny, count], bytemuck::cast_slice(slab));
         // Submitting frees the staging memory of the slabs before.
@@ -88,7 +112,7 @@ fn fill(gpu: &Gpu, volume: &Volume, format: VoxelFormat, texture: &wgpu::Texture
 /// The voxels (.., j, k); differences are one-sided at the volume's faces.
 fn fill_row(
     volume: &Volume,
-    format: VoxelFormat,
+    storage: Storage,
     patient_from_voxel: Mat3,
     [j, k]: [usize; 2],
     out: &mut [Texel],
@@ -106,7 +130,7 @@ fn fill_row(
             difference(j_high[i], j_low[i]),
             difference(k_high[i], k_low[i]),
         );
-        *out = texel(format, patient_from_voxel * along_voxels, here[i]);
+        *out = texel(storage, patient_from_voxel * along_voxels, here[i]);
     }
 }
 
@@ -124,18 +148,33 @@ mod tests {
         let volume = Volume::new(grid, voxels).unwrap();
         let mut row = [[0; 4]; 5];
         let rotation = patient_from_voxel_gradient(volume.grid()).as_mat3();
-        fill_row(&volume, VoxelFormat::Half, rotation, [1, 1], &mut row);
+        fill_row(&volume, (VoxelFormat::Half, 1.0), rotation, [1, 1], &mut row);
         let halves = |texel: Texel| texel.map(|bits| f16::from_bits(bits).to_f32());
         assert_eq!(halves(row[2]), [30.0, 0.0, -8.0, 10.0]);
         // Half as steep at the face: a one-sided difference.
         assert_eq!(halves(row[0]), [15.0, 0.0, -8.0, -20.0]);
-        fill_row(&volume, VoxelFormat::Norm16, rotation, [1, 1], &mut row);
-        assert_eq!(row[2].map(u16::cast_signed), [240, 0, -64, 10], "in steps of 4096/32767 HU/mm");
+        let scale = scale_for(&volume, VoxelFormat::Norm16);
+        fill_row(&volume, (VoxelFormat::Norm16, scale), rotation, [1, 1], &mut row);
+        let [x, y, z, hu] = row[2].map(|bits| f32::from(bits.cast_signed()));
+        let step = scale / 32767.0;
+        assert!((x * step - 30.0).abs() <= step && (z * step + 8.0).abs() <= step && step < 0.01);
+        assert_eq!((y, hu), (0.0, 10.0));
     }
 
     #[test]
-    fn a_gradient_too_steep_for_a_texel_keeps_its_direction() {
-        let texel = texel(VoxelFormat::Norm16, Vec3::new(8192.0, -2048.0, 0.0), 3).map(u16::cast_signed);
-        assert_eq!(texel, [32767, -8192, 0, 3]);
+    fn no_gradient_is_steeper_than_the_scale() {
+        let grid = Grid::axis_aligned([4, 4, 4], [0.5, 1.0, 2.0], [0.0; 3]).unwrap();
+        for at in 0..64 {
+            let voxels: Vec<i16> = (0..64).map(|v| if v == at { i16::MAX } else { -i16::MAX }).collect();
+            let volume = Volume::new(grid.clone(), voxels).unwrap();
+            let storage = (VoxelFormat::Norm16, scale_for(&volume, VoxelFormat::Norm16));
+            let rotation = patient_from_voxel_gradient(volume.grid()).as_mat3();
+            let mut row = [[0; 4]; 4];
+            for row_at in [[0, 0], [1, 1], [2, 3], [3, 3]] {
+                fill_row(&volume, storage, rotation, row_at, &mut row);
+                let largest = row.iter().flat_map(|texel| &texel[..3]).map(|x| x.cast_signed().abs()).max();
+                assert!(largest < Some(i16::MAX), "voxel {at}: a component was cut");
+            }
+        }
     }
 }

@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 
 use super::classification::Classification;
-use super::gradients::gradient_scale;
 use super::illumination::lighting_layout;
 use super::labels::Edges;
 use super::mode::Mode;
@@ -159,7 +158,6 @@ impl PipelineKey {
             ("SMOOTH_EDGES", flag(self.edges == Some(Edges::Smooth))),
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
             ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),
-            ("GRADIENT_SCALE", gradient_scale(format).into()),
             ("HU_SCALE", format.hu_scale()),
         ]
     }

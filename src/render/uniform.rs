@@ -49,6 +49,8 @@ pub(super) struct FrameUniform {
     span_hu: f32,
     units_per_sample: f32,
     surface_count: u32,
+    gradient_scale: f32,
+    padding: [f32; 3],
     surface_hu: [[f32; 4]; Surface::MOST / 4],
     surface_rgba: [[f32; 4]; Surface::MOST],
 }
@@ -111,6 +113,8 @@ impl FrameUniform {
             span_hu: span_hu as f32,
             units_per_sample: (request.sample_distance_mm / request.transfer.opacity_unit_mm()) as f32,
             surface_count: request.surfaces.len() as u32,
+            gradient_scale: appearance.gradient_scale,
+            padding: [0.0; 3],
             surface_hu: surface_values(&request.surfaces),
             surface_rgba: surface_colors(&request.surfaces),
         }
@@ -236,6 +240,7 @@ mod tests {
             span_hu,
             units_per_sample,
             surface_count,
+            gradient_scale,
             surface_hu,
             surface_rgba,
         );

@@ -131,6 +131,8 @@ pub(super) struct Appearance {
     /// Four bricks a word.
     pub(super) distances: wgpu::Buffer,
     pub(super) bytes: u64,
+    /// HU/mm of a component of 1 of the volume's gradients.
+    pub(super) gradient_scale: f32,
     /// Whether most samples that are taken are likely to be visible.
     pub(super) mostly_visible: bool,
 }
@@ -165,6 +167,7 @@ impl Appearance {
             bricks,
             distances,
             bytes,
+            gradient_scale: volume.gradients.scale,
             mostly_visible,
         })
     }

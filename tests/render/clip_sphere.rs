@@ -138,7 +138,8 @@ fn skipping_changes_no_byte_beside_a_sphere_and_moving_it_uploads_nothing() {
     let plain = renderer.render(&volume, &request).unwrap();
     for (i, sphere) in spheres(&volume).into_iter().enumerate() {
         request.clip.sphere = Some(sphere);
-        request.mode = Mode::Composite;
+        request = in_mode(Mode::Composite, request);
+        request.depth = DepthRule::Threshold { fraction: 0.5 };
         let on = renderer.render_with(&volume, &request, Skipping::On).unwrap();
         assert_eq!(on.timings.upload_ms, 0.0, "a sphere that moves uploads nothing");
         assert_eq!(on.color_rgba == plain.color_rgba, i == 2, "spheres 0 and 1 are seen, 2 is far off");

@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use crate::render::gradients::gradient_scale;
 use crate::render::labels::Edges;
 use crate::render::mode::Mode;
 use crate::render::pipelines::TableStorage;
@@ -119,7 +118,6 @@ impl Stage {
                     ("LABELLED", flag(key.edges.is_some())),
                     ("SMOOTH_EDGES", flag(key.edges == Some(Edges::Smooth))),
                     ("PRECOMPUTED_GRADIENTS", flag(key.precomputed_gradients)),
-                    ("GRADIENT_SCALE", gradient_scale(self.format).into()),
                     ("HU_SCALE", self.format.hu_scale()),
                 ],
                 ..Default::default()
