@@ -188,3 +188,77 @@ fn poses_are_published_over_openigtlink() {
     child.kill().unwrap();
     child.wait().unwrap();
 }
+
+/// A survey calibrates the camera to what it was made with; a hand that only points is refused, with the reason.
+#[test]
+fn a_camera_is_calibrated_from_a_survey() {
+    let folder = tempfile::tempdir().unwrap();
+    let (survey, _) = recording(folder.path(), &["--path", "survey", "--seconds", "60"]);
+    let camera = folder.path().join("camera.yaml");
+    let calibrate = |reports: &str, more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+        command.args(["calibrate", "--reports", reports, "--out", text(&camera)]).args(more).output().unwrap()
+    };
+    let found = calibrate(&survey, &["--json", "--format", "ros"]);
+    assert!(found.status.success(), "{}", stderr(&found));
+    let report: Value = serde_json::from_slice(&found.stdout).unwrap();
+    let sigma = vector(&report["sigma_fx_fy_skew_cx_cy_k1_k2"]);
+    let matrix = vector(&report["camera_matrix"]);
+    assert!((matrix[0] - 1340.0).abs() < 4.0 * sigma[0] && sigma[0] < 10.0, "{report}");
+    assert!(report["held_out_rms_px"].as_f64().unwrap() < 0.7, "{report}");
+    let written = std::fs::read_to_string(&camera).unwrap();
+    let read = relief::tracking::sensor::file::read(&written).unwrap();
+    assert_eq!(read.fx, matrix[0]);
+
+    std::fs::remove_file(&camera).unwrap();
+    let (still, _) = recording(folder.path(), &["--seconds", "5"]);
+    let refused = calibrate(&still, &[]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("needed: at least"), "{}", stderr(&refused));
+    assert!(!camera.exists());
+}
+
+/// The table of the experiment: ours is far below the published errors, and the files of plots and numbers are there.
+#[test]
+fn the_experiment_prints_its_table_beside_the_published_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("results");
+    let done = run(&["experiment", "--json", "--out", text(&out)]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let report: Value = serde_json::from_slice(&done.stdout).unwrap();
+    let published = vector(&report["paper_mean"]);
+    assert_eq!(published, [0.162, 0.286, 0.384, 0.411, 4.94]);
+    let ways = report["ways"].as_array().unwrap();
+    let way =
+        |name: &str| ways.iter().find(|way| way["way"] == name).unwrap()["outcomes"].as_array().unwrap();
+    let means = |name: &str| -> Vec<f64> { way(name).iter().map(|o| o["mean"].as_f64().unwrap()).collect() };
+    for (mean, limit) in means("true camera, filtered").into_iter().zip([0.05, 0.08, 0.1, 0.1, 0.5]) {
+        assert!(mean <= limit, "{mean} above {limit}");
+    }
+    for (mean, published) in means("calibrated, filtered").into_iter().zip(&published) {
+        assert!(mean < *published, "{mean} above the published {published}");
+    }
+    assert!(means("paper's way, f = 1320")[4] > 5.0 * means("calibrated, filtered")[4]);
+    for file in ["table.csv", "points.csv", "r-x.svg", "r-y.svg", "t-x.svg", "t-y.svg", "t-z.svg"] {
+        assert!(out.join(file).is_file(), "{file}");
+    }
+    assert_eq!(std::fs::read_to_string(out.join("table.csv")).unwrap().lines().count(), 1 + 5 + 25);
+}
+
+#[test]
+fn the_recommended_beacon_scores_well_and_a_symmetric_one_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let design = |more: &[&str]| -> Value {
+        let done = run(&[&["design", "--json", "--views", "200"], more].concat());
+        assert!(done.status.success(), "{}", stderr(&done));
+        serde_json::from_slice::<Value>(&done.stdout).unwrap()["score"].clone()
+    };
+    let recommended = design(&[]);
+    assert!(recommended["right"].as_u64().unwrap() >= 198 && recommended["wrong"] == 0, "{recommended}");
+    let symmetric = folder.path().join("symmetric.toml");
+    let leds = [[-50, 0, 0], [50, 0, 0], [0, 30, 60], [0, -30, 60]]
+        .map(|p| format!("[[led]]\nposition_mm = {p:?}\n"));
+    std::fs::write(&symmetric, leds.concat()).unwrap();
+    let poor = design(&["--no-gravity", "--beacon", text(&symmetric)]);
+    assert!(poor["right"] == 0 && poor["wrong"] == 0, "{poor}");
+}

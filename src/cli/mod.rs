@@ -6,6 +6,7 @@
 
 mod adapter;
 mod bench;
+mod calibrate;
 mod doctor;
 mod golden;
 mod inspect;
@@ -22,10 +23,13 @@ mod serve;
 mod slice;
 mod source;
 mod track;
+mod track_design;
 mod track_display;
+mod track_experiment;
 mod track_publish;
 mod track_simulate;
 mod track_source;
+mod track_views;
 mod transfer;
 
 use std::io::IsTerminal;
@@ -61,6 +65,7 @@ enum Command {
     Bench(bench::Arguments),
     Serve(serve::Arguments),
     Track(track::Arguments),
+    Calibrate(calibrate::Arguments),
     Golden(golden::Arguments),
     Doctor(doctor::Arguments),
 }
@@ -78,6 +83,7 @@ pub fn main() -> ExitCode {
         Command::Bench(arguments) => bench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Track(arguments) => track::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),
     };

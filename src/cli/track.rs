@@ -8,8 +8,8 @@ use anyhow::Context;
 
 use super::track_display::{Display, Sink};
 use super::track_publish::Publisher;
-use super::track_simulate;
 use super::track_source::{Event, LiveOptions, Source};
+use super::{track_design, track_experiment, track_simulate, track_views};
 use crate::tracking::Beacon;
 use crate::tracking::filter::Motion;
 use crate::tracking::host::Sensitivity;
@@ -35,11 +35,15 @@ Examples:
   relief track simulate --out rec.jsonl                     a hand that points at the recommended beacon
   relief track --reports rec.jsonl --out poses.jsonl
   relief track --reports hidraw --beacon beacon.toml --sensor camera.yaml --igtl 127.0.0.1:18944
+  relief track experiment                                   the 2009 paper's experiment, simulated
   relief track beacon                                       the recommended beacon as a file";
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     Simulate(track_simulate::Arguments),
+    Experiment(track_experiment::Arguments),
+    Design(track_design::Arguments),
+    Views(track_views::Arguments),
     /// Print the recommended beacon as a beacon.toml
     Beacon,
 }
@@ -190,6 +194,9 @@ impl FilterArguments {
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     match arguments.action {
         Some(Action::Simulate(arguments)) => track_simulate::run(&arguments),
+        Some(Action::Experiment(arguments)) => track_experiment::run(&arguments),
+        Some(Action::Design(arguments)) => track_design::run(&arguments),
+        Some(Action::Views(arguments)) => track_views::run(&arguments),
         Some(Action::Beacon) => {
             super::output::say!("{}", Beacon::recommended().write().trim_end());
             Ok(ExitCode::SUCCESS)

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use super::output::{print_json, say, write_whole};
 use super::track::SceneArguments;
 use crate::tracking::report::recording::recording_line;
-use crate::tracking::simulate::{Delivery, Hand, Hidden, Simulation};
+use crate::tracking::simulate::{Delivery, Hand, Hidden, Simulation, Survey};
 
 /// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried without one.
 #[derive(Debug, clap::Args)]
@@ -29,7 +29,10 @@ pub(super) struct Arguments {
     /// Length of the recording
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=3600))]
     seconds: u16,
-    /// Mean distance from the beacon
+    /// What the hand does
+    #[arg(long, value_enum, default_value_t = Moves::Point)]
+    path: Moves,
+    /// Mean distance from the beacon, when it points
     #[arg(long, value_name = "MM", default_value_t = 1400, value_parser = clap::value_parser!(u32).range(300..=10_000))]
     distance_mm: u32,
     /// Lose, double and swap reports, and let their times jitter
@@ -49,6 +52,14 @@ pub(super) struct Arguments {
     json: bool,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Moves {
+    /// It points at the beacon, and sways
+    Point,
+    /// It moves around the beacon and over the whole picture, for calibrations
+    Survey,
+}
+
 #[derive(serde::Serialize)]
 struct Truth {
     t_ns: u64,
@@ -66,8 +77,7 @@ struct Report<'a> {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let beacon = arguments.scene.beacon()?;
-    let path = Hand::before(&beacon, f64::from(arguments.distance_mm), arguments.seed);
-    let mut simulation = Simulation::new(beacon, arguments.seed);
+    let mut simulation = Simulation::new(beacon.clone(), arguments.seed);
     simulation.camera = arguments.scene.camera()?;
     simulation.sensing.noise_px = arguments.scene.noise_px();
     simulation.hidden.clone_from(&arguments.hide);
@@ -75,7 +85,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     if arguments.mishaps {
         simulation.delivery = Delivery::RADIO;
     }
-    let made = simulation.record(&path, f64::from(arguments.seconds));
+    let seconds = f64::from(arguments.seconds);
+    let hand = Hand::before(&beacon, f64::from(arguments.distance_mm), arguments.seed);
+    let made = match arguments.path {
+        Moves::Point => simulation.record(&hand, seconds),
+        Moves::Survey => simulation.record(&Survey::around(&beacon, arguments.seed), seconds),
+    };
     let line = |t_ns: u64, bytes: &[u8]| recording_line(t_ns, bytes) + "\n";
     let reports: String = made.iter().map(|made| line(made.t_ns, &made.report.encode())).collect();
     write_whole(&arguments.out, reports.as_bytes())?;

@@ -115,8 +115,9 @@ impl Beacon {
         Ok(Self { names, leds, up: direction.ok_or(BeaconError::Up(up))? })
     }
 
-    /// The beacon that Relief recommends: of all layouts that the designer tried within 240 x 160 x 120 mm, the one whose
-    /// views are told apart best. See `relief track design`.
+    /// The beacon that Relief recommends: of 300 layouts that the designer tried within 240 x 160 x 120 mm, the one whose
+    /// views are told apart best. Of 2000 random views from 1 to 2 m, 1999 are identified, and none wrongly. See
+    /// `relief track design`.
     #[must_use]
     pub fn recommended() -> Self {
         Self {
@@ -165,7 +166,7 @@ impl Beacon {
 
 /// See [`Beacon::recommended`].
 const RECOMMENDED_MM: [[f64; 3]; 4] =
-    [[-100.0, -57.7, 0.0], [100.0, -57.7, 0.0], [0.0, 115.5, 0.0], [0.0, 0.0, 100.0]];
+    [[10.0, -75.0, 0.0], [-60.0, 30.0, 60.0], [120.0, -55.0, 105.0], [-105.0, -35.0, 120.0]];
 
 #[cfg(test)]
 mod tests {

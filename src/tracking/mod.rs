@@ -14,7 +14,10 @@
 //! | pixels | u right, v down, 1024 x 768; the raw y of reports points up, v = 767 - y |
 
 mod beacon;
+pub mod calibrate;
 pub mod correspondence;
+pub mod design;
+pub mod experiment;
 pub mod filter;
 pub mod host;
 pub mod igtl;

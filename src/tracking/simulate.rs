@@ -255,3 +255,35 @@ impl Path for Hand {
         SensorPose::looking_at(level.position, self.target + aim, &Vector3::y(), roll).unwrap_or(level)
     }
 }
+
+/// A hand that surveys: around the beacon, near and far, so that it comes everywhere in the picture. For calibrations.
+#[derive(Clone, Debug)]
+pub struct Survey {
+    target: Vector3<f64>,
+    phases: [f64; 6],
+}
+
+impl Survey {
+    /// Around this beacon.
+    #[must_use]
+    pub fn around(beacon: &Beacon, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let phases = std::array::from_fn(|_| random.between(0.0, std::f64::consts::TAU));
+        Self { target: beacon.centroid(), phases }
+    }
+}
+
+impl Path for Survey {
+    fn at(&self, seconds: f64) -> SensorPose {
+        let wave = |at: usize, hertz: f64| (std::f64::consts::TAU * hertz * seconds + self.phases[at]).sin();
+        let (yaw, pitch) = (wave(0, 0.061) * 0.7, wave(1, 0.083) * 0.5);
+        let distance = 900.0 + wave(2, 0.047) * 300.0;
+        let from = Vector3::new(yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos());
+        let position = self.target + from * distance;
+        let across = Vector3::y().cross(&from).normalize();
+        let aside = across * (wave(3, 0.19) * 0.26) + from.cross(&across) * (wave(4, 0.23) * 0.16);
+        let target = self.target + aside * distance;
+        let level = SensorPose { position, orientation: UnitQuaternion::identity() };
+        SensorPose::looking_at(position, target, &Vector3::y(), wave(5, 0.11) * 0.6).unwrap_or(level)
+    }
+}

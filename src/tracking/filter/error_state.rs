@@ -125,6 +125,13 @@ impl ErrorStateFilter {
         &self.state
     }
 
+    /// The same uncertainty about another pose: for bounds, which are linear about the truth.
+    pub fn relinearise(&mut self, pose: &SensorPose) {
+        self.state.pose = *pose;
+        // Rate and velocity only move the pose, and the next call sets it.
+        (self.state.velocity, self.state.rate) = (Vector3::zeros(), Vector3::zeros());
+    }
+
     /// `sensor_from_beacon`.
     #[must_use]
     pub fn pose(&self) -> Pose {

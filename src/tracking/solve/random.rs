@@ -5,6 +5,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use super::{MAX_SEEN, Sighting};
 use crate::tracking::beacon::Beacon;
 use crate::tracking::pose::{Pose, SensorPose};
 use crate::tracking::report::{SENSOR_HEIGHT, SENSOR_WIDTH};
@@ -87,6 +88,22 @@ impl ViewRange {
         tilt: std::f64::consts::FRAC_PI_6,
         roll: std::f64::consts::FRAC_PI_6,
     };
+}
+
+/// The first four LEDs as a camera at this pose sees them, with normal noise of `noise_px`; LEDs behind it are left out.
+#[must_use]
+pub fn sightings(
+    beacon: &Beacon,
+    camera: &Pinhole,
+    pose: &Pose,
+    noise_px: f64,
+    random: &mut Random,
+) -> Vec<Sighting> {
+    let see = |led: &Vector3<f64>| {
+        let noise = Vector2::new(random.normal(), random.normal()) * noise_px;
+        Some(Sighting { led: *led, pixel: camera.project(&pose.place(led))? + noise })
+    };
+    beacon.leds().iter().take(MAX_SEEN).filter_map(see).collect()
 }
 
 /// Whether an LED is inside the picture, off its border.

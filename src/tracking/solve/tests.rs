@@ -2,26 +2,12 @@
 
 use nalgebra::{Rotation3, Unit, Vector6};
 
-use super::random::{Random, ViewRange};
+use super::random::{Random, ViewRange, sightings};
 use super::*;
 use crate::tracking::beacon::Beacon;
 
 fn tetra() -> Beacon {
     Beacon::new(&[[-100.0, -57.7, 0.0], [100.0, -57.7, 0.0], [0.0, 115.5, 0.0], [0.0, 0.0, 100.0]]).unwrap()
-}
-
-fn sightings(
-    beacon: &Beacon,
-    camera: &Pinhole,
-    pose: &Pose,
-    random: &mut Random,
-    noise: f64,
-) -> Vec<Sighting> {
-    let see = |led: &Vector3<f64>| {
-        let noise = Vector2::new(random.normal(), random.normal()) * noise;
-        Sighting { led: *led, pixel: camera.project(&pose.place(led)).unwrap() + noise }
-    };
-    beacon.leds().iter().map(see).collect()
 }
 
 fn gravity(pose: &Pose, beacon: &Beacon, random: &mut Random, sigma: f64) -> Gravity {
@@ -44,7 +30,7 @@ fn exact_pixels_give_the_exact_pose() {
     let (beacon, mut random) = (tetra(), Random::new(1));
     for at in 0..1000 {
         let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-        let seen = sightings(&beacon, &BENT, &truth, &mut random, 0.0);
+        let seen = sightings(&beacon, &BENT, &truth, 0.0, &mut random);
         let view = View { camera: &BENT, sightings: &seen, noise_px: 0.5, gravity: None };
         let best = view.solve().unwrap().best;
         let (angle, distance) = best.pose.distance(&truth);
@@ -59,7 +45,7 @@ fn the_minimum_found_is_the_global_one() {
     let range = ViewRange { tilt: 1.0, roll: 3.0, ..ViewRange::USUAL };
     for at in 0..150 {
         let truth = random.view(&beacon, &BENT, &range);
-        let seen = sightings(&beacon, &BENT, &truth, &mut random, 2.0);
+        let seen = sightings(&beacon, &BENT, &truth, 2.0, &mut random);
         let view = View { camera: &BENT, sightings: &seen, noise_px: 0.5, gravity: None };
         let best = view.solve().unwrap().best;
         for _ in 0..300 {
@@ -80,7 +66,7 @@ fn errors_reach_the_bound() {
     const VIEWS: usize = 3000;
     for _ in 0..VIEWS {
         let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-        let mut seen = sightings(&beacon, &BENT, &truth, &mut random, 0.5);
+        let mut seen = sightings(&beacon, &BENT, &truth, 0.5, &mut random);
         for sighting in &mut seen {
             sighting.pixel.apply(|c| *c = c.round());
         }
@@ -107,7 +93,7 @@ fn fewer_leds_do_with_gravity() {
         let (mut inside, mut sum) = (0, 0.0);
         for _ in 0..400 {
             let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-            let mut seen = sightings(&beacon, &BENT, &truth, &mut random, 0.4);
+            let mut seen = sightings(&beacon, &BENT, &truth, 0.4, &mut random);
             seen.truncate(count);
             let gravity = Some(gravity(&truth, &beacon, &mut random, sigma));
             let view = View { camera: &BENT, sightings: &seen, noise_px: 0.4, gravity };
@@ -141,7 +127,7 @@ fn fewer_leds_do_with_gravity() {
 fn two_leds_alone_and_no_leds_have_no_pose() {
     let (beacon, mut random) = (tetra(), Random::new(5));
     let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-    let seen = sightings(&beacon, &BENT, &truth, &mut random, 0.0);
+    let seen = sightings(&beacon, &BENT, &truth, 0.0, &mut random);
     for count in [0, 1, 2] {
         let view = View { camera: &BENT, sightings: &seen[..count], noise_px: 0.5, gravity: None };
         assert!(view.solve().is_none(), "{count}");
@@ -156,14 +142,14 @@ fn the_papers_way_finds_its_minimum() {
     let (mut converged, mut worse) = (0, 0);
     for _ in 0..200 {
         let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-        let exact = sightings(&beacon, &BENT, &truth, &mut random, 0.0);
+        let exact = sightings(&beacon, &BENT, &truth, 0.0, &mut random);
         let view = View { camera: &BENT, sightings: &exact, noise_px: 0.5, gravity: None };
         let found = paper::solve(&view, &paper::level_start(1500.0)).unwrap();
         let (angle, distance) = found.pose.distance(&truth);
         let reached = angle < 1e-6 && distance < 1e-3;
         converged += usize::from(found.converged && reached);
 
-        let noisy = sightings(&beacon, &BENT, &truth, &mut random, 0.5);
+        let noisy = sightings(&beacon, &BENT, &truth, 0.5, &mut random);
         let view = View { camera: &BENT, sightings: &noisy, noise_px: 0.5, gravity: None };
         let ours = view.refine(&truth).unwrap();
         let theirs = paper::solve(&view, &ours.pose).unwrap();

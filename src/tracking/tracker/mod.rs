@@ -223,10 +223,12 @@ impl Tracker {
             return Sample::without_pose(frame.t_ns, without);
         }
         match identify(&self.camera, &self.beacon, frame.blobs(), self.options.noise_px, &hints) {
-            Identified::Found { assignment, refined } => match self.fix(frame, &assignment, &refined.pose) {
-                Some(fix) => self.accept(frame.t_ns, &fix),
-                None => Sample::without_pose(frame.t_ns, without),
-            },
+            Identified::Found { assignment, refined, .. } => {
+                match self.fix(frame, &assignment, &refined.pose) {
+                    Some(fix) => self.accept(frame.t_ns, &fix),
+                    None => Sample::without_pose(frame.t_ns, without),
+                }
+            }
             Identified::Ambiguous { .. } => Sample::without_pose(frame.t_ns, TrackingState::Ambiguous),
             Identified::Unexplained(_) => Sample::without_pose(frame.t_ns, without),
         }

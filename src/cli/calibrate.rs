@@ -1,0 +1,175 @@
+//! `relief calibrate`: the camera in a Wiimote, from a recording of a beacon.
+
+use std::fmt::Write;
+use std::io::BufReader;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+
+use super::output::{print_json, say, write_whole};
+use super::track::read_text;
+use crate::tracking::Beacon;
+use crate::tracking::calibrate::{Calibration, Identifier, Model, calibrate, choose};
+use crate::tracking::report::recording::RecordingReader;
+use crate::tracking::sensor::file::{self, CameraFormat};
+use crate::tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
+
+/// Calibrate a Wiimote's camera from a recording in which it moves around a beacon.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Move slowly around the beacon for a minute or two: from left, right, above and below, near and far, rolled both ways, with
+the LEDs everywhere in the picture. Sets of views that tell too little are refused, with the reason.
+
+Examples:
+  relief track --reports hidraw --record survey.jsonl
+  relief calibrate --reports survey.jsonl --beacon beacon.toml --out camera.yaml
+  relief track simulate --path survey --seconds 120 --out survey.jsonl      to try it without a Wiimote")]
+pub(super) struct Arguments {
+    /// The recording: reports as JSON lines
+    #[arg(long, value_name = "FILE")]
+    reports: PathBuf,
+    /// The LEDs; the recommended beacon by default
+    #[arg(long, value_name = "BEACON.toml")]
+    beacon: Option<PathBuf>,
+    /// File to make: YAML of the camera
+    #[arg(long, value_name = "CAMERA.yaml")]
+    out: PathBuf,
+    /// What is looked for
+    #[arg(long, value_enum, default_value_t = Wanted::Square)]
+    model: Wanted,
+    /// Whose YAML
+    #[arg(long, value_enum, default_value_t = Format::Opencv)]
+    format: Format,
+    /// Views that are used at most
+    #[arg(long, value_name = "N", default_value_t = 250, value_parser = clap::value_parser!(u16).range(12..=2000))]
+    views: u16,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Wanted {
+    /// One focal length and the principal point
+    Square,
+    /// Two focal lengths and the principal point
+    Pinhole,
+    /// These and the skew
+    Skew,
+    /// Two focal lengths, the principal point and k1
+    Radial,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    /// %YAML:1.0 of OpenCV's file storage
+    Opencv,
+    /// camera_info of ROS
+    Ros,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    out: &'a std::path::Path,
+    camera_matrix: [f64; 9],
+    distortion: [f64; 5],
+    sigma_fx_fy_skew_cx_cy_k1_k2: [f64; 7],
+    focal_distance_correlation: f64,
+    frames: usize,
+    views: usize,
+    rms_px: f64,
+    held_out_rms_px: f64,
+    noise_px: f64,
+    tilt_deg: f64,
+    coverage: [f64; 2],
+    view_rms_px: &'a [f64],
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+    let beacon = match &arguments.beacon {
+        Some(path) => {
+            Beacon::read(&read_text(path)?).with_context(|| format!("{} is no beacon", path.display()))?
+        }
+        None => Beacon::recommended(),
+    };
+    let nominal = Pinhole::simple(TYPICAL_FOCAL_PX);
+    let mut identifier = Identifier::new(beacon, nominal);
+    let name = arguments.reports.display();
+    let file = std::fs::File::open(&arguments.reports).with_context(|| format!("cannot read {name}"))?;
+    let mut views = Vec::new();
+    for timed in RecordingReader::new(BufReader::new(file)) {
+        let timed = timed.with_context(|| format!("{name} is no recording"))?;
+        views.extend(identifier.push(timed.t_ns, &timed.report));
+    }
+    let frames = views.len();
+    let chosen = choose(views, usize::from(arguments.views));
+    let model = match arguments.model {
+        Wanted::Square => Model::Square,
+        Wanted::Pinhole => Model::Pinhole,
+        Wanted::Skew => Model::Skew,
+        Wanted::Radial => Model::Radial,
+    };
+    let found = calibrate(&chosen, &nominal, model)
+        .with_context(|| format!("{frames} frames of {name} with four LEDs do not calibrate the camera"))?;
+    let format = if arguments.format == Format::Ros { CameraFormat::Ros } else { CameraFormat::OpenCv };
+    write_whole(&arguments.out, file::write(&found.camera, format).as_bytes())?;
+    if arguments.json {
+        print_json(&report(arguments, &found, frames, chosen.len()))?;
+    } else {
+        say!("{frames} frames with four LEDs, {} different views.\n{}", chosen.len(), table_of(&found));
+        say!("Wrote {}.", arguments.out.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn report<'a>(arguments: &'a Arguments, found: &'a Calibration, frames: usize, views: usize) -> Report<'a> {
+    let k = &found.camera;
+    Report {
+        out: &arguments.out,
+        camera_matrix: [k.fx, k.skew, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
+        distortion: k.distortion,
+        sigma_fx_fy_skew_cx_cy_k1_k2: found.sigma,
+        focal_distance_correlation: found.focal_distance_correlation,
+        frames,
+        views,
+        rms_px: found.rms_px,
+        held_out_rms_px: found.held_out_rms_px,
+        noise_px: found.noise_px,
+        tilt_deg: found.tilt.to_degrees(),
+        coverage: found.coverage,
+        view_rms_px: &found.view_rms_px,
+    }
+}
+
+/// The numbers that were looked for with their standard deviations, and what is left over.
+pub(super) fn table_of(found: &Calibration) -> String {
+    let k = &found.camera;
+    let values = [
+        ("fx", k.fx),
+        ("fy", k.fy),
+        ("skew", k.skew),
+        ("cx", k.cx),
+        ("cy", k.cy),
+        ("k1", k.distortion[0]),
+        ("k2", k.distortion[1]),
+    ];
+    let mut text = String::new();
+    for ((name, value), sigma) in values.into_iter().zip(found.sigma).filter(|(_, sigma)| *sigma > 0.0) {
+        let _ = writeln!(text, "  {name:5}{value:12.4} ± {sigma:.4}");
+    }
+    let worst = found.view_rms_px.iter().copied().fold(0.0, f64::max);
+    let _ = write!(
+        text,
+        "  errors {:.3} px rms, held-out views {:.3} px, worst view {worst:.3} px; noise {:.3} px\n  \
+         views {:.0} degrees apart, blobs over {:.0} x {:.0} % of the picture; fx and distance correlate by {:.3}",
+        found.rms_px,
+        found.held_out_rms_px,
+        found.noise_px,
+        found.tilt.to_degrees(),
+        found.coverage[0] * 100.0,
+        found.coverage[1] * 100.0,
+        found.focal_distance_correlation
+    );
+    text
+}
