@@ -3,8 +3,8 @@
 # usage: . scripts/env.sh       (in bash; in another shell, from the project's folder)
 #
 # Sets VK_DRIVER_FILES to the pinned software driver, LD_LIBRARY_PATH to the libraries unpacked with it, and
-# RELIEF_PEERS_PYTHON to the Python that has the peers. What is not set up is left out. A VK_DRIVER_FILES or
-# VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
+# RELIEF_PEERS_PYTHON to the Python that has the peers, and RELIEF_CWIID to libcwiid. What is not set up is left
+# out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
 # system's own (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software
 # driver even then.
 # shellcheck shell=sh disable=SC3028,SC3054,SC2128
@@ -38,6 +38,9 @@ if [ -f "$relief_root/.relief/peers/stamp" ]; then
     export RELIEF_PEERS_PYTHON="$relief_root/.relief/peers/bin/python"
     # VTK's GPU mapper draws in memory, without a window system.
     export VTK_DEFAULT_OPENGL_WINDOW="${VTK_DEFAULT_OPENGL_WINDOW:-vtkOSOpenGLRenderWindow}"
+fi
+if [ -f "$relief_root/.relief/cwiid/stamp" ]; then
+    export RELIEF_CWIID="$relief_root/.relief/cwiid"
 fi
 if [ -f "$relief_root/.relief/osmesa/stamp" ]; then
     relief_add_libraries "$relief_root/.relief/osmesa/lib"
