@@ -1,0 +1,44 @@
+//! Fuzz target: whatever bytes come from a remote, a recording, a camera file, a beacon or a network client.
+//!
+//! Oracles: nothing panics; what decodes encodes to what decodes to the same; a tracker that is fed reports never gives a
+//! pose that is not finite.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use relief::tracking::report::calibration::Calibrations;
+use relief::tracking::report::motion_plus::MotionPlus;
+use relief::tracking::report::output::Output;
+use relief::tracking::report::recording::RecordingReader;
+use relief::tracking::report::{MAX_REPORT_BYTES, Report};
+use relief::tracking::sensor::Pinhole;
+use relief::tracking::tracker::{Options, Tracker};
+use relief::tracking::{Beacon, igtl, sensor};
+
+fuzz_target!(|bytes: &[u8]| {
+    let _ = Calibrations::decode(bytes);
+    let _ = MotionPlus::decode(bytes);
+    let _ = bytes.first_chunk().map(igtl::Header::decode);
+    for line in RecordingReader::new(bytes) {
+        if line.is_err() {
+            break;
+        }
+    }
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        let _ = sensor::file::read(text);
+        let _ = Beacon::read(text);
+    }
+    let mut tracker = Tracker::new(Pinhole::TYPICAL, Beacon::recommended(), Options::default());
+    for (at, chunk) in bytes.chunks(MAX_REPORT_BYTES).enumerate() {
+        if let Ok((output, rumble)) = Output::decode(chunk) {
+            assert_eq!(Output::decode(&output.encode(rumble)), Ok((output, rumble)));
+        }
+        let Ok(report) = Report::decode(chunk) else { continue };
+        assert_eq!(Report::decode(&report.encode()), Ok(report.clone()));
+        let sample = tracker.push(at as u64 * 10_000_000, &report);
+        if let Some(pose) = sample.and_then(|sample| sample.pose) {
+            assert!(
+                pose.position.iter().chain(pose.orientation.coords.iter()).all(|number| number.is_finite())
+            );
+        }
+    }
+});
