@@ -60,7 +60,7 @@ pub(super) fn validate(request: &RenderRequest) -> Result<(), RequestError> {
         return refuse("sampled with opacity by gradient");
     }
     if request.labels.is_some() {
-        return refuse("sampled with segments of a label map");
+        return refuse("sampled in a scene with labels");
     }
     let looks_between_samples =
         matches!(request.depth, DepthRule::MaxOpacity | DepthRule::MostContributing | DepthRule::Wysiwyp);
