@@ -116,7 +116,7 @@ impl Beacon {
     }
 
     /// The beacon that Relief recommends: of 300 layouts that the designer tried within 240 x 160 x 120 mm, the one whose
-    /// views are told apart best. Of 2000 random views from 1 to 2 m, 1999 are identified, and none wrongly. See
+    /// views are told apart best. Of 100,000 random views from 1 to 2 m, 99,951 are identified, and none wrongly. See
     /// `relief track design`.
     #[must_use]
     pub fn recommended() -> Self {
