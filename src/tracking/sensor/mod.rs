@@ -2,7 +2,7 @@
 //!
 //! [`Pinhole`] is the model that poses are computed with: `K = (fx, skew, cx; 0, fy, cy; 0, 0, 1)` and OpenCV's
 //! `plumb_bob` distortion (k1, k2, p1, p2, k3). A published tracker writes the skew as `-tan(Q) fx`; here it is the
-//! number itself. [`ThinLens`] says how distance defocuses a dot. [`file`] reads and writes the YAML of OpenCV and ROS.
+//! number itself. [`ThinLens`] says how distance defocuses a dot. [`mod@file`] reads and writes the YAML of OpenCV and ROS.
 
 pub mod file;
 mod lens;
