@@ -204,7 +204,9 @@ fn is_mostly_visible(bricks: &BrickRanges, table: &TransferTable, stored: impl F
     // A sample of the bricks says it as well, and no period of theirs is a multiple of this.
     const EVERY: usize = 13;
     let (mut shown, mut whole, mut opacities) = (0u32, 0u32, 0.0);
-    for (low, high) in bricks.ranges_hu().iter().step_by(EVERY).map(|&(low, high)| (stored(low), stored(high))) {
+    for (low, high) in
+        bricks.ranges_hu().iter().step_by(EVERY).map(|&(low, high)| (stored(low), stored(high)))
+    {
         shown += u32::from(table.is_visible(low, high));
         let ends = [table.opacity(low), table.opacity(high)];
         if ends.into_iter().all(|opacity| opacity > 0.0) {
