@@ -16,8 +16,10 @@ AIR = {"points": [{"hu": -1024, "rgba": [1.0, 1.0, 0.9, 1.0]}, {"hu": -900, "rgb
 RAMP = {"points": [{"hu": -1000, "rgba": [0.0, 0.0, 0.0, 1.0]}, {"hu": 1979, "rgba": [1.0, 1.0, 1.0, 1.0]}]}
 WITHIN_THE_CHEST = {"box_mm": [[-100, 60, -620], [100, 220, -480]]}
 TWO_SURFACES = [{"hu": -300, "rgb": [0.9, 0.6, 0.5], "opacity": 0.4}, {"hu": 300, "rgb": [1.0, 0.95, 0.85]}]
-# Where samples lie otherwise shows: VTK begins at a clip plane, and shades behind a surface.
+# Where samples lie otherwise shows: VTK begins at a clip plane.
 FINE_MM = 0.25
+# VTK lights a surface by the gradient at the first sample behind it: on it only where samples are close.
+ON_SURFACE_MM = 0.1
 
 
 def fainter(transfer):
@@ -33,8 +35,8 @@ CHANGES = {
     "mean": lambda scene: {"mode": "mean", "transfer": RAMP},
     "average": lambda scene: {"mode": "average"},
     "additive": lambda scene: {"mode": "additive", "transfer": fainter(scene["transfer"])},
-    "isosurface-bone": lambda scene: {"mode": "isosurface", "iso_hu": 300, "sample_distance_mm": FINE_MM},
-    "isosurface-two": lambda scene: {"mode": "isosurface", "surfaces": TWO_SURFACES, "sample_distance_mm": FINE_MM},
+    "isosurface-bone": lambda scene: {"mode": "isosurface", "iso_hu": 300, "sample_distance_mm": ON_SURFACE_MM},
+    "isosurface-two": lambda scene: {"mode": "isosurface", "surfaces": TWO_SURFACES, "sample_distance_mm": ON_SURFACE_MM},
 }
 
 
