@@ -135,8 +135,10 @@ impl PipelineKey {
         }
     }
 
+    /// In mode composite alone: others fetch no gradient with a sample, and a pre-integrated one not at its places.
     fn fetch_together(self) -> bool {
-        self.shaded && self.variant.precomputed_gradients && self.variant.mostly_visible
+        let may = self.mode == Mode::Composite && self.classification == Classification::Sampled;
+        may && self.shaded && self.variant.precomputed_gradients && self.variant.mostly_visible
     }
 
     /// Values of the shader's `override` constants.

@@ -201,7 +201,7 @@ pub(super) fn upload_table(gpu: &Gpu, buffer: &[[f32; 4]]) -> wgpu::Buffer {
 /// rays go on through them for more samples than they take in vain before, about three.
 fn is_mostly_visible(bricks: &BrickRanges, table: &TransferTable, stored: impl Fn(i16) -> f32) -> bool {
     const RUN: f32 = 4.0;
-    // A sample of the bricks says it as well, and no period of theirs is a multiple of this.
+    // A thirteenth of the bricks says it as well.
     const EVERY: usize = 13;
     let (mut shown, mut whole, mut opacities) = (0u32, 0u32, 0.0);
     for (low, high) in

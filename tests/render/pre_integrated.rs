@@ -133,12 +133,12 @@ fn at_a_double_sample_distance_it_is_no_further_from_the_converged_picture() {
             renderer.render(&volume, &request).unwrap()
         };
         let converged = of(Classification::Sampled, 0.1);
-        for sample_mm in [1.0, 2.0] {
+        // From about the voxels' size on: at shorter steps both are within a fifth of a byte's step.
+        for sample_mm in [2.0, 2.5, 3.0] {
             let sampled = difference(&of(Classification::Sampled, sample_mm), &converged);
             let doubled = difference(&of(Classification::PreIntegrated, 2.0 * sample_mm), &converged);
             println!("{preset}: {sampled:.2} at {sample_mm} mm, pre-integrated {doubled:.2} at twice that");
-            // Below 0.15 of 255 both are the rounding to bytes.
-            assert!(doubled <= sampled.max(0.15), "{preset}: {doubled} above {sampled} at {sample_mm} mm");
+            assert!(doubled <= sampled, "{preset}: {doubled} above {sampled} at {sample_mm} mm");
         }
     }
 }
