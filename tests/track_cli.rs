@@ -218,12 +218,67 @@ fn a_camera_is_calibrated_from_a_survey() {
     assert!(!camera.exists());
 }
 
+/// Blobs in full take two reports a picture: half as many poses, as good.
+#[test]
+fn blobs_in_full_are_tracked() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reports, truth) = recording(folder.path(), &["--seconds", "4", "--full", "--seed", "5"]);
+    let tracked = run(&["--reports", &reports]);
+    assert!(tracked.status.success(), "{}", stderr(&tracked));
+    let poses = json_lines(&tracked.stdout);
+    let reported = std::fs::read_to_string(&reports).unwrap().lines().count();
+    assert!(poses.len() * 2 <= reported && poses.len() * 2 + 2 >= reported, "{} of {reported}", poses.len());
+    let errors: Vec<_> = poses.iter().skip(20).filter_map(|pose| errors(pose, &truth)).collect();
+    assert!(errors.len() > 150, "{}", errors.len());
+    assert!(rms(errors.iter().map(|e| e.0)) < 20.0 && rms(errors.iter().map(|e| e.1)) < 1.0);
+}
+
+/// The EEPROM of a real remote, as published, moves the start of a calibration to where its factory saw four points.
+#[test]
+fn a_calibration_starts_at_what_the_eeprom_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let (survey, _) = recording(folder.path(), &["--path", "survey", "--seconds", "30"]);
+    let block = |hex: &str| relief::tracking::report::recording::bytes_of_hex(hex).unwrap();
+    let (ir, accelerometer) = (block("88858b8b8a973f308c39cd"), block("848286309f9d9f02402e"));
+    let eeprom = folder.path().join("eeprom.bin");
+    let camera = folder.path().join("camera.yaml");
+    let calibrate = |reports: &str, more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+        command.args(["calibrate", "--json", "--reports", reports, "--out", text(&camera)]);
+        command.args(more).output().unwrap()
+    };
+    let start = |output: Output| -> Vec<f64> {
+        assert!(output.status.success(), "{}", stderr(&output));
+        vector(&serde_json::from_slice::<Value>(&output.stdout).unwrap()["start_fx_cx_cy"])
+    };
+    // Corners (136,645) (907,650) (919,63) (140,57): 775 wide, middle (525.5, 353.75), y up.
+    let expected = [1340.0 * 775.0 / 769.0, 525.5, 767.0 - 353.75];
+    let is_expected = |found: &[f64]| found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.5);
+    std::fs::write(&eeprom, [&ir[..], &ir, &accelerometer, &accelerometer].concat()).unwrap();
+    let told = start(calibrate(&survey, &["--prior", text(&eeprom)]));
+    assert!(is_expected(&told), "{told:?}");
+    assert_eq!(start(calibrate(&survey, &[])), [1340.0, 511.5, 383.5]);
+    // A recording of the remote itself has the answer to the host's question: 16 bytes from address 0.
+    let hex: String = [&ir[..], &ir[..5]].concat().iter().map(|byte| format!("{byte:02x}")).collect();
+    let told = format!("{{\"t_ns\":1,\"report\":\"210000f00000{hex}\"}}\n");
+    let with_memory = folder.path().join("with-memory.jsonl");
+    std::fs::write(&with_memory, told + &std::fs::read_to_string(&survey).unwrap()).unwrap();
+    let told = start(calibrate(text(&with_memory), &[]));
+    assert!(is_expected(&told), "{told:?}");
+    // Both copies damaged.
+    let damaged: Vec<u8> = [&ir[1..], &ir[..], &accelerometer, &accelerometer, &[0]].concat();
+    std::fs::write(&eeprom, damaged).unwrap();
+    let refused = calibrate(&survey, &["--prior", text(&eeprom)]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("checksum"), "{}", stderr(&refused));
+}
+
 /// The table of the experiment: ours is far below the published errors, and the files of plots and numbers are there.
 #[test]
 fn the_experiment_prints_its_table_beside_the_published_one() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("results");
-    let done = run(&["experiment", "--json", "--out", text(&out)]);
+    let done = run(&["experiment", "--repeats", "2", "--json", "--out", text(&out)]);
     assert!(done.status.success(), "{}", stderr(&done));
     let report: Value = serde_json::from_slice(&done.stdout).unwrap();
     let published = vector(&report["paper_mean"]);
@@ -232,11 +287,12 @@ fn the_experiment_prints_its_table_beside_the_published_one() {
     let way =
         |name: &str| ways.iter().find(|way| way["way"] == name).unwrap()["outcomes"].as_array().unwrap();
     let means = |name: &str| -> Vec<f64> { way(name).iter().map(|o| o["mean"].as_f64().unwrap()).collect() };
-    for (mean, limit) in means("true camera, filtered").into_iter().zip([0.05, 0.08, 0.1, 0.1, 0.5]) {
-        assert!(mean <= limit, "{mean} above {limit}");
-    }
-    for (mean, published) in means("calibrated, filtered").into_iter().zip(&published) {
-        assert!(mean < *published, "{mean} above the published {published}");
+    // Within what a surgeon's pointer may err by, all below the published errors, and as good as the run allows.
+    for outcome in [way("true camera, filtered"), way("calibrated, filtered")] {
+        for (outcome, limit) in outcome.iter().zip([0.05, 0.08, 0.1, 0.1, 0.5]) {
+            let [mean, rms, bound] = ["mean", "rms", "bound"].map(|key| outcome[key].as_f64().unwrap());
+            assert!(mean <= limit && rms <= 1.2 * bound, "{mean} above {limit}, or {rms} far above {bound}");
+        }
     }
     assert!(means("paper's way, f = 1320")[4] > 5.0 * means("calibrated, filtered")[4]);
     for file in ["table.csv", "points.csv", "r-x.svg", "r-y.svg", "t-x.svg", "t-y.svg", "t-z.svg"] {

@@ -1,7 +1,7 @@
 //! `relief calibrate`: the camera in a Wiimote, from a recording of a beacon.
 
 use std::fmt::Write;
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -10,16 +10,19 @@ use anyhow::Context;
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
 use crate::tracking::Beacon;
-use crate::tracking::calibrate::{Calibration, Identifier, Model, calibrate, choose};
-use crate::tracking::report::recording::RecordingReader;
+use crate::tracking::calibrate::{Calibration, Identifier, Model, calibrate, choose, moving};
+use crate::tracking::report::Report;
+use crate::tracking::report::calibration::{Calibrations, decode_ir};
+use crate::tracking::report::recording::{RecordingReader, TimedReport};
+use crate::tracking::sensor::Pinhole;
 use crate::tracking::sensor::file::{self, CameraFormat};
-use crate::tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
 
 /// Calibrate a Wiimote's camera from a recording in which it moves around a beacon.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Move slowly around the beacon for a minute or two: from left, right, above and below, near and far, rolled both ways, with
-the LEDs everywhere in the picture. Sets of views that tell too little are refused, with the reason.
+Move slowly around the beacon for some minutes: from left, right, above and below, near and far (half a metre tells most),
+rolled both ways, with the LEDs everywhere in the picture. Sets of views that tell too little are refused, with the reason.
+The beacon may be flat, if no turn or mirror image of it looks the same: a sheet with four LEDs in an uneven quadrangle.
 
 Examples:
   relief track --reports hidraw --record survey.jsonl
@@ -41,9 +44,12 @@ pub(super) struct Arguments {
     /// Whose YAML
     #[arg(long, value_enum, default_value_t = Format::Opencv)]
     format: Format,
-    /// Views that are used at most
-    #[arg(long, value_name = "N", default_value_t = 250, value_parser = clap::value_parser!(u16).range(12..=2000))]
-    views: u16,
+    /// Use at most so many views, those that differ most; all in which the remote moved by default
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(12..=2000))]
+    views: Option<u16>,
+    /// What the remote's EEPROM says of its camera: its first 42 bytes, or more. Recordings of a Wiimote itself have it
+    #[arg(long, value_name = "EEPROM.bin")]
+    prior: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -70,12 +76,13 @@ enum Format {
 }
 
 #[derive(serde::Serialize)]
-struct Report<'a> {
+struct Found<'a> {
     out: &'a std::path::Path,
     camera_matrix: [f64; 9],
     distortion: [f64; 5],
     sigma_fx_fy_skew_cx_cy_k1_k2: [f64; 7],
     focal_distance_correlation: f64,
+    start_fx_cx_cy: [f64; 3],
     frames: usize,
     views: usize,
     rms_px: f64,
@@ -93,17 +100,20 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         }
         None => Beacon::recommended(),
     };
-    let nominal = Pinhole::simple(TYPICAL_FOCAL_PX);
-    let mut identifier = Identifier::new(beacon, nominal);
     let name = arguments.reports.display();
     let file = std::fs::File::open(&arguments.reports).with_context(|| format!("cannot read {name}"))?;
-    let mut views = Vec::new();
-    for timed in RecordingReader::new(BufReader::new(file)) {
-        let timed = timed.with_context(|| format!("{name} is no recording"))?;
-        views.extend(identifier.push(timed.t_ns, &timed.report));
-    }
+    let timed: Vec<_> = RecordingReader::new(BufReader::new(file))
+        .collect::<Result<_, _>>()
+        .with_context(|| format!("{name} is no recording"))?;
+    let nominal = nominal(arguments, &timed)?;
+    let mut identifier = Identifier::new(beacon, nominal);
+    let views: Vec<_> = timed.iter().filter_map(|timed| identifier.push(timed.t_ns, &timed.report)).collect();
     let frames = views.len();
-    let chosen = choose(views, usize::from(arguments.views));
+    let moved = moving(views);
+    let chosen = match arguments.views {
+        Some(count) => choose(moved, usize::from(count)),
+        None => moved,
+    };
     let model = match arguments.model {
         Wanted::Square => Model::Square,
         Wanted::Pinhole => Model::Pinhole,
@@ -115,22 +125,47 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let format = if arguments.format == Format::Ros { CameraFormat::Ros } else { CameraFormat::OpenCv };
     write_whole(&arguments.out, file::write(&found.camera, format).as_bytes())?;
     if arguments.json {
-        print_json(&report(arguments, &found, frames, chosen.len()))?;
+        let mut report = report(arguments, &found, frames, chosen.len());
+        report.start_fx_cx_cy = [nominal.fx, nominal.cx, nominal.cy];
+        print_json(&report)?;
     } else {
-        say!("{frames} frames with four LEDs, {} different views.\n{}", chosen.len(), table_of(&found));
+        say!("{frames} frames with four LEDs, {} views used.\n{}", chosen.len(), table_of(&found));
         say!("Wrote {}.", arguments.out.display());
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn report<'a>(arguments: &'a Arguments, found: &'a Calibration, frames: usize, views: usize) -> Report<'a> {
+/// Where the adjustment starts: at a typical Wiimote, or at what this one's factory saw.
+fn nominal(arguments: &Arguments, recording: &[TimedReport]) -> anyhow::Result<Pinhole> {
+    let factory = match &arguments.prior {
+        Some(path) => {
+            let name = path.display();
+            let mut bytes = Vec::new();
+            let file = std::fs::File::open(path).with_context(|| format!("cannot read {name}"))?;
+            file.take(1 << 16).read_to_end(&mut bytes).with_context(|| format!("cannot read {name}"))?;
+            let known = Calibrations::decode(&bytes).with_context(|| format!("{name} is no EEPROM"))?;
+            let without = "has no camera's calibration whose checksum is right";
+            Some(known.ir.with_context(|| format!("{name} {without}"))?)
+        }
+        None => recording.iter().find_map(|timed| match &timed.report {
+            Report::Memory(memory) if memory.address == 0 && memory.error == 0 => {
+                decode_ir(memory.bytes().first_chunk()?)
+            }
+            _ => None,
+        }),
+    };
+    Ok(factory.map_or(Pinhole::TYPICAL, |factory| Pinhole::of_factory(&factory)))
+}
+
+fn report<'a>(arguments: &'a Arguments, found: &'a Calibration, frames: usize, views: usize) -> Found<'a> {
     let k = &found.camera;
-    Report {
+    Found {
         out: &arguments.out,
         camera_matrix: [k.fx, k.skew, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
         distortion: k.distortion,
         sigma_fx_fy_skew_cx_cy_k1_k2: found.sigma,
         focal_distance_correlation: found.focal_distance_correlation,
+        start_fx_cx_cy: [0.0; 3],
         frames,
         views,
         rms_px: found.rms_px,

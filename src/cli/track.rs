@@ -60,6 +60,9 @@ struct FollowArguments {
     /// Sensitivity of the camera, 1 to 6: the highest that sees no stray light
     #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=6))]
     sensitivity: u8,
+    /// Ask for blobs in full, with their outlines and brightness: half the rate, no MotionPlus
+    #[arg(long, conflicts_with = "gyro")]
+    full: bool,
     /// File of poses, JSON lines
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -218,6 +221,7 @@ fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
     let live = LiveOptions {
         sensitivity: Sensitivity::of_level(arguments.sensitivity).unwrap_or_default(),
         gyroscope: arguments.filter.gyro,
+        full: arguments.full,
         realtime: arguments.realtime,
         record: arguments.record.clone(),
     };

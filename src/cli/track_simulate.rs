@@ -44,6 +44,9 @@ pub(super) struct Arguments {
     /// With a MotionPlus
     #[arg(long)]
     gyro: bool,
+    /// Blobs in full, each picture in two reports
+    #[arg(long, conflicts_with = "gyro")]
+    full: bool,
     /// Seed of all that is random
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -82,6 +85,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     simulation.sensing.noise_px = arguments.scene.noise_px();
     simulation.hidden.clone_from(&arguments.hide);
     simulation.gyroscope = arguments.gyro;
+    simulation.full = arguments.full;
     if arguments.mishaps {
         simulation.delivery = Delivery::RADIO;
     }

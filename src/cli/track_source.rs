@@ -28,6 +28,7 @@ pub(super) enum Event {
 pub(super) struct LiveOptions {
     pub(super) sensitivity: Sensitivity,
     pub(super) gyroscope: bool,
+    pub(super) full: bool,
     pub(super) realtime: bool,
     pub(super) record: Option<PathBuf>,
 }
@@ -191,8 +192,8 @@ impl Remote {
             )?,
         };
         let record = options.record.as_deref().map(GrowingFile::create).transpose()?;
-        let options =
-            HostOptions { sensitivity: options.sensitivity, full: false, gyroscope: options.gyroscope };
+        let &LiveOptions { sensitivity, full, gyroscope, .. } = options;
+        let options = HostOptions { sensitivity, full, gyroscope };
         Ok(Self {
             wanted,
             options,

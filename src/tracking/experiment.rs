@@ -182,6 +182,8 @@ pub struct Setting {
     pub camera: Pinhole,
     /// Noise.
     pub sensing: Sensing,
+    /// How often each run is done.
+    pub repeats: u32,
     /// Seed.
     pub seed: u64,
 }
@@ -191,7 +193,7 @@ impl Setting {
     #[must_use]
     pub fn new(camera: Pinhole, seed: u64) -> Self {
         let sensing = Sensing { noise_px: 0.5, whole_pixels: true, merge_px: 16.0, led_mm: 5.0 };
-        Self { beacon: Beacon::recommended(), distance_mm: 1000.0, camera, sensing, seed }
+        Self { beacon: Beacon::recommended(), distance_mm: 1000.0, camera, sensing, repeats: 1, seed }
     }
 }
 
@@ -230,21 +232,60 @@ pub struct Outcome {
     pub bound: f64,
     /// Frames without a pose.
     pub lost: usize,
-    /// One for each stop: the mean over its compared part.
+    /// One for each stop of each repeat: the mean over its compared part.
     pub points: Vec<Point>,
 }
 
-/// Does one run in one way.
+/// Does one run in one way, as often as the setting says, each time with other noise.
 #[must_use]
 pub fn perform(setting: &Setting, run: Run, way: &Way) -> Outcome {
     let arm = Arm::new(run, &setting.beacon, setting.distance_mm);
-    let simulation = Simulation {
-        camera: setting.camera,
-        sensing: setting.sensing,
-        delivery: Delivery { jitter_ms: 0.4, ..Delivery::PERFECT },
-        ..Simulation::new(setting.beacon.clone(), setting.seed ^ (run as u64) << 32)
-    };
-    let reports = simulation.record(&arm, arm.seconds());
+    let mut outcome =
+        Outcome { mean: 0.0, deviation: 0.0, rms: 0.0, bound: 0.0, lost: 0, points: Vec::new() };
+    let mut errors = Vec::new();
+    for repeat in 0..setting.repeats {
+        let simulation = Simulation {
+            camera: setting.camera,
+            sensing: setting.sensing,
+            delivery: Delivery { jitter_ms: 0.4, ..Delivery::PERFECT },
+            ..Simulation::new(
+                setting.beacon.clone(),
+                setting.seed ^ (run as u64) << 32 ^ u64::from(repeat) << 40,
+            )
+        };
+        let reports = simulation.record(&arm, arm.seconds());
+        let here = follow(setting, run, &arm, way, &reports, &mut outcome.lost);
+        outcome.points.extend(points_of(&here));
+        errors.extend(here);
+        // The bound depends on the path and the times alone, so the first time stands for all.
+        if repeat == 0 {
+            outcome.bound = match way.filter {
+                FilterKind::ErrorState => bound_of(setting, run, &arm, &reports),
+                _ => single_bound(setting, run, &arm),
+            };
+        }
+    }
+    summarise(&mut outcome, &errors);
+    outcome
+}
+
+/// An error in the compared part of a stop.
+#[derive(Clone, Copy, Debug)]
+struct Compared {
+    stop: usize,
+    truth: f64,
+    error: f64,
+}
+
+/// Tracks one recording, and adds the frames without a pose to `lost`.
+fn follow(
+    setting: &Setting,
+    run: Run,
+    arm: &Arm,
+    way: &Way,
+    reports: &[Simulated],
+    lost: &mut usize,
+) -> Vec<Compared> {
     let options = Options {
         solver: way.solver,
         filter: way.filter,
@@ -253,45 +294,40 @@ pub fn perform(setting: &Setting, run: Run, way: &Way) -> Outcome {
         ..Options::default()
     };
     let mut tracker = Tracker::new(way.camera, setting.beacon.clone(), options);
-    let mut outcome =
-        Outcome { mean: 0.0, deviation: 0.0, rms: 0.0, bound: 0.0, lost: 0, points: Vec::new() };
-    let mut errors: Vec<(usize, f64, f64)> = Vec::new(); // stop, truth, error
-    for Simulated { t_ns, report, truth } in &reports {
+    let mut errors = Vec::new();
+    for Simulated { t_ns, report, truth } in reports {
         let Some(sample) = tracker.push(*t_ns, report) else { continue };
         let Some(pose) = sample.pose else {
-            outcome.lost += 1;
+            *lost += 1;
             continue;
         };
         if let Some(stop) = arm.compared(seconds_of(&sample)) {
-            let commanded = run.coordinate(truth, &arm.centre);
-            errors.push((stop, commanded, run.coordinate(&pose, &arm.centre) - commanded));
+            let truth = run.coordinate(truth, &arm.centre);
+            errors.push(Compared { stop, truth, error: run.coordinate(&pose, &arm.centre) - truth });
         }
     }
-    let filtered = way.filter == FilterKind::ErrorState;
-    outcome.bound =
-        if filtered { bound_of(setting, run, &arm, &reports) } else { single_bound(setting, run, &arm) };
-    summarise(&mut outcome, &errors);
-    outcome
+    errors
 }
 
 fn seconds_of(sample: &Sample) -> f64 {
     sample.t_ns as f64 * 1e-9 - 1.0
 }
 
-fn summarise(outcome: &mut Outcome, errors: &[(usize, f64, f64)]) {
+fn summarise(outcome: &mut Outcome, errors: &[Compared]) {
     let count = errors.len().max(1) as f64;
-    let sum = |of: &dyn Fn(f64) -> f64| errors.iter().map(|(.., error)| of(*error)).sum::<f64>() / count;
-    outcome.mean = sum(&f64::abs);
-    outcome.rms = sum(&|error| error * error).sqrt();
-    let bias = sum(&|error| error);
-    outcome.deviation = sum(&|error| (error - bias).powi(2)).sqrt();
-    for stop in 0..STOPS {
-        let here: Vec<_> = errors.iter().filter(|(at, ..)| *at == stop).collect();
-        if let Some((_, truth, _)) = here.first() {
-            let error = here.iter().map(|(.., error)| error).sum::<f64>() / here.len() as f64;
-            outcome.points.push(Point { truth: *truth, error });
-        }
-    }
+    let mean = |of: &dyn Fn(f64) -> f64| errors.iter().map(|here| of(here.error)).sum::<f64>() / count;
+    outcome.mean = mean(&f64::abs);
+    outcome.rms = mean(&|error| error * error).sqrt();
+    let bias = mean(&|error| error);
+    outcome.deviation = mean(&|error| (error - bias).powi(2)).sqrt();
+}
+
+/// One point for each stop: the mean over its compared part.
+fn points_of(errors: &[Compared]) -> impl Iterator<Item = Point> {
+    errors.chunk_by(|a, b| a.stop == b.stop).map(|here| Point {
+        truth: here[0].truth,
+        error: here.iter().map(|one| one.error).sum::<f64>() / here.len() as f64,
+    })
 }
 
 fn sightings(setting: &Setting, truth: &SensorPose) -> Vec<Sighting> {

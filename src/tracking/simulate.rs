@@ -10,7 +10,10 @@ use super::beacon::Beacon;
 use super::pose::SensorPose;
 use super::report::calibration::AccelerometerCalibration;
 use super::report::motion_plus::GyroCalibration;
-use super::report::{Blob, Buttons, DataReport, Extension, Layout, Report, SENSOR_HEIGHT, SENSOR_WIDTH};
+use super::report::{
+    Blob, BlobExtent, Buttons, DataReport, Extension, Half, InterleavedHalf, Layout, Report, SENSOR_HEIGHT,
+    SENSOR_WIDTH,
+};
 use super::sensor::Pinhole;
 use super::solve::random::Random;
 use super::tracker::body_from_sensor;
@@ -83,6 +86,8 @@ pub struct Simulation {
     pub hidden: Vec<Hidden>,
     /// Whether a MotionPlus is plugged in.
     pub gyroscope: bool,
+    /// Whether blobs come in full, each picture in two reports; without a MotionPlus' rates then.
+    pub full: bool,
     /// Seed of all that is random.
     pub seed: u64,
 }
@@ -111,6 +116,7 @@ impl Simulation {
             delivery,
             hidden: Vec::new(),
             gyroscope: false,
+            full: false,
             seed,
         }
     }
@@ -125,26 +131,30 @@ impl Simulation {
             let truth = path.at(at);
             let seen = self.see(&truth, at, &mut random);
             let report = self.report(path, at, slots.place(&seen), &mut random);
-            let t_ns = (at * 1e9) as u64 + 1_000_000_000;
-            let made = Simulated { t_ns, report, truth };
-            let mishap = |share: f64, random: &mut Random| random.between(0.0, 1.0) < share;
-            if !mishap(self.delivery.lost, &mut random) {
-                if mishap(self.delivery.doubled, &mut random) {
-                    reports.push(Simulated { t_ns: t_ns + 300_000, ..made.clone() });
-                    let last = reports.len() - 1;
-                    reports.insert(last, made);
-                } else {
-                    reports.push(made);
-                }
-                let last = reports.len() - 1;
-                if last > 0 && mishap(self.delivery.swapped, &mut random) {
-                    reports.swap(last - 1, last);
-                }
+            for report in if self.full { halves(report) } else { vec![report] } {
+                let t_ns = (at * 1e9) as u64 + 1_000_000_000;
+                self.deliver(Simulated { t_ns, report, truth }, &mut reports, &mut random);
+                let period = 1.0 / REPORT_HZ + self.delivery.jitter_ms * 1e-3 * random.normal();
+                at += period.max(1e-3);
             }
-            let period = 1.0 / REPORT_HZ + self.delivery.jitter_ms * 1e-3 * random.normal();
-            at += period.max(1e-3);
         }
         reports
+    }
+
+    /// Lets a report arrive, if it does.
+    fn deliver(&self, made: Simulated, reports: &mut Vec<Simulated>, random: &mut Random) {
+        let mishap = |share: f64, random: &mut Random| random.between(0.0, 1.0) < share;
+        if mishap(self.delivery.lost, random) {
+            return;
+        }
+        let again = mishap(self.delivery.doubled, random)
+            .then(|| Simulated { t_ns: made.t_ns + 300_000, ..made.clone() });
+        reports.push(made);
+        reports.extend(again);
+        let last = reports.len() - 1;
+        if last > 0 && mishap(self.delivery.swapped, random) {
+            reports.swap(last - 1, last);
+        }
     }
 
     /// The LEDs that are seen, as blobs: (LED, blob).
@@ -203,6 +213,30 @@ impl Simulation {
             extension: self.gyroscope.then(|| Extension::new(&reading)),
         })
     }
+}
+
+/// The two reports that carry a picture's blobs in full, as a camera sees them: outlines as wide as their size.
+fn halves(report: Report) -> Vec<Report> {
+    let Report::Data(DataReport { buttons, acceleration, blobs, .. }) = report else { return vec![report] };
+    let [x, y, z] = acceleration.unwrap_or_default().map(|count| (count >> 2) as u8);
+    let outlined = |blob: Blob| {
+        let half = blob.size.unwrap_or(1) / 2;
+        let [column, row] = [blob.x, blob.y].map(|at| (at / 8) as u8);
+        let extent = BlobExtent {
+            x_min: column.saturating_sub(half),
+            y_min: row.saturating_sub(half),
+            x_max: (column + half).min(127),
+            y_max: (row + half).min(95),
+            intensity: 200,
+        };
+        Blob { extent: Some(extent), ..blob }
+    };
+    let [a, b, c, d] = blobs.unwrap_or_default().map(|blob| blob.map(outlined));
+    let half = |half, acceleration, z_bits, blobs| {
+        let buttons = buttons.unwrap_or_default();
+        Report::Interleaved(InterleavedHalf { half, buttons, acceleration, z_bits, blobs })
+    };
+    vec![half(Half::First, x, z >> 4, [a, b]), half(Half::Second, y, z & 0x0f, [c, d])]
 }
 
 /// Which LED has which of the camera's four slots.
@@ -277,7 +311,7 @@ impl Path for Survey {
     fn at(&self, seconds: f64) -> SensorPose {
         let wave = |at: usize, hertz: f64| (std::f64::consts::TAU * hertz * seconds + self.phases[at]).sin();
         let (yaw, pitch) = (wave(0, 0.061) * 0.7, wave(1, 0.083) * 0.5);
-        let distance = 900.0 + wave(2, 0.047) * 300.0;
+        let distance = 650.0 + wave(2, 0.047) * 200.0;
         let from = Vector3::new(yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos());
         let position = self.target + from * distance;
         let across = Vector3::y().cross(&from).normalize();

@@ -79,6 +79,18 @@ impl Identifier {
     }
 }
 
+/// The views in which a blob is at least two pixels from where it was in the last one: a remote that rests says the same
+/// again, with the same errors of rounding.
+#[must_use]
+pub fn moving(mut views: Vec<CalibrationView>) -> Vec<CalibrationView> {
+    const MOVED_PX: f64 = 2.0;
+    views.dedup_by(|view, last| {
+        let pairs = view.sightings.iter().zip(&last.sightings);
+        pairs.into_iter().all(|(now, then)| now.led == then.led && (now.pixel - then.pixel).norm() < MOVED_PX)
+    });
+    views
+}
+
 /// At most `count` views, none like another, those first that differ most.
 #[must_use]
 pub fn choose(mut views: Vec<CalibrationView>, count: usize) -> Vec<CalibrationView> {
@@ -102,10 +114,11 @@ pub fn choose(mut views: Vec<CalibrationView>, count: usize) -> Vec<CalibrationV
     chosen
 }
 
-/// The largest angle between the directions from which two views look at the beacon.
+/// The largest angle between the directions from which two views look at the beacon; of many views, some stand for all.
 pub(super) fn tilt(views: &[CalibrationView]) -> f64 {
+    let some = views.iter().step_by(views.len().div_ceil(500).max(1));
     let directions: Vec<_> =
-        views.iter().filter_map(|view| view.pose.inverse().position.try_normalize(1e-9)).collect();
+        some.filter_map(|view| view.pose.inverse().position.try_normalize(1e-9)).collect();
     let angle = |a: &nalgebra::Vector3<f64>, b: &nalgebra::Vector3<f64>| a.angle(b);
     let pairs =
         directions.iter().enumerate().flat_map(|(i, a)| directions[..i].iter().map(move |b| angle(a, b)));

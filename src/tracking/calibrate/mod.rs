@@ -9,7 +9,7 @@ mod adjust;
 mod choose;
 
 pub use adjust::{Adjusted, Parameter, adjust};
-pub use choose::{CalibrationView, Identifier, choose};
+pub use choose::{CalibrationView, Identifier, choose, moving};
 
 use super::sensor::{Pinhole, PinholeError};
 use super::solve::{Sighting, View};

@@ -5,13 +5,39 @@ use crate::tracking::beacon::Beacon;
 use crate::tracking::simulate::{Hand, Path, Simulation, Survey};
 
 fn views(camera: Pinhole, path: &impl Path, seed: u64) -> Vec<CalibrationView> {
-    let simulation = Simulation { camera, ..Simulation::new(Beacon::recommended(), seed) };
-    let mut identifier = Identifier::new(Beacon::recommended(), Pinhole::TYPICAL);
+    views_of(&Beacon::recommended(), camera, path, seed)
+}
+
+fn views_of(beacon: &Beacon, camera: Pinhole, path: &impl Path, seed: u64) -> Vec<CalibrationView> {
+    let simulation = Simulation { camera, ..Simulation::new(beacon.clone(), seed) };
+    let mut identifier = Identifier::new(beacon.clone(), Pinhole::TYPICAL);
     let reports = simulation.record(path, 60.0);
     // Every fourth report: the blobs are followed as well, in a quarter of the time.
     let some = reports.iter().step_by(4);
     let found = some.filter_map(|made| identifier.push(made.t_ns, &made.report)).collect();
     choose(found, 250)
+}
+
+/// Four LEDs on a sheet, in an uneven quadrangle: views of a plane, which know a focal length by their slant alone.
+#[test]
+fn a_flat_target_calibrates_too() {
+    let sheet = Beacon::new(&[[0.0, 0.0, 0.0], [210.0, 20.0, 0.0], [170.0, 140.0, 0.0], [-30.0, 90.0, 0.0]]);
+    let sheet = sheet.unwrap();
+    let found =
+        calibrate(&views_of(&sheet, TRUE, &Survey::around(&sheet, 4), 4), &Pinhole::TYPICAL, Model::Pinhole)
+            .unwrap();
+    let errors = [found.camera.fx - TRUE.fx, found.camera.fy - TRUE.fy, found.camera.cx - TRUE.cx];
+    for (error, sigma) in errors.into_iter().zip([0, 1, 3].map(|at| found.sigma[at])) {
+        assert!(error.abs() < 4.0 * sigma && sigma < 13.7, "{error} beyond {sigma}: {found:?}");
+    }
+    assert!(found.held_out_rms_px < 0.6, "{}", found.held_out_rms_px);
+}
+
+#[test]
+fn a_remote_that_rests_is_one_view() {
+    let all = views(TRUE, &Survey::around(&Beacon::recommended(), 5), 5);
+    let resting: Vec<_> = all.iter().flat_map(|view| [view.clone(), view.clone(), view.clone()]).collect();
+    assert_eq!(moving(resting).len(), all.len());
 }
 
 const TRUE: Pinhole = Pinhole { fx: 1372.0, fy: 1365.0, cx: 525.0, cy: 360.0, ..Pinhole::TYPICAL };

@@ -12,6 +12,9 @@ pub use lens::{LensError, ThinLens};
 
 use nalgebra::{Matrix2x3, Vector2, Vector3};
 
+use super::report::SENSOR_HEIGHT;
+use super::report::calibration::IrCalibration;
+
 /// Focal length that Wiimotes have about, px: published measurements range from 1236 to 1430, with units 2 % apart.
 pub const TYPICAL_FOCAL_PX: f64 = 1340.0;
 
@@ -52,6 +55,24 @@ impl Pinhole {
     #[must_use]
     pub const fn simple(focal_px: f64) -> Self {
         Self { fx: focal_px, fy: focal_px, skew: 0.0, cx: 511.5, cy: 383.5, distortion: [0.0; 5] }
+    }
+
+    /// What the factory's four points tell of a remote's own camera: its focal length by the rectangle's width, and the
+    /// principal point in its middle. A guess to start a calibration from: how the factory's rig stood is not published, so
+    /// it has no weight against measurements.
+    #[must_use]
+    pub fn of_factory(factory: &IrCalibration) -> Self {
+        /// Of the rectangle that emulators give their remotes, raw units.
+        const TYPICAL_WIDTH: f64 = 769.0;
+        let ([width, _], [x, y]) = (factory.size(), factory.centre());
+        // Units whose width differs by more are not known: what was read is no rectangle then.
+        let scale = (width / TYPICAL_WIDTH).clamp(0.95, 1.05);
+        let v = f64::from(SENSOR_HEIGHT) - 1.0 - y;
+        Self {
+            cx: x.clamp(412.0, 612.0),
+            cy: v.clamp(284.0, 484.0),
+            ..Self::simple(TYPICAL_FOCAL_PX * scale)
+        }
     }
 
     /// This camera, if its parameters are usable.
