@@ -233,6 +233,34 @@ fn blobs_in_full_are_tracked() {
     assert!(rms(errors.iter().map(|e| e.0)) < 20.0 && rms(errors.iter().map(|e| e.1)) < 1.0);
 }
 
+/// A lens focused at 1.4 m blurs an LED at z into a disc of A v |1/z - 1/1400|; sizes are told in sensor pixels of 8 units.
+#[test]
+fn a_lens_makes_blobs_larger_out_of_focus() {
+    let folder = tempfile::tempdir().unwrap();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    // Mean size of the blobs, and mean distance from the beacon's origin.
+    let measure = |more: &[&str]| -> [f64; 2] {
+        let (reports, truth) =
+            recording(folder.path(), &[&["--seconds", "2", "--distance-mm", "800"], more].concat());
+        let lines = json_lines(&std::fs::read(reports).unwrap());
+        let byte = |hex: &str, at: usize| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16).unwrap();
+        let blobs = lines.iter().flat_map(|line| {
+            let hex = line["report"].as_str().unwrap();
+            [8, 11, 14, 17].map(|at| f64::from(byte(hex, at) & 15))
+        });
+        let distances: Vec<f64> = truth.iter().map(|truth| vector(&truth["position_mm"])[2]).collect();
+        [mean(&blobs.collect::<Vec<_>>()), mean(&distances)]
+    };
+    let [blurred, distance] = measure(&["--lens", "4,8,1400"]);
+    let expected = 1340.0 * (5.0 / distance + 8.0 * (1.0 / distance - 1.0 / 1400.0).abs()) / 8.0;
+    // Sizes are whole, and the LEDs lie within 120 mm in depth.
+    assert!((blurred - expected).abs() < 0.5, "{blurred} {expected}");
+    let [sharp, _] = measure(&[]);
+    assert!((sharp - 1340.0 * 5.0 / distance / 8.0).abs() < 0.3, "{sharp}");
+    let refused = run(&["simulate", "--out", text(&folder.path().join("x")), "--lens", "4,2,3"]);
+    assert!(stderr(&refused).contains("more than the focal length of 4 mm"), "{}", stderr(&refused));
+}
+
 /// The EEPROM of a real remote, as published, moves the start of a calibration to where its factory saw four points.
 #[test]
 fn a_calibration_starts_at_what_the_eeprom_says() {

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use super::output::{print_json, say, write_whole};
 use super::track::SceneArguments;
 use crate::tracking::report::recording::recording_line;
+use crate::tracking::sensor::ThinLens;
 use crate::tracking::simulate::{Delivery, Hand, Hidden, Simulation, Survey};
 
 /// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried without one.
@@ -41,6 +42,10 @@ pub(super) struct Arguments {
     /// Hide LED number N (from 0) from one second to another; may be given several times
     #[arg(long, value_name = "N:FROM:TO", value_parser = parse_hidden)]
     hide: Vec<Hidden>,
+    /// A lens that is sharp at one distance alone: focal length, aperture and focused distance, mm. Elsewhere LEDs are larger
+    /// blobs, that merge sooner
+    #[arg(long, value_name = "FOCAL,APERTURE,FOCUS", value_parser = parse_lens)]
+    lens: Option<[f64; 3]>,
     /// With a MotionPlus
     #[arg(long)]
     gyro: bool,
@@ -83,6 +88,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mut simulation = Simulation::new(beacon.clone(), arguments.seed);
     simulation.camera = arguments.scene.camera()?;
     simulation.sensing.noise_px = arguments.scene.noise_px();
+    if let Some(lens) = arguments.lens {
+        simulation.sensing.lens = Some(lens_of(lens, simulation.camera.fx)?);
+    }
     simulation.hidden.clone_from(&arguments.hide);
     simulation.gyroscope = arguments.gyro;
     simulation.full = arguments.full;
@@ -118,6 +126,18 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         say!("Next: relief track --reports {} --json", report.out.display());
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn parse_lens(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let three = numbers.as_deref().and_then(|numbers| numbers.as_array::<3>().copied());
+    three.ok_or_else(|| "expected FOCAL,APERTURE,FOCUS in mm, such as 4,2,1500".to_owned())
+}
+
+/// The lens whose pixels are as wide as the camera's focal length says.
+fn lens_of([focal_mm, aperture_mm, focus_mm]: [f64; 3], focal_px: f64) -> anyhow::Result<ThinLens> {
+    let behind_mm = ThinLens::new(focal_mm, aperture_mm, focus_mm, 1.0)?.sensor_distance_mm();
+    Ok(ThinLens::new(focal_mm, aperture_mm, focus_mm, behind_mm / focal_px)?)
 }
 
 fn parse_hidden(text: &str) -> Result<Hidden, String> {

@@ -192,7 +192,7 @@ impl Setting {
     /// The recommended beacon at a metre, half a pixel of noise, blobs as wide as 5 mm LEDs make them.
     #[must_use]
     pub fn new(camera: Pinhole, seed: u64) -> Self {
-        let sensing = Sensing { noise_px: 0.5, whole_pixels: true, merge_px: 16.0, led_mm: 5.0 };
+        let sensing = Sensing::TYPICAL;
         Self { beacon: Beacon::recommended(), distance_mm: 1000.0, camera, sensing, repeats: 1, seed }
     }
 }

@@ -14,7 +14,7 @@ use super::report::{
     Blob, BlobExtent, Buttons, DataReport, Extension, Half, InterleavedHalf, Layout, Report, SENSOR_HEIGHT,
     SENSOR_WIDTH,
 };
-use super::sensor::Pinhole;
+use super::sensor::{Pinhole, ThinLens};
 use super::solve::random::Random;
 use super::tracker::body_from_sensor;
 
@@ -36,10 +36,25 @@ pub struct Sensing {
     pub noise_px: f64,
     /// Whether coordinates are rounded to whole units, as a Wiimote's are.
     pub whole_pixels: bool,
-    /// LEDs whose pictures are nearer than this are one blob, px.
+    /// LEDs whose pictures are nearer than this, or touch, are one blob, px.
     pub merge_px: f64,
     /// Diameter of the LEDs, mm, which makes the blobs' sizes.
     pub led_mm: f64,
+    /// The lens, when it is not sharp at every distance: what is out of focus is larger. Its pixels are the camera's.
+    pub lens: Option<ThinLens>,
+}
+
+impl Sensing {
+    /// LEDs of 5 mm, always sharp, with half a pixel of noise and whole pixels; one blob when nearer than two pixels of
+    /// the sensor.
+    pub const TYPICAL: Self =
+        Self { noise_px: 0.5, whole_pixels: true, merge_px: 16.0, led_mm: 5.0, lens: None };
+
+    /// Diameter of an LED's picture at this depth, px.
+    fn diameter_px(&self, camera: &Pinhole, depth_mm: f64) -> f64 {
+        let sharp = camera.fx * self.led_mm / depth_mm;
+        self.lens.map_or(sharp, |lens| lens.dot_px(self.led_mm, depth_mm))
+    }
 }
 
 /// What happens to reports.
@@ -107,13 +122,11 @@ impl Simulation {
     /// A typical camera that sees the beacon with half a pixel of noise.
     #[must_use]
     pub fn new(beacon: Beacon, seed: u64) -> Self {
-        let sensing = Sensing { noise_px: 0.5, whole_pixels: true, merge_px: 16.0, led_mm: 5.0 };
-        let delivery = Delivery::PERFECT;
         Self {
             camera: Pinhole::TYPICAL,
             beacon,
-            sensing,
-            delivery,
+            sensing: Sensing::TYPICAL,
+            delivery: Delivery::PERFECT,
             hidden: Vec::new(),
             gyroscope: false,
             full: false,
@@ -171,14 +184,19 @@ impl Simulation {
                 continue;
             }
             let pixel = pixel + noise;
-            let near = seen.iter_mut().find(|(_, other, _)| (*other - pixel).norm() < self.sensing.merge_px);
+            let diameter = self.sensing.diameter_px(&self.camera, point.z);
+            let is_one = |other: &Vector2<f64>, others: f64| {
+                (other - pixel).norm() < self.sensing.merge_px.max((others + diameter) / 2.0)
+            };
+            let near = seen.iter_mut().find(|(_, other, others)| is_one(other, *others));
             if let Some((_, other, _)) = near {
                 *other = (*other + pixel) / 2.0;
             } else {
-                seen.push((led, pixel, self.camera.fx * self.sensing.led_mm / point.z / 8.0));
+                seen.push((led, pixel, diameter));
             }
         }
-        let blobs = seen.into_iter().filter_map(|(led, pixel, size)| Some((led, self.blob(pixel, size)?)));
+        // Sizes are in pixels of the sensor, eight units wide.
+        let blobs = seen.into_iter().filter_map(|(led, pixel, px)| Some((led, self.blob(pixel, px / 8.0)?)));
         blobs.take(4).collect()
     }
 
