@@ -4,9 +4,11 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+mod common;
+
 use std::process::{Command, Output};
 
-use relief::gpu::{AdapterChoice, Gpu};
+use common::software_adapter;
 use serde_json::{Value, json};
 
 fn relief(arguments: &[&str]) -> Output {
@@ -16,12 +18,8 @@ fn relief(arguments: &[&str]) -> Output {
 
 #[test]
 fn a_tiny_budget_gives_fewer_rays_in_the_size_that_was_asked_for_and_a_large_one_the_same_bytes() {
-    match Gpu::open(&AdapterChoice::Software) {
-        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
-            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
-        }
-        Err(_) => return eprintln!("SKIPPED: budgets from the command line (no software graphics adapter)"),
-        Ok(_) => {}
+    if software_adapter("budgets from the command line").is_none() {
+        return;
     }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

@@ -6,10 +6,12 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+mod common;
+
 use std::path::Path;
 use std::process::{Command, Output};
 
-use relief::gpu::{AdapterChoice, Gpu};
+use common::software_adapter;
 
 fn relief(arguments: &[&str]) -> Output {
     let program = env!("CARGO_BIN_EXE_relief");
@@ -25,22 +27,9 @@ fn head(folder: &Path) -> [String; 2] {
     [place, labels]
 }
 
-fn no_adapter(what: &str) -> bool {
-    match Gpu::open(&AdapterChoice::Software) {
-        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
-            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
-        }
-        Err(_) => {
-            eprintln!("SKIPPED: {what} (no software graphics adapter)");
-            true
-        }
-        Ok(_) => false,
-    }
-}
-
 #[test]
 fn organs_of_the_head_are_kept_and_cut_by_name_and_number() {
-    if no_adapter("organs from the command line") {
+    if software_adapter("organs from the command line").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

@@ -5,9 +5,11 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+mod common;
+
 use std::process::{Command, Output};
 
-use relief::gpu::{AdapterChoice, Gpu};
+use common::software_adapter;
 use serde_json::json;
 
 fn relief(arguments: &[&str]) -> Output {
@@ -17,12 +19,8 @@ fn relief(arguments: &[&str]) -> Output {
 
 #[test]
 fn light_by_options_is_that_of_its_scene() {
-    match Gpu::open(&AdapterChoice::Software) {
-        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
-            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
-        }
-        Err(_) => return eprintln!("SKIPPED: light from the command line (no software graphics adapter)"),
-        Ok(_) => {}
+    if software_adapter("light from the command line").is_none() {
+        return;
     }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

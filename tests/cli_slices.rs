@@ -5,10 +5,12 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+mod common;
+
 use std::path::Path;
 use std::process::{Command, Output};
 
-use relief::gpu::{AdapterChoice, Gpu};
+use common::software_adapter;
 use serde_json::{Value, json};
 
 fn relief(arguments: &[&str]) -> Output {
@@ -26,12 +28,8 @@ fn axes_series(folder: &Path) -> String {
 /// The same by options and by a scene file, with the balls and the letters where they belong.
 #[test]
 fn a_slice_by_options_is_that_of_its_scene() {
-    match Gpu::open(&AdapterChoice::Software) {
-        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
-            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
-        }
-        Err(_) => return eprintln!("SKIPPED: slices from the command line (no software graphics adapter)"),
-        Ok(_) => {}
+    if software_adapter("slices from the command line").is_none() {
+        return;
     }
     let folder = tempfile::tempdir().unwrap();
     let series = axes_series(folder.path());

@@ -5,9 +5,11 @@
 //! twin sees to it that what was looked at is also right to the last step.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
+mod common;
+
 use std::path::{Path, PathBuf};
 
-use relief::gpu::{AdapterChoice, Gpu};
+use common::software_adapter;
 use relief::render::{Mode, RenderedFrame, Renderer, Scene, reference};
 use relief::session::golden::{
     Artefacts, Aspect, Case, Collection, Harness, Raster, Samples, Tolerance, compare,
@@ -24,13 +26,7 @@ fn goldens() -> Collection {
 
 #[test]
 fn every_picture_is_as_expected() {
-    let gpu = match Gpu::open(&AdapterChoice::Software) {
-        Ok(gpu) => gpu,
-        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
-            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
-        }
-        Err(_) => return eprintln!("SKIPPED: golden images (no software graphics adapter)"),
-    };
+    let Some(gpu) = software_adapter("golden images") else { return };
     let mut harness = Harness::new(Renderer::new(gpu).unwrap());
     let out: PathBuf = root().join("target/golden");
     let artefacts = Artefacts::new(out, "cargo run -- golden bless".to_owned());

@@ -5,11 +5,13 @@
 //! says that it skipped.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
+mod common;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use relief::gpu::{AdapterKind, adapters};
+use common::software_adapter;
 use serde_json::Value;
 
 /// A place with cases and room for what failures leave.
@@ -66,18 +68,9 @@ fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-fn has_adapter(test: &str) -> bool {
-    let found = adapters().iter().any(|adapter| adapter.kind == AdapterKind::Software);
-    assert!(found || std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_none(), "RELIEF_REQUIRE_ADAPTER is set");
-    if !found {
-        eprintln!("SKIPPED: {test} (no software graphics adapter)");
-    }
-    found
-}
-
 #[test]
 fn a_missing_golden_fails_and_nothing_but_bless_writes_it() {
-    if !has_adapter("a_missing_golden_fails") {
+    if software_adapter("a_missing_golden_fails").is_none() {
         return;
     }
     let place = Place::with(&["composite/ramp-planes"]);
@@ -100,7 +93,7 @@ fn a_missing_golden_fails_and_nothing_but_bless_writes_it() {
 
 #[test]
 fn a_spoilt_golden_leaves_pictures_numbers_and_a_page() {
-    if !has_adapter("a_spoilt_golden_leaves_pictures_numbers_and_a_page") {
+    if software_adapter("a_spoilt_golden_leaves_pictures_numbers_and_a_page").is_none() {
         return;
     }
     let place = Place::with(&["composite/ramp-planes", "display/rgbd"]);
@@ -139,7 +132,7 @@ fn a_spoilt_golden_leaves_pictures_numbers_and_a_page() {
 
 #[test]
 fn the_page_shows_only_pictures_that_are_there() {
-    if !has_adapter("the_page_shows_only_pictures_that_are_there") {
+    if software_adapter("the_page_shows_only_pictures_that_are_there").is_none() {
         return;
     }
     let place = Place::with(&["composite/ramp-planes", "display/rgbd", "clip/box"]);
@@ -159,7 +152,7 @@ fn the_page_shows_only_pictures_that_are_there() {
 
 #[test]
 fn json_says_the_same() {
-    if !has_adapter("json_says_the_same") {
+    if software_adapter("json_says_the_same").is_none() {
         return;
     }
     let place = Place::with(&["composite/ramp-planes", "display/rgbd"]);
@@ -179,7 +172,7 @@ fn json_says_the_same() {
 
 #[test]
 fn a_case_that_cannot_be_read_fails_and_the_others_are_compared() {
-    if !has_adapter("a_case_that_cannot_be_read_fails") {
+    if software_adapter("a_case_that_cannot_be_read_fails").is_none() {
         return;
     }
     let place = Place::with(&["composite/ramp-planes", "mip/axes"]);
@@ -197,7 +190,7 @@ fn a_case_that_cannot_be_read_fails_and_the_others_are_compared() {
 
 #[test]
 fn bless_replaces_what_differs_and_says_by_how_much() {
-    if !has_adapter("bless_replaces_what_differs") {
+    if software_adapter("bless_replaces_what_differs").is_none() {
         return;
     }
     let place = Place::with(&["composite/ramp-planes"]);
@@ -212,7 +205,7 @@ fn bless_replaces_what_differs_and_says_by_how_much() {
 
 #[test]
 fn a_picture_that_shows_nothing_is_not_blessed() {
-    if !has_adapter("a_picture_that_shows_nothing_is_not_blessed") {
+    if software_adapter("a_picture_that_shows_nothing_is_not_blessed").is_none() {
         return;
     }
     let place = Place::with(&["clip/box"]);

@@ -5,11 +5,13 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(target_os = "linux")]
 
+mod common;
+
 use std::ops::ControlFlow;
 use std::process::Command;
 
+use common::software_adapter;
 use relief::camera::Orbit;
-use relief::gpu::{AdapterChoice, Gpu};
 use relief::render::{Mode, RenderError, RenderRequest, Renderer, SceneFile, Surface};
 use relief::transfer::TransferFunction;
 use relief::volume::Volume;
@@ -17,19 +19,6 @@ use relief::volume::phantom::Phantom;
 
 /// More than pages that an allocator keeps; less than a kilobyte for each of the frames below.
 const ALLOWED_MIB: f64 = 1.0;
-
-fn software(test: &str) -> Option<Gpu> {
-    match Gpu::open(&AdapterChoice::Software) {
-        Ok(gpu) => Some(gpu),
-        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
-            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
-        }
-        Err(_) => {
-            eprintln!("SKIPPED: {test} (no software graphics adapter)");
-            None
-        }
-    }
-}
 
 /// Memory that this process holds, MiB.
 fn resident_mib() -> f64 {
@@ -71,7 +60,7 @@ fn render(renderer: &mut Renderer, volumes: &[Volume], frames: std::ops::Range<u
 
 #[test]
 fn a_thousand_frames_take_no_more_memory_than_a_few() {
-    let Some(gpu) = software("a_thousand_frames_take_no_more_memory_than_a_few") else { return };
+    let Some(gpu) = software_adapter("a_thousand_frames_take_no_more_memory_than_a_few") else { return };
     let mut renderer = Renderer::new(gpu).unwrap();
     let volumes = [Phantom::head(32), Phantom::sphere(32)].map(|phantom| phantom.unwrap().volume);
     // Every pipeline is compiled, every buffer has had its largest size, every list is full.
@@ -84,7 +73,7 @@ fn a_thousand_frames_take_no_more_memory_than_a_few() {
 
 #[test]
 fn relief_bench_tells_growth_and_there_is_none() {
-    if software("relief_bench_tells_growth").is_none() {
+    if software_adapter("relief_bench_tells_growth").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

@@ -4,22 +4,16 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+mod common;
 mod dicom_made;
 
 use std::process::Command;
 
-use relief::gpu::{AdapterChoice, Gpu};
+use common::software_adapter;
 
 /// Standard error of `relief render` with these arguments, which has to fail and to leave no file behind.
 fn refusal(rows_and_columns: [u16; 2], frames: u32, arguments: &[&str]) -> Option<String> {
-    if let Err(error) = Gpu::open(&AdapterChoice::Software) {
-        assert!(
-            std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_none(),
-            "RELIEF_REQUIRE_ADAPTER is set: {error}"
-        );
-        eprintln!("SKIPPED: large volumes (no software graphics adapter)");
-        return None;
-    }
+    software_adapter("large volumes")?;
     let folder = tempfile::tempdir().unwrap();
     // A claim: there is room for each fragment's header and nothing more.
     let claim = dicom_made::compressed(frames, rows_and_columns, vec![0; 1 << 17]);

@@ -5,27 +5,17 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(unix)]
 
+mod common;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use relief::gpu::{AdapterChoice, Gpu};
+use common::software_adapter;
 
 const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
-
-/// Whether frames can be rendered here; says so when not.
-fn has_adapter(test: &str) -> bool {
-    let opened = Gpu::open(&AdapterChoice::Software);
-    if let (Err(error), Some(_)) = (&opened, std::env::var_os("RELIEF_REQUIRE_ADAPTER")) {
-        panic!("RELIEF_REQUIRE_ADAPTER is set: {error}");
-    }
-    if opened.is_err() {
-        eprintln!("SKIPPED: {test} (no software graphics adapter)");
-    }
-    opened.is_ok()
-}
 
 fn relief(arguments: &[&str]) -> Command {
     let mut command = Command::new(RELIEF);
@@ -110,7 +100,7 @@ fn phantom(folder: &Path) -> String {
 
 #[test]
 fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
-    if !has_adapter("relief serve") {
+    if software_adapter("relief serve").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -148,7 +138,7 @@ fn named_zip(files: &[Vec<u8>]) -> Vec<u8> {
 
 #[test]
 fn names_in_an_uploaded_zip_are_not_logged() {
-    if !has_adapter("relief serve, with uploads") {
+    if software_adapter("relief serve, with uploads").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -172,7 +162,7 @@ fn names_in_an_uploaded_zip_are_not_logged() {
 
 #[test]
 fn stops_at_an_interrupt_while_it_loads() {
-    if !has_adapter("relief serve, interrupted") {
+    if software_adapter("relief serve, interrupted").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -182,7 +172,7 @@ fn stops_at_an_interrupt_while_it_loads() {
 
 #[test]
 fn a_series_that_cannot_be_served_ends_it_with_the_reason() {
-    if !has_adapter("relief serve, without a series") {
+    if software_adapter("relief serve, without a series").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -207,7 +197,7 @@ fn metric(running: &Running, name: &str) -> u64 {
 #[test]
 fn a_long_render_that_nobody_waits_for_makes_way() {
     const SIDE: u64 = 2048;
-    if !has_adapter("a_long_render_that_nobody_waits_for_makes_way") {
+    if software_adapter("a_long_render_that_nobody_waits_for_makes_way").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -238,7 +228,7 @@ fn a_long_render_that_nobody_waits_for_makes_way() {
 
 #[test]
 fn of_three_series_under_a_budget_for_two_one_is_evicted() {
-    if !has_adapter("of_three_series_under_a_budget_for_two_one_is_evicted") {
+    if software_adapter("of_three_series_under_a_budget_for_two_one_is_evicted").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

@@ -13,10 +13,9 @@ use axum::http::{HeaderMap, StatusCode};
 use serde_json::Value;
 
 use super::blocking::on_blocking_thread;
-use super::guard::expect_content_type;
 use super::problem::Problem;
 use super::state::Server;
-use super::upload::{check_length, receive};
+use super::upload::{Received, take_in};
 
 pub(super) async fn upload(
     State(server): State<Arc<Server>>,
@@ -25,16 +24,11 @@ pub(super) async fn upload(
     body: Body,
 ) -> Result<Json<Value>, Problem> {
     let entry = server.volumes.find(&id)?;
-    let (Some(limits), Some(_)) = (server.config.uploads, &server.labels_loader) else {
-        let detail = "uploads are off; start the server with --uploads on";
+    if server.labels_loader.is_none() {
+        let detail = "this server reads no label maps";
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
-    };
-    expect_content_type(&headers, "application/octet-stream")?;
-    check_length(&headers, limits.file_bytes)?;
-    let turn = Arc::clone(&server.upload)
-        .try_acquire_owned()
-        .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let path = receive(body, server.config.body_timeout, limits).await?;
+    }
+    let Received { turn, path, .. } = take_in(&server, &headers, body, "application/octet-stream").await?;
     let reader = Arc::clone(&server);
     let job = move || read(&reader, &path, &entry.id);
     Ok(Json(on_blocking_thread(turn, "reading the label map", job).await??))

@@ -14,6 +14,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use tempfile::TempPath;
 use tokio::io::AsyncWriteExt;
+use tokio::sync::OwnedSemaphorePermit;
 
 use super::blocking::on_blocking_thread;
 use super::guard::{expect_content_type, next_part, too_large};
@@ -26,16 +27,7 @@ pub(super) async fn upload(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let Some(limits) = server.config.uploads else {
-        let detail = "uploads are off; start the server with --uploads on";
-        return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
-    };
-    expect_content_type(&headers, "application/zip")?;
-    check_length(&headers, limits.file_bytes)?;
-    let turn = Arc::clone(&server.upload)
-        .try_acquire_owned()
-        .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let path = receive(body, server.config.body_timeout, limits).await?;
+    let Received { limits, turn, path } = take_in(&server, &headers, body, "application/zip").await?;
     let reader = Arc::clone(&server);
     let job = move || read(&reader, &path, limits);
     let (entry, added) = on_blocking_thread(turn, "reading the upload", job).await??;
@@ -47,21 +39,45 @@ pub(super) async fn upload(
     Ok((status, location, Json(entry.describe())).into_response())
 }
 
+/// An upload that has arrived.
+pub(super) struct Received {
+    pub(super) limits: UploadLimits,
+    /// The place for uploads, to be kept until the file has been read.
+    pub(super) turn: OwnedSemaphorePermit,
+    pub(super) path: TempPath,
+}
+
+/// What all uploads go through: whether there may be any, their type, the one place for them, and the way to a file.
+pub(super) async fn take_in(
+    server: &Server,
+    headers: &HeaderMap,
+    body: Body,
+    media_type: &'static str,
+) -> Result<Received, Problem> {
+    let Some(limits) = server.config.uploads else {
+        let detail = "uploads are off; start the server with --uploads on";
+        return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
+    };
+    expect_content_type(headers, media_type)?;
+    check_length(headers, limits.file_bytes)?;
+    let turn = Arc::clone(&server.upload)
+        .try_acquire_owned()
+        .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
+    let path = receive(body, server.config.body_timeout, limits).await?;
+    Ok(Received { limits, turn, path })
+}
+
 /// Refuses what says that it is too large before any of it is read.
-pub(super) fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
+fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
     let length =
         headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     if length.is_some_and(|length| length > limit) { Err(too_large(limit)) } else { Ok(()) }
 }
 
 /// The body as a file. The slower it comes, the sooner it must be whole: waits count against the slowest rate.
-pub(super) async fn receive(
-    mut body: Body,
-    patience: Duration,
-    limits: UploadLimits,
-) -> Result<TempPath, Problem> {
+async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Result<TempPath, Problem> {
     let failed = |error: std::io::Error| Problem::internal("storing the upload", error);
-    let file = tempfile::Builder::new().prefix("relief-upload-").suffix(".zip").tempfile().map_err(failed)?;
+    let file = tempfile::Builder::new().prefix("relief-upload-").tempfile().map_err(failed)?;
     let (file, path) = file.into_parts();
     let mut file = tokio::fs::File::from_std(file);
     let (since, mut received) = (Instant::now(), 0u64);

@@ -1,4 +1,4 @@
-//! Shared by the tests: where real data lie, and how the lack of them is said.
+//! Shared by the tests: the software adapter, where real data lie, and how the lack of either is said.
 //!
 //! Data stay outside of the repository, in `../shared/data`; archives are unpacked once into `.relief/data`.
 #![allow(dead_code, reason = "each test binary uses a part of this")]
@@ -6,6 +6,25 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+use relief::gpu::{AdapterChoice, Gpu};
+
+/// The software adapter, or `None` after saying aloud that `what` was not tested.
+///
+/// # Panics
+/// When there is none and `RELIEF_REQUIRE_ADAPTER` is set.
+pub(crate) fn software_adapter(what: &str) -> Option<Gpu> {
+    match Gpu::open(&AdapterChoice::Software) {
+        Ok(gpu) => Some(gpu),
+        Err(error) if std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_some() => {
+            panic!("RELIEF_REQUIRE_ADAPTER is set: {error}")
+        }
+        Err(_) => {
+            eprintln!("SKIPPED: {what} (no software graphics adapter)");
+            None
+        }
+    }
+}
 
 /// The folder of real data, or `None` after saying aloud that `what` was not tested.
 pub(crate) fn shared_data(what: &str) -> Option<PathBuf> {

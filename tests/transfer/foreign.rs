@@ -8,7 +8,8 @@ use proptest::prelude::*;
 use relief::transfer::{ImportChoice, ImportError, TransferFunction, import};
 use serde_json::{Value, json};
 
-use super::{can_render, relief, told};
+use super::common::software_adapter;
+use super::{relief, told};
 
 /// A property as 3D Slicer's presets have them, with a step at 300 HU.
 const SLICER_XML: &str = r#"<?xml version="1.0" encoding="utf-8"?>
@@ -301,7 +302,7 @@ fn printed_gradient(presets: &str) -> Value {
 /// The file, what is converted of it, and that in a scene all make the same picture, another than the preset's.
 #[test]
 fn a_picture_with_the_file_is_one_with_what_it_converts_to() {
-    if !can_render("a_picture_with_the_file_is_one_with_what_it_converts_to") {
+    if software_adapter("a_picture_with_the_file_is_one_with_what_it_converts_to").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

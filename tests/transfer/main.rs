@@ -4,6 +4,8 @@
 //! it skipped.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
+#[path = "../common/mod.rs"]
+mod common;
 mod foreign;
 mod presets;
 
@@ -22,14 +24,4 @@ fn told(arguments: &[&str]) -> String {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {errors}");
     String::from_utf8(output.stdout).unwrap()
-}
-
-/// Whether there is an adapter to render on; says aloud when not.
-fn can_render(test: &str) -> bool {
-    let found = relief::gpu::adapters().iter().any(|found| found.kind == relief::gpu::AdapterKind::Software);
-    if !found {
-        assert!(std::env::var_os("RELIEF_REQUIRE_ADAPTER").is_none(), "no software adapter for {test}");
-        eprintln!("SKIPPED: {test} (no software graphics adapter)");
-    }
-    found
 }

@@ -3,7 +3,8 @@
 use relief::transfer::PRESETS;
 use serde_json::Value;
 
-use super::{can_render, relief, told};
+use super::common::software_adapter;
+use super::{relief, told};
 
 #[test]
 fn the_list_has_every_preset_once_with_its_purpose_and_no_colours_off_a_terminal() {
@@ -36,7 +37,7 @@ fn json_says_what_each_stands_for() {
 /// pictures are the same.
 #[test]
 fn every_thumbnail_shows_the_head_in_its_own_way() {
-    if !can_render("every_thumbnail_shows_the_head_in_its_own_way") {
+    if software_adapter("every_thumbnail_shows_the_head_in_its_own_way").is_none() {
         return;
     }
     let parent = tempfile::tempdir().unwrap();
