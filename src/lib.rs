@@ -8,7 +8,7 @@
 //! |---|---|
 //! | 0 | [`units`], [`space`] |
 //! | 1 | [`volume`], [`transfer`], [`camera`], [`tracking`] |
-//! | 2 | [`gpu`], [`dicom`], [`formats`], [`display`] |
+//! | 2 | [`gpu`], [`dicom`], [`formats`], [`display`], [`interaction`] |
 //! | 3 | [`render`] |
 //! | 4 | [`session`] |
 //! | 5 | [`server`] |
@@ -22,6 +22,7 @@ pub mod dicom;
 pub mod display;
 pub mod formats;
 pub mod gpu;
+pub mod interaction;
 pub mod render;
 pub mod server;
 pub mod session;

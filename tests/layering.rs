@@ -21,6 +21,7 @@ const RANKS: &[(&str, u32)] = &[
     ("dicom", 2),
     ("formats", 2),
     ("display", 2),
+    ("interaction", 2),
     ("render", 3),
     ("session", 4),
     ("server", 5),
