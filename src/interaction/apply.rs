@@ -51,7 +51,7 @@ impl ViewState {
         intent.validate()?;
         match intent {
             Intent::Cursor { .. } => {
-                let wanted = stage.clamped(self.wanted_cursor(stage, intent, seen)?);
+                let wanted = stage.clamped_cursor(self.wanted_cursor(stage, intent, seen)?);
                 let changed = self.cursor.replace(wanted) != Some(wanted);
                 let event = (changed && self.placing).then_some(Event::Placing(wanted));
                 Ok(self.applied(changed, event))
@@ -69,15 +69,13 @@ impl ViewState {
                 Ok(self.carry(stage, t_ns, hand))
             }
             Intent::Release {} => {
-                if self.grab.is_some() {
-                    self.last_step = None; // the next grab is another step
-                }
+                self.going.retain(|(step, _)| *step != Step::Grab); // the next grab is another step
                 let changed = self.grab.take().is_some();
                 Ok(self.applied(changed, None))
             }
             Intent::Undo {} => {
                 let earlier = self.history.pop_back();
-                self.last_step = None;
+                self.going.clear();
                 let changed = earlier.is_some();
                 self.aspect = earlier.unwrap_or_else(|| self.aspect.clone());
                 self.hold_anew();
@@ -110,7 +108,7 @@ impl ViewState {
                 let height_mm = aspect.height_mm(stage).map_err(|error| no_camera(&error))?;
                 // What is seen goes to the right when the eye goes to the left.
                 let shift = Vector::from_xyz(DVec3::new(-right, -up, 0.0) * height_mm);
-                aspect.look_at = stage.clamped(aspect.in_patient(shift));
+                aspect.look_at = stage.clamped_focus(aspect.in_patient(shift));
                 Step::Pan
             }
             Intent::Zoom { factor } => {
@@ -144,7 +142,8 @@ impl ViewState {
         let Some(mut grab) = self.grab.take() else { return Applied::default() };
         let (look_at, patient_from_view) = grab.moved(hand);
         self.grab = Some(grab);
-        let aspect = Aspect { look_at: stage.clamped(look_at), patient_from_view, ..self.aspect.clone() };
+        let aspect =
+            Aspect { look_at: stage.clamped_focus(look_at), patient_from_view, ..self.aspect.clone() };
         let changed = self.take(aspect, Step::Grab, t_ns);
         self.applied(changed, None)
     }
@@ -155,14 +154,25 @@ impl ViewState {
             return false;
         }
         let before = std::mem::replace(&mut self.aspect, aspect);
-        let continues = self.last_step.is_some_and(|(last, then)| {
-            // A grab is one step however long it takes; a release ends it.
-            last == step && step != Step::Single && (step == Step::Grab || t_ns.abs_diff(then) <= ONE_STEP_NS)
-        });
-        if !continues {
+        if step == Step::Single {
+            self.going.clear();
             self.remember(before);
+            return true;
         }
-        self.last_step = Some((step, t_ns));
+        let last = self.going.iter_mut().find(|(going, _)| *going == step);
+        // A grab is one step however long it takes; a release ends it.
+        let goes_on = |then: u64| step == Step::Grab || t_ns.abs_diff(then) <= ONE_STEP_NS;
+        match last {
+            Some((_, then)) if goes_on(*then) => *then = t_ns,
+            Some((_, then)) => {
+                *then = t_ns;
+                self.remember(before);
+            }
+            None => {
+                self.going.push((step, t_ns));
+                self.remember(before);
+            }
+        }
         true
     }
 

@@ -11,12 +11,16 @@
 //! | pixels | u right, v down, centres at +0.5, of the picture's full size |
 
 mod apply;
+mod gestures;
 mod grab;
+mod hand;
 mod intent;
 mod stage;
 mod view;
 
 pub use apply::{Applied, Event};
+pub use gestures::Gestures;
+pub use hand::{HandOptions, HandPose, HandSample};
 pub use intent::{GrabMode, Intent, IntentError, Pivot, PlacePhase};
 pub use stage::{Home, Stage, StageError};
 pub use view::{CursorMark, CutPlane, Seen, ViewRecord, ViewState};

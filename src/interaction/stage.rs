@@ -1,7 +1,7 @@
 //! What is shown, as far as a view has to know it.
 
 use crate::camera::Orbit;
-use crate::space::{Patient, Point};
+use crate::space::{Patient, Point, Vector};
 use crate::volume::Grid;
 
 /// The volume's bounding sphere, the picture, the presets, and the view to begin with.
@@ -123,9 +123,23 @@ impl Stage {
         self
     }
 
-    /// The nearest point of the bounding sphere's inside.
-    pub(super) fn clamped(&self, point: Point<Patient>) -> Point<Patient> {
+    /// The nearest place where a cursor may be: within the bounding sphere.
+    pub(super) fn clamped_cursor(&self, point: Point<Patient>) -> Point<Patient> {
+        self.clamped(point, self.radius_mm)
+    }
+
+    /// The nearest place where the focal point may be: within twice the bounding sphere, which is as far as turning about
+    /// a point of it takes its centre.
+    pub(super) fn clamped_focus(&self, point: Point<Patient>) -> Point<Patient> {
+        self.clamped(point, 2.0 * self.radius_mm)
+    }
+
+    fn clamped(&self, point: Point<Patient>, radius_mm: f64) -> Point<Patient> {
         let arm = (point - self.center).xyz;
-        Point::from_xyz(self.center.xyz + arm.clamp_length_max(self.radius_mm))
+        if arm.length() <= radius_mm {
+            point
+        } else {
+            self.center + Vector::from_xyz(arm.normalize() * radius_mm)
+        }
     }
 }

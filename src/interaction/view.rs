@@ -35,7 +35,7 @@ pub(super) struct Aspect {
     pub(super) cut_mm: f64,
 }
 
-/// What kind of change the last one was: steps of one kind in quick succession are taken back together.
+/// Kinds of changes: those of one kind in quick succession are taken back together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     Orbit,
@@ -56,7 +56,8 @@ pub struct ViewState {
     pub(super) placing: bool,
     pub(super) grab: Option<Grab>,
     pub(super) history: VecDeque<Aspect>,
-    pub(super) last_step: Option<(Step, u64)>,
+    /// The steps that may go on, and when each last did: a pinch zooms and pans by turns.
+    pub(super) going: Vec<(Step, u64)>,
     pub(super) revision: u64,
 }
 
@@ -126,7 +127,7 @@ impl ViewState {
             placing: false,
             grab: None,
             history: VecDeque::new(),
-            last_step: None,
+            going: Vec::new(),
             revision: 0,
         }
     }

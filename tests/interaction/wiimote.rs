@@ -1,0 +1,415 @@
+//! A Wiimote's poses and buttons as gestures: made-up ones against closed forms, and recordings from report to view.
+
+use glam::{DQuat, DVec3};
+use nalgebra::{UnitQuaternion, Vector3};
+use relief::interaction::{Event, Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, ViewState};
+use relief::space::{Patient, Point};
+use relief::tracking::Beacon;
+use relief::tracking::pose::SensorPose;
+use relief::tracking::report::{Buttons, Report};
+use relief::tracking::simulate::{Delivery, Hidden, Path, Simulated, Simulation};
+use relief::tracking::tracker::{Options, Tracker, TrackingState};
+
+use super::{Session, assert_near, in_view};
+
+/// A Wiimote and the view that it moves.
+struct Remote {
+    session: Session,
+    gestures: Gestures,
+    events: Vec<Event>,
+}
+
+impl Remote {
+    fn new(options: HandOptions) -> Self {
+        Self { session: Session::new(), gestures: Gestures::new(options).unwrap(), events: Vec::new() }
+    }
+
+    fn take(&mut self, t_ns: u64, intents: &[Intent]) {
+        for intent in intents {
+            let applied = self.session.state.apply(&self.session.stage, t_ns, intent, None).unwrap();
+            self.events.extend(applied.event);
+        }
+    }
+
+    fn hold(&mut self, ms: u64, buttons: Buttons) -> Vec<Intent> {
+        let intents = self.gestures.hold(ms * 1_000_000, buttons);
+        self.take(ms * 1_000_000, &intents);
+        intents
+    }
+
+    fn at(&mut self, ms: u64, position: DVec3, orientation: DQuat) -> Vec<Intent> {
+        let pose = HandPose::new(position.to_array(), orientation.to_array()).unwrap();
+        self.track(HandSample { t_ns: ms * 1_000_000, state: TrackingState::Tracking, pose: Some(pose) })
+    }
+
+    fn unseen(&mut self, ms: u64, state: TrackingState) -> Vec<Intent> {
+        self.track(HandSample { t_ns: ms * 1_000_000, state, pose: None })
+    }
+
+    fn track(&mut self, sample: HandSample) -> Vec<Intent> {
+        let intents = self.gestures.track(&sample);
+        self.take(sample.t_ns, &intents);
+        intents
+    }
+
+    fn cursor(&self) -> Point<Patient> {
+        self.session.state.cursor().unwrap()
+    }
+}
+
+fn exact() -> HandOptions {
+    HandOptions { dead_zone_deg: 0.0, dead_zone_mm: 0.0, ..HandOptions::default() }
+}
+
+/// A camera that looks along -z of the beacon, at `position`.
+fn level() -> DQuat {
+    DQuat::from_rotation_x(std::f64::consts::PI)
+}
+
+fn start() -> DVec3 {
+    DVec3::new(20.0, -10.0, 1200.0)
+}
+
+/// A point `tip_mm` before the camera.
+fn tip(position: DVec3, orientation: DQuat) -> DVec3 {
+    position + orientation * DVec3::Z * HandOptions::default().tip_mm
+}
+
+#[test]
+fn the_cursor_is_the_tip_scaled_by_the_gain() {
+    for gain in [1.0, 0.5, 2.0] {
+        let mut remote = Remote::new(HandOptions { gain, ..exact() });
+        remote.at(0, start(), level());
+        assert_near(
+            remote.session.in_view(remote.cursor()),
+            DVec3::ZERO,
+            1e-9,
+            "it begins at the focal point",
+        );
+        let turned = DQuat::from_rotation_y(0.05) * level();
+        let position = start() + DVec3::new(11.0, 7.0, -5.0);
+        remote.at(10, position, turned);
+        let moved = (tip(position, turned) - tip(start(), level())) * gain;
+        assert_near(remote.session.in_view(remote.cursor()), moved, 1e-9, "and follows the tip");
+    }
+    let fixed = HandOptions { tip_center_mm: Some([0.0, 0.0, 1000.0]), ..exact() };
+    let mut remote = Remote::new(fixed);
+    remote.at(0, start(), level());
+    let wanted = tip(start(), level()) - DVec3::new(0.0, 0.0, 1000.0);
+    assert_near(remote.session.in_view(remote.cursor()), wanted, 1e-9, "a centre of one's own");
+}
+
+/// With B held, a hand that turns by Q about its tip and moves by d takes the volume along: all of it turns about the tip.
+#[test]
+fn a_held_volume_goes_with_the_hand() {
+    let mut remote = Remote::new(exact());
+    remote.at(0, start(), level());
+    let reach = start() + DVec3::new(30.0, 15.0, -20.0);
+    remote.at(10, reach, level());
+    let held = remote.cursor();
+    remote.hold(20, Buttons::B);
+    remote.at(20, reach, level());
+    let before = remote.session.camera();
+    let p = in_view(&before, held);
+    for (ms, angle) in [(30, 0.1), (40, 0.9), (50, -2.0)] {
+        let orientation = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), angle) * level();
+        let position = reach + DVec3::new(3.0, -4.0, 5.0) * angle;
+        remote.at(ms, position, orientation);
+        let d = tip(position, orientation) - tip(reach, level());
+        let q = orientation * level().inverse();
+        for point in super::points() {
+            let wanted = q * (in_view(&before, point) - p) + p + d;
+            assert_near(remote.session.in_view(point), wanted, 1e-9, "with the hand");
+        }
+        assert_near(remote.cursor().xyz, held.xyz, 1e-9, "the cursor stays on what is held");
+    }
+    let kept = remote.session.camera();
+    remote.hold(60, Buttons::default());
+    assert!(!remote.session.state.is_grabbed());
+    remote.at(70, start(), level());
+    assert_eq!(remote.session.camera(), kept, "released");
+}
+
+#[test]
+fn grab_modes_are_the_options() {
+    for mode in [GrabMode::Rotate, GrabMode::Move] {
+        let mut remote = Remote::new(HandOptions { grab_mode: mode, ..exact() });
+        remote.at(0, start(), level());
+        remote.hold(10, Buttons::B);
+        remote.at(10, start(), level());
+        let before = remote.session.camera();
+        remote.at(20, start() + DVec3::new(9.0, 0.0, 0.0), DQuat::from_rotation_z(0.4) * level());
+        let after = remote.session.camera();
+        let turned = after.up().xyz.angle_between(before.up().xyz);
+        let moved = after.look_at().distance(before.look_at());
+        let wanted = if mode == GrabMode::Rotate { (0.4, 0.0) } else { (0.0, 9.0) };
+        assert!(
+            (turned - wanted.0).abs() < 1e-7 && (moved - wanted.1).abs() < 1e-9,
+            "{mode:?} {turned} {moved}"
+        );
+        let hand = DVec3::new(9.0, 0.0, 0.0);
+        assert_near(remote.session.in_view(remote.cursor()), hand, 1e-9, "the cursor is at the hand");
+    }
+}
+
+/// Tremor within the dead zone moves nothing; beyond it the volume follows without a jump of the zone's width.
+#[test]
+fn a_dead_zone_keeps_tremor_out() {
+    let options = HandOptions { dead_zone_deg: 1.0, dead_zone_mm: 2.0, ..HandOptions::default() };
+    let mut remote = Remote::new(options);
+    remote.at(0, start(), level());
+    remote.hold(10, Buttons::B);
+    let rest = remote.session.camera();
+    for ms in 1..20 {
+        let tremor = DVec3::new(0.0, 1.9 * (ms as f64 - 1.0).sin(), 0.0);
+        remote.at(ms * 10, start() + tremor, level());
+        assert_eq!(remote.session.camera(), rest, "at rest");
+    }
+    for (ms, way) in [(300, 2.001), (310, 4.0), (320, 4.25)] {
+        remote.at(ms, start() + DVec3::Y * way, level());
+        let moved = remote.session.camera().look_at().distance(rest.look_at());
+        assert!((moved - (way - 2.0)).abs() < 1e-9, "{way} mm moved {moved}: all beyond the zone counts");
+    }
+}
+
+/// While the hand is lost or ambiguous the view stands still; seen again, anywhere, it takes hold anew.
+#[test]
+fn what_is_not_tracked_moves_nothing() {
+    let mut remote = Remote::new(exact());
+    remote.at(0, start(), level());
+    remote.hold(10, Buttons::B);
+    remote.at(10, start(), level());
+    remote.at(20, start() + DVec3::X * 10.0, level());
+    remote.at(30, start() + DVec3::X * 12.0, level());
+    let frozen = remote.session.camera();
+    for (ms, state) in
+        [(40, TrackingState::Ambiguous), (50, TrackingState::Lost), (60, TrackingState::Searching)]
+    {
+        assert!(remote.unseen(ms, state).is_empty());
+    }
+    let elsewhere = start() + DVec3::new(-200.0, 90.0, 300.0);
+    remote.at(70, elsewhere, DQuat::from_rotation_z(1.0) * level());
+    assert_eq!(remote.session.camera(), frozen, "no jump");
+    remote.at(80, elsewhere + DVec3::X * 5.0, DQuat::from_rotation_z(1.0) * level());
+    let moved = remote.session.camera().look_at().distance(frozen.look_at());
+    assert!((moved - 5.0).abs() < 1e-9, "{moved}");
+    // A pose without the state is none, and B that is let go while nothing is seen lets go.
+    let pose = HandPose::new([0.0; 3], [0.0, 0.0, 0.0, 1.0]).ok();
+    remote.track(HandSample { t_ns: 100_000_000, state: TrackingState::Ambiguous, pose });
+    assert_eq!(remote.hold(110, Buttons::default()), [Intent::Release {}]);
+}
+
+#[test]
+fn a_places_and_leaving_tracking_cancels() {
+    let mut remote = Remote::new(exact());
+    assert!(remote.hold(0, Buttons::A).is_empty(), "nobody knows where");
+    assert!(remote.hold(5, Buttons::default()).is_empty());
+    remote.at(10, start(), level());
+    remote.hold(20, Buttons::A);
+    assert!(matches!(remote.events[..], [Event::Placing(at)] if at == remote.cursor()));
+    remote.at(30, start() + DVec3::Y * 8.0, level());
+    assert!(matches!(remote.events[..], [_, .., Event::Placing(at)] if at == remote.cursor()));
+    remote.hold(40, Buttons::default());
+    assert_eq!(remote.events.last(), Some(&Event::Placed(remote.cursor())));
+    remote.hold(50, Buttons::A);
+    remote.unseen(60, TrackingState::Lost);
+    assert_eq!(remote.events.last(), Some(&Event::PlacingCancelled));
+    let count = remote.events.len();
+    remote.at(70, start(), level());
+    remote.hold(80, Buttons::default());
+    assert_eq!(remote.events.len(), count, "the release of a cancelled press means nothing");
+}
+
+/// Held buttons count by time, whatever the number of reports, and a gap in the reports counts as 0.1 s at most.
+#[test]
+fn rates_are_in_time_not_in_reports() {
+    let options = HandOptions { zoom_per_s: 2.0, clip_mm_per_s: 60.0, ..exact() };
+    for period in [5, 10, 50] {
+        let mut remote = Remote::new(options.clone());
+        for ms in (0..=1000).step_by(period) {
+            remote.hold(ms, Buttons::PLUS.with(Buttons::UP));
+        }
+        remote.hold(1000, Buttons::default());
+        let record = remote.session.state.record();
+        assert!((record.zoom - 2.8).abs() < 1e-9, "{period} ms: {}", record.zoom);
+        assert!((record.clip_mm.unwrap() - 60.0).abs() < 1e-9, "{period} ms");
+        assert_eq!(record.undo, 2, "{period} ms: they alternate, and are one step each");
+    }
+    let mut remote = Remote::new(options);
+    remote.hold(0, Buttons::MINUS);
+    remote.hold(5000, Buttons::default());
+    assert!((remote.session.state.record().zoom - 1.4 / 2f64.powf(0.1)).abs() < 1e-9);
+    remote.hold(5010, Buttons::MINUS.with(Buttons::PLUS));
+    assert!(remote.hold(5050, Buttons::default()).is_empty(), "both are neither");
+}
+
+#[test]
+fn presses_are_one_each() {
+    let mut remote = Remote::new(exact());
+    let step = |step| vec![Intent::Preset { name: None, step: Some(step) }];
+    for (at, (button, intents)) in [
+        (Buttons::LEFT, step(-1)),
+        (Buttons::RIGHT, step(1)),
+        (Buttons::ONE, vec![Intent::Undo {}]),
+        (Buttons::TWO, vec![Intent::NextLabel {}]),
+        (Buttons::HOME, vec![Intent::Reset {}]),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let ms = 100 * at as u64;
+        assert_eq!(remote.hold(ms, button), intents);
+        assert!(remote.hold(ms + 10, button).is_empty(), "held is not pressed again");
+        assert!(remote.hold(ms + 20, Buttons::default()).is_empty());
+    }
+}
+
+/// Home makes the place of the hand the focal point.
+#[test]
+fn home_centres_the_hand() {
+    let mut remote = Remote::new(exact());
+    remote.at(0, start(), level());
+    remote.at(10, start() + DVec3::X * 50.0, level());
+    remote.hold(20, Buttons::HOME);
+    remote.at(30, start() + DVec3::X * 50.0, level());
+    assert_near(remote.session.in_view(remote.cursor()), DVec3::ZERO, 1e-9, "the focal point");
+}
+
+/// What comes late or twice is left out; a clock that begins anew does not stop the remote.
+#[test]
+fn time_orders_what_comes() {
+    let mut remote = Remote::new(exact());
+    remote.at(5000, start(), level());
+    remote.hold(5000, Buttons::B);
+    remote.at(5010, start(), level());
+    remote.at(5020, start() + DVec3::X, level());
+    remote.at(5030, start() + DVec3::X * 5.0, level());
+    let camera = remote.session.camera();
+    assert!(remote.at(5025, start() + DVec3::X * 90.0, level()).is_empty(), "late");
+    assert!(remote.at(5030, start() + DVec3::X * 90.0, level()).is_empty(), "twice");
+    assert!(remote.hold(4990, Buttons::default()).is_empty(), "B was pressed after that");
+    assert_eq!(remote.session.camera(), camera);
+    assert!(remote.hold(5040, Buttons::B).is_empty(), "the same again");
+    // The remote was connected anew, and its time begins at 0.
+    assert_eq!(remote.hold(3, Buttons::ONE), [Intent::Release {}, Intent::Undo {}]);
+    assert!(!remote.at(4, start(), level()).is_empty());
+}
+
+/// Buttons of poses that are dropped count: a click between two poses that are used places.
+#[test]
+fn buttons_of_dropped_poses_count() {
+    let mut remote = Remote::new(exact());
+    remote.at(0, start(), level());
+    for (ms, buttons) in
+        [(10, Buttons::default()), (20, Buttons::A), (30, Buttons::A), (40, Buttons::default())]
+    {
+        remote.hold(ms, buttons);
+    }
+    assert!(matches!(remote.events[..], [Event::Placing(_), Event::Placed(_)]), "{:?}", remote.events);
+}
+
+#[test]
+fn options_may_change_while_the_volume_is_held() {
+    let mut remote = Remote::new(exact());
+    remote.at(0, start(), level());
+    remote.hold(10, Buttons::B);
+    remote.at(10, start(), level());
+    remote.at(20, start() + DVec3::X * 3.0, level());
+    remote.at(30, start() + DVec3::X * 6.0, level());
+    let camera = remote.session.camera();
+    remote.gestures.configure(HandOptions { gain: 4.0, ..exact() }).unwrap();
+    remote.at(40, start() + DVec3::X * 6.0, level());
+    assert_eq!(remote.session.camera(), camera, "no jump");
+    let refused = remote.gestures.configure(HandOptions { gain: f64::NAN, ..exact() }).unwrap_err();
+    assert_eq!(refused.to_string(), "gain is NaN, allowed: 0.05 to 20");
+}
+
+/// A hand that rests, rolls by 30 degrees and moves, rests, and goes away.
+struct Twist;
+
+impl Path for Twist {
+    fn at(&self, seconds: f64) -> SensorPose {
+        let smooth = |from: f64, to: f64| {
+            let share = ((seconds - from) / (to - from)).clamp(0.0, 1.0);
+            share * share * (3.0 - 2.0 * share)
+        };
+        let away = smooth(4.0, 5.0);
+        let roll = 30f64.to_radians() * smooth(1.5, 2.5) - 0.7 * away;
+        let target = Beacon::recommended().centroid();
+        let position = target + Vector3::new(40.0 * smooth(1.5, 2.5) - 150.0 * away, 0.0, 1200.0);
+        SensorPose::looking_at(position, target, &Vector3::y(), roll).unwrap()
+    }
+}
+
+/// Reports of the twist with B held from 1 to 3.5 s, after each the state of the view, and the truth.
+fn play(simulation: &Simulation) -> Vec<(f64, ViewState, SensorPose, TrackingState)> {
+    let mut remote = Remote::new(HandOptions::default());
+    let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), Options::default());
+    let mut states = Vec::new();
+    for Simulated { t_ns, report, truth } in simulation.record(&Twist, 6.0) {
+        let Report::Data(mut data) = report else { panic!("a data report") };
+        let seconds = t_ns as f64 * 1e-9 - 1.0;
+        let pressed = (1.0..3.5).contains(&seconds);
+        data.buttons = Some(if pressed { Buttons::B } else { Buttons::default() });
+        // As bytes, as they come from a remote.
+        let report = Report::decode(&Report::Data(data).encode()).unwrap();
+        let intents = remote.gestures.hold(t_ns, report.buttons().unwrap());
+        remote.take(t_ns, &intents);
+        if let Some(sample) = tracker.push(t_ns, &report) {
+            remote.track(HandSample::from(&sample));
+            states.push((seconds, remote.session.state.clone(), truth, sample.state));
+        }
+    }
+    states
+}
+
+fn orientation(state: &ViewState) -> DQuat {
+    DQuat::from_array(state.record().orientation_xyzw)
+}
+
+/// From bytes to a view: the hand turns by 30 degrees with B held, and so does the view, about the axis of the hand.
+#[test]
+fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
+    let (mut worst_deg, mut worst_rest_deg) = (0f64, 0f64);
+    for seed in 0..5 {
+        let simulation =
+            Simulation { delivery: Delivery::RADIO, ..Simulation::new(Beacon::recommended(), seed) };
+        let states = play(&simulation);
+        let at = |when: f64| states.iter().find(|(seconds, ..)| *seconds >= when).unwrap();
+        let ([before, rest, after, end], [then, now]) = (
+            [0.9, 1.4, 3.3, 5.9].map(|when| orientation(&at(when).1)),
+            [1.4, 3.3].map(|when| at(when).2.orientation),
+        );
+        // view_from_patient is turned on its left by what the hand did.
+        let turned = after.inverse() * before;
+        let truth: UnitQuaternion<f64> = now * then.inverse();
+        let truth = DQuat::from_array(truth.coords.into());
+        assert!(
+            (turned.angle_between(DQuat::IDENTITY).to_degrees() - 30.0).abs() < 1.0,
+            "seed {seed}: {turned}"
+        );
+        worst_deg = worst_deg.max(turned.angle_between(truth).to_degrees());
+        worst_rest_deg = worst_rest_deg.max(rest.angle_between(before).to_degrees());
+        assert_eq!(end, orientation(&at(3.6).1), "what is released stays, wherever the hand goes");
+    }
+    println!("turned within {worst_deg:.3} degrees of the truth; at rest within {worst_rest_deg:.3}");
+    assert!(worst_deg < 1.0 && worst_rest_deg < 1.0, "{worst_deg} {worst_rest_deg}");
+}
+
+/// All LEDs are hidden for half a second amid the turn: the view waits, and goes on from where it was.
+#[test]
+fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
+    let mut simulation = Simulation::new(Beacon::recommended(), 3);
+    simulation.hidden = (0..4).map(|led| Hidden { led, seconds: [1.8, 2.2] }).collect();
+    let states = play(&simulation);
+    let lost: Vec<_> = states.iter().filter(|(.., state)| *state != TrackingState::Tracking).collect();
+    assert!(lost.len() > 20, "{}", lost.len());
+    let frozen = orientation(&lost[0].1);
+    assert!(lost.iter().all(|(_, state, ..)| orientation(state) == frozen && state.is_grabbed()));
+    let steps = states.windows(2).map(|pair| orientation(&pair[0].1).angle_between(orientation(&pair[1].1)));
+    let largest = steps.fold(0.0, f64::max).to_degrees();
+    assert!(largest < 2.0, "a jump of {largest} degrees");
+    // What the hand did while it was not seen is not made up for.
+    let turned = orientation(&states.last().unwrap().1).angle_between(orientation(&states[0].1)).to_degrees();
+    assert!((8.0..26.0).contains(&turned), "{turned}");
+}
