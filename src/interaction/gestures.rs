@@ -205,7 +205,7 @@ impl Gestures {
             }
             Grip::Open | Grip::Resting(_) => {
                 let rests =
-                    |at: DVec3| at.distance(hand.place) <= self.options.dead_zone_mm * self.options.gain;
+                    |at: DVec3| at.distance(hand.place) <= self.options.cursor_rest_mm * self.options.gain;
                 if !self.cursor.is_some_and(rests) {
                     self.point(hand, intents);
                 }

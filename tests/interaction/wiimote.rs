@@ -58,7 +58,7 @@ impl Remote {
 }
 
 fn exact() -> HandOptions {
-    HandOptions { dead_zone_deg: 0.0, dead_zone_mm: 0.0, ..HandOptions::default() }
+    HandOptions { dead_zone_deg: 0.0, dead_zone_mm: 0.0, cursor_rest_mm: 0.0, ..HandOptions::default() }
 }
 
 /// A camera that looks along -z of the beacon, at `position`.
