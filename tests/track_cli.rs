@@ -346,3 +346,34 @@ fn the_recommended_beacon_scores_well_and_a_symmetric_one_does_not() {
     let poor = design(&["--no-gravity", "--beacon", text(&symmetric)]);
     assert!(poor["right"] == 0 && poor["wrong"] == 0, "{poor}");
 }
+
+/// What buttons and movements of a recording mean, as a live session would take it.
+#[test]
+fn intents_are_what_a_recording_means() {
+    let folder = tempfile::tempdir().unwrap();
+    let presses = ["--seconds", "6", "--press", "b:1:3", "--press", "a:4:4.5", "--press", "plus:5:5.5"];
+    let (recording, _) = recording(folder.path(), &presses);
+    let [out, intents, hand] =
+        ["poses.jsonl", "intents.jsonl", "hand.json"].map(|name| folder.path().join(name));
+    std::fs::write(&hand, r#"{"gain":2.0,"zoom_per_s":4.0}"#).unwrap();
+    let arguments = ["--reports", &recording, "--out", text(&out), "--intents", text(&intents)];
+    let tracked = run(&[&arguments[..], &["--hand", text(&hand)]].concat());
+    assert!(tracked.status.success(), "{}", stderr(&tracked));
+    let lines = json_lines(&std::fs::read(&intents).unwrap());
+    let times = |name: &str| -> Vec<f64> {
+        let of = lines.iter().filter(|line| line["intent"] == name);
+        of.map(|line| line["t_ns"].as_f64().unwrap() * 1e-9 - 1.0).collect()
+    };
+    let moves = times("move");
+    assert!(moves.len() > 150 && moves.iter().all(|t| (1.0..3.02).contains(t)), "{}", moves.len());
+    let ([grab, ..], [release]) = (&times("grab")[..], &times("release")[..]) else { panic!("a grab") };
+    assert!((grab - 1.0).abs() < 0.02 && (release - 3.0).abs() < 0.02, "{grab} {release}");
+    assert_eq!(times("place").len(), 2);
+    let factor: f64 = lines.iter().filter_map(|line| line["factor"].as_f64()).product();
+    assert!((factor - 2.0).abs() < 0.05, "half a second at 4 a second: {factor}");
+
+    std::fs::write(&hand, r#"{"gain":0}"#).unwrap();
+    let refused = run(&[&arguments[..], &["--hand", text(&hand)]].concat());
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("gain is 0, allowed: 0.05 to 20"), "{}", stderr(&refused));
+}

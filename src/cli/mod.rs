@@ -26,6 +26,7 @@ mod track;
 mod track_design;
 mod track_display;
 mod track_experiment;
+mod track_intents;
 mod track_publish;
 mod track_simulate;
 mod track_source;

@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::Context;
 
 use super::track_display::{Display, Sink};
+use super::track_intents::Intents;
 use super::track_publish::Publisher;
 use super::track_source::{Event, LiveOptions, Source};
 use super::{track_design, track_experiment, track_simulate, track_views};
@@ -33,7 +34,7 @@ On a terminal a table shows the newest; elsewhere, and with --json, each pose is
 
 Examples:
   relief track simulate --out rec.jsonl                     a hand that points at the recommended beacon
-  relief track --reports rec.jsonl --out poses.jsonl
+  relief track --reports rec.jsonl --out poses.jsonl --intents intents.jsonl
   relief track --reports hidraw --beacon beacon.toml --sensor camera.yaml --igtl 127.0.0.1:18944
   relief track experiment                                   the 2009 paper's experiment, simulated
   relief track beacon                                       the recommended beacon as a file";
@@ -66,6 +67,12 @@ struct FollowArguments {
     /// File of poses, JSON lines
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// File of what buttons and movements mean, JSON lines: the intents of a live session
+    #[arg(long, value_name = "FILE")]
+    intents: Option<PathBuf>,
+    /// How a hand's movements become intents: gain, dead zones, rates
+    #[arg(long, value_name = "HAND.json", requires = "intents")]
+    hand: Option<PathBuf>,
     /// Record the reports of a live source
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -228,14 +235,18 @@ fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
     let mut source = Source::open(reports, &live)?;
     let publisher = arguments.igtl.map(Publisher::start).transpose()?;
     let mut display = Display::new(Sink::choose(arguments.out.as_deref(), arguments.json)?);
+    let hand = arguments.hand.as_deref();
+    let mut intents = arguments.intents.as_deref().map(|path| Intents::create(path, hand)).transpose()?;
     let ahead_s = f64::from(arguments.predict_ms) * 1e-3;
     let mut failure = None;
     loop {
         match source.next() {
             Ok(Some(Event::Report(t_ns, report))) => {
+                intents.as_mut().map_or(Ok(()), |intents| intents.report(t_ns, &report))?;
                 let start = Instant::now();
                 let Some(sample) = tracker.push(t_ns, &report) else { continue };
                 let solve_us = start.elapsed().as_secs_f64() * 1e6;
+                intents.as_mut().map_or(Ok(()), |intents| intents.sample(&sample))?;
                 if let Some(publisher) = &publisher {
                     let pose =
                         if ahead_s > 0.0 { tracker.predicted(ahead_s).or(sample.pose) } else { sample.pose };
@@ -259,6 +270,7 @@ fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
         return Err(error);
     }
     source.finish()?;
+    intents.map_or(Ok(()), Intents::finish)?;
     display.finish(tracker.dropped())?;
     Ok(ExitCode::SUCCESS)
 }

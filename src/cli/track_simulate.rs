@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use super::output::{print_json, say, write_whole};
 use super::track::SceneArguments;
+use crate::tracking::report::Buttons;
 use crate::tracking::report::recording::recording_line;
 use crate::tracking::sensor::ThinLens;
-use crate::tracking::simulate::{Delivery, Hand, Hidden, Simulation, Survey};
+use crate::tracking::simulate::{Delivery, Hand, Hidden, Pressed, Simulation, Survey};
 
 /// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried without one.
 #[derive(Debug, clap::Args)]
@@ -17,7 +18,8 @@ make equal files.
 
 Examples:
   relief track simulate --out rec.jsonl --truth truth.jsonl
-  relief track simulate --distance-mm 2000 --mishaps --hide 0:2:3 --out rec.jsonl")]
+  relief track simulate --distance-mm 2000 --mishaps --hide 0:2:3 --out rec.jsonl
+  relief track simulate --press b:2:5 --press a:6:6.5 --out rec.jsonl")]
 pub(super) struct Arguments {
     /// File to make: reports as JSON lines
     #[arg(long, value_name = "FILE")]
@@ -42,6 +44,10 @@ pub(super) struct Arguments {
     /// Hide LED number N (from 0) from one second to another; may be given several times
     #[arg(long, value_name = "N:FROM:TO", value_parser = parse_hidden)]
     hide: Vec<Hidden>,
+    /// Hold a button from one second to another; may be given several times. left, right, up, down, plus, minus, one, two, a, b,
+    /// home
+    #[arg(long, value_name = "BUTTON:FROM:TO", value_parser = parse_pressed)]
+    press: Vec<Pressed>,
     /// A lens that is sharp at one distance alone: focal length, aperture and focused distance, mm. Elsewhere LEDs are larger
     /// blobs, that merge sooner
     #[arg(long, value_name = "FOCAL,APERTURE,FOCUS", value_parser = parse_lens)]
@@ -92,6 +98,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         simulation.sensing.lens = Some(lens_of(lens, simulation.camera.fx)?);
     }
     simulation.hidden.clone_from(&arguments.hide);
+    simulation.pressed.clone_from(&arguments.press);
     simulation.gyroscope = arguments.gyro;
     simulation.full = arguments.full;
     if arguments.mishaps {
@@ -141,15 +148,26 @@ fn lens_of([focal_mm, aperture_mm, focus_mm]: [f64; 3], focal_px: f64) -> anyhow
 }
 
 fn parse_hidden(text: &str) -> Result<Hidden, String> {
+    let expected = "expected N:FROM:TO with N from 0 to 5 and FROM before TO, in seconds, such as 0:2:3";
+    let (led, seconds) = parse_while(text).ok_or(expected)?;
+    let led = led.parse().ok().filter(|led| *led < crate::tracking::MAX_LEDS).ok_or(expected)?;
+    Ok(Hidden { led, seconds })
+}
+
+fn parse_pressed(text: &str) -> Result<Pressed, String> {
+    let names: Vec<&str> = Buttons::ALL.iter().map(|(_, name)| *name).collect();
+    let expected =
+        || format!("expected BUTTON:FROM:TO, such as b:2:5, with one of the buttons {}", names.join(", "));
+    let (name, seconds) = parse_while(text).ok_or_else(expected)?;
+    let button = Buttons::ALL.iter().find(|(_, known)| *known == name).ok_or_else(expected)?;
+    Ok(Pressed { buttons: button.0, seconds })
+}
+
+/// `WHAT:FROM:TO`, in seconds.
+fn parse_while(text: &str) -> Option<(&str, [f64; 2])> {
     let parts: Vec<&str> = text.split(':').collect();
-    let &[led, from, to] = parts.as_slice() else {
-        return Err("expected N:FROM:TO, such as 0:2:3".to_owned());
-    };
+    let &[what, from, to] = parts.as_slice() else { return None };
     let seconds = |text: &str| text.parse::<f64>().ok().filter(|s| s.is_finite());
-    match (led.parse(), seconds(from), seconds(to)) {
-        (Ok(led), Some(from), Some(to)) if from < to && led < crate::tracking::MAX_LEDS => {
-            Ok(Hidden { led, seconds: [from, to] })
-        }
-        _ => Err("expected N:FROM:TO with N from 0 to 5 and FROM before TO, in seconds".to_owned()),
-    }
+    let (from, to) = (seconds(from)?, seconds(to)?);
+    (from < to).then_some((what, [from, to]))
 }

@@ -313,3 +313,85 @@ fn one_of(intent: &'static str, keys: &'static str, given: &[bool]) -> Result<()
     let found = given.iter().filter(|given| **given).count();
     if found == 1 { Ok(()) } else { Err(IntentError::OneOf { intent, found, keys }) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every intent as clients write it, and back.
+    #[test]
+    fn intents_are_read_and_written_alike() {
+        for json in [
+            r#"{"intent":"orbit","azimuth_deg":5.0,"elevation_deg":-2.0}"#,
+            r#"{"intent":"turn","rotation_xyzw":[0.0,0.0,0.0,1.0]}"#,
+            r#"{"intent":"look","azimuth_deg":90.0,"elevation_deg":0.0}"#,
+            r#"{"intent":"look","azimuth_deg":90.0,"elevation_deg":0.0,"zoom":2.0,"vertical_fov_deg":0.0}"#,
+            r#"{"intent":"pan","right":0.1,"up":0.0}"#,
+            r#"{"intent":"zoom","factor":1.1}"#,
+            r#"{"intent":"grab","position_mm":[0.0,0.0,0.0],"orientation_xyzw":[0.0,0.0,0.0,1.0],"mode":"both","pivot":"cursor"}"#,
+            r#"{"intent":"move","position_mm":[1.0,0.0,0.0],"orientation_xyzw":[0.0,0.0,0.0,1.0]}"#,
+            r#"{"intent":"release"}"#,
+            r#"{"intent":"clip","by_mm":-5.0}"#,
+            r#"{"intent":"clip","to_mm":40.0}"#,
+            r#"{"intent":"preset","name":"bone"}"#,
+            r#"{"intent":"preset","step":-1}"#,
+            r#"{"intent":"cursor","at_px":[480.5,270.5]}"#,
+            r#"{"intent":"cursor","point_mm":[1.0,2.0,3.0]}"#,
+            r#"{"intent":"place","phase":"commit"}"#,
+            r#"{"intent":"undo"}"#,
+            r#"{"intent":"next_label"}"#,
+            r#"{"intent":"reset"}"#,
+        ] {
+            let intent = Intent::from_json(json.as_bytes()).expect(json);
+            assert_eq!(serde_json::to_string(&intent).unwrap(), json);
+        }
+    }
+
+    /// What is wrong is refused with its key, the value and what is allowed.
+    #[test]
+    fn what_is_wrong_is_named() {
+        for (json, says) in [
+            ("", "no intent: EOF"),
+            ("[1]", "expected an object with a key \"intent\""),
+            (r#"["zoom",2]"#, "expected an object with a key \"intent\""),
+            (r#"{"intent":0}"#, "expected an object with a key \"intent\""),
+            (r#"{"intent":"fly"}"#, "unknown variant `fly`, expected one of `orbit`"),
+            (r#"{"intent":"zoom"}"#, "missing field `factor`"),
+            (r#"{"intent":"zoom","factor":2,"fast":true}"#, "unknown field `fast`"),
+            (r#"{"intent":"undo","steps":2}"#, "unknown field `steps`"),
+            (r#"{"intent":"zoom","factor":1e999}"#, "number out of range"),
+            (r#"{"intent":"zoom","factor":0}"#, "factor is 0, allowed: 0.01 to 100"),
+            (r#"{"intent":"orbit","azimuth_deg":1e9}"#, "azimuth_deg is 1000000000, allowed: -3600 to 3600"),
+            (r#"{"intent":"pan","up":-11}"#, "up is -11, allowed: -10 to 10"),
+            (
+                r#"{"intent":"turn","rotation_xyzw":[0,0,0,2]}"#,
+                "rotation_xyzw is [0.0, 0.0, 0.0, 2.0], of length 2, allowed: a unit quaternion",
+            ),
+            (
+                r#"{"intent":"look","azimuth_deg":0,"elevation_deg":91}"#,
+                "elevation_deg is 91, allowed: -90 to 90",
+            ),
+            (
+                r#"{"intent":"look","azimuth_deg":0,"elevation_deg":0,"vertical_fov_deg":2}"#,
+                "vertical_fov_deg is 2, allowed: 5 to 150",
+            ),
+            (r#"{"intent":"clip"}"#, "clip has 0 of by_mm, to_mm, allowed: exactly one"),
+            (r#"{"intent":"clip","to_mm":-1}"#, "to_mm is -1, allowed: 0 to 20000"),
+            (
+                r#"{"intent":"preset","name":"a","step":1}"#,
+                "preset has 2 of name, step, allowed: exactly one",
+            ),
+            (r#"{"intent":"cursor"}"#, "cursor has 0 of at_px, at_view_mm, by_view_mm, point_mm"),
+            (
+                r#"{"intent":"cursor","point_mm":[0,0,2e6]}"#,
+                "point_mm is 2000000, allowed: -1000000 to 1000000",
+            ),
+            (r#"{"intent":"place","phase":"maybe"}"#, "unknown variant `maybe`, expected one of `preview`"),
+        ] {
+            let refused = Intent::from_json(json.as_bytes()).unwrap_err().to_string();
+            assert!(refused.contains(says), "{json}: {refused}");
+        }
+        let nan = Intent::Pan { right: f64::NAN, up: 0.0 };
+        assert_eq!(nan.validate().unwrap_err().to_string(), "right is NaN, allowed: -10 to 10");
+    }
+}

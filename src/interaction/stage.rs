@@ -143,3 +143,42 @@ impl Stage {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stage_without_views_is_refused() {
+        let home = |orbit, preset: Option<&str>| Home { orbit, preset: preset.map(str::to_owned) };
+        let make = |x, radius_mm, size_px, home| {
+            let presets = vec!["bone".to_owned(), "skin".to_owned()];
+            Stage::new(Point::new(x, 0.0, 0.0), radius_mm, size_px, presets, home)
+        };
+        let plain = || home(Home::ORBIT, Some("bone"));
+        make(0.0, 100.0, [960, 540], plain()).unwrap();
+        for (stage, says) in [
+            (make(f64::NAN, 100.0, [960, 540], plain()), "center is [NaN, 0.0, 0.0]"),
+            (make(0.0, 0.0, [960, 540], plain()), "radius is 0, allowed: 0.1 to 10000 mm"),
+            (make(0.0, 100.0, [960, 0], plain()), "size_px is [960, 0], allowed: at least 1 x 1"),
+            (make(0.0, 100.0, [960, 540], home(Orbit { zoom: 0.0, ..Home::ORBIT }, None)), "zoom is 0"),
+            (
+                make(0.0, 100.0, [960, 540], home(Home::ORBIT, Some("x"))),
+                "preset is \"x\", allowed: bone, skin",
+            ),
+        ] {
+            let refused = stage.unwrap_err().to_string();
+            assert!(refused.starts_with(says), "{refused}");
+        }
+    }
+
+    /// The sphere that orbits and depth limits use.
+    #[test]
+    fn the_stage_of_a_grid_is_its_sphere() {
+        let grid = Grid::axis_aligned([10, 20, 30], [1.0, 2.0, 3.0], [5.0, 6.0, 7.0]).unwrap();
+        let home = Home { orbit: Home::ORBIT, preset: None };
+        let stage = Stage::of_grid(&grid, [960, 540], Vec::new(), home).unwrap().resized([0, 100]);
+        assert_eq!((stage.center(), stage.radius_mm()), (grid.center(), grid.bounding_radius_mm()));
+        assert_eq!((stage.size_px(), stage.presets()), ([1, 100], &[][..]));
+    }
+}

@@ -86,6 +86,15 @@ pub struct Hidden {
     pub seconds: [f64; 2],
 }
 
+/// A button that is held for a while.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pressed {
+    /// Which, or several.
+    pub buttons: Buttons,
+    /// From when to when, seconds.
+    pub seconds: [f64; 2],
+}
+
 /// A recording to be made.
 #[derive(Clone, Debug)]
 pub struct Simulation {
@@ -99,6 +108,8 @@ pub struct Simulation {
     pub delivery: Delivery,
     /// LEDs that are hidden at times.
     pub hidden: Vec<Hidden>,
+    /// Buttons that are held at times.
+    pub pressed: Vec<Pressed>,
     /// Whether a MotionPlus is plugged in.
     pub gyroscope: bool,
     /// Whether blobs come in full, each picture in two reports; without a MotionPlus' rates then.
@@ -128,6 +139,7 @@ impl Simulation {
             sensing: Sensing::TYPICAL,
             delivery: Delivery::PERFECT,
             hidden: Vec::new(),
+            pressed: Vec::new(),
             gyroscope: false,
             full: false,
             seed,
@@ -200,6 +212,11 @@ impl Simulation {
         blobs.take(4).collect()
     }
 
+    fn buttons(&self, at: f64) -> Buttons {
+        let held = self.pressed.iter().filter(|p| (p.seconds[0]..p.seconds[1]).contains(&at));
+        held.fold(Buttons::default(), |all, pressed| all.with(pressed.buttons))
+    }
+
     fn blob(&self, pixel: Vector2<f64>, size: f64) -> Option<Blob> {
         let (width, height) = (f64::from(SENSOR_WIDTH), f64::from(SENSOR_HEIGHT));
         let (x, y) = (pixel.x.round(), height - 1.0 - pixel.y.round());
@@ -225,7 +242,7 @@ impl Simulation {
         let plain = |blob: Blob| if self.gyroscope { Blob::at(blob.x, blob.y) } else { blob };
         Report::Data(DataReport {
             layout,
-            buttons: Some(Buttons::default()),
+            buttons: Some(self.buttons(at)),
             acceleration: Some([x, y & !1, z & !1]),
             blobs: Some(blobs.map(|blob| blob.map(plain))),
             extension: self.gyroscope.then(|| Extension::new(&reading)),

@@ -7,7 +7,7 @@ use relief::space::{Patient, Point};
 use relief::tracking::Beacon;
 use relief::tracking::pose::SensorPose;
 use relief::tracking::report::{Buttons, Report};
-use relief::tracking::simulate::{Delivery, Hidden, Path, Simulated, Simulation};
+use relief::tracking::simulate::{Delivery, Hidden, Path, Pressed, Simulated, Simulation};
 use relief::tracking::tracker::{Options, Tracker, TrackingState};
 
 use super::{Session, assert_near, in_view};
@@ -342,17 +342,16 @@ impl Path for Twist {
 }
 
 /// Reports of the twist with B held from 1 to 3.5 s, after each the state of the view, and the truth.
-fn play(simulation: &Simulation) -> Vec<(f64, ViewState, SensorPose, TrackingState)> {
-    let mut remote = Remote::new(HandOptions::default());
+fn play(simulation: &Simulation, options: &HandOptions) -> Vec<(f64, ViewState, SensorPose, TrackingState)> {
+    let mut remote = Remote::new(options.clone());
     let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), Options::default());
     let mut states = Vec::new();
+    let mut simulation = simulation.clone();
+    simulation.pressed = vec![Pressed { buttons: Buttons::B, seconds: [1.0, 3.5] }];
     for Simulated { t_ns, report, truth } in simulation.record(&Twist, 6.0) {
-        let Report::Data(mut data) = report else { panic!("a data report") };
         let seconds = t_ns as f64 * 1e-9 - 1.0;
-        let pressed = (1.0..3.5).contains(&seconds);
-        data.buttons = Some(if pressed { Buttons::B } else { Buttons::default() });
         // As bytes, as they come from a remote.
-        let report = Report::decode(&Report::Data(data).encode()).unwrap();
+        let report = Report::decode(&report.encode()).unwrap();
         let intents = remote.gestures.hold(t_ns, report.buttons().unwrap());
         remote.take(t_ns, &intents);
         if let Some(sample) = tracker.push(t_ns, &report) {
@@ -367,33 +366,29 @@ fn orientation(state: &ViewState) -> DQuat {
     DQuat::from_array(state.record().orientation_xyzw)
 }
 
-/// From bytes to a view: the hand turns by 30 degrees with B held, and so does the view, about the axis of the hand.
+/// From bytes to a view: the hand turns by 30 degrees with B held, and so does the view, about the axis of the hand, within
+/// the noise of tracking and the dead zone.
 #[test]
 fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
-    let (mut worst_deg, mut worst_rest_deg) = (0f64, 0f64);
-    for seed in 0..5 {
-        let simulation =
-            Simulation { delivery: Delivery::RADIO, ..Simulation::new(Beacon::recommended(), seed) };
-        let states = play(&simulation);
-        let at = |when: f64| states.iter().find(|(seconds, ..)| *seconds >= when).unwrap();
-        let ([before, rest, after, end], [then, now]) = (
-            [0.9, 1.4, 3.3, 5.9].map(|when| orientation(&at(when).1)),
-            [1.4, 3.3].map(|when| at(when).2.orientation),
-        );
-        // view_from_patient is turned on its left by what the hand did.
-        let turned = after.inverse() * before;
-        let truth: UnitQuaternion<f64> = now * then.inverse();
-        let truth = DQuat::from_array(truth.coords.into());
-        assert!(
-            (turned.angle_between(DQuat::IDENTITY).to_degrees() - 30.0).abs() < 1.0,
-            "seed {seed}: {turned}"
-        );
-        worst_deg = worst_deg.max(turned.angle_between(truth).to_degrees());
-        worst_rest_deg = worst_rest_deg.max(rest.angle_between(before).to_degrees());
-        assert_eq!(end, orientation(&at(3.6).1), "what is released stays, wherever the hand goes");
+    for (options, within_deg) in [(exact(), 1.0), (HandOptions::default(), 1.8)] {
+        let mut worst_deg = 0f64;
+        for seed in 0..10 {
+            let simulation =
+                Simulation { delivery: Delivery::RADIO, ..Simulation::new(Beacon::recommended(), seed) };
+            let states = play(&simulation, &options);
+            let at = |when: f64| states.iter().find(|(seconds, ..)| *seconds >= when).unwrap();
+            let [before, after, end] = [0.9, 3.3, 5.9].map(|when| orientation(&at(when).1));
+            let [then, now] = [0.9, 3.3].map(|when| at(when).2.orientation);
+            // view_from_patient is turned on its left by what the hand did.
+            let turned = after.inverse() * before;
+            let truth: UnitQuaternion<f64> = now * then.inverse();
+            assert!((truth.angle().to_degrees() - 30.0).abs() < 1.0, "{truth}");
+            worst_deg =
+                worst_deg.max(turned.angle_between(DQuat::from_array(truth.coords.into())).to_degrees());
+            assert_eq!(end, orientation(&at(3.6).1), "what is released stays, wherever the hand goes");
+        }
+        assert!(worst_deg < within_deg, "{worst_deg} degrees from the truth");
     }
-    println!("turned within {worst_deg:.3} degrees of the truth; at rest within {worst_rest_deg:.3}");
-    assert!(worst_deg < 1.0 && worst_rest_deg < 1.0, "{worst_deg} {worst_rest_deg}");
 }
 
 /// All LEDs are hidden for half a second amid the turn: the view waits, and goes on from where it was.
@@ -401,7 +396,7 @@ fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
 fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
     let mut simulation = Simulation::new(Beacon::recommended(), 3);
     simulation.hidden = (0..4).map(|led| Hidden { led, seconds: [1.8, 2.2] }).collect();
-    let states = play(&simulation);
+    let states = play(&simulation, &HandOptions::default());
     let lost: Vec<_> = states.iter().filter(|(.., state)| *state != TrackingState::Tracking).collect();
     assert!(lost.len() > 20, "{}", lost.len());
     let frozen = orientation(&lost[0].1);
@@ -412,4 +407,41 @@ fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
     // What the hand did while it was not seen is not made up for.
     let turned = orientation(&states.last().unwrap().1).angle_between(orientation(&states[0].1)).to_degrees();
     assert!((8.0..26.0).contains(&turned), "{turned}");
+}
+
+/// What the documentation of the options says: errors of a pose turn about the beacon, so a tip there is steady.
+#[test]
+fn a_tip_at_the_beacon_is_ten_times_steadier() {
+    struct Rest;
+    impl Path for Rest {
+        fn at(&self, _: f64) -> SensorPose {
+            let target = Beacon::recommended().centroid();
+            let position = target + Vector3::new(100.0, 50.0, 1200.0);
+            SensorPose::looking_at(position, target, &Vector3::y(), 0.1).unwrap()
+        }
+    }
+    let spread = |tip_mm: f64| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for seed in 0..10 {
+            let options = HandOptions { tip_mm, tip_center_mm: Some([0.0; 3]), ..exact() };
+            let mut gestures = Gestures::new(options).unwrap();
+            let simulation = Simulation::new(Beacon::recommended(), seed);
+            let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), Options::default());
+            let truth = Rest.at(0.0);
+            let truth = truth.position + truth.orientation * Vector3::z() * tip_mm;
+            for Simulated { t_ns, report, .. } in simulation.record(&Rest, 2.0) {
+                let Some(sample) = tracker.push(t_ns, &report) else { continue };
+                for intent in gestures.track(&HandSample::from(&sample)) {
+                    let Intent::Cursor { at_view_mm: Some([x, y, _]), .. } = intent else {
+                        panic!("{intent:?}")
+                    };
+                    sum += (x - truth.x).powi(2) + (y - truth.y).powi(2);
+                    count += 1.0;
+                }
+            }
+        }
+        f64::sqrt(sum / count)
+    };
+    let (near, at_the_beacon) = (spread(150.0), spread(1200.0));
+    assert!((3.0..7.0).contains(&near) && at_the_beacon < 0.15 * near, "{near} {at_the_beacon}");
 }
