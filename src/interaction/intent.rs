@@ -295,7 +295,12 @@ fn all_within(field: &'static str, found: &[f64], range: &RangeInclusive<f64>) -
 
 /// A field of view, or 0 for a parallel projection.
 fn field_of_view(found: f64) -> Result<(), IntentError> {
-    if found == 0.0 { Ok(()) } else { within("vertical_fov_deg", found, &Orbit::FIELDS_OF_VIEW_DEG) }
+    if found == 0.0 || Orbit::FIELDS_OF_VIEW_DEG.contains(&found) {
+        return Ok(());
+    }
+    let (least, most) = (Orbit::FIELDS_OF_VIEW_DEG.start(), Orbit::FIELDS_OF_VIEW_DEG.end());
+    let allowed = format!("0 (parallel) or {least} to {most}");
+    Err(IntentError::Range { field: "vertical_fov_deg", found: found.to_string(), allowed })
 }
 
 /// The rotation of a unit quaternion, made of unit length exactly.
@@ -373,7 +378,7 @@ mod tests {
             ),
             (
                 r#"{"intent":"look","azimuth_deg":0,"elevation_deg":0,"vertical_fov_deg":2}"#,
-                "vertical_fov_deg is 2, allowed: 5 to 150",
+                "vertical_fov_deg is 2, allowed: 0 (parallel) or 5 to 150",
             ),
             (r#"{"intent":"clip"}"#, "clip has 0 of by_mm, to_mm, allowed: exactly one"),
             (r#"{"intent":"clip","to_mm":-1}"#, "to_mm is -1, allowed: 0 to 20000"),
