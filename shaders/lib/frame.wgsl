@@ -56,6 +56,8 @@ struct Frame {
     surface_count: u32,
     // HU/mm of a component of 1 of precomputed gradients.
     gradient_scale: f32,
+    // Where the middle of a perspective's picture is off the viewing axis, at 1 mm before the eye, mm; right and up.
+    lens_shift: vec2<f32>,
     // Isosurfaces, rising: the value that a ray has to pass (HU), four to a vector; colour and opacity of a crossing.
     surface_hu: array<vec4<f32>, 2>,
     surface_rgba: array<vec4<f32>, 8>,
@@ -100,7 +102,8 @@ fn sight_through(position: vec2<f32>) -> Sight {
     if frame.is_orthographic != 0u {
         return Sight(vec3<f32>(across, 0.0), vec3<f32>(0.0, 0.0, -1.0));
     }
-    return Sight(vec3<f32>(across * frame.near_mm, 0.0), normalize(vec3<f32>(across, -1.0)));
+    let beside = across + frame.lens_shift;
+    return Sight(vec3<f32>(beside * frame.near_mm, 0.0), normalize(vec3<f32>(beside, -1.0)));
 }
 
 fn ray_of_pixel(pixel: vec2<u32>) -> Ray {

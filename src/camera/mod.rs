@@ -36,6 +36,7 @@ pub struct Camera {
     look_at: Point<Patient>,
     up: Vector<Patient>,
     projection: Projection,
+    lens_shift: [f64; 2],
 }
 
 /// A camera that shows nothing.
@@ -61,6 +62,9 @@ pub enum CameraError {
     /// The height of an orthographic picture is not a usable length.
     #[error("orthographic height is {0} mm, allowed: 0.001 to 1000000")]
     Height(f64),
+    /// The middle of the picture is too far from the viewing axis, or there is no eye that it could be seen from.
+    #[error("lens_shift is {0:?}, allowed: -10 to 10 each way in a perspective, 0 in a parallel projection")]
+    LensShift([f64; 2]),
 }
 
 impl Camera {
@@ -96,7 +100,7 @@ impl Camera {
             Projection::Orthographic { height_mm } if !(1e-3..=1e6).contains(&height_mm) => {
                 Err(CameraError::Height(height_mm))
             }
-            _ => Ok(Self { eye, look_at, up, projection }),
+            _ => Ok(Self { eye, look_at, up, projection, lens_shift: [0.0; 2] }),
         }
     }
 
@@ -122,6 +126,40 @@ impl Camera {
     #[must_use]
     pub fn projection(&self) -> Projection {
         self.projection
+    }
+
+    /// This camera with the middle of its picture off the viewing axis: `[right, up]` in mm at 1 mm before the eye.
+    ///
+    /// The frustum becomes asymmetric and the picture's plane stays across the viewing direction, as behind a lens that
+    /// is shifted: whatever lies at one depth stays as it is but for its place.
+    ///
+    /// # Errors
+    /// When a part is not finite or beyond 10, or a parallel projection, which has no eye, is to be shifted.
+    pub fn with_lens_shift(self, lens_shift: [f64; 2]) -> Result<Self, CameraError> {
+        let parallel = matches!(self.projection, Projection::Orthographic { .. });
+        let far = |part: &f64| !(-10.0..=10.0).contains(part) || parallel && *part != 0.0;
+        if lens_shift.iter().any(far) {
+            return Err(CameraError::LensShift(lens_shift));
+        }
+        Ok(Self { lens_shift, ..self })
+    }
+
+    /// How far the middle of the picture is off the viewing axis: `[right, up]` in mm at 1 mm before the eye.
+    #[must_use]
+    pub fn lens_shift(&self) -> [f64; 2] {
+        self.lens_shift
+    }
+
+    /// This camera moved to its right by `right_mm`, looking in the same direction, with its lens shifted so that what is at
+    /// the view depth `converging_mm` stays where it is in the picture: one of the views of a 3D display.
+    ///
+    /// # Errors
+    /// As [`Camera::with_lens_shift`]: always in a parallel projection, whose eye is nowhere.
+    pub fn seen_from_beside(&self, right_mm: f64, converging_mm: f64) -> Result<Self, CameraError> {
+        let right = Vector::from_xyz(self.patient_from_view().linear().x_axis) * right_mm;
+        let [x, y] = self.lens_shift;
+        let moved = Self { eye: self.eye + right, look_at: self.look_at + right, ..*self };
+        moved.with_lens_shift([x - right_mm / converging_mm, y])
     }
 
     /// Distance from the eye to the focal point, mm.
@@ -178,8 +216,9 @@ impl Camera {
             Projection::Orthographic { .. } => 1.0,
         };
         let [half_x, half_y] = self.half_extent(size_px);
-        let u = (x / (scale * half_x) + 1.0) / 2.0 * f64::from(size_px[0]);
-        let v = (1.0 - y / (scale * half_y)) / 2.0 * f64::from(size_px[1]);
+        let [shift_x, shift_y] = self.lens_shift;
+        let u = ((x / scale - shift_x) / half_x + 1.0) / 2.0 * f64::from(size_px[0]);
+        let v = (1.0 - (y / scale - shift_y) / half_y) / 2.0 * f64::from(size_px[1]);
         Some((u, v, -z))
     }
 }
@@ -221,6 +260,42 @@ mod tests {
         ));
         let far = Point::new(f64::NAN, 0.0, 0.0);
         assert!(matches!(make(far, up, perspective(20.0)), Err(CameraError::Coordinate { .. })));
+    }
+
+    /// By similar triangles: an eye moved by t sees a point at depth d moved by t (1/c - 1/d) at 1 mm before it.
+    #[test]
+    fn a_camera_beside_sees_what_converges_in_place_and_the_rest_moved_by_its_depth() {
+        let (size, half_px) = ([200, 100], 50.0); // 90 degrees: half the height is 1 mm at 1 mm
+        for (t, depth, converging) in
+            [(3.0, 60.0, 100.0), (-8.0, 150.0, 100.0), (5.0, 100.0, 100.0), (2.0, 7.0, 40.0)]
+        {
+            let point = Point::new(4.0, depth - 100.0, -2.5);
+            let (u, v, _) = anterior().project(point, size).unwrap();
+            let beside = anterior().seen_from_beside(t, converging).unwrap();
+            let (moved_u, moved_v, seen_depth) = beside.project(point, size).unwrap();
+            let expected = u + half_px * t * (1.0 / converging - 1.0 / depth);
+            assert!((moved_u - expected).abs() < 1e-9, "{t} {depth}: {moved_u} for {expected}");
+            assert!((moved_v - v).abs() < 1e-9 && (seen_depth - depth).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_lens_shift_moves_the_picture_as_a_whole_and_parallel_cameras_have_none() {
+        let shifted = anterior().with_lens_shift([0.3, -0.2]).unwrap();
+        for point in [Point::new(10.0, -20.0, 5.0), Point::new(-30.0, 80.0, 0.0)] {
+            let (u, v, _) = anterior().project(point, [200, 100]).unwrap();
+            let (moved_u, moved_v, _) = shifted.project(point, [200, 100]).unwrap();
+            assert!((moved_u - u + 15.0).abs() < 1e-9 && (moved_v - v + 10.0).abs() < 1e-9);
+        }
+        let at = Point::new(0.0, 0.0, 0.0);
+        let parallel = Projection::Orthographic { height_mm: 10.0 };
+        let parallel = Camera::new(anterior().eye(), at, anterior().up(), parallel).unwrap();
+        assert_eq!(parallel.with_lens_shift([0.0; 2]), Ok(parallel));
+        for (camera, shift) in
+            [(parallel, [0.1, 0.0]), (anterior(), [f64::NAN, 0.0]), (anterior(), [0.0, 11.0])]
+        {
+            assert!(matches!(camera.with_lens_shift(shift), Err(CameraError::LensShift(_))), "{shift:?}");
+        }
     }
 
     #[test]

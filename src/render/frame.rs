@@ -61,8 +61,9 @@ impl RenderedFrame {
     pub fn pick(&self, pixel: [u32; 2]) -> Option<Point<Patient>> {
         let depth = self.depth_at(pixel);
         let [half_x, half_y] = self.camera.half_extent(self.size_px);
-        let x = ((f64::from(pixel[0]) + 0.5) / f64::from(self.size_px[0]) * 2.0 - 1.0) * half_x;
-        let y = (1.0 - (f64::from(pixel[1]) + 0.5) / f64::from(self.size_px[1]) * 2.0) * half_y;
+        let [shift_x, shift_y] = self.camera.lens_shift();
+        let x = ((f64::from(pixel[0]) + 0.5) / f64::from(self.size_px[0]) * 2.0 - 1.0) * half_x + shift_x;
+        let y = (1.0 - (f64::from(pixel[1]) + 0.5) / f64::from(self.size_px[1]) * 2.0) * half_y + shift_y;
         let depth_mm = f64::from(depth.0);
         let spread = match self.camera.projection() {
             crate::camera::Projection::Perspective { .. } => depth_mm,

@@ -50,7 +50,8 @@ pub(super) struct FrameUniform {
     units_per_sample: f32,
     surface_count: u32,
     gradient_scale: f32,
-    padding: [f32; 3],
+    padding: f32,
+    lens_shift: [f32; 2],
     surface_hu: [[f32; 4]; Surface::MOST / 4],
     surface_rgba: [[f32; 4]; Surface::MOST],
 }
@@ -114,7 +115,8 @@ impl FrameUniform {
             units_per_sample: (request.sample_distance_mm / request.transfer.opacity_unit_mm()) as f32,
             surface_count: request.surfaces.len() as u32,
             gradient_scale: appearance.gradient_scale,
-            padding: [0.0; 3],
+            padding: 0.0,
+            lens_shift: camera.lens_shift().map(|mm| mm as f32),
             surface_hu: surface_values(&request.surfaces),
             surface_rgba: surface_colors(&request.surfaces),
         }
@@ -241,6 +243,7 @@ mod tests {
             units_per_sample,
             surface_count,
             gradient_scale,
+            lens_shift,
             surface_hu,
             surface_rgba,
         );

@@ -13,7 +13,7 @@ pub(super) fn camera_json(camera: &Camera, size_px: [u32; 2], limits: DepthLimit
         }
         Projection::Orthographic { height_mm } => json!({ "orthographic": { "height_mm": height_mm } }),
     };
-    json!({
+    let mut written = json!({
         "camera": {
             "eye_mm": camera.eye().xyz.to_array(),
             "look_at_mm": camera.look_at().xyz.to_array(),
@@ -24,5 +24,9 @@ pub(super) fn camera_json(camera: &Camera, size_px: [u32; 2], limits: DepthLimit
         "edges": camera.edge_labels(),
         "near_mm": limits.near_mm,
         "far_mm": limits.far_mm,
-    })
+    });
+    if camera.lens_shift() != [0.0; 2] {
+        written["camera"]["lens_shift"] = json!(camera.lens_shift());
+    }
+    written
 }

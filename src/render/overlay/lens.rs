@@ -18,6 +18,8 @@ pub(super) struct Lens {
     view_from_patient: Transform<View, Patient>,
     pub(super) is_perspective: bool,
     half_extent: DVec2,
+    /// Middle of the picture at depth 1, mm; 0 in a parallel projection.
+    shift: DVec2,
     pub(super) size_px: DVec2,
     /// View depth of the focal point, mm.
     pub(super) focal_mm: f64,
@@ -29,6 +31,7 @@ impl Lens {
             view_from_patient: camera.view_from_patient(),
             is_perspective: matches!(camera.projection(), Projection::Perspective { .. }),
             half_extent: camera.half_extent(size_px).into(),
+            shift: camera.lens_shift().into(),
             size_px: DVec2::from(size_px.map(f64::from)),
             focal_mm: camera.distance_mm(),
         }
@@ -47,14 +50,14 @@ impl Lens {
 
     /// The pixel that shows a place before the near plane.
     pub(super) fn pixel(&self, place: DVec3) -> DVec2 {
-        let across = place.truncate() / self.spread(place.z) / self.half_extent;
+        let across = (place.truncate() / self.spread(place.z) - self.shift) / self.half_extent;
         (DVec2::new(across.x, -across.y) + 1.0) / 2.0 * self.size_px
     }
 
     /// What a pixel's ray has at depth 1 (perspective) or everywhere (parallel): x and y in mm.
     pub(super) fn across(&self, pixel: DVec2) -> DVec2 {
         let ndc = pixel / self.size_px * 2.0 - 1.0;
-        DVec2::new(ndc.x, -ndc.y) * self.half_extent
+        DVec2::new(ndc.x, -ndc.y) * self.half_extent + self.shift
     }
 
     /// Length of a pixel's side at a depth, mm.

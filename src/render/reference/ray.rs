@@ -58,7 +58,10 @@ impl<'a> Rays<'a> {
         let y = -((f64::from(row) + 0.5) / height * 2.0 - 1.0) * half_y;
         let (origin, direction) = match self.request.camera.projection() {
             Projection::Orthographic { .. } => (DVec3::new(x, y, 0.0), DVec3::NEG_Z),
-            Projection::Perspective { .. } => (DVec3::ZERO, DVec3::new(x, y, -1.0).normalize()),
+            Projection::Perspective { .. } => {
+                let [shift_x, shift_y] = self.request.camera.lens_shift();
+                (DVec3::ZERO, DVec3::new(x + shift_x, y + shift_y, -1.0).normalize())
+            }
         };
         let origin_voxel = self.voxel_from_view.transform_point3(origin);
         let step_voxel = self.voxel_from_view.transform_vector3(direction);

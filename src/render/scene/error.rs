@@ -53,6 +53,10 @@ impl From<CameraError> for RequestError {
             CameraError::Height(mm) => {
                 Self::new("camera.projection.orthographic.height_mm", mm, "0.001 to 1000000")
             }
+            CameraError::LensShift(shift) => {
+                let allowed = "-10 to 10 each way in a perspective, 0 in a parallel projection";
+                Self::new("camera.lens_shift", &format!("{shift:?}"), allowed)
+            }
         }
     }
 }

@@ -24,6 +24,8 @@ pub(super) struct CameraFile {
     #[serde(default = "head_up")]
     up: [f64; 3],
     projection: ProjectionFile,
+    #[serde(default)]
+    lens_shift: [f64; 2],
 }
 
 pub(super) fn head_up() -> [f64; 3] {
@@ -228,7 +230,8 @@ impl CameraFile {
         };
         let (eye, look_at) = (self.eye_mm.into(), self.look_at_mm.into());
         let up = Vector::from_xyz(self.up.into());
-        Camera::new(Point::from_xyz(eye), Point::from_xyz(look_at), up, projection)
+        let camera = Camera::new(Point::from_xyz(eye), Point::from_xyz(look_at), up, projection)?;
+        camera.with_lens_shift(self.lens_shift)
     }
 }
 

@@ -234,5 +234,8 @@ export function project(point, { camera, size_px: [width, height] }) {
     ? depth * Math.tan((perspective.vertical_fov_deg * Math.PI) / 360)
     : orthographic.height_mm / 2;
   if (half <= 0) return null;
-  return [0.5 + (dot(arm, right) / half) * (height / width) * 0.5, 0.5 - (dot(arm, up) / half) * 0.5];
+  // The picture's middle at this depth; only a perspective is ever shifted.
+  const [shiftX, shiftY] = (camera.lens_shift ?? [0, 0]).map((mm) => mm * depth);
+  const [x, y] = [dot(arm, right) - shiftX, dot(arm, up) - shiftY];
+  return [0.5 + (x / half) * (height / width) * 0.5, 0.5 - (y / half) * 0.5];
 }
