@@ -67,7 +67,7 @@ fn with_chunk(png: &[u8], name: &[u8; 4], data: &[u8]) -> Vec<u8> {
 
 #[test]
 fn whole_frames_have_their_layout_and_no_problem() {
-    for layout in Layout::ALL {
+    for layout in Layout::ALL.into_iter().filter(|layout| layout.view_count() == 0) {
         let report = inspect_png(&encode_png(&disc_of(layout)).unwrap()).unwrap();
         assert_eq!((report.layout, codes(&report)), (layout, vec![]), "{layout}");
         assert_eq!(report.header_hex.is_some(), layout.has_header(), "{layout}");

@@ -27,7 +27,7 @@ pub(super) fn run(path: &Path, json: bool) -> anyhow::Result<ExitCode> {
     Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn read_bounded(path: &Path) -> anyhow::Result<Vec<u8>> {
+pub(super) fn read_bounded(path: &Path) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
     ensure!(bytes.len() as u64 <= MAX_FILE_BYTES, "the file is larger than 1 GiB; frames are smaller");
@@ -66,6 +66,16 @@ fn readable(report: &FrameReport) -> String {
             ),
         );
     }
+    if let Some(views) = report.views {
+        let ([width, height], order) = (views.size_px, "the leftmost at the bottom left, rows upwards");
+        let place = match (report.layout, views.rows) {
+            (Layout::Anaglyph, _) => "mixed in every pixel: they cannot be taken apart".to_owned(),
+            (Layout::Wiggle, _) => "shown one after the other, to and fro".to_owned(),
+            (_, 1) => "beside each other, the leftmost on the left".to_owned(),
+            (_, rows) => format!("in {} columns and {rows} rows, {order}", views.columns),
+        };
+        line("views", format_args!("{} of {width}x{height} {place}", views.count));
+    }
     line("problems", format_args!("{}", problems(report)));
     text
 }
@@ -79,6 +89,10 @@ const fn description(layout: Layout) -> &'static str {
             "picture and depth on the even lines, what lies behind and its depth on the odd ones"
         }
         Layout::Rgbd => "picture and depth side by side, no header: WoWvx displays show it as plain 2D",
+        Layout::Stereo => "two views beside each other, for parallel viewing and stereo displays",
+        Layout::Views(_) => "a quilt of views",
+        Layout::Anaglyph => "two views in one picture, for red-cyan glasses",
+        Layout::Wiggle => "views one after the other, an animation",
         Layout::Color => "a plain picture, or no layout that is known",
         Layout::Depth16 => "depth alone in 16 bits, nearest brightest",
     }

@@ -12,6 +12,7 @@ use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
 
+use super::encode::written_layout;
 use super::header::{ContentType, ExtendedPart, HeaderPart, HeaderProblem, HeaderReading};
 use super::layout::{Frame, Layout, LayoutError, Pixels, depth_problems, odd_and_even_lines};
 use super::problem::FrameProblem;
@@ -52,6 +53,9 @@ pub struct FrameReport {
     pub extended_hex: Option<String>,
     /// Everything that is wrong, in the order of file, size, header, pixels.
     pub problems: Vec<FrameProblem>,
+    /// The views, for layouts of them; only files say that they are such.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub views: Option<ViewsReport>,
     /// What the depth of the frame spans; `None` where it carries none.
     #[serde(skip)]
     pub depth: Option<DepthExtent>,
@@ -64,6 +68,19 @@ pub struct Select {
     pub factor: bool,
     /// The offset.
     pub offset: bool,
+}
+
+/// Views that a file says it has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct ViewsReport {
+    /// How many.
+    pub count: u32,
+    /// Beside each other; 1 where all of them are in one place.
+    pub columns: u32,
+    /// Above each other.
+    pub rows: u32,
+    /// Width and height of each.
+    pub size_px: [u32; 2],
 }
 
 /// The values that occur in a frame's depth.
@@ -109,13 +126,22 @@ pub enum InspectError {
 /// # Errors
 /// When the file is not a whole PNG within the size limit. What is wrong with a readable one is in the report.
 pub fn inspect_png(file: &[u8]) -> Result<FrameReport, InspectError> {
+    Ok(read_png(file)?.1)
+}
+
+/// The pixels of a PNG file, and what [`inspect_png`] says of them.
+///
+/// # Errors
+/// As [`inspect_png`].
+pub fn read_png(file: &[u8]) -> Result<(Frame, FrameReport), InspectError> {
     let header = PngHeader::read(file)?;
     let mut problems = header.format_problems();
     problems.extend(color_chunks(file).map(FrameProblem::ColorChunk));
     let frame = to_frame(decode(file)?, &mut problems)?;
-    let mut report = inspect_frame(&frame);
+    let views = written_layout(file).and_then(|written| inspect_views(written, &frame));
+    let mut report = views.unwrap_or_else(|| inspect_frame(&frame));
     report.problems.splice(0..0, problems);
-    Ok(report)
+    Ok((frame, report))
 }
 
 /// Inspects the pixels of a frame.
@@ -131,6 +157,24 @@ pub fn inspect_frame(frame: &Frame) -> FrameReport {
     }
 }
 
+/// What a file says of its views; `None` where it has none, whatever it says.
+fn inspect_views((layout, pictures): (Layout, u32), frame: &Frame) -> Option<FrameReport> {
+    let frame_px = frame.size_px();
+    let (count, columns, rows) = match (layout, layout.view_grid()) {
+        (Layout::Wiggle, _) if pictures >= 2 => (pictures / 2 + 1, 1, 1),
+        (Layout::Anaglyph, _) => (2, 1, 1),
+        (_, Some(grid)) => (grid.count(), grid.columns(), grid.rows()),
+        _ => return None,
+    };
+    let [width, height] = frame_px;
+    let mut report = FrameReport::empty(layout, frame_px);
+    report.views = Some(ViewsReport { count, columns, rows, size_px: [width / columns, height / rows] });
+    if layout.view_grid().is_some() {
+        report.problems.extend(layout.decode(frame).err().unwrap_or_default());
+    }
+    Some(report)
+}
+
 impl FrameReport {
     fn empty(layout: Layout, frame_px: [u32; 2]) -> Self {
         Self {
@@ -143,6 +187,7 @@ impl FrameReport {
             select: None,
             extended_hex: None,
             problems: Vec::new(),
+            views: None,
             depth: None,
         }
     }

@@ -6,7 +6,7 @@
 //!
 //! The way of a frame: [`DisplaySettings`] (the request's JSON) becomes a [`FrameEncoder`], which says at which size
 //! to render, filters the depth ([`DepthFilter`]) and packs a [`Picture`] into a [`Frame`]; [`encode_png`] makes a file of it, [`inspect_png`] says what
-//! is in one. Depth comes in as view depth in mm, is scaled to Z between [`crate::units::DepthLimits`], and leaves as
+//! is in one. Layouts of views show without such a display what one would. Depth comes in as view depth in mm, is scaled to Z between [`crate::units::DepthLimits`], and leaves as
 //! disparity bytes D (255 nearest) or as 16-bit Z.
 
 mod encode;
@@ -17,15 +17,17 @@ mod layout;
 mod problem;
 mod profile;
 mod settings;
+mod views;
 
 pub use encode::{
-    Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, encode_exr,
-    encode_jpeg, encode_png,
+    Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, decode_wiggle,
+    encode_exr, encode_jpeg, encode_png, encode_views,
 };
 pub use filter::DepthFilter;
 pub use header::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
 pub use inspect::{
-    DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, inspect_frame, inspect_png,
+    DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, ViewsReport, inspect_frame,
+    inspect_png, read_png,
 };
 pub use layout::{
     DecodedDepth, DecodedFrame, DecodedLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels,
@@ -34,3 +36,4 @@ pub use layout::{
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 pub use settings::{DisplaySettings, ProfileSetting, SettingsError};
+pub use views::{MAX_VIEWS, Parallax, TrueViews, ViewGrid, Views, anaglyph, eyes, psnr_db, synthesize};

@@ -61,6 +61,9 @@ pub enum FrameProblem {
         /// How many pixels.
         pixels: usize,
     },
+    /// Views that are there and cannot be had.
+    #[error("{0}: they cannot be taken apart")]
+    Inseparable(&'static str),
     /// A PNG chunk that asks viewers to change the pixel values.
     #[error("the file has a {0} chunk: viewers that follow it alter the header's bits and the depth")]
     ColorChunk(&'static str),
@@ -84,6 +87,7 @@ impl FrameProblem {
             Self::DepthNotGrey { .. } => "depth-not-grey",
             Self::PixelFormat { .. } => "pixel-format",
             Self::Transparent { .. } => "transparent",
+            Self::Inseparable(_) => "inseparable",
             Self::ColorChunk(_) => "color-chunk",
         }
     }
@@ -108,6 +112,7 @@ impl FrameProblem {
             Self::DepthNotGrey { .. } => {
                 "store the depth half losslessly with R = G = B, without chroma subsampling"
             }
+            Self::Inseparable(_) => "write layout stereo or views-N, whose views come back",
             Self::PixelFormat { .. } => "write an 8-bit RGB PNG",
             Self::Transparent { .. } => "write an 8-bit RGB PNG without alpha",
             Self::ColorChunk(_) => "write the PNG without gAMA, cHRM, iCCP, sRGB and cICP chunks",

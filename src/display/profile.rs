@@ -12,6 +12,9 @@ use crate::units::{Disparity, ScaledDepth};
 /// The disparity of the display plane where only the viewing distance is given.
 const SCREEN_DISPARITY: f64 = 127.5;
 
+/// Diagonal of a display that is not known by name.
+const USUAL_INCHES: f64 = 42.0;
+
 /// Viewing distances in depth ranges that a display may have; the 20" and 42" models have 6.2 and 7.7.
 pub(super) const VZ_RANGE: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
@@ -21,6 +24,7 @@ pub struct DisplayProfile {
     frame_px: [u32; 2],
     sub_image_px: [u32; 2],
     constants: DisparityConstants,
+    diagonal_inches: f64,
 }
 
 /// The constants of `D(Z) = M (1 - vz / (Z - Zd + vz)) + C`.
@@ -167,7 +171,7 @@ impl DisplayProfile {
                 return Err(ProfileError::Size { what, size_px });
             }
         }
-        Ok(Self { frame_px, sub_image_px, constants: constants.checked()? })
+        Ok(Self { frame_px, sub_image_px, constants: constants.checked()?, diagonal_inches: USUAL_INCHES })
     }
 
     /// The profile of a display known by name.
@@ -182,7 +186,18 @@ impl DisplayProfile {
             ProfileName::Philips42 => DisparityConstants::PHILIPS_42,
             ProfileName::Dimenco4k => DisparityConstants::family(DisparityConstants::PHILIPS_42.vz),
         };
-        Self { frame_px, sub_image_px, constants }
+        let diagonal_inches = match name {
+            ProfileName::Philips20 => 20.0,
+            ProfileName::Philips42 => USUAL_INCHES,
+            ProfileName::Dimenco4k => 65.0,
+        };
+        Self { frame_px, sub_image_px, constants, diagonal_inches }
+    }
+
+    /// Width of the screen, 16:9, mm. That of 42" where the display is not known by name.
+    #[must_use]
+    pub fn screen_width_mm(&self) -> f64 {
+        self.diagonal_inches * 25.4 * 16.0 / 16f64.hypot(9.0)
     }
 
     /// Width and height of the frame that the display takes, pixels.

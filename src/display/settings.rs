@@ -12,6 +12,9 @@ use super::layout::{FrameEncoder, Layout, LayoutError};
 use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName, VZ_RANGE};
 use crate::units::DepthLimits;
 
+/// Eye separations between the outermost views: none, or more than any display's cone has.
+const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=16.0;
+
 /// How a picture becomes a frame. Every key has a default; unknown keys are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -29,6 +32,8 @@ pub struct DisplaySettings {
     /// Disparity on the screen plane, 0..=255. Any value but 128 also sets the header's offset-select bit.
     #[serde(deserialize_with = "byte")]
     pub offset: u8,
+    /// Eye separations between the outermost views of layouts of views, 0 to 16; `null` is 1 for two views and 2 for more.
+    pub view_span: Option<f64>,
     /// What is done to depth before it becomes Z or D. Picks and depth in mm are never filtered.
     pub depth_filter: DepthFilter,
     /// View depth that becomes Z = 0, mm; `null` takes the caller's, which belongs to the volume.
@@ -74,6 +79,7 @@ impl Default for DisplaySettings {
             content,
             factor,
             offset,
+            view_span: None,
             depth_filter: DepthFilter::default(),
             near_mm: None,
             far_mm: None,
@@ -94,6 +100,10 @@ impl DisplaySettings {
         }
         if let (Some(near), Some(far)) = (self.near_mm, self.far_mm) {
             checked_limits(near, far)?;
+        }
+        if let Some(span) = self.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
+            let allowed = format!("{} to {} eye separations, or null", VIEW_SPANS.start(), VIEW_SPANS.end());
+            return Err(refusal("display.view_span", &span, &allowed));
         }
         self.encoder().map(|_| ())
     }
@@ -138,21 +148,23 @@ impl DisplaySettings {
     /// When the profile is out of range or does not fit the layout.
     pub fn encoder(&self) -> Result<FrameEncoder, SettingsError> {
         let encoder = FrameEncoder::new(self.layout, self.profile()?, self.header());
-        encoder.map(|encoder| encoder.with_depth_filter(self.depth_filter)).map_err(|error| match error {
-            LayoutError::Profile { remedy, frame_px: [w, h], .. } => {
-                let value = format!("for frames of {w}x{h}");
-                SettingsError {
-                    path: "display.profile",
-                    value,
-                    allowed: format!("for {}: {remedy}", self.layout),
+        encoder
+            .map(|encoder| encoder.with_depth_filter(self.depth_filter).with_view_span(self.view_span))
+            .map_err(|error| match error {
+                LayoutError::Profile { remedy, frame_px: [w, h], .. } => {
+                    let value = format!("for frames of {w}x{h}");
+                    SettingsError {
+                        path: "display.profile",
+                        value,
+                        allowed: format!("for {}: {remedy}", self.layout),
+                    }
                 }
-            }
-            other => SettingsError {
-                path: "display.layout",
-                value: self.layout.to_string(),
-                allowed: format!("layouts that fit the profile ({other})"),
-            },
-        })
+                other => SettingsError {
+                    path: "display.layout",
+                    value: self.layout.to_string(),
+                    allowed: format!("layouts that fit the profile ({other})"),
+                },
+            })
     }
 
     /// The limits between which depth is scaled: the request's, and the volume's where the request has `null`.

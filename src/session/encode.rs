@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use crate::camera::{Camera, Projection};
 use crate::display::{
     CameraMatrices, DepthImage, DisplaySettings, EncodeError, FrameEncoder, Layout, LayoutError, Picture,
-    SettingsError, encode_exr, encode_jpeg, encode_png,
+    SettingsError, encode_exr, encode_jpeg, encode_png, encode_views,
 };
 use crate::render::RenderedFrame;
 use crate::units::DepthLimits;
@@ -107,6 +107,9 @@ fn png(frame: &RenderedFrame, encoder: &FrameEncoder, limits: DepthLimits) -> Re
     if let Some(back) = &frame.back {
         picture = picture.with_back(&back.color_rgba, &back.depth_mm)?;
     }
+    if encoder.layout().view_count() > 0 {
+        return Ok(encode_views(encoder.layout(), &encoder.views(&picture, limits)?)?);
+    }
     Ok(encode_png(&encoder.encode(&picture, limits)?)?)
 }
 
@@ -134,12 +137,13 @@ fn exr(
 fn ndc_from_view(camera: &Camera, size_px: [u32; 2]) -> glam::DMat4 {
     use glam::{DMat4, DVec4};
     let [x, y] = camera.half_extent(size_px).map(|half| 0.5 / half);
+    let [shift_x, shift_y] = camera.lens_shift();
     match camera.projection() {
         // Depth along -z is w, so that the middle, 0.5 of it, comes from z.
         Projection::Perspective { .. } => DMat4::from_cols(
             DVec4::new(x, 0.0, 0.0, 0.0),
             DVec4::new(0.0, -y, 0.0, 0.0),
-            DVec4::new(-0.5, -0.5, -1.0, -1.0),
+            DVec4::new(x * shift_x - 0.5, -y * shift_y - 0.5, -1.0, -1.0),
             DVec4::ZERO,
         ),
         Projection::Orthographic { .. } => DMat4::from_cols(
@@ -180,7 +184,9 @@ mod tests {
         for vertical_fov_deg in [30.0, 0.0] {
             let orbit =
                 Orbit { azimuth_deg: 25.0, elevation_deg: 10.0, vertical_fov_deg, ..Orbit::default() };
-            let camera = orbit.camera(Point::new(1.0, 2.0, 3.0), 50.0).unwrap();
+            let shift = if vertical_fov_deg > 0.0 { [0.2, -0.1] } else { [0.0; 2] };
+            let camera =
+                orbit.camera(Point::new(1.0, 2.0, 3.0), 50.0).unwrap().with_lens_shift(shift).unwrap();
             let point = Point::new(12.0, -7.0, 30.0);
             let ndc = ndc_from_view(&camera, size).project_point3((camera.view_from_patient() * point).xyz);
             let (u, v, _) = camera.project(point, size).unwrap();

@@ -1,16 +1,19 @@
-//! Files in memory: PNG for frames, JPEG for the picture alone, OpenEXR for depth in mm.
+//! Files in memory: PNG for frames and views, JPEG for the picture alone, OpenEXR for depth in mm.
 //!
 //! What it is: encoders to `Vec<u8>`; the same input gives the same bytes. What it is not: the writing of files;
 //! that is the caller's.
 
 mod exr;
+mod views;
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
-use super::layout::{Frame, Pixels};
+use super::layout::{Frame, LayoutError, Pixels};
 
 pub use exr::{Attribute, CameraMatrices, DecodedDepthImage, DepthImage, decode_exr, encode_exr};
+pub(super) use views::written_layout;
+pub use views::{decode_wiggle, encode_views};
 
 /// A picture that could not be made into a file.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +21,20 @@ pub enum EncodeError {
     /// The PNG encoder failed.
     #[error("cannot encode a PNG")]
     Png(#[source] image::ImageError),
+    /// The encoder of views failed.
+    #[error("cannot encode a PNG of views")]
+    Views(#[from] png::EncodingError),
+    /// An animation that cannot be read.
+    #[error("the animated PNG is damaged or cut")]
+    Animation(#[from] png::DecodingError),
+    /// An animation of another kind, or none.
+    #[error(
+        "the PNG is no wiggle: it has to be an animation of whole 8-bit RGB pictures that goes to and fro"
+    )]
+    NoWiggle,
+    /// The views do not fit their layout.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
     /// The JPEG encoder failed.
     #[error("cannot encode a JPEG")]
     Jpeg(#[source] jpeg_encoder::EncodingError),

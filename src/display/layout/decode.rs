@@ -3,6 +3,7 @@
 use super::{Frame, Layout, Pixels};
 use crate::display::header::{Header, HeaderReading};
 use crate::display::problem::FrameProblem;
+use crate::display::views::{ViewGrid, Views};
 
 /// What was in a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,6 +19,8 @@ pub struct DecodedFrame {
     pub depth: DecodedDepth,
     /// What lies behind the first layer, for layouts that carry it.
     pub back: Option<DecodedLayer>,
+    /// The views, for layouts of them: `color` is empty then, `size_px` that of each.
+    pub views: Option<Views>,
 }
 
 /// A second picture in a frame.
@@ -40,6 +43,21 @@ pub enum DecodedDepth {
     Scaled16(Vec<u16>),
 }
 
+impl DecodedFrame {
+    /// The picture with its disparity, and what lies behind it; `None` for layouts without disparity.
+    ///
+    /// What a header took of the picture, the top bit of blue at every other pixel of line 0, is that of the pixel to the right.
+    #[must_use]
+    pub fn into_layers(mut self) -> Option<(DecodedLayer, Option<DecodedLayer>)> {
+        let DecodedDepth::Disparity(disparity) = self.depth else { return None };
+        let taken = self.header.map_or(0, |header| header.width_px() as usize);
+        for pixel in (0..taken.min(self.color.len().saturating_sub(1))).step_by(2) {
+            self.color[pixel][2] = self.color[pixel][2] & 0x7F | self.color[pixel + 1][2] & 0x80;
+        }
+        Some((DecodedLayer { color: self.color, disparity }, self.back))
+    }
+}
+
 impl Layout {
     /// Takes a frame of this layout apart.
     ///
@@ -53,6 +71,7 @@ impl Layout {
                 color: Vec::new(),
                 depth: DecodedDepth::Scaled16(samples.clone()),
                 back: None,
+                views: None,
             }),
             (Self::Depth16, Pixels::Rgb8(_)) => {
                 Err(vec![FrameProblem::PixelFormat { found: "8-bit RGB", expected: "16-bit grey" }])
@@ -66,7 +85,17 @@ impl Layout {
                 color: rgb_pixels(samples).collect(),
                 depth: DecodedDepth::None,
                 back: None,
+                views: None,
             }),
+            (Self::Anaglyph, Pixels::Rgb8(_)) => {
+                Err(vec![FrameProblem::Inseparable("an anaglyph mixes both views in every pixel")])
+            }
+            (Self::Wiggle, Pixels::Rgb8(_)) => {
+                Err(vec![FrameProblem::Inseparable("the views of a wiggle are the pictures of an animation")])
+            }
+            (Self::Stereo | Self::Views(_), Pixels::Rgb8(samples)) => {
+                decode_views(self, frame.size_px(), samples).map_err(|problem| vec![problem])
+            }
             (_, Pixels::Rgb8(samples)) => decode_halves(self, frame.size_px(), samples),
         }
     }
@@ -105,7 +134,35 @@ fn decode_halves(
         _ => (unpacked(lines().step_by(layout.line_step())), None),
     };
     let depth = DecodedDepth::Disparity(front.disparity);
-    Ok(DecodedFrame { size_px, header, color: front.color, depth, back })
+    Ok(DecodedFrame { size_px, header, color: front.color, depth, back, views: None })
+}
+
+/// The views of a quilt.
+fn decode_views(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Result<DecodedFrame, FrameProblem> {
+    let refused =
+        || FrameProblem::FrameSize { found_px: frame_px, expected: "a whole number of pixels for each view" };
+    let grid = layout.view_grid().unwrap_or(ViewGrid::NINE);
+    let [width, height] = frame_px;
+    if width % grid.columns() != 0 || height % grid.rows() != 0 {
+        return Err(refused());
+    }
+    let size_px = [width / grid.columns(), height / grid.rows()];
+    let line = 3 * size_px[0] as usize;
+    let pictures = (0..grid.count()).map(|view| {
+        let [column, row] = grid.place(view);
+        let lines = samples.chunks_exact(3 * width as usize);
+        let lines = lines.skip((row * size_px[1]) as usize).take(size_px[1] as usize);
+        lines.flat_map(|whole| rgb_pixels(&whole[column as usize * line..][..line])).collect()
+    });
+    let views = Views::new(size_px, pictures.collect()).map_err(|_| refused())?;
+    Ok(DecodedFrame {
+        size_px,
+        header: None,
+        color: Vec::new(),
+        depth: DecodedDepth::None,
+        back: None,
+        views: Some(views),
+    })
 }
 
 /// The picture in the left half of some lines and its disparity in the right one.

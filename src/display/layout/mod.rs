@@ -11,6 +11,10 @@
 //! | `declipse` | four quadrants: picture and disparity above, the same of what lies behind below; header on line 0 |
 //! | `declipse-lines` | picture and disparity on the even lines, the same of what lies behind on the odd ones |
 //! | `rgbd` | picture and disparity side by side, no header, any size |
+//! | `stereo` | two views beside each other, the left one on the left |
+//! | `views-N`, `views-CxR` | a quilt of N views in C columns and R rows: the leftmost at the bottom left, rows upwards |
+//! | `anaglyph` | two views in one picture, for red-cyan glasses |
+//! | `wiggle` | nine views one after the other, to and fro: an animated PNG, no frame |
 //! | `color` | the picture alone |
 //! | `depth16` | Z alone in 16 bits of grey, 65535 nearest, 0 farthest |
 
@@ -18,11 +22,13 @@ mod decode;
 mod frame;
 mod pack;
 
+use std::borrow::Cow;
 use std::str::FromStr;
 
 use super::filter::DepthFilter;
 use super::header::{ExtendedPart, Header};
 use super::profile::DisplayProfile;
+use super::views::{self, MAX_VIEWS, Parallax, ViewGrid, Views, eyes, synthesize};
 use crate::units::DepthLimits;
 
 pub use decode::{DecodedDepth, DecodedFrame, DecodedLayer};
@@ -32,8 +38,12 @@ pub use frame::{Frame, Picture, Pixels};
 /// The frame that 4K displays take, pixels.
 const FRAME_4K_PX: [u32; 2] = [3840, 2160];
 
-/// Layouts that are part of the design and not of this version.
-const LATER: [&str; 2] = ["stereo", "views-N"];
+/// Eye separations between the outermost views where nothing is said: of a pair of eyes, and of the cone of views that a
+/// display has for more than one place.
+const USUAL_SPANS: [f64; 2] = [1.0, 2.0];
+
+/// Views of a wiggle.
+const WIGGLE_VIEWS: usize = 9;
 
 /// How a picture and its depth are placed in a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,6 +61,14 @@ pub enum Layout {
     DeclipseLines,
     /// `rgbd`: picture and disparity side by side without header, of any size.
     Rgbd,
+    /// `stereo`: two views beside each other, of any size.
+    Stereo,
+    /// `views-9` and others: a quilt of views, of any size.
+    Views(ViewGrid),
+    /// `anaglyph`: two views in one picture for red-cyan glasses, of any size.
+    Anaglyph,
+    /// `wiggle`: views one after the other, of any size.
+    Wiggle,
     /// `color`: the picture alone, of any size.
     Color,
     /// `depth16`: Z alone as 16-bit grey, nearest brightest, of any size.
@@ -119,6 +137,27 @@ pub enum LayoutError {
         /// Values for this size.
         expected: usize,
     },
+    /// More pixels than anybody wants.
+    #[error(
+        "{count} views of {}x{}; allowed: 1 to 128 views, 67108864 pixels in all", size_px[0], size_px[1]
+    )]
+    ViewPixels {
+        /// How many views.
+        count: usize,
+        /// The size of each.
+        size_px: [u32; 2],
+    },
+    /// Views that are not as many as the layout has.
+    #[error("layout {layout} has {} views, found {found}", layout.view_count())]
+    ViewCount {
+        /// The layout.
+        layout: Layout,
+        /// How many there are.
+        found: usize,
+    },
+    /// An animation is no frame.
+    #[error("layout wiggle is an animation: write its views to a file, not to a frame")]
+    Animation,
     /// A side of 0 or above the limit.
     #[error("{what} is {}x{}; allowed: 1 to 16384 pixels each way", size_px[0], size_px[1])]
     Size {
@@ -137,34 +176,95 @@ pub struct FrameEncoder {
     profile: DisplayProfile,
     header: Header,
     filter: DepthFilter,
+    view_span: Option<f64>,
 }
 
 impl Layout {
-    /// All layouts of this version.
-    pub const ALL: [Self; 8] = [
+    /// All layouts; of quilts the one of nine views.
+    pub const ALL: [Self; 12] = [
         Self::Wowvx,
         Self::WowvxFullHeight,
         Self::Wowvx4k,
         Self::Declipse,
         Self::DeclipseLines,
         Self::Rgbd,
+        Self::Stereo,
+        Self::Views(ViewGrid::NINE),
+        Self::Anaglyph,
+        Self::Wiggle,
         Self::Color,
         Self::Depth16,
     ];
 
     /// The name in requests and on the command line.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
+    pub fn name(self) -> Cow<'static, str> {
+        Cow::Borrowed(match self {
+            Self::Views(grid) => return Cow::Owned(format!("views-{grid}")),
             Self::Wowvx => "wowvx",
             Self::WowvxFullHeight => "wowvx-full-height",
             Self::Wowvx4k => "wowvx-4k",
             Self::Declipse => "declipse",
             Self::DeclipseLines => "declipse-lines",
             Self::Rgbd => "rgbd",
+            Self::Stereo => "stereo",
+            Self::Anaglyph => "anaglyph",
+            Self::Wiggle => "wiggle",
             Self::Color => "color",
             Self::Depth16 => "depth16",
+        })
+    }
+
+    /// How many views a picture is made into; 0 for layouts that carry the picture itself.
+    #[must_use]
+    pub const fn view_count(self) -> usize {
+        match self {
+            Self::Stereo | Self::Anaglyph => 2,
+            Self::Views(grid) => grid.count() as usize,
+            Self::Wiggle => WIGGLE_VIEWS,
+            _ => 0,
         }
+    }
+
+    /// The eyes of its views, with `span` eye separations between the first and the last; `None` takes 1 for two views and 2
+    /// for more.
+    #[must_use]
+    pub fn eyes(self, span: Option<f64>) -> Vec<f64> {
+        eyes(self.view_count(), span.unwrap_or(USUAL_SPANS[usize::from(self.view_count() > 2)]))
+    }
+
+    /// How the views lie in a frame.
+    pub(super) const fn view_grid(self) -> Option<ViewGrid> {
+        match self {
+            Self::Stereo => Some(ViewGrid::PAIR),
+            Self::Views(grid) => Some(grid),
+            _ => None,
+        }
+    }
+
+    /// Whether a picture of this size can be made into this layout, for those that take any: before it is rendered.
+    ///
+    /// # Errors
+    /// When its views would have too many pixels, or their frame too long a side.
+    pub fn check_size(self, size_px: [u32; 2]) -> Result<(), LayoutError> {
+        if self.view_count() == 0 {
+            return Ok(());
+        }
+        views::check_size(size_px, self.view_count())?;
+        let sides = self.view_grid().map_or([1, 1], |grid| [grid.columns(), grid.rows()]);
+        let frame_px = [0, 1].map(|side| size_px[side].saturating_mul(sides[side]));
+        if frame_px.iter().any(|side| *side > super::MAX_FRAME_SIDE_PX) {
+            return Err(LayoutError::Size { what: "a quilt", size_px: frame_px });
+        }
+        Ok(())
+    }
+
+    /// Views in this layout.
+    ///
+    /// # Errors
+    /// When they are not as many as the layout has, the frame is too large, or the layout is an animation.
+    pub fn frame_of_views(self, views: &Views) -> Result<Frame, LayoutError> {
+        pack::pack_views(self, views)
     }
 
     /// Whether frames carry a header on line 0.
@@ -180,8 +280,8 @@ impl Layout {
     }
 
     /// Whether frames carry the picture on the left and its disparity on the right.
-    const fn has_halves(self) -> bool {
-        !matches!(self, Self::Color | Self::Depth16)
+    pub(super) const fn has_halves(self) -> bool {
+        self.view_count() == 0 && !matches!(self, Self::Color | Self::Depth16)
     }
 
     /// Frame lines from one line of the picture to the next.
@@ -196,7 +296,7 @@ impl Layout {
         match self {
             Self::Wowvx | Self::Declipse | Self::DeclipseLines => Some([width / 2, height / 2]),
             Self::WowvxFullHeight | Self::Wowvx4k => Some([width / 2, height]),
-            Self::Rgbd | Self::Color | Self::Depth16 => None,
+            _ => None,
         }
     }
 
@@ -230,7 +330,7 @@ impl Layout {
 
 impl std::fmt::Display for Layout {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.pad(self.name())
+        f.pad(&self.name())
     }
 }
 
@@ -238,6 +338,9 @@ impl FromStr for Layout {
     type Err = UnknownLayout;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {
+        if let Some(views) = name.strip_prefix("views-") {
+            return views.parse().map(Self::Views).map_err(|()| unknown_layout(name));
+        }
         Self::ALL.into_iter().find(|layout| layout.name() == name).ok_or_else(|| unknown_layout(name))
     }
 }
@@ -245,17 +348,19 @@ impl FromStr for Layout {
 /// The message for a name that is no layout, shortened should somebody send a book.
 fn unknown_layout(name: &str) -> UnknownLayout {
     let names = Layout::ALL.map(Layout::name).join(", ");
-    let views = name.strip_prefix("views-").is_some_and(|count| count.bytes().all(|c| c.is_ascii_digit()));
-    if LATER.contains(&name) || views {
-        return UnknownLayout(format!("layout {name} is not in this version; available: {names}"));
-    }
     let shown: String = name.chars().take(40).collect();
+    if name.starts_with("views-") {
+        let allowed = format!(
+            "views-N or views-COLUMNSxROWS with 2 to {MAX_VIEWS} views, such as views-9 or views-9x1"
+        );
+        return UnknownLayout(format!("no layout {shown:?}; allowed: {allowed}"));
+    }
     UnknownLayout(format!("no layout {shown:?}; available: {names}"))
 }
 
 impl serde::Serialize for Layout {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
+        serializer.serialize_str(&self.name())
     }
 }
 
@@ -280,13 +385,31 @@ impl FrameEncoder {
         if layout.has_header() && half_px < header.width_px() {
             return Err(LayoutError::HeaderWidth { needed_px: header.width_px(), half_px });
         }
-        Ok(Self { layout, profile, header, filter: DepthFilter::None })
+        Ok(Self { layout, profile, header, filter: DepthFilter::None, view_span: None })
     }
 
     /// The same encoder with a filter for the depth of its pictures.
     #[must_use]
     pub const fn with_depth_filter(self, filter: DepthFilter) -> Self {
         Self { filter, ..self }
+    }
+
+    /// The same encoder with this many eye separations between the outermost views; `None` is what the layout usually has.
+    #[must_use]
+    pub const fn with_view_span(self, view_span: Option<f64>) -> Self {
+        Self { view_span, ..self }
+    }
+
+    /// The eyes of the layout's views; none for other layouts.
+    #[must_use]
+    pub fn eyes(&self) -> Vec<f64> {
+        self.layout.eyes(self.view_span)
+    }
+
+    /// The parallax of pictures of this width.
+    #[must_use]
+    pub fn parallax(&self, width_px: u32) -> Parallax {
+        Parallax::new(&self.profile, self.header.factor, self.header.offset, width_px)
     }
 
     /// What is done to depth before it is packed.
@@ -319,6 +442,19 @@ impl FrameEncoder {
         self.layout.render_size_px(&self.profile)
     }
 
+    /// The views that a display makes of a picture and its disparity, in bytes as it is sent, for the layout's eyes.
+    ///
+    /// # Errors
+    /// When the layout has no views, or the picture has too many pixels for them.
+    pub fn views(&self, picture: &Picture<'_>, limits: DepthLimits) -> Result<Views, LayoutError> {
+        self.layout.check_size(picture.size_px())?;
+        let layer =
+            |picture: &Picture<'_>| pack::layer(self, picture, &self.filter.apply(picture, limits), limits);
+        let back = picture.back().as_ref().map(layer);
+        let parallax = self.parallax(picture.size_px()[0]);
+        synthesize(picture.size_px(), &layer(picture), back.as_ref(), &parallax, &self.eyes())
+    }
+
     /// Packs a picture into a frame, its depth filtered and scaled between the limits; a miss becomes the far limit.
     ///
     /// # Errors
@@ -331,6 +467,7 @@ impl FrameEncoder {
                 Err(LayoutError::PictureSize { layout: self.layout, needed_px, found_px })
             }
             _ if self.layout == Layout::Color => pack::pack(self, picture, limits),
+            _ if self.layout.view_count() > 0 => pack::pack(self, picture, limits),
             _ => {
                 let depth_mm = self.filter.apply(picture, limits);
                 let filtered = Picture::new(found_px, picture.color(), &depth_mm)?;

@@ -1,6 +1,7 @@
 //! Packing: pictures into frames, row by row. This runs for every live frame.
 
-use super::{Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels};
+use super::{DecodedLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels};
+use crate::display::views::{Views, anaglyph};
 use crate::units::{DepthLimits, ViewDepth};
 
 /// The frame of a picture whose size the encoder has checked.
@@ -30,7 +31,55 @@ pub(super) fn pack(
             }
             with_header(encoder, width, samples)
         }
+        Layout::Stereo | Layout::Views(_) | Layout::Anaglyph | Layout::Wiggle => {
+            pack_views(encoder.layout, &encoder.views(picture, limits)?)
+        }
     }
+}
+
+/// Views in the layout that they are for.
+pub(super) fn pack_views(layout: Layout, views: &Views) -> Result<Frame, LayoutError> {
+    let ([width, height], pictures) = (views.size_px(), views.pictures());
+    if pictures.len() != layout.view_count() {
+        return Err(LayoutError::ViewCount { layout, found: pictures.len() });
+    }
+    layout.check_size([width, height])?;
+    let Some(grid) = layout.view_grid() else {
+        return match (layout, pictures) {
+            (Layout::Anaglyph, [left, right]) => {
+                Frame::new([width, height], Pixels::Rgb8(anaglyph(left, right).into_flattened()))
+            }
+            _ => Err(LayoutError::Animation),
+        };
+    };
+    let frame_px = [width * grid.columns(), height * grid.rows()];
+    let (line, frame_line) = (3 * width as usize, 3 * frame_px[0] as usize);
+    let mut samples = vec![0; frame_line * frame_px[1] as usize];
+    for (view, picture) in (0..).zip(pictures) {
+        let [column, row] = grid.place(view).map(|at| at as usize);
+        let lines = samples.chunks_exact_mut(frame_line).skip(row * height as usize);
+        for (to, from) in lines.zip(picture.as_flattened().chunks_exact(line)) {
+            to[column * line..][..line].copy_from_slice(from);
+        }
+    }
+    Frame::new(frame_px, Pixels::Rgb8(samples))
+}
+
+/// A picture as a display receives it: its colour, and this depth as bytes of disparity.
+pub(super) fn layer(
+    encoder: &FrameEncoder,
+    picture: &Picture<'_>,
+    depth_mm: &[f32],
+    limits: DepthLimits,
+) -> DecodedLayer {
+    DecodedLayer {
+        color: picture.color().iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
+        disparity: depth_mm.iter().map(|&mm| disparity_byte(encoder, mm, limits)).collect(),
+    }
+}
+
+fn disparity_byte(encoder: &FrameEncoder, mm: f32, limits: DepthLimits) -> u8 {
+    encoder.profile.disparity(limits.scaled(ViewDepth(mm))).to_byte()
 }
 
 /// The display's frame with the header on line 0; `width` is that of the left half.
@@ -63,7 +112,7 @@ fn side_by_side(encoder: &FrameEncoder, picture: &Picture<'_>, limits: DepthLimi
         let (left, rest) = lines.split_at_mut(3 * width);
         copy_color(left, color);
         for (gray, &mm) in rest.chunks_exact_mut(3).zip(depth_mm) {
-            gray.fill(encoder.profile.disparity(limits.scaled(ViewDepth(mm))).to_byte());
+            gray.fill(disparity_byte(encoder, mm, limits));
         }
     }
     samples

@@ -58,6 +58,12 @@ impl Scene {
     /// With both sizes when it has another.
     pub fn expect_size_of_layout(&self) -> Result<(), SceneError> {
         let found = self.request.size_px;
+        if let Err(error) = self.display.layout.check_size(found) {
+            let allowed = format!("a size of which layout {} can be made ({error})", self.display.layout);
+            return Err(
+                RequestError::new("size_px", &format!("{} x {}", found[0], found[1]), &allowed).into()
+            );
+        }
         match self.display.encoder()?.render_size_px() {
             Some([width, height]) if found != [width, height] => {
                 let layout = self.display.layout;

@@ -1,0 +1,325 @@
+//! Depth-image-based rendering: where every pixel goes in a view, what hides what, and what is seen in the holes.
+//!
+//! Each row is a line of surfaces. A pixel is an interval of one colour that moves by its disparity's shift; neighbours whose
+//! disparities are at most [`SURFACE_STEP`] apart are one surface, and share the edge between them, so that slopes have no
+//! cracks. What is nearest hides the rest. A pixel of the view is the mean over its width, exactly: edges are as smooth as
+//! their coverage, and a whole shift moves bytes.
+//!
+//! A hole takes what the second layer has there, where there is one, else the colour of the farther of its two sides, or of
+//! what the picture has between them: foreground is never smeared into it. The pixel beside an edge is often mixed with
+//! the foreground, so the colour is that of the next one, and the mixed pixel gives way to it as the hole opens, or it
+//! would stand there as a ghost of the edge.
+//!
+//! Places are whole numbers of 1/4096 pixel, so that the bytes are the same everywhere, and a mirrored picture has
+//! mirrored views.
+
+use rayon::prelude::*;
+
+use super::{Parallax, Views, check_size};
+use crate::display::layout::{DecodedLayer, LayoutError};
+use crate::units::Disparity;
+
+/// A pixel's width.
+const UNIT: i32 = 4096;
+/// Disparities of neighbours on one surface differ by at most this, as in the depth filter's edges.
+const SURFACE_STEP: u8 = 4;
+
+/// The views of a picture and its disparity for these eyes, from left to right. What lies behind the first layer fills holes.
+///
+/// # Errors
+/// When a layer does not fill the size, or there are no views or too many.
+pub fn synthesize(
+    size_px: [u32; 2],
+    front: &DecodedLayer,
+    back: Option<&DecodedLayer>,
+    parallax: &Parallax,
+    eyes: &[f64],
+) -> Result<Views, LayoutError> {
+    check_size(size_px, eyes.len())?;
+    let expected = size_px[0] as usize * size_px[1] as usize;
+    for layer in [Some(front), back].into_iter().flatten() {
+        if let Some(found) =
+            [layer.color.len(), layer.disparity.len()].into_iter().find(|found| *found != expected)
+        {
+            return Err(LayoutError::PixelCount { what: "a layer of a view", size_px, found, expected });
+        }
+    }
+    Views::new(
+        size_px,
+        eyes.iter().map(|&eye| view(size_px[0] as usize, front, back, parallax, eye)).collect(),
+    )
+}
+
+fn view(
+    width: usize,
+    front: &DecodedLayer,
+    back: Option<&DecodedLayer>,
+    parallax: &Parallax,
+    eye: f64,
+) -> Vec<[u8; 3]> {
+    let shifts = Shifts::new(parallax, eye, width);
+    let mut picture = vec![[0; 3]; front.color.len()];
+    picture.par_chunks_exact_mut(width).enumerate().for_each_init(Scratch::default, |scratch, (y, out)| {
+        let back = back.map(|back| Row::of(back, y, width));
+        scratch.draw(&shifts, &Row::of(front, y, width), back.as_ref(), out);
+    });
+    picture
+}
+
+/// How far each disparity moves. Even numbers, so that the middle between two is a whole one.
+struct Shifts([i32; 256]);
+
+impl Shifts {
+    /// Nothing moves by more than the picture's width: it would be out of it.
+    #[expect(clippy::cast_possible_truncation, reason = "at most the width, which is below 2^15 pixels")]
+    fn new(parallax: &Parallax, eye: f64, width: usize) -> Self {
+        let most = width as f64;
+        Self(std::array::from_fn(|d| {
+            let shift = parallax.shift_px(Disparity(d as f64), eye).clamp(-most, most);
+            2 * (shift * f64::from(UNIT / 2)).round() as i32
+        }))
+    }
+}
+
+/// One line of a layer.
+#[derive(Clone, Copy)]
+struct Row<'a> {
+    color: &'a [[u8; 3]],
+    disparity: &'a [u8],
+}
+
+impl<'a> Row<'a> {
+    fn of(layer: &'a DecodedLayer, y: usize, width: usize) -> Self {
+        Self { color: &layer.color[y * width..][..width], disparity: &layer.disparity[y * width..][..width] }
+    }
+
+    /// The farthest pixel from one to another, as seen from either: the same twice where there is one alone.
+    fn farthest_between(&self, left: usize, right: usize) -> [usize; 2] {
+        let [from, to] = [left.min(right), left.max(right)];
+        let least = self.disparity[from..=to].iter().min().copied().unwrap_or_default();
+        let is_least = |pixel: &usize| self.disparity[*pixel] == least;
+        let [first, last] = [(from..=to).find(is_least), (from..=to).rev().find(is_least)];
+        let [first, last] = [first.unwrap_or(left), last.unwrap_or(right)];
+        if left <= right { [first, last] } else { [last, first] }
+    }
+
+    /// The next pixel of the same surface, away from a hole beside it: edges of depth are one pixel wide; itself where there is none.
+    fn inwards(&self, pixel: usize, side: Side) -> usize {
+        let next = if side == Side::Left { pixel.checked_sub(1) } else { Some(pixel + 1) };
+        let step = |next: usize| self.disparity.get(next).map(|d| d.abs_diff(self.disparity[pixel]));
+        next.filter(|next| step(*next).is_some_and(|step| step <= SURFACE_STEP)).unwrap_or(pixel)
+    }
+}
+
+/// Where a pixel is in the view.
+#[derive(Clone, Copy)]
+struct Span {
+    from: i32,
+    to: i32,
+    pixel: usize,
+    disparity: u8,
+}
+
+/// A part of the view's line, from the end of the one before it, that shows one pixel; a hole shows none.
+#[derive(Clone, Copy)]
+struct Piece {
+    to: i32,
+    pixel: Option<usize>,
+}
+
+/// What is needed for a line, kept from line to line.
+#[derive(Default)]
+struct Scratch {
+    spans: Vec<Span>,
+    active: Vec<Span>,
+    front: Vec<Piece>,
+    back: Vec<Piece>,
+    /// Twice the colours times the width that they cover, for each pixel of the view.
+    sums: Vec<[i32; 3]>,
+}
+
+impl Scratch {
+    fn draw(&mut self, shifts: &Shifts, front: &Row<'_>, back: Option<&Row<'_>>, out: &mut [[u8; 3]]) {
+        let Self { spans, active, front: pieces, back: behind, sums } = self;
+        place(front, shifts, spans);
+        cut(spans, active, front.color.len(), pieces);
+        behind.clear();
+        if let Some(back) = back {
+            place(back, shifts, spans);
+            cut(spans, active, back.color.len(), behind);
+        }
+        sums.clear();
+        sums.resize(out.len(), [0; 3]);
+        let mut from = 0;
+        for (i, piece) in pieces.iter().enumerate() {
+            match piece.pixel {
+                Some(pixel) => paint(sums, from, piece.to, front.color[pixel].map(|c| 2 * i32::from(c))),
+                None => {
+                    let filling = filling(pieces, i, front);
+                    fill(sums, [from, piece.to], filling.twice, behind, back);
+                    clean(sums, pieces, (i, piece.to - from), (&filling, front));
+                }
+            }
+            from = piece.to;
+        }
+        for (out, sum) in out.iter_mut().zip(sums) {
+            *out = sum.map(rounded);
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of bytes")]
+fn rounded(sum: i32) -> u8 {
+    ((sum + UNIT) / (2 * UNIT)) as u8
+}
+
+/// The pixels of a line where the view has them, by their left ends.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "lines have below 2^15 pixels"
+)]
+fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
+    spans.clear();
+    let shift = |i: usize| shifts.0[usize::from(row.disparity[i])];
+    let joined = |i: usize, j: usize| {
+        row.disparity[i].abs_diff(row.disparity[j]) <= SURFACE_STEP && (shift(i) - shift(j)).abs() < UNIT
+    };
+    let last = row.disparity.len() - 1;
+    for (pixel, &disparity) in row.disparity.iter().enumerate() {
+        let own = shift(pixel);
+        let middle = |other: usize| if joined(pixel, other) { (own + shift(other)) / 2 } else { own };
+        let left = if pixel > 0 { middle(pixel - 1) } else { own };
+        let right = if pixel < last { middle(pixel + 1) } else { own };
+        let at = pixel as i32 * UNIT;
+        spans.push(Span { from: at + left, to: at + UNIT + right, pixel, disparity });
+    }
+    spans.sort_unstable_by_key(|span| (span.from, span.pixel));
+}
+
+/// What is seen of the spans within a line of `width` pixels: always the nearest.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "lines have below 2^15 pixels"
+)]
+fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<Piece>) {
+    pieces.clear();
+    active.clear();
+    let end = width as i32 * UNIT;
+    let (mut x, mut next) = (0, 0);
+    while x < end {
+        while let Some(span) = spans.get(next).filter(|span| span.from <= x) {
+            active.push(*span);
+            next += 1;
+        }
+        active.retain(|span| span.to > x);
+        let coming = spans.get(next).map_or(end, |span| span.from.min(end));
+        let nearest = active.iter().max_by_key(|span| span.disparity);
+        x = nearest.map_or(coming, |span| span.to.min(coming));
+        pieces.push(Piece { to: x, pixel: nearest.map(|span| span.pixel) });
+    }
+}
+
+/// What a hole shows where nothing is known to be behind.
+struct Filling {
+    /// Twice its colour.
+    twice: [i32; 3],
+    /// The pixel beside it whose colour gives way to the filling, and on which side it is.
+    mixed: Option<(usize, Side)>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Left,
+    Right,
+}
+
+/// The filling of a hole: the surface of its farther side, or what the picture has between its sides and is hidden in
+/// the view, where that is farther; the mean of two pixels where they are as far.
+fn filling(pieces: &[Piece], hole: usize, row: &Row<'_>) -> Filling {
+    let left = pieces[..hole].iter().rev().find_map(|piece| piece.pixel);
+    let right = pieces[hole + 1..].iter().find_map(|piece| piece.pixel);
+    let twice = |pixel: usize| row.color[pixel].map(|channel| 2 * i32::from(channel));
+    let plain = |pixel: usize| Filling { twice: twice(pixel), mixed: None };
+    let of_side = |pixel: usize, side: Side| {
+        let inner = row.inwards(pixel, side);
+        Filling { twice: twice(inner), mixed: (inner != pixel).then_some((pixel, side)) }
+    };
+    match (left, right) {
+        (Some(left), Some(right)) => match row.farthest_between(left, right) {
+            [one, other] if one == left && other != right => of_side(left, Side::Left),
+            [one, other] if other == right && one != left => of_side(right, Side::Right),
+            [one, other] => {
+                let [one, other] = [twice(one), twice(other)];
+                Filling {
+                    twice: std::array::from_fn(|channel| (one[channel] + other[channel]) / 2),
+                    mixed: None,
+                }
+            }
+        },
+        // The edge of the picture, where nothing is mixed.
+        (Some(pixel), None) | (None, Some(pixel)) => plain(pixel),
+        // Everything has moved out of the line.
+        (None, None) => Filling { twice: [0; 3], mixed: None },
+    }
+}
+
+/// Lets the mixed pixel beside a hole give way to the filling, the more the wider the hole is, up to a pixel.
+fn clean(
+    sums: &mut [[i32; 3]],
+    pieces: &[Piece],
+    (hole, width): (usize, i32),
+    (filling, row): (&Filling, &Row<'_>),
+) {
+    let Some((pixel, side)) = filling.mixed else { return };
+    let share = width.min(UNIT);
+    let own = row.color[pixel].map(|channel| 2 * i32::from(channel));
+    let change: [i32; 3] =
+        std::array::from_fn(|channel| (filling.twice[channel] - own[channel]) * share / UNIT);
+    let shows = |at: &usize| pieces[*at].pixel == Some(pixel);
+    let mut repaint = |at: usize| {
+        let from = if at > 0 { pieces[at - 1].to } else { 0 };
+        paint(sums, from, pieces[at].to, change);
+    };
+    match side {
+        Side::Left => (0..hole).rev().take_while(shows).for_each(&mut repaint),
+        Side::Right => (hole + 1..pieces.len()).take_while(shows).for_each(&mut repaint),
+    }
+}
+
+/// Fills a hole with what is behind, and with a colour where there is nothing either.
+fn fill(
+    sums: &mut [[i32; 3]],
+    [from, to]: [i32; 2],
+    color: [i32; 3],
+    behind: &[Piece],
+    back: Option<&Row<'_>>,
+) {
+    let Some(back) = back else { return paint(sums, from, to, color) };
+    let first = behind.partition_point(|piece| piece.to <= from);
+    let mut x = from;
+    for piece in &behind[first..] {
+        let color = piece.pixel.map_or(color, |pixel| back.color[pixel].map(|c| 2 * i32::from(c)));
+        paint(sums, x, piece.to.min(to), color);
+        x = piece.to;
+        if x >= to {
+            break;
+        }
+    }
+}
+
+/// Adds twice a colour to the pixels that a part of the line covers.
+#[expect(clippy::cast_sign_loss, reason = "places within the line")]
+fn paint(sums: &mut [[i32; 3]], from: i32, to: i32, twice: [i32; 3]) {
+    let mut x = from;
+    while x < to {
+        let pixel = x / UNIT;
+        let until = ((pixel + 1) * UNIT).min(to);
+        let sum = &mut sums[pixel as usize];
+        for (sum, channel) in sum.iter_mut().zip(twice) {
+            *sum += channel * (until - x);
+        }
+        x = until;
+    }
+}
