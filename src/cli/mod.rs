@@ -17,6 +17,7 @@ mod memory;
 mod output;
 mod phantom;
 mod presets;
+mod preview;
 mod render;
 mod scene;
 mod serve;
@@ -32,6 +33,7 @@ mod track_simulate;
 mod track_source;
 mod track_views;
 mod transfer;
+mod views;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -51,6 +53,7 @@ Examples:
   relief phantom --kind head --out head          make a CT series of a procedural head
   relief render --series head --preset bone --out head.png
   relief inspect head.png                        decode the 2D-plus-depth header of a frame
+  relief preview head.png --out wiggle.png       what a display makes of a frame, as an animation
   relief serve --series head                     serve it; the page is at the printed address
   relief track --reports hidraw                  poses of a Wiimote that sees a beacon
 
@@ -62,6 +65,7 @@ enum Command {
     Phantom(phantom::Arguments),
     Inspect(inspect::Arguments),
     Render(render::Arguments),
+    Preview(preview::Arguments),
     Presets(presets::Arguments),
     Bench(bench::Arguments),
     Serve(serve::Arguments),
@@ -80,6 +84,7 @@ pub fn main() -> ExitCode {
         Command::Phantom(arguments) => phantom::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Render(arguments) => render::run(arguments),
+        Command::Preview(arguments) => preview::run(&arguments),
         Command::Presets(arguments) => presets::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),

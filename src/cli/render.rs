@@ -12,6 +12,7 @@ use super::adapter::AdapterArguments;
 use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
+use super::views;
 use crate::render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
 use crate::session::{FileFormat, Product, SpeedBook, encode};
 use crate::volume::Volume;
@@ -31,6 +32,8 @@ Examples:
   relief render --series abdomen --labels segments.nii.gz --preset soft-tissue --keep-labels liver,spleen --out organs.png
   relief render --series head --mode path-traced --passes 256 --layout color --out light.png
   relief render --series chest --preset skin --budget-ms 100 --layout color --out quick.png
+  relief render --series head --preset bone --layout wiggle --out wiggle.png
+  relief render --series head --preset bone --layout views-9 --views both --out compared.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -49,6 +52,9 @@ pub(super) struct Arguments {
     /// very small pictures before it measure how fast this machine is
     #[arg(long, value_name = "MS")]
     budget_ms: Option<f64>,
+    /// Which views a layout of views has
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
+    views: views::Choice,
     /// Print what was made as one JSON object
     #[arg(long)]
     json: bool,
@@ -90,7 +96,7 @@ fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, St
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, scene, adapter, out, depth_out, budget_ms, json } = arguments;
+    let Arguments { series, scene, adapter, out, depth_out, budget_ms, views: choice, json } = arguments;
     // Before the long work: what is wrong with the arguments is known at once.
     let mut scene_file = scene.read()?;
     if let Some(ms) = budget_ms {
@@ -102,21 +108,40 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let mut scene = scene_file.resolve_labelled(loaded.volume.grid(), &scene.orbit(), labels.as_ref())?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
+    } else if choice != views::Choice::Synthesised {
+        bail!("--views is for .png files");
     }
+    views::check(choice, &scene)?;
     if let Some(ms) = scene.budget_ms {
         scene.request = within_budget(&mut renderer, &loaded.volume, &scene.request, ms)?;
     }
-    let frame = match scene.request.mode {
-        Mode::PathTraced => render_passes(&mut renderer, &loaded.volume, &scene.request)?,
-        _ => renderer.render(&loaded.volume, &scene.request)?,
+    let frame = render(&mut renderer, &loaded.volume, &scene.request)?;
+    let made = match choice {
+        views::Choice::Synthesised => None,
+        _ => Some(views::make(choice, &scene, &frame, (&mut renderer, &loaded.volume), render)?),
     };
     let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
     for (output, product) in outputs.into_iter().flatten() {
-        let bytes = encode(&frame, &scene.display, product, output.format)?;
+        let bytes = match (&made, product) {
+            (Some(made), Product::Frame) => made.file.clone(),
+            _ => encode(&frame, &scene.display, product, output.format)?,
+        };
         write_whole(&output.path, &bytes)?;
     }
     let outputs = (out.path.as_path(), depth_out.as_ref().map(|out| out.path.as_path()));
-    report(&renderer, (&scene, &frame), outputs, json)
+    report(&renderer, (&scene, &frame), (outputs, made.as_ref()), json)
+}
+
+/// Renders as the mode wants it.
+fn render(
+    renderer: &mut Renderer,
+    volume: &Volume,
+    request: &RenderRequest,
+) -> anyhow::Result<RenderedFrame> {
+    Ok(match request.mode {
+        Mode::PathTraced => render_passes(renderer, volume, request)?,
+        _ => renderer.render(volume, request)?,
+    })
 }
 
 /// The request, reduced as far as a budget wants it by the speed of two very small pictures; the first one only compiles.
@@ -180,7 +205,7 @@ fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()>
 fn report(
     renderer: &Renderer,
     (scene, frame): (&Scene, &RenderedFrame),
-    (out, depth_out): (&Path, Option<&Path>),
+    ((out, depth_out), views): ((&Path, Option<&Path>), Option<&views::Made>),
     json: bool,
 ) -> anyhow::Result<ExitCode> {
     let adapter = renderer.gpu().description();
@@ -207,6 +232,9 @@ fn report(
                 made["passes"] = scene.request.path_trace.passes.into();
             }
         }
+        if let Some(views) = views {
+            made["views"] = views.report.clone();
+        }
         print_json(&made)?;
     } else {
         let [width, height] = frame.size_px;
@@ -214,6 +242,9 @@ fn report(
         if scene.budget_ms.is_some() {
             let [columns, rows] = rays_px;
             say!("under a budget: {columns}x{rows} rays, samples of {} mm", scene.request.sample_distance_mm);
+        }
+        for line in views.into_iter().flat_map(|views| &views.lines) {
+            say!("{line}");
         }
         if let Some(path) = depth_out {
             say!("{}: depth", path.display());

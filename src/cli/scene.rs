@@ -55,9 +55,13 @@ pub(super) struct SceneArguments {
     /// two-layer
     #[arg(long, value_name = "NAME", value_parser = parse_depth_rule)]
     depth_rule: Option<DepthRule>,
-    /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, declipse, declipse-lines, rgbd, color, depth16
+    /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, declipse, declipse-lines, rgbd, color, depth16; or what a
+    /// display would show: views-N (views-9, views-9x1, ...), stereo, anaglyph, wiggle (an animated PNG)
     #[arg(long, value_name = "NAME")]
     layout: Option<Layout>,
+    /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
+    #[arg(long, value_name = "EYES", allow_negative_numbers = true)]
+    view_span: Option<f64>,
     /// What is done to depth before it goes into a frame: none, median-3, median-5, clear-edge
     #[arg(long, value_name = "NAME", value_parser = parse_depth_filter)]
     depth_filter: Option<DepthFilter>,
@@ -186,6 +190,10 @@ impl SceneArguments {
         if let Some(depth_filter) = self.depth_filter {
             let display = scene.display().clone();
             scene = scene.with_display(DisplaySettings { depth_filter, ..display });
+        }
+        if self.view_span.is_some() {
+            let display = scene.display().clone();
+            scene = scene.with_display(DisplaySettings { view_span: self.view_span, ..display });
         }
         Ok(match self.size {
             Some(size) => scene.with_size(size),

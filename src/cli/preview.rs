@@ -1,0 +1,149 @@
+//! `relief preview`: what a display makes of a frame file, for people without the display.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+
+use super::inspect_frame::read_bounded;
+use super::output::{print_json, say, write_whole};
+use crate::display::{
+    DisplayProfile, FrameReport, Layout, Parallax, ProfileName, Views, decode_wiggle, encode_views, read_png,
+    synthesize,
+};
+
+/// What the display's own optimum is taken for, where a header leaves factor or offset to the display.
+const USUAL_FACTOR: u8 = 64;
+const USUAL_OFFSET: u8 = 128;
+
+/// Show what a 2D-plus-depth display makes of a frame: its views side by side, as an anaglyph or as a wiggle.
+///
+/// The frame may be any that `relief inspect` knows with depth: wowvx, wowvx-full-height, wowvx-4k, declipse,
+/// declipse-lines or rgbd, whatever program wrote it. A file of views (stereo, views-N, wiggle) becomes another layout of as
+/// many views, or of its outermost two.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  relief preview frame.png --layout wiggle --out wiggle.png
+  relief preview frame.png --layout views-9x1 --factor 128 --out strip.png
+  relief preview quilt.png --layout anaglyph --out anaglyph.png")]
+pub(super) struct Arguments {
+    /// The frame (PNG)
+    #[arg(value_name = "FRAME.png")]
+    frame: PathBuf,
+    /// What becomes of it: views-N, views-COLUMNSxROWS, stereo, anaglyph, or wiggle, an animated PNG
+    #[arg(long, value_name = "NAME", default_value = "wiggle")]
+    layout: Layout,
+    /// Where the picture goes: .png
+    #[arg(long, value_name = "FILE", value_parser = parse_png)]
+    out: PathBuf,
+    /// Depth effect in place of the header's: 64 is 100 %
+    #[arg(long, value_name = "0..255")]
+    factor: Option<u8>,
+    /// Disparity on the screen plane in place of the header's
+    #[arg(long, value_name = "0..255")]
+    offset: Option<u8>,
+    /// The display: philips-20, philips-42 or dimenco-4k; the usual one of the frame's layout where left out
+    #[arg(long, value_name = "NAME", value_parser = parse_profile)]
+    profile: Option<ProfileName>,
+    /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
+    #[arg(long, value_name = "EYES")]
+    view_span: Option<f64>,
+    /// Print what was made as one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+fn parse_png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_png = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    if is_png { Ok(path) } else { Err("the file's ending has to be .png".to_owned()) }
+}
+
+fn parse_profile(name: &str) -> Result<ProfileName, String> {
+    let names = ProfileName::ALL.map(ProfileName::name).join(", ");
+    ProfileName::from_name(name).ok_or_else(|| format!("profiles are {names}"))
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+    let Arguments { frame: path, layout, out, .. } = arguments;
+    if layout.view_count() == 0 {
+        bail!("--layout {layout} is no layout of views; allowed: views-N, stereo, anaglyph and wiggle");
+    }
+    if let Some(span) = arguments.view_span.filter(|span| !(0.0..=16.0).contains(span)) {
+        bail!("--view-span is {span}, allowed: 0 to 16 eye separations");
+    }
+    let file = read_bounded(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let (views, factor_and_offset) =
+        views(arguments, &file).with_context(|| format!("cannot preview {}", path.display()))?;
+    write_whole(out, &encode_views(*layout, &views)?)?;
+    let [width, height] = views.size_px();
+    if arguments.json {
+        let [factor, offset] = factor_and_offset.map_or([None; 2], |values| values.map(Some));
+        print_json(&serde_json::json!({
+            "out": out, "layout": layout, "views": views.pictures().len(), "size_px": [width, height],
+            "factor": factor, "offset": offset,
+        }))?;
+    } else {
+        say!("{}: {} views of {width}x{height}, layout {layout}", out.display(), views.pictures().len());
+        if let Some([factor, offset]) = factor_and_offset {
+            say!("factor {factor} ({:.0} %), offset {offset}", f64::from(factor) / 0.64);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The views, and factor and offset where they were made of disparity.
+fn views(arguments: &Arguments, file: &[u8]) -> anyhow::Result<(Views, Option<[u8; 2]>)> {
+    let (frame, report) = read_png(file)?;
+    if report.layout == Layout::Wiggle {
+        return Ok((as_many(decode_wiggle(file)?, arguments.layout)?, None));
+    }
+    let decoded = report.layout.decode(&frame).map_err(|problems| {
+        let list: Vec<String> =
+            problems.iter().map(|problem| format!("{problem}: {}", problem.advice())).collect();
+        anyhow::anyhow!("the frame is no whole {} frame: {}", report.layout, list.join("; "))
+    })?;
+    if let Some(views) = decoded.views {
+        return Ok((as_many(views, arguments.layout)?, None));
+    }
+    let size_px = decoded.size_px;
+    let Some((front, back)) = decoded.into_layers() else {
+        bail!(
+            "the picture has no disparity beside it (layout {}): relief inspect says what is in it",
+            report.layout
+        );
+    };
+    let values = factor_and_offset(arguments, &report);
+    let usual =
+        if report.layout == Layout::Wowvx4k { ProfileName::Dimenco4k } else { ProfileName::Philips42 };
+    let profile = DisplayProfile::named(arguments.profile.unwrap_or(usual));
+    let parallax = Parallax::new(&profile, values[0], values[1], size_px[0]);
+    arguments.layout.check_size(size_px)?;
+    let eyes = arguments.layout.eyes(arguments.view_span);
+    Ok((synthesize(size_px, &front, back.as_ref(), &parallax, &eyes)?, Some(values)))
+}
+
+/// Factor and offset: those asked for, else those that the header selects, else what is usual.
+fn factor_and_offset(arguments: &Arguments, report: &FrameReport) -> [u8; 2] {
+    let selected = report.select;
+    let factor = report.factor.filter(|_| selected.is_some_and(|select| select.factor));
+    let offset = report.offset.filter(|_| selected.is_some_and(|select| select.offset));
+    [arguments.factor.or(factor).unwrap_or(USUAL_FACTOR), arguments.offset.or(offset).unwrap_or(USUAL_OFFSET)]
+}
+
+/// The views for a layout: all where it has as many, or the outermost two. A wiggle takes any number.
+fn as_many(views: Views, layout: Layout) -> anyhow::Result<Views> {
+    let found = views.pictures().len();
+    match (layout, views.pictures()) {
+        (Layout::Wiggle, _) => Ok(views),
+        _ if layout.view_count() == found => Ok(views),
+        (Layout::Stereo | Layout::Anaglyph, [left, .., right]) => {
+            Ok(Views::new(views.size_px(), vec![left.clone(), right.clone()])?)
+        }
+        _ => bail!(
+            "the file has {found} views, layout {layout} has {}: views are not made of views",
+            layout.view_count()
+        ),
+    }
+}

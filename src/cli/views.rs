@@ -1,0 +1,148 @@
+//! `relief render --views`: views rendered by cameras side by side, beside those that a display makes of one picture.
+
+use anyhow::{Context, bail};
+
+use crate::camera::Camera;
+use crate::display::{FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, psnr_db};
+use crate::render::{Mode, RenderRequest, RenderedFrame, Renderer, Scene};
+use crate::units::DepthLimits;
+use crate::volume::Volume;
+
+/// Which views are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Choice {
+    /// Made of one picture and its disparity, as a 2D-plus-depth display makes them
+    #[default]
+    Synthesised,
+    /// Rendered, each by a camera of its own
+    True,
+    /// The rendered ones above the synthesised ones, with the signal-to-noise ratio of each
+    Both,
+}
+
+/// A file of views, and what is told of it.
+pub(super) struct Made {
+    pub(super) file: Vec<u8>,
+    /// Beside the usual report, as JSON.
+    pub(super) report: serde_json::Value,
+    /// The same in words.
+    pub(super) lines: Vec<String>,
+}
+
+/// Refuses what has no true views, before anything is rendered.
+pub(super) fn check(choice: Choice, scene: &Scene) -> anyhow::Result<()> {
+    let (layout, mode) = (scene.display.layout, scene.request.mode);
+    if choice == Choice::Synthesised {
+        return Ok(());
+    }
+    if layout.view_count() == 0 {
+        bail!("--views is for layouts of views: stereo, views-N, anaglyph and wiggle; this one is {layout}");
+    }
+    if matches!(mode, Mode::Slice(_)) {
+        bail!("a slice is flat and seen head-on: it has no true views; leave --views out");
+    }
+    if scene.budget_ms.is_some() {
+        bail!("true views are compared at full quality: leave --budget-ms out");
+    }
+    if choice == Choice::Both {
+        both_layout(layout).map(|both| both.check_size(scene.request.size_px)).transpose()?;
+    }
+    cameras(scene, &scene.request.camera, DepthLimits { near_mm: 1.0, far_mm: 2.0 }).map(|_| ())
+}
+
+/// The file with these views of a picture that is rendered already.
+pub(super) fn make(
+    choice: Choice,
+    scene: &Scene,
+    frame: &RenderedFrame,
+    (renderer, volume): (&mut Renderer, &Volume),
+    render: impl Fn(&mut Renderer, &Volume, &RenderRequest) -> anyhow::Result<RenderedFrame>,
+) -> anyhow::Result<Made> {
+    let layout = scene.display.layout;
+    let limits = scene.display.limits(frame.limits)?;
+    let (setup, cameras) = cameras(scene, &frame.camera, limits)?;
+    let mut pictures = Vec::new();
+    for camera in cameras {
+        let seen = render(renderer, volume, &RenderRequest { camera, ..scene.request.clone() })?;
+        pictures.push(seen.color_rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect());
+    }
+    let rendered = Views::new(frame.size_px, pictures)?;
+    let synthesised = synthesised(&scene.display.encoder()?, frame, limits)?;
+    let psnr: Vec<f64> =
+        rendered.pictures().iter().zip(synthesised.pictures()).map(|(a, b)| psnr_db(a, b)).collect();
+    let file = match choice {
+        Choice::Both => both(layout, &rendered, &synthesised)?,
+        _ => encode_views(layout, &rendered)?,
+    };
+    let finite: Vec<f64> = psnr.iter().copied().filter(|db| db.is_finite()).collect();
+    let mean = (!finite.is_empty()).then(|| finite.iter().sum::<f64>() / finite.len() as f64);
+    let in_words: Vec<String> = psnr.iter().map(|db| format!("{db:.1}")).collect();
+    let report = serde_json::json!({
+        "eyes": scene.display.layout.eyes(scene.display.view_span),
+        "converging_mm": setup.converging_mm,
+        "baseline_mm": setup.baseline_mm,
+        "parallax_difference_px": setup.difference_px,
+        // JSON has no infinity: a view that is equal has none.
+        "psnr_db": psnr.iter().map(|db| db.is_finite().then_some(*db)).collect::<Vec<_>>(),
+        "psnr_mean_db": mean,
+    });
+    let lines = vec![
+        format!(
+            "true views: cameras {:.2} mm apart for an eye separation, converging at {:.1} mm; parallax differs by up to \
+             {:.2} px for it",
+            setup.baseline_mm, setup.converging_mm, setup.difference_px
+        ),
+        format!("PSNR of synthesised views, dB: {}", in_words.join(" ")),
+        mean.map_or("all views are equal".to_owned(), |mean| {
+            format!("mean of those that differ: {mean:.2} dB")
+        }),
+    ];
+    Ok(Made { file, report, lines })
+}
+
+fn synthesised(encoder: &FrameEncoder, frame: &RenderedFrame, limits: DepthLimits) -> anyhow::Result<Views> {
+    let mut picture = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?;
+    if let Some(back) = &frame.back {
+        picture = picture.with_back(&back.color_rgba, &back.depth_mm)?;
+    }
+    Ok(encoder.views(&picture, limits)?)
+}
+
+/// The cameras of a scene's views.
+fn cameras(scene: &Scene, middle: &Camera, limits: DepthLimits) -> anyhow::Result<(TrueViews, Vec<Camera>)> {
+    let encoder = scene.display.encoder()?;
+    let size_px = scene.request.size_px;
+    let [half_width, _] = middle.half_extent(size_px);
+    let setup = encoder.parallax(size_px[0]).true_views(limits, half_width, size_px[0]).context(
+        "what has the offset as its disparity is not before the eye: set near_mm and far_mm, or another offset",
+    )?;
+    let cameras = encoder.eyes().into_iter().map(|eye| {
+        middle.seen_from_beside(eye * setup.baseline_mm, setup.converging_mm).context(
+            "true views need a perspective: a parallel projection has no eye to be moved (leave --fov-deg 0 out)",
+        )
+    });
+    Ok((setup, cameras.collect::<anyhow::Result<_>>()?))
+}
+
+/// The quilt of rendered views above synthesised ones; `None` where the layout is none.
+fn both_layout(layout: Layout) -> Option<Layout> {
+    let columns = u32::try_from(layout.view_count()).ok()?;
+    match layout {
+        Layout::Stereo | Layout::Views(_) => ViewGrid::new(columns, 2).map(Layout::Views),
+        _ => None,
+    }
+}
+
+/// Rendered views above synthesised ones: each kind in a row from left to right, or in one picture.
+fn both(layout: Layout, rendered: &Views, synthesised: &Views) -> anyhow::Result<Vec<u8>> {
+    let ([width, height], [above, below]) =
+        (rendered.size_px(), [rendered.pictures(), synthesised.pictures()]);
+    if let Some(both) = both_layout(layout) {
+        // Rows of quilts go upwards.
+        let pictures = below.iter().chain(above).cloned().collect();
+        return Ok(encode_views(both, &Views::new([width, height], pictures)?)?);
+    }
+    let pairs = above.iter().zip(below);
+    let pictures = pairs.map(|(above, below)| above.iter().chain(below).copied().collect()).collect();
+    Ok(encode_views(layout, &Views::new([width, 2 * height], pictures)?)?)
+}
