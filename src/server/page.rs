@@ -18,7 +18,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, media type and content of every file.
-const FILES: [(&str, &str, &str); 13] = [
+const FILES: [(&str, &str, &str); 14] = [
     ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
@@ -26,6 +26,7 @@ const FILES: [(&str, &str, &str); 13] = [
     ("/view.js", SCRIPT, include_str!("page/view.js")),
     ("/draw.js", SCRIPT, include_str!("page/draw.js")),
     ("/files.js", SCRIPT, include_str!("page/files.js")),
+    ("/preview.js", SCRIPT, include_str!("page/preview.js")),
     ("/presets.js", SCRIPT, include_str!("page/presets.js")),
     ("/labels.js", SCRIPT, include_str!("page/labels.js")),
     ("/slices.js", SCRIPT, include_str!("page/slices.js")),

@@ -115,6 +115,7 @@ const PARAMETERS: &[Parameter] = &[
     key("content", Kind::Text, "display.content"),
     key("factor", Kind::Whole(1), "display.factor"),
     key("offset", Kind::Whole(1), "display.offset"),
+    key("view_span", Kind::Number, "display.view_span"),
     key("depth_filter", Kind::Text, "display.depth_filter"),
     key("near_mm", Kind::Number, "display.near_mm"),
     key("far_mm", Kind::Number, "display.far_mm"),

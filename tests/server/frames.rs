@@ -312,3 +312,40 @@ async fn a_depth_filter_changes_frames_and_no_pick() {
     assert_eq!(refused["path"], "depth_filter");
     assert!(refused["detail"].as_str().unwrap().contains("clear-edge"), "{refused}");
 }
+
+/// Layouts of views go as the others do: by query and by body, and the size is that of a view.
+#[tokio::test]
+async fn views_come_in_their_layout_and_say_what_they_are() {
+    let stage = Stage::new();
+    let scene = "frame?preset=bone&size_px=32,24&azimuth_deg=40&elevation_deg=10";
+    for (layout, frame_px) in [
+        ("stereo", [64, 24]),
+        ("views-9", [96, 72]),
+        ("views-4x1", [128, 24]),
+        ("anaglyph", [32, 24]),
+        ("wiggle", [32, 24]),
+    ] {
+        let answer = stage.get(&stage.path(&format!("{scene}&layout={layout}&view_span=1.5"))).await;
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        assert_eq!(answer.header("content-type"), "image/png");
+        let report = inspect_png(&answer.body).unwrap();
+        assert_eq!((report.layout.to_string().as_str(), report.frame_px), (layout, frame_px));
+        assert_eq!(report.problems, []);
+    }
+    let straight = json!({ "transfer": "bone", "size_px": [32, 24], "display": { "layout": "views-3x1", "view_span": 0 } });
+    let answer = stage.post(&stage.path("frame"), "application/json", straight.to_string()).await;
+    let views = "views-3x1".parse::<Layout>().unwrap().decode(&png(&answer)).unwrap().views.unwrap();
+    assert_eq!((views.size_px(), views.pictures()[0] == views.pictures()[2]), ([32, 24], true));
+    for (query, part) in [
+        ("layout=views-200", "2 to 128 views"),
+        ("layout=stereo&view_span=-1", "eye separations"),
+        ("layout=views-128&size_px=4000,4000", "views of 4000x4000"),
+    ] {
+        let answer = stage.get(&stage.path(&format!("frame?preset=bone&{query}"))).await;
+        assert!(
+            (400..500).contains(&answer.status) && answer.text().contains(part),
+            "{query}: {}",
+            answer.text()
+        );
+    }
+}

@@ -9,6 +9,7 @@ import { onDivider, onGestures } from "./gestures.js";
 import { ALL_SHOWN, kept as keptLabels, onSegments, recalled as recalledLabels, showSegments } from "./labels.js";
 import { NO_LIGHT, describeLight, fillLights, keptLight, onLight, recalledLight } from "./light.js";
 import { PresetGrid } from "./presets.js";
+import { Preview } from "./preview.js";
 import { describeSurface, onSurface } from "./surface.js";
 import {
   Fetcher, HOME, Refusal, firstPasses, frameQuery, morePasses, normalized, project, request, stageQuery, stillSize,
@@ -58,6 +59,7 @@ let pick = null;
 let stillTimer = 0;
 
 const fetcher = new Fetcher(show, showFailure, (busy) => $("busy").classList.toggle("on", busy));
+const preview = new Preview($("preview"), panel.querySelectorAll('input[name="preview"]'), state, showFailure);
 const grid = new PresetGrid($("presets"), $("presets"), () => fetcher.isBusy);
 
 // ---------------------------------------------------------------- asking for pictures
@@ -70,6 +72,7 @@ function refresh({ moving = false } = {}) {
   clearTimeout(stillTimer);
   if (moving) stillTimer = setTimeout(refresh, STILL_MS);
   fetcher.want(state.view === "frame" ? frameOrder(moving) : stageOrder(moving));
+  preview.changed();
   describePose();
 }
 
@@ -382,6 +385,7 @@ panel.addEventListener("change", ({ target }) => {
   else if (target.id === "volume") return showVolume(volumes[target.selectedIndex]);
   else if (target.id === "layout" || target.id === "profile") {
     state[target.id] = target.value;
+    preview.changed();
     return state.view === "frame" ? refresh() : remember();
   } else return;
   describeSurface(state);
@@ -395,6 +399,7 @@ for (const id of ["factor", "offset"]) {
   $(id).addEventListener("input", ({ target }) => {
     state[id] = Number(target.value);
     describeHeader();
+    preview.changed();
     // The depth view shows their effect at once; a frame has to be made anew.
     if (state.view === "frame") refresh({ moving: true });
     else draw();

@@ -1,0 +1,108 @@
+// What a 3D display would show of the frame, for people without one: its views as a wiggle or in a grid, or an anaglyph. They
+// are made by the server of picture and depth, as layouts of a frame; here is only the fetching and the showing.
+
+import { request, stageQuery } from "./view.js";
+
+/** Kinds of the preview: the layout that each asks for, and the most pixels of a view. */
+const KINDS = {
+  wiggle: { layout: "views-9", pixels: 250_000 },
+  anaglyph: { layout: "anaglyph", pixels: 600_000 },
+  views: { layout: "views-9", pixels: 120_000 },
+};
+/** Columns and rows of the nine views; the leftmost is at the bottom left. */
+const GRID = [3, 3];
+const STEP_MS = 60;
+/** A pause this long counts as standing still. */
+const STILL_MS = 350;
+
+/** Where view `i` of the quilt begins, in fractions of its width and height. */
+export function placeOf(i, [columns, rows] = GRID) {
+  return [(i % columns) / columns, (rows - 1 - Math.floor(i / columns)) / rows];
+}
+
+/** The view that a wiggle shows in its step: to and fro. */
+export function viewOf(step, count = GRID[0] * GRID[1]) {
+  const at = step % (2 * count - 2);
+  return at < count ? at : 2 * count - 2 - at;
+}
+
+/** The address that asks for a preview of the state's picture on a stage of CSS pixels, so that it lies over that. */
+export function previewUrl(kind, state, [width, height]) {
+  const { layout, pixels } = KINDS[kind];
+  const scale = Math.min(1, Math.sqrt(pixels / Math.max(1, width * height)));
+  const size = [width, height].map((side) => Math.max(16, Math.round(side * scale)));
+  const query = stageQuery(state, size, layout);
+  for (const key of ["factor", "offset"]) query.set(key, state[key]);
+  if (state.profile) query.set("profile", state.profile);
+  return `/v1/volumes/${state.volume.id}/frame?${query}`;
+}
+
+/** Shows previews on a canvas that lies over the stage. */
+export class Preview {
+  #kind = "";
+  #timer = 0;
+  #shown = null;
+  #abort = null;
+
+  /** `choices` are the radio buttons; `fail` gets what goes wrong. */
+  constructor(canvas, choices, state, fail) {
+    Object.assign(this, { canvas, state, fail, context: canvas.getContext("2d", { alpha: false }) });
+    for (const choice of choices) {
+      choice.addEventListener("change", () => {
+        this.#kind = choice.value;
+        this.changed();
+      });
+    }
+  }
+
+  /** Something is different: the live picture is seen until it stands still. */
+  changed() {
+    clearTimeout(this.#timer);
+    this.#abort?.abort();
+    this.#hide();
+    if (this.#kind && this.state.volume) this.#timer = setTimeout(() => this.#fetch(), STILL_MS);
+  }
+
+  #hide() {
+    this.canvas.hidden = true;
+    this.#shown?.close();
+    this.#shown = null;
+  }
+
+  async #fetch() {
+    const abort = new AbortController();
+    this.#abort = abort;
+    const kind = this.#kind;
+    try {
+      const { clientWidth, clientHeight } = this.canvas.parentElement;
+      const answer = await request(previewUrl(kind, this.state, [clientWidth, clientHeight]), {
+        headers: { Accept: "image/png" },
+        signal: abort.signal,
+      });
+      const bitmap = await createImageBitmap(await answer.blob());
+      if (abort.signal.aborted) return bitmap.close();
+      this.#shown = bitmap;
+      this.canvas.hidden = false;
+      this.#draw(kind, bitmap);
+    } catch (error) {
+      if (error.name !== "AbortError") this.fail(error);
+    }
+  }
+
+  #draw(kind, bitmap) {
+    const [columns, rows] = kind === "wiggle" ? GRID : [1, 1];
+    const [width, height] = [bitmap.width / columns, bitmap.height / rows];
+    Object.assign(this.canvas, { width, height });
+    this.canvas.setAttribute("aria-label", `${kind} of what a 3D display shows`);
+    if (kind !== "wiggle") return this.context.drawImage(bitmap, 0, 0);
+    const start = performance.now();
+    const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const step = (now) => {
+      if (this.#shown !== bitmap) return;
+      const [x, y] = placeOf(viewOf(Math.max(0, Math.floor((now - start) / STEP_MS))));
+      this.context.drawImage(bitmap, x * bitmap.width, y * bitmap.height, width, height, 0, 0, width, height);
+      if (!still) requestAnimationFrame(step);
+    };
+    step(start);
+  }
+}
