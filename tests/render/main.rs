@@ -29,6 +29,7 @@ mod skipping;
 mod slices;
 mod slices_peer;
 mod twin;
+mod views;
 
 use std::sync::{Mutex, MutexGuard, OnceLock};
 
