@@ -79,7 +79,7 @@ pub fn decode_wiggle(file: &[u8]) -> Result<Views, EncodeError> {
     let size_px = [info.width, info.height];
     let frames = info.animation_control.map_or(0, |control| control.num_frames);
     let is_rgb = info.color_type == png::ColorType::Rgb && info.bit_depth == png::BitDepth::Eight;
-    if frames < 2 || frames % 2 != 0 || !is_rgb {
+    if frames < 2 || !frames.is_multiple_of(2) || !is_rgb {
         return Err(EncodeError::NoWiggle);
     }
     let count = frames as usize / 2 + 1;

@@ -143,7 +143,7 @@ fn decode_views(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Result<De
         || FrameProblem::FrameSize { found_px: frame_px, expected: "a whole number of pixels for each view" };
     let grid = layout.view_grid().unwrap_or(ViewGrid::NINE);
     let [width, height] = frame_px;
-    if width % grid.columns() != 0 || height % grid.rows() != 0 {
+    if !width.is_multiple_of(grid.columns()) || !height.is_multiple_of(grid.rows()) {
         return Err(refused());
     }
     let size_px = [width / grid.columns(), height / grid.rows()];

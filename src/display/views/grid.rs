@@ -35,7 +35,7 @@ impl ViewGrid {
     #[must_use]
     pub fn of_count(count: u32) -> Option<Self> {
         let quilt = QUILTS.into_iter().find(|[columns, rows]| columns * rows == count);
-        let square = (1..=count).rev().find(|rows| rows * rows <= count && count % rows == 0);
+        let square = (1..=count).rev().find(|rows| rows * rows <= count && count.is_multiple_of(*rows));
         let [columns, rows] = quilt.or(square.map(|rows| [count / rows, rows]))?;
         Self::new(columns, rows)
     }
