@@ -72,14 +72,14 @@ fn a_plane_at_one_depth_moves_rigidly_by_the_exact_amount() {
         let plane = line(|x| (bytes(texture(x as f64)), d));
         let shift = parallax(factor).shift_px(Disparity(f64::from(d)), eye);
         let view = seen(&plane, None, factor, eye);
-        for x in 40..WIDTH as usize - 40 {
+        for (x, seen) in view.iter().enumerate().take(WIDTH as usize - 40).skip(40) {
             let source = x as f64 - shift;
             let (at, part) = (source.floor() as usize, source.rem_euclid(1.0));
-            for channel in 0..3 {
+            for (channel, seen) in seen.iter().enumerate() {
                 let [a, b] = [at, at + 1].map(|at| f64::from(plane.color[at][channel]));
                 let expected = a * (1.0 - part) + b * part;
-                let off = (f64::from(view[x][channel]) - expected).abs();
-                assert!(off < 0.6, "D {d}, eye {eye}, pixel {x}: {} for {expected}", view[x][channel]);
+                let off = (f64::from(*seen) - expected).abs();
+                assert!(off < 0.6, "D {d}, eye {eye}, pixel {x}: {seen} for {expected}");
             }
         }
         // What comes in from the side is the picture's edge, not black.
@@ -198,8 +198,8 @@ fn what_is_nearest_is_seen_wherever_anything_is() {
                 let near = (x - 50..x + 51).filter(|i| spans[*i].0 <= at && at < spans[*i].1);
                 let Some(nearest) = near.max_by_key(|i| scene.disparity[*i]) else { continue };
                 points += 1;
-                for channel in 0..3 {
-                    sum[channel] += f64::from(scene.color[nearest][channel]);
+                for (sum, channel) in sum.iter_mut().zip(scene.color[nearest]) {
+                    *sum += f64::from(channel);
                 }
             }
             if points < 64 {
