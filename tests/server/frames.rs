@@ -339,7 +339,7 @@ async fn views_come_in_their_layout_and_say_what_they_are() {
     for (query, part) in [
         ("layout=views-200", "2 to 128 views"),
         ("layout=stereo&view_span=-1", "eye separations"),
-        ("layout=views-128&size_px=4000,4000", "views of 4000x4000"),
+        ("layout=views-128&size_px=2000,2000", "views of 2000x2000"),
     ] {
         let answer = stage.get(&stage.path(&format!("frame?preset=bone&{query}"))).await;
         assert!(
