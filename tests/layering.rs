@@ -50,6 +50,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("quick_xml", &["transfer", "formats"]),
     ("indicatif", &["cli"]),
+    ("tiny_skia", &["cli"]),
     ("tracing_subscriber", &["cli"]),
 ];
 

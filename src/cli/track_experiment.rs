@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::calibrate::table_of;
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
+use super::track_plots;
 use crate::tracking::Beacon;
 use crate::tracking::calibrate::{Calibration, Identifier, Model, calibrate, moving};
 use crate::tracking::experiment::{Outcome, Run, Setting, Way, perform};
@@ -49,7 +50,7 @@ pub(super) struct Arguments {
     /// Seed of all that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Folder for table.csv, points.csv and a plot of each run (SVG)
+    /// Folder for table.csv, points.csv, a plot of each run and one of all means (SVG and PNG)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print one JSON object
@@ -66,22 +67,22 @@ fn percent(text: &str) -> Result<f64, String> {
 const PAPER_FOCAL_PX: f64 = 1320.0;
 
 #[derive(serde::Serialize)]
-struct WayReport {
-    way: &'static str,
-    outcomes: Vec<Outcome>,
+pub(super) struct WayReport {
+    pub(super) way: &'static str,
+    pub(super) outcomes: Vec<Outcome>,
 }
 
 #[derive(serde::Serialize)]
-struct Report {
-    distance_mm: f64,
-    noise_px: f64,
-    repeats: u32,
-    true_focal_px: f64,
-    calibrated_focal_px: f64,
-    runs: Vec<&'static str>,
-    paper_mean: Vec<f64>,
-    paper_deviation: Vec<f64>,
-    ways: Vec<WayReport>,
+pub(super) struct Report {
+    pub(super) distance_mm: f64,
+    pub(super) noise_px: f64,
+    pub(super) repeats: u32,
+    pub(super) true_focal_px: f64,
+    pub(super) calibrated_focal_px: f64,
+    pub(super) runs: Vec<&'static str>,
+    pub(super) paper_mean: Vec<f64>,
+    pub(super) paper_deviation: Vec<f64>,
+    pub(super) ways: Vec<WayReport>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
@@ -214,57 +215,5 @@ fn write_files(folder: &std::path::Path, report: &Report) -> anyhow::Result<()> 
     }
     write_whole(&folder.join("table.csv"), table.as_bytes())?;
     write_whole(&folder.join("points.csv"), points.as_bytes())?;
-    for (at, run) in report.runs.iter().enumerate() {
-        let file = format!("{}.svg", run.split(" (").next().unwrap_or(run).to_lowercase().replace(' ', "-"));
-        write_whole(&folder.join(file), plot(report, at).as_bytes())?;
-    }
-    Ok(())
-}
-
-const COLORS: [&str; 5] = ["#b0413e", "#d99a2b", "#5b8bb5", "#2a6f4e", "#555555"];
-
-/// Error over the commanded coordinate, a line for each way.
-fn plot(report: &Report, run: usize) -> String {
-    let (width, height, left, top) = (720.0, 420.0, 70.0, 40.0);
-    let (inner_w, inner_h) = (width - left - 20.0, height - top - 60.0);
-    let series: Vec<_> = report.ways.iter().map(|way| (way.way, &way.outcomes[run].points)).collect();
-    let all = || series.iter().flat_map(|(_, points)| points.iter());
-    let reach = |of: fn(&crate::tracking::experiment::Point) -> f64| all().map(of).fold(1e-3, f64::max);
-    let (x_reach, y_reach) = (reach(|p| p.truth.abs()), reach(|p| p.error.abs()) * 1.05);
-    let x = |value: f64| left + (value / x_reach + 1.0) / 2.0 * inner_w;
-    let y = |value: f64| top + (1.0 - value / y_reach) / 2.0 * inner_h;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
-         font-size=\"11\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n<text x=\"{left}\" y=\"20\" \
-         font-size=\"15\">{}: error over what was commanded</text>\n",
-        report.runs[run]
-    );
-    for tick in [-1.0, -0.5, 0.0, 0.5, 1.0] {
-        let (px, py) = (x(tick * x_reach), y(tick * y_reach));
-        let (right, bottom) = (left + inner_w, top + inner_h);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{left} {py}H{right}M{px} {top}V{bottom}\" stroke=\"#ddd\"/><text x=\"{}\" y=\"{}\" \
-             text-anchor=\"end\">{:.3}</text><text x=\"{px}\" y=\"{}\" text-anchor=\"middle\">{:.1}</text>",
-            left - 6.0,
-            py + 4.0,
-            tick * y_reach,
-            bottom + 16.0,
-            tick * x_reach
-        );
-    }
-    for (at, (name, points)) in series.iter().enumerate() {
-        let path: Vec<String> =
-            points.iter().map(|p| format!("{:.1},{:.1}", x(p.truth), y(p.error))).collect();
-        let _ = writeln!(
-            svg,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/><text x=\"{}\" y=\"{}\" \
-             fill=\"{color}\">{name}</text>",
-            path.join(" "),
-            left + at as f64 * 132.0,
-            height - 12.0,
-            color = COLORS[at % COLORS.len()]
-        );
-    }
-    svg + "</svg>\n"
+    track_plots::write(folder, report)
 }

@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 use super::curve::catmull_rom;
 
 /// Height of capitals.
-pub(super) const CAPITAL: f64 = 12.0;
+pub const CAPITAL: f64 = 12.0;
 
 /// From one glyph's last ink to the next one's first.
 const GAP: f64 = 3.2;
@@ -36,6 +36,21 @@ pub(super) fn glyph(character: char) -> &'static Glyph {
     static FONT: LazyLock<BTreeMap<char, Glyph>> = LazyLock::new(font);
     static MISSING: LazyLock<Glyph> = LazyLock::new(|| Glyph::new("0,0 0,12 7,12 7,0 0,0"));
     FONT.get(&character).unwrap_or(&MISSING)
+}
+
+/// A line of text as strokes: from its first ink at x = 0, its baseline at y = 0, in the units of the font; and how far
+/// it goes to the right.
+///
+/// For drawings that are no picture of a volume; capitals are [`CAPITAL`] high.
+#[must_use]
+pub fn lettering(text: &str) -> (Vec<[DVec2; 2]>, f64) {
+    let (mut segments, mut x) = (Vec::new(), 0.0);
+    for character in text.chars() {
+        let glyph = glyph(character);
+        segments.extend(glyph.segments.iter().map(|ends| ends.map(|end| end + DVec2::new(x, 0.0))));
+        x += glyph.advance;
+    }
+    (segments, (x - GAP).max(0.0))
 }
 
 fn font() -> BTreeMap<char, Glyph> {
@@ -229,6 +244,15 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn lettering_puts_glyphs_side_by_side() {
+        let (segments, width) = lettering("HI");
+        let right = segments.iter().flatten().map(|end| end.x).fold(0.0, f64::max);
+        assert_eq!((segments.len(), right), (6, width));
+        assert_eq!(width, 8.0 + GAP + 4.0);
+        assert_eq!(lettering("").1, 0.0);
     }
 
     #[test]

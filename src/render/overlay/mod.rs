@@ -31,6 +31,7 @@ use super::frame::RenderedFrame;
 use super::request::{RenderRequest, RequestError};
 use crate::volume::Grid;
 
+pub use font::{CAPITAL, lettering};
 pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 
 /// Rows of a picture that one thread draws at a time.
