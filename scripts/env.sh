@@ -3,8 +3,8 @@
 # usage: . scripts/env.sh       (in bash; in another shell, from the project's folder)
 #
 # Sets VK_DRIVER_FILES to the pinned software driver, LD_LIBRARY_PATH to the libraries unpacked with it, and
-# RELIEF_PEERS_PYTHON to the Python that has the peers, and RELIEF_CWIID to libcwiid. What is not set up is left
-# out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
+# RELIEF_PEERS_PYTHON to the Python that has the peers, and RELIEF_CWIID to libcwiid; of scripts/setup-ipopt it sets
+# what building with the feature `ipopt` and running it needs. What is not set up is left out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
 # system's own (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software
 # driver even then.
 # shellcheck shell=sh disable=SC3028,SC3054,SC2128
@@ -44,6 +44,18 @@ if [ -f "$relief_root/.relief/cwiid/stamp" ]; then
 fi
 if [ -f "$relief_root/.relief/osmesa/stamp" ]; then
     relief_add_libraries "$relief_root/.relief/osmesa/lib"
+fi
+
+if [ -f "$relief_root/.relief/ipopt/stamp" ]; then
+    relief_add_libraries "$relief_root/.relief/ipopt/lib"
+    case ":${PKG_CONFIG_PATH:-}:" in
+    *":$relief_root/.relief/ipopt/pkgconfig:"*) ;;
+    *) export PKG_CONFIG_PATH="$relief_root/.relief/ipopt/pkgconfig${PKG_CONFIG_PATH:+:$PKG_CONFIG_PATH}" ;;
+    esac
+    export LIBCLANG_PATH="$relief_root/.relief/ipopt/lib"
+    if [ -d "$relief_root/.relief/ipopt/include/openssl" ]; then
+        export OPENSSL_LIB_DIR="$relief_root/.relief/ipopt/lib" OPENSSL_INCLUDE_DIR="$relief_root/.relief/ipopt/include"
+    fi
 fi
 
 unset relief_root relief_icd

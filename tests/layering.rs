@@ -46,6 +46,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("tower", NETWORK),
     ("tower_http", NETWORK),
     ("nalgebra", &["tracking"]),
+    ("ipopt", &["tracking"]),
     ("anyhow", &["cli"]),
     ("clap", &["cli"]),
     ("quick_xml", &["transfer", "formats"]),

@@ -63,7 +63,9 @@ fn a_recording_is_tracked_to_the_truth() {
     let (reports, truth) = recording(folder.path(), &["--seconds", "6", "--mishaps", "--seed", "3"]);
     let out = folder.path().join("poses.jsonl");
     let mut spreads = Vec::new();
-    for more in [&[][..], &["--no-filter"], &["--no-filter", "--solver", "paper"], &["--filter", "pose"]] {
+    for more in
+        [&[][..], &["--no-filter"], &["--no-filter", "--solver", "interior-point"], &["--filter", "pose"]]
+    {
         let tracked = run(&[&["--reports", &reports, "--out", text(&out)], more].concat());
         assert!(tracked.status.success(), "{}", stderr(&tracked));
         assert!(stderr(&tracked).contains("late and"), "{}", stderr(&tracked));
@@ -79,6 +81,29 @@ fn a_recording_is_tracked_to_the_truth() {
     assert!(filtered.0 < single.0 && filtered.1 < single.1, "{spreads:?}");
     assert!(plain.1 < single.1, "{spreads:?}");
     assert!((0.9..1.5).contains(&(paper.0 / single.0)), "{spreads:?}");
+}
+
+/// `ipopt` and `interior-point` minimise the same energy; a build without IPOPT says that it takes its own solver.
+#[test]
+fn the_solvers_of_the_paper_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reports, _) = recording(folder.path(), &["--seconds", "2"]);
+    let solved = |solver: &str| {
+        let output = run(&["--reports", &reports, "--no-filter", "--solver", solver]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let poses = json_lines(&output.stdout).into_iter().filter(|pose| pose["state"] == "tracking");
+        (poses.map(|pose| vector(&pose["position_mm"])).collect::<Vec<_>>(), stderr(&output))
+    };
+    let (ours, quiet) = solved("interior-point");
+    let (theirs, told) = solved("ipopt");
+    assert!(ours.len() > 150 && ours.len() == theirs.len(), "{} {}", ours.len(), theirs.len());
+    for (a, b) in ours.iter().flatten().zip(theirs.iter().flatten()) {
+        assert!((a - b).abs() < 1e-3, "{a} {b}");
+    }
+    let said = told.matches("this build has no IPOPT").count();
+    assert_eq!(said, usize::from(cfg!(not(feature = "ipopt"))), "{told}");
+    assert!(!quiet.contains("IPOPT"), "{quiet}");
+    assert_eq!(solved("paper").0, ours, "the old name");
 }
 
 /// A focal length that is 3 % too short puts the sensor 3 % too near: the file of the camera is used.

@@ -169,9 +169,9 @@ impl Drawing {
 fn path_of(line: &[[f64; 2]], width: f32, path: &mut PathBuilder) {
     for (at, [x, y]) in line.iter().map(|point| point.map(|c| c as f32)).enumerate() {
         if at == 0 {
-            path.move_to(x, y)
+            path.move_to(x, y);
         } else {
-            path.line_to(x, y)
+            path.line_to(x, y);
         }
         if line.len() == 1 || line == [line[0]; 2] {
             path.line_to(x + width * 1e-3, y);

@@ -106,7 +106,7 @@ pub(super) struct SceneArguments {
 
 #[derive(Debug, clap::Args)]
 struct FilterArguments {
-    /// How single frames are solved; ipopt is another name of paper
+    /// How single frames are solved
     #[arg(long, value_enum, default_value_t = Solver::Lm)]
     solver: Solver,
     /// What joins frames
@@ -127,9 +127,11 @@ struct FilterArguments {
 enum Solver {
     /// Least squared pixel errors
     Lm,
-    /// The linearised energy of the 2009 paper, by an interior-point method
-    #[value(alias = "ipopt")]
-    Paper,
+    /// The linearised energy of the 2009 paper, by an interior-point method of our own
+    #[value(alias = "paper")]
+    InteriorPoint,
+    /// The same by IPOPT, in builds with the cargo feature of that name; in others as interior-point
+    Ipopt,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -182,6 +184,26 @@ pub(super) fn read_text(path: &Path) -> anyhow::Result<String> {
     read().with_context(|| format!("cannot read {}", path.display()))
 }
 
+impl Solver {
+    /// Without IPOPT, our own solver of the same energy takes its place, and says so.
+    fn kind(self) -> SolverKind {
+        match self {
+            Self::Lm => SolverKind::Lm,
+            Self::InteriorPoint => SolverKind::Paper,
+            #[cfg(feature = "ipopt")]
+            Self::Ipopt => SolverKind::Ipopt,
+            #[cfg(not(feature = "ipopt"))]
+            Self::Ipopt => {
+                tracing::warn!(
+                    "this build has no IPOPT (cargo feature ipopt): --solver ipopt is solved as --solver interior-point, \
+                     the same energy by a solver of our own"
+                );
+                SolverKind::Paper
+            }
+        }
+    }
+}
+
 impl FilterArguments {
     fn options(&self, noise_px: f64) -> Options {
         let filter = match self.filter {
@@ -192,7 +214,7 @@ impl FilterArguments {
         };
         Options {
             filter,
-            solver: if self.solver == Solver::Paper { SolverKind::Paper } else { SolverKind::Lm },
+            solver: self.solver.kind(),
             noise_px: quantised_noise(noise_px),
             motion: if self.motion == Moved::Arm { Motion::ARM } else { Motion::HAND },
             use_gyroscope: self.gyro,

@@ -1,10 +1,12 @@
 //! Poses from one view: pixels of known LEDs, and which way is up.
 //!
 //! [`View::solve`] finds the pose with the least sum of squared pixel errors: global starts ([`start`]), each refined by
-//! Levenberg-Marquardt on SE(3) ([`View::refine`]). [`paper`] keeps the way of the 2009 paper. [`bound`] says how well
-//! it could be done at all. Nothing here allocates.
+//! Levenberg-Marquardt on SE(3) ([`View::refine`]). [`paper`] keeps the way of the 2009 paper; `ipopt`, of builds with that
+//! feature, has its solver. [`bound`] says how well it could be done at all. Nothing here allocates, but `ipopt`.
 
 pub mod bound;
+#[cfg(feature = "ipopt")]
+pub mod ipopt;
 pub mod paper;
 pub mod random;
 pub mod refine;

@@ -28,15 +28,15 @@ pub struct PaperSolution {
 
 /// `q' a q + b t`.
 #[derive(Clone, Copy)]
-struct Form {
-    a: Matrix4<f64>,
-    b: Vector3<f64>,
+pub(super) struct Form {
+    pub(super) a: Matrix4<f64>,
+    pub(super) b: Vector3<f64>,
 }
 
 #[derive(Clone, Copy)]
-struct Point {
-    q: Vector4<f64>, // w, x, y, z
-    t: Vector3<f64>,
+pub(super) struct Point {
+    pub(super) q: Vector4<f64>, // w, x, y, z
+    pub(super) t: Vector3<f64>,
 }
 
 /// Value, slope and curvature in the tangent space: a small turn (as `q * (1, w / 2)`, beacon axes), then t.
@@ -50,8 +50,22 @@ const MAX_ITERATIONS: usize = 100;
 const FIRST_BARRIER: f64 = 1e-2;
 const LAST_BARRIER: f64 = 1e-14;
 
+impl Point {
+    /// Lengths are in units of `scale`.
+    pub(super) fn of_pose(pose: &Pose, scale: f64) -> Self {
+        let q = UnitQuaternion::from_rotation_matrix(&pose.rotation);
+        Self { q: Vector4::new(q.w, q.i, q.j, q.k), t: pose.translation / scale }
+    }
+
+    pub(super) fn pose(&self, scale: f64) -> Pose {
+        let turn =
+            UnitQuaternion::from_quaternion(Quaternion::new(self.q[0], self.q[1], self.q[2], self.q[3]));
+        Pose { rotation: turn.to_rotation_matrix(), translation: self.t * scale }
+    }
+}
+
 impl Form {
-    fn value(&self, at: &Point) -> f64 {
+    pub(super) fn value(&self, at: &Point) -> f64 {
         at.q.dot(&(self.a * at.q)) + self.b.dot(&at.t)
     }
 
@@ -98,16 +112,17 @@ fn rotated(weights: &Vector3<f64>, p: &Vector3<f64>) -> Matrix4<f64> {
     a
 }
 
-struct Energy {
+pub(super) struct Energy {
     errors: [Form; 2 * MAX_SEEN],
     depths: [Form; MAX_SEEN],
     count: usize,
-    scale: f64,
+    /// The beacon's radius, mm.
+    pub(super) scale: f64,
 }
 
 impl Energy {
     /// Lengths in units of the beacon's radius, errors in units of the focal length.
-    fn new(view: &View<'_>) -> Option<Self> {
+    pub(super) fn new(view: &View<'_>) -> Option<Self> {
         let camera = view.camera;
         let count = view.sightings.len().min(MAX_SEEN);
         let scale = view.sightings.iter().map(|s| s.led.norm()).fold(0.0, f64::max);
@@ -130,15 +145,15 @@ impl Energy {
         Some(energy)
     }
 
-    fn errors(&self) -> &[Form] {
+    pub(super) fn errors(&self) -> &[Form] {
         &self.errors[..2 * self.count]
     }
 
-    fn depths(&self) -> &[Form] {
+    pub(super) fn depths(&self) -> &[Form] {
         &self.depths[..self.count]
     }
 
-    fn energy(&self, at: &Point) -> f64 {
+    pub(super) fn energy(&self, at: &Point) -> f64 {
         self.errors().iter().map(|error| error.value(at).powi(2)).sum()
     }
 
@@ -184,8 +199,7 @@ pub fn level_start(distance_mm: f64) -> Pose {
 #[must_use]
 pub fn solve(view: &View<'_>, start: &Pose) -> Option<PaperSolution> {
     let energy = Energy::new(view)?;
-    let q = UnitQuaternion::from_rotation_matrix(&start.rotation);
-    let mut at = Point { q: Vector4::new(q.w, q.i, q.j, q.k), t: start.translation / energy.scale };
+    let mut at = Point::of_pose(start, energy.scale);
     let mut barrier = FIRST_BARRIER;
     let mut iterations = 0;
     let mut converged = false;
@@ -201,8 +215,7 @@ pub fn solve(view: &View<'_>, start: &Pose) -> Option<PaperSolution> {
             barrier = (barrier * 0.05).max(LAST_BARRIER);
         }
     }
-    let turn = UnitQuaternion::from_quaternion(Quaternion::new(at.q[0], at.q[1], at.q[2], at.q[3]));
-    let pose = Pose { rotation: turn.to_rotation_matrix(), translation: at.t * energy.scale };
+    let pose = at.pose(energy.scale);
     Some(PaperSolution { pose, energy: energy.energy(&at) * view.camera.fx.powi(2), iterations, converged })
 }
 

@@ -265,6 +265,8 @@ impl Tracker {
         let pose = match self.options.solver {
             SolverKind::Lm => view.refine(found)?.pose,
             SolverKind::Paper => paper::solve(&view, found)?.pose,
+            #[cfg(feature = "ipopt")]
+            SolverKind::Ipopt => super::solve::ipopt::solve(&view, found)?.pose,
         };
         Some(Fix {
             pose,

@@ -23,6 +23,9 @@ pub enum SolverKind {
     Lm,
     /// The paper's linearised energy, by an interior-point method.
     Paper,
+    /// The same energy by IPOPT itself; a step allocates.
+    #[cfg(feature = "ipopt")]
+    Ipopt,
 }
 
 /// See the fields; [`Options::default`] suits a hand that holds a Wiimote.
