@@ -9,7 +9,7 @@
 //! | 0 | [`units`], [`space`] |
 //! | 1 | [`volume`], [`transfer`], [`camera`], [`tracking`] |
 //! | 2 | [`gpu`], [`dicom`], [`formats`], [`display`], [`interaction`] |
-//! | 3 | [`render`] |
+//! | 3 | [`render`], [`live`] |
 //! | 4 | [`session`] |
 //! | 5 | [`server`] |
 //! | 6 | [`cli`] |
@@ -23,6 +23,7 @@ pub mod display;
 pub mod formats;
 pub mod gpu;
 pub mod interaction;
+pub mod live;
 pub mod render;
 pub mod server;
 pub mod session;

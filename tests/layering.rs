@@ -23,6 +23,7 @@ const RANKS: &[(&str, u32)] = &[
     ("display", 2),
     ("interaction", 2),
     ("render", 3),
+    ("live", 3),
     ("session", 4),
     ("server", 5),
     ("client", 5),

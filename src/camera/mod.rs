@@ -6,6 +6,7 @@
 
 mod orbit;
 mod slice;
+mod written;
 
 use glam::DVec3;
 
@@ -13,6 +14,7 @@ use crate::space::{Patient, Point, Transform, Vector, View};
 
 pub use orbit::{Orbit, OrbitError};
 pub use slice::{EdgeLabels, NamedPlane, PlaneView, orientation_label};
+pub use written::{CameraFile, ProjectionFile, head_up};
 
 /// How view space becomes a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

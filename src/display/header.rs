@@ -244,12 +244,34 @@ impl ExtendedPart {
 }
 
 impl Header {
+    /// H1 to H4: content type, factor, offset, and which of the two the display takes.
+    #[must_use]
+    pub const fn fields(&self) -> [u8; 4] {
+        let select =
+            if self.use_factor { USE_FACTOR } else { 0 } | if self.use_offset { USE_OFFSET } else { 0 };
+        [self.content.byte(), self.factor, self.offset, select]
+    }
+
+    /// The header with these H1 to H4, announcing 2D+Z.
+    ///
+    /// # Errors
+    /// When the content type is unknown or a reserved bit of H4 is set.
+    pub fn from_fields([content, factor, offset, select]: [u8; 4]) -> Result<Self, HeaderProblem> {
+        let known = ContentType::from_byte(content);
+        let content = known.ok_or(HeaderProblem::UnknownContent { found: content })?;
+        let reserved = !(USE_FACTOR | USE_OFFSET);
+        if select & reserved != 0 {
+            return Err(HeaderProblem::Reserved { byte: 4, found: select, reserved });
+        }
+        let (use_factor, use_offset) = (select & USE_FACTOR != 0, select & USE_OFFSET != 0);
+        Ok(Self { content, factor, offset, use_factor, use_offset, ..Self::default() })
+    }
+
     /// The header's bytes: 10, or 32 with the extended part.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let select =
-            if self.use_factor { USE_FACTOR } else { 0 } | if self.use_offset { USE_OFFSET } else { 0 };
-        let mut bytes = vec![MAGIC, self.content.byte(), self.factor, self.offset, select, 0];
+        let [content, factor, offset, select] = self.fields();
+        let mut bytes = vec![MAGIC, content, factor, offset, select, 0];
         bytes.extend(CRC_32.checksum(&bytes).to_be_bytes());
         if let Some(extended) = self.extended {
             bytes.extend([EXTENDED_MAGIC, EXTENDED_CONSTANT, extended.byte()]);

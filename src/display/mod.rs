@@ -30,8 +30,8 @@ pub use inspect::{
     inspect_png, read_png,
 };
 pub use layout::{
-    DecodedDepth, DecodedFrame, DecodedLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels,
-    UnknownLayout,
+    DecodedDepth, DecodedFrame, DecodedLayer, DisparityLayer, Frame, FrameEncoder, Layout, LayoutError,
+    Picture, Pixels, UnknownLayout,
 };
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};

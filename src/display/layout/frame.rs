@@ -12,6 +12,15 @@ pub struct Picture<'a> {
     back: Option<(&'a [[u8; 4]], &'a [f32])>,
 }
 
+/// Colour and disparity of every pixel, in rows from the top left: of a colour its first three bytes count.
+#[derive(Clone, Copy, Debug)]
+pub struct DisparityLayer<'a, const N: usize> {
+    /// Red, green, blue, and whatever follows.
+    pub color: &'a [[u8; N]],
+    /// D, 255 nearest.
+    pub disparity: &'a [u8],
+}
+
 /// A frame as a display or a file takes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
@@ -118,7 +127,7 @@ impl Frame {
 }
 
 /// The number of pixels of a size within the limits.
-fn pixel_count(what: &'static str, size_px: [u32; 2]) -> Result<usize, LayoutError> {
+pub(super) fn pixel_count(what: &'static str, size_px: [u32; 2]) -> Result<usize, LayoutError> {
     let [width, height] = size_px;
     if !(1..=MAX_FRAME_SIDE_PX).contains(&width) || !(1..=MAX_FRAME_SIDE_PX).contains(&height) {
         return Err(LayoutError::Size { what, size_px });

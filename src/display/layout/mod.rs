@@ -19,7 +19,9 @@
 //! | `depth16` | Z alone in 16 bits of grey, 65535 nearest, 0 farthest |
 
 mod decode;
+mod disparity;
 mod frame;
+mod given;
 mod pack;
 
 use std::borrow::Cow;
@@ -28,12 +30,12 @@ use std::str::FromStr;
 use super::filter::DepthFilter;
 use super::header::{ExtendedPart, Header};
 use super::profile::DisplayProfile;
-use super::views::{self, MAX_VIEWS, Parallax, ViewGrid, Views, eyes, synthesize};
+use super::views::{self, MAX_VIEWS, Parallax, ViewGrid, Views, eyes};
 use crate::units::DepthLimits;
 
 pub use decode::{DecodedDepth, DecodedFrame, DecodedLayer};
 pub(super) use decode::{depth_problems, odd_and_even_lines};
-pub use frame::{Frame, Picture, Pixels};
+pub use frame::{DisparityLayer, Frame, Picture, Pixels};
 
 /// The frame that 4K displays take, pixels.
 const FRAME_4K_PX: [u32; 2] = [3840, 2160];
@@ -122,6 +124,12 @@ pub enum LayoutError {
     /// The layout needs what lies behind the first layer.
     #[error("layout {layout} needs what lies behind the first layer: render with depth rule two-layer")]
     NoBackground {
+        /// The layout.
+        layout: Layout,
+    },
+    /// The layout carries no disparity.
+    #[error("layout {layout} carries Z and no disparity, so that none can be packed into it")]
+    NoDisparity {
         /// The layout.
         layout: Layout,
     },
@@ -447,12 +455,11 @@ impl FrameEncoder {
     /// # Errors
     /// When the layout has no views, or the picture has too many pixels for them.
     pub fn views(&self, picture: &Picture<'_>, limits: DepthLimits) -> Result<Views, LayoutError> {
-        self.layout.check_size(picture.size_px())?;
-        let layer =
-            |picture: &Picture<'_>| pack::layer(self, picture, &self.filter.apply(picture, limits), limits);
-        let back = picture.back().as_ref().map(layer);
-        let parallax = self.parallax(picture.size_px()[0]);
-        synthesize(picture.size_px(), &layer(picture), back.as_ref(), &parallax, &self.eyes())
+        let behind = picture.back();
+        let disparity = behind.as_ref().map(|back| self.disparity(back, limits)).unwrap_or_default();
+        let back = behind.map(|back| DisparityLayer { color: back.color(), disparity: &disparity });
+        let front = DisparityLayer { color: picture.color(), disparity: &self.disparity(picture, limits) };
+        self.views_of(picture.size_px(), front, back)
     }
 
     /// Packs a picture into a frame, its depth filtered and scaled between the limits; a miss becomes the far limit.
@@ -461,24 +468,25 @@ impl FrameEncoder {
     /// When the picture is not of the size that the layout needs (see [`FrameEncoder::render_size_px`]), or has no
     /// background where the layout needs one.
     pub fn encode(&self, picture: &Picture<'_>, limits: DepthLimits) -> Result<Frame, LayoutError> {
-        let found_px = picture.size_px();
-        match self.render_size_px() {
-            Some(needed_px) if needed_px != found_px => {
-                Err(LayoutError::PictureSize { layout: self.layout, needed_px, found_px })
-            }
-            _ if self.layout == Layout::Color => pack::pack(self, picture, limits),
-            _ if self.layout.view_count() > 0 => pack::pack(self, picture, limits),
-            _ => {
-                let depth_mm = self.filter.apply(picture, limits);
-                let filtered = Picture::new(found_px, picture.color(), &depth_mm)?;
-                match picture.back() {
-                    Some(back) => {
-                        let depth_mm = self.filter.apply(&back, limits);
-                        pack::pack(self, &filtered.with_back(back.color(), &depth_mm)?, limits)
-                    }
-                    None => pack::pack(self, &filtered, limits),
-                }
-            }
+        let size_px = picture.size_px();
+        self.expect_size(size_px)?;
+        if self.layout == Layout::Depth16 {
+            let samples = self.scaled16(picture, limits);
+            return Frame::new(size_px, Pixels::Gray16(samples));
         }
+        let of = |picture: &Picture<'_>| match self.layout {
+            Layout::Color => Vec::new(),
+            _ => self.disparity(picture, limits),
+        };
+        let behind = picture.back().filter(|_| self.takes_background());
+        let disparity = behind.as_ref().map(of).unwrap_or_default();
+        let back = behind.map(|back| DisparityLayer { color: back.color(), disparity: &disparity });
+        let front = DisparityLayer { color: picture.color(), disparity: &of(picture) };
+        pack::pack(self, size_px, front, back)
+    }
+
+    /// Whether what lies behind a picture changes its frames.
+    const fn takes_background(&self) -> bool {
+        self.layout.needs_background() || self.layout.view_count() > 0
     }
 }

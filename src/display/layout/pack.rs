@@ -1,27 +1,28 @@
 //! Packing: pictures into frames, row by row. This runs for every live frame.
 
-use super::{DecodedLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, Pixels};
+use super::{DisparityLayer, Frame, FrameEncoder, Layout, LayoutError, Pixels};
 use crate::display::views::{Views, anaglyph};
-use crate::units::{DepthLimits, ViewDepth};
 
-/// The frame of a picture whose size the encoder has checked.
-pub(super) fn pack(
+/// The frame of layers whose sizes the encoder has checked.
+pub(super) fn pack<const N: usize>(
     encoder: &FrameEncoder,
-    picture: &Picture<'_>,
-    limits: DepthLimits,
+    size_px: [u32; 2],
+    front: DisparityLayer<'_, N>,
+    back: Option<DisparityLayer<'_, N>>,
 ) -> Result<Frame, LayoutError> {
-    let [width, height] = picture.size_px();
+    let [width, height] = size_px;
+    let side_by_side = |layer: DisparityLayer<'_, N>| side_by_side(encoder.layout, width as usize, layer);
     match encoder.layout {
-        Layout::Color => Frame::new([width, height], Pixels::Rgb8(color_alone(picture))),
-        Layout::Depth16 => Frame::new([width, height], Pixels::Gray16(depth_alone(picture, limits))),
-        Layout::Rgbd => Frame::new([2 * width, height], Pixels::Rgb8(side_by_side(encoder, picture, limits))),
+        Layout::Color => Frame::new(size_px, Pixels::Rgb8(color_alone(front.color))),
+        Layout::Depth16 => Err(LayoutError::NoDisparity { layout: encoder.layout }),
+        Layout::Rgbd => Frame::new([2 * width, height], Pixels::Rgb8(side_by_side(front))),
         Layout::Wowvx | Layout::WowvxFullHeight | Layout::Wowvx4k => {
-            with_header(encoder, width, side_by_side(encoder, picture, limits))
+            with_header(encoder, width, side_by_side(front))
         }
         Layout::Declipse | Layout::DeclipseLines => {
-            let back = picture.back().ok_or(LayoutError::NoBackground { layout: encoder.layout })?;
-            let mut samples = side_by_side(encoder, picture, limits);
-            let behind = side_by_side(encoder, &back, limits);
+            let back = back.ok_or(LayoutError::NoBackground { layout: encoder.layout })?;
+            let mut samples = side_by_side(front);
+            let behind = side_by_side(back);
             if encoder.layout == Layout::Declipse {
                 samples.extend(behind);
             } else {
@@ -32,7 +33,7 @@ pub(super) fn pack(
             with_header(encoder, width, samples)
         }
         Layout::Stereo | Layout::Views(_) | Layout::Anaglyph | Layout::Wiggle => {
-            pack_views(encoder.layout, &encoder.views(picture, limits)?)
+            pack_views(encoder.layout, &encoder.views_of(size_px, front, back)?)
         }
     }
 }
@@ -65,62 +66,37 @@ pub(super) fn pack_views(layout: Layout, views: &Views) -> Result<Frame, LayoutE
     Frame::new(frame_px, Pixels::Rgb8(samples))
 }
 
-/// A picture as a display receives it: its colour, and this depth as bytes of disparity.
-pub(super) fn layer(
-    encoder: &FrameEncoder,
-    picture: &Picture<'_>,
-    depth_mm: &[f32],
-    limits: DepthLimits,
-) -> DecodedLayer {
-    DecodedLayer {
-        color: picture.color().iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
-        disparity: depth_mm.iter().map(|&mm| disparity_byte(encoder, mm, limits)).collect(),
-    }
-}
-
-fn disparity_byte(encoder: &FrameEncoder, mm: f32, limits: DepthLimits) -> u8 {
-    encoder.profile.disparity(limits.scaled(ViewDepth(mm))).to_byte()
-}
-
 /// The display's frame with the header on line 0; `width` is that of the left half.
 fn with_header(encoder: &FrameEncoder, width: u32, mut samples: Vec<u8>) -> Result<Frame, LayoutError> {
     encoder.header.write_into_line(&mut samples[..3 * width as usize]);
     Frame::new(encoder.profile.frame_px(), Pixels::Rgb8(samples))
 }
 
-fn color_alone(picture: &Picture<'_>) -> Vec<u8> {
-    let mut samples = vec![0; 3 * picture.color().len()];
-    copy_color(&mut samples, picture.color());
+fn color_alone<const N: usize>(color: &[[u8; N]]) -> Vec<u8> {
+    let mut samples = vec![0; 3 * color.len()];
+    copy_color(&mut samples, color);
     samples
 }
 
-/// Z in 16 bits, 65535 nearest, 0 farthest or missed.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Z is 0..=1")]
-fn depth_alone(picture: &Picture<'_>, limits: DepthLimits) -> Vec<u16> {
-    let gray = |&mm: &f32| ((1.0 - limits.scaled(ViewDepth(mm)).0) * 65535.0).round() as u16;
-    picture.depth_mm().iter().map(gray).collect()
-}
-
 /// The picture on the left and its disparity on the right, on every line or on every other one.
-fn side_by_side(encoder: &FrameEncoder, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u8> {
-    let [width, height] = picture.size_px().map(|side| side as usize);
+fn side_by_side<const N: usize>(layout: Layout, width: usize, layer: DisparityLayer<'_, N>) -> Vec<u8> {
     let line = 6 * width;
-    let step = encoder.layout.line_step();
-    let mut samples = vec![0; line * height * step];
-    let rows = picture.color().chunks_exact(width).zip(picture.depth_mm().chunks_exact(width));
-    for (lines, (color, depth_mm)) in samples.chunks_exact_mut(line * step).zip(rows) {
+    let step = layout.line_step();
+    let mut samples = vec![0; 2 * 3 * layer.color.len() * step];
+    let rows = layer.color.chunks_exact(width).zip(layer.disparity.chunks_exact(width));
+    for (lines, (color, disparity)) in samples.chunks_exact_mut(line * step).zip(rows) {
         let (left, rest) = lines.split_at_mut(3 * width);
         copy_color(left, color);
-        for (gray, &mm) in rest.chunks_exact_mut(3).zip(depth_mm) {
-            gray.fill(disparity_byte(encoder, mm, limits));
+        for (gray, &d) in rest.chunks_exact_mut(3).zip(disparity) {
+            gray.fill(d);
         }
     }
     samples
 }
 
 /// Red, green and blue of every pixel; alpha is left out, the colour is already over the background.
-fn copy_color(rgb: &mut [u8], color: &[[u8; 4]]) {
-    for (rgb, [r, g, b, _]) in rgb.chunks_exact_mut(3).zip(color) {
-        rgb.copy_from_slice(&[*r, *g, *b]);
+fn copy_color<const N: usize>(rgb: &mut [u8], color: &[[u8; N]]) {
+    for (rgb, pixel) in rgb.chunks_exact_mut(3).zip(color) {
+        rgb.copy_from_slice(&pixel[..3]);
     }
 }

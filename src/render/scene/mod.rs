@@ -21,7 +21,7 @@ use self::labels::{ClipLabelsFile, LabelsFile, Written, resolve_labels};
 use self::lights::{LightsFile, PathTraceFile, resolve_lights};
 use self::overlays::OverlaysFile;
 use self::parts::{
-    CameraFile, ClipFile, DepthFile, TransferFile, Windows, default_mode, default_shading, expect_objects,
+    ClipFile, DepthFile, TransferFile, Windows, default_mode, default_shading, expect_objects,
     resolve_transfer,
 };
 use self::shading::ShadingFile;
@@ -31,7 +31,7 @@ use super::classification::Classification;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
-use crate::camera::Orbit;
+use crate::camera::{CameraFile, Orbit};
 use crate::display::DisplaySettings;
 use crate::volume::{Grid, LabelMap};
 

@@ -7,7 +7,6 @@ use serde::{Deserialize, Deserializer};
 use super::SceneError;
 use super::labels::{ClipLabelsFile, label_objects};
 use super::overlays::OverlaysFile;
-use crate::camera::{Camera, CameraError, Projection};
 use crate::display::DisplaySettings;
 use crate::render::mode::Mode;
 use crate::render::request::{Clip, ClipPlane, ClipSphere, DepthRule, RequestError, Shading};
@@ -15,29 +14,6 @@ use crate::space::{Point, Vector};
 use crate::transfer::{
     ControlPoint, GradientOpacity, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
 };
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CameraFile {
-    eye_mm: [f64; 3],
-    look_at_mm: [f64; 3],
-    #[serde(default = "head_up")]
-    up: [f64; 3],
-    projection: ProjectionFile,
-    #[serde(default)]
-    lens_shift: [f64; 2],
-}
-
-pub(super) fn head_up() -> [f64; 3] {
-    [0.0, 0.0, 1.0]
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-enum ProjectionFile {
-    Perspective { vertical_fov_deg: f64 },
-    Orthographic { height_mm: f64 },
-}
 
 /// A preset's name, or control points, or a window.
 #[derive(Clone, Debug)]
@@ -218,21 +194,6 @@ fn overlay_items(scene: &serde_json::Value) -> impl Iterator<Item = String> {
         let inner = OverlaysFile::KINDS.map(|kind| format!("{item}/{kind}"));
         std::iter::once(item).chain(inner)
     })
-}
-
-impl CameraFile {
-    pub(super) fn resolve(self) -> Result<Camera, CameraError> {
-        let projection = match self.projection {
-            ProjectionFile::Perspective { vertical_fov_deg } => {
-                Projection::Perspective { vertical_fov: vertical_fov_deg.to_radians() }
-            }
-            ProjectionFile::Orthographic { height_mm } => Projection::Orthographic { height_mm },
-        };
-        let (eye, look_at) = (self.eye_mm.into(), self.look_at_mm.into());
-        let up = Vector::from_xyz(self.up.into());
-        let camera = Camera::new(Point::from_xyz(eye), Point::from_xyz(look_at), up, projection)?;
-        camera.with_lens_shift(self.lens_shift)
-    }
 }
 
 impl TransferFile {

@@ -58,7 +58,7 @@ impl Default for SlicePlane {
 #[serde(deny_unknown_fields)]
 struct ObliqueFile {
     normal: [f64; 3],
-    #[serde(default = "super::parts::head_up")]
+    #[serde(default = "crate::camera::head_up")]
     up: [f64; 3],
 }
 

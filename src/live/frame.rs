@@ -1,0 +1,219 @@
+//! Whole frames: header, colour and depth in one message, and out of it again; and the display's frame composed from them.
+//!
+//! A client composes what its display takes itself, header last, so that no bit of it travels through a lossy codec:
+//! [`ReceivedFrame::compose`] gives, for a frame that is lossless and of full size, the pixels that
+//! `GET /v1/volumes/{id}/frame` serves as PNG for the same scene.
+
+use super::codec::{self, CodecError};
+use super::format::{ColorFormat, DepthFormat, LiveLayout};
+use super::header::{FrameError, FrameHeader, HEADER_BYTES};
+use crate::display::{
+    DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout, LayoutError,
+    MAX_FRAME_SIDE_PX, ProfileError,
+};
+use crate::units::ScaledDepth;
+
+/// Most pixels of a picture that is received: memory of a client.
+pub const MAX_PIXELS: usize = 1 << 24;
+
+/// Colour of a picture, written once and shared by all clients that take this format.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EncodedColor {
+    /// How it is written.
+    pub format: ColorFormat,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// Depth of a picture, written once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EncodedDepth {
+    /// How it is written.
+    pub format: DepthFormat,
+    /// Its bytes; none of format `none`.
+    pub bytes: Vec<u8>,
+}
+
+/// A frame as received: header, and colour and depth unpacked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedFrame {
+    /// What came before them.
+    pub header: FrameHeader,
+    /// Red, green, blue of every pixel, in rows from the top; below it those of what lies behind, where there is such.
+    pub color: Vec<[u8; 3]>,
+    /// Depth of every pixel, in the same rows.
+    pub depth: ReceivedDepth,
+}
+
+/// Depth as received.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ReceivedDepth {
+    /// None was sent.
+    None,
+    /// D, 255 nearest.
+    Disparity(Vec<u8>),
+    /// Z, 65535 nearest.
+    Scaled16(Vec<u16>),
+}
+
+/// Why a frame could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReceiveError {
+    /// The header is none, or does not go with what follows.
+    #[error(transparent)]
+    Header(#[from] FrameError),
+    /// Colour or depth is damaged.
+    #[error(transparent)]
+    Codec(#[from] CodecError),
+}
+
+/// Why there is no frame for a display.
+#[derive(Debug, thiserror::Error)]
+pub enum ComposeError {
+    /// The frame is for no display's layout.
+    #[error("the frame has no layout that could be composed")]
+    NoLayout,
+    /// The layout needs depth.
+    #[error("layout {0} needs depth, and the frame has none: accept a depth format in hello")]
+    NoDepth(Layout),
+    /// The display's frame would be larger than any.
+    #[error(transparent)]
+    Profile(#[from] ProfileError),
+    /// The picture does not fit the layout.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// The display's header is none.
+    #[error(transparent)]
+    Header(#[from] FrameError),
+}
+
+/// The bytes of a frame. The header's formats and lengths are set here.
+#[must_use]
+pub fn assemble(header: &FrameHeader, color: &EncodedColor, depth: &EncodedDepth) -> Vec<u8> {
+    let length = |bytes: &[u8]| u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+    let header = FrameHeader {
+        color: color.format,
+        depth: depth.format,
+        color_bytes: length(&color.bytes),
+        depth_bytes: length(&depth.bytes),
+        ..*header
+    };
+    let mut frame = Vec::with_capacity(HEADER_BYTES + color.bytes.len() + depth.bytes.len());
+    frame.extend(header.encode());
+    frame.extend(&color.bytes);
+    frame.extend(&depth.bytes);
+    frame
+}
+
+/// Colour and depth of a frame as they lie in its bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct Parts<'a> {
+    /// What comes before them.
+    pub header: FrameHeader,
+    /// Colour, packed.
+    pub color: &'a [u8],
+    /// Depth, packed.
+    pub depth: &'a [u8],
+}
+
+impl<'a> Parts<'a> {
+    /// Takes a frame apart without unpacking anything: all that a client that only counts needs.
+    ///
+    /// # Errors
+    /// When the header is none, or there are more or fewer bytes than it says.
+    pub fn of(frame: &'a [u8]) -> Result<Self, FrameError> {
+        let header = FrameHeader::decode(frame)?;
+        let wrong = FrameError::Length { found: frame.len() as u64, expected: header.frame_bytes() };
+        if frame.len() as u64 != header.frame_bytes() {
+            return Err(wrong);
+        }
+        let payload = frame.get(HEADER_BYTES..).unwrap_or_default();
+        let (color, depth) = payload.split_at_checked(header.color_bytes as usize).ok_or(wrong)?;
+        Ok(Self { header, color, depth })
+    }
+}
+
+impl ReceivedFrame {
+    /// Reads a frame.
+    ///
+    /// # Errors
+    /// When it is none, or damaged. Any bytes are taken, and memory for at most [`MAX_PIXELS`].
+    pub fn decode(frame: &[u8]) -> Result<Self, ReceiveError> {
+        let Parts { header, color, depth } = Parts::of(frame)?;
+        let pixels = header.pixels();
+        if pixels > MAX_PIXELS {
+            let (found, allowed) = (pixels as u64, "at most 16777216 pixels");
+            return Err(FrameError::Field { field: "size_px", found, allowed }.into());
+        }
+        let size = [usize::from(header.size_px[0]), header.rows()];
+        let color = codec::decode_color(size, color, header.color)?;
+        let depth = match header.depth {
+            DepthFormat::None => ReceivedDepth::None,
+            format if format.is_z16() => ReceivedDepth::Scaled16(codec::decode_z16(size, depth, format)?),
+            format => ReceivedDepth::Disparity(codec::decode_d8(size, depth, format)?),
+        };
+        Ok(Self { header, color, depth })
+    }
+
+    /// The frame of the display: picture and disparity placed by the layout, and the header on top. A picture that is smaller
+    /// than what it stands for is enlarged first: each pixel becomes the nearest one of the picture sent, in colour and in depth.
+    ///
+    /// `curve` makes D of Z where Z was sent; D that was sent is taken as it is.
+    ///
+    /// # Errors
+    /// When the frame is for no layout, has no depth where that needs one, or does not fit it.
+    pub fn compose(&self, curve: &DisplayProfile) -> Result<Frame, ComposeError> {
+        let LiveLayout::Of(layout) = self.header.layout else { return Err(ComposeError::NoLayout) };
+        let full_px = self.header.full_px.map(u32::from);
+        let encoder = FrameEncoder::new(layout, profile_of(layout, full_px)?, self.header.display_header()?)?;
+        let disparity = match &self.depth {
+            ReceivedDepth::Disparity(disparity) => disparity.clone(),
+            ReceivedDepth::Scaled16(scaled) => scaled.iter().map(|z| disparity_of(*z, curve)).collect(),
+            ReceivedDepth::None if layout == Layout::Color => vec![0; self.color.len()],
+            ReceivedDepth::None => return Err(ComposeError::NoDepth(layout)),
+        };
+        let layers = if self.header.back_layer { 2 } else { 1 };
+        let each = self.color.len() / layers;
+        let mut enlarged = (0..layers).map(|layer| {
+            let part = layer * each..(layer + 1) * each;
+            (self.enlarged(&self.color[part.clone()]), self.enlarged(&disparity[part]))
+        });
+        let (front, back) = (enlarged.next().unwrap_or_default(), enlarged.next());
+        let back = back.as_ref().map(|(color, disparity)| DisparityLayer { color, disparity });
+        Ok(encoder.pack(full_px, DisparityLayer { color: &front.0, disparity: &front.1 }, back)?)
+    }
+
+    /// Rows of the size sent, as rows of the full size.
+    fn enlarged<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        let [from, to] = [self.header.size_px, self.header.full_px].map(|size| size.map(usize::from));
+        if from == to {
+            return values.to_vec();
+        }
+        // The pixel that the centre lies in.
+        let place = |at: usize, axis: usize| (2 * at + 1) * from[axis] / (2 * to[axis]);
+        let columns: Vec<usize> = (0..to[0]).map(|x| place(x, 0)).collect();
+        let row = |y: usize| {
+            let row = &values[place(y, 1) * from[0]..][..from[0]];
+            columns.iter().map(move |&x| row[x])
+        };
+        (0..to[1]).flat_map(row).collect()
+    }
+}
+
+/// A display whose frame holds pictures of this size in this layout. Its curve is of no use: D is known.
+fn profile_of(layout: Layout, [width, height]: [u32; 2]) -> Result<DisplayProfile, ProfileError> {
+    let frame_px = match layout {
+        Layout::Wowvx | Layout::Declipse | Layout::DeclipseLines => [2 * width, 2 * height],
+        Layout::WowvxFullHeight | Layout::Wowvx4k | Layout::Rgbd => [2 * width, height],
+        _ => [width, height],
+    };
+    // Side by side without header, and the picture alone, are of any size.
+    let frame_px =
+        if layout.has_header() { frame_px } else { frame_px.map(|side| side.min(MAX_FRAME_SIDE_PX)) };
+    DisplayProfile::new(frame_px, [width, height], DisparityConstants::PHILIPS_42)
+}
+
+/// D of Z in 16 bits.
+fn disparity_of(z: u16, curve: &DisplayProfile) -> u8 {
+    curve.disparity(ScaledDepth(1.0 - f64::from(z) / 65535.0)).to_byte()
+}

@@ -1,0 +1,78 @@
+//! What is shown, and how.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::display::DisplaySettings;
+use crate::interaction::GrabMode;
+
+/// What is shown, and how. What is left out stays.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// A merge patch (RFC 7396) of the scene, in the JSON of a request without `camera`, `size_px`, `display` and `budget_ms`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<Map<String, Value>>,
+    /// The display, as in a request; replaces what was set before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub display: Option<DisplaySettings>,
+    /// Size of the picture; where the layout fixes it, that alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size_px: Option<[u32; 2]>,
+    /// A preset by its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
+    /// Another volume, by its id.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume: Option<String>,
+    /// What a picture may cost while the view moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<Quality>,
+    /// What B lets the hand do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grab_mode: Option<GrabMode>,
+}
+
+/// What a picture may cost while the view moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quality {
+    /// What the connection and the renderer were measured to have.
+    Auto,
+    /// So many ms of rendering, and JPEG of quality 90.
+    Budget {
+        /// Milliseconds; 1 to 60000.
+        budget_ms: f64,
+    },
+}
+
+impl Serialize for Quality {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Auto => serializer.serialize_str("auto"),
+            Self::Budget { budget_ms } => BudgetFile { budget_ms: *budget_ms }.serialize(serializer),
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BudgetFile {
+    budget_ms: f64,
+}
+
+impl<'de> Deserialize<'de> for Quality {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        use serde::de::Error;
+        match Value::deserialize(deserializer)? {
+            Value::String(word) if word == "auto" => Ok(Self::Auto),
+            object @ Value::Object(_) => {
+                let BudgetFile { budget_ms } = BudgetFile::deserialize(object).map_err(D::Error::custom)?;
+                if !(1.0..=60_000.0).contains(&budget_ms) {
+                    return Err(D::Error::custom(format!("budget_ms is {budget_ms}, allowed: 1 to 60000")));
+                }
+                Ok(Self::Budget { budget_ms })
+            }
+            _ => Err(D::Error::custom("expected \"auto\" or {\"budget_ms\": 1 to 60000}")),
+        }
+    }
+}
