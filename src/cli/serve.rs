@@ -16,12 +16,17 @@ use super::labels;
 use super::memory::parse_bytes;
 use super::output::say;
 use super::source::{self, SeriesOptions};
+use super::track::{read_beacon, read_camera};
 use crate::dicom::{self, LoadLimits, Strictness};
 use crate::render::VolumeLimits;
 use crate::server::{
-    self, Config, ConnectionLimits, Drained, LabelsLoader, LoadedVolume, Server, UploadLimits, VolumeLoader,
+    self, Config, ConnectionLimits, Drained, LabelsLoader, LiveConfig, LoadedVolume, Server, UploadLimits,
+    VolumeLoader,
 };
 use crate::session::{QueueConfig, RenderService};
+
+/// How long live sessions may take to say farewell.
+const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
 
 /// Serve frames over HTTP, with a web page that shows them.
 #[derive(Debug, clap::Args)]
@@ -59,6 +64,15 @@ pub(super) struct Arguments {
     /// Orders that may wait while one renders; more are answered with 503
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=4096))]
     queue: u16,
+    /// Live sessions and plain live viewers at a time
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u16).range(1..=4096))]
+    sessions: u16,
+    /// Camera of the Wiimotes whose reports clients relay: OpenCV or ROS YAML; a typical one otherwise
+    #[arg(long, value_name = "CAM.yaml")]
+    sensor: Option<PathBuf>,
+    /// Beacon that they look at; the recommended one otherwise
+    #[arg(long, value_name = "B.toml")]
+    beacon: Option<PathBuf>,
 }
 
 /// Who may add volumes.
@@ -86,7 +100,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let adapter = renderer.gpu().description().to_string();
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(renderer, queue)?);
-    let config = config(&arguments, &adapter);
+    let config = config(&arguments, &adapter)?;
     let server = Server::new(Arc::clone(&service), upload_loader(limits), config);
     let server = Arc::new(server.reading_labels(labels_loader()));
     server.expect_volumes(arguments.series.len());
@@ -113,11 +127,13 @@ async fn serve(arguments: Arguments, server: Arc<Server>, limits: VolumeLimits) 
     }
     let failed = load_behind(series, (options, limits), Arc::clone(&server))?;
     let mut failure = None;
+    let sessions = Arc::clone(&server);
     let stop = async {
         tokio::select! {
             () = signal => eprintln!("stopping: finishing what is being answered"),
             Ok(error) = failed => failure = Some(error),
         }
+        sessions.close_sessions(SESSIONS_PATIENCE).await;
     };
     let drained = server::serve(listener, server::app(server), ConnectionLimits::default(), stop).await;
     if drained == Drained::CutOff {
@@ -174,19 +190,26 @@ fn served(loaded: dicom::Loaded) -> LoadedVolume {
     LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), labels: None }
 }
 
-fn config(arguments: &Arguments, adapter: &str) -> Config {
+fn config(arguments: &Arguments, adapter: &str) -> anyhow::Result<Config> {
     let loopback = arguments.listen.ip().is_loopback();
     let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
     let hosts = own.into_iter().chain([host_of(arguments.listen.ip())]).chain(arguments.allow_host.clone());
     let uploads = arguments.uploads == Uploads::On || (arguments.uploads == Uploads::Auto && loopback);
-    Config {
+    let live = LiveConfig {
+        sessions: arguments.sessions.into(),
+        sensor: read_camera(arguments.sensor.as_deref())?,
+        beacon: read_beacon(arguments.beacon.as_deref())?,
+        ..LiveConfig::default()
+    };
+    Ok(Config {
         identity: format!("{} {adapter}", build()),
         adapter: adapter.to_owned(),
         allowed_hosts: (loopback || !arguments.allow_host.is_empty()).then(|| hosts.collect()),
         uploads: uploads.then(UploadLimits::default),
         memory_bytes: arguments.memory,
+        live,
         ..Config::default()
-    }
+    })
 }
 
 /// Reads an uploaded file. Its name here is nobody else's business.

@@ -159,18 +159,28 @@ fn noise(text: &str) -> Result<f64, String> {
 
 impl SceneArguments {
     pub(super) fn beacon(&self) -> anyhow::Result<Beacon> {
-        let Some(path) = &self.beacon else { return Ok(Beacon::recommended()) };
-        Beacon::read(&read_text(path)?).with_context(|| format!("{} is no beacon", path.display()))
+        read_beacon(self.beacon.as_deref())
     }
 
     pub(super) fn camera(&self) -> anyhow::Result<Pinhole> {
-        let Some(path) = &self.sensor else { return Ok(Pinhole::TYPICAL) };
-        file::read(&read_text(path)?).with_context(|| format!("{} is no camera", path.display()))
+        read_camera(self.sensor.as_deref())
     }
 
     pub(super) fn noise_px(&self) -> f64 {
         self.noise_px
     }
+}
+
+/// The beacon of a file, or the recommended one.
+pub(super) fn read_beacon(path: Option<&Path>) -> anyhow::Result<Beacon> {
+    let Some(path) = path else { return Ok(Beacon::recommended()) };
+    Beacon::read(&read_text(path)?).with_context(|| format!("{} is no beacon", path.display()))
+}
+
+/// The camera of a file, or a typical one.
+pub(super) fn read_camera(path: Option<&Path>) -> anyhow::Result<Pinhole> {
+    let Some(path) = path else { return Ok(Pinhole::TYPICAL) };
+    file::read(&read_text(path)?).with_context(|| format!("{} is no camera", path.display()))
 }
 
 /// A small text file; a larger one is something else.

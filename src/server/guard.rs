@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header, uri::Authority};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header, uri::Authority};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use http_body_util::BodyExt;
@@ -28,14 +28,19 @@ pub(super) async fn same_site(State(server): State<Arc<Server>>, request: Reques
             return Problem::new(StatusCode::MISDIRECTED_REQUEST, "unknown-host", detail).into_response();
         }
     }
-    if let Some(origin) = request.headers().get(header::ORIGIN).filter(|_| !request.method().is_safe()) {
-        let site = origin.to_str().ok().and_then(|origin| origin.split_once("://")).map(|(_, site)| site);
-        if site.is_none() || site != named.as_ref().map(Authority::as_str) {
-            let detail = "writes from pages of another site are refused";
-            return Problem::new(StatusCode::FORBIDDEN, "cross-site", detail).into_response();
-        }
+    if !request.method().is_safe() && is_cross_site(request.headers(), request.uri()) {
+        let detail = "writes from pages of another site are refused";
+        return Problem::new(StatusCode::FORBIDDEN, "cross-site", detail).into_response();
     }
     next.run(request).await
+}
+
+/// Whether a page of another site sends this. Programs, which send no `Origin`, are no page.
+pub(super) fn is_cross_site(headers: &HeaderMap, uri: &Uri) -> bool {
+    let Some(origin) = headers.get(header::ORIGIN) else { return false };
+    let named = authority(headers.get(header::HOST)).or_else(|| uri.authority().cloned());
+    let site = origin.to_str().ok().and_then(|origin| origin.split_once("://")).map(|(_, site)| site);
+    site.is_none() || site != named.as_ref().map(Authority::as_str)
 }
 
 fn authority(host: Option<&HeaderValue>) -> Option<Authority> {

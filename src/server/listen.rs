@@ -1,6 +1,6 @@
 //! Connections: accepting them within limits, noticing the slow and the gone, and draining them at the end.
 //!
-//! A connection holds at most one request at a time and one encoded frame. Clients that dawdle over a request's
+//! A WebSocket leaves these limits with its upgrade; `live` has limits for it. A connection holds at most one request at a time and one encoded frame. Clients that dawdle over a request's
 //! head, or do not take what is sent, are cut off; those over the number allowed wait in the system's backlog.
 
 use std::future::Future;
@@ -13,11 +13,10 @@ use std::time::Duration;
 use axum::Router;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
 use tokio::time::{Instant, Sleep};
 
 /// How much of their time and number connections may take.
@@ -61,7 +60,7 @@ pub async fn serve(
     stop: impl Future<Output = ()>,
 ) -> Drained {
     let places = Arc::new(Semaphore::new(limits.connections));
-    let graceful = GracefulShutdown::new();
+    let draining = watch::Sender::new(false);
     let mut connections = tokio::task::JoinSet::new();
     let mut stop = std::pin::pin!(stop);
     loop {
@@ -72,21 +71,32 @@ pub async fn serve(
         while connections.try_join_next().is_some() {}
         let service = TowerToHyperService::new(app.clone());
         let io = TokioIo::new(StallGuard::new(stream, limits.stall_timeout));
+        let mut drain = draining.subscribe();
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(limits.head_timeout)
             .max_buf_size(64 << 10)
-            .serve_connection(io, service);
-        let watched = graceful.watch(connection);
+            .serve_connection(io, service)
+            .with_upgrades();
         connections.spawn(async move {
-            if let Err(error) = watched.await {
+            let mut connection = std::pin::pin!(connection);
+            let ended = tokio::select! {
+                ended = &mut connection => ended,
+                _ = drain.changed() => {
+                    connection.as_mut().graceful_shutdown();
+                    connection.await
+                }
+            };
+            if let Err(error) = ended {
                 tracing::debug!(%error, "a connection ended early");
             }
             drop(place);
         });
     }
     drop(listener); // new connections are refused from here on
-    match tokio::time::timeout(limits.drain_timeout, graceful.shutdown()).await {
+    draining.send_replace(true);
+    let all = async { while connections.join_next().await.is_some() {} };
+    match tokio::time::timeout(limits.drain_timeout, all).await {
         Ok(()) => Drained::Whole,
         Err(_) => Drained::CutOff, // dropping the set ends what is left
     }

@@ -22,6 +22,51 @@ pub(super) struct Metrics {
     outcomes: [AtomicU64; OUTCOMES.len()],
     queue: Histogram,
     render: Histogram,
+    pub(super) live: LiveMetrics,
+}
+
+/// What is counted of live sessions.
+#[derive(Debug, Default)]
+pub(super) struct LiveMetrics {
+    pub(super) sessions: AtomicI64,
+    frames: [AtomicU64; 2],
+    bytes: AtomicU64,
+    dropped_poses: AtomicU64,
+    overhead: Histogram,
+}
+
+impl LiveMetrics {
+    /// A frame is handed to the socket.
+    pub(super) fn sent(&self, is_still: bool, bytes: usize) {
+        self.frames[usize::from(is_still)].fetch_add(1, Ordering::Relaxed);
+        self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    /// What a frame of a moving view cost beside rendering and waiting.
+    pub(super) fn overhead(&self, ms: f64) {
+        self.overhead.observe(ms);
+    }
+
+    /// A pose that no picture showed.
+    pub(super) fn pose_dropped(&self) {
+        self.dropped_poses.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn write(&self, text: &mut String) {
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        head(text, "relief_live_sessions", "gauge", "Live sessions that are connected.");
+        line(text, "relief_live_sessions", "", self.sessions.load(Ordering::Relaxed));
+        head(text, "relief_live_frames_total", "counter", "Frames sent in live sessions.");
+        for (kind, count) in ["moving", "still"].into_iter().zip(&self.frames) {
+            line(text, "relief_live_frames_total", &format!("kind=\"{kind}\""), read(count));
+        }
+        head(text, "relief_live_bytes_total", "counter", "Bytes of those frames.");
+        line(text, "relief_live_bytes_total", "", read(&self.bytes));
+        head(text, "relief_live_dropped_poses_total", "counter", "Poses that newer ones replaced.");
+        line(text, "relief_live_dropped_poses_total", "", read(&self.dropped_poses));
+        let help = "From a message to its frame's hand-over, without rendering and waiting, of moving views.";
+        self.overhead.write(text, "relief_live_overhead_seconds", help);
+    }
 }
 
 /// What is read at the moment of asking.
@@ -112,6 +157,7 @@ impl Metrics {
         }
         self.queue.write(&mut text, "relief_render_queue_seconds", "Time that orders waited.");
         self.render.write(&mut text, "relief_render_seconds", "Time of upload and rendering.");
+        self.live.write(&mut text);
         text
     }
 
@@ -157,7 +203,7 @@ impl Metrics {
 }
 
 /// Upper bounds of the buckets, seconds.
-const BOUNDS: [f64; 10] = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
+const BOUNDS: [f64; 13] = [0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 
 /// Durations in buckets.
 #[derive(Debug, Default)]

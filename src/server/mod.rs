@@ -17,6 +17,10 @@
 //! | `/v1/volumes/{id}/pick` | GET, POST | the patient position that a pixel shows |
 //! | `/v1/volumes/{id}/presets/{name}/thumbnail` | GET | a small picture of the volume with a preset |
 //! | `/studies/{study}/series/{series}/rendered3D`, `.../renderedmpr` | GET | DICOM Supplement 228 |
+//! | `/v1/session` | GET | a live session, over a WebSocket; see `LIVE.md` |
+//! | `/v1/session/protocol.json` | GET | its protocol for programs |
+//! | `/v1/session/{view}/mjpeg`, `.../frame` | GET | a live view without a WebSocket |
+//! | `/v1/session/{view}/intent` | POST | moves it |
 //! | `/v1/presets` | GET | transfer functions by name |
 //! | `/healthz`, `/readyz`, `/metrics` | GET | operation |
 //! | `/openapi.json` | GET | this table for programs |
@@ -30,6 +34,7 @@ mod guard;
 mod info;
 mod labels;
 mod listen;
+mod live;
 mod metrics;
 mod negotiate;
 mod observe;
@@ -56,6 +61,7 @@ use crate::session::Product;
 use problem::Problem;
 
 pub use listen::{ConnectionLimits, Drained, serve};
+pub use live::LiveConfig;
 pub use resident::{NoRoom, VolumeReader};
 pub use state::{Config, LabelsLoader, Server, UploadLimits, VolumeLoader};
 pub use volumes::LoadedVolume;
@@ -72,6 +78,11 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/studies/{study}/series/{series}/rendered3D", get(dicomweb::rendered_3d))
         .route("/studies/{study}/series/{series}/rendered3d", get(dicomweb::rendered_3d))
         .route("/studies/{study}/series/{series}/renderedmpr", get(dicomweb::rendered_mpr))
+        .route("/v1/session", get(live::connect))
+        .route("/v1/session/protocol.json", get(live::protocol))
+        .route("/v1/session/{view}/mjpeg", get(live::mjpeg))
+        .route("/v1/session/{view}/frame", get(live::next_frame))
+        .route("/v1/session/{view}/intent", post(live::intent))
         .route("/v1/presets", get(info::presets))
         .route("/healthz", get(info::healthz))
         .route("/readyz", get(info::readyz))

@@ -68,6 +68,23 @@ impl Problem {
         self.with("path", name)
     }
 
+    /// The document that the client is told.
+    pub(super) fn document(&self) -> Value {
+        let mut document = Map::from_iter([
+            ("type".to_owned(), json!(format!("urn:relief:problem:{}", self.kind))),
+            ("title".to_owned(), json!(self.status.canonical_reason().unwrap_or("Error"))),
+            ("status".to_owned(), json!(self.status.as_u16())),
+            ("detail".to_owned(), json!(self.detail)),
+        ]);
+        document.extend(self.members.clone());
+        Value::Object(document)
+    }
+
+    /// What failed here, for the log.
+    pub(super) fn cause(&self) -> Option<&str> {
+        self.cause.as_deref()
+    }
+
     /// The JSON path that this problem is about.
     pub(super) fn path(&self) -> Option<&str> {
         self.members.get("path").and_then(Value::as_str)
@@ -111,14 +128,7 @@ impl From<ServiceError> for Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let mut document = Map::from_iter([
-            ("type".to_owned(), json!(format!("urn:relief:problem:{}", self.kind))),
-            ("title".to_owned(), json!(self.status.canonical_reason().unwrap_or("Error"))),
-            ("status".to_owned(), json!(self.status.as_u16())),
-            ("detail".to_owned(), json!(self.detail)),
-        ]);
-        document.extend(self.members);
-        let mut response = (self.status, Value::Object(document).to_string()).into_response();
+        let mut response = (self.status, self.document().to_string()).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));

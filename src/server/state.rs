@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::Semaphore;
 
+use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
 use super::resident::{NoRoom, VolumeReader};
 use super::volumes::{LoadedVolume, Volumes};
@@ -37,6 +38,8 @@ pub struct Config {
     /// Most bytes of voxels in memory, of all volumes together; orders that wait keep theirs beside. Of the series that can
     /// be read again the least recently shown goes first.
     pub memory_bytes: u64,
+    /// Live sessions.
+    pub live: LiveConfig,
 }
 
 /// How much may be uploaded.
@@ -63,6 +66,7 @@ impl Default for Config {
             body_timeout: Duration::from_secs(15),
             uploads: Some(UploadLimits::default()),
             memory_bytes: 16 << 30,
+            live: LiveConfig::default(),
         }
     }
 }
@@ -79,6 +83,7 @@ pub struct Server {
     pub(super) service: Arc<RenderService>,
     pub(super) volumes: Volumes,
     pub(super) metrics: Metrics,
+    pub(super) live: Live,
     pub(super) loader: VolumeLoader,
     pub(super) labels_loader: Option<LabelsLoader>,
     /// Places of encoders at work, so that they leave the async threads and the machine's memory alone.
@@ -100,6 +105,7 @@ impl Server {
             volumes: Volumes::within(config.memory_bytes),
             reading: Arc::new(Semaphore::new(1)),
             metrics: Metrics::default(),
+            live: Live::new(config.live.clone()),
             loader,
             labels_loader: None,
             encoders: Arc::new(Semaphore::new(cores)),

@@ -202,6 +202,15 @@ impl Volumes {
         inner.entries.iter().find(|entry| entry.id == id).cloned().ok_or_else(no_such_volume)
     }
 
+    /// The first volume that came.
+    pub(super) fn first(&self) -> Result<Arc<Entry>, Problem> {
+        self.read()
+            .entries
+            .first()
+            .cloned()
+            .ok_or_else(|| Problem::unavailable("no-volume", "no volume is loaded"))
+    }
+
     /// The volume of this study and series: the first, where a series is several stacks.
     pub(super) fn find_series(&self, study_uid: &str, series_uid: &str) -> Result<Arc<Entry>, Problem> {
         let inner = self.read();

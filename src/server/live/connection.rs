@@ -1,0 +1,311 @@
+//! A connection whose session is open: a reader obeys messages, a writer sends what there is room for.
+//!
+//! What waits for the writer is bounded: the newest picture of the view, a few short messages, and the one frame that is being handed
+//! over. Frames are encoded only while fewer than two are out, so a connection that takes nothing holds two and no more.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use axum::extract::ws::{Message, WebSocket};
+use axum::http::StatusCode;
+use futures_util::stream::SplitStream;
+use futures_util::{SinkExt, StreamExt};
+use tokio::sync::mpsc;
+
+use super::session::Session;
+use super::shot::{Echo, Shot, micros};
+use super::socket::{
+    End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error, malformed,
+    text,
+};
+use super::view::{Slot, lock};
+use crate::interaction::Intent;
+use crate::live::{
+    ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, Pose, PoseKind, Report, Role, ServerMessage,
+    Settings, Welcome, assemble,
+};
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+
+/// Refused messages that end a connection.
+const MOST_ERRORS: usize = 20;
+/// Of a still picture there is one quality: JPEG where nothing lossless is accepted.
+const STILL_QUALITY: u8 = 95;
+/// While the view moves, where it does not follow the connection.
+const USUAL_QUALITY: u8 = 90;
+
+/// See the module.
+pub(super) struct Connected {
+    pub(super) server: Arc<Server>,
+    pub(super) session: Arc<Session>,
+    pub(super) slot: Arc<Slot>,
+    pub(super) formats: Formats,
+    /// Number of this connection of the session.
+    pub(super) number: u64,
+}
+
+/// Messages that wait for the writer; one that finds no room is left out.
+type Outbox = mpsc::Sender<String>;
+
+impl Connected {
+    pub(super) fn welcome(&self, resumed: bool) -> String {
+        let Session { token, view, role, .. } = &*self.session;
+        let welcome = Welcome {
+            session: token.clone(),
+            view: view.name.clone(),
+            volume: view.entry().describe(),
+            role: *role,
+            color: self.formats.color,
+            depth: self.formats.depth,
+            state: view.record(),
+            resumed,
+        };
+        ServerMessage::Welcome(Box::new(welcome)).to_text()
+    }
+
+    /// What a lost connection leaves behind: a session that may be resumed, and no hand that holds the volume.
+    pub(super) fn leave(&self) {
+        let now = Instant::now();
+        self.session.view.leave(&self.slot);
+        if *self.session.connection.borrow() == self.number {
+            let intents = lock(&self.session.remote).end();
+            let _ = self.session.view.wish(None, &intents, 0, now); // letting go is never refused
+        }
+        self.session.lose(self.number, now);
+    }
+
+    /// What ends a connection from outside.
+    pub(super) async fn interrupted(&self) -> End {
+        let mut closing = self.server.live.closing.subscribe();
+        let mut ended = self.session.view.ended.subscribe();
+        let mut connection = self.session.connection.subscribe();
+        tokio::select! {
+            _ = closing.wait_for(|closing| *closing) => Some((GOING_AWAY, "the server stops")),
+            _ = ended.wait_for(|ended| *ended) => Some((REMOVED, "the volume was removed")),
+            _ = connection.wait_for(|newest| *newest != self.number) => {
+                Some((TAKEN_OVER, "another connection resumed this session"))
+            }
+        }
+    }
+
+    /// Obeys messages until the connection ends.
+    pub(super) async fn read(&self, reader: &mut SplitStream<WebSocket>, outbox: &Outbox) -> End {
+        let mut errors = 0;
+        loop {
+            let next = tokio::time::timeout(self.server.live.config.silence, reader.next()).await;
+            let message = match next {
+                Err(_) | Ok(None) => return None,
+                // The only error that says what the other side did wrong and leaves it able to hear so.
+                Ok(Some(Err(error))) if error.to_string().contains("too long") => {
+                    return Some((TOO_LARGE, "a message is too large"));
+                }
+                Ok(Some(Err(_))) => return None,
+                Ok(Some(Ok(message))) => message,
+            };
+            let outcome = match message {
+                Message::Text(text) if text.len() > MAX_TEXT_BYTES => {
+                    return Some((TOO_LARGE, "a message is too large"));
+                }
+                Message::Text(text) => ClientMessage::parse(&text)
+                    .map_err(|error| malformed(&error))
+                    .and_then(|message| self.obey(&message, outbox)),
+                Message::Binary(_) => return Some((UNSUPPORTED, "binary messages are the server's alone")),
+                Message::Close(_) => return None,
+                Message::Ping(_) | Message::Pong(_) => Ok(()),
+            };
+            if let Err(problem) = outcome {
+                errors += 1;
+                let _ = outbox.try_send(error(&problem, errors == MOST_ERRORS));
+                if errors == MOST_ERRORS {
+                    return Some((POLICY, "too many errors"));
+                }
+            }
+        }
+    }
+
+    fn obey(&self, message: &ClientMessage, outbox: &Outbox) -> Result<(), Problem> {
+        let now = Instant::now();
+        let is_watcher = self.session.role == Role::Watcher;
+        match message {
+            ClientMessage::Ack(ack) => {
+                if self.slot.flow().pace.acknowledged(ack.frame, now) {
+                    self.slot.freed.notify_one();
+                    self.session.view.work.notify_one();
+                }
+                Ok(())
+            }
+            ClientMessage::Hello(_) => {
+                Err(Problem::new(StatusCode::CONFLICT, "hello-again", "this session is open already"))
+            }
+            _ if is_watcher => {
+                let detail = "watchers look; say hello as presenter to move the view or to change it";
+                Err(Problem::new(StatusCode::FORBIDDEN, "watcher", detail))
+            }
+            ClientMessage::Pose(pose) => self.pose(pose, now),
+            ClientMessage::Report(report) => self.report(report, outbox, now),
+            ClientMessage::Intent(message) => {
+                let echo = Echo { seq: message.seq, t_ns: message.t_ns };
+                self.wish(echo, std::slice::from_ref(&message.intent), now).map(drop)
+            }
+            ClientMessage::Settings(settings) => self.settings(settings, now),
+        }
+    }
+
+    fn wish(&self, echo: Echo, intents: &[Intent], now: Instant) -> Result<bool, Problem> {
+        self.session.view.wish(Some((&self.slot, echo)), intents, echo.t_ns, now)
+    }
+
+    fn pose(&self, pose: &Pose, now: Instant) -> Result<(), Problem> {
+        let is_newest = self.slot.is_newer(pose.seq);
+        let echo = Echo { seq: pose.seq, t_ns: pose.t_ns };
+        let unseen = match &pose.what {
+            // Buttons count, however late they come.
+            PoseKind::Remote(remote) => {
+                let intents = lock(&self.session.remote).pose(pose.t_ns, remote, is_newest)?;
+                if !is_newest {
+                    return self.session.view.wish(None, &intents, pose.t_ns, now).map(drop);
+                }
+                self.wish(echo, &intents, now)?
+            }
+            _ if !is_newest => return Ok(()),
+            PoseKind::Orbit(orbit) => {
+                let (azimuth_deg, elevation_deg) = (orbit.azimuth_deg, orbit.elevation_deg);
+                let look =
+                    Intent::Look { azimuth_deg, elevation_deg, zoom: orbit.zoom, vertical_fov_deg: None };
+                self.wish(echo, &[look], now)?
+            }
+            PoseKind::Camera(camera) => {
+                let camera = camera.resolve().map_err(super::view::refused)?;
+                self.session.view.look_through((&self.slot, echo), camera, now)
+            }
+        };
+        if unseen {
+            self.server.metrics.live.pose_dropped();
+        }
+        Ok(())
+    }
+
+    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<(), Problem> {
+        let config = &self.server.live.config;
+        let tracked = lock(&self.session.remote).report(report, (&config.sensor, &config.beacon), now)?;
+        let (intents, tracking) = tracked;
+        if let Some(tracking) = tracking {
+            let _ = outbox.try_send(ServerMessage::Tracking(tracking).to_text());
+        }
+        let echo = Echo { seq: report.seq, t_ns: report.t_ns };
+        self.wish(echo, &intents, now).map(drop)
+    }
+
+    fn settings(&self, settings: &Settings, now: Instant) -> Result<(), Problem> {
+        let entry = settings.volume.as_ref().map(|id| self.server.volumes.find(id)).transpose()?;
+        self.session.view.settle(settings, entry, now)?;
+        match settings.grab_mode {
+            Some(grab_mode) => lock(&self.session.remote).set_grab_mode(grab_mode),
+            None => Ok(()),
+        }
+    }
+
+    /// Sends what there is to send, until the connection ends.
+    pub(super) async fn write(&self, writer: &mut Writer, mut messages: mpsc::Receiver<String>) -> End {
+        let view = &self.session.view;
+        let (mut shots, mut failures) = (view.shots.subscribe(), view.failures.subscribe());
+        let mut peers = view.peers.subscribe();
+        peers.mark_changed();
+        shots.mark_changed();
+        let mut ping = tokio::time::interval(self.server.live.config.ping);
+        ping.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        let mut told = None;
+        loop {
+            let has_room = self.slot.flow().has_room();
+            let sent = tokio::select! {
+                biased;
+                message = messages.recv() => match message {
+                    Some(message) => writer.send(text(&message)).await,
+                    None => return None,
+                },
+                _ = ping.tick() => writer.send(Message::Ping(Vec::new().into())).await,
+                _ = peers.changed() => {
+                    let message = ServerMessage::Peers(*peers.borrow_and_update());
+                    writer.send(text(&message.to_text())).await
+                }
+                _ = failures.changed() => {
+                    let failure = failures.borrow_and_update().clone();
+                    match failure {
+                        Some(failure) => writer.send(text(&failure)).await,
+                        None => Ok(()),
+                    }
+                }
+                () = self.slot.freed.notified(), if !has_room => Ok(()),
+                _ = shots.changed(), if has_room => {
+                    let shot = shots.borrow_and_update().clone();
+                    match shot {
+                        Some(shot) => match self.send_shot(writer, &shot, &mut told).await {
+                            Ok(sent) => sent,
+                            Err(problem) => {
+                                let _ = writer.send(text(&error(&problem, true))).await;
+                                return Some((INTERNAL, "a frame could not be encoded"));
+                            }
+                        },
+                        None => Ok(()),
+                    }
+                }
+            };
+            if sent.is_err() {
+                return None;
+            }
+        }
+    }
+
+    /// Encodes a picture, or takes what is encoded, and hands it over, behind the state that it shows.
+    async fn send_shot(
+        &self,
+        writer: &mut Writer,
+        shot: &Arc<Shot>,
+        told: &mut Option<Arc<str>>,
+    ) -> Result<Result<(), axum::Error>, Problem> {
+        let quality = {
+            let mut flow = self.slot.flow();
+            flow.is_busy = true;
+            flow.taken = shot.number;
+            match (shot.is_still, shot.adapts) {
+                (true, _) => STILL_QUALITY,
+                (false, true) => flow.pace.level().1,
+                (false, false) => USUAL_QUALITY,
+            }
+        };
+        // There may be room for one more, which can be rendered while this one is encoded.
+        self.session.view.work.notify_one();
+        let colors = self.formats.color;
+        let format = if shot.is_still { colors.still } else { colors.moving };
+        let parts = shot.parts(&self.server, (format, quality), self.formats.depth).await;
+        let header = {
+            let mut flow = self.slot.flow();
+            flow.is_busy = false;
+            let now = Instant::now();
+            match &parts {
+                Ok(parts) => FrameHeader {
+                    sequence: flow.pace.sent(now, shot.is_still),
+                    total_us: micros(now.saturating_duration_since(shot.arrived)),
+                    encode_us: micros(parts.took()),
+                    ..shot.header(self.slot.id)
+                },
+                Err(_) => shot.header(self.slot.id),
+            }
+        };
+        let parts = parts?;
+        let (color, depth) = parts.get().ok_or_else(|| Problem::internal("encoding", "nothing was made"))?;
+        let frame = assemble(&header, color, depth);
+        let metrics = &self.server.metrics.live;
+        metrics.sent(shot.is_still, frame.len());
+        if !shot.is_still {
+            metrics.overhead(f64::from(header.overhead_us()) / 1e3);
+        }
+        if told.as_ref() != Some(&shot.state) {
+            *told = Some(Arc::clone(&shot.state));
+            if let Err(error) = writer.feed(text(&shot.state)).await {
+                return Ok(Err(error));
+            }
+        }
+        Ok(writer.send(Message::Binary(frame.into())).await)
+    }
+}

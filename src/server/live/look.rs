@@ -1,0 +1,265 @@
+//! What a view shows apart from where one looks from: volume, scene, preset, display, size.
+//!
+//! A [`Look`] is whole and valid: a change makes another one or is refused, and what was there stays. The scene is a JSON merge
+//! patch (RFC 7396) of an empty request, kept as such, so that a later patch can take keys back.
+
+use std::sync::Arc;
+
+use axum::http::StatusCode;
+use serde_json::{Map, Value};
+
+use crate::camera::{Camera, Orbit};
+use crate::display::{DisplaySettings, Layout};
+use crate::interaction::{Home, Stage, ViewState};
+use crate::live::{Quality, Settings};
+use crate::render::{
+    Clip, ClipPlane, Landmark, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
+    SceneFile, depth_limits,
+};
+use crate::server::problem::Problem;
+use crate::server::volumes::Entry;
+use crate::transfer::PRESETS;
+
+/// Most pixels of a live picture: memory for frames that wait.
+const MAX_PIXELS: u64 = 1 << 23;
+/// Keys of a scene that belong elsewhere, and where.
+const ELSEWHERE: [(&str, &str); 4] = [
+    ("camera", "a pose with a camera, or intents"),
+    ("size_px", "size_px beside scene"),
+    ("display", "display beside scene"),
+    ("budget_ms", "quality beside scene"),
+];
+
+/// See the module.
+#[derive(Clone)]
+pub(super) struct Look {
+    pub(super) entry: Arc<Entry>,
+    pub(super) stage: Stage,
+    pub(super) quality: Quality,
+    /// `None` where the scene has a transfer function of its own.
+    pub(super) preset: Option<String>,
+    patch: Map<String, Value>,
+    display: DisplaySettings,
+    size_px: Option<[u32; 2]>,
+    /// Resolved, with some camera.
+    base: Arc<Scene>,
+}
+
+impl Look {
+    /// A look at a volume.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the settings.
+    pub(super) fn new(entry: Arc<Entry>, settings: &Settings) -> Result<Self, Problem> {
+        let preset = Some(PRESETS[0].name.to_owned());
+        let (patch, display) = (Map::new(), DisplaySettings::default());
+        let base = resolve(&entry, &patch, &display, None, preset.as_deref())?;
+        let stage = stage_of(&entry, &base)?;
+        let quality = Quality::Auto;
+        Self { entry, stage, quality, preset, patch, display, size_px: None, base }.with(settings, None)
+    }
+
+    /// The look with these changes.
+    ///
+    /// # Errors
+    /// Whatever is wrong with them.
+    pub(super) fn with(&self, settings: &Settings, entry: Option<Arc<Entry>>) -> Result<Self, Problem> {
+        let mut next = self.clone();
+        if let Some(entry) = entry {
+            next.entry = entry;
+        }
+        if let Some(patch) = &settings.scene {
+            for (key, instead) in ELSEWHERE {
+                if patch.contains_key(key) {
+                    let detail = format!("scene.{key} has no place in a live scene; use {instead}");
+                    return Err(malformed(detail, &format!("scene.{key}")));
+                }
+            }
+            merge(&mut next.patch, patch);
+            match patch.get("transfer") {
+                Some(Value::Null) => next.preset = Some(PRESETS[0].name.to_owned()),
+                Some(_) => next.preset = None,
+                None => {}
+            }
+        }
+        if let Some(display) = &settings.display {
+            if display.layout == Layout::Depth16 {
+                let detail = "display.layout is depth16, allowed: layouts with colour";
+                return Err(malformed(detail.to_owned(), "display.layout"));
+            }
+            // Another layout has another size.
+            if display.layout != next.display.layout {
+                next.size_px = None;
+            }
+            next.display = display.clone();
+        }
+        next.size_px = settings.size_px.or(next.size_px);
+        next.quality = settings.quality.unwrap_or(next.quality);
+        if let Some(name) = &settings.preset {
+            next.preset = Some(name.clone());
+            next.patch.remove("transfer");
+        }
+        next.resolved()
+    }
+
+    /// The look with this preset.
+    ///
+    /// # Errors
+    /// When there is none, or it does not go with the rest of the scene.
+    pub(super) fn with_preset(&self, preset: Option<&str>) -> Result<Self, Problem> {
+        let mut next = self.clone();
+        next.preset = preset.map(str::to_owned);
+        if preset.is_some() {
+            next.patch.remove("transfer");
+        }
+        next.resolved()
+    }
+
+    fn resolved(self) -> Result<Self, Problem> {
+        let base = resolve(&self.entry, &self.patch, &self.display, self.size_px, self.preset.as_deref())?;
+        let stage = stage_of(&self.entry, &base)?;
+        Ok(Self { base, stage, ..self })
+    }
+
+    pub(super) fn display(&self) -> &DisplaySettings {
+        &self.display
+    }
+
+    /// Whether the scene itself draws over the picture.
+    pub(super) fn has_overlays(&self) -> bool {
+        *self.base.request.overlays != Overlays::default()
+    }
+
+    /// The request for the picture of a view, of full size.
+    ///
+    /// # Errors
+    /// When the view and the scene do not go together.
+    pub(super) fn request(
+        &self,
+        state: &ViewState,
+        camera: Option<Camera>,
+    ) -> Result<RenderRequest, Problem> {
+        let mut request = self.base.request.clone();
+        if !matches!(request.mode, Mode::Slice(_)) {
+            let own = || state.camera(&self.stage).map_err(RequestError::from);
+            request.camera = camera.map_or_else(own, Ok).map_err(|error| Problem::out_of_range(&error))?;
+            if let Some(cut) = state.cut_plane(&self.stage)
+                && request.clip.planes.len() < Clip::MAX_PLANES
+            {
+                request.clip.planes.push(ClipPlane { point: cut.point, normal: cut.normal });
+            }
+        }
+        if let Some(mark) = state.cursor_mark(&self.stage) {
+            let mut overlays = Overlays::clone(&request.overlays);
+            let (radius, rgb) = (Radius::Px(mark.radius_px), mark.rgb);
+            overlays.items.push(OverlayItem::Landmark(Landmark { at: mark.at, radius, rgb, label: None }));
+            request.overlays = Arc::new(overlays);
+        }
+        request.validate_on(&self.entry.grid).map_err(|error| Problem::out_of_range(&error))?;
+        self.display.limits(depth_limits(&request.camera, &self.entry.grid))?;
+        Ok(request)
+    }
+}
+
+/// The request for a smaller picture. The cursor shrinks with it.
+pub(super) fn shrunk(mut request: RenderRequest, size_px: [u32; 2]) -> RenderRequest {
+    let share = f64::from(size_px[1]) / f64::from(request.size_px[1]);
+    request.size_px = size_px;
+    request.reduced_px = None;
+    if !request.overlays.items.is_empty() {
+        let mut overlays = Overlays::clone(&request.overlays);
+        for item in &mut overlays.items {
+            if let OverlayItem::Landmark(Landmark { radius: Radius::Px(px), .. }) = item {
+                *px = (*px * share).max(1.0);
+            }
+        }
+        request.overlays = Arc::new(overlays);
+    }
+    request
+}
+
+fn resolve(
+    entry: &Entry,
+    patch: &Map<String, Value>,
+    display: &DisplaySettings,
+    size_px: Option<[u32; 2]>,
+    preset: Option<&str>,
+) -> Result<Arc<Scene>, Problem> {
+    let mut file = SceneFile::parse(Value::Object(patch.clone()).to_string().as_bytes())?;
+    file = file.with_display(display.clone());
+    file = size_px.map_or(file.clone(), |size_px| file.with_size(size_px));
+    file = preset.map_or(file.clone(), |name| file.with_preset(name));
+    let scene = file.resolve_labelled(&entry.grid, &Orbit::default(), entry.labels.as_ref())?;
+    scene.expect_size_of_layout()?;
+    let pixels = scene.request.size_px.into_iter().map(u64::from).product::<u64>();
+    if pixels > MAX_PIXELS {
+        let [width, height] = scene.request.size_px;
+        let (path, found) = ("size_px".to_owned(), format!("{width} x {height}"));
+        let allowed = format!("at most {MAX_PIXELS} pixels in a live session");
+        return Err(Problem::out_of_range(&RequestError { path, found, allowed }));
+    }
+    Ok(Arc::new(scene))
+}
+
+fn stage_of(entry: &Entry, base: &Scene) -> Result<Stage, Problem> {
+    let presets = PRESETS.iter().map(|preset| preset.name.to_owned()).collect();
+    let home = Home { orbit: Home::ORBIT, preset: Some(PRESETS[0].name.to_owned()) };
+    Stage::of_grid(&entry.grid, base.request.size_px, presets, home)
+        .map_err(|error| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error))
+}
+
+/// RFC 7396.
+fn merge(target: &mut Map<String, Value>, patch: &Map<String, Value>) {
+    for (key, value) in patch {
+        match value {
+            Value::Null => {
+                target.remove(key);
+            }
+            Value::Object(inner) => {
+                let known = target.entry(key).or_insert_with(|| Map::new().into());
+                if !known.is_object() {
+                    *known = Map::new().into();
+                }
+                if let Value::Object(known) = known {
+                    merge(known, inner);
+                }
+            }
+            other => {
+                target.insert(key.clone(), other.clone());
+            }
+        }
+    }
+}
+
+fn malformed(detail: String, path: &str) -> Problem {
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail).with("path", path)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    /// The examples of RFC 7396, appendix A, whose target is an object.
+    #[test]
+    fn patches_merge_as_the_standard_says() {
+        for (target, patch, result) in [
+            (json!({"a":"b"}), json!({"a":"c"}), json!({"a":"c"})),
+            (json!({"a":"b"}), json!({"b":"c"}), json!({"a":"b","b":"c"})),
+            (json!({"a":"b"}), json!({"a":null}), json!({})),
+            (json!({"a":"b","b":"c"}), json!({"a":null}), json!({"b":"c"})),
+            (json!({"a":["b"]}), json!({"a":"c"}), json!({"a":"c"})),
+            (json!({"a":"c"}), json!({"a":["b"]}), json!({"a":["b"]})),
+            (json!({"a":{"b":"c"}}), json!({"a":{"b":"d","c":null}}), json!({"a":{"b":"d"}})),
+            (json!({"a":[{"b":"c"}]}), json!({"a":[1]}), json!({"a":[1]})),
+            (json!({}), json!({"a":{"bb":{"ccc":null}}}), json!({"a":{"bb":{}}})),
+        ] {
+            let (Value::Object(mut merged), Value::Object(patch)) = (target, patch) else {
+                panic!("objects")
+            };
+            merge(&mut merged, &patch);
+            assert_eq!(Value::Object(merged), result);
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! The Wiimote of a session: from its reports or poses to wishes.
+
+use std::time::{Duration, Instant};
+
+use axum::http::StatusCode;
+
+use crate::interaction::{Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent};
+use crate::live::{RemotePose, Report, TrackingMessage};
+use crate::server::problem::Problem;
+use crate::tracking::Beacon;
+use crate::tracking::report::{self, Buttons};
+use crate::tracking::sensor::Pinhole;
+use crate::tracking::tracker::{Options, Tracker, TrackingState};
+
+/// Between two messages about an unchanged state of tracking.
+const TELL: Duration = Duration::from_millis(250);
+
+/// See the module.
+pub(super) struct Remote {
+    gestures: Gestures,
+    options: HandOptions,
+    tracker: Option<Box<Tracker>>,
+    told: Option<(TrackingState, Instant)>,
+}
+
+impl Remote {
+    /// # Errors
+    /// None with the options as they are.
+    pub(super) fn new() -> Result<Self, Problem> {
+        let options = HandOptions::default();
+        let gestures =
+            Gestures::new(options.clone()).map_err(|error| Problem::internal("gestures", error))?;
+        Ok(Self { gestures, options, tracker: None, told: None })
+    }
+
+    pub(super) fn set_grab_mode(&mut self, grab_mode: GrabMode) -> Result<(), Problem> {
+        self.options.grab_mode = grab_mode;
+        self.gestures.configure(self.options.clone()).map_err(super::view::refused)
+    }
+
+    /// What a pose and its buttons mean; of one that came late the buttons alone.
+    ///
+    /// # Errors
+    /// When the numbers are no pose.
+    pub(super) fn pose(
+        &mut self,
+        t_ns: u64,
+        pose: &RemotePose,
+        is_newest: bool,
+    ) -> Result<Vec<Intent>, Problem> {
+        let hand = pose.pose.map(|(position, orientation)| HandPose::new(position, orientation));
+        let hand = hand.transpose().map_err(super::view::refused)?;
+        let mut intents = self.gestures.hold(t_ns, buttons(&pose.buttons));
+        if is_newest {
+            intents.extend(self.gestures.track(&HandSample { t_ns, state: pose.state, pose: hand }));
+        }
+        Ok(intents)
+    }
+
+    /// What a report means, and what is to be told of tracking.
+    ///
+    /// # Errors
+    /// When it is none.
+    pub(super) fn report(
+        &mut self,
+        message: &Report,
+        (sensor, beacon): (&Pinhole, &Beacon),
+        now: Instant,
+    ) -> Result<(Vec<Intent>, Option<TrackingMessage>), Problem> {
+        let malformed = |detail: String| {
+            Problem::new(StatusCode::BAD_REQUEST, "malformed-report", detail).with("path", "report")
+        };
+        let bytes = message.bytes().map_err(|error| malformed(error.to_string()))?;
+        let report = report::Report::decode(&bytes).map_err(|error| malformed(error.to_string()))?;
+        let tracker = self
+            .tracker
+            .get_or_insert_with(|| Box::new(Tracker::new(*sensor, beacon.clone(), Options::default())));
+        let held = report.buttons().map(|held| self.gestures.hold(message.t_ns, held));
+        let mut intents = held.unwrap_or_default();
+        let Some(sample) = tracker.push(message.t_ns, &report) else { return Ok((intents, None)) };
+        intents.extend(self.gestures.track(&HandSample::from(&sample)));
+        let is_due = self.told.is_none_or(|(state, at)| state != sample.state || now - at >= TELL);
+        let tracking = TrackingMessage { state: sample.state, leds: sample.leds, rms_px: sample.rms_px };
+        if is_due {
+            self.told = Some((sample.state, now));
+        }
+        Ok((intents, is_due.then_some(tracking)))
+    }
+
+    /// The hand is gone.
+    pub(super) fn end(&mut self) -> Vec<Intent> {
+        self.tracker = None;
+        self.told = None;
+        self.gestures.end()
+    }
+}
+
+/// Buttons by their names, which the protocol has checked.
+fn buttons(names: &[String]) -> Buttons {
+    let named = |(_, name): &&(Buttons, &str)| names.iter().any(|given| given == name);
+    Buttons::ALL.iter().filter(named).fold(Buttons::default(), |held, (button, _)| held.with(*button))
+}

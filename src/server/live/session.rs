@@ -1,0 +1,81 @@
+//! Sessions: what outlives a connection, so that it can be resumed by its token.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use tokio::sync::watch;
+
+use super::remote::Remote;
+use super::view::{View, lock};
+use crate::live::Role;
+
+/// Whoever knows the token may go on with it.
+pub(super) struct Session {
+    pub(super) token: String,
+    pub(super) view: Arc<View>,
+    pub(super) role: Role,
+    pub(super) remote: Mutex<Remote>,
+    /// Counts the connections; all but the newest end.
+    pub(super) connection: watch::Sender<u64>,
+    /// Since when it has no connection.
+    lost: Mutex<Option<Instant>>,
+}
+
+/// All sessions, those that wait to be resumed among them.
+pub(super) struct Sessions {
+    by_token: HashMap<String, Arc<Session>>,
+    resume: Duration,
+    most: usize,
+}
+
+impl Session {
+    pub(super) fn new(token: String, view: Arc<View>, role: Role, remote: Remote) -> Arc<Self> {
+        let (connection, lost) = (watch::Sender::new(1), Mutex::new(None));
+        Arc::new(Self { token, view, role, remote: Mutex::new(remote), connection, lost })
+    }
+
+    /// The connection of this number is gone; nothing where a newer one goes on.
+    pub(super) fn lose(&self, connection: u64, now: Instant) {
+        if *self.connection.borrow() == connection {
+            *lock(&self.lost) = Some(now);
+        }
+    }
+}
+
+impl Sessions {
+    pub(super) fn new(resume: Duration, most: usize) -> Self {
+        Self { by_token: HashMap::new(), resume, most }
+    }
+
+    pub(super) fn add(&mut self, session: &Arc<Session>, now: Instant) {
+        self.forget(now);
+        self.by_token.insert(session.token.clone(), Arc::clone(session));
+    }
+
+    /// The session of a token for a new connection, whose number is the second part.
+    pub(super) fn resume(&mut self, token: &str, now: Instant) -> Option<(Arc<Session>, u64)> {
+        self.forget(now);
+        let session = self.by_token.get(token)?;
+        if *session.view.ended.borrow() {
+            return None;
+        }
+        *lock(&session.lost) = None;
+        session.connection.send_modify(|connection| *connection += 1);
+        let connection = *session.connection.borrow();
+        Some((Arc::clone(session), connection))
+    }
+
+    /// Lets go of those that waited too long, and of the longest lost where there are too many.
+    fn forget(&mut self, now: Instant) {
+        let resume = self.resume;
+        let lost_for =
+            |session: &Session| lock(&session.lost).map(|lost| now.saturating_duration_since(lost));
+        self.by_token.retain(|_, session| lost_for(session).is_none_or(|lost| lost < resume));
+        while self.by_token.len() >= self.most {
+            let lost = self.by_token.iter().filter_map(|(token, session)| Some((lost_for(session)?, token)));
+            let Some(longest) = lost.max().map(|(_, token)| token.clone()) else { break };
+            self.by_token.remove(&longest);
+        }
+    }
+}

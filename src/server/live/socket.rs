@@ -1,0 +1,226 @@
+//! From the upgrade to a session and to its end: who may connect, what `hello` opens, and how one says farewell.
+//!
+//! What goes on between is in `connection`. Reader and writer run in one task, so that a connection that takes nothing is still heard.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use axum::extract::State;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use futures_util::stream::SplitSink;
+use futures_util::{SinkExt, StreamExt};
+use tokio::sync::{OwnedSemaphorePermit, mpsc};
+
+use super::connection::Connected;
+use super::look::Look;
+use super::remote::Remote;
+use super::session::Session;
+use super::view::{Slot, lock};
+use super::{Live, random_name};
+use crate::live::{
+    ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, PROTOCOL, Role, SUBPROTOCOL, ServerMessage,
+    Settings,
+};
+use crate::server::guard::is_cross_site;
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+
+/// Short messages that wait for the writer; more are left out.
+const OUTBOX: usize = 32;
+/// How long the last words may take.
+const FAREWELL: Duration = Duration::from_secs(1);
+/// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked.
+const SOCKET_BUFFER: usize = 96 << 20;
+pub(super) const GOING_AWAY: u16 = 1001;
+pub(super) const UNSUPPORTED: u16 = 1003;
+pub(super) const POLICY: u16 = 1008;
+pub(super) const TOO_LARGE: u16 = 1009;
+pub(super) const INTERNAL: u16 = 1011;
+pub(super) const TAKEN_OVER: u16 = 4001;
+pub(super) const REMOVED: u16 = 4002;
+
+/// Why a connection ends; nothing where nobody is there to be told.
+pub(super) type End = Option<(u16, &'static str)>;
+pub(super) type Writer = SplitSink<WebSocket, Message>;
+
+/// The protocol for programs.
+pub(in crate::server) async fn protocol() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "application/schema+json")], PROTOCOL)
+}
+
+/// `GET /v1/session`.
+pub(in crate::server) async fn connect(
+    State(server): State<Arc<Server>>,
+    headers: HeaderMap,
+    uri: Uri,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Result<Response, Problem> {
+    if is_cross_site(&headers, &uri) {
+        let detail = "sessions of pages of another site are refused";
+        return Err(Problem::new(StatusCode::FORBIDDEN, "cross-site", detail));
+    }
+    let upgrade = upgrade.map_err(|rejection| {
+        let detail = format!("{}; see LIVE.md for ways without a WebSocket", rejection.body_text());
+        Problem::new(StatusCode::UPGRADE_REQUIRED, "no-websocket", detail)
+    })?;
+    let upgrade = upgrade.protocols([SUBPROTOCOL]);
+    if upgrade.selected_protocol().is_none() {
+        let detail = format!("Sec-WebSocket-Protocol does not name {SUBPROTOCOL}");
+        return Err(Problem::new(StatusCode::BAD_REQUEST, "unknown-subprotocol", detail));
+    }
+    let place = server.live.place()?;
+    let upgrade = upgrade
+        .max_message_size(2 * MAX_TEXT_BYTES)
+        .max_frame_size(2 * MAX_TEXT_BYTES)
+        .read_buffer_size(16 << 10)
+        .write_buffer_size(0)
+        .max_write_buffer_size(SOCKET_BUFFER);
+    Ok(upgrade.on_upgrade(move |socket| run(server, socket, place)))
+}
+
+/// Counts a session while it is connected.
+struct Counted<'a>(&'a Server);
+
+impl<'a> Counted<'a> {
+    fn new(server: &'a Server) -> Self {
+        server.metrics.live.sessions.fetch_add(1, Ordering::Relaxed);
+        Self(server)
+    }
+}
+
+impl Drop for Counted<'_> {
+    fn drop(&mut self) {
+        self.0.metrics.live.sessions.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// A whole connection.
+async fn run(server: Arc<Server>, mut socket: WebSocket, place: OwnedSemaphorePermit) {
+    let _place = place;
+    let _counted = Counted::new(&server);
+    let mut closing = server.live.closing.subscribe();
+    let waited = tokio::select! {
+        hello = tokio::time::timeout(server.live.config.hello_timeout, first_message(&mut socket)) => Some(hello),
+        () = async { drop(closing.wait_for(|closing| *closing).await) } => None,
+    };
+    let Some(hello) = waited else {
+        return farewell(&mut socket, Some((GOING_AWAY, "the server stops"))).await;
+    };
+    let opened = match hello {
+        Err(_) => return farewell(&mut socket, Some((POLICY, "no hello in time"))).await,
+        Ok(None) => return,
+        Ok(Some(Err(problem))) => Err(problem),
+        Ok(Some(Ok(hello))) => open(&server, &hello),
+    };
+    let (session, number, formats, resumed) = match opened {
+        Ok(opened) => opened,
+        Err(problem) => {
+            let _ = tokio::time::timeout(FAREWELL, socket.send(text(&error(&problem, true)))).await;
+            return farewell(&mut socket, Some((POLICY, "hello refused"))).await;
+        }
+    };
+    let slot = Slot::new(server.live.next_id(), session.role, false, Instant::now());
+    session.view.join(&slot);
+    let connected = Connected { server: Arc::clone(&server), session, slot, formats, number };
+    let (mut writer, mut reader) = socket.split();
+    let (outbox, messages) = mpsc::channel(OUTBOX);
+    let _ = outbox.try_send(connected.welcome(resumed));
+    let end = tokio::select! {
+        end = connected.read(&mut reader, &outbox) => end,
+        end = connected.write(&mut writer, messages) => end,
+        end = connected.interrupted() => end,
+    };
+    connected.leave();
+    farewell(&mut writer, end).await;
+}
+
+/// The first message that says something; `None` when the connection ended before.
+async fn first_message(socket: &mut WebSocket) -> Option<Result<Hello, Problem>> {
+    loop {
+        match socket.recv().await?.ok()? {
+            Message::Text(text) => {
+                return Some(match ClientMessage::parse(&text) {
+                    Ok(ClientMessage::Hello(hello)) => Ok(*hello),
+                    Ok(_) => {
+                        Err(Problem::new(StatusCode::BAD_REQUEST, "no-hello", "the first message is hello"))
+                    }
+                    Err(error) => Err(malformed(&error)),
+                });
+            }
+            Message::Binary(_) => {
+                let detail = "binary messages are the server's alone";
+                return Some(Err(Problem::new(StatusCode::BAD_REQUEST, "no-hello", detail)));
+            }
+            Message::Close(_) => return None,
+            Message::Ping(_) | Message::Pong(_) => {}
+        }
+    }
+}
+
+pub(super) fn malformed(error: &crate::live::MessageError) -> Problem {
+    Problem::new(StatusCode::BAD_REQUEST, "malformed-message", error).with("path", error.path.as_str())
+}
+
+/// The session of a hello, the number of its connection, the formats agreed on, and whether it was resumed.
+fn open(server: &Arc<Server>, hello: &Hello) -> Result<(Arc<Session>, u64, Formats, bool), Problem> {
+    let now = Instant::now();
+    let formats = hello.accept.negotiate().map_err(|error| {
+        let path = format!("accept.{}", error.what);
+        Problem::new(StatusCode::NOT_ACCEPTABLE, "no-common-format", &error).with("path", path)
+    })?;
+    if let Some(token) = &hello.resume
+        && let Some((session, connection)) = lock(&server.live.sessions).resume(token, now)
+    {
+        session.view.touch();
+        return Ok((session, connection, formats, true));
+    }
+    // A token that nobody knows any more, since the server was started anew, begins a new session.
+    let entry = match &hello.volume {
+        Some(id) => Some(server.volumes.find(id)?),
+        None => None,
+    };
+    let mut settings = hello.settings.clone().unwrap_or_default();
+    settings.size_px = settings.size_px.or(hello.size_px);
+    let known = hello.view.as_ref().and_then(|name| server.live.find(name));
+    let view = if let Some(view) = known {
+        if hello.role == Role::Presenter && (settings != Settings::default() || entry.is_some()) {
+            view.settle(&settings, entry, now)?;
+        }
+        view
+    } else {
+        let entry = entry.map_or_else(|| server.volumes.first(), Ok)?;
+        let look = Look::new(entry, &settings)?;
+        let name = hello.view.clone().map_or_else(random_name, Ok)?;
+        Live::find_or_open(server, &name, look)?
+    };
+    let mut remote = Remote::new()?;
+    if let Some(grab_mode) = settings.grab_mode {
+        remote.set_grab_mode(grab_mode)?;
+    }
+    let session = Session::new(random_name()?, view, hello.role, remote);
+    lock(&server.live.sessions).add(&session, now);
+    Ok((session, 1, formats, false))
+}
+
+/// A problem as a message; what caused it goes to the log.
+pub(super) fn error(problem: &Problem, fatal: bool) -> String {
+    if let Some(cause) = problem.cause() {
+        tracing::error!(cause, "a live session failed");
+    }
+    ServerMessage::Error(ErrorMessage { problem: problem.document(), fatal }).to_text()
+}
+
+pub(super) fn text(message: &str) -> Message {
+    Message::Text(message.into())
+}
+
+/// Says why, and closes.
+async fn farewell(socket: &mut (impl futures_util::Sink<Message> + Unpin), end: End) {
+    let Some((code, reason)) = end else { return };
+    let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
+    let _ = tokio::time::timeout(FAREWELL, socket.send(close)).await;
+}

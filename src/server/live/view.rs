@@ -1,0 +1,473 @@
+//! A view that several connections share: its state, who looks at it, and its newest picture.
+//!
+//! Messages change the state at once, under a short lock, in the order of their arrival: poses replace one another before anything is
+//! rendered, and no intent is lost. The view's director (see `director`) takes the state whenever somebody has room for a picture.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use axum::http::StatusCode;
+use serde_json::Value;
+use tokio::sync::{Notify, watch};
+
+use super::look::Look;
+use super::pace::Pace;
+use super::shot::{Echo, Shot};
+use crate::camera::Camera;
+use crate::display::DisplaySettings;
+use crate::interaction::{Intent, Seen, ViewRecord, ViewState};
+use crate::live::{ErrorMessage, MAX_IN_FLIGHT, Peers, Quality, Role, ServerMessage, Settings, StateMessage};
+use crate::render::RenderRequest;
+use crate::server::problem::Problem;
+use crate::server::volumes::Entry;
+use crate::units::ViewDepth;
+
+/// See the module.
+pub(super) struct View {
+    pub(super) name: String,
+    inner: Mutex<Inner>,
+    /// Tells the director that something changed: the state, or somebody's room.
+    pub(super) work: Notify,
+    pub(super) shots: watch::Sender<Option<Arc<Shot>>>,
+    /// The newest failure to render, as a message.
+    pub(super) failures: watch::Sender<Option<Arc<str>>>,
+    pub(super) peers: watch::Sender<Peers>,
+    /// True once the volume was removed.
+    pub(super) ended: watch::Sender<bool>,
+}
+
+struct Inner {
+    look: Look,
+    state: ViewState,
+    /// A camera that was sent as such; any change by intents goes back to the state's own.
+    camera: Option<Camera>,
+    /// Counts everything that changes the picture.
+    revision: u64,
+    /// Arrival of the newest change.
+    arrived: Instant,
+    slots: Vec<Arc<Slot>>,
+    /// Since when nobody looks.
+    idle_since: Instant,
+    published: Option<Published>,
+    /// Number of the newest picture ever.
+    number: u64,
+    /// What could not be rendered is not tried again.
+    failed: Option<u64>,
+}
+
+#[derive(Clone, Copy)]
+struct Published {
+    number: u64,
+    revision: u64,
+    is_still: bool,
+}
+
+/// Somebody who looks at a view.
+pub(super) struct Slot {
+    pub(super) id: u64,
+    role: Role,
+    /// Without acknowledgements: plain viewers.
+    is_plain: bool,
+    flow: Mutex<Flow>,
+    /// Tells the writer that there is room.
+    pub(super) freed: Notify,
+}
+
+pub(super) struct Flow {
+    pub(super) pace: Pace,
+    /// Number of the newest picture that was taken.
+    pub(super) taken: u64,
+    /// Whether one is being encoded or handed over.
+    pub(super) is_busy: bool,
+    echo: Option<Echo>,
+    /// Whether a picture has shown the newest message.
+    is_shown: bool,
+    last_pose: Option<u64>,
+}
+
+/// A picture to be made.
+pub(super) struct Order {
+    pub(super) request: RenderRequest,
+    pub(super) entry: Arc<Entry>,
+    pub(super) display: DisplaySettings,
+    pub(super) number: u64,
+    pub(super) revision: u64,
+    pub(super) is_still: bool,
+    pub(super) arrived: Instant,
+    pub(super) shows: Vec<(u64, Echo)>,
+    pub(super) state: Arc<str>,
+    pub(super) quality: Quality,
+    /// Share of width and height that the presenters' connections have room for.
+    pub(super) share: f64,
+    /// Whether the scene's own overlays have to be drawn at full size.
+    pub(super) keeps_size: bool,
+}
+
+/// What a director does next.
+pub(super) enum Next {
+    Render(Box<Order>),
+    /// The picture cannot be made; it is not tried again.
+    Failed(Problem),
+    /// There is a picture to be made, and nobody has room for it.
+    Full,
+    /// There is nothing to do, until then at most.
+    Idle(Option<Instant>),
+    /// Nobody has looked for so long that nobody will.
+    End,
+}
+
+/// How long after the last change a view is still, and how long it is kept while nobody looks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patience {
+    pub(super) still_after: Duration,
+    pub(super) linger: Duration,
+}
+
+impl Slot {
+    pub(super) fn new(id: u64, role: Role, is_plain: bool, now: Instant) -> Arc<Self> {
+        let flow = Flow {
+            pace: Pace::new(now),
+            taken: 0,
+            is_busy: false,
+            echo: None,
+            is_shown: true,
+            last_pose: None,
+        };
+        Arc::new(Self { id, role, is_plain, flow: Mutex::new(flow), freed: Notify::new() })
+    }
+
+    pub(super) fn flow(&self) -> MutexGuard<'_, Flow> {
+        lock(&self.flow)
+    }
+
+    /// Remembers the newest message; true where no picture showed the one before it.
+    fn heard(&self, echo: Echo) -> bool {
+        let mut flow = self.flow();
+        flow.echo = Some(echo);
+        !std::mem::replace(&mut flow.is_shown, false)
+    }
+
+    /// Whether a pose is newer than all before it.
+    pub(super) fn is_newer(&self, seq: u64) -> bool {
+        let mut flow = self.flow();
+        let newer = flow.last_pose.is_none_or(|last| seq > last);
+        if newer {
+            flow.last_pose = Some(seq);
+        }
+        newer
+    }
+}
+
+impl Flow {
+    /// Whether another frame may be encoded.
+    pub(super) fn has_room(&self) -> bool {
+        self.pace.in_flight() + usize::from(self.is_busy) < MAX_IN_FLIGHT
+    }
+}
+
+impl View {
+    pub(super) fn new(name: String, look: Look, now: Instant) -> Self {
+        let state = ViewState::home(&look.stage);
+        let inner = Inner {
+            look,
+            state,
+            camera: None,
+            revision: 1,
+            arrived: now,
+            slots: Vec::new(),
+            idle_since: now,
+            published: None,
+            number: 0,
+            failed: None,
+        };
+        Self {
+            name,
+            inner: Mutex::new(inner),
+            work: Notify::new(),
+            shots: watch::Sender::new(None),
+            failures: watch::Sender::new(None),
+            peers: watch::Sender::new(Peers { presenters: 0, watchers: 0 }),
+            ended: watch::Sender::new(false),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        lock(&self.inner)
+    }
+
+    /// The volume that is shown.
+    pub(super) fn entry(&self) -> Arc<Entry> {
+        Arc::clone(&self.lock().look.entry)
+    }
+
+    /// The view as clients get it.
+    pub(super) fn record(&self) -> ViewRecord {
+        self.lock().record()
+    }
+
+    pub(super) fn revision(&self) -> u64 {
+        self.lock().revision
+    }
+
+    pub(super) fn join(&self, slot: &Arc<Slot>) {
+        self.lock().slots.push(Arc::clone(slot));
+        self.count_peers();
+        self.work.notify_one();
+    }
+
+    pub(super) fn leave(&self, slot: &Slot) {
+        let mut inner = self.lock();
+        inner.slots.retain(|known| known.id != slot.id);
+        if inner.slots.is_empty() {
+            inner.idle_since = Instant::now();
+        }
+        drop(inner);
+        self.count_peers();
+        self.work.notify_one();
+    }
+
+    fn count_peers(&self) {
+        let inner = self.lock();
+        let presenters = inner.slots.iter().filter(|slot| slot.role == Role::Presenter && !slot.is_plain);
+        let presenters = presenters.count();
+        let peers = Peers { presenters, watchers: inner.slots.len() - presenters };
+        self.peers.send_if_modified(|known| std::mem::replace(known, peers) != peers);
+    }
+
+    /// Somebody is about to look: not to be forgotten now.
+    pub(super) fn touch(&self) {
+        self.lock().idle_since = Instant::now();
+    }
+
+    /// Whether nobody has looked for so long.
+    pub(super) fn is_forgotten(&self, now: Instant, linger: Duration) -> bool {
+        let inner = self.lock();
+        inner.slots.is_empty() && now.saturating_duration_since(inner.idle_since) >= linger
+    }
+
+    /// Applies wishes, in their order, all or those before the first that is refused. True where no picture showed the
+    /// message before this one.
+    ///
+    /// # Errors
+    /// Why one was refused.
+    pub(super) fn wish(
+        &self,
+        from: Option<(&Slot, Echo)>,
+        intents: &[Intent],
+        t_ns: u64,
+        now: Instant,
+    ) -> Result<bool, Problem> {
+        let seen = self.shots.borrow().clone();
+        let mut inner = self.lock();
+        // Under the lock: a picture shows a message and what it did, or neither.
+        let unseen = from.is_some_and(|(slot, echo)| slot.heard(echo));
+        let outcome = intents.iter().try_for_each(|intent| inner.apply(intent, t_ns, seen.as_deref(), now));
+        drop(inner);
+        self.work.notify_one();
+        outcome.map(|()| unseen)
+    }
+
+    /// Shows what this camera sees. True where no picture showed the message before this one.
+    pub(super) fn look_through(&self, (slot, echo): (&Slot, Echo), camera: Camera, now: Instant) -> bool {
+        let mut inner = self.lock();
+        let unseen = slot.heard(echo);
+        if inner.camera != Some(camera) {
+            inner.camera = Some(camera);
+            inner.changed(now);
+        }
+        drop(inner);
+        self.work.notify_one();
+        unseen
+    }
+
+    /// Changes what is shown; `entry` is another volume. The work is done outside of the lock.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the settings; nothing has changed then.
+    pub(super) fn settle(
+        &self,
+        settings: &Settings,
+        entry: Option<Arc<Entry>>,
+        now: Instant,
+    ) -> Result<(), Problem> {
+        let before = self.lock().look.clone();
+        let entry = entry.filter(|entry| entry.id != before.entry.id);
+        let is_other = entry.is_some();
+        let look = before.with(settings, entry)?;
+        let mut inner = self.lock();
+        if is_other {
+            inner.state = ViewState::home(&look.stage);
+            inner.camera = None;
+        }
+        let preset = look.preset.clone();
+        inner.look = look;
+        if let Some(name) = preset {
+            let intent = Intent::Preset { name: Some(name), step: None };
+            let Inner { state, look, .. } = &mut *inner;
+            state.apply(&look.stage, 0, &intent, None).map_err(refused)?;
+        }
+        inner.changed(now);
+        drop(inner);
+        self.work.notify_one();
+        Ok(())
+    }
+
+    /// What the director does next.
+    pub(super) fn next(&self, now: Instant, patience: Patience) -> Next {
+        self.lock().next(now, patience)
+    }
+
+    /// Makes a picture the newest.
+    pub(super) fn publish(&self, shot: Arc<Shot>) {
+        let Shot { number, revision, is_still, .. } = *shot;
+        let mut inner = self.lock();
+        inner.published = Some(Published { number, revision, is_still });
+        inner.number = number;
+        drop(inner);
+        self.shots.send_replace(Some(shot));
+    }
+
+    /// Tells everybody that a revision cannot be rendered.
+    pub(super) fn fail(&self, revision: u64, problem: &Problem) {
+        self.lock().failed = Some(revision);
+        let message = ErrorMessage { problem: problem.document(), fatal: false };
+        self.failures.send_replace(Some(ServerMessage::Error(message).to_text().into()));
+    }
+
+    /// Lets the pictures go while nobody looks.
+    pub(super) fn forget_pictures(&self) {
+        self.lock().published = None;
+        self.shots.send_replace(None);
+    }
+}
+
+impl Inner {
+    fn changed(&mut self, now: Instant) {
+        self.revision += 1;
+        self.arrived = now;
+    }
+
+    fn record(&self) -> ViewRecord {
+        let mut record = self.state.record();
+        record.preset.clone_from(&self.look.preset);
+        record.revision = self.revision;
+        record
+    }
+
+    fn apply(
+        &mut self,
+        intent: &Intent,
+        t_ns: u64,
+        seen: Option<&Shot>,
+        now: Instant,
+    ) -> Result<(), Problem> {
+        let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |shot| depth_at(shot, at));
+        let seen = seen.map(|shot| Seen { camera: shot.frame.camera, depth: &depth });
+        let before = self.state.clone();
+        let applied = self.state.apply(&self.look.stage, t_ns, intent, seen.as_ref()).map_err(refused)?;
+        let chooses = matches!(intent, Intent::Preset { .. } | Intent::Reset {} | Intent::Undo {});
+        let other = self.state.preset() != self.look.preset.as_deref();
+        if chooses && other {
+            match self.look.with_preset(self.state.preset()) {
+                Ok(look) => self.look = look,
+                Err(problem) => {
+                    self.state = before;
+                    return Err(problem);
+                }
+            }
+        }
+        if applied.changed || (chooses && other) {
+            self.camera = None;
+            self.changed(now);
+        }
+        Ok(())
+    }
+
+    fn next(&mut self, now: Instant, patience: Patience) -> Next {
+        if self.slots.is_empty() {
+            let end = self.idle_since + patience.linger;
+            return if now >= end { Next::End } else { Next::Idle(Some(end)) };
+        }
+        if self.failed == Some(self.revision) {
+            return Next::Idle(None);
+        }
+        let current = self.published.filter(|published| published.revision == self.revision);
+        let still_at = self.arrived + patience.still_after;
+        let is_still = match current {
+            // Something at once, the best there is after it.
+            None => false,
+            Some(published) if published.is_still => return Next::Idle(None),
+            Some(_) if now < still_at => return Next::Idle(Some(still_at)),
+            Some(_) => true,
+        };
+        let newest = self.published.map_or(0, |published| published.number);
+        let is_hungry = |slot: &Arc<Slot>| {
+            let flow = slot.flow();
+            flow.has_room() && flow.taken == newest
+        };
+        if !self.slots.iter().any(is_hungry) {
+            return Next::Full;
+        }
+        self.order(self.number + 1, is_still)
+    }
+
+    fn order(&self, number: u64, is_still: bool) -> Next {
+        let request = match self.look.request(&self.state, self.camera) {
+            Ok(request) => request,
+            Err(problem) => return Next::Failed(problem),
+        };
+        let message = StateMessage { state: self.record(), volume: self.look.entry.id.clone() };
+        let mut shows = Vec::new();
+        let mut share = None;
+        for slot in &self.slots {
+            let mut flow = slot.flow();
+            flow.is_shown = true;
+            shows.extend(flow.echo.map(|echo| (slot.id, echo)));
+            if slot.role == Role::Presenter && !slot.is_plain {
+                let own = flow.pace.level().0;
+                share = Some(share.map_or(own, |share: f64| share.min(own)));
+            }
+        }
+        Next::Render(Box::new(Order {
+            request,
+            entry: Arc::clone(&self.look.entry),
+            display: self.look.display().clone(),
+            number,
+            revision: self.revision,
+            is_still,
+            arrived: self.arrived,
+            shows,
+            state: ServerMessage::State(message).to_text().into(),
+            quality: self.look.quality,
+            share: share.unwrap_or(1.0),
+            keeps_size: self.look.has_overlays(),
+        }))
+    }
+}
+
+/// View depth of a picture at a place of its full size.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "checked to be inside the picture"
+)]
+fn depth_at(shot: &Shot, at: [f64; 2]) -> ViewDepth {
+    let [full, size] = [shot.full_px, shot.frame.size_px].map(|size| size.map(f64::from));
+    let inside = at.iter().zip(full).all(|(at, side)| (0.0..side).contains(at));
+    if !inside {
+        return ViewDepth::MISS;
+    }
+    let place = |axis: usize| (at[axis] * size[axis] / full[axis]) as u32;
+    let last = shot.frame.size_px.map(|side| side - 1);
+    shot.frame.depth_at([place(0).min(last[0]), place(1).min(last[1])])
+}
+
+pub(super) fn refused(error: impl std::fmt::Display) -> Problem {
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "refused-intent", error)
+        .with("path", Value::from("intent"))
+}
+
+/// What is locked here is whole between statements, so a panic elsewhere leaves it usable.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
