@@ -1,7 +1,7 @@
 //! Whole frames: header, colour and depth in one message, and out of it again; and the display's frame composed from them.
 //!
 //! A client composes what its display takes itself, header last, so that no bit of it travels through a lossy codec:
-//! [`ReceivedFrame::compose`] gives, for a frame that is lossless and of full size, the pixels that
+//! [`ReceivedFrame::compose`] gives, for a still frame whose colour is lossless, the pixels that
 //! `GET /v1/volumes/{id}/frame` serves as PNG for the same scene.
 
 use super::codec::{self, CodecError};

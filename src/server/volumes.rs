@@ -293,5 +293,6 @@ pub(super) async fn remove(
 ) -> Result<StatusCode, Problem> {
     let removed = server.volumes.remove(&id)?;
     server.service.forget(removed.hash);
+    server.live.volume_removed();
     Ok(StatusCode::NO_CONTENT)
 }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{MessageError, refused};
 use crate::camera::CameraFile;
 use crate::interaction::Intent;
+use crate::tracking::report::recording::bytes_of_hex;
 use crate::tracking::report::{Buttons, MAX_REPORT_BYTES};
 use crate::tracking::tracker::TrackingState;
 
@@ -96,13 +97,8 @@ impl Report {
             path: "report".to_owned(),
             reason: "no pairs of hexadecimal digits of at most 22 bytes".to_owned(),
         };
-        let digits = self.report.as_bytes();
-        if digits.len() > 2 * MAX_REPORT_BYTES || !digits.len().is_multiple_of(2) {
-            return Err(wrong());
-        }
-        let digit = |c: u8| char::from(c).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
-        let pair = |pair: &[u8; 2]| Some(digit(pair[0])? << 4 | digit(pair[1])?);
-        digits.as_chunks::<2>().0.iter().map(|digits| pair(digits).ok_or_else(wrong)).collect()
+        let digits = Some(self.report.as_str()).filter(|digits| digits.len() <= 2 * MAX_REPORT_BYTES);
+        digits.and_then(bytes_of_hex).ok_or_else(wrong)
     }
 }
 

@@ -157,6 +157,11 @@ impl Live {
         is_forgotten
     }
 
+    /// A volume was removed: views of it end.
+    pub(super) fn volume_removed(&self) {
+        lock(&self.views).values().for_each(|view| view.work.notify_one());
+    }
+
     fn remove(&self, view: &Arc<View>) {
         let mut views = lock(&self.views);
         if views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {

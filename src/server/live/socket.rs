@@ -136,6 +136,9 @@ async fn run(server: Arc<Server>, mut socket: WebSocket, place: OwnedSemaphorePe
     };
     connected.leave();
     farewell(&mut writer, end).await;
+    // What is on its way is read: closed over it, the connection would be reset before the last words arrive.
+    let rest = async { while let Some(Ok(_)) = reader.next().await {} };
+    let _ = tokio::time::timeout(FAREWELL, rest).await;
 }
 
 /// The first message that says something; `None` when the connection ended before.

@@ -291,8 +291,8 @@ impl View {
         now: Instant,
     ) -> Result<(), Problem> {
         let before = self.lock().look.clone();
-        let entry = entry.filter(|entry| entry.id != before.entry.id);
-        let is_other = entry.is_some();
+        // The same volume may have another label map by now.
+        let is_other = entry.as_ref().is_some_and(|entry| entry.id != before.entry.id);
         let look = before.with(settings, entry)?;
         let mut inner = self.lock();
         if is_other {
@@ -365,9 +365,11 @@ impl Inner {
         let seen = seen.map(|shot| Seen { camera: shot.frame.camera, depth: &depth });
         let before = self.state.clone();
         let applied = self.state.apply(&self.look.stage, t_ns, intent, seen.as_ref()).map_err(refused)?;
-        let chooses = matches!(intent, Intent::Preset { .. } | Intent::Reset {} | Intent::Undo {});
-        let other = self.state.preset() != self.look.preset.as_deref();
-        if chooses && other {
+        // A preset takes the place of a transfer function of one's own only where it was chosen, or comes back.
+        let is_chosen = matches!(intent, Intent::Preset { .. } | Intent::Reset {})
+            || self.state.preset() != before.preset();
+        let is_other = is_chosen && self.state.preset() != self.look.preset.as_deref();
+        if is_other {
             match self.look.with_preset(self.state.preset()) {
                 Ok(look) => self.look = look,
                 Err(problem) => {
@@ -376,7 +378,7 @@ impl Inner {
                 }
             }
         }
-        if applied.changed || (chooses && other) {
+        if applied.changed || is_other {
             self.camera = None;
             self.changed(now);
         }

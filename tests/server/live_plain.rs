@@ -1,0 +1,146 @@
+//! Live views without a WebSocket: JPEGs without end, one frame at a time, wishes by POST.
+
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::http::Request;
+use image::ImageDecoder;
+use relief::display::{DisplayProfile, Pixels, ProfileName};
+use serde_json::json;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+use crate::live_stage::{PATIENCE, Running, intent};
+use crate::stage::{Answer, Stage};
+
+const HOST: (&str, &str) = ("host", "localhost");
+
+async fn wish(stage: &Stage, view: &str, intent: &str) -> Answer {
+    let request = Request::post(format!("/v1/session/{view}/intent"))
+        .header(HOST.0, HOST.1)
+        .header("content-type", "application/json");
+    stage.ask(request.body(Body::from(intent.to_owned())).unwrap()).await
+}
+
+#[tokio::test]
+async fn a_plain_viewer_gets_the_very_frame_of_a_session() {
+    let running = Running::new().await;
+    let stage = &running.stage;
+    let answer = wish(stage, "desk", r#"{"intent":"look","azimuth_deg":40,"elevation_deg":10}"#).await;
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    assert_eq!(answer.json()["volume"], stage.id.as_str());
+    let png = stage.get_with("/v1/session/desk/frame", &[HOST, ("accept", "image/png")]).await;
+    assert_eq!((png.status.as_u16(), png.header("content-type")), (200, "image/png"));
+    assert_eq!(png.header("cache-control"), "no-store");
+    let decoder = image::codecs::png::PngDecoder::new(std::io::Cursor::new(&png.body[..])).unwrap();
+    assert_eq!(decoder.dimensions(), (1920, 1080), "in the layout of the view");
+    let mut samples = vec![0; usize::try_from(decoder.total_bytes()).unwrap()];
+    decoder.read_image(&mut samples).unwrap();
+    let (mut watcher, _) = running.hello(json!({ "view": "desk", "role": "watcher" })).await;
+    let frame = watcher.still(0).await.compose(&DisplayProfile::named(ProfileName::Philips42)).unwrap();
+    let Pixels::Rgb8(composed) = frame.pixels() else { panic!("colour") };
+    assert!(*composed == samples);
+
+    // A longer poll waits for the next frame.
+    let number: u64 = png.header("relief-frame").parse().unwrap();
+    let path = format!("/v1/session/desk/frame?after={number}&wait_ms=20000");
+    let (_, next) = tokio::join!(
+        async {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+            wish(stage, "desk", r#"{"intent":"orbit","azimuth_deg":5}"#).await
+        },
+        stage.get_with(&path, &[HOST, ("accept", "image/jpeg")]),
+    );
+    assert_eq!((next.status.as_u16(), next.header("content-type")), (200, "image/jpeg"));
+    assert!(next.header("relief-frame").parse::<u64>().unwrap() > number);
+    assert!(next.body.starts_with(&[0xFF, 0xD8]));
+}
+
+#[tokio::test]
+async fn a_poll_for_what_does_not_come_ends_empty() {
+    let running = Running::new().await;
+    wish(&running.stage, "desk", r#"{"intent":"reset"}"#).await;
+    let first = running.stage.get_with("/v1/session/desk/frame", &[HOST]).await;
+    let number = first.header("relief-frame").to_owned();
+    let (mut watcher, _) = running.hello(json!({ "view": "desk", "role": "watcher" })).await;
+    watcher.still(0).await;
+    let newest: u64 = number.parse::<u64>().unwrap() + 100;
+    let path = format!("/v1/session/desk/frame?after={newest}&wait_ms=100");
+    let empty = running.stage.get_with(&path, &[HOST]).await;
+    assert_eq!((empty.status.as_u16(), empty.body.len()), (204, 0));
+}
+
+#[tokio::test]
+async fn jpegs_come_without_end_as_the_view_moves() {
+    let running = Running::new().await;
+    let (mut presenter, _) = running.hello(json!({ "view": "desk" })).await;
+    presenter.still(0).await;
+    let mut stream = TcpStream::connect(running.address).await.unwrap();
+    stream.write_all(b"GET /v1/session/desk/mjpeg HTTP/1.1\r\nHost: localhost\r\n\r\n").await.unwrap();
+    let mut received = Vec::new();
+    let (mut seq, mut buffer) = (0, vec![0; 1 << 16]);
+    let jpegs = |bytes: &[u8]| bytes.windows(3).filter(|three| *three == [0xFF, 0xD8, 0xFF]).count();
+    while jpegs(&received) < 4 {
+        seq += 1;
+        presenter.send(&intent(seq, json!({ "intent": "orbit", "azimuth_deg": 3 }))).await;
+        presenter.still(seq).await;
+        let read = tokio::time::timeout(PATIENCE, stream.read(&mut buffer)).await.unwrap().unwrap();
+        assert!(read > 0, "the stream ended");
+        received.extend(&buffer[..read]);
+    }
+    let text = String::from_utf8_lossy(&received);
+    assert!(text.starts_with("HTTP/1.1 200"), "{}", &text[..300]);
+    assert!(text.contains("multipart/x-mixed-replace; boundary=relief-frame-boundary"));
+    assert!(text.contains("--relief-frame-boundary\r\n") && text.contains("Content-Type: image/jpeg\r\n"));
+    drop(stream);
+    let peers = loop {
+        let peers = presenter.event("peers").await;
+        if peers["watchers"] == 0 {
+            break peers;
+        }
+    };
+    assert_eq!(peers["presenters"], 1);
+}
+
+#[tokio::test]
+async fn streams_end_with_the_server() {
+    let mut running = Running::new().await;
+    wish(&running.stage, "desk", r#"{"intent":"reset"}"#).await;
+    let mut stream = TcpStream::connect(running.address).await.unwrap();
+    stream.write_all(b"GET /v1/session/desk/mjpeg HTTP/1.1\r\nHost: localhost\r\n\r\n").await.unwrap();
+    let mut buffer = [0; 1024];
+    assert!(stream.read(&mut buffer).await.unwrap() > 0);
+    running.stop();
+    assert_eq!(running.ended().await, relief::server::Drained::Whole);
+}
+
+#[tokio::test]
+async fn what_is_wrong_is_told() {
+    let running = Running::new().await;
+    let stage = &running.stage;
+    for (path, status, kind) in [
+        ("nowhere/frame", 404, "no-such-view"),
+        ("nowhere/mjpeg", 404, "no-such-view"),
+        ("a%20b/frame", 400, "malformed-name"),
+        ("nowhere/frame?wait_ms=60000", 422, "out-of-range"),
+        ("nowhere/frame?after=x", 400, "malformed-parameter"),
+        ("nowhere/frame?before=1", 400, "malformed-parameter"),
+    ] {
+        let problem = stage.get_with(&format!("/v1/session/{path}"), &[HOST]).await.problem(status);
+        assert_eq!(problem["type"], format!("urn:relief:problem:{kind}"), "{path}");
+    }
+    let text = stage.get_with("/v1/session/nowhere/frame", &[HOST, ("accept", "text/html")]).await;
+    text.problem(406);
+    wish(stage, "desk", "{").await.problem(400);
+    wish(stage, "desk", r#"{"intent":"zoom","factor":1e9}"#).await.problem(400);
+    let unknown = Request::post("/v1/session/desk/intent?volume=none")
+        .header(HOST.0, HOST.1)
+        .header("content-type", "application/json");
+    stage.ask(unknown.body(Body::from(r#"{"intent":"reset"}"#)).unwrap()).await.problem(404);
+    assert_eq!(stage.get_with("/v1/session/desk/frame", &[HOST]).await.status, 404, "nothing was made");
+    let cross = Request::post("/v1/session/desk/intent")
+        .header(HOST.0, HOST.1)
+        .header("origin", "http://evil.example")
+        .header("content-type", "application/json");
+    stage.ask(cross.body(Body::from(r#"{"intent":"reset"}"#)).unwrap()).await.problem(403);
+}
