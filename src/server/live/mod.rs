@@ -66,7 +66,7 @@ impl Default for LiveConfig {
             ping: Duration::from_secs(10),
             silence: Duration::from_secs(30),
             resume: Duration::from_secs(60),
-            still_after: Duration::from_millis(120),
+            still_after: Duration::from_millis(60),
             sensor: Pinhole::TYPICAL,
             beacon: Beacon::recommended(),
         }
