@@ -391,3 +391,20 @@ async fn stopping_closes_sessions_and_takes_no_new_ones() {
     assert_eq!(waiting.closed().await, Some(1001), "one that has not said hello");
     assert_eq!(running.ended().await, Drained::Whole);
 }
+
+#[tokio::test]
+async fn sessions_of_a_removed_volume_end() {
+    let running = Running::new().await;
+    let zip = crate::uploads::series_zip(9);
+    let uploaded = running.stage.post("/v1/volumes", "application/zip", zip).await.json();
+    let id = uploaded["id"].as_str().unwrap();
+    let (mut client, welcome) = running.hello(json!({ "volume": id })).await;
+    assert_eq!(welcome["volume"]["id"], id);
+    client.still(0).await;
+    let removal = axum::http::Request::delete(format!("/v1/volumes/{id}"));
+    let removed = running.stage.ask(removal.body(axum::body::Body::empty()).unwrap()).await;
+    assert_eq!(removed.status, 204);
+    assert_eq!(client.closed().await, Some(4002));
+    let (_client, again) = running.hello(json!({ "resume": welcome["session"] })).await;
+    assert_eq!((&again["resumed"], &again["volume"]["id"]), (&json!(false), &json!(running.stage.id)));
+}

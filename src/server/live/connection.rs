@@ -239,7 +239,7 @@ impl Connected {
                 _ = shots.changed(), if has_room => {
                     let shot = shots.borrow_and_update().clone();
                     match shot {
-                        Some(shot) => match self.send_shot(writer, &shot, &mut told).await {
+                        Some(shot) => match self.send_shot(writer, shot, &mut told).await {
                             Ok(sent) => sent,
                             Err(problem) => {
                                 let _ = writer.send(text(&error(&problem, true))).await;
@@ -260,7 +260,7 @@ impl Connected {
     async fn send_shot(
         &self,
         writer: &mut Writer,
-        shot: &Arc<Shot>,
+        shot: Arc<Shot>,
         told: &mut Option<Arc<str>>,
     ) -> Result<Result<(), axum::Error>, Problem> {
         let quality = {
@@ -306,6 +306,8 @@ impl Connected {
                 return Ok(Err(error));
             }
         }
+        // A connection that takes nothing keeps the bytes of its frame alone.
+        drop((parts, shot));
         Ok(writer.send(Message::Binary(frame.into())).await)
     }
 }
