@@ -38,7 +38,7 @@ pub struct Settings {
 pub enum Quality {
     /// What the connection and the renderer were measured to have.
     Auto,
-    /// So many ms of rendering, and JPEG of quality 90.
+    /// So many ms of rendering, and JPEG of the usual quality.
     Budget {
         /// Milliseconds; 1 to 60000.
         budget_ms: f64,

@@ -12,6 +12,7 @@ use futures_util::stream::SplitStream;
 use futures_util::{SinkExt, StreamExt};
 use tokio::sync::mpsc;
 
+use super::pace::USUAL_QUALITY;
 use super::session::Session;
 use super::shot::{Echo, Shot, micros};
 use super::socket::{
@@ -31,8 +32,6 @@ use crate::server::state::Server;
 const MOST_ERRORS: usize = 20;
 /// Of a still picture there is one quality: JPEG where nothing lossless is accepted.
 const STILL_QUALITY: u8 = 95;
-/// While the view moves, where it does not follow the connection.
-const USUAL_QUALITY: u8 = 90;
 
 /// See the module.
 pub(super) struct Connected {

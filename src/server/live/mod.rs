@@ -50,7 +50,7 @@ pub struct LiveConfig {
     pub silence: Duration,
     /// How long a session may be resumed after its connection was lost.
     pub resume: Duration,
-    /// A view is still so long after its last change.
+    /// A view is still so long after its last change, or later where changes come slowly.
     pub still_after: Duration,
     /// The camera of Wiimotes whose reports are relayed.
     pub sensor: Pinhole,
@@ -66,7 +66,7 @@ impl Default for LiveConfig {
             ping: Duration::from_secs(10),
             silence: Duration::from_secs(30),
             resume: Duration::from_secs(60),
-            still_after: Duration::from_millis(60),
+            still_after: Duration::from_millis(40),
             sensor: Pinhole::TYPICAL,
             beacon: Beacon::recommended(),
         }

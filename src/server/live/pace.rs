@@ -9,6 +9,9 @@ use std::time::{Duration, Instant};
 
 use crate::live::MAX_IN_FLIGHT;
 
+/// JPEG while the view moves, where the connection has room. From 90 on the encoder keeps all of the colour, at twice the time.
+pub(super) const USUAL_QUALITY: u8 = 85;
+
 /// What a connection gets while the view moves: the share of width and height, and the quality of JPEG. Resolution goes first: a
 /// picture that moves is forgiven blur sooner than blocks.
 pub(super) const LEVELS: [(f64, u8); 9] =
@@ -126,7 +129,7 @@ mod tests {
         let mut now = Instant::now();
         let mut pace = Pace::new(now);
         run(&mut pace, &mut now, 20, 10);
-        assert_eq!(pace.level(), (1.0, 90), "a quick one has all");
+        assert_eq!(pace.level(), (1.0, USUAL_QUALITY), "a quick one has all");
         let mut seen = vec![pace.level()];
         for _ in 0..60 {
             run(&mut pace, &mut now, 1, 300);
@@ -136,7 +139,7 @@ mod tests {
         }
         assert_eq!(seen, LEVELS, "each step in its order");
         run(&mut pace, &mut now, 1500, 12);
-        assert_eq!(pace.level(), (1.0, 90), "quick again");
+        assert_eq!(pace.level(), (1.0, USUAL_QUALITY), "quick again");
     }
 
     #[test]
@@ -144,7 +147,7 @@ mod tests {
         let mut now = Instant::now();
         let mut pace = Pace::new(now);
         run(&mut pace, &mut now, 50, 180);
-        assert_eq!(pace.level(), (1.0, 90));
+        assert_eq!(pace.level(), (1.0, USUAL_QUALITY));
     }
 
     #[test]

@@ -22,6 +22,11 @@ use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
 use crate::units::ViewDepth;
 
+/// A change that comes after so long follows no other.
+const STANDS_ALONE: Duration = Duration::from_millis(250);
+/// A view is still after so long, however slowly changes come.
+const LONGEST_STILL: Duration = Duration::from_millis(150);
+
 /// See the module.
 pub(super) struct View {
     pub(super) name: String,
@@ -45,6 +50,8 @@ struct Inner {
     revision: u64,
     /// Arrival of the newest change.
     arrived: Instant,
+    /// Mean time between changes that follow one another; 0 for one that stands alone.
+    rhythm: Duration,
     slots: Vec<Arc<Slot>>,
     /// Since when nobody looks.
     idle_since: Instant,
@@ -174,6 +181,7 @@ impl View {
             camera: None,
             revision: 1,
             arrived: now,
+            rhythm: Duration::ZERO,
             slots: Vec::new(),
             idle_since: now,
             published: None,
@@ -343,6 +351,8 @@ impl View {
 
 impl Inner {
     fn changed(&mut self, now: Instant) {
+        let gap = now.saturating_duration_since(self.arrived);
+        self.rhythm = if gap > STANDS_ALONE { Duration::ZERO } else { (self.rhythm * 3 + gap) / 4 };
         self.revision += 1;
         self.arrived = now;
     }
@@ -394,7 +404,10 @@ impl Inner {
             return Next::Idle(None);
         }
         let current = self.published.filter(|published| published.revision == self.revision);
-        let still_at = self.arrived + patience.still_after;
+        // A hand that is heard slowly is not still between two messages.
+        let still_after =
+            patience.still_after.max(self.rhythm * 5 / 2).min(LONGEST_STILL.max(patience.still_after));
+        let still_at = self.arrived + still_after;
         let is_still = match current {
             // Something at once, the best there is after it.
             None => false,
