@@ -200,7 +200,7 @@ fn each_wrong_field_is_named() {
 /// A picture with every colour bit in use and depths across the limits, misses among them.
 fn picture(size: [usize; 2]) -> (Vec<[u8; 4]>, Vec<f32>) {
     let pixels = size[0] * size[1];
-    let color = (0..pixels).map(|i| [(i * 7) as u8, (i * 13 >> 3) as u8, (i * 29 >> 2) as u8, 255]).collect();
+    let color = (0..pixels).map(|i| [(i * 7) as u8, (i * 13 / 8) as u8, (i * 29 / 4) as u8, 255]).collect();
     let depth = |i: usize| if i.is_multiple_of(11) { f32::INFINITY } else { 90.0 + (i % 231) as f32 };
     (color, (0..pixels).map(depth).collect())
 }
