@@ -22,8 +22,8 @@ use super::socket::{
 use super::view::{Slot, lock};
 use crate::interaction::Intent;
 use crate::live::{
-    ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, Pose, PoseKind, Report, Role, ServerMessage,
-    Settings, Welcome, assemble,
+    ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind, Report, Role,
+    ServerMessage, Settings, Welcome, assemble,
 };
 use crate::server::problem::Problem;
 use crate::server::state::Server;
@@ -174,6 +174,13 @@ impl Connected {
                 self.wish(echo, &[look], now)?
             }
             PoseKind::Camera(camera) => {
+                if camera.lens_shift != [0.0; 2] {
+                    let detail = "camera.lens_shift is not 0, which frames of a live session cannot tell";
+                    return Err(malformed(&MessageError {
+                        path: "camera.lens_shift".to_owned(),
+                        reason: detail.to_owned(),
+                    }));
+                }
                 let camera = camera.resolve().map_err(super::view::refused)?;
                 self.session.view.look_through((&self.slot, echo), camera, now)
             }

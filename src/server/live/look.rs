@@ -9,9 +9,9 @@ use axum::http::StatusCode;
 use serde_json::{Map, Value};
 
 use crate::camera::{Camera, Orbit};
-use crate::display::{DisplaySettings, Layout};
+use crate::display::DisplaySettings;
 use crate::interaction::{Home, Stage, ViewState};
-use crate::live::{Quality, Settings};
+use crate::live::{LiveLayout, Quality, Settings};
 use crate::render::{
     Clip, ClipPlane, Landmark, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
     SceneFile, depth_limits,
@@ -83,9 +83,11 @@ impl Look {
             }
         }
         if let Some(display) = &settings.display {
-            if display.layout == Layout::Depth16 {
-                let detail = "display.layout is depth16, allowed: layouts with colour";
-                return Err(malformed(detail.to_owned(), "display.layout"));
+            if LiveLayout::of(display.layout) == LiveLayout::None {
+                let known = LiveLayout::ALL.into_iter().filter(|layout| *layout != LiveLayout::None);
+                let known: Vec<_> = known.map(LiveLayout::name).collect();
+                let detail = format!("display.layout is {}, allowed: {}", display.layout, known.join(", "));
+                return Err(malformed(detail, "display.layout"));
             }
             // Another layout has another size.
             if display.layout != next.display.layout {
