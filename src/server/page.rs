@@ -15,12 +15,14 @@ use super::state::Server;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
+const HTML: &str = "text/html; charset=utf-8";
+const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, media type and content of every file.
-const FILES: [(&str, &str, &str); 14] = [
-    ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
-    ("/style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+const FILES: [(&str, &str, &str); 24] = [
+    ("/", HTML, include_str!("page/index.html")),
+    ("/style.css", STYLE, include_str!("page/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
     ("/app.js", SCRIPT, include_str!("page/app.js")),
     ("/view.js", SCRIPT, include_str!("page/view.js")),
@@ -33,6 +35,16 @@ const FILES: [(&str, &str, &str); 14] = [
     ("/light.js", SCRIPT, include_str!("page/light.js")),
     ("/surface.js", SCRIPT, include_str!("page/surface.js")),
     ("/gestures.js", SCRIPT, include_str!("page/gestures.js")),
+    ("/kiosk", HTML, include_str!("page/kiosk/kiosk.html")),
+    ("/kiosk.css", STYLE, include_str!("page/kiosk/kiosk.css")),
+    ("/kiosk.js", SCRIPT, include_str!("page/kiosk/kiosk.js")),
+    ("/session.js", SCRIPT, include_str!("page/kiosk/session.js")),
+    ("/frame.js", SCRIPT, include_str!("page/kiosk/frame.js")),
+    ("/panel.js", SCRIPT, include_str!("page/kiosk/panel.js")),
+    ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),
+    ("/wiimote.js", SCRIPT, include_str!("page/kiosk/wiimote.js")),
+    ("/monitor", HTML, include_str!("page/kiosk/monitor.html")),
+    ("/monitor.js", SCRIPT, include_str!("page/kiosk/monitor.js")),
 ];
 
 /// Routes of all files.

@@ -1,0 +1,149 @@
+// The page of a display box: live frames, pixel for pixel, and whatever moves them.
+//
+// The address says what is shown: view (a shared one, by name), role (presenter or watcher), volume, preset, layout, profile, factor,
+// offset, size (WIDTHxHEIGHT of the picture, where the layout has no size of its own).
+
+import { onControls } from "./controls.js";
+import { Panel } from "./panel.js";
+import { Session } from "./session.js";
+import { Wiimote } from "./wiimote.js";
+
+const $ = (id) => document.getElementById(id);
+const parameters = new URLSearchParams(location.search);
+const canvas = $("frame");
+const menu = $("menu");
+
+let shown = null;
+let connection = { state: "connecting", reason: "" };
+let view = null;
+let tracking = "";
+let remote = "";
+const arrivals = [];
+
+const panel = new Panel(canvas, describe);
+
+function helloOf() {
+  const number = (name) => (parameters.has(name) ? { [name]: Number(parameters.get(name)) } : {});
+  const text = (name) => (parameters.has(name) ? { [name]: parameters.get(name) } : {});
+  const display = { layout: parameters.get("layout") ?? "wowvx", ...text("profile"), ...number("factor"), ...number("offset") };
+  const size = parameters.get("size")?.split("x").map(Number);
+  const settings = { display, ...text("preset"), ...(size ? { size_px: size } : {}) };
+  return { ...text("volume"), ...text("view"), ...text("role"), settings };
+}
+
+const session = new Session(helloOf(), {
+  show(image, header) {
+    panel.show(image);
+    shown = header;
+    arrivals.push(performance.now());
+    while (arrivals.length > 30) arrivals.shift();
+    // Words on the frame would be read aloud with each of them.
+    canvas.setAttribute("aria-label", "The volume in colour and depth");
+    describe();
+  },
+  heard(message) {
+    if (message.type === "welcome") view = { name: message.view, role: message.role, color: message.color, state: message.state };
+    if (message.type === "state") view = { ...view, state: message.state };
+    if (message.type === "tracking") tracking = message.state;
+    if (message.type === "error") connection.reason = message.problem.detail ?? message.problem.title;
+    describe();
+  },
+  changed(state, reason = "") {
+    connection = { state, reason };
+    describe();
+  },
+});
+
+const wiimote = new Wiimote({
+  report: (report) => session.report(report),
+  changed(words) {
+    remote = words;
+    describe();
+  },
+});
+
+// ---------------------------------------------------------------- words
+
+const CONNECTION = { connecting: "Connecting", live: "", waiting: "No connection; trying again", ended: "Ended" };
+
+function words() {
+  const network = [CONNECTION[connection.state], connection.reason].filter(Boolean).join(": ");
+  const pose = { lost: "Wiimote out of sight", ambiguous: "Wiimote seen from an unclear side", searching: "Looking for the beacon" };
+  return [network, remote, pose[tracking]].filter(Boolean).join(" · ");
+}
+
+/** A picture's rate from the last thirty that came. */
+function rate() {
+  const recent = arrivals.filter((at) => performance.now() - at < 3000);
+  return recent.length > 2 ? ((recent.length - 1) * 1000) / (recent.at(-1) - recent[0]) : 0;
+}
+
+function describe() {
+  const said = words();
+  if ($("state").textContent !== said) $("state").textContent = said;
+  $("state").classList.toggle("bad", connection.state !== "live");
+  document.documentElement.dataset.connection = connection.state;
+  if (shown) selfTest();
+  if (menu.open) fillFacts();
+}
+
+/** Whether what is drawn reaches the panel as it is; on the root element, for those who test. */
+function selfTest() {
+  const found = panel.problems(!["rgbd", "color"].includes(shown.layout));
+  document.documentElement.dataset.test = found.length ? "bad" : "good";
+  if (!menu.open) return;
+  $("test").className = found.length ? "bad" : "good";
+  $("test").textContent = found.length ? "The panel does not get the frame as it is." : "The panel gets every pixel as it is.";
+  $("problems").replaceChildren(...found.map((problem) => Object.assign(document.createElement("li"), { textContent: problem })));
+}
+
+function fillFacts() {
+  if (!shown) return;
+  const { full, size, lossless, layout, totalUs, renderUs } = shown;
+  const facts = {
+    View: view ? `${view.name}, ${view.role}` : "",
+    Layout: `${layout}, ${canvas.width} × ${canvas.height}`,
+    Picture: `${size.join(" × ")} of ${full.join(" × ")}, ${lossless ? "lossless" : "JPEG"}`,
+    Rate: `${rate().toFixed(1)} frames/s`,
+    Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
+    Preset: view?.state?.preset ?? "",
+  };
+  const entries = Object.entries(facts).filter(([, fact]) => fact);
+  const row = ([name, fact]) => ["dt", "dd"].map((tag, at) => Object.assign(document.createElement(tag), { textContent: at ? fact : name }));
+  $("facts").replaceChildren(...entries.flatMap(row));
+}
+
+// ---------------------------------------------------------------- hands
+
+function toggleMenu() {
+  if (menu.open) menu.close();
+  else menu.showModal();
+  describe();
+}
+
+const toggleFull = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
+const connectWiimote = () => Wiimote.isPossible && wiimote.choose().catch((error) => (remote = error.message));
+
+/** The picture's pixel under a position: the left half of a frame, on every line or every other one. */
+function placeOf(x, y) {
+  const at = shown && panel.pixelAt(x, y);
+  if (!at) return null;
+  const [u, v] = [at[0], at[1] * (shown.full[1] / (canvas.height / (shown.layout === "declipse" ? 2 : 1)))];
+  return u < shown.full[0] && v < shown.full[1] ? [u, v] : null;
+}
+
+onControls(canvas, {
+  send: (intent) => session.intent(intent),
+  placeOf,
+  keys: { m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote },
+});
+$("full").addEventListener("click", toggleFull);
+$("close").addEventListener("click", toggleMenu);
+$("wiimote").addEventListener("click", connectWiimote);
+$("wiimote").hidden = !Wiimote.isPossible;
+addEventListener("keydown", (event) => {
+  if (menu.open && ["m", "?"].includes(event.key)) toggleMenu();
+});
+setInterval(describe, 1000);
+canvas.focus();
+wiimote.reopen();

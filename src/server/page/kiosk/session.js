@@ -1,0 +1,125 @@
+// A live session: one WebSocket, its messages, and the way back when it breaks.
+//
+// Times are nanoseconds of this page's clock. The newest frame is shown; one that is superseded while it is unpacked is
+// acknowledged with its successor.
+
+import { ACCEPT, compose, readHeader, unpack } from "./frame.js";
+
+const FIRST_WAIT_MS = 100;
+const LONGEST_WAIT_MS = 2000;
+const TOKEN = "relief-session";
+/** Close codes after which connecting again would end the same way. */
+const FINAL = { 1008: "the server refuses this session", 4001: "this session goes on in another window", 4002: "the volume was removed" };
+
+export const nowNs = () => Math.round((performance.timeOrigin + performance.now()) * 1e6);
+
+export class Session {
+  #socket = null;
+  #wait = FIRST_WAIT_MS;
+  #seq = 0;
+  #newest = null;
+  #unpacking = false;
+  #ended = false;
+
+  /**
+   * `hello` is the message without `type` and `accept`; `show` gets (image, header), `heard` every message of the server,
+   * `changed` the state of the connection: connecting, live, waiting or ended, with a reason.
+   */
+  constructor(hello, { show, heard, changed }) {
+    Object.assign(this, { hello, show, heard, changed });
+    this.token = sessionStorage.getItem(TOKEN);
+    this.#connect();
+  }
+
+  /** Sends an intent; while there is no connection it is lost, as what it was about is not seen. */
+  intent(intent) {
+    this.#send({ type: "intent", seq: (this.#seq += 1), t_ns: nowNs(), ...intent });
+  }
+
+  /** Sends what a Wiimote said, in hexadecimal digits. */
+  report(report) {
+    this.#send({ type: "report", seq: (this.#seq += 1), t_ns: nowNs(), report });
+  }
+
+  /** Changes what is shown; new sessions begin with it as well. */
+  settings(settings) {
+    this.hello.settings = { ...this.hello.settings, ...settings };
+    this.#send({ type: "settings", ...settings });
+  }
+
+  end(reason) {
+    this.#ended = true;
+    sessionStorage.removeItem(TOKEN);
+    this.#socket?.close(1000);
+    this.changed("ended", reason);
+  }
+
+  #send(message) {
+    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
+  }
+
+  #connect() {
+    this.changed("connecting");
+    const url = new URL("/v1/session", location.href);
+    url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(url, "relief.v1");
+    socket.binaryType = "arraybuffer";
+    this.#socket = socket;
+    socket.addEventListener("open", () => {
+      const begin = this.token ? { resume: this.token } : this.hello;
+      this.#send({ type: "hello", client: "relief kiosk", accept: ACCEPT, ...begin });
+    });
+    socket.addEventListener("message", ({ data }) => (typeof data === "string" ? this.#hear(JSON.parse(data)) : this.#take(data)));
+    socket.addEventListener("close", ({ code, reason }) => this.#closed(code, reason));
+  }
+
+  #hear(message) {
+    if (message.type === "welcome") {
+      this.#wait = FIRST_WAIT_MS;
+      this.token = message.session;
+      sessionStorage.setItem(TOKEN, this.token);
+      this.changed("live");
+    }
+    // A token that the server no longer knows: it was started anew, or too much time has passed.
+    if (message.type === "error" && message.fatal && this.token) this.#forget();
+    this.heard(message);
+  }
+
+  #forget() {
+    this.token = null;
+    sessionStorage.removeItem(TOKEN);
+    this.forgotten = true;
+  }
+
+  #closed(code, reason) {
+    this.#newest = null;
+    if (this.#ended) return;
+    const again = this.forgotten;
+    this.forgotten = false;
+    if (FINAL[code] && !again) return this.end(reason || FINAL[code]);
+    this.changed("waiting", reason || "no connection");
+    setTimeout(() => this.#connect(), again ? 0 : this.#wait);
+    this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
+  }
+
+  /** Unpacks one frame at a time, the newest. */
+  async #take(buffer) {
+    this.#newest = { buffer, socket: this.#socket };
+    if (this.#unpacking) return;
+    this.#unpacking = true;
+    while (this.#newest) {
+      const { buffer: bytes, socket } = this.#newest;
+      this.#newest = null;
+      try {
+        const header = readHeader(bytes);
+        this.show(compose(header, await unpack(header, bytes)), header);
+        // Of another connection by now: its numbers are other frames there.
+        if (socket === this.#socket) this.#send({ type: "ack", frame: header.sequence, t_ns: nowNs() });
+      } catch (error) {
+        this.changed("waiting", error.message);
+        socket.close(4000);
+      }
+    }
+    this.#unpacking = false;
+  }
+}
