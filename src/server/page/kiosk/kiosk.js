@@ -39,6 +39,7 @@ const session = new Session(helloOf(), {
     while (arrivals.length > 30) arrivals.shift();
     // Words on the frame would be read aloud with each of them.
     canvas.setAttribute("aria-label", "The volume in colour and depth");
+    Object.assign(document.documentElement.dataset, { frame: header.sequence, shows: header.showsSeq, still: header.still });
     describe();
   },
   heard(message) {
@@ -46,6 +47,8 @@ const session = new Session(helloOf(), {
     if (message.type === "state") view = { ...view, state: message.state };
     if (message.type === "tracking") tracking = message.state;
     if (message.type === "error") connection.reason = message.problem.detail ?? message.problem.title;
+    if (view?.state) document.documentElement.dataset.view = JSON.stringify(view.state);
+    if (tracking) document.documentElement.dataset.tracking = tracking;
     describe();
   },
   changed(state, reason = "") {

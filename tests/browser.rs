@@ -1,0 +1,114 @@
+//! The pages for display boxes in a browser: pixels on the screen, hands, a Wiimote behind WebHID, a server that dies.
+//!
+//! `browser/kiosk.py` drives Chromium with Playwright and says what it saw; here is what it has to be. Runs where
+//! `RELIEF_PEERS_PYTHON` names a Python with Playwright and Chromium is installed, and says aloud where it does not.
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
+
+/// Chromium by `RELIEF_CHROMIUM`, or by the names that it goes by.
+fn chromium() -> Option<PathBuf> {
+    if let Some(named) = std::env::var_os("RELIEF_CHROMIUM") {
+        return Some(named.into());
+    }
+    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name))).find(|path| path.is_file())
+}
+
+fn python() -> Option<std::ffi::OsString> {
+    let name = std::env::var_os("RELIEF_PEERS_PYTHON").filter(|name| !name.is_empty())?;
+    let imported = Command::new(&name).args(["-c", "import playwright.sync_api"]).stderr(Stdio::null()).status();
+    imported.is_ok_and(|status| status.success()).then_some(name)
+}
+
+fn relief(arguments: &[&str]) {
+    let output = Command::new(RELIEF).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+fn seen(what: &str) -> Option<&'static Value> {
+    static SEEN: OnceLock<Option<Value>> = OnceLock::new();
+    let seen = SEEN.get_or_init(|| {
+        let (python, chromium) = (python()?, chromium()?);
+        common::software_adapter(what)?;
+        let folder = tempfile::tempdir().unwrap();
+        let [series, reports] = ["head", "reports.jsonl"].map(|name| folder.path().join(name));
+        let text = |path: &Path| path.to_str().unwrap().to_owned();
+        relief(&["phantom", "--kind", "head", "--size", "96", "--out", &text(&series)]);
+        relief(&["track", "simulate", "--seconds", "3", "--out", &text(&reports)]);
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/kiosk.py");
+        let mut command = Command::new(python);
+        command.arg(script).arg(RELIEF).args([&chromium, &series, &reports]);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        Some(serde_json::from_slice(&output.stdout).unwrap())
+    });
+    if seen.is_none() {
+        eprintln!("SKIPPED: {what} (no Chromium, or RELIEF_PEERS_PYTHON names no Python with playwright)");
+    }
+    seen.as_ref()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    common::numbers(value)
+}
+
+#[test]
+fn the_screen_has_the_very_frame_that_is_served_and_another_profile_is_told() {
+    let Some(seen) = seen("frames on a screen") else { return };
+    let exact = &seen["exact"];
+    assert_eq!(exact["srgb"]["different"], 0, "{exact}");
+    assert_eq!(exact["srgb"]["test"], "good", "{exact}");
+    assert_eq!(exact["srgb"]["monitor"]["test"], "good", "{exact}");
+    // A browser that converts for another screen alters the frame, and the pages say so.
+    assert!(exact["p3"]["different"].as_i64().unwrap() > 10_000, "{exact}");
+    assert_eq!(exact["p3"]["test"], "bad", "{exact}");
+    assert_eq!(exact["p3"]["monitor"]["test"], "bad", "{exact}");
+    assert!(exact["p3"]["menu"].as_str().unwrap().contains("--force-color-profile=srgb"), "{exact}");
+    for profile in ["srgb", "p3"] {
+        for problems in [&exact[profile]["problems"], &exact[profile]["monitor"]["problems"]] {
+            assert_eq!(problems, &serde_json::json!([]), "{profile}");
+        }
+    }
+}
+
+#[test]
+fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
+    let Some(seen) = seen("hands on a kiosk") else { return };
+    let hands = &seen["hands"];
+    assert_eq!(hands["problems"], serde_json::json!([]));
+    assert_ne!(hands["turned"]["orientation_xyzw"], hands["home"]["orientation_xyzw"]);
+    // 70 pixels to the right and 14 down, 0.35 degrees each.
+    let [turned, home] = ["turned", "home"].map(|name| numbers(&hands[name]["orientation_xyzw"]));
+    let cosine: f64 = turned.iter().zip(&home).map(|(a, b)| a * b).sum();
+    let angle = 2.0 * cosine.abs().min(1.0).acos().to_degrees();
+    assert!((15.0..27.0).contains(&angle), "{angle} degrees");
+    assert_eq!(hands["reset"]["orientation_xyzw"], hands["home"]["orientation_xyzw"]);
+    let picked = numbers(&hands["pick"]["position_mm"]);
+    let distance = picked.iter().zip(numbers(&hands["cursor_mm"])).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    assert!(distance < 1.0, "the cursor is {distance} mm from what is picked there");
+    assert!(hands["said"].as_str().unwrap().contains("No connection"), "{hands}");
+}
+
+#[test]
+fn a_wiimote_behind_webhid_is_brought_up_and_tracked() {
+    let Some(seen) = seen("a Wiimote behind WebHID") else { return };
+    let wiimote = &seen["wiimote"];
+    assert_eq!(wiimote["problems"], serde_json::json!([]));
+    // The order of Linux' driver: clock, logic, five registers, mode 0x33 in continuous reports.
+    let ids: Vec<u64> = wiimote["said"].as_array().unwrap().iter().map(|said| said[0].as_u64().unwrap()).collect();
+    assert_eq!(ids[..8], [0x13, 0x1a, 0x16, 0x16, 0x16, 0x16, 0x16, 0x12], "{wiimote}");
+    assert_eq!(wiimote["said"][7], serde_json::json!([0x12, 0x06, 0x33]));
+    // The tip moves the cursor.
+    assert_ne!(wiimote["after"]["cursor_mm"], wiimote["before"]["cursor_mm"], "{wiimote}");
+}

@@ -1,0 +1,227 @@
+"""Drives the kiosk and monitor pages in Chromium, and prints what it saw as one JSON object.
+
+usage: kiosk.py RELIEF CHROMIUM SERIES REPORTS
+
+RELIEF serves SERIES; REPORTS is a recording of a Wiimote. Playwright forces a colour profile of its own upon Chromium: that
+flag is left out, since the pages have to be exact without it.
+"""
+
+import io
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+
+import numpy
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+RELIEF, CHROMIUM, SERIES, REPORTS = sys.argv[1:5]
+FRAME = {"width": 1920, "height": 1080}
+ROOT = "document.documentElement.dataset"
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+class Server:
+    """relief serve, on a port that stays the same when it is started again."""
+
+    def __init__(self):
+        self.port = free_port()
+        self.url = f"http://127.0.0.1:{self.port}"
+        self.start()
+
+    def start(self):
+        command = [RELIEF, "serve", "--series", SERIES, "--listen", f"127.0.0.1:{self.port}"]
+        environment = {**os.environ, "RELIEF_ADAPTER": "software", "RELIEF_LOG": "warn"}
+        self.process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
+        for _ in range(600):
+            try:
+                if urllib.request.urlopen(f"{self.url}/readyz").status == 200:
+                    return
+            except OSError:
+                time.sleep(0.1)
+        raise SystemExit("the server is not ready after a minute")
+
+    def kill(self):
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def get(self, path):
+        return urllib.request.urlopen(self.url + path).read()
+
+
+def pixels(png):
+    return numpy.array(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+
+def browser(playwright, *more):
+    arguments = ["--no-sandbox", "--disable-gpu", *more]
+    left_out = ["--force-color-profile=srgb"]
+    return playwright.chromium.launch(executable_path=CHROMIUM, args=arguments, ignore_default_args=left_out)
+
+
+def page_of(opened, url, script=None):
+    page = opened.new_page(viewport=FRAME, screen=FRAME)
+    problems = []
+    page.on("pageerror", lambda error: problems.append(error.message))
+    page.on("console", lambda said: said.type == "error" and problems.append(said.text))
+    if script:
+        page.add_init_script(script)
+    page.goto(url)
+    return page, problems
+
+
+def wait_still(page, after=0):
+    """Waits for a still frame that shows a message beyond `after`."""
+    page.wait_for_function(f"{ROOT}.still === 'true' && Number({ROOT}.shows) >= {after}", timeout=60000)
+
+
+def view(page):
+    return json.loads(page.evaluate(f"{ROOT}.view"))
+
+
+def exactness(playwright, server):
+    """What is on the screen, against the frame that is served for the same view; with and without another profile."""
+    volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&layout=wowvx"
+    served = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}"))
+    found = {}
+    for name, arguments in {"srgb": [], "p3": ["--force-color-profile=display-p3-d65"]}.items():
+        opened = browser(playwright, *arguments)
+        page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone")
+        wait_still(page)
+        shot = pixels(page.screenshot())
+        different = int((shot != served).any(axis=2).sum()) if shot.shape == served.shape else -1
+        found[name] = {"different": different, "test": page.evaluate(f"{ROOT}.test"), "problems": problems}
+        page.keyboard.press("m")
+        page.wait_for_selector("#menu[open]")
+        found[name]["menu"] = page.inner_text("#menu")
+        monitor, problems = page_of(opened, f"{server.url}/monitor")
+        found[name]["monitor"] = {"test": monitor.evaluate(f"{ROOT}.test"), "problems": problems}
+        opened.close()
+    return found
+
+
+def hands(playwright, server):
+    """Mouse, keyboard, a click for the cursor, and the server killed and started again."""
+    opened = browser(playwright)
+    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone")
+    wait_still(page)
+    found = {"home": view(page)}
+    page.mouse.move(500, 500)
+    page.mouse.down()
+    for step in range(8):
+        page.mouse.move(500 + 10 * step, 500 + 2 * step)
+        page.wait_for_timeout(30)
+    page.mouse.up()
+    wait_still(page, 2)
+    found["turned"] = view(page)
+    page.mouse.wheel(0, -400)
+    page.wait_for_function(f"JSON.parse({ROOT}.view).zoom > {found['turned']['zoom'] * 1.2}")
+    found["zoomed"] = view(page)
+    page.keyboard.press("u")
+    page.wait_for_function(f"JSON.parse({ROOT}.view).revision > {found['zoomed']['revision']}")
+    page.keyboard.press("Home")
+    page.wait_for_function(f"JSON.parse({ROOT}.view).zoom === {found['home']['zoom']}")
+    page.keyboard.press("]")
+    page.wait_for_function(f"JSON.parse({ROOT}.view).preset !== 'bone'")
+    page.keyboard.press("[")
+    page.wait_for_function(f"JSON.parse({ROOT}.view).preset === 'bone'")
+    page.wait_for_timeout(300)
+    wait_still(page)
+    found["reset"] = view(page)
+    # The middle of the left half, on the second line of a pair: its pixel is that of the line above.
+    page.mouse.click(480, 541)
+    page.wait_for_function(f"JSON.parse({ROOT}.view).cursor_mm !== null")
+    found["cursor_mm"] = view(page)["cursor_mm"]
+    volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&size_px=960,540&x=480.5&y=270.5"
+    found["pick"] = json.loads(server.get(f"/v1/volumes/{volume}/pick?{query}"))
+    server.kill()
+    page.wait_for_function(f"{ROOT}.connection === 'waiting'")
+    found["said"] = page.inner_text("#state")
+    server.start()
+    page.wait_for_function(f"{ROOT}.connection === 'live'", timeout=30000)
+    before = int(page.evaluate(f"{ROOT}.frame"))
+    wait_still(page)
+    page.keyboard.press("+")
+    page.wait_for_function(f"Number({ROOT}.shows) > 0", timeout=30000)
+    found["frames"] = [before, int(page.evaluate(f"{ROOT}.frame"))]
+    # The browser itself says that the connection was refused while there was no server.
+    found["problems"] = [text for text in problems if "ERR_CONNECTION_REFUSED" not in text and "WebSocket" not in text]
+    opened.close()
+    return found
+
+
+STUB = """
+(() => {
+  const reports = %s;
+  const device = new EventTarget();
+  const said = [];
+  const report = (id, bytes) => {
+    const event = new Event("inputreport");
+    Object.assign(event, { reportId: id, data: new DataView(Uint8Array.from(bytes).buffer) });
+    device.dispatchEvent(event);
+  };
+  let at = 0;
+  const play = () => {
+    if (at >= reports.length) return;
+    const bytes = reports[at++].match(/../g).map((digits) => parseInt(digits, 16));
+    report(bytes[0], bytes.slice(1));
+    setTimeout(play, 10);
+  };
+  Object.assign(device, {
+    vendorId: 0x057e, productId: 0x0306, opened: false,
+    async open() { this.opened = true; },
+    async sendReport(id, bytes) {
+      said.push([id, ...bytes]);
+      if (id === 0x12) setTimeout(play, 20);
+      setTimeout(() => report(0x22, [0, 0, id, 0]), 2);
+    },
+  });
+  window.wiimoteSaid = said;
+  const hid = new EventTarget();
+  Object.assign(hid, { getDevices: async () => [], requestDevice: async () => [device] });
+  Object.defineProperty(navigator, "hid", { value: hid });
+})();
+"""
+
+
+def wiimote(playwright, server):
+    """A Wiimote that is not there, behind WebHID: brought up, relayed, tracked by the server."""
+    with open(REPORTS, encoding="ascii") as lines:
+        reports = [json.loads(line)["report"] for line in lines]
+    opened = browser(playwright)
+    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone", STUB % json.dumps(reports))
+    wait_still(page)
+    before = view(page)
+    page.keyboard.press("w")
+    page.wait_for_function(f"{ROOT}.tracking === 'tracking'", timeout=30000)
+    page.wait_for_timeout(len(reports) * 12 + 500)
+    found = {"said": page.evaluate("window.wiimoteSaid"), "before": before, "after": view(page), "problems": problems}
+    opened.close()
+    return found
+
+
+def main():
+    server = Server()
+    try:
+        with sync_playwright() as playwright:
+            found = {"exact": exactness(playwright, server)}
+            found["hands"] = hands(playwright, server)
+            found["wiimote"] = wiimote(playwright, server)
+        print(json.dumps(found))
+    finally:
+        server.kill()
+
+
+main()
