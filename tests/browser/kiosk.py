@@ -128,7 +128,7 @@ def hands(playwright, server):
     page.mouse.wheel(0, -400)
     page.wait_for_function(f"JSON.parse({ROOT}.view).zoom > {found['turned']['zoom'] * 1.2}")
     found["zoomed"] = view(page)
-    page.keyboard.press("u")
+    page.keyboard.press("Control+z")
     page.wait_for_function(f"JSON.parse({ROOT}.view).revision > {found['zoomed']['revision']}")
     page.keyboard.press("Home")
     page.wait_for_function(f"JSON.parse({ROOT}.view).zoom === {found['home']['zoom']}")

@@ -2,32 +2,43 @@
 
 const DEGREES_A_PIXEL = 0.35;
 const CLICK_PIXELS = 4;
+/** By the name of the key, with Shift+ or Ctrl+ before it where these are held. */
 const KEYS = {
   ArrowLeft: { intent: "orbit", azimuth_deg: 5 },
   ArrowRight: { intent: "orbit", azimuth_deg: -5 },
   ArrowUp: { intent: "orbit", elevation_deg: -5 },
   ArrowDown: { intent: "orbit", elevation_deg: 5 },
+  "Shift+ArrowLeft": { intent: "pan", right: -0.05 },
+  "Shift+ArrowRight": { intent: "pan", right: 0.05 },
+  "Shift+ArrowUp": { intent: "pan", up: 0.05 },
+  "Shift+ArrowDown": { intent: "pan", up: -0.05 },
   "+": { intent: "zoom", factor: 1.1 },
+  "=": { intent: "zoom", factor: 1.1 },
   "-": { intent: "zoom", factor: 1 / 1.1 },
   PageUp: { intent: "clip", by_mm: -5 },
   PageDown: { intent: "clip", by_mm: 5 },
   "[": { intent: "preset", step: -1 },
   "]": { intent: "preset", step: 1 },
+  Enter: { intent: "place", phase: "commit" },
   Home: { intent: "reset" },
-  u: { intent: "undo" },
-  n: { intent: "next_label" },
+  0: { intent: "reset" },
+  "Ctrl+z": { intent: "undo" },
+  l: { intent: "next_label" },
 };
-/** Of the standard gamepad: A places, B undoes, X the next label, Y resets, shoulders clip, the cross changes the preset. */
+/** Of the standard gamepad, by number: A, B, X, Y, shoulders, triggers, select, start, sticks, cross up, down, left, right. */
 const BUTTONS = [
-  { intent: "place", phase: "commit" }, { intent: "undo" }, { intent: "next_label" }, { intent: "reset" },
-  { intent: "clip", by_mm: -5 }, { intent: "clip", by_mm: 5 }, null, null, null, null, null, null, null, null,
-  { intent: "preset", step: -1 }, { intent: "preset", step: 1 },
+  { intent: "place", phase: "commit" }, { intent: "undo" }, null, { intent: "next_label" },
+  null, null, null, null, null, { intent: "reset" }, null, null,
+  { intent: "clip", by_mm: -5 }, { intent: "clip", by_mm: 5 }, { intent: "preset", step: -1 }, { intent: "preset", step: 1 },
 ];
+const SHOULDERS = [4, 5];
+const TRIGGERS = [6, 7];
 const DEAD_ZONE = 0.15;
 
 /** Sums of what is still to be sent. */
 class Sum {
   #orbit = [0, 0];
+  #roll = 0;
   #pan = [0, 0];
   #zoom = 1;
   #due = false;
@@ -38,6 +49,12 @@ class Sum {
 
   orbit(azimuth, elevation) {
     this.#orbit = [this.#orbit[0] + azimuth, this.#orbit[1] + elevation];
+    this.#later();
+  }
+
+  /** Freely, about the viewing axis; positive is counter-clockwise. */
+  roll(degrees) {
+    this.#roll += degrees;
     this.#later();
   }
 
@@ -56,9 +73,11 @@ class Sum {
     this.#due = true;
     requestAnimationFrame(() => {
       this.#due = false;
-      const [[azimuth_deg, elevation_deg], [right, up], factor] = [this.#orbit, this.#pan, this.#zoom];
-      [this.#orbit, this.#pan, this.#zoom] = [[0, 0], [0, 0], 1];
+      const [[azimuth_deg, elevation_deg], roll, [right, up], factor] = [this.#orbit, this.#roll, this.#pan, this.#zoom];
+      [this.#orbit, this.#roll, this.#pan, this.#zoom] = [[0, 0], 0, [0, 0], 1];
       if (azimuth_deg || elevation_deg) this.send({ intent: "orbit", azimuth_deg, elevation_deg });
+      const half = (roll * Math.PI) / 360;
+      if (roll) this.send({ intent: "turn", rotation_xyzw: [0, 0, Math.sin(half), Math.cos(half)] });
       if (right || up) this.send({ intent: "pan", right, up });
       if (factor !== 1) this.send({ intent: "zoom", factor });
     });
@@ -73,20 +92,23 @@ export function onControls(element, { send, placeOf, keys }) {
   const sum = new Sum(send);
   onPointers(element, sum, (event) => {
     const at_px = placeOf(event.clientX, event.clientY);
-    if (at_px) send({ intent: "cursor", at_px });
+    if (!at_px) return;
+    send({ intent: "cursor", at_px });
+    if (event.ctrlKey) send({ intent: "place", phase: "commit" });
   });
   element.addEventListener("wheel", (event) => {
     event.preventDefault();
     const pixels = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 30 : 1);
-    if (event.shiftKey) send({ intent: "clip", by_mm: Math.sign(pixels) * 5 });
+    if (event.ctrlKey) send({ intent: "clip", by_mm: Math.sign(pixels) * 5 });
     else sum.zoom(Math.exp(-pixels * 0.0015));
   }, { passive: false });
   element.addEventListener("dblclick", () => send({ intent: "reset" }));
   element.addEventListener("contextmenu", (event) => event.preventDefault());
   addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, dialog")) return;
-    const intent = KEYS[event.key === "=" ? "+" : event.key];
-    const other = keys[event.key];
+    if (event.metaKey || event.altKey || event.target.closest("input, select, dialog")) return;
+    const held = `${event.ctrlKey ? "Ctrl+" : ""}${event.shiftKey && event.key.length > 1 ? "Shift+" : ""}`;
+    const intent = KEYS[held + event.key];
+    const other = keys[held + event.key];
     if (!intent && !other) return;
     event.preventDefault();
     if (intent) send(intent);
@@ -95,7 +117,7 @@ export function onControls(element, { send, placeOf, keys }) {
   onGamepads(sum, send);
 }
 
-/** One pointer turns, with Shift or the right button shifts; two fingers shift and zoom; a click is a click. */
+/** One pointer turns, with Alt freely, with Shift or the right button it shifts; two fingers shift and zoom; a click is a click. */
 function onPointers(element, sum, click) {
   const pointers = new Map();
   let travelled = 0;
@@ -125,6 +147,7 @@ function onPointers(element, sum, click) {
     const height = element.clientHeight;
     if (two) sum.zoom(spread() / apart);
     if (two || event.shiftKey || event.buttons & 2) sum.pan(dx / height, -dy / height);
+    else if (event.altKey) sum.roll(-dx * DEGREES_A_PIXEL);
     else sum.orbit(-dx * DEGREES_A_PIXEL, dy * DEGREES_A_PIXEL);
   });
   const release = (event) => {
@@ -135,7 +158,7 @@ function onPointers(element, sum, click) {
   element.addEventListener("pointercancel", release);
 }
 
-/** The left stick turns, the right one shifts, the triggers zoom. Asked once a picture while there is a gamepad. */
+/** The left stick turns, the right one shifts, shoulders roll, triggers zoom. Asked once a picture while there is a gamepad. */
 function onGamepads(sum, send) {
   let held = [];
   let last = 0;
@@ -148,11 +171,12 @@ function onGamepads(sum, send) {
       const [x, y, right, down] = pad.axes.map(axis);
       if (x || y) sum.orbit(-x * 120 * seconds, y * 120 * seconds);
       if (right || down) sum.pan(right * seconds, -down * seconds);
-      const zoom = (pad.buttons[7]?.value ?? 0) - (pad.buttons[6]?.value ?? 0);
-      if (zoom) sum.zoom(Math.exp(zoom * seconds));
-      const now_held = pad.buttons.map((button) => button.pressed);
-      now_held.forEach((pressed, at) => pressed && !held[at] && BUTTONS[at] && send(BUTTONS[at]));
-      held = now_held;
+      const difference = ([less, more]) => (pad.buttons[more]?.value ?? 0) - (pad.buttons[less]?.value ?? 0);
+      if (difference(TRIGGERS)) sum.zoom(Math.exp(difference(TRIGGERS) * seconds));
+      if (difference(SHOULDERS)) sum.roll(-difference(SHOULDERS) * 60 * seconds);
+      const heldNow = pad.buttons.map((button) => button.pressed);
+      heldNow.forEach((pressed, at) => pressed && !held[at] && BUTTONS[at] && send(BUTTONS[at]));
+      held = heldNow;
     }
     if (pads.length) requestAnimationFrame(ask);
   };

@@ -135,10 +135,20 @@ function placeOf(x, y) {
   return u < shown.full[0] && v < shown.full[1] ? [u, v] : null;
 }
 
+/** 1 to 9 are the first presets, in the order of the workstation's. */
+const presetKeys = Object.fromEntries([1, 2, 3, 4, 5, 6, 7, 8, 9].map((digit) => [digit, () => choosePreset(digit - 1)]));
+let presets = null;
+
+async function choosePreset(at) {
+  presets ??= fetch("/v1/presets").then((answer) => answer.json()).then((known) => known.presets.map(({ name }) => name));
+  const name = (await presets)[at];
+  if (name) session.intent({ intent: "preset", name });
+}
+
 onControls(canvas, {
   send: (intent) => session.intent(intent),
   placeOf,
-  keys: { m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote },
+  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote },
 });
 $("full").addEventListener("click", toggleFull);
 $("close").addEventListener("click", toggleMenu);
