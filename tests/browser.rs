@@ -94,7 +94,7 @@ fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
     let angle = 2.0 * cosine.abs().min(1.0).acos().to_degrees();
     assert!((15.0..27.0).contains(&angle), "{angle} degrees");
     assert_eq!(hands["reset"]["orientation_xyzw"], hands["home"]["orientation_xyzw"]);
-    let picked = numbers(&hands["pick"]["position_mm"]);
+    let picked = numbers(&hands["pick"]["patient_mm"]);
     let distance = picked.iter().zip(numbers(&hands["cursor_mm"])).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     assert!(distance < 1.0, "the cursor is {distance} mm from what is picked there");
     assert!(hands["said"].as_str().unwrap().contains("No connection"), "{hands}");

@@ -12,6 +12,8 @@ const $ = (id) => document.getElementById(id);
 const parameters = new URLSearchParams(location.search);
 const canvas = $("frame");
 const menu = $("menu");
+const CONNECTION = { connecting: "Connecting", live: "", waiting: "No connection; trying again", ended: "Ended" };
+const TRACKING = { lost: "Wiimote out of sight", ambiguous: "Wiimote seen from an unclear side", searching: "Looking for the beacon" };
 
 let shown = null;
 let connection = { state: "connecting", reason: "" };
@@ -67,12 +69,9 @@ const wiimote = new Wiimote({
 
 // ---------------------------------------------------------------- words
 
-const CONNECTION = { connecting: "Connecting", live: "", waiting: "No connection; trying again", ended: "Ended" };
-
 function words() {
   const network = [CONNECTION[connection.state], connection.reason].filter(Boolean).join(": ");
-  const pose = { lost: "Wiimote out of sight", ambiguous: "Wiimote seen from an unclear side", searching: "Looking for the beacon" };
-  return [network, remote, pose[tracking]].filter(Boolean).join(" · ");
+  return [network, remote, TRACKING[tracking]].filter(Boolean).join(" · ");
 }
 
 /** A picture's rate from the last thirty that came. */
@@ -154,9 +153,7 @@ $("full").addEventListener("click", toggleFull);
 $("close").addEventListener("click", toggleMenu);
 $("wiimote").addEventListener("click", connectWiimote);
 $("wiimote").hidden = !Wiimote.isPossible;
-addEventListener("keydown", (event) => {
-  if (menu.open && ["m", "?"].includes(event.key)) toggleMenu();
-});
+menu.addEventListener("keydown", (event) => ["m", "?"].includes(event.key) && toggleMenu());
 setInterval(describe, 1000);
 canvas.focus();
 wiimote.reopen();

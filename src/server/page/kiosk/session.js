@@ -97,7 +97,7 @@ export class Session {
     const again = this.forgotten;
     this.forgotten = false;
     if (FINAL[code] && !again) return this.end(reason || FINAL[code]);
-    this.changed("waiting", reason || "no connection");
+    this.changed("waiting", reason);
     setTimeout(() => this.#connect(), again ? 0 : this.#wait);
     this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
   }
