@@ -21,12 +21,16 @@ fn chromium() -> Option<PathBuf> {
     }
     let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
     let names = ["chromium", "chromium-browser", "google-chrome"];
-    names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name))).find(|path| path.is_file())
+    names
+        .iter()
+        .flat_map(|name| folders.iter().map(move |folder| folder.join(name)))
+        .find(|path| path.is_file())
 }
 
 fn python() -> Option<std::ffi::OsString> {
     let name = std::env::var_os("RELIEF_PEERS_PYTHON").filter(|name| !name.is_empty())?;
-    let imported = Command::new(&name).args(["-c", "import playwright.sync_api"]).stderr(Stdio::null()).status();
+    let imported =
+        Command::new(&name).args(["-c", "import playwright.sync_api"]).stderr(Stdio::null()).status();
     imported.is_ok_and(|status| status.success()).then_some(name)
 }
 
@@ -95,7 +99,8 @@ fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
     assert!((15.0..27.0).contains(&angle), "{angle} degrees");
     assert_eq!(hands["reset"]["orientation_xyzw"], hands["home"]["orientation_xyzw"]);
     let picked = numbers(&hands["pick"]["patient_mm"]);
-    let distance = picked.iter().zip(numbers(&hands["cursor_mm"])).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    let distance =
+        picked.iter().zip(numbers(&hands["cursor_mm"])).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     assert!(distance < 1.0, "the cursor is {distance} mm from what is picked there");
     assert!(hands["said"].as_str().unwrap().contains("No connection"), "{hands}");
 }
@@ -106,7 +111,8 @@ fn a_wiimote_behind_webhid_is_brought_up_and_tracked() {
     let wiimote = &seen["wiimote"];
     assert_eq!(wiimote["problems"], serde_json::json!([]));
     // The order of Linux' driver: clock, logic, five registers, mode 0x33 in continuous reports.
-    let ids: Vec<u64> = wiimote["said"].as_array().unwrap().iter().map(|said| said[0].as_u64().unwrap()).collect();
+    let ids: Vec<u64> =
+        wiimote["said"].as_array().unwrap().iter().map(|said| said[0].as_u64().unwrap()).collect();
     assert_eq!(ids[..8], [0x13, 0x1a, 0x16, 0x16, 0x16, 0x16, 0x16, 0x12], "{wiimote}");
     assert_eq!(wiimote["said"][7], serde_json::json!([0x12, 0x06, 0x33]));
     // The tip moves the cursor.
