@@ -10,12 +10,12 @@ use std::time::{Duration, Instant};
 use crate::live::MAX_IN_FLIGHT;
 
 /// JPEG while the view moves, where the connection has room. From 90 on the encoder keeps all of the colour, at twice the time.
-pub(super) const USUAL_QUALITY: u8 = 85;
+pub(super) const USUAL_QUALITY: u8 = LEVELS[0].1;
 
 /// What a connection gets while the view moves: the share of width and height, and the quality of JPEG. Resolution goes first: a
 /// picture that moves is forgiven blur sooner than blocks.
 pub(super) const LEVELS: [(f64, u8); 9] =
-    [(1.0, 90), (0.84, 90), (0.71, 90), (0.59, 90), (0.5, 90), (0.5, 80), (0.5, 70), (0.5, 60), (0.5, 50)];
+    [(1.0, 85), (0.84, 85), (0.71, 85), (0.59, 85), (0.5, 85), (0.5, 75), (0.5, 65), (0.5, 55), (0.5, 45)];
 
 /// Longer than the quickest by this: the connection is slow, ms. Two frames at 20 a second.
 const SLOW_MS: f64 = 100.0;
