@@ -11,13 +11,14 @@
 //! | 2 | [`gpu`], [`dicom`], [`formats`], [`display`], [`interaction`] |
 //! | 3 | [`render`], [`live`] |
 //! | 4 | [`session`] |
-//! | 5 | [`server`] |
+//! | 5 | [`server`], [`client`] |
 //! | 6 | [`cli`] |
 //!
 //! `ARCHITECTURE.md` has the map and the invariants, each with the test that keeps it.
 
 pub mod camera;
 pub mod cli;
+pub mod client;
 pub mod dicom;
 pub mod display;
 pub mod formats;

@@ -7,6 +7,12 @@
 mod adapter;
 mod bench;
 mod calibrate;
+mod client;
+mod client_remote;
+mod client_replay;
+mod client_watch;
+#[cfg(feature = "window")]
+mod client_window;
 mod doctor;
 mod drawing;
 mod golden;
@@ -57,6 +63,7 @@ Examples:
   relief inspect head.png                        decode the 2D-plus-depth header of a frame
   relief preview head.png --out wiggle.png       what a display makes of a frame, as an animation
   relief serve --series head                     serve it; the page is at the printed address
+  relief client --server http://HOST:8080        show a live session on a 3D display
   relief track --reports hidraw                  poses of a Wiimote that sees a beacon
 
 Log detail is set by RELIEF_LOG (error, warn, info, debug, trace).
@@ -71,6 +78,7 @@ enum Command {
     Presets(presets::Arguments),
     Bench(bench::Arguments),
     Serve(serve::Arguments),
+    Client(client::Arguments),
     Track(track::Arguments),
     Calibrate(calibrate::Arguments),
     Golden(golden::Arguments),
@@ -90,6 +98,7 @@ pub fn main() -> ExitCode {
         Command::Presets(arguments) => presets::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
+        Command::Client(arguments) => client::run(&arguments),
         Command::Track(arguments) => track::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Golden(arguments) => golden::run(arguments),

@@ -127,7 +127,7 @@ fn parse_overlay(name: &str) -> Result<String, String> {
     Err(format!("overlays are {}", Overlays::switch_names()))
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parsed.ok_or_else(|| "a size is WIDTHxHEIGHT in pixels, such as 960x540".to_owned())
 }

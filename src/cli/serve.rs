@@ -264,7 +264,7 @@ fn host_of(ip: IpAddr) -> String {
 }
 
 /// Listens for SIGINT (Ctrl-C) and SIGTERM from now on; what it returns is done when one comes.
-fn stop_signal() -> std::io::Result<impl Future<Output = ()>> {
+pub(super) fn stop_signal() -> std::io::Result<impl Future<Output = ()>> {
     #[cfg(unix)]
     {
         use tokio::signal::unix::{SignalKind, signal};

@@ -1,0 +1,143 @@
+//! What `relief client` does with what happens in a session without a window: it tells, records, and keeps the newest still frame.
+
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::Notify;
+
+use super::output::GrowingFile;
+use crate::client::{Event, Handle, LinkState, Received, journal};
+use crate::live::{Hello, OrbitPose, PoseKind, ServerMessage};
+
+/// A recording that grows, or none.
+pub(super) struct Recorder(Mutex<Recording>);
+
+struct Recording {
+    file: Option<GrowingFile>,
+    failed: Option<anyhow::Error>,
+}
+
+impl Recorder {
+    pub(super) fn create(path: Option<&Path>, hello: &Hello) -> anyhow::Result<Self> {
+        let mut file = path.map(GrowingFile::create).transpose()?;
+        if let Some(file) = &mut file {
+            file.line(&journal::first_line(hello))?;
+        }
+        Ok(Self(Mutex::new(Recording { file, failed: None })))
+    }
+
+    fn recording(&self) -> MutexGuard<'_, Recording> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn is_recording(&self) -> bool {
+        self.recording().file.is_some()
+    }
+
+    /// Keeps what is worth it. After a failure nothing more is kept, and [`Recorder::finish`] tells.
+    pub(super) fn keep(&self, t_ns: u64, event: &Event) {
+        if !self.is_recording() {
+            return;
+        }
+        let Some(line) = journal::line(t_ns, event) else { return };
+        let mut recording = self.recording();
+        if let Some(Err(error)) = recording.file.as_mut().map(|file| file.line(&line)) {
+            (recording.file, recording.failed) = (None, Some(error));
+        }
+    }
+
+    /// Makes a whole file of it.
+    pub(super) fn finish(&self) -> anyhow::Result<()> {
+        let mut recording = self.recording();
+        match (recording.file.take(), recording.failed.take()) {
+            (_, Some(error)) => Err(error),
+            (Some(file), None) => file.finish(),
+            (None, None) => Ok(()),
+        }
+    }
+}
+
+/// Tells people how the connection is, on stderr; nothing of patients.
+pub(super) fn tell(event: &Event) {
+    match event {
+        Event::State(LinkState::Connected { resumed, view, .. }) => {
+            let how = if *resumed { "resumed" } else { "connected" };
+            eprintln!("{how}: view {view}");
+        }
+        Event::State(LinkState::Lost { reason, retry }) => {
+            eprintln!("{reason}; trying again in {} ms", retry.as_millis());
+        }
+        Event::Message(message) => {
+            if let ServerMessage::Error(error) = message.as_ref() {
+                let detail = error.problem.get("detail").and_then(serde_json::Value::as_str);
+                let detail = detail.unwrap_or("something");
+                eprintln!("the server refuses: {}", detail.chars().filter(|c| !c.is_control()).collect::<String>());
+            }
+        }
+        Event::Unreadable(reason) => eprintln!("a message of the server cannot be read: {reason}"),
+        Event::State(LinkState::Connecting) | Event::Sent(_) | Event::Frame(_) => {}
+    }
+}
+
+/// Takes frames without showing them.
+pub(super) struct Watch<'a> {
+    handle: &'a Handle,
+    recorder: &'a Recorder,
+    still: Mutex<Option<Received>>,
+    connected: Mutex<bool>,
+    changed: Notify,
+}
+
+impl<'a> Watch<'a> {
+    pub(super) fn new(handle: &'a Handle, recorder: &'a Recorder) -> Self {
+        let (still, connected) = (Mutex::new(None), Mutex::new(false));
+        Self { handle, recorder, still, connected, changed: Notify::new() }
+    }
+
+    pub(super) fn take(&self, event: Event) {
+        tell(&event);
+        self.recorder.keep(self.handle.now_ns(), &event);
+        match event {
+            Event::Frame(received) => {
+                self.handle.ack(received.connection, received.header.sequence);
+                *self.still() = received.header.still.then_some(received);
+            }
+            Event::State(state) => {
+                *self.connected() = matches!(state, LinkState::Connected { .. });
+            }
+            _ => return,
+        }
+        self.changed.notify_waiters();
+    }
+
+    fn still(&self) -> MutexGuard<'_, Option<Received>> {
+        self.still.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn connected(&self) -> MutexGuard<'_, bool> {
+        self.connected.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until something is there.
+    async fn until<T>(&self, look: impl Fn(&Self) -> Option<T>) -> T {
+        loop {
+            let changed = self.changed.notified();
+            if let Some(found) = look(self) {
+                return found;
+            }
+            changed.await;
+        }
+    }
+
+    /// Waits for a connection and sends the pose; gives its number, 0 without a pose.
+    pub(super) async fn look(&self, look: Option<OrbitPose>) -> u64 {
+        self.until(|watch| watch.connected().then_some(())).await;
+        let pose = look.map(PoseKind::Orbit);
+        pose.and_then(|pose| self.handle.pose(self.handle.now_ns(), pose)).unwrap_or(0)
+    }
+
+    /// The still frame that shows at least message `seq`.
+    pub(super) async fn still_after(&self, seq: u64) -> Received {
+        self.until(|watch| watch.still().clone().filter(|still| still.header.shows_seq >= seq)).await
+    }
+}

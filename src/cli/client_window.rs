@@ -1,0 +1,118 @@
+//! `relief client` with a window.
+
+use std::time::Duration;
+
+use super::client::Session;
+use super::client_remote::Tracking;
+use super::client_watch::{self, Recorder};
+use super::serve::stop_signal;
+use crate::client::window::{Screen, Window, WindowOptions};
+use crate::client::{self, Event, Handle, LinkState};
+use crate::display::DisplaySettings;
+use crate::live::{OrbitPose, PoseKind, Role};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct WindowArguments {
+    /// All of the monitor, without borders
+    #[arg(long, conflicts_with_all = ["windowed", "headless"])]
+    fullscreen: bool,
+    /// A window of the frame's size; so it is without --fullscreen
+    #[arg(long, conflicts_with = "headless")]
+    windowed: bool,
+    /// Which monitor, from 0, from left to right
+    #[arg(long, value_name = "N", conflicts_with = "headless")]
+    monitor: Option<usize>,
+    /// Never draw marks of state into the picture's lower left corner
+    #[arg(long, conflicts_with = "headless")]
+    clean: bool,
+}
+
+/// How often the window is told what the Wiimote's tracking knows.
+const TRACKING: Duration = Duration::from_millis(100);
+
+pub(super) fn run(
+    arguments: &WindowArguments,
+    session: &Session,
+    (handle, tracking, look): (&Handle, Tracking, Option<OrbitPose>),
+    recorder: Recorder,
+    runtime: &tokio::runtime::Runtime,
+) -> anyhow::Result<()> {
+    let window = Window::new()?;
+    let display = DisplaySettings { layout: session.layout, ..DisplaySettings::default() };
+    let options = WindowOptions {
+        fullscreen: arguments.fullscreen && !arguments.windowed,
+        monitor: arguments.monitor,
+        clean: arguments.clean,
+        layout: session.layout,
+        frame_px: display.profile()?.frame_px(),
+        presents: session.options.hello.role == Role::Presenter,
+    };
+    let recorder = std::sync::Arc::new(recorder);
+    let running = {
+        let live = Live {
+            screen: window.screen(),
+            handle: handle.clone(),
+            recorder: std::sync::Arc::clone(&recorder),
+            look: std::sync::Mutex::new(look),
+        };
+        let options = session.options.clone();
+        let signal = {
+            let _runtime = runtime.enter();
+            stop_signal()?
+        };
+        runtime.spawn(async move {
+            let on = |event| live.take(&event);
+            let link = client::run(&options, &live.handle, &on);
+            let ended = async {
+                tokio::select! {
+                    () = signal => live.handle.stop(),
+                    () = tell_tracking(&tracking, &live.screen) => {}
+                }
+                std::future::pending::<()>().await;
+            };
+            let outcome = tokio::select! {
+                linked = link => linked,
+                () = ended => Ok(()),
+            };
+            live.screen.stop();
+            outcome
+        })
+    };
+    window.show(options, handle, session.composer.clone())?;
+    let linked = runtime.block_on(running)?;
+    recorder.finish()?;
+    Ok(linked?)
+}
+
+/// Tells the window what the Wiimote's tracking knows, where it is tracked here.
+async fn tell_tracking(tracking: &Tracking, screen: &Screen) {
+    loop {
+        let known = *tracking.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if known.is_some() {
+            screen.tracking(known);
+        }
+        tokio::time::sleep(TRACKING).await;
+    }
+}
+
+/// What a session with a window does with what happens.
+struct Live {
+    screen: Screen,
+    handle: Handle,
+    recorder: std::sync::Arc<Recorder>,
+    look: std::sync::Mutex<Option<OrbitPose>>,
+}
+
+impl Live {
+    fn take(&self, event: &Event) {
+        client_watch::tell(event);
+        self.recorder.keep(self.handle.now_ns(), event);
+        self.screen.take(event);
+        if matches!(event, Event::State(LinkState::Connected { .. })) {
+            let look = self.look.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+            if let Some(look) = look {
+                self.handle.pose(self.handle.now_ns(), PoseKind::Orbit(look));
+            }
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Where the server is, as a person writes it.
+
+use std::fmt;
+use std::str::FromStr;
+
+use tokio_tungstenite::tungstenite::http::Uri;
+
+/// A server: `http://HOST:PORT`, `ws://HOST:PORT`, or `HOST:PORT`; a path before `/v1` is kept, for proxies that have one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ServerAddress {
+    host: String,
+    port: u16,
+    base: String,
+}
+
+/// An address that is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AddressError {
+    /// It says nothing that could be connected to.
+    #[error("{0:?} is no address of a server; expected http://HOST:PORT or ws://HOST:PORT")]
+    Malformed(String),
+    /// Encrypted addresses are for a proxy.
+    #[error(
+        "{0}:// is not spoken by this client: use http:// or ws:// in a trusted network, or a tunnel (ssh -L, WireGuard)"
+    )]
+    Encrypted(String),
+    /// Something else than a server.
+    #[error("{0}:// is no address of a server; expected http://HOST:PORT or ws://HOST:PORT")]
+    Scheme(String),
+}
+
+impl FromStr for ServerAddress {
+    type Err = AddressError;
+
+    fn from_str(text: &str) -> Result<Self, AddressError> {
+        let shown = || AddressError::Malformed(text.chars().take(80).collect());
+        let (scheme, rest) = text.split_once("://").unwrap_or(("http", text));
+        match scheme.to_ascii_lowercase().as_str() {
+            "http" | "ws" => {}
+            scheme @ ("https" | "wss") => return Err(AddressError::Encrypted(scheme.to_owned())),
+            scheme => return Err(AddressError::Scheme(scheme.chars().take(20).collect())),
+        }
+        let uri: Uri = format!("http://{rest}").parse().map_err(|_| shown())?;
+        let host = uri.host().filter(|host| !host.is_empty()).ok_or_else(shown)?;
+        let has_more = uri.query().is_some() || uri.authority().is_some_and(|it| it.as_str().contains('@'));
+        // A port that is no number is no part of the authority that `Uri` would refuse.
+        let port = match uri.port() {
+            Some(port) => port.as_u16(),
+            None if rest.split('/').next().is_some_and(|authority| authority == host) => 80,
+            None => return Err(shown()),
+        };
+        if has_more || port == 0 {
+            return Err(shown());
+        }
+        let base = uri.path().trim_end_matches('/').to_owned();
+        Ok(Self { host: host.to_owned(), port, base })
+    }
+}
+
+impl ServerAddress {
+    /// Host as names are looked up: an IPv6 address without brackets; and port.
+    #[must_use]
+    pub fn target(&self) -> (&str, u16) {
+        (self.host.trim_start_matches('[').trim_end_matches(']'), self.port)
+    }
+
+    /// The address of live sessions.
+    #[must_use]
+    pub fn session_url(&self) -> String {
+        let Self { host, port, base } = self;
+        format!("ws://{host}:{port}{base}/v1/session")
+    }
+}
+
+impl fmt::Display for ServerAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "http://{}:{}{}", self.host, self.port, self.base)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_read_as_people_write_them() {
+        for (text, url) in [
+            ("http://127.0.0.1:8080", "ws://127.0.0.1:8080/v1/session"),
+            ("http://127.0.0.1:8080/", "ws://127.0.0.1:8080/v1/session"),
+            ("ws://ct.example:81/relief/", "ws://ct.example:81/relief/v1/session"),
+            ("localhost:8080", "ws://localhost:8080/v1/session"),
+            ("HTTP://localhost", "ws://localhost:80/v1/session"),
+            ("http://[::1]:8080", "ws://[::1]:8080/v1/session"),
+        ] {
+            assert_eq!(text.parse::<ServerAddress>().unwrap().session_url(), url, "{text}");
+        }
+        assert_eq!("http://[::1]:8080".parse::<ServerAddress>().unwrap().target(), ("::1", 8080));
+    }
+
+    #[test]
+    fn what_is_no_address_says_so() {
+        for bad in ["", "http://", "http://:80", "http://a:99999", "http://a:0", "http://a:b", "a b", "http://a?x=1", "http://u@a:1"] {
+            let error = bad.parse::<ServerAddress>().unwrap_err();
+            assert!(matches!(error, AddressError::Malformed(_)), "{bad}: {error}");
+        }
+        assert!(matches!("https://a".parse::<ServerAddress>(), Err(AddressError::Encrypted(_))));
+        assert!(matches!("ftp://a".parse::<ServerAddress>(), Err(AddressError::Scheme(_))));
+    }
+}

@@ -1,0 +1,69 @@
+//! Why there is no session.
+
+use super::address::ServerAddress;
+
+/// Why there is no session, or none any more.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// Nobody listens there, or the network does not reach it.
+    #[error("cannot reach {server}: {reason}; is `relief serve` running there, and may this machine connect to it?")]
+    Unreachable {
+        /// Where.
+        server: ServerAddress,
+        /// What the system says.
+        reason: String,
+    },
+    /// Something answers that is no Relief server, or an older one.
+    #[error("{server} does not answer as a Relief server with live sessions: {reason}")]
+    NotRelief {
+        /// Where.
+        server: ServerAddress,
+        /// What it did instead.
+        reason: String,
+    },
+    /// The server knows what is asked for, and does not want it.
+    #[error("{server} refuses a session: {reason}")]
+    Refused {
+        /// Where.
+        server: ServerAddress,
+        /// Its words.
+        reason: String,
+        /// Whether it may be otherwise in a while.
+        passing: bool,
+    },
+    /// The session is over, and another connection would not change that.
+    #[error("the session at {server} is over: {reason}")]
+    Ended {
+        /// Where.
+        server: ServerAddress,
+        /// Why.
+        reason: String,
+    },
+    /// The connection ended.
+    #[error("the connection to {server} is lost: {reason}")]
+    Lost {
+        /// Where.
+        server: ServerAddress,
+        /// How.
+        reason: String,
+    },
+}
+
+impl ClientError {
+    /// Whether another attempt could go better without anybody doing something about this client. A session that was there once
+    /// may come back whatever stands in its way now: a server that is started anew loads its volumes first.
+    #[must_use]
+    pub const fn is_passing(&self, was_connected: bool) -> bool {
+        match self {
+            Self::Unreachable { .. } | Self::Lost { .. } => true,
+            Self::Refused { passing, .. } => *passing || was_connected,
+            Self::NotRelief { .. } => was_connected,
+            Self::Ended { .. } => false,
+        }
+    }
+}
+
+/// Words of a server for a person: short, and without what a terminal would obey.
+pub(super) fn shown(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(400).collect()
+}

@@ -1,0 +1,114 @@
+//! The end of a session that hands hold: poses, intents and acknowledgements go in here, from any thread.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use tokio::sync::{Notify, watch};
+
+use super::outbox::Outbox;
+use crate::interaction::Intent;
+use crate::live::{ClientMessage, PoseKind, Settings};
+use crate::tracking::report::Report;
+
+/// What is said to the server through one session. Copies are the same end.
+#[derive(Clone, Debug)]
+pub struct Handle(Arc<Shared>);
+
+#[derive(Debug)]
+struct Shared {
+    outbox: Mutex<Outbox>,
+    waiting: Notify,
+    stop: watch::Sender<bool>,
+    start: Instant,
+}
+
+impl Default for Handle {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Handle {
+    /// An end without a session yet; its clock begins.
+    #[must_use]
+    pub fn new() -> Self {
+        Self(Arc::new(Shared {
+            outbox: Mutex::default(),
+            waiting: Notify::new(),
+            stop: watch::Sender::new(false),
+            start: Instant::now(),
+        }))
+    }
+
+    /// Now, ns of the client's clock; from 1, for 0 stands for no time.
+    #[must_use]
+    pub fn now_ns(&self) -> u64 {
+        u64::try_from(self.0.start.elapsed().as_nanos()).unwrap_or(u64::MAX).max(1)
+    }
+
+    /// A pose. It replaces one that still waits. Gives its number, or `None` without a connection, or with one that takes nothing.
+    pub fn pose(&self, t_ns: u64, pose: PoseKind) -> Option<u64> {
+        self.put(|outbox| outbox.pose(t_ns, pose))
+    }
+
+    /// A wish; kept in its order. `None` as for poses.
+    pub fn intent(&self, t_ns: u64, intent: Intent) -> Option<u64> {
+        self.put(|outbox| outbox.intent(t_ns, intent))
+    }
+
+    /// What a Wiimote reported, for the server to track. `None` as for poses.
+    pub fn report(&self, t_ns: u64, report: &Report) -> Option<u64> {
+        let digits = report.encode().iter().map(|byte| format!("{byte:02x}")).collect();
+        self.put(|outbox| outbox.report(t_ns, digits))
+    }
+
+    /// What is to be shown, and how; `false` where it is not going to be sent.
+    pub fn settings(&self, settings: Settings) -> bool {
+        self.put(|outbox| outbox.settings(settings))
+    }
+
+    /// The frame `sequence` of a connection was shown, or is not going to be: the next may come.
+    pub fn ack(&self, connection: u64, sequence: u32) {
+        let t_ns = self.now_ns();
+        self.put(|outbox| outbox.ack(connection, sequence, t_ns));
+    }
+
+    /// Ends the session, for good.
+    pub fn stop(&self) {
+        self.0.stop.send_replace(true);
+    }
+
+    /// Whether [`Handle::stop`] was called.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        *self.0.stop.borrow()
+    }
+
+    /// Done when [`Handle::stop`] was called.
+    pub async fn stopped(&self) {
+        // The sender is held here: waiting cannot fail.
+        let _ = self.0.stop.subscribe().wait_for(|stop| *stop).await;
+    }
+
+    /// The next message to send, when there is one.
+    pub(super) async fn next(&self) -> ClientMessage {
+        loop {
+            // Registered before looking, so that nothing is missed between.
+            let waiting = self.0.waiting.notified();
+            if let Some(message) = self.outbox().pop() {
+                return message;
+            }
+            waiting.await;
+        }
+    }
+
+    pub(super) fn outbox(&self) -> MutexGuard<'_, Outbox> {
+        self.0.outbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn put<T>(&self, put: impl FnOnce(&mut Outbox) -> T) -> T {
+        let put = put(&mut self.outbox());
+        self.0.waiting.notify_one();
+        put
+    }
+}

@@ -1,0 +1,222 @@
+//! Sessions as JSON lines: what was sent and received, when, and which pictures came.
+//!
+//! ```text
+//! {"relief_session":1,"hello":{...}}
+//! {"t_ns":81000000,"state":"connected"}
+//! {"t_ns":90000000,"sent":{"type":"pose","seq":1,...}}
+//! {"t_ns":95000000,"received":{"type":"state",...}}
+//! {"t_ns":99000000,"frame":{"sequence":1,"shows_seq":1,"size_px":[960,540],"full_px":[960,540],"still":true,"lossless":true,
+//!   "bytes":410233,"sha256":"...","pixels_sha256":"..."}}
+//! ```
+//!
+//! `sha256` is of colour and depth as they were sent, without the header, whose times differ from one day to the next;
+//! `pixels_sha256`, of still lossless frames alone, of what they unpack to: of two equal sessions these are equal. The token of a
+//! session is left out, as are what a volume is called and how it is described. Lines are bounded, so a file of any size is
+//! read in little memory.
+
+use std::io::{BufRead, Read};
+
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::link::{Event, LinkState, Received};
+use crate::live::{ClientMessage, HEADER_BYTES, Hello, MAX_TEXT_BYTES, ReceivedDepth, ReceivedFrame, ServerMessage};
+
+/// The version of such files.
+pub const VERSION: u64 = 1;
+/// A longer line is none of a session.
+pub const MAX_LINE_BYTES: usize = 2 * MAX_TEXT_BYTES;
+
+/// A file that is no session.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// The file cannot be read.
+    #[error("line {line}: {source}")]
+    Read {
+        /// Line, from 1.
+        line: usize,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The line is none of a session.
+    #[error("line {line}: {reason}")]
+    Line {
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// The first line of a file.
+#[must_use]
+pub fn first_line(hello: &Hello) -> String {
+    let hello = Hello { resume: None, ..hello.clone() };
+    json!({ "relief_session": VERSION, "hello": object(&ClientMessage::Hello(Box::new(hello)).to_text()) }).to_string()
+}
+
+/// The line of an event; `None` for what is not kept.
+#[must_use]
+pub fn line(t_ns: u64, event: &Event) -> Option<String> {
+    let line = match event {
+        Event::State(LinkState::Connecting) | Event::Unreadable(_) => return None,
+        Event::State(LinkState::Connected { .. }) => json!({ "t_ns": t_ns, "state": "connected" }),
+        Event::State(LinkState::Lost { .. }) => json!({ "t_ns": t_ns, "state": "lost" }),
+        Event::Sent(ClientMessage::Ack(_) | ClientMessage::Hello(_)) => return None,
+        Event::Sent(message) => json!({ "t_ns": t_ns, "sent": object(&message.to_text()) }),
+        Event::Message(message) => json!({ "t_ns": t_ns, "received": without_secrets(message) }),
+        Event::Frame(received) => json!({ "t_ns": received.at_ns, "frame": frame(received) }),
+    };
+    Some(line.to_string())
+}
+
+fn object(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or(Value::Null)
+}
+
+fn without_secrets(message: &ServerMessage) -> Value {
+    let mut value = object(&message.to_text());
+    if let Value::Object(fields) = &mut value {
+        fields.remove("session");
+        if let Some(Value::Object(volume)) = fields.get_mut("volume") {
+            volume.retain(|key, _| key == "id");
+        }
+    }
+    value
+}
+
+fn frame(received: &Received) -> Value {
+    let header = &received.header;
+    let mut frame = json!({
+        "sequence": header.sequence,
+        "shows_seq": header.shows_seq,
+        "size_px": header.size_px,
+        "full_px": header.full_px,
+        "still": header.still,
+        "lossless": header.lossless(),
+        "bytes": received.bytes.len(),
+        "sha256": hex(&Sha256::digest(received.bytes.get(HEADER_BYTES..).unwrap_or_default())),
+    });
+    if let Some(pixels) = pixels_sha256(received) {
+        frame["pixels_sha256"] = pixels.into();
+    }
+    frame
+}
+
+/// SHA-256 of the colours and depths of a still lossless frame, as numbers: equal pictures have equal ones however they are packed.
+#[must_use]
+pub fn pixels_sha256(received: &Received) -> Option<String> {
+    if !(received.header.still && received.header.lossless()) {
+        return None;
+    }
+    let picture = ReceivedFrame::decode(&received.bytes).ok()?;
+    let hash = Sha256::new().chain_update(picture.color.as_flattened());
+    let hash = match &picture.depth {
+        ReceivedDepth::None => hash,
+        ReceivedDepth::Disparity(disparity) => hash.chain_update(disparity),
+        ReceivedDepth::Scaled16(scaled) => {
+            scaled.iter().fold(hash, |hash, z| hash.chain_update(z.to_le_bytes()))
+        }
+    };
+    Some(hex(&hash.finalize()))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What a line says, as far as a replay has to know it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Entry {
+    /// This was sent at that time, ns.
+    Sent(u64, ClientMessage),
+    /// A still lossless frame came, with this hash of its pixels.
+    Still(String),
+    /// Something else.
+    Other,
+}
+
+/// Reads a session line by line.
+#[derive(Debug)]
+pub struct Journal<R> {
+    source: R,
+    line: usize,
+    hello: Hello,
+}
+
+impl<R: BufRead> Journal<R> {
+    /// Reads the first line.
+    ///
+    /// # Errors
+    /// When the file is no session.
+    pub fn open(source: R) -> Result<Self, JournalError> {
+        let mut journal = Self { source, line: 0, hello: Hello::default() };
+        let Some(first) = journal.next_line()? else {
+            return Err(journal.wrong("the file is empty, expected {\"relief_session\":1,...}"));
+        };
+        let value: Value = serde_json::from_str(&first).map_err(|error| journal.wrong(error))?;
+        if value.get("relief_session").and_then(Value::as_u64) != Some(VERSION) {
+            return Err(journal.wrong("no session of this version, expected {\"relief_session\":1,...}"));
+        }
+        let hello = value.get("hello").map(Value::to_string).unwrap_or_default();
+        match ClientMessage::parse(&hello).map_err(|error| journal.wrong(format!("hello.{error}")))? {
+            ClientMessage::Hello(hello) => journal.hello = *hello,
+            _ => return Err(journal.wrong("hello is another message")),
+        }
+        Ok(journal)
+    }
+
+    /// How the session was begun.
+    pub fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    fn wrong(&self, reason: impl std::fmt::Display) -> JournalError {
+        JournalError::Line { line: self.line, reason: reason.to_string() }
+    }
+
+    /// The next line that is not blank; `None` at the end.
+    fn next_line(&mut self) -> Result<Option<String>, JournalError> {
+        loop {
+            self.line += 1;
+            let mut text = String::new();
+            let bounded = self.source.by_ref().take(MAX_LINE_BYTES as u64 + 1);
+            let mut bounded = bounded;
+            let read = bounded.read_line(&mut text);
+            let count = read.map_err(|source| JournalError::Read { line: self.line, source })?;
+            if count > MAX_LINE_BYTES {
+                return Err(self.wrong(format!("longer than {MAX_LINE_BYTES} bytes")));
+            }
+            if count == 0 {
+                return Ok(None);
+            }
+            if !text.trim().is_empty() {
+                return Ok(Some(text));
+            }
+        }
+    }
+
+    fn entry(&self, text: &str) -> Result<Entry, JournalError> {
+        let value: Value = serde_json::from_str(text).map_err(|error| self.wrong(error))?;
+        if let Some(sent) = value.get("sent") {
+            let t_ns = value.get("t_ns").and_then(Value::as_u64);
+            let t_ns = t_ns.ok_or_else(|| self.wrong("t_ns is missing or no whole number"))?;
+            let message = ClientMessage::parse(&sent.to_string());
+            return Ok(Entry::Sent(t_ns, message.map_err(|error| self.wrong(format!("sent.{error}")))?));
+        }
+        let hash = value.get("frame").and_then(|frame| frame.get("pixels_sha256")).and_then(Value::as_str);
+        Ok(hash.map_or(Entry::Other, |hash| Entry::Still(hash.chars().take(64).collect())))
+    }
+}
+
+impl<R: BufRead> Iterator for Journal<R> {
+    type Item = Result<Entry, JournalError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        match self.next_line() {
+            Ok(Some(text)) => Some(self.entry(&text)),
+            Ok(None) => None,
+            Err(error) => Some(Err(error)),
+        }
+    }
+}

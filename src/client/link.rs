@@ -1,0 +1,309 @@
+//! A session that outlives its connections.
+//!
+//! [`run`] connects, says hello, gives frames and messages to whoever listens, sends what the [`Handle`] was told, and connects
+//! again when the connection is lost: with the token of its session. A server that knows that no more, since it was started
+//! anew, makes a view of the same name, with the volume and preset that were seen last; the camera is then sent as a pose.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
+use serde_json::Value;
+use tokio::time::timeout;
+use tokio_tungstenite::tungstenite::protocol::CloseFrame;
+use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
+use tokio_tungstenite::tungstenite::{Error, Message};
+
+use super::address::ServerAddress;
+use super::backoff::Backoff;
+use super::error::{ClientError, shown};
+use super::handle::Handle;
+use super::socket::{self, Socket};
+use crate::camera::{CameraFile, ProjectionFile};
+use crate::live::{ClientMessage, FrameHeader, Hello, Parts, PoseKind, Role, ServerMessage, Settings, Welcome};
+
+/// The server pings every 10 s: a connection from which nothing comes for longer is none.
+const SILENCE: Duration = Duration::from_secs(25);
+/// A connection that lived for so long was a good one.
+const GOOD: Duration = Duration::from_secs(2);
+/// How long a goodbye may take.
+const GOODBYE: Duration = Duration::from_millis(500);
+/// Messages of the server that may be none before its connection is given up.
+const MAX_UNREADABLE: u32 = 20;
+
+/// Which session.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Where.
+    pub server: ServerAddress,
+    /// What for.
+    pub hello: Hello,
+    /// Whether a server that is not there yet is waited for.
+    pub wait: bool,
+}
+
+/// What happens in a session, in its order.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// The connection came or went.
+    State(LinkState),
+    /// This was sent.
+    Sent(ClientMessage),
+    /// The server said something.
+    Message(Box<ServerMessage>),
+    /// A frame came. It has to be acknowledged by [`Handle::ack`].
+    Frame(Received),
+    /// A text message came that is none of the protocol.
+    Unreadable(String),
+}
+
+/// The connection of a session.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LinkState {
+    /// On its way.
+    Connecting,
+    /// There.
+    Connected {
+        /// Which one, from 1: frames are numbered anew by each.
+        connection: u64,
+        /// Whether the server went on with a session that was interrupted.
+        resumed: bool,
+        /// Name of the view.
+        view: String,
+    },
+    /// Not there.
+    Lost {
+        /// Why.
+        reason: String,
+        /// When it is tried again.
+        retry: Duration,
+    },
+}
+
+/// A frame as it came, its header read.
+#[derive(Clone, Debug)]
+pub struct Received {
+    /// The connection that it came by.
+    pub connection: u64,
+    /// When it was whole, ns of the client's clock.
+    pub at_ns: u64,
+    /// What comes before its pictures.
+    pub header: FrameHeader,
+    /// All of it.
+    pub bytes: Bytes,
+}
+
+/// What is known of a session beyond its connection.
+#[derive(Default)]
+struct Known {
+    token: Option<String>,
+    view: Option<String>,
+    volume: Option<String>,
+    preset: Option<String>,
+    camera: Option<CameraFile>,
+}
+
+/// Runs a session until [`Handle::stop`]. `on` is told what happens, on the thread of the connection: it is to be quick.
+///
+/// # Errors
+/// When the first connection fails, unless that is waited for; or when a connection ends for a reason that another one would
+/// not change.
+pub async fn run(options: &Options, handle: &Handle, on: &(dyn Fn(Event) + Send + Sync)) -> Result<(), ClientError> {
+    let known = Mutex::new(Known::default());
+    let mut backoff = Backoff::new();
+    let mut was_connected = false;
+    loop {
+        on(Event::State(LinkState::Connecting));
+        let session = Session { options, handle, on, known: &known };
+        let begun = Instant::now();
+        let attempt = session.attempt(&mut was_connected).await;
+        handle.outbox().close();
+        let Err(error) = attempt else { return Ok(()) };
+        if !(error.is_passing(was_connected) && (was_connected || options.wait)) {
+            return Err(error);
+        }
+        if begun.elapsed() > GOOD {
+            backoff.reset();
+        }
+        let retry = backoff.next();
+        on(Event::State(LinkState::Lost { reason: error.to_string(), retry }));
+        tokio::select! {
+            () = tokio::time::sleep(retry) => {}
+            () = handle.stopped() => return Ok(()),
+        }
+    }
+}
+
+struct Session<'a> {
+    options: &'a Options,
+    handle: &'a Handle,
+    on: &'a (dyn Fn(Event) + Send + Sync),
+    known: &'a Mutex<Known>,
+}
+
+impl Session<'_> {
+    /// One connection, from its beginning to its end.
+    async fn attempt(&self, was_connected: &mut bool) -> Result<(), ClientError> {
+        let hello = self.hello();
+        let (socket, welcome) = tokio::select! {
+            opened = socket::open(&self.options.server, &hello) => opened?,
+            () = self.handle.stopped() => return Ok(()),
+        };
+        *was_connected = true;
+        let connection = self.handle.put(super::outbox::Outbox::open);
+        self.begin(connection, welcome);
+        self.pump(socket, connection).await
+    }
+
+    fn known<T>(&self, take: impl FnOnce(&mut Known) -> T) -> T {
+        take(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// What to say: the token, and beside it what a server that does not know it any more begins a new session with.
+    fn hello(&self) -> Hello {
+        let hello = self.options.hello.clone();
+        self.known(|known| {
+            let mut settings = hello.settings.clone();
+            if let Some(preset) = &known.preset {
+                settings.get_or_insert_with(Settings::default).preset = Some(preset.clone());
+            }
+            let view = known.view.clone().or(hello.view);
+            let volume = known.volume.clone().or(hello.volume);
+            Hello { view, volume, settings, resume: known.token.clone(), ..hello }
+        })
+    }
+
+    /// What follows `welcome` at once.
+    fn begin(&self, connection: u64, welcome: Box<Welcome>) {
+        let is_new = !welcome.resumed && welcome.state.revision == 0;
+        let camera = self.known(|known| {
+            let volume = welcome.volume.get("id").and_then(Value::as_str).map(str::to_owned);
+            known.token = Some(welcome.session.clone());
+            known.view = Some(welcome.view.clone());
+            known.volume = volume.or(known.volume.take());
+            known.preset = welcome.state.preset.clone().or(known.preset.take());
+            known.camera.filter(|_| is_new && welcome.role == Role::Presenter)
+        });
+        let (resumed, view) = (welcome.resumed, welcome.view.clone());
+        (self.on)(Event::State(LinkState::Connected { connection, resumed, view }));
+        (self.on)(Event::Message(Box::new(ServerMessage::Welcome(welcome))));
+        let t_ns = self.handle.now_ns();
+        if let Some(camera) = camera {
+            self.handle.put(|outbox| outbox.pose(t_ns, PoseKind::Camera(camera)));
+        }
+    }
+
+    /// Sends and receives side by side, so that neither waits for the other; says goodbye when told to stop.
+    async fn pump(&self, socket: Socket, connection: u64) -> Result<(), ClientError> {
+        let (mut sink, stream) = socket.split();
+        let ended = tokio::select! {
+            error = self.send_all(&mut sink) => Err(self.lost(error.to_string())),
+            error = self.receive_all(stream, connection) => Err(error),
+            () = self.handle.stopped() => Ok(()),
+        };
+        if ended.is_ok() {
+            let goodbye = CloseFrame { code: CloseCode::Normal, reason: "done".into() };
+            // Without it the server keeps the session for a while, and nobody comes.
+            let _ = timeout(GOODBYE, sink.send(Message::Close(Some(goodbye)))).await;
+        }
+        ended
+    }
+
+    /// Takes whatever comes, until nothing does any more.
+    async fn receive_all(&self, mut stream: SplitStream<Socket>, connection: u64) -> ClientError {
+        let (mut unreadable, mut said) = (0, None);
+        loop {
+            let message = timeout(SILENCE, stream.next()).await;
+            let message = match message {
+                Err(_) => return self.lost(format!("silent for {} s", SILENCE.as_secs())),
+                Ok(None) => return self.lost("closed".to_owned()),
+                Ok(Some(Err(error))) => return self.lost(shown(&error.to_string())),
+                Ok(Some(Ok(message))) => message,
+            };
+            match message {
+                Message::Binary(bytes) => {
+                    if let Err(error) = self.frame(connection, bytes) {
+                        return error;
+                    }
+                }
+                Message::Text(text) => match ServerMessage::parse(&text) {
+                    Ok(message) => self.message(message, &mut said),
+                    Err(error) => {
+                        unreadable += 1;
+                        if unreadable > MAX_UNREADABLE {
+                            return self.lost(format!("{unreadable} unreadable messages"));
+                        }
+                        (self.on)(Event::Unreadable(shown(&error.to_string())));
+                    }
+                },
+                Message::Close(frame) => return self.closed(frame.as_ref(), said.as_ref()),
+                _ => {}
+            }
+        }
+    }
+
+    /// Sends whatever there is to send, until that fails.
+    async fn send_all(&self, sink: &mut SplitSink<Socket, Message>) -> Error {
+        loop {
+            let message = self.handle.next().await;
+            let text = message.to_text();
+            (self.on)(Event::Sent(message));
+            if let Err(error) = sink.send(Message::text(text)).await {
+                return error;
+            }
+        }
+    }
+
+    fn frame(&self, connection: u64, bytes: Bytes) -> Result<(), ClientError> {
+        let at_ns = self.handle.now_ns();
+        // Without its number a frame cannot be acknowledged: the connection is of no use any more.
+        let header = Parts::of(&bytes).map_err(|error| self.lost(error.to_string()))?.header;
+        let camera = camera_of(&header);
+        self.known(|known| known.camera = Some(camera));
+        (self.on)(Event::Frame(Received { connection, at_ns, header, bytes }));
+        Ok(())
+    }
+
+    fn message(&self, message: ServerMessage, said: &mut Option<Value>) {
+        match &message {
+            ServerMessage::State(state) => self.known(|known| {
+                known.volume = Some(state.volume.clone());
+                known.preset.clone_from(&state.state.preset);
+            }),
+            ServerMessage::Error(error) => *said = Some(error.problem.clone()),
+            _ => {}
+        }
+        (self.on)(Event::Message(Box::new(message)));
+    }
+
+    fn closed(&self, frame: Option<&CloseFrame>, said: Option<&Value>) -> ClientError {
+        match socket::closed(&self.options.server, frame, said) {
+            // Too many errors, after a welcome: a new connection begins to count anew.
+            ClientError::Refused { reason, .. } => self.lost(reason),
+            other => other,
+        }
+    }
+
+    fn lost(&self, reason: String) -> ClientError {
+        ClientError::Lost { server: self.options.server.clone(), reason }
+    }
+}
+
+/// The camera of a frame as a pose.
+fn camera_of(header: &FrameHeader) -> CameraFile {
+    let double = |xyz: [f32; 3]| xyz.map(f64::from);
+    let [fov, height] = header.projection.map(f64::from);
+    let projection = if fov > 0.0 {
+        ProjectionFile::Perspective { vertical_fov_deg: fov }
+    } else {
+        ProjectionFile::Orthographic { height_mm: height }
+    };
+    CameraFile {
+        eye_mm: double(header.eye_mm),
+        look_at_mm: double(header.look_at_mm),
+        up: double(header.up),
+        projection,
+    }
+}

@@ -1,0 +1,166 @@
+//! How quick a server is, as its clients see it: poses that never rest, and what comes back.
+//!
+//! Each client turns its view about the patient, [`Plan::pose_hz`] poses a second, for a while, and then keeps still until the
+//! lossless frame is there. Clients of one shared view look while the first one turns it. Stalled clients are there to be a
+//! burden: some take nothing from their connection, others acknowledge nothing.
+//!
+//! Times are of this machine's clock alone: a frame echoes the time of the pose that it shows.
+
+mod meter;
+mod report;
+mod stalled;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::task::JoinSet;
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+
+use super::compose::{Composed, Composer};
+use super::error::ClientError;
+use super::handle::Handle;
+use super::link;
+use crate::live::{Hello, OrbitPose, PoseKind, Role};
+use meter::Meter;
+
+pub use report::Report;
+
+/// How long a first frame may take: a volume may have to be prepared.
+const FIRST_FRAME: Duration = Duration::from_secs(60);
+/// How long the still frame may take.
+const STILL: Duration = Duration::from_secs(30);
+
+/// What to measure.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Server and session; where its view has a name, all clients share that.
+    pub options: link::Options,
+    /// How long the view moves, seconds.
+    pub seconds: f64,
+    /// Poses a second.
+    pub pose_hz: f64,
+    /// Clients that take and acknowledge their frames.
+    pub clients: usize,
+    /// Clients that do not.
+    pub stalled: usize,
+    /// Each so many-th frame is composed and its header row read back; 0 for none.
+    pub check_every: u32,
+    /// What composes.
+    pub composer: Composer,
+}
+
+/// Measures; gives the report and the last frame of the first client, where it was composed.
+///
+/// # Errors
+/// When a client gets no session or no frame, or loses it for good.
+pub async fn measure(plan: &Plan) -> Result<(Report, Option<Composed>), ClientError> {
+    let stop_stalled = Handle::new();
+    let mut stalled = JoinSet::new();
+    for at in 0..plan.stalled {
+        let (hello, options) = (hello_of(plan, plan.clients + at), plan.options.clone());
+        stalled.spawn(stalled::stall(options.server, hello, at, stop_stalled.clone()));
+    }
+    let mut running = JoinSet::new();
+    let start = Arc::new(tokio::sync::Barrier::new(plan.clients.max(1)));
+    let mut meters = Vec::new();
+    for at in 0..plan.clients.max(1) {
+        let meter = Arc::new(Meter::new(plan.composer.clone(), plan.check_every));
+        meters.push(Arc::clone(&meter));
+        let options = link::Options { hello: hello_of(plan, at), ..plan.options.clone() };
+        let (moves, start) = (moves(plan, at), Arc::clone(&start));
+        let [seconds, pose_hz] = [plan.seconds, plan.pose_hz];
+        running.spawn(async move {
+            let handle = meter.handle().clone();
+            let take = |event| meter.take(event);
+            let link = link::run(&options, &handle, &take);
+            tokio::pin!(link);
+            let client = Client { meter: &meter, server: &options.server, seconds, pose_hz, moves };
+            let outcome = tokio::select! {
+                ended = &mut link => return ended,
+                outcome = client.run(&start) => outcome,
+            };
+            handle.stop();
+            outcome.and(link.await)
+        });
+    }
+    while let Some(outcome) = running.join_next().await {
+        // The others wait for one another: without this one they would for ever.
+        outcome.map_err(|error| lost(plan, &error.to_string()))??;
+    }
+    stop_stalled.stop();
+    let mut burden = stalled::Burden::default();
+    while let Some(outcome) = stalled.join_next().await {
+        burden = burden.with(outcome.map_err(|error| lost(plan, &error.to_string()))?);
+    }
+    let last = meters.first().and_then(|meter| meter.take_last());
+    Ok((Report::of(plan, &meters, burden), last))
+}
+
+fn lost(plan: &Plan, reason: &str) -> ClientError {
+    ClientError::Lost { server: plan.options.server.clone(), reason: reason.to_owned() }
+}
+
+/// Whether a client turns the view: its own, or the shared one where it is the first.
+fn moves(plan: &Plan, at: usize) -> bool {
+    let hello = &plan.options.hello;
+    hello.role == Role::Presenter && (hello.view.is_none() || at == 0)
+}
+
+fn hello_of(plan: &Plan, at: usize) -> Hello {
+    let hello = plan.options.hello.clone();
+    let shares = hello.view.is_some() && at > 0;
+    // A watcher may not say what is shown; the first one has.
+    if shares { Hello { role: Role::Watcher, settings: None, ..hello } } else { hello }
+}
+
+/// Where the eye is after so many seconds of turning: 30 degrees a second, rising and sinking.
+pub(super) fn turned(seconds: f64) -> PoseKind {
+    PoseKind::Orbit(OrbitPose {
+        azimuth_deg: (20.0 + 30.0 * seconds) % 360.0,
+        elevation_deg: 10.0 + 15.0 * seconds.sin(),
+        zoom: None,
+    })
+}
+
+struct Client<'a> {
+    meter: &'a Meter,
+    server: &'a super::ServerAddress,
+    seconds: f64,
+    pose_hz: f64,
+    moves: bool,
+}
+
+impl Client<'_> {
+    async fn run(&self, start: &tokio::sync::Barrier) -> Result<(), ClientError> {
+        let lost = |reason: &str| ClientError::Lost { server: self.server.clone(), reason: reason.to_owned() };
+        let first = timeout(FIRST_FRAME, self.meter.first_frame()).await;
+        first.map_err(|_| lost("no frame within 60 s"))?;
+        start.wait().await;
+        self.meter.begin();
+        let length = Duration::from_secs_f64(self.seconds);
+        if self.moves {
+            let _ = timeout(length, self.turn()).await; // turning has no end of its own
+        } else {
+            sleep(length).await;
+        }
+        self.meter.end();
+        if self.moves {
+            // Without one the report has none.
+            let _ = timeout(STILL, self.meter.still_frame()).await;
+        }
+        Ok(())
+    }
+
+    async fn turn(&self) {
+        let handle = self.meter.handle();
+        let start = handle.now_ns();
+        let mut ticks = interval(Duration::from_secs_f64(1.0 / self.pose_hz));
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        loop {
+            ticks.tick().await;
+            let now = handle.now_ns();
+            let seq = handle.pose(now, turned((now - start) as f64 * 1e-9));
+            self.meter.posed(seq, now);
+        }
+    }
+}

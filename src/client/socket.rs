@@ -1,0 +1,149 @@
+//! A WebSocket to a server, from nothing to its `welcome`.
+
+use std::time::Duration;
+
+use futures_util::{SinkExt, StreamExt};
+use serde_json::Value;
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+use tokio_tungstenite::tungstenite::client::ClientRequestBuilder;
+use tokio_tungstenite::tungstenite::http::StatusCode;
+use tokio_tungstenite::tungstenite::http::Uri;
+use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
+use tokio_tungstenite::tungstenite::{Error, Message};
+use tokio_tungstenite::{WebSocketStream, client_async_with_config};
+
+use super::address::ServerAddress;
+use super::error::{ClientError, shown};
+use crate::live::{
+    ClientMessage, HEADER_BYTES, Hello, MAX_PIXELS, MAX_TEXT_BYTES, SUBPROTOCOL, ServerMessage, Welcome,
+};
+
+/// Most bytes of a message that is received: colours and 16-bit depth of the largest picture, unpacked.
+pub const MAX_FRAME_BYTES: usize = HEADER_BYTES + 5 * MAX_PIXELS;
+
+/// How long a server may take to accept, in a network where it is there at all.
+const CONNECT: Duration = Duration::from_secs(3);
+/// How long it may take for `welcome`: the first volume may still be on its way to the graphics card.
+const WELCOME: Duration = Duration::from_secs(30);
+
+pub(super) type Socket = WebSocketStream<TcpStream>;
+
+/// Connects and says hello; gives the socket after `welcome`.
+pub(super) async fn open(server: &ServerAddress, hello: &Hello) -> Result<(Socket, Box<Welcome>), ClientError> {
+    let stream = reach(server).await?;
+    let mut socket = upgrade(server, stream).await?;
+    let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
+    let text = ClientMessage::Hello(Box::new(hello.clone())).to_text();
+    socket.send(Message::text(text)).await.map_err(|error| lost(error.to_string()))?;
+    let answered = timeout(WELCOME, welcome(server, &mut socket)).await;
+    let welcome = answered.map_err(|_| lost(format!("no welcome within {} s", WELCOME.as_secs())))??;
+    Ok((socket, welcome))
+}
+
+async fn reach(server: &ServerAddress) -> Result<TcpStream, ClientError> {
+    let unreachable = |reason: String| ClientError::Unreachable { server: server.clone(), reason };
+    let stream = timeout(CONNECT, TcpStream::connect(server.target())).await;
+    let stream = stream.map_err(|_| unreachable(format!("no answer within {} s", CONNECT.as_secs())))?;
+    let stream = stream.map_err(|error| unreachable(error.to_string()))?;
+    // A pose is small and due at once.
+    stream.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
+    Ok(stream)
+}
+
+async fn upgrade(server: &ServerAddress, stream: TcpStream) -> Result<Socket, ClientError> {
+    let not_relief = |reason: String| ClientError::NotRelief { server: server.clone(), reason };
+    let uri: Uri = server.session_url().parse().map_err(|_| not_relief("its address is none".to_owned()))?;
+    let request = ClientRequestBuilder::new(uri).with_sub_protocol(SUBPROTOCOL);
+    let config = WebSocketConfig::default()
+        .max_message_size(Some(MAX_FRAME_BYTES))
+        .max_frame_size(Some(MAX_FRAME_BYTES));
+    let handshake = timeout(CONNECT, client_async_with_config(request, stream, Some(config))).await;
+    let handshake = handshake.map_err(|_| not_relief("no answer to the WebSocket handshake".to_owned()))?;
+    match handshake {
+        Ok((socket, _)) => Ok(socket),
+        Err(Error::Http(response)) => {
+            let body = response.body().as_deref().map(String::from_utf8_lossy).unwrap_or_default();
+            Err(answered(server, response.status(), &body))
+        }
+        Err(Error::Io(error)) => Err(ClientError::Lost { server: server.clone(), reason: error.to_string() }),
+        Err(error) => Err(not_relief(shown(&error.to_string()))),
+    }
+}
+
+/// What an answer without a WebSocket means.
+fn answered(server: &ServerAddress, status: StatusCode, body: &str) -> ClientError {
+    let server = server.clone();
+    // Relief's refusals are problem documents (RFC 9457).
+    let detail = serde_json::from_str::<Value>(body).ok().map(|problem| detail(&problem));
+    match (status, detail) {
+        (StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS, detail) => {
+            let reason = detail.unwrap_or_else(|| status.to_string());
+            ClientError::Refused { server, reason, passing: true }
+        }
+        (StatusCode::FORBIDDEN | StatusCode::MISDIRECTED_REQUEST, detail) => {
+            let reason = detail.unwrap_or_else(|| status.to_string());
+            ClientError::Refused { server, reason, passing: false }
+        }
+        _ => ClientError::NotRelief { server, reason: format!("HTTP {status} at /v1/session") },
+    }
+}
+
+async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welcome>, ClientError> {
+    let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
+    let not_relief = |reason: String| ClientError::NotRelief { server: server.clone(), reason };
+    let mut said = None;
+    loop {
+        let message = match socket.next().await {
+            Some(Ok(message)) => message,
+            Some(Err(error)) => return Err(lost(shown(&error.to_string()))),
+            None => return Err(lost("closed before welcome".to_owned())),
+        };
+        match message {
+            Message::Text(text) if text.len() > MAX_TEXT_BYTES => {
+                return Err(not_relief(format!("a text message of {} bytes", text.len())));
+            }
+            Message::Text(text) => match ServerMessage::parse(&text) {
+                Ok(ServerMessage::Welcome(welcome)) => return Ok(welcome),
+                Ok(ServerMessage::Error(error)) => said = Some(error.problem),
+                Ok(_) => {}
+                Err(error) => return Err(not_relief(shown(&error.to_string()))),
+            },
+            Message::Binary(_) => return Err(not_relief("a frame before welcome".to_owned())),
+            Message::Close(frame) => return Err(closed(server, frame.as_ref(), said.as_ref())),
+            _ => {}
+        }
+    }
+}
+
+/// The detail of a problem document.
+fn detail(problem: &Value) -> String {
+    let word = |key: &str| problem.get(key).and_then(Value::as_str);
+    shown(word("detail").or_else(|| word("title")).unwrap_or("without a reason"))
+}
+
+/// What the end of a connection means; `said` is the last problem that the server told.
+pub(super) fn closed(server: &ServerAddress, frame: Option<&CloseFrame>, said: Option<&Value>) -> ClientError {
+    let server = server.clone();
+    let Some(frame) = frame else {
+        let reason = said.map_or_else(|| "closed without a reason".to_owned(), detail);
+        return ClientError::Lost { server, reason };
+    };
+    let code = u16::from(frame.code);
+    let words = said.map_or_else(|| shown(&frame.reason), detail);
+    let words = if words.is_empty() { String::new() } else { format!(": {words}") };
+    match code {
+        1001 => ClientError::Lost { server, reason: format!("the server stops{words}") },
+        1008 => {
+            // What is asked for may come: a volume that is being loaded, room for one more session.
+            let status = said.and_then(|problem| problem.get("status")).and_then(Value::as_u64);
+            let passing = matches!(status, Some(404 | 429 | 503));
+            ClientError::Refused { server, reason: words.trim_start_matches(": ").to_owned(), passing }
+        }
+        4001 => {
+            ClientError::Ended { server, reason: "another connection has resumed this session".to_owned() }
+        }
+        4002 => ClientError::Ended { server, reason: format!("the volume was removed{words}") },
+        _ => ClientError::Lost { server, reason: format!("closed with code {code}{words}") },
+    }
+}

@@ -1,0 +1,213 @@
+//! A window that shows frames, one pixel of a frame on one pixel of the display.
+//!
+//! What it is: composing the newest frame on a thread of its own, putting it on the screen unscaled from the window's upper left
+//! corner, acknowledging it then, and mouse and keys as intents. What it is not: a compositor; where the system scales windows,
+//! no header survives, and [`show`] says so.
+//!
+//! Marks of state are drawn into what is shown and nowhere else; see [`Marks`].
+
+mod input;
+mod screen;
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use winit::event_loop::{EventLoop, EventLoopProxy};
+
+use super::compose::{Composed, Composer};
+use super::handle::Handle;
+use super::link::{Event, LinkState, Received};
+use super::marks::Marks;
+use crate::display::Layout;
+use crate::live::ServerMessage;
+use crate::tracking::tracker::TrackingState;
+
+/// How the window is.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowOptions {
+    /// All of a monitor, without borders.
+    pub fullscreen: bool,
+    /// Which monitor, from 0, in the order of the system; `None` is the one that the system takes.
+    pub monitor: Option<usize>,
+    /// No marks of state.
+    pub clean: bool,
+    /// Layout of frames, as it was asked for.
+    pub layout: Layout,
+    /// Size of a frame to begin with, pixels.
+    pub frame_px: [u32; 2],
+    /// Whether mouse and keys move the view.
+    pub presents: bool,
+}
+
+/// Why there is no window.
+#[derive(Debug, thiserror::Error)]
+pub enum WindowError {
+    /// No display of the system can be opened.
+    #[error("no window can be opened: {0}; is DISPLAY set? --headless works without one")]
+    Open(String),
+    /// The system lost the window.
+    #[error("the window was lost: {0}")]
+    Lost(String),
+    /// There are fewer monitors.
+    #[error("there is no monitor {asked}; there are {found}, from 0")]
+    Monitor {
+        /// Which was asked for.
+        asked: usize,
+        /// How many there are.
+        found: usize,
+    },
+}
+
+/// What the window is told from outside of its thread.
+#[derive(Debug)]
+enum Wake {
+    /// A frame of this connection was composed.
+    Frame(u64, Box<Composed>),
+    /// Marks may have changed.
+    Marks(Marks),
+    /// The session is over.
+    Stop,
+}
+
+/// Where a session puts its frames for a window.
+#[derive(Clone)]
+pub struct Screen {
+    shared: Arc<Shared>,
+    wake: EventLoopProxy<Wake>,
+}
+
+struct Shared {
+    newest: Mutex<Newest>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Newest {
+    frame: Option<Received>,
+    marks: Marks,
+    stopped: bool,
+}
+
+/// A window that is not open yet.
+pub struct Window {
+    events: EventLoop<Wake>,
+    screen: Screen,
+}
+
+impl Window {
+    /// Connects to the system's display.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn new() -> Result<Self, WindowError> {
+        let events = EventLoop::with_user_event().build();
+        let events = events.map_err(|error| WindowError::Open(error.to_string()))?;
+        let shared = Arc::new(Shared { newest: Mutex::default(), changed: Condvar::new() });
+        let screen = Screen { shared, wake: events.create_proxy() };
+        Ok(Self { events, screen })
+    }
+
+    /// Where frames go.
+    #[must_use]
+    pub fn screen(&self) -> Screen {
+        self.screen.clone()
+    }
+
+    /// Shows frames until the window is closed or the session ends. On the main thread alone.
+    ///
+    /// # Errors
+    /// When the window cannot be opened, or is lost.
+    pub fn show(self, options: WindowOptions, handle: &Handle, composer: Composer) -> Result<(), WindowError> {
+        let compose = {
+            let (screen, handle) = (self.screen.clone(), handle.clone());
+            move || screen.compose_all(&composer, &handle)
+        };
+        let composing = std::thread::Builder::new().name("compose".to_owned()).spawn(compose);
+        let composing = composing.map_err(|error| WindowError::Open(error.to_string()))?;
+        let mut app = screen::App::new(options, handle.clone());
+        let ran = self.events.run_app(&mut app).map_err(|error| WindowError::Lost(error.to_string()));
+        handle.stop();
+        self.screen.stop();
+        let _ = composing.join(); // what it panicked about was told already
+        ran.and(app.outcome())
+    }
+}
+
+impl Screen {
+    fn newest(&self) -> MutexGuard<'_, Newest> {
+        self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes what happens in a session. Quick: frames are composed elsewhere.
+    pub fn take(&self, event: &Event) {
+        match event {
+            Event::Frame(received) => {
+                self.newest().frame = Some(received.clone());
+                self.shared.changed.notify_all();
+            }
+            Event::State(LinkState::Connected { .. }) => self.mark(|marks| marks.offline = false),
+            Event::State(_) => self.mark(|marks| marks.offline = true),
+            Event::Message(message) => {
+                if let ServerMessage::Tracking(known) = message.as_ref() {
+                    self.tracking(Some(known.state));
+                }
+            }
+            Event::Sent(_) | Event::Unreadable(_) => {}
+        }
+    }
+
+    /// What the tracking of the Wiimote knows.
+    pub fn tracking(&self, state: Option<TrackingState>) {
+        self.mark(|marks| marks.tracking = state);
+    }
+
+    fn mark(&self, change: impl FnOnce(&mut Marks)) {
+        let mut newest = self.newest();
+        let before = newest.marks;
+        change(&mut newest.marks);
+        let after = newest.marks;
+        drop(newest);
+        if before != after {
+            let _ = self.wake.send_event(Wake::Marks(after)); // fails when the window is gone
+        }
+    }
+
+    /// Ends the window: the session is over.
+    pub fn stop(&self) {
+        self.newest().stopped = true;
+        self.shared.changed.notify_all();
+        let _ = self.wake.send_event(Wake::Stop); // fails when the window is gone
+    }
+
+    /// Composes the newest frame whenever there is one. Frames that were overtaken are acknowledged with the next.
+    fn compose_all(&self, composer: &Composer, handle: &Handle) {
+        while let Some(received) = self.next_frame() {
+            match composer.compose(&received) {
+                Ok(composed) => {
+                    if let Some(problem) = &composed.header_problem {
+                        tracing::warn!(problem, "the header row is not what was asked for");
+                    }
+                    if self.wake.send_event(Wake::Frame(received.connection, Box::new(composed))).is_err() {
+                        return;
+                    }
+                }
+                Err(error) => {
+                    tracing::warn!(%error, "a frame is left out");
+                    handle.ack(received.connection, received.header.sequence);
+                }
+            }
+        }
+    }
+
+    fn next_frame(&self) -> Option<Received> {
+        let mut newest = self.newest();
+        loop {
+            if newest.stopped {
+                return None;
+            }
+            if let Some(frame) = newest.frame.take() {
+                return Some(frame);
+            }
+            newest = self.shared.changed.wait(newest).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
