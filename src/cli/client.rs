@@ -181,7 +181,9 @@ impl Session {
         };
         let settings = (settings != Settings::default()).then_some(settings);
         if role == Role::Watcher && (settings.is_some() || arguments.look.is_some()) {
-            bail!("a watcher sees what presenters show: leave --preset, --look, --layout, --factor and --offset out");
+            bail!(
+                "a watcher sees what presenters show: leave --preset, --look, --layout, --factor and --offset out"
+            );
         }
         let mut accept = Accept::default();
         if arguments.lossless {
@@ -241,7 +243,8 @@ fn run_session(
         anyhow::Ok(finished(link, work, signal, &handle).await?)
     });
     recorder.finish()?;
-    let still = outcome?.transpose().with_context(|| format!("no still frame within {} s", STILL.as_secs()))?;
+    let still =
+        outcome?.transpose().with_context(|| format!("no still frame within {} s", STILL.as_secs()))?;
     if let (Some(path), Some(still)) = (save, still) {
         save_frame(path, &session.composer.compose(&still).context("the frame cannot be composed")?)?;
         report_saved(arguments, path, &still)?;
@@ -269,7 +272,11 @@ async fn finished<T>(
 /// How long a still frame may take: the volume may have to be loaded, and a large one rendered.
 const STILL: Duration = Duration::from_secs(120);
 
-fn report_saved(arguments: &Arguments, path: &std::path::Path, still: &client::Received) -> anyhow::Result<()> {
+fn report_saved(
+    arguments: &Arguments,
+    path: &std::path::Path,
+    still: &client::Received,
+) -> anyhow::Result<()> {
     let header = &still.header;
     if arguments.json {
         return print_json(&serde_json::json!({
@@ -282,7 +289,13 @@ fn report_saved(arguments: &Arguments, path: &std::path::Path, still: &client::R
             "bytes": still.bytes.len(),
         }));
     }
-    say!("Wrote {}: layout {} of {}x{}.", path.display(), header.layout.name(), header.full_px[0], header.full_px[1]);
+    say!(
+        "Wrote {}: layout {} of {}x{}.",
+        path.display(),
+        header.layout.name(),
+        header.full_px[0],
+        header.full_px[1]
+    );
     Ok(())
 }
 

@@ -165,7 +165,7 @@ impl Hand {
     }
 
     fn fall_silent(&mut self) {
-        self.heard = None;
+        (self.heard, self.ahead_ns) = (None, None);
         self.buttons = Buttons::default();
         if self.tracker.is_some() {
             self.pose = RemotePose { state: TrackingState::Lost, pose: None, buttons: Vec::new() };

@@ -63,11 +63,14 @@ pub(super) async fn run(json: bool, path: &Path, session: &Session) -> anyhow::R
         print_json(&outcome)?;
     } else {
         say!("{} messages in {:.1} s, {} dropped", outcome.messages, outcome.seconds, outcome.dropped);
-        say!("the last still picture is {}", match same {
-            Some(true) => "the recorded one",
-            Some(false) => "another one than was recorded",
-            None => "missing here or in the recording",
-        });
+        say!(
+            "the last still picture is {}",
+            match same {
+                Some(true) => "the recorded one",
+                Some(false) => "another one than was recorded",
+                None => "missing here or in the recording",
+            }
+        );
     }
     Ok(if same == Some(false) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }

@@ -71,7 +71,10 @@ pub(super) fn tell(event: &Event) {
             if let ServerMessage::Error(error) = message.as_ref() {
                 let detail = error.problem.get("detail").and_then(serde_json::Value::as_str);
                 let detail = detail.unwrap_or("something");
-                eprintln!("the server refuses: {}", detail.chars().filter(|c| !c.is_control()).collect::<String>());
+                eprintln!(
+                    "the server refuses: {}",
+                    detail.chars().filter(|c| !c.is_control()).collect::<String>()
+                );
             }
         }
         Event::Unreadable(reason) => eprintln!("a message of the server cannot be read: {reason}"),

@@ -99,7 +99,17 @@ mod tests {
 
     #[test]
     fn what_is_no_address_says_so() {
-        for bad in ["", "http://", "http://:80", "http://a:99999", "http://a:0", "http://a:b", "a b", "http://a?x=1", "http://u@a:1"] {
+        for bad in [
+            "",
+            "http://",
+            "http://:80",
+            "http://a:99999",
+            "http://a:0",
+            "http://a:b",
+            "a b",
+            "http://a?x=1",
+            "http://u@a:1",
+        ] {
             let error = bad.parse::<ServerAddress>().unwrap_err();
             assert!(matches!(error, AddressError::Malformed(_)), "{bad}: {error}");
         }

@@ -70,7 +70,9 @@ impl Composer {
         }
         match reading.header {
             Some(found) if found.fields() == expected.fields() => None,
-            Some(found) => Some(format!("H1 to H4 are {:02x?}, asked: {:02x?}", found.fields(), expected.fields())),
+            Some(found) => {
+                Some(format!("H1 to H4 are {:02x?}, asked: {:02x?}", found.fields(), expected.fields()))
+            }
             None => Some("there is none".to_owned()),
         }
     }

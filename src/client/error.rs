@@ -6,7 +6,9 @@ use super::address::ServerAddress;
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
     /// Nobody listens there, or the network does not reach it.
-    #[error("cannot reach {server}: {reason}; is `relief serve` running there, and may this machine connect to it?")]
+    #[error(
+        "cannot reach {server}: {reason}; is `relief serve` running there, and may this machine connect to it?"
+    )]
     Unreachable {
         /// Where.
         server: ServerAddress,

@@ -20,7 +20,9 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::link::{Event, LinkState, Received};
-use crate::live::{ClientMessage, HEADER_BYTES, Hello, MAX_TEXT_BYTES, ReceivedDepth, ReceivedFrame, ServerMessage};
+use crate::live::{
+    ClientMessage, HEADER_BYTES, Hello, MAX_TEXT_BYTES, ReceivedDepth, ReceivedFrame, ServerMessage,
+};
 
 /// The version of such files.
 pub const VERSION: u64 = 1;
@@ -52,7 +54,8 @@ pub enum JournalError {
 #[must_use]
 pub fn first_line(hello: &Hello) -> String {
     let hello = Hello { resume: None, ..hello.clone() };
-    json!({ "relief_session": VERSION, "hello": object(&ClientMessage::Hello(Box::new(hello)).to_text()) }).to_string()
+    json!({ "relief_session": VERSION, "hello": object(&ClientMessage::Hello(Box::new(hello)).to_text()) })
+        .to_string()
 }
 
 /// The line of an event; `None` for what is not kept.

@@ -22,7 +22,9 @@ use super::error::{ClientError, shown};
 use super::handle::Handle;
 use super::socket::{self, Socket};
 use crate::camera::{CameraFile, ProjectionFile};
-use crate::live::{ClientMessage, FrameHeader, Hello, Parts, PoseKind, Role, ServerMessage, Settings, Welcome};
+use crate::live::{
+    ClientMessage, FrameHeader, Hello, Parts, PoseKind, Role, ServerMessage, Settings, Welcome,
+};
 
 /// The server pings every 10 s: a connection from which nothing comes for longer is none.
 const SILENCE: Duration = Duration::from_secs(25);
@@ -110,7 +112,11 @@ struct Known {
 /// # Errors
 /// When the first connection fails, unless that is waited for; or when a connection ends for a reason that another one would
 /// not change.
-pub async fn run(options: &Options, handle: &Handle, on: &(dyn Fn(Event) + Send + Sync)) -> Result<(), ClientError> {
+pub async fn run(
+    options: &Options,
+    handle: &Handle,
+    on: &(dyn Fn(Event) + Send + Sync),
+) -> Result<(), ClientError> {
     let known = Mutex::new(Known::default());
     let mut backoff = Backoff::new();
     let mut was_connected = false;
@@ -190,9 +196,12 @@ impl Session<'_> {
         (self.on)(Event::State(LinkState::Connected { connection, resumed, view }));
         (self.on)(Event::Message(Box::new(ServerMessage::Welcome(welcome))));
         let t_ns = self.handle.now_ns();
-        if let Some(camera) = camera {
-            self.handle.put(|outbox| outbox.pose(t_ns, PoseKind::Camera(camera)));
-        }
+        self.handle.put(|outbox| {
+            if let Some(camera) = camera {
+                outbox.pose(t_ns, PoseKind::Camera(camera));
+            }
+            outbox.repeat_remote(t_ns);
+        });
     }
 
     /// Sends and receives side by side, so that neither waits for the other; says goodbye when told to stop.

@@ -19,8 +19,8 @@ pub(super) struct Outbox {
     /// Counts connections; 0 stands for none.
     connection: u64,
     connections: u64,
-    /// The newest pose, which a new connection begins with.
-    pose: Option<PoseKind>,
+    /// The newest pose of a Wiimote, with which a new connection begins: buttons may have been let go meanwhile.
+    remote: Option<PoseKind>,
 }
 
 impl Outbox {
@@ -42,17 +42,20 @@ impl Outbox {
         self.connection != 0
     }
 
-    /// The newest pose so far, said again.
-    pub(super) fn repeat_pose(&mut self, t_ns: u64) {
-        if let Some(pose) = self.pose.clone() {
+    /// What the Wiimote said last, once more.
+    pub(super) fn repeat_remote(&mut self, t_ns: u64) {
+        if let Some(pose) = self.remote.clone() {
             self.pose(t_ns, pose);
         }
     }
 
     /// A pose; gives its number, or `None` where it is not going to be sent.
     pub(super) fn pose(&mut self, t_ns: u64, what: PoseKind) -> Option<u64> {
-        self.pose = Some(what.clone());
-        let replaces = matches!(self.queue.back(), Some(ClientMessage::Pose(last)) if is_replaced(&last.what, &what));
+        if matches!(what, PoseKind::Remote(_)) {
+            self.remote = Some(what.clone());
+        }
+        let replaces =
+            matches!(self.queue.back(), Some(ClientMessage::Pose(last)) if is_replaced(&last.what, &what));
         if replaces {
             self.queue.pop_back();
         }
@@ -174,19 +177,21 @@ mod tests {
     }
 
     #[test]
-    fn nothing_of_a_lost_connection_reaches_the_next_but_the_pose() {
+    fn nothing_of_a_lost_connection_reaches_the_next_but_the_hand() {
         let mut outbox = Outbox::default();
         let first = outbox.open();
         outbox.pose(1, orbit(7.0));
+        outbox.pose(1, remote(&["b"]));
         outbox.intent(2, Intent::Undo {});
         outbox.close();
+        outbox.pose(3, remote(&[]));
         outbox.intent(3, Intent::Undo {});
         let second = outbox.open();
         outbox.ack(first, 9, 0);
-        outbox.repeat_pose(5);
+        outbox.repeat_remote(5);
         assert_ne!(first, second);
         match rest(&mut outbox).as_slice() {
-            [ClientMessage::Pose(Pose { seq: 3, t_ns: 5, what })] => assert_eq!(*what, orbit(7.0)),
+            [ClientMessage::Pose(Pose { seq: 4, t_ns: 5, what })] => assert_eq!(*what, remote(&[])),
             other => panic!("{other:?}"),
         }
     }

@@ -30,7 +30,10 @@ const WELCOME: Duration = Duration::from_secs(30);
 pub(super) type Socket = WebSocketStream<TcpStream>;
 
 /// Connects and says hello; gives the socket after `welcome`.
-pub(super) async fn open(server: &ServerAddress, hello: &Hello) -> Result<(Socket, Box<Welcome>), ClientError> {
+pub(super) async fn open(
+    server: &ServerAddress,
+    hello: &Hello,
+) -> Result<(Socket, Box<Welcome>), ClientError> {
     let stream = reach(server).await?;
     let mut socket = upgrade(server, stream).await?;
     let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
@@ -123,7 +126,11 @@ fn detail(problem: &Value) -> String {
 }
 
 /// What the end of a connection means; `said` is the last problem that the server told.
-pub(super) fn closed(server: &ServerAddress, frame: Option<&CloseFrame>, said: Option<&Value>) -> ClientError {
+pub(super) fn closed(
+    server: &ServerAddress,
+    frame: Option<&CloseFrame>,
+    said: Option<&Value>,
+) -> ClientError {
     let server = server.clone();
     let Some(frame) = frame else {
         let reason = said.map_or_else(|| "closed without a reason".to_owned(), detail);

@@ -117,7 +117,9 @@ impl Meter {
                 self.handle.ack(received.connection, received.header.sequence);
             }
             Event::State(LinkState::Lost { .. }) => self.seen().reconnects += 1,
-            Event::Message(message) if matches!(*message, ServerMessage::Error(_)) => self.seen().refusals += 1,
+            Event::Message(message) if matches!(*message, ServerMessage::Error(_)) => {
+                self.seen().refusals += 1
+            }
             Event::Unreadable(_) => self.seen().unreadable += 1,
             Event::State(_) | Event::Message(_) | Event::Sent(_) => {}
         }
@@ -134,7 +136,8 @@ impl Meter {
             (seen.all_frames, seen.moving, is_last)
         };
         let is_still = header.still && is_last && !moving;
-        let checked = self.check_every > 0 && (number.is_multiple_of(u64::from(self.check_every)) || is_still);
+        let checked =
+            self.check_every > 0 && (number.is_multiple_of(u64::from(self.check_every)) || is_still);
         if checked {
             let before = self.handle.now_ns();
             // Others of this thread go on meanwhile.

@@ -132,7 +132,8 @@ struct Client<'a> {
 
 impl Client<'_> {
     async fn run(&self, start: &tokio::sync::Barrier) -> Result<(), ClientError> {
-        let lost = |reason: &str| ClientError::Lost { server: self.server.clone(), reason: reason.to_owned() };
+        let lost =
+            |reason: &str| ClientError::Lost { server: self.server.clone(), reason: reason.to_owned() };
         let first = timeout(FIRST_FRAME, self.meter.first_frame()).await;
         first.map_err(|_| lost("no frame within 60 s"))?;
         start.wait().await;

@@ -82,7 +82,8 @@ impl Report {
             meters.iter().flat_map(|meter| values(&meter.seen()).clone()).collect()
         };
         let sum = |value: fn(&Seen) -> u64| meters.iter().map(|meter| value(&meter.seen())).sum::<u64>();
-        let ms = |values: fn(&Seen) -> &Vec<u32>, share: f64| percentile(all(values), share).map(|us| us * 1e-3);
+        let ms =
+            |values: fn(&Seen) -> &Vec<u32>, share: f64| percentile(all(values), share).map(|us| us * 1e-3);
         let rates: Vec<f64> = meters
             .iter()
             .map(|meter| meter.seen())

@@ -59,7 +59,12 @@ impl Input {
         match button {
             MouseButton::Left if pressed && self.control => {
                 let at_px = place.pixel(self.at?)?;
-                Some(Intent::Cursor { at_px: Some(at_px), at_view_mm: None, by_view_mm: None, point_mm: None })
+                Some(Intent::Cursor {
+                    at_px: Some(at_px),
+                    at_view_mm: None,
+                    by_view_mm: None,
+                    point_mm: None,
+                })
             }
             MouseButton::Left => {
                 self.turning = pressed;

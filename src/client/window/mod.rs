@@ -116,7 +116,12 @@ impl Window {
     ///
     /// # Errors
     /// When the window cannot be opened, or is lost.
-    pub fn show(self, options: WindowOptions, handle: &Handle, composer: Composer) -> Result<(), WindowError> {
+    pub fn show(
+        self,
+        options: WindowOptions,
+        handle: &Handle,
+        composer: Composer,
+    ) -> Result<(), WindowError> {
         let compose = {
             let (screen, handle) = (self.screen.clone(), handle.clone());
             move || screen.compose_all(&composer, &handle)

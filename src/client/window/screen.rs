@@ -140,11 +140,11 @@ impl App {
         };
         self.warn([size.width, size.height], scale);
         pane.resize(width, height).map_err(lost)?;
+        pane.window().pre_present_notify();
         let mut buffer = pane.buffer_mut().map_err(lost)?;
         let marks = if self.options.clean { Marks::default() } else { self.marks };
         let frame = self.frame.clone().and_then(|frame| marks.draw(self.layout, frame).ok());
         put(frame.as_ref(), &mut buffer, size.width as usize);
-        pane.window().pre_present_notify();
         buffer.present().map_err(lost)?;
         if let Some((connection, sequence)) = self.unshown.take() {
             self.handle.ack(connection, sequence);
@@ -249,9 +249,12 @@ impl ApplicationHandler<Wake> for App {
 /// The frame from the upper left corner, pixel by pixel; black beside it. The buffer's pixels are 0x00RRGGBB.
 fn put(frame: Option<&Frame>, buffer: &mut [u32], width: usize) {
     buffer.fill(0);
-    let Some((size_px, Pixels::Rgb8(samples))) = frame.map(|frame| (frame.size_px(), frame.pixels())) else { return };
+    let Some((size_px, Pixels::Rgb8(samples))) = frame.map(|frame| (frame.size_px(), frame.pixels())) else {
+        return;
+    };
     let row_samples = 3 * size_px[0] as usize;
-    for (row, samples) in buffer.chunks_exact_mut(width.max(1)).zip(samples.chunks_exact(row_samples.max(1))) {
+    for (row, samples) in buffer.chunks_exact_mut(width.max(1)).zip(samples.chunks_exact(row_samples.max(1)))
+    {
         for (pixel, [red, green, blue]) in row.iter_mut().zip(samples.as_chunks::<3>().0) {
             *pixel = u32::from_be_bytes([0, *red, *green, *blue]);
         }

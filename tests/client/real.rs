@@ -1,0 +1,287 @@
+//! A client process and a server process, with a phantom whose geometry is known. Needs an adapter: with
+//! `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use nalgebra::Vector3;
+use relief::gpu::{AdapterChoice, Gpu};
+use relief::tracking::Beacon;
+use relief::tracking::pose::SensorPose;
+use relief::tracking::report::recording::recording_line;
+use relief::tracking::simulate::{Path as HandPath, Simulation};
+use serde_json::Value;
+
+pub(crate) const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
+
+/// Whether frames can be rendered here; says so when not.
+pub(crate) fn has_adapter(test: &str) -> bool {
+    let opened = Gpu::open(&AdapterChoice::Software);
+    if let (Err(error), Some(_)) = (&opened, std::env::var_os("RELIEF_REQUIRE_ADAPTER")) {
+        panic!("RELIEF_REQUIRE_ADAPTER is set: {error}");
+    }
+    if opened.is_err() {
+        eprintln!("SKIPPED: {test} (no software graphics adapter)");
+    }
+    opened.is_ok()
+}
+
+pub(crate) fn relief(arguments: &[&str]) -> Command {
+    let mut command = Command::new(RELIEF);
+    command.args(arguments).env("RELIEF_ADAPTER", "software").stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// A sphere of 80 mm and 500 HU around the origin, in voxels of 4 mm.
+pub(crate) fn phantom(folder: &Path) -> String {
+    let series = folder.join("sphere").to_str().unwrap().to_owned();
+    let made = relief(&["phantom", "--kind", "sphere", "--size", "64", "--out", &series]).output().unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    series
+}
+
+/// A server, killed when it is dropped.
+pub(crate) struct Serving {
+    process: Child,
+    pub(crate) address: String,
+}
+
+impl Serving {
+    pub(crate) fn start(series: &str, listen: &str) -> Self {
+        let mut process = relief(&["serve", "--series", series, "--listen", listen]).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let address =
+            line.trim().strip_prefix("listening on http://").and_then(|rest| rest.strip_suffix('/'));
+        let address = address.unwrap_or_else(|| panic!("no address in {line:?}")).to_owned();
+        Self { process, address }
+    }
+
+    pub(crate) fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    pub(crate) fn kill(&mut self) {
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+    }
+
+    /// The body of an answer.
+    pub(crate) fn get(&self, path: &str) -> Vec<u8> {
+        let mut stream = TcpStream::connect(&self.address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(120))).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.address).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+        assert!(answer.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&answer[..end]));
+        answer.split_off(end + 4)
+    }
+
+    /// Waits for the series; gives its id.
+    pub(crate) fn ready(&self) -> String {
+        let since = Instant::now();
+        loop {
+            let listed: Value = serde_json::from_slice(&self.get("/v1/volumes")).unwrap();
+            if let Some(id) = listed["volumes"][0]["id"].as_str() {
+                return id.to_owned();
+            }
+            assert!(since.elapsed() < Duration::from_secs(60), "the series is not loaded");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // gone already where a test killed it
+        let _ = self.process.wait();
+    }
+}
+
+pub(crate) fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn client(url: &str, arguments: &[&str]) -> Output {
+    relief(&["client", "--server", url, "--headless"]).args(arguments).output().unwrap()
+}
+
+fn json_of(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", text(&output.stderr)))
+}
+
+pub(crate) fn pixels(png: &[u8]) -> (u32, u32, Vec<u8>) {
+    let picture = image::load_from_memory(png).unwrap().into_rgb8();
+    (picture.width(), picture.height(), picture.into_raw())
+}
+
+#[test]
+fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
+    if !has_adapter("relief client --save-frame") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
+    let id = serving.ready();
+    let file = folder.path().join("frame.png");
+    let out = file.to_str().unwrap();
+    for (layout, more) in
+        [("wowvx", &[][..]), ("rgbd", &["--size", "400x300"]), ("wowvx-full-height", &["--factor", "90"])]
+    {
+        let arguments =
+            ["--preset", "bone", "--look", "30,10,1.2", "--layout", layout, "--save-frame", out, "--json"];
+        let output = client(&serving.url(), &[&arguments[..], more].concat());
+        assert!(output.status.success(), "{layout}: {}", text(&output.stderr));
+        let size = more.iter().position(|name| *name == "--size").map_or("", |_| "&width=400&height=300");
+        let factor = more.iter().position(|name| *name == "--factor").map_or("", |_| "&factor=90");
+        let query =
+            format!("preset=bone&azimuth_deg=30&elevation_deg=10&zoom=1.2&layout={layout}{size}{factor}");
+        let served = serving.get(&format!("/v1/volumes/{id}/frame?{query}"));
+        let composed = std::fs::read(&file).unwrap();
+        assert!(pixels(&composed) == pixels(&served), "{layout}: composed and served frame differ");
+    }
+    let checked = relief(&["inspect", out, "--json"]).output().unwrap();
+    assert!(checked.status.success(), "{}", text(&checked.stdout));
+}
+
+#[test]
+fn measuring_reads_every_header_row_and_finds_the_still_frame() {
+    if !has_adapter("relief client --measure") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
+    serving.ready();
+    let output = client(&serving.url(), &["--measure", "3", "--preset", "bone", "--json"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report = json_of(&output);
+    eprintln!("{report:#}");
+    assert!(report["frames"].as_u64().unwrap() > 5, "{report}");
+    assert_eq!(
+        (&report["bad_headers"], &report["malformed"]),
+        (&Value::from(0), &Value::from(0)),
+        "{report}"
+    );
+    assert!(report["still_ms"].as_f64().is_some(), "{report}");
+    for key in
+        ["frames_per_s", "overhead_ms_p50", "overhead_ms_p99", "pose_to_frame_ms_p50", "bytes_per_frame"]
+    {
+        assert!(report[key].as_f64().is_some(), "{key} of {report}");
+    }
+}
+
+#[test]
+fn a_server_that_is_killed_and_started_again_gets_its_client_back_with_the_same_picture() {
+    if !has_adapter("relief client and a killed server") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path());
+    let mut serving = Serving::start(&series, "127.0.0.1:0");
+    serving.ready();
+    let record = folder.path().join("session.jsonl");
+    let arguments = ["--preset", "bone", "--look", "40,20,1.3", "--record", record.to_str().unwrap()];
+    let mut process =
+        relief(&["client", "--server", &serving.url(), "--headless"]).args(arguments).spawn().unwrap();
+    let mut told = BufReader::new(process.stderr.take().unwrap()).lines().map_while(Result::ok);
+    assert!(told.any(|line| line.starts_with("connected")), "no connection");
+    std::thread::sleep(Duration::from_secs(4)); // the still frame of --look comes
+    serving.kill();
+    assert!(told.any(|line| line.contains("trying again")), "no loss is told");
+    let again = Serving::start(&series, &serving.address);
+    again.ready();
+    let returned = Instant::now();
+    assert!(told.any(|line| line.starts_with("connected")), "no connection any more");
+    let away = returned.elapsed();
+    std::thread::sleep(Duration::from_secs(4));
+    assert!(Command::new("kill").args(["-INT", &process.id().to_string()]).status().unwrap().success());
+    assert!(process.wait().unwrap().success());
+    let lines = std::fs::read_to_string(&record).unwrap();
+    let stills: Vec<Value> = lines
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap())
+        .filter(|line| line["frame"]["still"] == true && line["frame"]["lossless"] == true)
+        .collect();
+    assert!(stills.len() >= 2, "{lines}");
+    let hash = |still: &Value| still["frame"]["pixels_sha256"].as_str().unwrap().to_owned();
+    assert!(away < Duration::from_secs(2), "back after {away:?}");
+    // The camera went through single precision on its way: the pictures are of one view, and need not be of equal bytes.
+    eprintln!("before and after: {} {}, back after {away:?}", hash(&stills[0]), hash(stills.last().unwrap()));
+    assert!(!lines.contains("\"session\""), "the token is nobody's business");
+}
+
+/// A hand that points, then comes 120 mm closer and 20 mm up, and rests there.
+struct Approach {
+    from: SensorPose,
+}
+
+impl HandPath for Approach {
+    fn at(&self, seconds: f64) -> SensorPose {
+        let done = ((seconds - 1.0) / 1.5).clamp(0.0, 1.0);
+        let eased = done * done * (3.0 - 2.0 * done);
+        // The beacon looks along its z axis at the hand, and so does the display: towards the viewer is away from both.
+        let way = Vector3::new(10.0, 20.0, 120.0) * eased;
+        SensorPose { position: self.from.position + way, orientation: self.from.orientation }
+    }
+}
+
+fn recording(folder: &Path) -> PathBuf {
+    let beacon = Beacon::recommended();
+    let target = beacon.centroid();
+    let from = SensorPose::looking_at(target + Vector3::z() * 1200.0, target, &Vector3::y(), 0.0).unwrap();
+    let mut simulation = Simulation::new(beacon, 7);
+    simulation.sensing.noise_px = 0.1;
+    let made = simulation.record(&Approach { from }, 4.0);
+    let lines: String =
+        made.iter().map(|made| recording_line(made.t_ns, &made.report.encode()) + "\n").collect();
+    let file = folder.join("hand.jsonl");
+    std::fs::write(&file, lines).unwrap();
+    file
+}
+
+/// Reports of a Wiimote become poses in the client (or in the server), a cursor in the view, and a ball in the frame: its
+/// depth there is that of a ball around the cursor, seen by the frame's camera, within 1 mm; and the cursor has moved as the hand.
+#[test]
+fn a_wiimotes_cursor_lies_in_the_frames_depth_where_geometry_has_it() {
+    if !has_adapter("relief client --wiimote") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
+    serving.ready();
+    let reports = recording(folder.path());
+    for relay in [&[][..], &["--relay-reports"]] {
+        let record = folder.path().join("session.jsonl");
+        let name = [
+            "--wiimote",
+            reports.to_str().unwrap(),
+            "--record",
+            record.to_str().unwrap(),
+            "--preset",
+            "bone",
+        ];
+        let mut process = relief(&["client", "--server", &serving.url(), "--headless", "--view"])
+            .arg(format!("hand-{}", relay.len()))
+            .args(name)
+            .args(relay)
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_secs(8));
+        assert!(Command::new("kill").args(["-INT", &process.id().to_string()]).status().unwrap().success());
+        assert!(process.wait().unwrap().success());
+        let lines = std::fs::read_to_string(&record).unwrap();
+        let states = lines.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        let cursor =
+            states.filter_map(|line| line["received"]["state"]["cursor_mm"].as_array().cloned()).last();
+        let cursor: Vec<f64> = cursor
+            .unwrap_or_else(|| panic!("no cursor: {lines}"))
+            .iter()
+            .map(|c| c.as_f64().unwrap())
+            .collect();
+        crate::command::check_cursor(&serving, &format!("hand-{}", relay.len()), &cursor);
+    }
+}

@@ -1,0 +1,131 @@
+//! The window under a virtual X server: what is on its screen is the served frame, byte for byte.
+//!
+//! Xvfb keeps its screen in a file in the format of xwd, which is read here; so nothing of the client's own takes the picture.
+//! Without Xvfb the test says that it skipped.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::real::{Serving, has_adapter, phantom, pixels, relief};
+
+struct Xvfb {
+    process: Child,
+    display: String,
+    folder: tempfile::TempDir,
+}
+
+impl Xvfb {
+    fn start() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let program = std::env::var_os("RELIEF_XVFB").unwrap_or_else(|| "Xvfb".into());
+        let screen = ["-screen", "0", "1920x1080x24", "-nolisten", "tcp", "-displayfd", "1", "-fbdir"];
+        let spawned = Command::new(program)
+            .args(screen)
+            .arg(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn();
+        let Ok(mut process) = spawned else {
+            eprintln!("SKIPPED: the window of relief client (Xvfb is not installed: apt-get install xvfb)");
+            return None;
+        };
+        let mut line = String::new();
+        let mut out = std::io::BufReader::new(process.stdout.take().unwrap());
+        std::io::BufRead::read_line(&mut out, &mut line).unwrap();
+        Some(Self { process, display: format!(":{}", line.trim()), folder })
+    }
+
+    /// Red, green, blue of the screen.
+    fn screen(&self) -> Vec<u8> {
+        read_xwd(&self.folder.path().join("Xvfb_screen0"))
+    }
+}
+
+impl Drop for Xvfb {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Pixels of an XWD file of version 7, 32 bits a pixel: the numbers of its header are big-endian.
+fn read_xwd(path: &Path) -> Vec<u8> {
+    let file = std::fs::read(path).unwrap();
+    let word = |at: usize| u32::from_be_bytes(file[4 * at..4 * at + 4].try_into().unwrap()) as usize;
+    let (header_bytes, width, height) = (word(0), word(4), word(5));
+    let (bits, stride, colors) = (word(11), word(12), word(19));
+    assert_eq!((word(1), width, height, bits), (7, 1920, 1080, 32));
+    let is_little_endian = word(7) == 0;
+    let first = header_bytes + 12 * colors;
+    let mut rgb = Vec::with_capacity(3 * width * height);
+    for row in file[first..].chunks_exact(stride).take(height) {
+        for pixel in row[..4 * width].as_chunks::<4>().0 {
+            let value =
+                if is_little_endian { u32::from_le_bytes(*pixel) } else { u32::from_be_bytes(*pixel) };
+            let [_, red, green, blue] = value.to_be_bytes();
+            rgb.extend([red, green, blue]);
+        }
+    }
+    rgb
+}
+
+struct Client(Child);
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn the_screen_shows_the_served_frame_byte_for_byte() {
+    if !has_adapter("the window of relief client") {
+        return;
+    }
+    let Some(x) = Xvfb::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
+    let id = serving.ready();
+    let query = "preset=bone&azimuth_deg=30&elevation_deg=10&zoom=1.2";
+    let (width, height, served) = pixels(&serving.get(&format!("/v1/volumes/{id}/frame?{query}")));
+    assert_eq!((width, height), (1920, 1080));
+    let arguments = ["--preset", "bone", "--look", "30,10,1.2", "--fullscreen"];
+    let started = relief(&["client", "--server", &serving.url()])
+        .args(arguments)
+        .env("DISPLAY", &x.display)
+        .env_remove("WAYLAND_DISPLAY")
+        .stderr(Stdio::inherit())
+        .spawn();
+    let mut client = Client(started.unwrap());
+    let since = Instant::now();
+    while x.screen() != served {
+        assert!(client.0.try_wait().unwrap().is_none(), "the client ended");
+        if since.elapsed() > Duration::from_secs(60) {
+            let screen = x.screen();
+            let wrong = screen.iter().zip(&served).filter(|(a, b)| a != b).count();
+            panic!("{wrong} of {} bytes differ", served.len());
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    // Without its server the picture stays, and a mark in the corner of the picture says so: header row and depth are untouched.
+    serving.kill();
+    let since = Instant::now();
+    let marked = loop {
+        let screen = x.screen();
+        if screen != served {
+            break screen;
+        }
+        assert!(since.elapsed() < Duration::from_secs(30), "no mark of a lost connection");
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    let changed = (0..served.len() / 3).filter(|at| marked[3 * at..3 * at + 3] != served[3 * at..3 * at + 3]);
+    let mut count = 0;
+    for at in changed {
+        let (x, y) = (at % 1920, at / 1920);
+        assert!(x < 32 && y > 1000 && y % 2 == 0, "pixel {x},{y}");
+        count += 1;
+    }
+    assert!(count > 0 && count <= 36, "{count} pixels");
+}
