@@ -185,6 +185,9 @@ impl Session {
                 "a watcher sees what presenters show: leave --preset, --look, --layout, --factor and --offset out"
             );
         }
+        if role == Role::Watcher && arguments.remote.is_there() {
+            bail!("a watcher moves nothing: leave --wiimote out");
+        }
         let mut accept = Accept::default();
         if arguments.lossless {
             accept.color = vec![ColorFormat::RgbZstd.name().to_owned()];
@@ -200,7 +203,8 @@ impl Session {
             settings,
         };
         // What others of a shared view ask of the display is not known here.
-        let asked = (role == Role::Presenter).then(|| display.header());
+        let is_own = role == Role::Presenter && (arguments.view.is_none() || display != usual);
+        let asked = is_own.then(|| display.header());
         let composer = Composer::new(display.profile()?, asked);
         let options = Options { server: arguments.server.clone(), hello, wait: arguments.wait };
         Ok(Self { options, composer, layout: display.layout })

@@ -27,6 +27,13 @@ pub(super) struct RemoteArguments {
     sensitivity: u8,
 }
 
+impl RemoteArguments {
+    /// Whether there is to be a Wiimote.
+    pub(super) fn is_there(&self) -> bool {
+        self.wiimote != "none"
+    }
+}
+
 /// What the Wiimote's tracking knows, for whoever shows it; `None` without one, and where the server tracks.
 pub(super) type Tracking = Arc<Mutex<Option<TrackingState>>>;
 
@@ -38,7 +45,7 @@ const LOOK_AGAIN: Duration = Duration::from_secs(1);
 /// Starts reading, on a thread that ends with the program.
 pub(super) fn start(arguments: &RemoteArguments, handle: &Handle) -> anyhow::Result<Tracking> {
     let tracking = Tracking::default();
-    if arguments.wiimote == "none" {
+    if !arguments.is_there() {
         return Ok(tracking);
     }
     let scene = &arguments.scene;
@@ -46,7 +53,7 @@ pub(super) fn start(arguments: &RemoteArguments, handle: &Handle) -> anyhow::Res
     let tracker = Tracker::new(scene.camera()?, scene.beacon()?, options);
     let tracker = (!arguments.relay_reports).then_some(tracker);
     let sensitivity = Sensitivity::of_level(arguments.sensitivity).unwrap_or_default();
-    let live = LiveOptions { sensitivity, gyroscope: false, realtime: true, record: None };
+    let live = LiveOptions { sensitivity, gyroscope: false, full: false, realtime: true, record: None };
     let name = arguments.wiimote.clone();
     let source = match Source::open(&name, &live) {
         Ok(source) => Some(source),

@@ -22,6 +22,7 @@ fn wrong_arguments_are_told_with_what_is_allowed() {
         (&["--measure", "0"], 2, "0.1 to 3600 s"),
         (&["--layout", "depth16"], 1, "no picture with disparity"),
         (&["--role", "watcher", "--preset", "bone"], 1, "a watcher sees what presenters show"),
+        (&["--role", "watcher", "--wiimote", "hidraw"], 1, "a watcher moves nothing"),
         (&["--wiimote", "nowhere.jsonl"], 1, "cannot read nowhere.jsonl"),
         (&["--replay", "nowhere.jsonl"], 1, "cannot read nowhere.jsonl"),
         (&["--measure", "1"], 1, "cannot reach http://127.0.0.1:1"),

@@ -96,7 +96,7 @@ async fn wrong_header_rows_and_damaged_pictures_are_counted() {
     let (report, _) = measured(
         |header, bytes| {
             if !header.still {
-                bytes.extend([0xff; 40])
+                bytes.extend([0xff; 40]);
             }
         },
         1,

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use futures_util::{SinkExt, StreamExt};
+use futures_util::StreamExt;
 use relief::client::{Event, Handle, Options, Received, run};
 use relief::display::{DisplaySettings, Layout};
 use relief::live::{
@@ -131,30 +131,6 @@ pub(crate) fn frame(header: &FrameHeader) -> Vec<u8> {
     let depth =
         EncodedDepth { format: header.depth, bytes: encode_d8(SIZE, &disparity, header.depth).unwrap() };
     assemble(header, &color, &depth)
-}
-
-/// Serves one connection well, until the client leaves: a frame for each pose, and one to begin with. Gives what was sent.
-pub(crate) async fn serve_well(socket: &mut Socket, still_after_last: bool) -> Vec<ClientMessage> {
-    let mut said = Vec::new();
-    let mut sequence = 1;
-    let first = frame(&header(1));
-    socket.send(Message::binary(first)).await.unwrap();
-    while let Some(message) = next(socket).await {
-        if let ClientMessage::Pose(pose) = &message {
-            sequence += 1;
-            let header = FrameHeader {
-                still: still_after_last,
-                shows_seq: pose.seq,
-                shows_t_ns: pose.t_ns,
-                ..header(sequence)
-            };
-            if socket.send(Message::binary(frame(&header))).await.is_err() {
-                break;
-            }
-        }
-        said.push(message);
-    }
-    said
 }
 
 pub(crate) async fn close(socket: &mut Socket, code: u16, reason: &'static str) {

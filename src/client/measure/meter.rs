@@ -118,7 +118,7 @@ impl Meter {
             }
             Event::State(LinkState::Lost { .. }) => self.seen().reconnects += 1,
             Event::Message(message) if matches!(*message, ServerMessage::Error(_)) => {
-                self.seen().refusals += 1
+                self.seen().refusals += 1;
             }
             Event::Unreadable(_) => self.seen().unreadable += 1,
             Event::State(_) | Event::Message(_) | Event::Sent(_) => {}

@@ -13,9 +13,10 @@ mod stalled;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::task::JoinSet;
+use tokio::task::{JoinError, JoinSet};
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
+use super::address::ServerAddress;
 use super::compose::{Composed, Composer};
 use super::error::ClientError;
 use super::handle::Handle;
@@ -69,35 +70,44 @@ pub async fn measure(plan: &Plan) -> Result<(Report, Option<Composed>), ClientEr
         let options = link::Options { hello: hello_of(plan, at), ..plan.options.clone() };
         let (moves, start) = (moves(plan, at), Arc::clone(&start));
         let [seconds, pose_hz] = [plan.seconds, plan.pose_hz];
+        let server = plan.options.server.clone();
         running.spawn(async move {
-            let handle = meter.handle().clone();
-            let take = |event| meter.take(event);
-            let link = link::run(&options, &handle, &take);
-            tokio::pin!(link);
-            let client = Client { meter: &meter, server: &options.server, seconds, pose_hz, moves };
+            // A task of its own: composing a frame does not hold up poses.
+            let taking = Arc::clone(&meter);
+            let mut link = JoinSet::new();
+            link.spawn(
+                async move { link::run(&options, taking.handle(), &|event| taking.take(event)).await },
+            );
+            let client = Client { meter: &meter, server: &server, seconds, pose_hz, moves };
             let outcome = tokio::select! {
-                ended = &mut link => return ended,
+                Some(ended) = link.join_next() => return flat(&server, ended),
                 outcome = client.run(&start) => outcome,
             };
-            handle.stop();
-            outcome.and(link.await)
+            meter.handle().stop();
+            let ended = link.join_next().await.map_or(Ok(()), |ended| flat(&server, ended));
+            outcome.and(ended)
         });
     }
     while let Some(outcome) = running.join_next().await {
         // The others wait for one another: without this one they would for ever.
-        outcome.map_err(|error| lost(plan, &error.to_string()))??;
+        flat(&plan.options.server, outcome)?;
     }
     stop_stalled.stop();
     let mut burden = stalled::Burden::default();
     while let Some(outcome) = stalled.join_next().await {
-        burden = burden.with(outcome.map_err(|error| lost(plan, &error.to_string()))?);
+        burden = burden.with(flat(&plan.options.server, outcome.map(Ok))?);
     }
     let last = meters.first().and_then(|meter| meter.take_last());
     Ok((Report::of(plan, &meters, burden), last))
 }
 
-fn lost(plan: &Plan, reason: &str) -> ClientError {
-    ClientError::Lost { server: plan.options.server.clone(), reason: reason.to_owned() }
+/// What came of a task. One that panicked is a client that is lost.
+fn flat<T>(
+    server: &ServerAddress,
+    outcome: Result<Result<T, ClientError>, JoinError>,
+) -> Result<T, ClientError> {
+    outcome
+        .unwrap_or_else(|error| Err(ClientError::Lost { server: server.clone(), reason: error.to_string() }))
 }
 
 /// Whether a client turns the view: its own, or the shared one where it is the first.
@@ -124,7 +134,7 @@ pub(super) fn turned(seconds: f64) -> PoseKind {
 
 struct Client<'a> {
     meter: &'a Meter,
-    server: &'a super::ServerAddress,
+    server: &'a ServerAddress,
     seconds: f64,
     pose_hz: f64,
     moves: bool,

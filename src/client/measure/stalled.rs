@@ -78,18 +78,16 @@ async fn hold(socket: Socket, reads: bool, moves: bool, frames_max: &mut u32) ->
         }
     };
     let taking = async {
+        if !reads {
+            std::future::pending::<()>().await;
+        }
         let mut frames = 0;
-        while reads {
-            match stream.next().await {
-                Some(Ok(Message::Binary(_))) => {
-                    frames += 1;
-                    *frames_max = frames.max(*frames_max);
-                }
-                Some(Ok(_)) => {}
-                _ => return,
+        while let Some(Ok(message)) = stream.next().await {
+            if matches!(message, Message::Binary(_)) {
+                frames += 1;
+                *frames_max = frames.max(*frames_max);
             }
         }
-        std::future::pending().await
     };
     let held = async {
         tokio::select! {
