@@ -2,8 +2,10 @@
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
+use tokio::time::timeout;
 
 use super::output::GrowingFile;
 use crate::client::{Event, Handle, LinkState, Received, journal};
@@ -82,19 +84,25 @@ pub(super) fn tell(event: &Event) {
     }
 }
 
+/// A view that changes shows it within this, if only in a small picture.
+const QUIET: Duration = Duration::from_secs(2);
+
 /// Takes frames without showing them.
 pub(super) struct Watch<'a> {
     handle: &'a Handle,
     recorder: &'a Recorder,
     still: Mutex<Option<Received>>,
     connected: Mutex<bool>,
+    /// When the last frame or state came.
+    moved: Mutex<Instant>,
     changed: Notify,
 }
 
 impl<'a> Watch<'a> {
     pub(super) fn new(handle: &'a Handle, recorder: &'a Recorder) -> Self {
         let (still, connected) = (Mutex::new(None), Mutex::new(false));
-        Self { handle, recorder, still, connected, changed: Notify::new() }
+        let (moved, changed) = (Mutex::new(Instant::now()), Notify::new());
+        Self { handle, recorder, still, connected, moved, changed }
     }
 
     pub(super) fn take(&self, event: Event) {
@@ -108,13 +116,19 @@ impl<'a> Watch<'a> {
             Event::State(state) => {
                 *self.connected() = matches!(state, LinkState::Connected { .. });
             }
-            _ => return,
+            Event::Message(_) => {}
+            Event::Sent(_) | Event::Unreadable(_) => return,
         }
+        *self.moved() = Instant::now();
         self.changed.notify_waiters();
     }
 
     fn still(&self) -> MutexGuard<'_, Option<Received>> {
         self.still.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn moved(&self) -> MutexGuard<'_, Instant> {
+        self.moved.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn connected(&self) -> MutexGuard<'_, bool> {
@@ -139,8 +153,19 @@ impl<'a> Watch<'a> {
         pose.and_then(|pose| self.handle.pose(self.handle.now_ns(), pose)).unwrap_or(0)
     }
 
-    /// The still frame that shows at least message `seq`.
+    /// The still frame that shows message `seq`. A message that changes nothing is shown by none: after a while without frames and
+    /// messages the newest frame counts, if it is still; what moves is shown at once, so it would not be.
     pub(super) async fn still_after(&self, seq: u64) -> Received {
-        self.until(|watch| watch.still().clone().filter(|still| still.header.shows_seq >= seq)).await
+        *self.moved() = Instant::now();
+        loop {
+            let newest = self.until(|watch| watch.still().clone());
+            if let Ok(still) = timeout(QUIET, newest).await {
+                let quiet = self.moved().elapsed() > QUIET;
+                if quiet || still.header.shows_seq >= seq {
+                    return still;
+                }
+            }
+            tokio::time::sleep(QUIET / 50).await;
+        }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! [`run`] connects, says hello, gives frames and messages to whoever listens, sends what the [`Handle`] was told, and connects
 //! again when the connection is lost: with the token of its session. A server that knows that no more, since it was started
-//! anew, makes a view of the same name, with the volume and preset that were seen last; the camera is then sent as a pose.
+//! anew, makes a view of the same name, with the volume and preset that were seen last; intents then bring it back to where it was.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -20,11 +20,10 @@ use super::address::ServerAddress;
 use super::backoff::Backoff;
 use super::error::{ClientError, shown};
 use super::handle::Handle;
+use super::restore;
 use super::socket::{self, Socket};
-use crate::camera::{CameraFile, ProjectionFile};
-use crate::live::{
-    ClientMessage, FrameHeader, Hello, Parts, PoseKind, Role, ServerMessage, Settings, Welcome,
-};
+use crate::interaction::ViewRecord;
+use crate::live::{ClientMessage, FrameHeader, Hello, Parts, Role, ServerMessage, Settings, Welcome};
 
 /// The server pings every 10 s: a connection from which nothing comes for longer is none.
 const SILENCE: Duration = Duration::from_secs(25);
@@ -104,7 +103,7 @@ struct Known {
     view: Option<String>,
     volume: Option<String>,
     preset: Option<String>,
-    camera: Option<CameraFile>,
+    state: Option<ViewRecord>,
 }
 
 /// Runs a session until [`Handle::stop`]. `on` is told what happens, on the thread of the connection: it is to be quick.
@@ -183,22 +182,24 @@ impl Session<'_> {
 
     /// What follows `welcome` at once.
     fn begin(&self, connection: u64, welcome: Box<Welcome>) {
-        let is_new = !welcome.resumed && welcome.state.revision == 0;
-        let camera = self.known(|known| {
+        // Where somebody has changed the view already, it is as they left it.
+        let is_new = !welcome.resumed && welcome.state.undo == 0;
+        let before = self.known(|known| {
             let volume = welcome.volume.get("id").and_then(Value::as_str).map(str::to_owned);
             known.token = Some(welcome.session.clone());
             known.view = Some(welcome.view.clone());
             known.volume = volume.or(known.volume.take());
             known.preset = welcome.state.preset.clone().or(known.preset.take());
-            known.camera.filter(|_| is_new && welcome.role == Role::Presenter)
+            known.state.replace(welcome.state.clone()).filter(|_| is_new && welcome.role == Role::Presenter)
         });
+        let look_at_mm = welcome.state.look_at_mm;
         let (resumed, view) = (welcome.resumed, welcome.view.clone());
         (self.on)(Event::State(LinkState::Connected { connection, resumed, view }));
         (self.on)(Event::Message(Box::new(ServerMessage::Welcome(welcome))));
         let t_ns = self.handle.now_ns();
         self.handle.put(|outbox| {
-            if let Some(camera) = camera {
-                outbox.pose(t_ns, PoseKind::Camera(camera));
+            for intent in before.iter().flat_map(|before| restore::intents(look_at_mm, before)) {
+                outbox.intent(t_ns, intent);
             }
             outbox.repeat_remote(t_ns);
         });
@@ -269,8 +270,6 @@ impl Session<'_> {
         let at_ns = self.handle.now_ns();
         // Without its number a frame cannot be acknowledged: the connection is of no use any more.
         let header = Parts::of(&bytes).map_err(|error| self.lost(error.to_string()))?.header;
-        let camera = camera_of(&header);
-        self.known(|known| known.camera = Some(camera));
         (self.on)(Event::Frame(Received { connection, at_ns, header, bytes }));
         Ok(())
     }
@@ -280,6 +279,7 @@ impl Session<'_> {
             ServerMessage::State(state) => self.known(|known| {
                 known.volume = Some(state.volume.clone());
                 known.preset.clone_from(&state.state.preset);
+                known.state = Some(state.state.clone());
             }),
             ServerMessage::Error(error) => *said = Some(error.problem.clone()),
             _ => {}
@@ -297,22 +297,5 @@ impl Session<'_> {
 
     fn lost(&self, reason: String) -> ClientError {
         ClientError::Lost { server: self.options.server.clone(), reason }
-    }
-}
-
-/// The camera of a frame as a pose.
-fn camera_of(header: &FrameHeader) -> CameraFile {
-    let double = |xyz: [f32; 3]| xyz.map(f64::from);
-    let [fov, height] = header.projection.map(f64::from);
-    let projection = if fov > 0.0 {
-        ProjectionFile::Perspective { vertical_fov_deg: fov }
-    } else {
-        ProjectionFile::Orthographic { height_mm: height }
-    };
-    CameraFile {
-        eye_mm: double(header.eye_mm),
-        look_at_mm: double(header.look_at_mm),
-        up: double(header.up),
-        projection,
     }
 }

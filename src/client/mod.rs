@@ -20,6 +20,7 @@ mod marks;
 pub mod measure;
 mod outbox;
 mod place;
+mod restore;
 mod socket;
 #[cfg(feature = "window")]
 pub mod window;

@@ -138,8 +138,10 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         assert!(output.status.success(), "{layout}: {}", text(&output.stderr));
         let size = more.iter().position(|name| *name == "--size").map_or("", |_| "&size_px=400,300");
         let factor = more.iter().position(|name| *name == "--factor").map_or("", |_| "&factor=90");
-        let query =
-            format!("preset=bone&azimuth_deg=30&elevation_deg=10&zoom=1.2&layout={layout}{size}{factor}");
+        // A view stands back in a picture that is taller than wide; a request's zoom is of its height.
+        let zoom = if layout == "wowvx-full-height" { 1.2 * (960.0 / 1080.0) } else { 1.2 };
+        let angles = format!("azimuth_deg=30&elevation_deg=10&zoom={zoom}");
+        let query = format!("preset=bone&{angles}&layout={layout}{size}{factor}");
         let served = serving.get(&format!("/v1/volumes/{id}/frame?{query}"));
         let composed = std::fs::read(&file).unwrap();
         assert!(pixels(&composed) == pixels(&served), "{layout}: composed and served frame differ");
@@ -239,7 +241,7 @@ fn a_server_that_is_killed_and_started_again_gets_its_client_back_with_the_same_
     };
     let (before, after) = (state(&lines[..loss]).unwrap(), state(&lines).unwrap());
     assert_eq!(before["preset"], after["preset"]);
-    for (key, tolerance) in [("orientation_xyzw", 1e-5), ("look_at_mm", 1e-2)] {
+    for (key, tolerance) in [("orientation_xyzw", 1e-9), ("look_at_mm", 1e-9)] {
         let numbers = |state: &Value| -> Vec<f64> {
             state[key].as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
         };
@@ -248,7 +250,7 @@ fn a_server_that_is_killed_and_started_again_gets_its_client_back_with_the_same_
         }
     }
     let zoom = |state: &Value| state["zoom"].as_f64().unwrap();
-    assert!((zoom(&before) - zoom(&after)).abs() < 1e-3, "{before} {after}");
+    assert!((zoom(&before) - zoom(&after)).abs() < 1e-9, "{before} {after}");
     let is_still = |line: &Value| line["frame"]["still"] == true;
     assert!(lines[..loss].iter().any(is_still) && lines[loss..].iter().any(is_still));
     // It listens before its series is loaded, and refuses sessions until then.
@@ -265,19 +267,16 @@ fn a_recorded_session_plays_again_and_ends_in_the_same_picture() {
     serving.ready();
     let record = folder.path().join("session.jsonl");
     let name = record.to_str().unwrap();
-    let reports = recording(folder.path());
-    let mut client = Process::start(
-        &serving.url(),
-        &["--preset", "bone", "--wiimote", reports.to_str().unwrap(), "--record", name],
-    );
+    let mut client =
+        Process::start(&serving.url(), &["--preset", "bone", "--look", "70,-20,1.5", "--record", name]);
     client.until_told("connected");
-    std::thread::sleep(Duration::from_secs(7));
+    std::thread::sleep(Duration::from_secs(4));
     client.stop();
     let output = self::client(&serving.url(), &["--replay", name, "--json"]);
     let outcome = json_of(&output);
     assert!(output.status.success(), "{outcome} {}", text(&output.stderr));
     assert_eq!(outcome["same"], true, "{outcome}");
-    assert!(outcome["messages"].as_u64().unwrap() > 50, "{outcome}");
+    assert_eq!((&outcome["messages"], &outcome["dropped"]), (&Value::from(1), &Value::from(0)), "{outcome}");
     // Another preset ends in another picture, and that is told.
     let altered =
         std::fs::read_to_string(&record).unwrap().replace("\"preset\":\"bone\"", "\"preset\":\"skin\"");

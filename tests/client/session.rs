@@ -6,7 +6,7 @@ use futures_util::SinkExt;
 use relief::client::{Composer, Event, LinkState};
 use relief::display::{DisplayProfile, DisplaySettings, Header, Layout, ProfileName};
 use relief::interaction::Intent;
-use relief::live::{ClientMessage, FrameHeader, PoseKind};
+use relief::live::{ClientMessage, FrameHeader};
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::stand_in::{
@@ -117,7 +117,7 @@ async fn a_lost_connection_is_made_again_with_the_token_and_no_old_acknowledgeme
 }
 
 #[tokio::test]
-async fn a_server_that_was_started_anew_gets_view_volume_preset_and_camera() {
+async fn a_server_that_was_started_anew_gets_volume_preset_and_view() {
     let (listener, address) = listen(None).await;
     let mut client = Running::start(options(address));
     let (mut socket, _) = accept(&listener).await;
@@ -138,13 +138,14 @@ async fn a_server_that_was_started_anew_gets_view_volume_preset_and_camera() {
     assert_eq!(hello.volume.as_deref(), Some("0123456789abcdef"));
     assert_eq!(hello.settings.and_then(|settings| settings.preset).as_deref(), Some("bone"));
     socket.send(welcome("second", false)).await.unwrap();
-    match next(&mut socket).await {
-        Some(ClientMessage::Pose(pose)) => match pose.what {
-            PoseKind::Camera(camera) => assert_eq!(camera.eye_mm, [0.0, -900.0, 40.0]),
+    let mut intents = Vec::new();
+    while intents.last() != Some(&Intent::Release {}) {
+        match next(&mut socket).await {
+            Some(ClientMessage::Intent(message)) => intents.push(message.intent),
             other => panic!("{other:?}"),
-        },
-        other => panic!("{other:?}"),
+        }
     }
+    assert!(matches!(intents[0], Intent::Look { zoom: Some(1.0), .. }), "{intents:?}");
     client.handle.stop();
     client.ended().await.unwrap();
 }
