@@ -17,7 +17,11 @@ impl PicturePlace {
     /// In frames of this size.
     pub(super) fn of(layout: Layout, frame_px: [u32; 2]) -> Self {
         let [width, height] = frame_px.map(|side| side as usize);
-        let columns = if matches!(layout, Layout::Color | Layout::Depth16) { width } else { width / 2 };
+        let columns = match layout {
+            Layout::Color => width,
+            Layout::Depth16 => 0, // depth alone
+            _ => width / 2,
+        };
         let step = if matches!(layout, Layout::Wowvx | Layout::DeclipseLines) { 2 } else { 1 };
         // The picture is the upper half of quadrants.
         let rows = if layout == Layout::Declipse { height / 2 } else { height / step };
