@@ -157,6 +157,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 pub(super) struct Session {
     pub(super) options: Options,
     pub(super) composer: Composer,
+    #[cfg(feature = "window")]
     pub(super) layout: Layout,
 }
 
@@ -207,7 +208,12 @@ impl Session {
         let asked = is_own.then(|| display.header());
         let composer = Composer::new(display.profile()?, asked);
         let options = Options { server: arguments.server.clone(), hello, wait: arguments.wait };
-        Ok(Self { options, composer, layout: display.layout })
+        Ok(Self {
+            options,
+            composer,
+            #[cfg(feature = "window")]
+            layout: display.layout,
+        })
     }
 }
 
