@@ -2,7 +2,7 @@
 //!
 //! What it is: composing the newest frame on a thread of its own, putting it on the screen unscaled from the window's upper left
 //! corner, acknowledging it then, and mouse and keys as intents. What it is not: a compositor; where the system scales windows,
-//! no header survives, and [`show`] says so.
+//! no header survives, and `show` says so.
 //!
 //! Marks of state are drawn into what is shown and nowhere else; see [`Marks`].
 

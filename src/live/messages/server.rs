@@ -95,7 +95,7 @@ impl ServerMessage {
     /// Reads a message.
     ///
     /// # Errors
-    /// As [`ClientMessage::parse`].
+    /// As [`super::ClientMessage::parse`].
     pub fn parse(text: &str) -> Result<Self, MessageError> {
         let (kind, message) = object(text)?;
         match kind.as_str() {
