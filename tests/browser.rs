@@ -102,6 +102,12 @@ fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
     let distance =
         picked.iter().zip(numbers(&hands["cursor_mm"])).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     assert!(distance < 1.0, "the cursor is {distance} mm from what is picked there");
+    // The server was killed: its successor knows nothing, and is told.
+    for key in ["look_at_mm", "orientation_xyzw", "cursor_mm"] {
+        let [before, after] = ["before", "after"].map(|name| numbers(&hands[name][key]));
+        assert!(before.iter().zip(&after).all(|(a, b)| (a - b).abs() < 1e-6), "{key}: {hands}");
+    }
+    assert_eq!(hands["after"]["preset"], "bone");
     assert!(hands["said"].as_str().unwrap().contains("No connection"), "{hands}");
 }
 

@@ -20,7 +20,7 @@ const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, media type and content of every file.
-const FILES: [(&str, &str, &str); 24] = [
+const FILES: [(&str, &str, &str); 25] = [
     ("/", HTML, include_str!("page/index.html")),
     ("/style.css", STYLE, include_str!("page/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
@@ -39,6 +39,7 @@ const FILES: [(&str, &str, &str); 24] = [
     ("/kiosk.css", STYLE, include_str!("page/kiosk/kiosk.css")),
     ("/kiosk.js", SCRIPT, include_str!("page/kiosk/kiosk.js")),
     ("/session.js", SCRIPT, include_str!("page/kiosk/session.js")),
+    ("/restore.js", SCRIPT, include_str!("page/kiosk/restore.js")),
     ("/frame.js", SCRIPT, include_str!("page/kiosk/frame.js")),
     ("/panel.js", SCRIPT, include_str!("page/kiosk/panel.js")),
     ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),

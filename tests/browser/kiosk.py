@@ -155,15 +155,19 @@ def hands(playwright, server):
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
     query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&size_px=960,540&u=480.5&v=270.5"
     found["pick"] = json.loads(server.get(f"/v1/volumes/{volume}/pick?{query}"))
+    for key in ["ArrowLeft", "Shift+ArrowUp", "+", "PageDown"]:
+        page.keyboard.press(key)
+    wait_for(page, f"JSON.parse({ROOT}.view).clip_mm !== null")
+    found["before"] = view(page)
     server.kill()
     wait_for(page, f"{ROOT}.connection === 'waiting'")
     found["said"] = page.inner_text("#state")
     server.start()
     wait_for(page, f"{ROOT}.connection === 'live'", 30)
     before = int(page.evaluate(f"{ROOT}.frame"))
+    wait_for(page, f"JSON.parse({ROOT}.view).clip_mm !== null && JSON.parse({ROOT}.view).cursor_mm !== null")
     wait_still(page)
-    page.keyboard.press("+")
-    wait_for(page, f"Number({ROOT}.shows) > 0", 30)
+    found["after"] = view(page)
     found["frames"] = [before, int(page.evaluate(f"{ROOT}.frame"))]
     # The browser itself says that the connection was refused while there was no server.
     found["problems"] = [text for text in problems if "ERR_CONNECTION_REFUSED" not in text and "WebSocket" not in text]

@@ -4,6 +4,7 @@
 // acknowledged with its successor.
 
 import { ACCEPT, compose, readHeader, unpack } from "./frame.js";
+import { intentsTo } from "./restore.js";
 
 const FIRST_WAIT_MS = 100;
 const LONGEST_WAIT_MS = 2000;
@@ -18,6 +19,7 @@ export class Session {
   #wait = FIRST_WAIT_MS;
   #seq = 0;
   #newest = null;
+  #view = null;
   #unpacking = false;
   #ended = false;
 
@@ -66,8 +68,9 @@ export class Session {
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     socket.addEventListener("open", () => {
-      const begin = this.token ? { resume: this.token } : this.hello;
-      this.#send({ type: "hello", client: "relief kiosk", accept: ACCEPT, ...begin });
+      // A server that does not know the token any more takes the rest.
+      const resume = this.token ? { resume: this.token } : {};
+      this.#send({ type: "hello", client: "relief kiosk", accept: ACCEPT, ...this.hello, ...resume });
     });
     socket.addEventListener("message", ({ data }) => (typeof data === "string" ? this.#hear(JSON.parse(data)) : this.#take(data)));
     socket.addEventListener("close", ({ code, reason }) => this.#closed(code, reason));
@@ -79,26 +82,24 @@ export class Session {
       this.token = message.session;
       sessionStorage.setItem(TOKEN, this.token);
       this.changed("live");
+      if (this.#view && message.role === "presenter" && message.state.revision <= 1) this.#restore(message.state);
     }
-    // A token that the server no longer knows: it was started anew, or too much time has passed.
-    if (message.type === "error" && message.fatal && this.token) this.#forget();
+    if (message.state?.look_at_mm) this.#view = message.state;
     this.heard(message);
   }
 
-  #forget() {
-    this.token = null;
-    sessionStorage.removeItem(TOKEN);
-    this.forgotten = true;
+  /** The view is a new one: the server was started anew, or has let go of what nobody looked at. */
+  #restore({ look_at_mm: lookAt }) {
+    if (this.#view.preset) this.intent({ intent: "preset", name: this.#view.preset });
+    intentsTo(this.#view, lookAt).forEach((intent) => this.intent(intent));
   }
 
   #closed(code, reason) {
     this.#newest = null;
     if (this.#ended) return;
-    const again = this.forgotten;
-    this.forgotten = false;
-    if (FINAL[code] && !again) return this.end(reason || FINAL[code]);
+    if (FINAL[code]) return this.end(reason || FINAL[code]);
     this.changed("waiting", reason);
-    setTimeout(() => this.#connect(), again ? 0 : this.#wait);
+    setTimeout(() => this.#connect(), this.#wait);
     this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
   }
 
