@@ -229,6 +229,11 @@ fn a_camera_is_calibrated_from_a_survey() {
     let report: Value = serde_json::from_slice(&found.stdout).unwrap();
     let sigma = vector(&report["sigma_fx_fy_skew_cx_cy_k1_k2"]);
     let matrix = vector(&report["camera_matrix"]);
+    let covariance = vector(&report["covariance"]);
+    // One focal length: fx and fy are one number; the skew was not looked for.
+    let [fx, fx_fy, fy] = [covariance[0], covariance[1], covariance[8]];
+    assert!(covariance.len() == 49 && fx == fx_fy && fx == fy && (fx.sqrt() / sigma[0] - 1.0).abs() < 1e-12);
+    assert!(covariance[2] == 0.0 && covariance[16] == 0.0 && covariance[3].abs() < sigma[0] * sigma[3]);
     assert!((matrix[0] - 1340.0).abs() < 4.0 * sigma[0] && sigma[0] < 10.0, "{report}");
     assert!(report["held_out_rms_px"].as_f64().unwrap() < 0.7, "{report}");
     let written = std::fs::read_to_string(&camera).unwrap();

@@ -81,6 +81,8 @@ struct Found<'a> {
     camera_matrix: [f64; 9],
     distortion: [f64; 5],
     sigma_fx_fy_skew_cx_cy_k1_k2: [f64; 7],
+    /// 49 numbers, row by row.
+    covariance: Vec<f64>,
     focal_distance_correlation: f64,
     start_fx_cx_cy: [f64; 3],
     frames: usize,
@@ -164,6 +166,7 @@ fn report<'a>(arguments: &'a Arguments, found: &'a Calibration, frames: usize, v
         camera_matrix: [k.fx, k.skew, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
         distortion: k.distortion,
         sigma_fx_fy_skew_cx_cy_k1_k2: found.sigma,
+        covariance: found.covariance.iter().copied().collect(), // symmetric
         focal_distance_correlation: found.focal_distance_correlation,
         start_fx_cx_cy: [0.0; 3],
         frames,

@@ -6,7 +6,7 @@ use super::{CalibrationView, Model};
 use crate::tracking::pose::{Pose, cross_matrix};
 use crate::tracking::sensor::Pinhole;
 
-/// The camera's numbers, in the order of [`Adjusted::sigma`].
+/// The camera's numbers, in the order of [`Adjusted::covariance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// Focal length along u.
@@ -27,7 +27,8 @@ pub enum Parameter {
 
 const COUNT: usize = 7;
 type Numbers = SVector<f64, COUNT>;
-type Square = SMatrix<f64, COUNT, COUNT>;
+/// Covariance of the seven numbers, and what has its shape.
+pub type Square = SMatrix<f64, COUNT, COUNT>;
 type ByNumbers = SMatrix<f64, 2, COUNT>;
 type Mixed = SMatrix<f64, COUNT, 6>;
 
@@ -36,8 +37,8 @@ type Mixed = SMatrix<f64, COUNT, 6>;
 pub struct Adjusted {
     /// The camera.
     pub camera: Pinhole,
-    /// Standard deviations, by the noise that is left over.
-    pub sigma: [f64; COUNT],
+    /// Covariance of the camera's numbers by the noise that is left over; 0 where they were not looked for.
+    pub covariance: Square,
     /// See [`super::Calibration::focal_distance_correlation`].
     pub focal_distance_correlation: f64,
     /// All views, px.
@@ -66,6 +67,16 @@ impl Free {
 
     fn count(&self) -> usize {
         (0..COUNT).filter(|at| self.is_free(*at)).count()
+    }
+
+    /// The covariance of what is looked for, as one of all numbers: fy goes with fx where there is one focal length.
+    fn spread(&self, covariance: &Square) -> Square {
+        let source = |at: usize| if self.model == Model::Square && at == 1 { 0 } else { at };
+        let is_known = |at: usize| self.is_free(source(at));
+        Square::from_fn(|row, column| {
+            let of = (source(row), source(column));
+            if is_known(row) && is_known(column) { covariance[of] } else { 0.0 }
+        })
     }
 
     fn moved(&self, camera: &Pinhole, step: &Numbers) -> Pinhole {
@@ -220,11 +231,7 @@ fn summary(
     let left = equations - 6.0 * views.len() as f64 - free.count() as f64;
     let variance = cost / left.max(1.0);
     let (matrix, _, inverses) = reduced(free, blocks, 0.0)?;
-    let covariance = matrix.cholesky()?.inverse() * variance;
-    let sigma = std::array::from_fn(|at| {
-        let at = if free.model == Model::Square && at == 1 { 0 } else { at };
-        if free.is_free(at) { covariance[(at, at)].sqrt() } else { 0.0 }
-    });
+    let covariance = free.spread(&(matrix.cholesky()?.inverse() * variance));
     // The first view's distance: its own uncertainty, and what the camera's adds.
     let follow = inverses[0] * blocks[0].mixed.transpose();
     let along = poses[0].translation.normalize();
@@ -235,7 +242,7 @@ fn summary(
     let shared = (covariance * by_numbers)[0];
     Some(Adjusted {
         camera,
-        sigma,
+        covariance,
         focal_distance_correlation: shared / (covariance[(0, 0)] * total).sqrt(),
         rms_px: (cost / equations).sqrt(),
         view_rms_px: blocks.iter().zip(views).map(|(b, view)| (b.cost / count(view)).sqrt()).collect(),

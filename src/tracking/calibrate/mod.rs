@@ -8,7 +8,7 @@
 mod adjust;
 mod choose;
 
-pub use adjust::{Adjusted, Parameter, adjust};
+pub use adjust::{Adjusted, Parameter, Square, adjust};
 pub use choose::{CalibrationView, Identifier, choose, moving};
 
 use super::sensor::{Pinhole, PinholeError};
@@ -43,7 +43,9 @@ const HOLD_OUT: usize = 5;
 pub struct Calibration {
     /// The camera.
     pub camera: Pinhole,
-    /// Standard deviations of fx, fy, skew, cx, cy, k1, k2; 0 for those that were not looked for.
+    /// Covariance of fx, fy, skew, cx, cy, k1, k2; 0 for those that were not looked for.
+    pub covariance: Square,
+    /// Their standard deviations.
     pub sigma: [f64; 7],
     /// Correlation of fx with the distance of the first view: near 1, only their ratio is known.
     pub focal_distance_correlation: f64,
@@ -124,15 +126,17 @@ pub fn calibrate(
     if adjusted.rms_px > 3.0 {
         return Err(CalibrationError::Misfit(adjusted.rms_px));
     }
-    if adjusted.sigma[0] > MAX_FOCAL_SIGMA * camera.fx {
-        return Err(CalibrationError::Uncertain(adjusted.sigma[0]));
+    let sigma: [f64; 7] = std::array::from_fn(|at| adjusted.covariance[(at, at)].sqrt());
+    if sigma[0] > MAX_FOCAL_SIGMA * camera.fx {
+        return Err(CalibrationError::Uncertain(sigma[0]));
     }
     let held_out: Vec<f64> = part(true).filter_map(|(_, view)| rms_of(&camera, &view.sightings)).collect();
     let held_out_rms_px =
         (held_out.iter().map(|rms| rms * rms).sum::<f64>() / held_out.len().max(1) as f64).sqrt();
     Ok(Calibration {
         camera,
-        sigma: adjusted.sigma,
+        covariance: adjusted.covariance,
+        sigma,
         focal_distance_correlation: adjusted.focal_distance_correlation,
         rms_px: adjusted.rms_px,
         view_rms_px: adjusted.view_rms_px,
