@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use super::curve::catmull_rom;
 use super::instruments::{orientation_cube, scale_bar};
 use super::item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 use super::labels::{self, Label};
@@ -10,6 +9,7 @@ use super::layers::Rank;
 use super::lens::{Lens, NEAR_MM};
 use super::shape::{Ball, Primitive, Shape, Stroke, Triangle};
 use super::text::{Style, Typesetter, usual_height_px};
+use crate::annotation::catmull_rom;
 use crate::volume::Grid;
 
 /// Colour and width of the bounding box.

@@ -12,7 +12,6 @@
 //! Spaces: items are in patient mm, primitives in view space and pixels (see `lens`); depth is view depth in mm.
 
 mod build;
-mod curve;
 mod font;
 mod instruments;
 mod item;

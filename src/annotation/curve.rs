@@ -8,7 +8,8 @@ use glam::DVec3;
 
 /// Points of the curve through `points`, these among them, with so many straight parts between two. A closed curve ends
 /// where it begins.
-pub(super) fn catmull_rom(points: &[DVec3], closed: bool, parts: usize) -> Vec<DVec3> {
+#[must_use]
+pub fn catmull_rom(points: &[DVec3], closed: bool, parts: usize) -> Vec<DVec3> {
     // Points that coincide have no direction between them.
     let mut kept = points.to_vec();
     kept.dedup();

@@ -1,0 +1,580 @@
+//! One annotation: what it is called, where it is, who made it and how.
+
+use serde::{Deserialize, Serialize};
+
+use super::geometry::Geometry;
+use super::time::Timestamp;
+use crate::space::{Patient, Point};
+
+/// An item. As JSON it is what the HTTP interface, the event log and `relief annotate list --json` show.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Item {
+    /// Its name for programs; never used again.
+    pub id: ItemId,
+    /// The set that it is in.
+    #[serde(default = "Set::default_name")]
+    pub set: String,
+    /// The list within the set that it belongs to; empty for none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub list: String,
+    /// Its place in the list, and in the set: smaller comes first, then what was created first.
+    #[serde(default)]
+    pub order: u32,
+    /// What people call it.
+    pub name: String,
+    /// Anything else that people want to say.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// Display-referred sRGB, 0..1; a colour that goes with its kind where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rgb: Option<[f64; 3]>,
+    /// What it is in a coding scheme.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub concept: Option<Concept>,
+    /// Whether it is there.
+    #[serde(default)]
+    pub state: State,
+    /// Where it is: there where the state is [`State::Defined`], and only then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<Geometry>,
+    /// A locked item changes in nothing but its lock.
+    #[serde(default)]
+    pub locked: bool,
+    /// Whether it is drawn.
+    #[serde(default = "visible")]
+    pub visible: bool,
+    /// What its mm are told from; `None` where a file did not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame_of_reference: Option<FrameOfReference>,
+    /// Who made it.
+    pub author: String,
+    /// When.
+    pub created: Timestamp,
+    /// How it came to its place, last.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placement: Option<Placement>,
+}
+
+fn visible() -> bool {
+    true
+}
+
+/// 128 random bits, written as a UUID (RFC 9562, version 4).
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct ItemId(u128);
+
+/// Whether an item is there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// It has a place.
+    #[default]
+    Defined,
+    /// It is expected (by a template, say), and has no place yet, or this patient has none.
+    Missing,
+    /// Somebody decided to go on without it.
+    Skipped,
+}
+
+/// A concept of a coding scheme, such as DICOM's or SNOMED CT's.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Concept {
+    /// The code value.
+    pub code: String,
+    /// The scheme's designator, such as `DCM` or `SCT`.
+    pub scheme: String,
+    /// What the code means, in words.
+    pub meaning: String,
+}
+
+/// What positions are told from: a DICOM Frame of Reference UID, or `volume:` and the beginning of a content hash for volumes that
+/// have none. `Debug` shows neither, for a UID leads to a patient.
+#[derive(Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct FrameOfReference(pub String);
+
+impl std::fmt::Debug for FrameOfReference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("FrameOfReference(withheld)")
+    }
+}
+
+/// How an item came to its place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// By what way.
+    pub method: Method,
+    /// What was held in the hand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<Device>,
+    /// What was seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraRecord>,
+    /// By how much snapping moved it, mm along patient axes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub snapped_mm: Option<[f64; 3]>,
+}
+
+/// The ways to a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// A pixel of a picture, at its depth.
+    Pick,
+    /// The tip of a tracked device in free space.
+    Tip,
+    /// A pixel of a slice.
+    Slice,
+    /// Computed from other items or from voxels.
+    Computed,
+    /// A file.
+    Import,
+    /// Numbers.
+    Typed,
+}
+
+/// A device at the moment of placing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Device {
+    /// What it is: `wiimote`, `mouse`, `touch`, ...
+    pub kind: String,
+    /// Where a tracked one was: `beacon_from_sensor`, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_mm: Option<[f64; 3]>,
+    /// How it was turned: a unit quaternion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orientation_xyzw: Option<[f64; 4]>,
+}
+
+/// The camera of a picture, as a scene has it. Patient LPS mm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraRecord {
+    /// Where the eye was.
+    pub eye_mm: [f64; 3],
+    /// What it looked at.
+    pub look_at_mm: [f64; 3],
+    /// What was up.
+    pub up: [f64; 3],
+    /// Full vertical field of view of a perspective camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vertical_fov_deg: Option<f64>,
+    /// Height of a parallel camera's picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_mm: Option<f64>,
+}
+
+/// A set of items: one reader's, or one purpose's.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Set {
+    /// Its name: 1 to 64 letters, digits and `-_.`.
+    pub name: String,
+    /// Whose it is; anybody's where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reader: Option<String>,
+    /// Whether only its reader sees it, and its reader only it.
+    #[serde(default)]
+    pub blinded: bool,
+    /// Name of the template that its items were expected by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub template: Option<String>,
+}
+
+/// What is wrong with an item.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{path} is {found}, allowed: {allowed}")]
+pub struct ItemError {
+    /// The key's path in the JSON form, such as `geometry.points_mm[3]`.
+    pub path: String,
+    /// What is there.
+    pub found: String,
+    /// What may be there.
+    pub allowed: String,
+}
+
+impl Set {
+    /// The set of items that name none.
+    pub const DEFAULT: &str = "default";
+    /// Most characters of a set's name.
+    pub const LONGEST_NAME: usize = 64;
+
+    fn default_name() -> String {
+        Self::DEFAULT.to_owned()
+    }
+
+    /// Checks a set's name.
+    ///
+    /// # Errors
+    /// When it is empty, long, or has other characters than letters, digits, `-`, `_` and `.`.
+    pub fn check_name(name: &str) -> Result<(), ItemError> {
+        let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
+        let length = name.chars().count();
+        if (1..=Self::LONGEST_NAME).contains(&length) && name.chars().all(is_good) {
+            return Ok(());
+        }
+        let allowed = format!("1 to {} letters, digits, - _ and .", Self::LONGEST_NAME);
+        Err(ItemError::new("set", &shortened(name), &allowed))
+    }
+}
+
+impl Item {
+    /// Most characters of a name.
+    pub const LONGEST_NAME: usize = 120;
+    /// Most characters of a description.
+    pub const LONGEST_DESCRIPTION: usize = 10_000;
+    /// Most points of a curve.
+    pub const MOST_POINTS: usize = 10_000;
+    /// Coordinates, mm either way: those of cameras and overlays.
+    pub const FARTHEST_MM: f64 = 1e6;
+
+    /// A new item of the default set, defined, visible and not locked.
+    ///
+    /// # Errors
+    /// When this machine gives no random numbers.
+    pub fn new(name: &str, author: &str, geometry: Option<Geometry>) -> Result<Self, getrandom::Error> {
+        Ok(Self {
+            id: ItemId::random()?,
+            set: Set::default_name(),
+            list: String::new(),
+            order: 0,
+            name: name.to_owned(),
+            description: String::new(),
+            rgb: None,
+            concept: None,
+            state: if geometry.is_some() { State::Defined } else { State::Missing },
+            geometry,
+            locked: false,
+            visible: true,
+            frame_of_reference: None,
+            author: author.to_owned(),
+            created: Timestamp::now(),
+            placement: None,
+        })
+    }
+
+    /// The landmark's place, of a defined point.
+    #[must_use]
+    pub fn point(&self) -> Option<Point<Patient>> {
+        match self.geometry {
+            Some(Geometry::Point { at_mm }) => Some(at_mm),
+            _ => None,
+        }
+    }
+
+    /// Checks every range, and that state and geometry agree.
+    ///
+    /// # Errors
+    /// The first value that is wrong, with its key's path.
+    pub fn validate(&self) -> Result<(), ItemError> {
+        Set::check_name(&self.set)?;
+        line("name", &self.name, 1)?;
+        line("list", &self.list, 0)?;
+        line("author", &self.author, 1)?;
+        text("description", &self.description)?;
+        self.concept.as_ref().map_or(Ok(()), Concept::validate)?;
+        let frame = self.frame_of_reference.as_ref().map(|frame| frame.0.as_str());
+        // Its value is in no message.
+        if frame.is_some_and(|frame| frame.is_empty() || frame.len() > 96 || frame.contains(char::is_control))
+        {
+            return Err(ItemError::new("frame_of_reference", "no UID", "a UID, or volume: and digits"));
+        }
+        for (index, channel) in self.rgb.iter().flatten().enumerate() {
+            within(&format!("rgb[{index}]"), *channel, [0.0, 1.0])?;
+        }
+        match (self.state, &self.geometry) {
+            (State::Defined, Some(geometry)) => validate_geometry(geometry),
+            (State::Missing | State::Skipped, None) => Ok(()),
+            (State::Defined, None) => {
+                Err(ItemError::new("state", "defined, without a geometry", "missing or skipped without one"))
+            }
+            (state, Some(_)) => {
+                let found = format!("{state:?}, with a geometry").to_lowercase();
+                Err(ItemError::new("state", &found, "defined with one"))
+            }
+        }?;
+        self.placement.as_ref().map_or(Ok(()), Placement::validate)
+    }
+}
+
+impl Placement {
+    fn validate(&self) -> Result<(), ItemError> {
+        if let Some(device) = &self.device {
+            line("placement.device.kind", &device.kind, 1)?;
+            finite("placement.device.position_mm", device.position_mm.iter().flatten())?;
+            finite("placement.device.orientation_xyzw", device.orientation_xyzw.iter().flatten())?;
+        }
+        if let Some(camera) = &self.camera {
+            finite("placement.camera.eye_mm", &camera.eye_mm)?;
+            finite("placement.camera.look_at_mm", &camera.look_at_mm)?;
+            finite("placement.camera.up", &camera.up)?;
+            finite("placement.camera.vertical_fov_deg", &camera.vertical_fov_deg)?;
+            finite("placement.camera.height_mm", &camera.height_mm)?;
+        }
+        finite("placement.snapped_mm", self.snapped_mm.iter().flatten())
+    }
+}
+
+impl Concept {
+    fn validate(&self) -> Result<(), ItemError> {
+        // Bounds of DICOM's SH and LO: a concept goes into its files.
+        for (key, value, most) in
+            [("code", &self.code, 16), ("scheme", &self.scheme, 16), ("meaning", &self.meaning, 64)]
+        {
+            line(&format!("concept.{key}"), value, 1)?;
+            if value.chars().count() > most {
+                let found = format!("{} characters", value.chars().count());
+                return Err(ItemError::new(&format!("concept.{key}"), &found, &format!("1 to {most}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ItemId {
+    /// A new one.
+    ///
+    /// # Errors
+    /// When this machine gives no random numbers.
+    pub fn random() -> Result<Self, getrandom::Error> {
+        let mut bytes = [0; 16];
+        getrandom::fill(&mut bytes)?;
+        bytes[6] = bytes[6] & 0x0f | 0x40; // version 4
+        bytes[8] = bytes[8] & 0x3f | 0x80; // the variant of RFC 9562
+        Ok(Self(u128::from_be_bytes(bytes)))
+    }
+
+    /// The id as a number: `2.25.` before it makes a DICOM UID.
+    #[must_use]
+    pub const fn number(self) -> u128 {
+        self.0
+    }
+
+    /// The id of a number.
+    #[must_use]
+    pub const fn from_number(number: u128) -> Self {
+        Self(number)
+    }
+}
+
+impl std::fmt::Display for ItemId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let hex = format!("{:032x}", self.0);
+        write!(f, "{}-{}-{}-{}-{}", &hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..])
+    }
+}
+
+impl std::fmt::Debug for ItemId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ItemId({self})")
+    }
+}
+
+impl std::str::FromStr for ItemId {
+    type Err = ItemError;
+
+    fn from_str(text: &str) -> Result<Self, ItemError> {
+        let is_dash = |at: usize| [8, 13, 18, 23].contains(&at);
+        let is_good =
+            |(at, byte): (usize, u8)| if is_dash(at) { byte == b'-' } else { byte.is_ascii_hexdigit() };
+        let digits =
+            (text.len() == 36 && text.bytes().enumerate().all(is_good)).then(|| text.replace('-', ""));
+        digits.and_then(|digits| u128::from_str_radix(&digits, 16).ok()).map(Self).ok_or_else(|| {
+            ItemError::new("id", &shortened(text), "a UUID, such as 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10")
+        })
+    }
+}
+
+impl TryFrom<String> for ItemId {
+    type Error = ItemError;
+
+    fn try_from(text: String) -> Result<Self, ItemError> {
+        text.parse()
+    }
+}
+
+impl From<ItemId> for String {
+    fn from(id: ItemId) -> Self {
+        id.to_string()
+    }
+}
+
+impl ItemError {
+    /// An error at a key's path.
+    #[must_use]
+    pub fn new(path: &str, found: &str, allowed: &str) -> Self {
+        Self { path: path.to_owned(), found: found.to_owned(), allowed: allowed.to_owned() }
+    }
+}
+
+fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
+    let points = geometry.points();
+    for (index, point) in points.iter().enumerate() {
+        let far = Item::FARTHEST_MM;
+        if let Some(mm) = point.xyz.to_array().iter().find(|mm| !(-far..=far).contains(*mm)) {
+            let path = match geometry {
+                Geometry::Point { .. } => "geometry.at_mm".to_owned(),
+                Geometry::Plane { .. } => "geometry.center_mm".to_owned(),
+                Geometry::Line { .. } => format!("geometry.ends_mm[{index}]"),
+                _ => format!("geometry.points_mm[{index}]"),
+            };
+            return Err(ItemError::new(&path, &mm.to_string(), &format!("-{far} to {far} mm each")));
+        }
+    }
+    match geometry {
+        Geometry::Curve { closed, .. } => {
+            let least = if *closed { 3 } else { 2 };
+            if !(least..=Item::MOST_POINTS).contains(&points.len()) {
+                let allowed = format!("{least} to {} of them", Item::MOST_POINTS);
+                let found = format!("{} points", points.len());
+                return Err(ItemError::new("geometry.points_mm", &found, &allowed));
+            }
+            Ok(())
+        }
+        Geometry::Plane { normal, axis, size_mm, .. } => {
+            unit("geometry.normal", normal)?;
+            unit("geometry.axis", axis)?;
+            let cosine: f64 = normal.iter().zip(axis).map(|(a, b)| a * b).sum();
+            if cosine.abs() > 1e-3 {
+                return Err(ItemError::new(
+                    "geometry.axis",
+                    "not across the normal",
+                    "a direction in the plane",
+                ));
+            }
+            size_mm.iter().try_for_each(|&mm| within("geometry.size_mm", mm, [0.0, Item::FARTHEST_MM]))
+        }
+        Geometry::Region(region) => within("geometry.volume_ml", region.volume_ml, [0.0, 1e9]),
+        Geometry::Mesh(mesh) => {
+            within("geometry.area_mm2", mesh.area_mm2, [0.0, 1e15])?;
+            mesh.volume_ml.map_or(Ok(()), |ml| within("geometry.volume_ml", ml, [0.0, 1e9]))
+        }
+        Geometry::Point { .. } | Geometry::Line { .. } | Geometry::Angle { .. } => Ok(()),
+    }
+}
+
+fn unit(path: &str, direction: &[f64; 3]) -> Result<(), ItemError> {
+    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (0.999..=1.001).contains(&length) {
+        return Ok(());
+    }
+    Err(ItemError::new(path, &format!("{direction:?}, of length {length}"), "a unit vector"))
+}
+
+fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), ItemError> {
+    let inside = (low..=high).contains(&value);
+    inside.then_some(()).ok_or_else(|| ItemError::new(path, &value.to_string(), &format!("{low} to {high}")))
+}
+
+fn finite<'a>(path: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(), ItemError> {
+    values.into_iter().try_for_each(|&value| within(path, value, [-1e9, 1e9]))
+}
+
+/// One line without control characters.
+fn line(path: &str, found: &str, least: usize) -> Result<(), ItemError> {
+    let count = found.chars().count();
+    if !(least..=Item::LONGEST_NAME).contains(&count) {
+        let allowed = format!("{least} to {} characters", Item::LONGEST_NAME);
+        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
+    }
+    match found.chars().find(|letter| letter.is_control()) {
+        Some(letter) => {
+            let found = format!("a text with {letter:?}");
+            Err(ItemError::new(path, &found, "one line without control characters"))
+        }
+        None => Ok(()),
+    }
+}
+
+fn text(path: &str, found: &str) -> Result<(), ItemError> {
+    let count = found.chars().count();
+    if count > Item::LONGEST_DESCRIPTION {
+        let allowed = format!("at most {} characters", Item::LONGEST_DESCRIPTION);
+        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
+    }
+    match found.chars().find(|&letter| letter.is_control() && letter != '\n' && letter != '\t') {
+        Some(letter) => {
+            Err(ItemError::new(path, &format!("a text with {letter:?}"), "lines without control characters"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// As much of a value as an error shows.
+fn shortened(text: &str) -> String {
+    format!("{:?}", text.chars().take(40).collect::<String>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(x: f64) -> Item {
+        Item::new("nasion", "anna", Some(Geometry::Point { at_mm: Point::new(x, 2.0, 3.0) })).unwrap()
+    }
+
+    #[test]
+    fn an_item_is_written_and_read_alike() {
+        let mut item = point(1.0);
+        item.concept = Some(Concept {
+            code: "T-1".to_owned(),
+            scheme: "99REL".to_owned(),
+            meaning: "Nasion".to_owned(),
+        });
+        item.frame_of_reference = Some(FrameOfReference("1.2.3".to_owned()));
+        let json = serde_json::to_string(&item).unwrap();
+        assert!(json.contains(r#""geometry":{"kind":"point","at_mm":[1.0,2.0,3.0]}"#), "{json}");
+        assert_eq!(serde_json::from_str::<Item>(&json).unwrap(), item);
+        let misspelt = json.replace("\"locked\"", "\"loked\"");
+        assert!(serde_json::from_str::<Item>(&misspelt).unwrap_err().to_string().contains("loked"));
+        assert!(!format!("{item:?}").contains("1.2.3"), "a UID leads to a patient");
+    }
+
+    #[test]
+    fn ids_are_uuids_and_differ() {
+        let [a, b] = [ItemId::random().unwrap(), ItemId::random().unwrap()];
+        assert_ne!(a, b);
+        let text = a.to_string();
+        assert_eq!((text.len(), text.as_bytes()[14]), (36, b'4'), "{text}");
+        assert_eq!(text.parse::<ItemId>(), Ok(a));
+        for bad in ["", "x", "0b51f4c495e24a4f9e3b1c1c5d8a7f10", "0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7fZ0"] {
+            assert!(bad.parse::<ItemId>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_path() {
+        let wrong = |change: &dyn Fn(&mut Item), says: &str| {
+            let mut item = point(1.0);
+            change(&mut item);
+            let refused = item.validate().unwrap_err().to_string();
+            assert!(refused.starts_with(says), "{refused}");
+        };
+        point(1.0).validate().unwrap();
+        wrong(&|item| item.name = String::new(), "name is 0 characters");
+        wrong(&|item| item.name = "a\nb".to_owned(), "name is a text with '\\n'");
+        wrong(&|item| item.set = "a b".to_owned(), "set is \"a b\"");
+        wrong(&|item| item.state = State::Skipped, "state is skipped, with a geometry, allowed: defined");
+        wrong(&|item| item.geometry = None, "state is defined, without a geometry");
+        wrong(&|item| item.rgb = Some([0.0, 2.0, 0.0]), "rgb[1] is 2, allowed: 0 to 1");
+        wrong(&|item| *item = point(f64::NAN), "geometry.at_mm is NaN");
+        let curve = |count: u32, closed| {
+            let points_mm = (0..count).map(|x| Point::new(f64::from(x), 0.0, 0.0)).collect();
+            Some(Geometry::Curve { points_mm, closed, smooth: false })
+        };
+        wrong(&|item| item.geometry = curve(2, true), "geometry.points_mm is 2 points, allowed: 3 to");
+        let plane = |axis| Geometry::Plane {
+            center_mm: Point::new(0.0, 0.0, 0.0),
+            normal: [0.0, 0.0, 1.0],
+            axis,
+            size_mm: [10.0, 10.0],
+        };
+        wrong(&|item| item.geometry = Some(plane([0.0, 0.0, 1.0])), "geometry.axis is not across");
+        wrong(&|item| item.geometry = Some(plane([0.0, 2.0, 0.0])), "geometry.axis is [0.0, 2.0, 0.0]");
+    }
+}
