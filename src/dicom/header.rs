@@ -25,13 +25,14 @@ use super::part10::{self, Object, Syntax};
 use super::pixels::{PixelLayout, Rescale};
 use super::source::FileSource;
 
-/// A CT file: what its frames share, and the frames.
-#[derive(Debug)]
+/// A CT file: what its frames share, and the frames. `Debug` shows no UIDs, which lead to a patient.
 pub(super) struct FileHeader {
     pub(super) source: FileSource,
     pub(super) study_uid: String,
     pub(super) series_uid: String,
     pub(super) instance_uid: String,
+    /// Empty when absent.
+    pub(super) frame_of_reference_uid: String,
     pub(super) acquisition: String,
     pub(super) modality: String,
     pub(super) sop_class: String,
@@ -44,6 +45,12 @@ pub(super) struct FileHeader {
     pub(super) extended_offsets: Vec<u8>,
     pub(super) missing_rescale: bool,
     pub(super) lossy: bool,
+}
+
+impl std::fmt::Debug for FileHeader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("FileHeader").field("source", &self.source).finish_non_exhaustive()
+    }
 }
 
 /// One frame: one slice of a series.
@@ -105,6 +112,7 @@ fn keep(tag: Tag) -> Keep {
         | tags::SOP_INSTANCE_UID
         | tags::STUDY_INSTANCE_UID
         | tags::SERIES_INSTANCE_UID
+        | tags::FRAME_OF_REFERENCE_UID
         | tags::MODALITY
         | tags::ACQUISITION_NUMBER
         | tags::SLICE_THICKNESS
@@ -152,6 +160,7 @@ pub(super) fn read(source: &FileSource) -> Result<Vec<FrameHeader>, Rejection> {
         study_uid: text(&walked.data, tags::STUDY_INSTANCE_UID),
         series_uid: text(&walked.data, tags::SERIES_INSTANCE_UID),
         instance_uid: text(&walked.data, tags::SOP_INSTANCE_UID),
+        frame_of_reference_uid: text(&walked.data, tags::FRAME_OF_REFERENCE_UID),
         acquisition: text(&walked.data, tags::ACQUISITION_NUMBER),
         modality: text(&walked.data, tags::MODALITY),
         sop_class: text(&walked.data, tags::SOP_CLASS_UID),

@@ -1,22 +1,38 @@
-//! Which study and series a volume came from, for routing by UID and for nothing else.
+//! Which study, series and frame of reference a volume came from, for routing by UID, for matching annotations, and for
+//! nothing else.
 //!
 //! UIDs lead to a patient for whoever has the archive, so they are kept out of logs, metrics and messages: `Debug` shows
 //! none.
 
 use super::series::SeriesEntry;
 
-/// Study and Series Instance UID of a volume.
+/// Study and Series Instance UID of a volume, and its Frame of Reference UID.
 #[derive(Clone, Default, PartialEq, Eq)]
 pub struct SeriesIdentity {
     study_uid: String,
     series_uid: String,
+    frame_of_reference_uid: String,
 }
 
 impl SeriesIdentity {
     /// The identity with these UIDs; empty ones are those of files that have none.
     #[must_use]
     pub fn new(study_uid: impl Into<String>, series_uid: impl Into<String>) -> Self {
-        Self { study_uid: study_uid.into(), series_uid: series_uid.into() }
+        let [study_uid, series_uid] = [study_uid.into(), series_uid.into()];
+        Self { study_uid, series_uid, frame_of_reference_uid: String::new() }
+    }
+
+    /// The same with a Frame of Reference UID; an empty one stands for none.
+    #[must_use]
+    pub fn within_frame_of_reference(self, uid: impl Into<String>) -> Self {
+        Self { frame_of_reference_uid: uid.into(), ..self }
+    }
+
+    /// Frame of Reference UID (0020,0052): what positions of the volume are told from. `None` where files have none.
+    /// Not for messages.
+    #[must_use]
+    pub fn frame_of_reference(&self) -> Option<&str> {
+        Some(self.frame_of_reference_uid.as_str()).filter(|uid| !uid.is_empty())
     }
 
     /// Whether these are its UIDs. Nothing matches what has no UID.
@@ -39,6 +55,15 @@ impl SeriesEntry {
     pub fn identity(&self) -> SeriesIdentity {
         let file = &self.frames[0].file;
         SeriesIdentity::new(file.study_uid.as_str(), file.series_uid.as_str())
+            .within_frame_of_reference(self.frame_of_reference().unwrap_or_default())
+    }
+
+    /// Frame of Reference UID (0020,0052), where all slices have the same one. Not for messages.
+    #[must_use]
+    pub fn frame_of_reference(&self) -> Option<&str> {
+        let uid = self.frames[0].file.frame_of_reference_uid.as_str();
+        let is_shared = self.frames.iter().all(|frame| frame.file.frame_of_reference_uid == uid);
+        (is_shared && !uid.is_empty()).then_some(uid)
     }
 }
 
@@ -52,6 +77,10 @@ mod tests {
         assert!(identity.is("1.2.3", "1.2.3.4"));
         assert!(!identity.is("1.2.3", "1.2.3.5") && !identity.is("1.2.4", "1.2.3.4"));
         assert!(!SeriesIdentity::default().is("", ""), "files without UIDs are not all the same");
-        assert!(!format!("{identity:?}").contains("1.2.3"));
+        let identity = identity.within_frame_of_reference("1.2.9");
+        assert_eq!(identity.frame_of_reference(), Some("1.2.9"));
+        assert_eq!(SeriesIdentity::default().frame_of_reference(), None);
+        let shown = format!("{identity:?}");
+        assert!(!shown.contains("1.2.3") && !shown.contains("1.2.9"));
     }
 }

@@ -18,12 +18,18 @@ const DIRECTION_TOLERANCE: f64 = 1e-3;
 /// How far pixel spacings of one series may differ, as a fraction.
 const SPACING_TOLERANCE: f64 = 1e-3;
 
-/// A CT series that can be loaded: its slices and what their headers say.
-#[derive(Clone, Debug)]
+/// A CT series that can be loaded: its slices and what their headers say. `Debug` shows no UIDs.
+#[derive(Clone)]
 pub struct SeriesEntry {
     uid: String,
     pub(super) frames: Vec<FrameHeader>,
     pub(super) warnings: Vec<Warning>,
+}
+
+impl std::fmt::Debug for SeriesEntry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SeriesEntry").field("slices", &self.frames.len()).finish_non_exhaustive()
+    }
 }
 
 impl SeriesEntry {
