@@ -14,12 +14,14 @@
 //! | edit | changes of one author that happen together or not at all, and are undone together |
 //! | event | one change of one item as it was made; never altered afterwards |
 
+pub mod agreement;
 mod change;
 mod curve;
 mod geometry;
 mod item;
 mod measure;
 mod patient_mm;
+mod template;
 mod time;
 
 pub use change::{Author, Change, Edit, Event, Kind, Versioned};
@@ -29,4 +31,5 @@ pub use item::{
     CameraRecord, Concept, Device, FrameOfReference, Item, ItemError, ItemId, Method, Placement, Set, State,
 };
 pub use measure::{Measure, measures};
+pub use template::{Completeness, Expected, ExpectedKind, Template, TemplateError};
 pub use time::Timestamp;

@@ -1,0 +1,125 @@
+//! How well several readers agree: errors, bias, intraclass correlation, limits of agreement.
+//!
+//! What it is: the numbers of `relief annotate compare`, from items alone. What it is not: it draws nothing, reads no database
+//! and knows no voxels. Space: patient LPS, mm; differences are along L (to the left), P (to the back) and S (to the head).
+//!
+//! | word | meaning |
+//! |---|---|
+//! | reader | a person, or a program, who placed items |
+//! | reading | the items of one reader at one time: a set |
+//! | target | what was to be placed: items of one name in all readings |
+//! | case | the targets of one patient: of one frame of reference |
+//! | reference | where a target should be: at the truth where there is one, else at the mean of the readers |
+
+mod bland_altman;
+mod compare;
+mod icc;
+mod matching;
+mod quantile;
+mod quantity;
+mod spread;
+#[cfg(test)]
+mod tests;
+
+pub use bland_altman::{BlandAltman, bland_altman};
+pub use compare::{Comparison, Landmark, Missing, Placed, Reading, ReadingErrors, Study, compare};
+pub use icc::{Icc, icc_2_1};
+pub use matching::Absence;
+pub use quantity::{Agreement, MeasureRow, Pairing, ReadingMeasures, Relation};
+pub use spread::{Ellipsoid, ErrorSummary};
+
+use serde::{Serialize, Serializer};
+
+/// A result, or why there is none: never a number that is no number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Figure<T> {
+    /// The result.
+    Known(T),
+    /// Why there is none.
+    Unknown(Undefined),
+}
+
+/// Why a figure is not defined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Undefined {
+    /// A correlation needs things that differ.
+    #[error("{found} placed by all: two or more are needed")]
+    FewSubjects {
+        /// How many all raters measured.
+        found: usize,
+    },
+    /// One reader agrees with nobody.
+    #[error("{found} readings: two or more are needed")]
+    FewRaters {
+        /// How many there are.
+        found: usize,
+    },
+    /// Everything was measured alike, so there is nothing to tell apart.
+    #[error("no reading's values differ from each other")]
+    NoSpread,
+    /// Limits need differences.
+    #[error("{found} placed by both: two or more are needed")]
+    FewPairs {
+        /// How many both measured.
+        found: usize,
+    },
+}
+
+/// Why readings cannot be compared.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AgreementError {
+    /// A single reading has nothing to be compared with.
+    #[error("one set to compare, allowed: two or more, or one and a truth")]
+    Alone,
+    /// A set is named twice.
+    #[error("the set {set} is compared twice")]
+    Twice {
+        /// Its name.
+        set: String,
+    },
+    /// A set has no items.
+    #[error("the set {set} has no items")]
+    Empty {
+        /// Its name.
+        set: String,
+    },
+    /// No target is in two readings.
+    #[error("the sets {} have nothing in common: items are matched by name, and {first:?} of {} is in no other set", sets.join(", "), sets[0])]
+    NothingInCommon {
+        /// Their names, the truth's last.
+        sets: Vec<String>,
+        /// The name of an item of the first.
+        first: String,
+    },
+    /// Items of different patients.
+    #[error("the sets {} are of different frames of reference, so their mm cannot be compared", sets.join(", "))]
+    DifferentFrames {
+        /// Their names.
+        sets: Vec<String>,
+    },
+}
+
+impl<T> Figure<T> {
+    /// The result, where there is one.
+    pub fn known(&self) -> Option<&T> {
+        match self {
+            Self::Known(value) => Some(value),
+            Self::Unknown(_) => None,
+        }
+    }
+}
+
+/// The result's own JSON, or `{"undefined": "why"}`.
+impl<T: Serialize> Serialize for Figure<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Known(value) => value.serialize(serializer),
+            Self::Unknown(why) => {
+                use serde::ser::SerializeMap;
+                let mut map = serializer.serialize_map(Some(1))?;
+                map.serialize_entry("undefined", &why.to_string())?;
+                map.end()
+            }
+        }
+    }
+}
