@@ -110,21 +110,31 @@ impl Edit {
     /// Most characters of a reason.
     pub const LONGEST_REASON: usize = 1000;
 
+    /// Checks an author's name, and a reason.
+    ///
+    /// # Errors
+    /// When the name is empty, long or of several lines, or the reason is long or has control characters but those of lines.
+    pub fn check_words(author: &str, reason: &str) -> Result<(), ItemError> {
+        let characters = author.chars().count();
+        if !(1..=Item::LONGEST_NAME).contains(&characters) || author.contains(char::is_control) {
+            let allowed = format!("1 to {} characters in one line", Item::LONGEST_NAME);
+            return Err(ItemError::new("author", &format!("{characters} characters"), &allowed));
+        }
+        let characters = reason.chars().count();
+        let is_odd = |letter: char| letter.is_control() && !"\n\r\t".contains(letter);
+        if characters > Self::LONGEST_REASON || reason.contains(is_odd) {
+            let allowed = format!("at most {} characters of text", Self::LONGEST_REASON);
+            return Err(ItemError::new("reason", &format!("{characters} characters"), &allowed));
+        }
+        Ok(())
+    }
+
     /// Checks author, reason and every item.
     ///
     /// # Errors
     /// The first value that is wrong, with its path.
     pub fn validate(&self) -> Result<(), ItemError> {
-        let characters = self.author.chars().count();
-        if !(1..=Item::LONGEST_NAME).contains(&characters) || self.author.contains(char::is_control) {
-            let allowed = format!("1 to {} characters in one line", Item::LONGEST_NAME);
-            return Err(ItemError::new("author", &format!("{characters} characters"), &allowed));
-        }
-        let characters = self.reason.chars().count();
-        if characters > Self::LONGEST_REASON {
-            let allowed = format!("at most {} characters", Self::LONGEST_REASON);
-            return Err(ItemError::new("reason", &format!("{characters} characters"), &allowed));
-        }
+        Self::check_words(&self.author, &self.reason)?;
         if !(1..=Self::MOST_CHANGES).contains(&self.changes.len()) {
             let found = format!("{} changes", self.changes.len());
             return Err(ItemError::new("changes", &found, &format!("1 to {}", Self::MOST_CHANGES)));

@@ -5,6 +5,7 @@
 #![expect(clippy::print_stderr, reason = "the command line is where output belongs")]
 
 mod adapter;
+mod annotate;
 mod bench;
 mod calibrate;
 mod client;
@@ -65,6 +66,7 @@ Examples:
   relief serve --series head                     serve it; the page is at the printed address
   relief client --server http://HOST:8080        show a live session on a 3D display
   relief track --reports hidraw                  poses of a Wiimote that sees a beacon
+  relief annotate --db ann.db list               landmarks and structures, and who placed them
 
 Log detail is set by RELIEF_LOG (error, warn, info, debug, trace).
 Exit status: 0 done, 1 failed, 2 wrong arguments.";
@@ -81,6 +83,7 @@ enum Command {
     Client(client::Arguments),
     Track(track::Arguments),
     Calibrate(calibrate::Arguments),
+    Annotate(annotate::Arguments),
     Golden(golden::Arguments),
     Doctor(doctor::Arguments),
 }
@@ -101,6 +104,7 @@ pub fn main() -> ExitCode {
         Command::Client(arguments) => client::run(&arguments),
         Command::Track(arguments) => track::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Annotate(arguments) => annotate::run(&arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),
     };

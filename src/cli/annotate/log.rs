@@ -1,0 +1,91 @@
+//! `relief annotate log`: who changed what, when and why.
+
+use std::collections::HashMap;
+use std::process::ExitCode;
+
+use serde_json::json;
+
+use super::super::output::{print_json, say};
+use super::{LogArguments, table};
+use crate::annotation::{Event, ItemId, Kind};
+use crate::store::LogFilter;
+
+/// List every change that was ever made, the oldest first
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Events of one edit have the same number in the column edit: they happened together, and are taken back together.
+
+Examples:
+  relief annotate --db ann.db log
+  relief annotate --db ann.db log --by anna --after 100 --limit 20
+  relief annotate --db ann.db log --item 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10 --json")]
+pub(super) struct Arguments {
+    /// Events after this one alone
+    #[arg(long, value_name = "SEQ", default_value_t = 0)]
+    after: u64,
+    /// The first so many of them
+    #[arg(long, value_name = "N")]
+    limit: Option<u64>,
+    /// Events by this author alone
+    #[arg(long, value_name = "NAME")]
+    by: Option<String>,
+    /// Events of this item alone
+    #[arg(long, value_name = "ID")]
+    item: Option<ItemId>,
+    /// Print one JSON object with all of each event
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+    let log = log.open_existing()?;
+    let Arguments { after, limit, by, item, json } = arguments;
+    let filter = LogFilter { after: *after, limit: *limit, author: by.clone(), item: *item };
+    let events = log.wait(log.store().log(&filter))?;
+    if *json {
+        print_json(&json!({ "events": events }))?;
+    } else if events.is_empty() {
+        say!("no events");
+    } else {
+        print(&events);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(events: &[Event]) {
+    // An item that went is called what it was called last.
+    let mut names = HashMap::new();
+    let line = |event: &Event| {
+        if let Some(item) = &event.item {
+            names.insert(event.id, item.name.clone());
+        }
+        [
+            event.seq.to_string(),
+            event.edit.to_string(),
+            event.time.to_string(),
+            event.author.clone(),
+            what(event),
+            names.get(&event.id).cloned().unwrap_or_default(),
+            event.version.to_string(),
+            event.id.to_string(),
+            event.reason.clone(),
+        ]
+    };
+    let lines: Vec<_> = events.iter().map(line).collect();
+    table::print(["seq", "edit", "time", "author", "what", "name", "version", "id", "reason"], &lines);
+}
+
+/// What an event did, in words.
+pub(super) fn what(event: &Event) -> String {
+    let did = match (&event.item, event.version) {
+        (None, _) => "removed",
+        (Some(_), 1) => "made",
+        (Some(_), _) => "changed",
+    };
+    let target = event.target.unwrap_or_default();
+    match event.kind {
+        Kind::Do => did.to_owned(),
+        Kind::Undo => format!("{did}, taking back {target}"),
+        Kind::Redo => format!("{did}, making {target} again"),
+    }
+}

@@ -1,0 +1,55 @@
+//! Tables for people: columns as wide as what is in them.
+
+use super::super::output::say;
+use crate::annotation::{Geometry, Item, State, measures};
+
+/// Most letters of a cell: a name may be long, a line should not.
+const WIDEST: usize = 48;
+
+/// Prints a heading and lines; the last column may be as wide as it likes.
+pub(super) fn print<const N: usize>(heading: [&str; N], lines: &[[String; N]]) {
+    let cells: Vec<[String; N]> =
+        lines.iter().map(|line| line.clone().map(|cell| shortened(&cell))).collect();
+    let width = |column: usize| {
+        let widest = cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+        widest.max(heading[column].chars().count())
+    };
+    let widths: [usize; N] = std::array::from_fn(width);
+    let line = |cells: &[String]| {
+        let padded = cells.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}"));
+        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    say!("{}", line(&heading.map(str::to_owned)));
+    for cells in &cells {
+        say!("{}", line(cells));
+    }
+}
+
+fn shortened(cell: &str) -> String {
+    // What people wrote must not move the cursor.
+    let plain: String = cell.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect();
+    if plain.chars().count() <= WIDEST {
+        return plain;
+    }
+    plain.chars().take(WIDEST - 3).chain("...".chars()).collect()
+}
+
+/// What an item is: `point`, `line`, ..., or why it has no place.
+pub(super) fn kind(item: &Item) -> &'static str {
+    match (&item.geometry, item.state) {
+        (Some(Geometry::Curve { closed: true, .. }), _) => "closed curve",
+        (Some(geometry), _) => geometry.kind(),
+        (None, State::Skipped) => "skipped",
+        (None, _) => "missing",
+    }
+}
+
+/// What an item measures, or where a point or plane is, in patient LPS mm.
+pub(super) fn extent(item: &Item) -> String {
+    let Some(geometry) = &item.geometry else { return String::new() };
+    if let Some(measure) = measures(geometry).first() {
+        return format!("{:.2} {}", measure.value, measure.unit);
+    }
+    let first = geometry.points().first();
+    first.map_or_else(String::new, |at| format!("({:.2}, {:.2}, {:.2})", at.xyz.x, at.xyz.y, at.xyz.z))
+}

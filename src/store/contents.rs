@@ -1,0 +1,58 @@
+//! Bytes that items name: the voxels of regions, the triangles of meshes.
+
+use sqlx::Row;
+
+use super::Store;
+use super::error::StoreError;
+use crate::annotation::{ContentId, ItemError};
+
+/// What both databases take as one value, with some room.
+const MOST_BYTES: usize = 900_000_000;
+
+impl Store {
+    /// Keeps bytes, and says by what name. The same bytes are kept once, with the media type that they came with first.
+    ///
+    /// # Errors
+    /// [`StoreError::Invalid`] for more bytes than a database takes or a media type that is none, and what a database says.
+    pub async fn put_content(&self, media_type: &str, bytes: &[u8]) -> Result<ContentId, StoreError> {
+        if bytes.len() > MOST_BYTES {
+            let (found, allowed) = (format!("{} bytes", bytes.len()), format!("at most {MOST_BYTES}"));
+            return Err(ItemError::new("content", &found, &allowed).into());
+        }
+        let is_good = |letter: u8| letter.is_ascii_graphic() || letter == b' ';
+        if !(1..=200).contains(&media_type.len()) || !media_type.bytes().all(is_good) {
+            let found = format!("{} bytes", media_type.len());
+            return Err(ItemError::new("media_type", &found, "1 to 200 letters of ASCII").into());
+        }
+        let id = ContentId::of(bytes);
+        let mut transaction = self.begin_write().await?;
+        // Two statements: a line that is there already is not sent again.
+        let query = sqlx::query("SELECT count(*) FROM contents WHERE id = $1").bind(id.as_str());
+        let found: i64 = query.fetch_one(&mut *transaction).await?.try_get(0)?;
+        if found == 0 {
+            sqlx::query("INSERT INTO contents (id, media_type, bytes) VALUES ($1, $2, $3)")
+                .bind(id.as_str())
+                .bind(media_type)
+                .bind(bytes.to_vec())
+                .execute(&mut *transaction)
+                .await?;
+        }
+        transaction.commit().await?;
+        Ok(id)
+    }
+
+    /// Media type and bytes of a content. They are what they were: their SHA-256 is looked at.
+    ///
+    /// # Errors
+    /// [`StoreError::Content`] where there is none, [`StoreError::Damaged`], and what a database says.
+    pub async fn content(&self, id: &ContentId) -> Result<(String, Vec<u8>), StoreError> {
+        let query = sqlx::query("SELECT media_type, bytes FROM contents WHERE id = $1").bind(id.as_str());
+        let row = query.fetch_optional(&self.read).await?;
+        let row = row.ok_or_else(|| StoreError::Content { id: id.clone() })?;
+        let bytes: Vec<u8> = row.try_get(1)?;
+        if ContentId::of(&bytes) != *id {
+            return Err(StoreError::Damaged(format!("content {} has other bytes", id.as_str())));
+        }
+        Ok((row.try_get(0)?, bytes))
+    }
+}

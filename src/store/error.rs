@@ -1,0 +1,149 @@
+//! What can go wrong with a log. No message has anything of an item but its id.
+
+use crate::annotation::{ContentId, Item, ItemError, ItemId, Versioned};
+
+/// Why the store did not do what it was asked to. Nothing was changed then, but for [`StoreError::Unreachable`] and
+/// [`StoreError::Database`], after which a change may have been made or not.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Somebody else has changed the item since the author saw it.
+    #[error("item {id} {}; look at it again, and change that", changed(*.expected, .current.as_deref()))]
+    Conflict {
+        /// Which.
+        id: ItemId,
+        /// The version that the author saw, or for undo and redo the last one that the author made.
+        expected: u64,
+        /// What it is now; `None` when it is gone.
+        current: Option<Box<Versioned>>,
+        /// What the author wanted it to be; `None` where it was to go.
+        yours: Option<Box<Item>>,
+    },
+    /// The item is locked: its lock comes off first, by itself.
+    #[error("item {id} is locked; unlock it first, without changing anything else of it")]
+    Locked {
+        /// Which.
+        id: ItemId,
+    },
+    /// There is no such item, and never was.
+    #[error("there is no item {id}")]
+    NotFound {
+        /// Which was looked for.
+        id: ItemId,
+    },
+    /// A new item has an id that was used before.
+    #[error("item {id} was created before, and an id is never used again; leave the new item another one")]
+    Exists {
+        /// Which.
+        id: ItemId,
+    },
+    /// A content is not in the log.
+    #[error("there is no content {}; it has to be put before an item names it", .id.as_str())]
+    Content {
+        /// Which.
+        id: ContentId,
+    },
+    /// There is no such template.
+    #[error("there is no template {name:?}")]
+    NoTemplate {
+        /// Which was looked for.
+        name: String,
+    },
+    /// A value of an edit or a set is out of its range.
+    #[error(transparent)]
+    Invalid(#[from] ItemError),
+    /// The author has no edit that could be taken back.
+    #[error("there is no edit of this author left to take back")]
+    NothingToUndo,
+    /// The author has no edit that could be made again.
+    #[error("there is no edit of this author to make again; a new edit ends what was taken back before it")]
+    NothingToRedo,
+    /// The log was made by a newer version of Relief.
+    #[error("the log has schema {found}, and this version of relief knows up to {known}; use a newer one")]
+    Schema {
+        /// The schema's number.
+        found: u64,
+        /// The newest that is known here.
+        known: u64,
+    },
+    /// The place of the log is written wrongly.
+    #[error(
+        "this is no place of a log: {0}; write a file's path, sqlite:FILE or postgres://USER@HOST/DATABASE"
+    )]
+    Place(String),
+    /// The file is something else.
+    #[error("this is no log of relief: {0}")]
+    Foreign(String),
+    /// The log is there, and what it says cannot be.
+    #[error("the log is damaged: {0}; keep this file and go on with a copy from before")]
+    Damaged(String),
+    /// Nothing may be written there.
+    #[error("the log may only be read: the file or its folder is write-protected, or ?mode=ro was asked for")]
+    ReadOnly,
+    /// Others have been writing for too long.
+    #[error("others kept the log busy for 30 seconds; try again")]
+    Busy,
+    /// No room.
+    #[error("there is no room left for the log: the disk is full")]
+    Full,
+    /// It cannot be opened, or the connection broke.
+    #[error("the log cannot be reached: {0}")]
+    Unreachable(String),
+    /// Something else that the database says.
+    #[error("the database refused: {0}")]
+    Database(String),
+}
+
+fn changed(expected: u64, current: Option<&Versioned>) -> String {
+    current.map_or_else(
+        || format!("is gone; you saw version {expected}"),
+        |current| format!("has version {} by now; you saw {expected}", current.version),
+    )
+}
+
+/// Primary result codes of SQLite (https://www.sqlite.org/rescode.html); an extended code has one in its low byte.
+mod sqlite {
+    pub(super) const BUSY: u32 = 5;
+    pub(super) const LOCKED: u32 = 6;
+    pub(super) const READONLY: u32 = 8;
+    pub(super) const CORRUPT: u32 = 11;
+    pub(super) const FULL: u32 = 13;
+    pub(super) const CANTOPEN: u32 = 14;
+    pub(super) const NOTADB: u32 = 26;
+}
+
+impl From<sqlx::Error> for StoreError {
+    fn from(error: sqlx::Error) -> Self {
+        let text = error.to_string();
+        match &error {
+            sqlx::Error::Database(found) => {
+                let code = found.code().unwrap_or_default();
+                // A code of PostgreSQL has five letters and digits.
+                let code = if code.len() == 5 { None } else { code.parse::<u32>().ok() };
+                let protected = found.code().is_some_and(|code| code == "25006");
+                let busy = found.code().is_some_and(|code| matches!(&*code, "55P03" | "57014" | "40P01"));
+                let full = found.code().is_some_and(|code| matches!(&*code, "53100"));
+                match code.map(|code| code & 0xff) {
+                    Some(sqlite::BUSY | sqlite::LOCKED) => Self::Busy,
+                    Some(sqlite::READONLY) => Self::ReadOnly,
+                    Some(sqlite::FULL) => Self::Full,
+                    Some(sqlite::CORRUPT) => Self::Damaged(found.message().to_owned()),
+                    Some(sqlite::NOTADB) => Self::Foreign("it is not a database of SQLite".to_owned()),
+                    Some(sqlite::CANTOPEN) => Self::Unreachable(found.message().to_owned()),
+                    None if protected => Self::ReadOnly,
+                    None if busy => Self::Busy,
+                    None if full => Self::Full,
+                    _ => Self::Database(found.message().to_owned()),
+                }
+            }
+            sqlx::Error::PoolTimedOut => Self::Busy,
+            sqlx::Error::Io(_)
+            | sqlx::Error::Tls(_)
+            | sqlx::Error::PoolClosed
+            | sqlx::Error::WorkerCrashed => Self::Unreachable(text),
+            sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
+                Self::Damaged(text)
+            }
+            _ => Self::Database(text),
+        }
+    }
+}

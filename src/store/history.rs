@@ -1,0 +1,112 @@
+//! Taking back, and making again.
+
+use sqlx::{Any, Row, Transaction};
+
+use super::Store;
+use super::apply::Writing;
+use super::error::StoreError;
+use super::rows::{EVENT, current, event, item, signed, unsigned, versioned};
+use crate::annotation::{Edit, Event, Item, ItemId, Kind};
+
+impl Store {
+    /// Takes back the author's newest edit that stands, all of it.
+    ///
+    /// # Errors
+    /// [`StoreError::NothingToUndo`], and [`StoreError::Conflict`] where an item is not as the edit left it: somebody else has
+    /// changed it since.
+    pub async fn undo(&self, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
+        self.step(Kind::Undo, author, reason).await
+    }
+
+    /// Makes the edit again that the author took back last. There is none after a new edit.
+    ///
+    /// # Errors
+    /// [`StoreError::NothingToRedo`], and [`StoreError::Conflict`] where an item is not as it was before the edit.
+    pub async fn redo(&self, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
+        self.step(Kind::Redo, author, reason).await
+    }
+
+    async fn step(&self, kind: Kind, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
+        Edit::check_words(author, reason)?;
+        let mut transaction = self.begin_write().await?;
+        // Those taken back are all newer than those that stand: the lines of both meet between the newest and the oldest.
+        let (find, becomes, nothing) = if kind == Kind::Undo {
+            let find = "SELECT coalesce(max(edit), 0) FROM edits WHERE author = $1 AND state = 'done'";
+            (find, "undone", StoreError::NothingToUndo)
+        } else {
+            let find = "SELECT coalesce(min(edit), 0) FROM edits WHERE author = $1 AND state = 'undone'";
+            (find, "done", StoreError::NothingToRedo)
+        };
+        let found = sqlx::query(find).bind(author).fetch_one(&mut *transaction).await?;
+        let target = unsigned(&found, 0)?;
+        if target == 0 {
+            return Err(nothing);
+        }
+        let mut made = events_of(&mut transaction, target).await?;
+        if kind == Kind::Undo {
+            made.reverse();
+        }
+        let mut writing = Writing::begin(&mut transaction, kind, Some(target), (author, reason)).await?;
+        for event in made {
+            restore(&mut writing, kind, event, author).await?;
+        }
+        let events = writing.finish();
+        sqlx::query("UPDATE edits SET state = $1 WHERE edit = $2")
+            .bind(becomes)
+            .bind(signed(target))
+            .execute(&mut *transaction)
+            .await?;
+        transaction.commit().await?;
+        Ok(events)
+    }
+}
+
+/// Brings one item from one side of an edit's event to the other.
+async fn restore(writing: &mut Writing<'_>, kind: Kind, made: Event, author: &str) -> Result<(), StoreError> {
+    let id = made.id;
+    let before = state(writing.transaction, id, made.version - 1).await?;
+    let (from, to) = if kind == Kind::Undo { (made.item, before) } else { (before, made.item) };
+    let Some((version, now)) = current(writing.transaction, id).await? else {
+        return Err(StoreError::Damaged(format!("item {id} has events and no state")));
+    };
+    if now != from {
+        let expected = own_version(writing.transaction, id, author).await?;
+        return Err(StoreError::Conflict {
+            id,
+            expected,
+            current: versioned(version, now),
+            yours: to.map(Box::new),
+        });
+    }
+    writing.push(id, version + 1, to).await
+}
+
+/// The events of an edit, in order.
+async fn events_of(transaction: &mut Transaction<'_, Any>, edit: u64) -> Result<Vec<Event>, StoreError> {
+    let query = sqlx::AssertSqlSafe(format!("SELECT {EVENT} FROM events WHERE edit = $1 ORDER BY seq"));
+    let rows = sqlx::query(query).bind(signed(edit)).fetch_all(&mut **transaction).await?;
+    rows.iter().map(event).collect()
+}
+
+/// The item at a version; `None` before the first, and where it was gone.
+async fn state(
+    transaction: &mut Transaction<'_, Any>,
+    id: ItemId,
+    version: u64,
+) -> Result<Option<Item>, StoreError> {
+    let query = sqlx::query("SELECT item FROM events WHERE id = $1 AND version = $2");
+    let row = query.bind(id.to_string()).bind(signed(version)).fetch_optional(&mut **transaction).await?;
+    let text: Option<String> = row.map(|row| row.try_get(0)).transpose()?.flatten();
+    text.as_deref().map(item).transpose()
+}
+
+/// The last version that the author made.
+async fn own_version(
+    transaction: &mut Transaction<'_, Any>,
+    id: ItemId,
+    author: &str,
+) -> Result<u64, StoreError> {
+    let query = sqlx::query("SELECT coalesce(max(version), 0) FROM events WHERE id = $1 AND author = $2");
+    let row = query.bind(id.to_string()).bind(author).fetch_one(&mut **transaction).await?;
+    unsigned(&row, 0)
+}

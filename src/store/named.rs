@@ -1,0 +1,173 @@
+//! Sets and templates: texts by their name, each change of which is written down.
+
+use std::collections::BTreeMap;
+
+use sqlx::Row;
+
+use super::Store;
+use super::error::StoreError;
+use super::rows::{signed, unsigned};
+use crate::annotation::{Author, Edit, ItemError, Set, Timestamp};
+
+/// Most bytes of a template's text.
+const LONGEST_TEMPLATE: usize = 1 << 20;
+
+/// What a line of the audit is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AuditedKind {
+    /// A set.
+    Set,
+    /// A template.
+    Template,
+}
+
+/// A set or template as somebody made it.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Audited {
+    /// 1 for the first line, one more with every line.
+    pub seq: u64,
+    /// What it is about.
+    pub kind: AuditedKind,
+    /// The name of that.
+    pub name: String,
+    /// Who.
+    pub author: Author,
+    /// When.
+    pub time: Timestamp,
+    /// The text from then on: of a set, its JSON form.
+    pub body: String,
+}
+
+impl AuditedKind {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Set => "set",
+            Self::Template => "template",
+        }
+    }
+}
+
+impl Store {
+    /// All sets by name: those that were put, and those that items name, which have no reader and are not blinded.
+    ///
+    /// # Errors
+    /// What a database says.
+    pub async fn sets(&self) -> Result<Vec<Set>, StoreError> {
+        let mut transaction = self.begin_read().await?;
+        let named = sqlx::query("SELECT DISTINCT set_name FROM items WHERE item IS NOT NULL");
+        let named = named.fetch_all(&mut *transaction).await?;
+        let put = sqlx::query("SELECT body FROM sets").fetch_all(&mut *transaction).await?;
+        let mut sets = BTreeMap::new();
+        for row in named {
+            let name: String = row.try_get(0)?;
+            sets.insert(name.clone(), Set { name, reader: None, blinded: false, template: None });
+        }
+        for row in put {
+            let set: Set = serde_json::from_str(row.try_get(0)?)
+                .map_err(|error| StoreError::Damaged(format!("a set cannot be read: {error}")))?;
+            sets.insert(set.name.clone(), set);
+        }
+        Ok(sets.into_values().collect())
+    }
+
+    /// Makes a set, or makes it another one.
+    ///
+    /// # Errors
+    /// [`StoreError::Invalid`], and what a database says.
+    pub async fn put_set(&self, set: &Set, author: &str) -> Result<(), StoreError> {
+        Set::check_name(&set.name)?;
+        set.template.as_deref().map_or(Ok(()), Set::check_name)?;
+        set.reader.as_deref().map_or(Ok(()), |reader| Edit::check_words(reader, ""))?;
+        let body = serde_json::to_string(set).map_err(|error| StoreError::Database(error.to_string()))?;
+        self.put(AuditedKind::Set, &set.name, &body, author).await
+    }
+
+    /// Names of all templates.
+    ///
+    /// # Errors
+    /// What a database says.
+    pub async fn templates(&self) -> Result<Vec<String>, StoreError> {
+        let rows = sqlx::query("SELECT name FROM templates ORDER BY name").fetch_all(&self.read).await?;
+        rows.iter().map(|row| Ok(row.try_get(0)?)).collect()
+    }
+
+    /// The text of a template.
+    ///
+    /// # Errors
+    /// [`StoreError::NoTemplate`], and what a database says.
+    pub async fn template(&self, name: &str) -> Result<String, StoreError> {
+        let query = sqlx::query("SELECT body FROM templates WHERE name = $1").bind(name);
+        match query.fetch_optional(&self.read).await? {
+            Some(row) => Ok(row.try_get(0)?),
+            None => Err(StoreError::NoTemplate { name: name.to_owned() }),
+        }
+    }
+
+    /// Makes a template, or gives it another text. What the text means is not looked at.
+    ///
+    /// # Errors
+    /// [`StoreError::Invalid`] for a name that a set could not have or a text above 1 MiB, and what a database says.
+    pub async fn put_template(&self, name: &str, body: &str, author: &str) -> Result<(), StoreError> {
+        Set::check_name(name).map_err(|error| ItemError { path: "template".to_owned(), ..error })?;
+        if body.len() > LONGEST_TEMPLATE || body.contains('\0') {
+            let found = format!("{} bytes", body.len());
+            return Err(ItemError::new("template", &found, "at most 1 MiB of text").into());
+        }
+        self.put(AuditedKind::Template, name, body, author).await
+    }
+
+    /// Every change of sets and templates, the oldest first.
+    ///
+    /// # Errors
+    /// What a database says.
+    pub async fn audit(&self) -> Result<Vec<Audited>, StoreError> {
+        let query = sqlx::query("SELECT seq, kind, name, author, time, body FROM audit ORDER BY seq");
+        let rows = query.fetch_all(&self.read).await?;
+        let line = |row: &sqlx::any::AnyRow| {
+            let seq = unsigned(row, 0)?;
+            let time: String = row.try_get(4)?;
+            let is_set = row.try_get::<String, _>(1)? == AuditedKind::Set.word();
+            Ok(Audited {
+                seq,
+                kind: if is_set { AuditedKind::Set } else { AuditedKind::Template },
+                name: row.try_get(2)?,
+                author: row.try_get(3)?,
+                time: time
+                    .parse()
+                    .map_err(|_| StoreError::Damaged(format!("line {seq} of audit has no time")))?,
+                body: row.try_get(5)?,
+            })
+        };
+        rows.iter().map(line).collect()
+    }
+
+    async fn put(&self, kind: AuditedKind, name: &str, body: &str, author: &str) -> Result<(), StoreError> {
+        Edit::check_words(author, "")?;
+        let upsert = match kind {
+            AuditedKind::Set => {
+                "INSERT INTO sets (name, body) VALUES ($1, $2) ON CONFLICT (name) DO UPDATE SET body = excluded.body"
+            }
+            AuditedKind::Template => {
+                "INSERT INTO templates (name, body) VALUES ($1, $2) \
+                ON CONFLICT (name) DO UPDATE SET body = excluded.body"
+            }
+        };
+        let mut transaction = self.begin_write().await?;
+        let last =
+            sqlx::query("SELECT coalesce(max(seq), 0) FROM audit").fetch_one(&mut *transaction).await?;
+        sqlx::query(
+            "INSERT INTO audit (seq, kind, name, author, time, body) VALUES ($1, $2, $3, $4, $5, $6)",
+        )
+        .bind(signed(unsigned(&last, 0)? + 1))
+        .bind(kind.word())
+        .bind(name)
+        .bind(author)
+        .bind(Timestamp::now().to_string())
+        .bind(body)
+        .execute(&mut *transaction)
+        .await?;
+        sqlx::query(upsert).bind(name).bind(body).execute(&mut *transaction).await?;
+        Ok(transaction.commit().await?)
+    }
+}

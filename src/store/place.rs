@@ -1,0 +1,109 @@
+//! Where a log is: a file of SQLite, or a database of a PostgreSQL server.
+
+use std::str::FromStr;
+
+use sqlx::ConnectOptions;
+use sqlx::any::AnyConnectOptions;
+
+use super::error::StoreError;
+
+/// Which program keeps the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Sqlite,
+    Postgres,
+}
+
+/// A place that can be connected to. Not shown: it may have a password.
+pub(super) struct Place {
+    pub(super) kind: Kind,
+    /// Nothing may be written.
+    pub(super) read_only: bool,
+    pub(super) options: AnyConnectOptions,
+}
+
+impl Place {
+    /// Reads a file's path or a URL. A SQLite file that is not there is made on connecting if `create` says so.
+    pub(super) fn parse(place: &str, create: bool) -> Result<Self, StoreError> {
+        sqlx::any::install_default_drivers();
+        let wrong = |why: &str| Err(StoreError::Place(why.to_owned()));
+        if place.starts_with("postgres://") || place.starts_with("postgresql://") {
+            return Self::connect_to(Kind::Postgres, place, false);
+        }
+        if let Some(rest) = place.strip_prefix("sqlite:") {
+            let rest = rest.strip_prefix("//").unwrap_or(rest);
+            let (path, asked) = rest.split_once('?').unwrap_or((rest, ""));
+            let mode = match asked {
+                "" | "mode=rwc" => writing(create),
+                "mode=rw" => "mode=rw",
+                "mode=ro" => "mode=ro",
+                "immutable=1" => "mode=ro&immutable=1",
+                _ => return wrong("what follows ? is not mode=ro, mode=rw, mode=rwc or immutable=1"),
+            };
+            if path.is_empty() || path == ":memory:" {
+                return wrong("it names no file; a log in memory would be lost");
+            }
+            return Self::connect_to(
+                Kind::Sqlite,
+                &format!("sqlite://{path}?{mode}"),
+                mode.starts_with("mode=ro"),
+            );
+        }
+        if place.contains("://") {
+            return wrong("only sqlite: and postgres:// are known");
+        }
+        if place.is_empty() {
+            return wrong("it is empty");
+        }
+        let path = std::path::absolute(place).map_err(|error| StoreError::Place(error.to_string()))?;
+        let Some(path) = path.to_str() else { return wrong("the path is no UTF-8") };
+        Self::connect_to(Kind::Sqlite, &format!("sqlite://{}?{}", encoded(path), writing(create)), false)
+    }
+
+    fn connect_to(kind: Kind, url: &str, read_only: bool) -> Result<Self, StoreError> {
+        let options = AnyConnectOptions::from_str(url);
+        let options = options.map_err(|error| StoreError::Place(error.to_string()))?;
+        // Statements say how the log works, and values are not in them, but nobody needs to read either.
+        Ok(Self { kind, read_only, options: options.disable_statement_logging() })
+    }
+}
+
+const fn writing(create: bool) -> &'static str {
+    if create { "mode=rwc" } else { "mode=rw" }
+}
+
+/// A path as a URL has it: every byte that could mean something else as `%` and two digits.
+fn encoded(path: &str) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/._-~".contains(&byte);
+    let letter = |byte: u8| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") };
+    path.bytes().map(letter).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_files_and_urls() {
+        let url = |place: &str, create| {
+            let place = Place::parse(place, create).unwrap();
+            (place.kind, place.read_only, place.options.database_url.to_string())
+        };
+        let (kind, read_only, file) = url("/a b/ü?#%.db", true);
+        assert_eq!((kind, read_only), (Kind::Sqlite, false));
+        assert_eq!(file, "sqlite:///a%20b/%C3%BC%3F%23%25.db?mode=rwc");
+        assert!(url("a.db", false).2.ends_with("/a.db?mode=rw"));
+        assert_eq!(
+            url("sqlite:/a.db?mode=ro", true),
+            (Kind::Sqlite, true, "sqlite:///a.db?mode=ro".to_owned())
+        );
+        assert_eq!(url("sqlite:///a.db", true).2, "sqlite:///a.db?mode=rwc");
+        assert!(url("sqlite:/a.db?immutable=1", true).1);
+        assert_eq!(url("postgres://me@localhost/x", true).0, Kind::Postgres);
+        for wrong in
+            ["", "mysql://x/y", "sqlite::memory:", "sqlite:", "sqlite:/a?mode=memory", "postgres://[x"]
+        {
+            assert!(matches!(Place::parse(wrong, true), Err(StoreError::Place(_))), "{wrong}");
+        }
+    }
+}

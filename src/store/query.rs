@@ -1,0 +1,166 @@
+//! What is there, and what happened.
+
+use sqlx::{Any, Row, Transaction};
+
+use super::Store;
+use super::error::StoreError;
+use super::rows::{EVENT, event, item, signed, unsigned};
+use crate::annotation::{Event, FrameOfReference, Item, ItemId, Versioned};
+
+/// Which items are wanted: those that meet all that is said.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Filter {
+    /// Of one of these sets.
+    pub sets: Option<Vec<String>>,
+    /// Told from this.
+    pub frame_of_reference: Option<FrameOfReference>,
+    /// Changed by an event after this one.
+    pub after_seq: u64,
+}
+
+/// Items at one moment of the log.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Listing {
+    /// The last event of the log then; 0 where there was none.
+    pub seq: u64,
+    /// By set, list, order, creation and id.
+    pub items: Vec<Versioned>,
+}
+
+/// Which events are wanted: those that meet all that is said.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LogFilter {
+    /// Later than this one.
+    pub after: u64,
+    /// The first so many of them.
+    pub limit: Option<u64>,
+    /// By this author.
+    pub author: Option<String>,
+    /// Of this item.
+    pub item: Option<ItemId>,
+}
+
+/// A statement with one condition for each value that is bound.
+struct Conditions {
+    statement: String,
+    values: Vec<Value>,
+}
+
+enum Value {
+    Number(i64),
+    Text(String),
+}
+
+impl Conditions {
+    fn new(statement: String) -> Self {
+        Self { statement, values: Vec::new() }
+    }
+
+    /// `condition` with a placeholder in the place of `?`.
+    fn and(&mut self, condition: &str, value: Value) {
+        self.values.push(value);
+        let condition = condition.replace('?', &format!("${}", self.values.len()));
+        self.statement += &format!(" AND {condition}");
+    }
+
+    async fn fetch(
+        self,
+        transaction: &mut Transaction<'_, Any>,
+    ) -> Result<Vec<sqlx::any::AnyRow>, sqlx::Error> {
+        // Text of this file alone: what callers say is bound.
+        let mut query = sqlx::query(sqlx::AssertSqlSafe(self.statement));
+        for value in self.values {
+            query = match value {
+                Value::Number(number) => query.bind(number),
+                Value::Text(text) => query.bind(text),
+            };
+        }
+        query.fetch_all(&mut **transaction).await
+    }
+}
+
+impl Store {
+    /// The number of the log's last event; 0 where there is none.
+    ///
+    /// # Errors
+    /// What a database says.
+    pub async fn seq(&self) -> Result<u64, StoreError> {
+        last(&mut self.begin_read().await?).await
+    }
+
+    /// Items as they are now.
+    ///
+    /// # Errors
+    /// What a database says.
+    pub async fn list(&self, filter: &Filter) -> Result<Listing, StoreError> {
+        let mut conditions =
+            Conditions::new("SELECT version, item FROM items WHERE item IS NOT NULL".to_owned());
+        if let Some(frame) = &filter.frame_of_reference {
+            conditions.and("frame = ?", Value::Text(frame.0.clone()));
+        }
+        if filter.after_seq > 0 {
+            conditions.and("seq > ?", Value::Number(signed(filter.after_seq)));
+        }
+        let mut transaction = self.begin_read().await?;
+        let seq = last(&mut transaction).await?;
+        let rows = conditions.fetch(&mut transaction).await?;
+        transaction.commit().await?;
+        let mut items = Vec::with_capacity(rows.len());
+        for row in &rows {
+            let text: &str = row.try_get(1)?;
+            items.push(Versioned { version: unsigned(row, 0)?, item: item(text)? });
+        }
+        if let Some(sets) = &filter.sets {
+            items.retain(|found| sets.contains(&found.item.set));
+        }
+        items.sort_by(|a, b| place(&a.item).cmp(&place(&b.item)));
+        Ok(Listing { seq, items })
+    }
+
+    /// One item as it is now.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`] where there is none or it is gone, and what a database says.
+    pub async fn item(&self, id: ItemId) -> Result<Versioned, StoreError> {
+        let mut transaction = self.begin_read().await?;
+        match super::rows::current(&mut transaction, id).await? {
+            Some((version, Some(item))) => Ok(Versioned { version, item }),
+            _ => Err(StoreError::NotFound { id }),
+        }
+    }
+
+    /// Events, the oldest first.
+    ///
+    /// # Errors
+    /// What a database says.
+    pub async fn log(&self, filter: &LogFilter) -> Result<Vec<Event>, StoreError> {
+        let mut conditions = Conditions::new(format!("SELECT {EVENT} FROM events WHERE seq > 0"));
+        if filter.after > 0 {
+            conditions.and("seq > ?", Value::Number(signed(filter.after)));
+        }
+        if let Some(author) = &filter.author {
+            conditions.and("author = ?", Value::Text(author.clone()));
+        }
+        if let Some(item) = filter.item {
+            conditions.and("id = ?", Value::Text(item.to_string()));
+        }
+        conditions.statement += " ORDER BY seq";
+        if let Some(limit) = filter.limit {
+            conditions.statement += &format!(" LIMIT {}", signed(limit));
+        }
+        let mut transaction = self.begin_read().await?;
+        let rows = conditions.fetch(&mut transaction).await?;
+        transaction.commit().await?;
+        rows.iter().map(event).collect()
+    }
+}
+
+/// What a listing is ordered by.
+fn place(item: &Item) -> impl Ord + '_ {
+    (item.set.as_str(), item.list.as_str(), item.order, item.created, item.id)
+}
+
+async fn last(transaction: &mut Transaction<'_, Any>) -> Result<u64, StoreError> {
+    let row = sqlx::query("SELECT coalesce(max(seq), 0) FROM events").fetch_one(&mut **transaction).await?;
+    unsigned(&row, 0)
+}
