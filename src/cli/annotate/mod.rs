@@ -74,12 +74,19 @@ pub(super) struct LogArguments {
     db: Option<String>,
 }
 
-/// Who changes something, and why.
+/// Who changes something.
 #[derive(Debug, clap::Args)]
-pub(super) struct ByArguments {
+pub(super) struct AuthorArguments {
     /// Who does it; the login name otherwise
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
     author: Option<String>,
+}
+
+/// Who changes items, and why.
+#[derive(Debug, clap::Args)]
+pub(super) struct ByArguments {
+    #[command(flatten)]
+    pub(super) who: AuthorArguments,
     /// Why, for those who read the log
     #[arg(long, value_name = "TEXT", default_value = "")]
     pub(super) reason: String,
@@ -127,9 +134,9 @@ impl LogArguments {
     }
 }
 
-impl ByArguments {
+impl AuthorArguments {
     /// Who it is: the argument, or else who is logged in.
-    pub(super) fn author(&self) -> anyhow::Result<String> {
+    pub(super) fn name(&self) -> anyhow::Result<String> {
         let login = || ["USER", "LOGNAME", "USERNAME"].iter().find_map(|name| std::env::var(name).ok());
         let author = self.author.clone().or_else(login).filter(|name| !name.is_empty());
         author.context("who are you? Give a name with --author, or in RELIEF_AUTHOR")

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use serde_json::json;
 
 use super::super::output::{print_json, say};
-use super::{ByArguments, LogArguments, table};
+use super::{AuthorArguments, LogArguments, table};
 use crate::annotation::Set;
 use crate::store::Filter;
 
@@ -54,12 +54,12 @@ struct PutArguments {
     #[arg(long, value_name = "NAME")]
     template: Option<String>,
     #[command(flatten)]
-    by: ByArguments,
+    who: AuthorArguments,
 }
 
 pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     if let Some(Action::Put(put)) = &arguments.action {
-        let author = put.by.author()?;
+        let author = put.who.name()?;
         let PutArguments { name, reader, blinded, template, .. } = put;
         let set =
             Set { name: name.clone(), reader: reader.clone(), blinded: *blinded, template: template.clone() };

@@ -58,7 +58,7 @@ pub(super) fn redo(arguments: &RedoArguments, log: &LogArguments) -> anyhow::Res
 }
 
 fn step(arguments: &StepArguments, log: &LogArguments, back: bool) -> anyhow::Result<ExitCode> {
-    let (author, reason) = (arguments.by.author()?, &arguments.by.reason);
+    let (author, reason) = (arguments.by.who.name()?, &arguments.by.reason);
     let log = log.open_existing()?;
     let mut events = Vec::new();
     for _ in 0..arguments.times {
