@@ -192,11 +192,17 @@ impl ReceivedFrame {
         // The pixel that the centre lies in.
         let place = |at: usize, axis: usize| (2 * at + 1) * from[axis] / (2 * to[axis]);
         let columns: Vec<usize> = (0..to[0]).map(|x| place(x, 0)).collect();
-        let row = |y: usize| {
-            let row = &values[place(y, 1) * from[0]..][..from[0]];
-            columns.iter().map(move |&x| row[x])
-        };
-        (0..to[1]).flat_map(row).collect()
+        let mut out = Vec::with_capacity(to[0] * to[1]);
+        for y in 0..to[1] {
+            // Rows that come of one row are equal: they are copied, not looked up again.
+            if y > 0 && place(y, 1) == place(y - 1, 1) {
+                out.extend_from_within(out.len() - to[0]..);
+            } else {
+                let row = &values[place(y, 1) * from[0]..][..from[0]];
+                out.extend(columns.iter().map(|&x| row[x]));
+            }
+        }
+        out
     }
 }
 
