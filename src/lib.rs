@@ -11,12 +11,13 @@
 //! | 2 | [`gpu`], [`dicom`], [`formats`], [`display`], [`interaction`], [`mesh`], [`segmentation`], [`placing`], [`store`] |
 //! | 3 | [`render`], [`live`], [`exchange`] |
 //! | 4 | [`session`] |
-//! | 5 | [`server`], [`client`] |
+//! | 5 | [`server`], [`client`], [`batch`] |
 //! | 6 | [`cli`] |
 //!
 //! `ARCHITECTURE.md` has the map and the invariants, each with the test that keeps it.
 
 pub mod annotation;
+pub mod batch;
 pub mod camera;
 pub mod cli;
 pub mod client;

@@ -3,12 +3,14 @@
 use std::ops::RangeInclusive;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::{Camera, CameraError, Projection};
 use crate::space::{Patient, Point, Vector};
 
 /// A view of something round from outside: angles, zoom and shift, independent of its size.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Orbit {
     /// Degrees about the patient's long axis: 0 from the front, 90 from the patient's left, 180 from behind.
     pub azimuth_deg: f64,

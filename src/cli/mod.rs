@@ -6,6 +6,7 @@
 
 mod adapter;
 mod annotate;
+mod batch;
 mod bench;
 mod calibrate;
 mod client;
@@ -84,6 +85,7 @@ enum Command {
     Track(track::Arguments),
     Calibrate(calibrate::Arguments),
     Annotate(annotate::Arguments),
+    Batch(batch::Arguments),
     Golden(golden::Arguments),
     Doctor(doctor::Arguments),
 }
@@ -105,6 +107,7 @@ pub fn main() -> ExitCode {
         Command::Track(arguments) => track::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Annotate(arguments) => annotate::run(&arguments),
+        Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),
     };

@@ -19,17 +19,9 @@ pub(super) fn report(error: &anyhow::Error) -> String {
     lines.join("\n  because: ")
 }
 
-/// Writes a file so that it appears whole or not at all: a temporary beside it, synced, then renamed.
+/// Writes a file so that it appears whole or not at all.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = || -> std::io::Result<()> {
-        let mut file = shared_temporary().prefix(".relief-").tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
+    crate::batch::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// A file that is written bit by bit and appears when it is finished.
@@ -41,7 +33,7 @@ pub(super) struct GrowingFile {
 impl GrowingFile {
     pub(super) fn create(path: &Path) -> anyhow::Result<Self> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let file = shared_temporary().prefix(".relief-").tempfile_in(folder);
+        let file = crate::batch::shared_temporary().prefix(".relief-").tempfile_in(folder);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
         Ok(Self { file: std::io::BufWriter::new(file), path: path.to_owned() })
     }
@@ -60,17 +52,6 @@ impl GrowingFile {
         };
         finish().with_context(|| format!("cannot write {}", path.display()))
     }
-}
-
-/// Temporary files are private to their owner. One that becomes a result is no more private than the umask says.
-fn shared_temporary() -> tempfile::Builder<'static, 'static> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    builder
 }
 
 /// `println!` for results: it never panics, see [`print_line`].

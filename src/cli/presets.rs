@@ -4,7 +4,6 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use anyhow::bail;
 use serde_json::json;
@@ -15,7 +14,9 @@ use super::source::{SeriesOptions, load};
 use super::transfer::{Range, parse_range, read_look};
 use crate::display::encode_png;
 use crate::render::{RenderedFrame, preset_json};
-use crate::session::{FileFormat, Product, THUMBNAIL_SIZE_PX, contact_sheet, encode, thumbnail_scene};
+use crate::session::{
+    FileFormat, Product, THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, encode, thumbnail_scene,
+};
 use crate::transfer::{PRESETS, Preset};
 use crate::volume::Volume;
 use crate::volume::phantom::{Kind, Recipe};
@@ -136,10 +137,14 @@ fn thumbnails(arguments: &Arguments, folder: &Path) -> anyhow::Result<ExitCode> 
         let frame: RenderedFrame = renderer.render(&volume, &scene.request)?;
         let png = encode(&frame, &scene.display, Product::Frame, FileFormat::Png)?;
         write_whole(&folder.join(format!("{}.png", preset.name)), &png)?;
-        shown.push((preset.name, Arc::new(frame)));
+        shown.push((preset.name, frame));
     }
     let sheet = folder.join(SHEET_NAME);
-    write_whole(&sheet, &encode_png(&contact_sheet(&shown, SHEET_COLUMNS)?)?)?;
+    let thumbnails: Vec<_> = shown
+        .iter()
+        .map(|(name, frame)| Thumbnail { name, size_px: frame.size_px, color_rgba: &frame.color_rgba })
+        .collect();
+    write_whole(&sheet, &encode_png(&contact_sheet(&thumbnails, SHEET_COLUMNS)?)?)?;
     if arguments.json {
         let files: Vec<_> = PRESETS
             .iter()

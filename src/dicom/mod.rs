@@ -29,6 +29,7 @@ mod dataset;
 mod discover;
 mod entropy;
 mod error;
+mod fingerprint;
 mod groups;
 mod header;
 mod identity;

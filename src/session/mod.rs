@@ -23,7 +23,7 @@ use crate::volume::{ContentHash, Volume};
 pub use budget::{Planned, SpeedBook};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use service::{Counts, QueueConfig, RenderService};
-pub use thumbnail::{THUMBNAIL_SIZE_PX, contact_sheet, thumbnail_scene};
+pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
 
 /// Whatever turns requests into frames. It lives on the service's thread and is called by it alone.

@@ -3,12 +3,10 @@
 //! What it is: the scene of a thumbnail, the same for the command line and HTTP, and [`contact_sheet`], which puts
 //! rendered thumbnails with their names into one frame. What it is not: it renders nothing. Sizes in pixels.
 
-use std::sync::Arc;
-
 use super::glyphs;
 use crate::camera::Orbit;
 use crate::display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
-use crate::render::{RenderedFrame, Scene, SceneError, SceneFile};
+use crate::render::{Scene, SceneError, SceneFile};
 use crate::transfer::Preset;
 use crate::volume::Grid;
 
@@ -35,15 +33,23 @@ const LINE: usize = glyphs::HEIGHT + 8;
 const GROUND: [u8; 3] = [24, 28, 33];
 const TEXT: [u8; 3] = [226, 232, 238];
 
+/// A small picture with its name.
+#[derive(Clone, Copy, Debug)]
+pub struct Thumbnail<'a> {
+    /// What is written below it.
+    pub name: &'a str,
+    /// Width and height.
+    pub size_px: [u32; 2],
+    /// Rows from the top; the fourth byte counts for nothing.
+    pub color_rgba: &'a [[u8; 4]],
+}
+
 /// Thumbnails of equal size in rows of `columns`, each above its name.
 ///
 /// # Errors
 /// When there is none, their sizes differ, or the sheet is larger than any frame.
-pub fn contact_sheet(
-    thumbnails: &[(&str, Arc<RenderedFrame>)],
-    columns: usize,
-) -> Result<Frame, LayoutError> {
-    let size_px = thumbnails.first().map_or([0, 0], |(_, frame)| frame.size_px);
+pub fn contact_sheet(thumbnails: &[Thumbnail<'_>], columns: usize) -> Result<Frame, LayoutError> {
+    let size_px = thumbnails.first().map_or([0, 0], |thumbnail| thumbnail.size_px);
     let [cell_width, cell_height] = size_px.map(|side| side as usize);
     let columns = columns.clamp(1, thumbnails.len().max(1));
     let rows = thumbnails.len().div_ceil(columns);
@@ -56,16 +62,16 @@ pub fn contact_sheet(
         return Err(LayoutError::Size { what: "a contact sheet", size_px: sheet_px });
     }
     let mut sheet = Sheet { width, rgb: GROUND.repeat(width * height) };
-    for (index, (name, frame)) in thumbnails.iter().enumerate() {
+    for (index, thumbnail) in thumbnails.iter().enumerate() {
         let expected = cell_width * cell_height;
-        if frame.size_px != size_px || frame.color_rgba.len() != expected {
-            let (found, size_px) = (frame.color_rgba.len(), frame.size_px);
+        if thumbnail.size_px != size_px || thumbnail.color_rgba.len() != expected {
+            let (found, size_px) = (thumbnail.color_rgba.len(), thumbnail.size_px);
             return Err(LayoutError::PixelCount { what: "a thumbnail", size_px, found, expected });
         }
         let left = GAP + index % columns * (cell_width + GAP);
         let top = GAP + index / columns * (cell_height + LINE + GAP);
-        sheet.paste(frame, [left, top]);
-        sheet.write(name, [left, top + cell_height + 5], cell_width);
+        sheet.paste(thumbnail, [left, top]);
+        sheet.write(thumbnail.name, [left, top + cell_height + 5], cell_width);
     }
     Frame::new(sheet_px, Pixels::Rgb8(sheet.rgb))
 }
@@ -82,9 +88,9 @@ impl Sheet {
         self.rgb[at..at + 3].copy_from_slice(&color);
     }
 
-    fn paste(&mut self, frame: &RenderedFrame, [left, top]: [usize; 2]) {
-        let width = frame.size_px[0] as usize;
-        for (i, &[r, g, b, _]) in frame.color_rgba.iter().enumerate() {
+    fn paste(&mut self, thumbnail: &Thumbnail<'_>, [left, top]: [usize; 2]) {
+        let width = thumbnail.size_px[0] as usize;
+        for (i, &[r, g, b, _]) in thumbnail.color_rgba.iter().enumerate() {
             self.put([left + i % width, top + i / width], [r, g, b]);
         }
     }
@@ -102,26 +108,14 @@ impl Sheet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::Timings;
-    use crate::transfer::{PRESETS, preset};
-    use crate::units::DepthLimits;
+    use crate::transfer::PRESETS;
 
     fn grid() -> Grid {
         Grid::axis_aligned([64, 64, 32], [0.8, 0.8, 1.0], [0.0; 3]).unwrap()
     }
 
-    fn plain(size_px: [u32; 2], color: [u8; 4]) -> Arc<RenderedFrame> {
-        let pixels = (size_px[0] * size_px[1]) as usize;
-        let scene = thumbnail_scene(preset("bone").unwrap(), &grid(), size_px).unwrap();
-        Arc::new(RenderedFrame {
-            size_px,
-            color_rgba: vec![color; pixels],
-            depth_mm: vec![0.0; pixels],
-            back: None,
-            camera: scene.request.camera,
-            limits: DepthLimits::new(1.0, 2.0).unwrap(),
-            timings: Timings::default(),
-        })
+    fn plain([width, height]: [u32; 2], color: [u8; 4]) -> Vec<[u8; 4]> {
+        vec![color; (width * height) as usize]
     }
 
     #[test]
@@ -138,8 +132,12 @@ mod tests {
     #[test]
     fn a_sheet_has_every_thumbnail_whole_above_its_name() {
         let colors = [[200, 0, 0, 255], [0, 200, 0, 255], [0, 0, 200, 255]];
-        let named: Vec<_> =
-            ["bone", "x-ray", "lung"].into_iter().zip(colors.map(|c| plain([40, 20], c))).collect();
+        let pictures = colors.map(|color| plain([40, 20], color));
+        let named: Vec<_> = ["bone", "x-ray", "lung"]
+            .into_iter()
+            .zip(&pictures)
+            .map(|(name, color_rgba)| Thumbnail { name, size_px: [40, 20], color_rgba })
+            .collect();
         let sheet = contact_sheet(&named, 2).unwrap();
         assert_eq!(sheet.size_px(), [2 * 48 + 8, 2 * (20 + 16 + 8) + 8]);
         let Pixels::Rgb8(rgb) = sheet.pixels() else { panic!("colour") };
@@ -148,17 +146,22 @@ mod tests {
             assert_eq!(count([r, g, b]), 40 * 20);
         }
         let letters: usize =
-            named.iter().flat_map(|(name, _)| name.chars()).map(|c| glyphs::dots(c).count()).sum();
+            named.iter().flat_map(|thumbnail| thumbnail.name.chars()).map(|c| glyphs::dots(c).count()).sum();
         assert_eq!(count(TEXT), letters);
     }
 
     #[test]
     fn sheets_that_cannot_be_are_refused() {
         assert!(contact_sheet(&[], 4).is_err());
-        let [small, large] = [[8, 8], [9, 8]].map(|size| plain(size, [1, 2, 3, 255]));
-        let refused = contact_sheet(&[("a", small), ("b", large)], 2).unwrap_err();
+        let pictures = [[8, 8], [9, 8], [200, 1]].map(|size_px| (size_px, plain(size_px, [1, 2, 3, 255])));
+        let [small, large, wide] = pictures.each_ref().map(|(size_px, color_rgba)| Thumbnail {
+            name: "a",
+            size_px: *size_px,
+            color_rgba,
+        });
+        let refused = contact_sheet(&[small, large], 2).unwrap_err();
         assert!(refused.to_string().contains("thumbnail"), "{refused}");
-        let wide: Vec<_> = (0..90).map(|_| ("w", plain([200, 1], [0; 4]))).collect();
+        let wide = [wide; 90];
         assert!(contact_sheet(&wide, 90).is_err());
     }
 }

@@ -1,0 +1,93 @@
+//! What goes wrong in batches: before anything is rendered, and job by job.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// Why a manifest could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ManifestError {
+    /// A line is no job.
+    #[error("line {line} is no job: {reason}")]
+    Line {
+        /// From 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A job says another key than its content has: it was edited by hand.
+    #[error(
+        "line {line}: the key is {found}, but what the job says has the key {expected}; \
+         plan anew instead of editing jobs"
+    )]
+    Key {
+        /// From 1.
+        line: usize,
+        /// The key written.
+        found: String,
+        /// The key of its content.
+        expected: String,
+    },
+    /// Two jobs would write the same files.
+    #[error("lines {first} and {second} would both write {name}")]
+    Twice {
+        /// From 1.
+        first: usize,
+        /// From 1.
+        second: usize,
+        /// Series and view.
+        name: String,
+    },
+}
+
+/// Why nothing was planned.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    /// What to look for is not there.
+    #[error("cannot read {}: {source}", path.display())]
+    Unreadable {
+        /// Folder or table.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The table of series is none.
+    #[error("{}, line {line}: {reason}", path.display())]
+    Table {
+        /// The table.
+        path: PathBuf,
+        /// From 1.
+        line: u64,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A view set is none.
+    #[error("{0}")]
+    Views(String),
+    /// There is no series under the root.
+    #[error("no CT series under {}", .0.display())]
+    NoSeries(PathBuf),
+}
+
+/// Whether trying again may help.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Lasting {
+    /// It will fail the same way: the series or the scene is at fault.
+    Permanent,
+    /// The machine was: a full disk, too little memory, a lost adapter.
+    Retryable,
+}
+
+/// A job that was not done.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// Its key.
+    pub job: String,
+    /// Series and view.
+    pub name: String,
+    /// Whether trying again may help.
+    pub kind: Lasting,
+    /// Why.
+    pub reason: String,
+}

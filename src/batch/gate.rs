@@ -1,0 +1,80 @@
+//! A limit of bytes that loading waits for.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+/// Bytes that may be held at once.
+#[derive(Debug)]
+pub(super) struct Gate {
+    limit: u64,
+    held: Mutex<u64>,
+    freed: Condvar,
+}
+
+/// Bytes that are held; given back when dropped.
+#[derive(Debug)]
+pub(super) struct Held<'a> {
+    gate: &'a Gate,
+    bytes: u64,
+}
+
+impl Gate {
+    pub(super) fn new(limit: u64) -> Self {
+        Self { limit, held: Mutex::new(0), freed: Condvar::new() }
+    }
+
+    pub(super) fn limit(&self) -> u64 {
+        self.limit
+    }
+
+    /// Waits until so many bytes are free. More than the limit wait until all are.
+    pub(super) fn hold(&self, bytes: u64) -> Held<'_> {
+        let bytes = bytes.min(self.limit);
+        let mut held = self.lock();
+        while *held + bytes > self.limit {
+            held = self.freed.wait(held).unwrap_or_else(PoisonError::into_inner);
+        }
+        *held += bytes;
+        Held { gate: self, bytes }
+    }
+
+    /// A number is whole after a panic elsewhere, too.
+    fn lock(&self) -> MutexGuard<'_, u64> {
+        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Held<'_> {
+    /// Gives back what was not needed.
+    pub(super) fn shrink(&mut self, bytes: u64) {
+        let spare = self.bytes.saturating_sub(bytes);
+        self.bytes -= spare;
+        *self.gate.lock() -= spare;
+        self.gate.freed.notify_all();
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.shrink(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_beyond_the_limit_wait_for_those_held() {
+        let gate = Gate::new(100);
+        let first = gate.hold(70);
+        let mut second = gate.hold(30);
+        second.shrink(10);
+        std::thread::scope(|scope| {
+            let third = scope.spawn(|| drop(gate.hold(500))); // more than ever: waits for all
+            drop(first);
+            drop(second);
+            third.join().unwrap();
+        });
+        assert_eq!(*gate.lock(), 0);
+    }
+}

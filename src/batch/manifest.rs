@@ -1,0 +1,218 @@
+//! Jobs as lines of JSON, their keys, and how they are shared out.
+
+use std::collections::HashMap;
+use std::io::BufRead;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::error::ManifestError;
+use super::source::SeriesSource;
+use crate::camera::Orbit;
+
+/// One view of one series.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Job {
+    /// See [`JobKey`].
+    pub job: JobKey,
+    /// Where the series is and what it is.
+    pub series: SeriesSource,
+    /// The view's name: part of the names of its files.
+    pub view: String,
+    /// The views that belong together, such as those of a turntable; empty where it stands alone.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub group: String,
+    /// The scene, as in a scene file.
+    pub scene: Value,
+    /// Where from, around the volume; of no use to a scene that has a camera or a slice.
+    #[serde(default)]
+    pub orbit: Orbit,
+    /// What is written.
+    pub products: Vec<Product>,
+}
+
+/// SHA-256, in hexadecimal digits, of all that a job's outputs depend on.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct JobKey(pub String);
+
+/// A file that a job writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Product {
+    /// The frame in the scene's layout, PNG.
+    Frame,
+    /// The colour alone, PNG.
+    Color,
+    /// View depth in mm, OpenEXR.
+    Depth,
+}
+
+/// One of so many equal shares of the jobs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// From 0.
+    pub index: u32,
+    /// How many there are.
+    pub count: u32,
+}
+
+impl Product {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Frame, Self::Color, Self::Depth];
+
+    /// Its name in manifests and options.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Frame => "frame",
+            Self::Color => "color",
+            Self::Depth => "depth",
+        }
+    }
+
+    /// What comes behind the view's name in the file's.
+    #[must_use]
+    pub const fn ending(self) -> &'static str {
+        match self {
+            Self::Frame => "frame.png",
+            Self::Color => "color.png",
+            Self::Depth => "depth.exr",
+        }
+    }
+}
+
+impl FromStr for Product {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let names = Self::ALL.map(Self::name).join(", ");
+        Self::ALL
+            .into_iter()
+            .find(|known| known.name() == name)
+            .ok_or_else(|| format!("products are {names}"))
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match parsed {
+            Some((index, count)) if index < count && count <= 100_000 => Ok(Self { index, count }),
+            _ => Err("a share is I/N with I from 0 to N-1, such as 0/4".to_owned()),
+        }
+    }
+}
+
+impl Shard {
+    /// Whether a job is in this share. All views of a series are in the same one, so that it is loaded once.
+    #[must_use]
+    pub fn has(self, job: &Job) -> bool {
+        let digits = job.series.sha256.get(..8).unwrap_or_default();
+        // Jobs that were read have 64 digits.
+        u32::from_str_radix(digits, 16).unwrap_or(0) % self.count == self.index
+    }
+}
+
+impl Job {
+    /// A job with the key of its content.
+    #[must_use]
+    pub fn new(
+        series: SeriesSource,
+        (view, group): (String, String),
+        (scene, orbit): (Value, Orbit),
+        products: Vec<Product>,
+    ) -> Self {
+        let job = key_of(&series.sha256, &scene, orbit, &products);
+        Self { job, series, view, group, scene, orbit, products }
+    }
+
+    /// Series and view: the path of its files without their endings, below the folder of outputs.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!("{}/{}", self.series.name, self.view)
+    }
+
+    fn check(&self, line: usize) -> Result<(), ManifestError> {
+        let wrong = |reason: String| Err(ManifestError::Line { line, reason });
+        let is_name = |name: &str| {
+            let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
+            (1..=100).contains(&name.len()) && name.chars().all(is_good) && !name.starts_with('.')
+        };
+        for (what, name) in [("series.name", &self.series.name), ("view", &self.view)] {
+            if !is_name(name) {
+                return wrong(format!("{what} is {name:?}, allowed: 1 to 100 letters, digits, - _ and ."));
+            }
+        }
+        let hex = &self.series.sha256;
+        if hex.len() != 64 || !hex.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+            return wrong("series.sha256 is no SHA-256 in 64 hexadecimal digits".to_owned());
+        }
+        if self.products.is_empty() {
+            return wrong("products is empty, allowed: frame, color, depth".to_owned());
+        }
+        let expected = key_of(&self.series.sha256, &self.scene, self.orbit, &self.products);
+        if self.job != expected {
+            return Err(ManifestError::Key { line, found: self.job.0.clone(), expected: expected.0 });
+        }
+        Ok(())
+    }
+}
+
+/// The key of what outputs depend on. JSON objects are written with their keys sorted.
+fn key_of(series_sha256: &str, scene: &Value, orbit: Orbit, products: &[Product]) -> JobKey {
+    let mut products: Vec<&str> = products.iter().map(|product| product.name()).collect();
+    products.sort_unstable();
+    let content = json!({
+        "relief": env!("CARGO_PKG_VERSION"),
+        "series": series_sha256,
+        "scene": scene,
+        "orbit": orbit,
+        "products": products,
+    });
+    JobKey(hex(&Sha256::digest(content.to_string()).into()))
+}
+
+pub(super) fn hex(bytes: &[u8; 32]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Longest line of a manifest, bytes: a scene with many overlays.
+const LONGEST_LINE: u64 = 16 << 20;
+
+/// Reads a manifest: a job a line; empty lines are passed over.
+///
+/// # Errors
+/// The first line that is no job, was altered after planning, or would write what another one writes.
+pub fn read_manifest(mut manifest: impl BufRead) -> Result<Vec<Job>, ManifestError> {
+    let (mut jobs, mut lines, mut text) = (Vec::new(), HashMap::new(), Vec::new());
+    for line in 1.. {
+        text.clear();
+        let wrong = |reason: String| ManifestError::Line { line, reason };
+        let read = std::io::Read::take(&mut manifest, LONGEST_LINE).read_until(b'\n', &mut text);
+        let read = read.map_err(|error| wrong(error.to_string()))?;
+        if read as u64 == LONGEST_LINE {
+            return Err(wrong(format!("longer than {LONGEST_LINE} bytes")));
+        }
+        if read == 0 {
+            break;
+        }
+        if text.iter().all(u8::is_ascii_whitespace) {
+            continue;
+        }
+        let mut reader = serde_json::Deserializer::from_slice(&text);
+        let job: Job = serde_path_to_error::deserialize(&mut reader)
+            .map_err(|error| wrong(format!("{}: {}", error.path(), error.inner())))?;
+        job.check(line)?;
+        if let Some(first) = lines.insert(job.name(), line) {
+            return Err(ManifestError::Twice { first, second: line, name: job.name() });
+        }
+        jobs.push(job);
+    }
+    Ok(jobs)
+}

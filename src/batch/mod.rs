@@ -1,0 +1,30 @@
+//! Batches: many views of many series, as jobs in a manifest, rendered by as many workers as there are.
+//!
+//! What it is: [`plan`] finds series and writes one [`Job`] for each view of each; [`run`] renders those that are not done. A
+//! job's key is a hash of what its outputs depend on (the series' bytes, the scene, the products, this version), so that work
+//! done stays done wherever the files lie, and a changed series or scene is another job. What it is not: no queue and no
+//! cluster; workers share nothing but the folder of outputs.
+//!
+//! Outputs appear whole, by renaming; a record beside them, written last, has their hashes. A job whose record and outputs are
+//! there is skipped. Names of files say nothing about patients: a series is called by its hash unless a table names it.
+
+mod error;
+mod files;
+mod gate;
+mod manifest;
+mod plan;
+mod record;
+mod report;
+mod run;
+mod source;
+mod views;
+
+pub use error::{Failure, Lasting, ManifestError, PlanError};
+pub use files::{shared_temporary, write_whole};
+pub use manifest::{Job, JobKey, Product, Shard, read_manifest};
+pub use plan::{Planned, Request, Root, plan};
+pub use record::Record;
+pub use report::write_report;
+pub use run::{Options, Step, Summary, run};
+pub use source::SeriesSource;
+pub use views::{View, ViewSet};

@@ -1,0 +1,205 @@
+//! Planning: which series there are, and one job for each view of each.
+
+use std::collections::{BTreeMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value};
+
+use super::error::PlanError;
+use super::manifest::{Job, Product, hex};
+use super::source::{SeriesSource, file_sha256};
+use super::views::ViewSet;
+use crate::camera::Orbit;
+use crate::dicom::{self, Strictness};
+use crate::formats;
+
+/// Where to look for series.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Root {
+    /// A folder: every folder, zip and volume file in it.
+    Folder(PathBuf),
+    /// A table with a header line and columns `path` and, if wanted, `series_uid` and `name`. Paths are told from the table.
+    Table(PathBuf),
+}
+
+/// What to plan.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Where the series are.
+    pub root: Root,
+    /// The views of each.
+    pub views: ViewSet,
+    /// Keys of the scene that all views share.
+    pub scene: Map<String, Value>,
+    /// Angles of views that have none of their own, and zoom and field of view of all.
+    pub orbit: Orbit,
+    /// What is written of each view.
+    pub products: Vec<Product>,
+}
+
+/// Jobs, and what gave none.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    /// All views of a series side by side; series in the order of their paths.
+    pub jobs: Vec<Job>,
+    /// How many series.
+    pub series: usize,
+    /// What was looked at and cannot be used: where, and why.
+    pub skipped: Vec<(PathBuf, String)>,
+}
+
+/// One place to look at.
+struct Place {
+    path: PathBuf,
+    uid: Option<String>,
+    name: Option<String>,
+}
+
+/// Finds the series and makes the jobs. Reads every byte of every series, for its hash. `report` is given how many places were
+/// looked at, and how many there are.
+///
+/// # Errors
+/// When the root cannot be read or has no series at all; a place without a usable series is among those skipped.
+pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<Planned, PlanError> {
+    let (places, root) = match &request.root {
+        Root::Folder(folder) => (places_in(folder)?, folder),
+        Root::Table(table) => (read_table(table)?, table),
+    };
+    let (mut series, mut skipped, mut known) = (Vec::new(), Vec::new(), HashSet::new());
+    for (done, place) in places.iter().enumerate() {
+        report(done, places.len());
+        match find(place) {
+            Ok(found) => {
+                for source in found {
+                    if known.insert(source.sha256.clone()) {
+                        series.push(source);
+                    } else {
+                        skipped.push((source.path, "the same files were planned already".to_owned()));
+                    }
+                }
+            }
+            Err(reason) => skipped.push((place.path.clone(), reason)),
+        }
+    }
+    report(places.len(), places.len());
+    if series.is_empty() {
+        return Err(PlanError::NoSeries(root.clone()));
+    }
+    let jobs = series.iter().flat_map(|source| jobs_of(source, request)).collect();
+    Ok(Planned { jobs, series: series.len(), skipped })
+}
+
+fn jobs_of<'a>(source: &'a SeriesSource, request: &'a Request) -> impl Iterator<Item = Job> + 'a {
+    request.views.0.iter().map(move |view| {
+        let mut scene = request.scene.clone();
+        scene.extend(view.scene.clone());
+        let mut orbit = request.orbit;
+        if let Some([azimuth_deg, elevation_deg]) = view.orbit {
+            orbit = Orbit { azimuth_deg, elevation_deg, ..orbit };
+        }
+        let names = (view.name.clone(), view.group.clone());
+        Job::new(source.clone(), names, (Value::Object(scene), orbit), request.products.clone())
+    })
+}
+
+/// What lies directly in a folder, one place each; the folder itself where files of series lie in it.
+fn places_in(root: &Path) -> Result<Vec<Place>, PlanError> {
+    let unreadable = |source| PlanError::Unreadable { path: root.to_owned(), source };
+    let place = |path: PathBuf| Place { path, uid: None, name: None };
+    let (mut places, mut has_loose) = (Vec::new(), false);
+    for entry in std::fs::read_dir(root).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let is_zip = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
+        if path.is_dir() || is_zip || formats::is_known(&path) {
+            places.push(place(path));
+        } else {
+            has_loose |= path.is_file() && is_dicom(&path);
+        }
+    }
+    if has_loose {
+        return Ok(vec![place(root.to_owned())]);
+    }
+    places.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(places)
+}
+
+/// Whether a file has the mark of DICOM files behind its preamble.
+fn is_dicom(path: &Path) -> bool {
+    let mut head = [0; 132];
+    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut head));
+    read.is_ok() && &head[128..] == b"DICM"
+}
+
+fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
+    let wrong = |line: u64, reason: String| PlanError::Table { path: table.to_owned(), line, reason };
+    let of_csv = |error: csv::Error| {
+        let line = error.position().map_or(1, csv::Position::line);
+        wrong(line, error.to_string())
+    };
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(table).map_err(of_csv)?;
+    let columns = reader.headers().map_err(of_csv)?.clone();
+    if let Some(column) = columns.iter().find(|column| !["path", "series_uid", "name"].contains(column)) {
+        return Err(wrong(1, format!("unknown column {column:?}, allowed: path, series_uid, name")));
+    }
+    if !columns.iter().any(|column| column == "path") {
+        return Err(wrong(1, "there is no column path".to_owned()));
+    }
+    let folder = table.parent().unwrap_or(Path::new("."));
+    let (mut places, mut names) = (Vec::new(), BTreeMap::new());
+    for (row, line) in reader.records().zip(2..) {
+        let row = row.map_err(of_csv)?;
+        let cell = |name: &str| {
+            let at = columns.iter().position(|column| column == name)?;
+            row.get(at).filter(|text| !text.is_empty()).map(str::to_owned)
+        };
+        let path = cell("path").ok_or_else(|| wrong(line, "path is empty".to_owned()))?;
+        let name = cell("name");
+        if let Some(name) = &name {
+            if let Some(first) = names.insert(name.clone(), line) {
+                return Err(wrong(line, format!("name {name:?} is that of line {first}, too")));
+            }
+            let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
+            if name.len() > 100 || name.starts_with('.') || !name.chars().all(is_good) {
+                return Err(wrong(
+                    line,
+                    format!("name is {name:?}, allowed: up to 100 letters, digits, - _ and ."),
+                ));
+            }
+        }
+        places.push(Place { path: folder.join(path), uid: cell("series_uid"), name });
+    }
+    Ok(places)
+}
+
+/// The series of a place.
+fn find(place: &Place) -> Result<Vec<SeriesSource>, String> {
+    let source = |uid: Option<String>, sha256: String| {
+        let name = place.name.clone().unwrap_or_else(|| format!("series-{}", &sha256[..12]));
+        SeriesSource { path: place.path.clone(), uid, name, sha256 }
+    };
+    if formats::is_known(&place.path) {
+        let sha256 = file_sha256(&place.path).map_err(|error| error.to_string())?;
+        return Ok(vec![source(None, sha256)]);
+    }
+    let found =
+        dicom::discover(&place.path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+    let wanted: Vec<_> = found
+        .series
+        .iter()
+        .filter(|entry| place.uid.as_deref().is_none_or(|uid| entry.uid() == uid))
+        .collect();
+    if wanted.is_empty() {
+        return Err("no CT series".to_owned());
+    }
+    let several = found.series.len() > 1;
+    if wanted.len() > 1 && place.name.is_some() {
+        return Err(format!("{} series are there; name one with series_uid", wanted.len()));
+    }
+    wanted
+        .into_iter()
+        .map(|entry| {
+            let sha256 = hex(&entry.content_sha256().map_err(|error| error.to_string())?);
+            Ok(source(several.then(|| entry.uid().to_owned()), sha256))
+        })
+        .collect()
+}

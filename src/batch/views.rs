@@ -1,0 +1,151 @@
+//! Sets of views: what is rendered of every series.
+
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::error::PlanError;
+use crate::render::SceneFile;
+
+/// A view by its name, and what it adds to the scene that all views share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Part of the names of files.
+    pub name: String,
+    /// The views that it belongs together with; empty where it stands alone.
+    pub group: String,
+    /// Keys of the scene, which go before those that all views share.
+    pub scene: Map<String, Value>,
+    /// Angles around the volume; where the scene has a camera or a slice there are none.
+    pub orbit: Option<[f64; 2]>,
+}
+
+/// Views to be rendered of every series.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewSet(pub Vec<View>);
+
+/// Most views of a turntable: one for each half degree.
+const MOST_TURNS: u32 = 720;
+
+impl ViewSet {
+    /// Reads sets with commas between them: `turntable:N`, `sides`, `planes`, or a file: a JSON array of `{"name", "scene"}`.
+    ///
+    /// # Errors
+    /// When one is no such set, the file cannot be read or has no views, or two views have one name.
+    pub fn parse(text: &str) -> Result<Self, PlanError> {
+        let mut views = Vec::new();
+        for set in text.split(',').map(str::trim) {
+            match set.split_once(':') {
+                Some(("turntable", count)) => views.extend(turntable(count)?),
+                _ if set == "sides" => views.extend(sides()),
+                _ if set == "planes" => views.extend(planes()),
+                _ => views.extend(read(Path::new(set))?),
+            }
+        }
+        for (index, view) in views.iter().enumerate() {
+            if views[..index].iter().any(|other| other.name == view.name) {
+                return Err(PlanError::Views(format!("two views are called {:?}", view.name)));
+            }
+        }
+        Ok(Self(views))
+    }
+}
+
+/// Equal turns about the patient's long axis, from the front.
+fn turntable(count: &str) -> Result<Vec<View>, PlanError> {
+    let wrong =
+        || PlanError::Views(format!("turntable:{count}: allowed: turntable:1 to turntable:{MOST_TURNS}"));
+    let count: u32 = count.parse().map_err(|_| wrong())?;
+    if !(1..=MOST_TURNS).contains(&count) {
+        return Err(wrong());
+    }
+    let view = |turn: u32| {
+        let azimuth_deg = 360.0 * f64::from(turn) / f64::from(count);
+        let name = format!("turntable-{turn:03}");
+        View { name, group: "turntable".to_owned(), scene: Map::new(), orbit: Some([azimuth_deg, 0.0]) }
+    };
+    Ok((0..count).map(view).collect())
+}
+
+/// From the six sides of the patient.
+fn sides() -> Vec<View> {
+    let sides = [
+        ("anterior", [0.0, 0.0]),
+        ("left", [90.0, 0.0]),
+        ("posterior", [180.0, 0.0]),
+        ("right", [270.0, 0.0]),
+        ("superior", [0.0, 90.0]),
+        ("inferior", [0.0, -90.0]),
+    ];
+    let view = |(name, orbit): (&str, _)| View {
+        name: name.to_owned(),
+        group: "sides".to_owned(),
+        scene: Map::new(),
+        orbit: Some(orbit),
+    };
+    sides.map(view).to_vec()
+}
+
+/// The three named planes through the middle.
+fn planes() -> Vec<View> {
+    let view = |plane: &str| {
+        let scene = json!({ "mode": "slice", "slice": { "plane": plane } });
+        let scene = scene.as_object().cloned().unwrap_or_default();
+        View { name: plane.to_owned(), group: "planes".to_owned(), scene, orbit: None }
+    };
+    ["axial", "coronal", "sagittal"].map(view).to_vec()
+}
+
+/// Views of a file.
+fn read(path: &Path) -> Result<Vec<View>, PlanError> {
+    let wrong = |reason: String| PlanError::Views(format!("{}: {reason}", path.display()));
+    let known = "view sets are turntable:N, sides, planes, and files";
+    let bytes = std::fs::read(path).map_err(|error| wrong(format!("{error}; {known}")))?;
+    let file: Value = serde_json::from_slice(&bytes).map_err(|error| wrong(error.to_string()))?;
+    let views = file.as_array().filter(|views| !views.is_empty());
+    let views = views.ok_or_else(|| wrong("allowed: a JSON array of {\"name\", \"scene\"}".to_owned()))?;
+    views
+        .iter()
+        .enumerate()
+        .map(|(index, view)| read_view(view).map_err(|reason| wrong(format!("view {index}: {reason}"))))
+        .collect()
+}
+
+fn read_view(view: &Value) -> Result<View, String> {
+    let object = view.as_object().ok_or("allowed: an object")?;
+    if let Some(key) = object
+        .keys()
+        .find(|key| !["name", "group", "scene", "azimuth_deg", "elevation_deg"].contains(&key.as_str()))
+    {
+        return Err(format!("unknown key {key:?}, allowed: name, group, scene, azimuth_deg, elevation_deg"));
+    }
+    let text = |key: &str| match object.get(key) {
+        None => Ok(String::new()),
+        Some(Value::String(text)) => Ok(text.clone()),
+        Some(other) => Err(format!("{key} is {other}, allowed: a text")),
+    };
+    let angle = |key: &str| match object.get(key) {
+        None => Ok(None),
+        Some(number) => number.as_f64().map(Some).ok_or(format!("{key} is {number}, allowed: degrees")),
+    };
+    let name = text("name")?;
+    let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
+    if name.is_empty() || name.starts_with('.') || !name.chars().all(is_good) {
+        return Err(format!("name is {name:?}, allowed: letters, digits, - _ and ."));
+    }
+    let scene = match object.get("scene") {
+        None => Map::new(),
+        Some(Value::Object(scene)) => scene.clone(),
+        Some(_) => return Err("scene is no object".to_owned()),
+    };
+    // Wrong keys are told now, not thousands of times later.
+    let parsed = SceneFile::parse(Value::Object(scene.clone()).to_string().as_bytes())
+        .map_err(|error| error.to_string())?;
+    let angles = [angle("azimuth_deg")?, angle("elevation_deg")?];
+    let has_view = parsed.has_camera() || parsed.is_slice();
+    if has_view && angles.iter().any(Option::is_some) {
+        return Err("azimuth_deg and elevation_deg are for scenes without a camera or a slice".to_owned());
+    }
+    let orbit = (!has_view).then(|| angles.map(Option::unwrap_or_default));
+    Ok(View { name, group: text("group")?, scene, orbit })
+}

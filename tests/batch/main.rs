@@ -1,0 +1,169 @@
+//! `relief batch`, as researchers run it: many series, interrupted runs, bad series among good ones.
+//!
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the tests say that they skipped.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
+
+#[path = "../common/mod.rs"]
+mod common;
+mod interrupted;
+mod manifests;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use common::software_adapter;
+use serde_json::Value;
+
+/// A folder with series, a manifest and outputs.
+struct Archive {
+    folder: tempfile::TempDir,
+}
+
+impl Archive {
+    /// An archive of so many small phantoms, each another one.
+    fn of_phantoms(count: usize) -> Self {
+        let archive = Self { folder: tempfile::tempdir().unwrap() };
+        for n in 0..count {
+            let kind = ["sphere", "slab", "head"][n % 3];
+            let size = (24 + 2 * n).to_string();
+            let out = archive.path(&format!("series/DOE^JOHN {n}"));
+            ok(&relief(&["phantom", "--kind", kind, "--size", &size, "--out", out.to_str().unwrap()]));
+        }
+        archive
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn text(&self, name: &str) -> String {
+        self.path(name).to_str().unwrap().to_owned()
+    }
+
+    /// Plans with colour pictures of 64 x 48, unless told otherwise.
+    fn plan(&self, more: &[&str]) -> Output {
+        let (root, out) = (self.text("series"), self.text("jobs.jsonl"));
+        let fixed = ["batch", "plan", "--root", &root, "--out", &out, "--preset", "bone", "--size", "64x48"];
+        relief(&[&fixed[..], &["--products", "color", "--json"], more].concat())
+    }
+
+    fn run_into(&self, out: &str, more: &[&str]) -> Output {
+        let (manifest, out) = (self.text("jobs.jsonl"), self.text(out));
+        relief(&[&["batch", "run", "--manifest", &manifest, "--out", &out, "--json"], more].concat())
+    }
+
+    fn run(&self, more: &[&str]) -> Output {
+        self.run_into("out", more)
+    }
+
+    fn jobs(&self) -> Vec<Value> {
+        let manifest = std::fs::read_to_string(self.path("jobs.jsonl")).unwrap();
+        manifest.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+}
+
+fn relief(arguments: &[&str]) -> Output {
+    let program = env!("CARGO_BIN_EXE_relief");
+    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "software").output().unwrap()
+}
+
+fn ok(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap_or(Value::Null)
+}
+
+/// All files below a folder with their bytes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = walkdir::WalkDir::new(folder).into_iter().map(Result::unwrap);
+    let files = entries.filter(|entry| entry.file_type().is_file());
+    files
+        .map(|entry| {
+            let name = entry.path().strip_prefix(folder).unwrap().to_str().unwrap().to_owned();
+            (name, std::fs::read(entry.path()).unwrap())
+        })
+        .collect()
+}
+
+/// Pictures alone: records and reports have times in them.
+fn pictures(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = files(folder);
+    files.retain(|name, _| name.ends_with(".color.png"));
+    files
+}
+
+#[test]
+fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
+    if software_adapter("batches of views").is_none() {
+        return;
+    }
+    let archive = Archive::of_phantoms(3);
+    let planned = ok(&archive.plan(&["--views", "turntable:4,planes"]));
+    assert_eq!((&planned["series"], &planned["jobs"]), (&3.into(), &21.into()));
+    let ran = ok(&archive.run(&[]));
+    assert_eq!((&ran["done"], &ran["skipped"], &ran["series_loaded"]), (&21.into(), &0.into(), &3.into()));
+    let made = files(&archive.path("out"));
+    assert_eq!(pictures(&archive.path("out")).len(), 21);
+    assert!(made.keys().all(|name| !name.contains("DOE")), "a folder's name may be a patient's: {made:?}");
+
+    // The same picture as a single command writes.
+    let job = archive.jobs().into_iter().find(|job| job["view"] == "turntable-001").unwrap();
+    let single = archive.text("single.png");
+    let series = job["series"]["path"].as_str().unwrap();
+    let fixed = ["render", "--series", series, "--preset", "bone", "--size", "64x48", "--layout", "color"];
+    ok(&relief(&[&fixed[..], &["--azimuth-deg", "90", "--out", &single]].concat()));
+    let name = format!("{}/turntable-001.color.png", job["series"]["name"].as_str().unwrap());
+    assert!(made[&name] == std::fs::read(&single).unwrap(), "{name} is another picture than relief render's");
+
+    let again = ok(&archive.run(&[]));
+    assert_eq!((&again["done"], &again["skipped"], &again["series_loaded"]), (&0.into(), &21.into(), &0.into()));
+    assert!(files(&archive.path("out")) == made, "a second run altered something");
+}
+
+#[test]
+fn the_report_stands_alone_and_has_sheets_and_turntables() {
+    if software_adapter("reports of batches").is_none() {
+        return;
+    }
+    let archive = Archive::of_phantoms(1);
+    ok(&archive.plan(&["--views", "turntable:4"]));
+    ok(&archive.run(&[]));
+    let made = files(&archive.path("out"));
+    let page = String::from_utf8(made["report.html"].clone()).unwrap();
+    assert!(page.contains("4 of 4 views of 1 series") && !page.contains("DOE"), "{page}");
+    assert_eq!(page.matches("data:image/jpeg;base64,").count(), 4);
+    assert!(!page.contains("http://") && !page.contains("https://"), "a page that stands alone loads nothing");
+    let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
+    let sheet = image::open(folder.join("contact-sheet.png")).unwrap();
+    assert_eq!(sheet.width(), 4 * (240 + 8) + 8);
+    let mut turntable = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(folder.join("turntable.png")).unwrap()))
+        .read_info()
+        .unwrap();
+    assert_eq!(turntable.info().animation_control.unwrap().num_frames, 4);
+    for turn in 0..4 {
+        let mut samples = vec![0; 3 * 64 * 48];
+        turntable.next_frame(&mut samples).unwrap();
+        let single = image::open(folder.join(format!("turntable-{turn:03}.color.png"))).unwrap().into_rgb8();
+        assert!(samples == single.into_raw(), "picture {turn} of the turntable");
+    }
+}
+
+#[test]
+fn frames_and_depth_are_written_where_they_are_wanted() {
+    if software_adapter("products of batches").is_none() {
+        return;
+    }
+    let archive = Archive::of_phantoms(1);
+    let (root, out) = (archive.text("series"), archive.text("jobs.jsonl"));
+    let plan = ["batch", "plan", "--root", &root, "--out", &out, "--views", "sides", "--preset", "skin"];
+    ok(&relief(&[&plan[..], &["--products", "frame,depth"]].concat()));
+    ok(&archive.run(&[]));
+    let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
+    let frame = folder.join("anterior.frame.png");
+    let inspected = ok(&relief(&["inspect", frame.to_str().unwrap(), "--json"]));
+    assert_eq!((&inspected["layout"], &inspected["problems"]), (&"wowvx".into(), &serde_json::json!([])));
+    let depth = relief::display::decode_exr(&std::fs::read(folder.join("anterior.depth.exr")).unwrap()).unwrap();
+    assert_eq!(depth.size_px, [960, 540]);
+    assert!(depth.depth_mm.iter().any(|mm| mm.is_finite()), "something is seen");
+}
