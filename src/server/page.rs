@@ -20,7 +20,7 @@ const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, media type and content of every file.
-const FILES: [(&str, &str, &str); 25] = [
+const FILES: [(&str, &str, &str); 52] = [
     ("/", HTML, include_str!("page/index.html")),
     ("/style.css", STYLE, include_str!("page/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
@@ -46,6 +46,33 @@ const FILES: [(&str, &str, &str); 25] = [
     ("/wiimote.js", SCRIPT, include_str!("page/kiosk/wiimote.js")),
     ("/monitor", HTML, include_str!("page/kiosk/monitor.html")),
     ("/monitor.js", SCRIPT, include_str!("page/kiosk/monitor.js")),
+    ("/annotate", HTML, include_str!("page/annotate/annotate.html")),
+    ("/annotate/annotate.css", STYLE, include_str!("page/annotate/annotate.css")),
+    ("/annotate/api.js", SCRIPT, include_str!("page/annotate/api.js")),
+    ("/annotate/contents.js", SCRIPT, include_str!("page/annotate/contents.js")),
+    ("/annotate/dialogs.js", SCRIPT, include_str!("page/annotate/dialogs.js")),
+    ("/annotate/files.js", SCRIPT, include_str!("page/annotate/files.js")),
+    ("/annotate/geometry.js", SCRIPT, include_str!("page/annotate/geometry.js")),
+    ("/annotate/grab.js", SCRIPT, include_str!("page/annotate/grab.js")),
+    ("/annotate/guide.js", SCRIPT, include_str!("page/annotate/guide.js")),
+    ("/annotate/hand.js", SCRIPT, include_str!("page/annotate/hand.js")),
+    ("/annotate/keys.js", SCRIPT, include_str!("page/annotate/keys.js")),
+    ("/annotate/list.css", STYLE, include_str!("page/annotate/list.css")),
+    ("/annotate/list.js", SCRIPT, include_str!("page/annotate/list.js")),
+    ("/annotate/live.js", SCRIPT, include_str!("page/annotate/live.js")),
+    ("/annotate/log.js", SCRIPT, include_str!("page/annotate/log.js")),
+    ("/annotate/main.js", SCRIPT, include_str!("page/annotate/main.js")),
+    ("/annotate/model.js", SCRIPT, include_str!("page/annotate/model.js")),
+    ("/annotate/overlay.js", SCRIPT, include_str!("page/annotate/overlay.js")),
+    ("/annotate/pane.js", SCRIPT, include_str!("page/annotate/pane.js")),
+    ("/annotate/placing.js", SCRIPT, include_str!("page/annotate/placing.js")),
+    ("/annotate/settings.js", SCRIPT, include_str!("page/annotate/settings.js")),
+    ("/annotate/sight.js", SCRIPT, include_str!("page/annotate/sight.js")),
+    ("/annotate/slice-pane.js", SCRIPT, include_str!("page/annotate/slice-pane.js")),
+    ("/annotate/structures.js", SCRIPT, include_str!("page/annotate/structures.js")),
+    ("/annotate/surfaces.js", SCRIPT, include_str!("page/annotate/surfaces.js")),
+    ("/annotate/tools.js", SCRIPT, include_str!("page/annotate/tools.js")),
+    ("/annotate/volume-pane.js", SCRIPT, include_str!("page/annotate/volume-pane.js")),
 ];
 
 /// Routes of all files.

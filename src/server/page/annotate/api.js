@@ -1,0 +1,148 @@
+// The server's annotations over HTTP: one function for each thing that can be asked. It touches no element.
+
+import { Refusal } from "/view.js";
+
+/** Two editors changed the same item: what is there now, and what was sent. */
+export class Conflict extends Error {
+  constructor(problem) {
+    super(problem.detail ?? "somebody else changed this in the meantime");
+    Object.assign(this, { current: problem.current ?? null, yours: problem.yours ?? null });
+  }
+}
+
+/** A refusal with its kind: the last part of the problem's type, such as `annotations-off`. */
+export class Problem extends Refusal {
+  constructor(status, problem) {
+    super(problem.detail ?? `The server answered ${status}.`);
+    Object.assign(this, { status, problem, kind: String(problem.type ?? "").split(":").pop() });
+  }
+}
+
+/** A new id: a random UUID. `crypto.randomUUID` is for secure pages alone, and this one may come over plain HTTP. */
+export function newId() {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  bytes[6] = (bytes[6] & 0x0f) | 0x40;
+  bytes[8] = (bytes[8] & 0x3f) | 0x80;
+  const hex = [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+  return [hex.slice(0, 8), hex.slice(8, 12), hex.slice(12, 16), hex.slice(16, 20), hex.slice(20)].join("-");
+}
+
+async function ask(url, options = {}) {
+  let answer;
+  try {
+    answer = await fetch(url, options);
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refusal("The server does not answer. What was not confirmed is not saved; try again when it is back.", 2000);
+  }
+  if (answer.ok || answer.status === 304) return answer;
+  const problem = await answer.json().catch(() => ({}));
+  // By its body: there is nothing-to-undo with this status too.
+  if (answer.status === 409 && (problem.current !== undefined || String(problem.type).endsWith("conflict"))) throw new Conflict(problem);
+  throw new Problem(answer.status, problem);
+}
+
+/** Annotations of one volume, as one author. */
+export class Annotations {
+  constructor(volume, author) {
+    this.volume = volume;
+    this.author = author;
+    this.path = `/v1/volumes/${volume.id}/annotations`;
+  }
+
+  #headers(more = {}) {
+    return { ...(this.author ? { "Relief-Author": encodeURIComponent(this.author) } : {}), ...more };
+  }
+
+  async #send(method, part, body, type = "application/json") {
+    const headers = this.#headers(body === undefined ? {} : { "Content-Type": type });
+    const packed = type === "application/json" && body !== undefined ? JSON.stringify(body) : body;
+    const answer = await ask(`${this.path}${part}`, { method, headers, body: packed });
+    return answer.status === 204 ? null : answer.json();
+  }
+
+  /** What there is; null where nothing changed since the last time. */
+  async list() {
+    const known = this.tag ? { "If-None-Match": this.tag } : {};
+    const answer = await ask(this.path, { headers: this.#headers(known), cache: "no-store" });
+    if (answer.status === 304) return null;
+    const found = await answer.json();
+    this.tag = answer.headers.get("ETag");
+    return found;
+  }
+
+  /** All changes or none; gives the events. */
+  async apply(changes, reason = "") {
+    return (await this.#send("POST", "", { author: this.author, reason, changes })).events;
+  }
+
+  async undo() {
+    return (await this.#send("POST", "/undo", {})).events;
+  }
+
+  async redo() {
+    return (await this.#send("POST", "/redo", {})).events;
+  }
+
+  async log(limit = 200, after = 0) {
+    const answer = await ask(`${this.path}/log?after=${after}&limit=${limit}`, { headers: this.#headers() });
+    return (await answer.json()).events;
+  }
+
+  snap(body) {
+    return this.#send("POST", "/snap", body);
+  }
+
+  grow(body) {
+    return this.#send("POST", "/grow", body);
+  }
+
+  paint(body) {
+    return this.#send("POST", "/paint", body);
+  }
+
+  fill(body) {
+    return this.#send("POST", "/fill", body);
+  }
+
+  mesh(body) {
+    return this.#send("POST", "/mesh", body);
+  }
+
+  async content(id, signal) {
+    const answer = await ask(`${this.path}/contents/${id}`, { headers: this.#headers(), signal });
+    return new Uint8Array(await answer.arrayBuffer());
+  }
+
+  import(file, format, set) {
+    const query = new URLSearchParams({ set, ...(format ? { format } : { name: file.name }) });
+    return this.#send("POST", `/import?${query}`, file, "application/octet-stream");
+  }
+
+  /** The file as a blob, its name, and how many items it could not hold. */
+  async export(format, set) {
+    const query = new URLSearchParams({ format, ...(set ? { set } : {}) });
+    const answer = await ask(`${this.path}/export?${query}`, { headers: this.#headers() });
+    const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1];
+    const leftOut = Number(answer.headers.get("Relief-Left-Out") ?? 0);
+    return { blob: await answer.blob(), name: name ?? `annotations.${format}`, leftOut };
+  }
+
+  putSet(set) {
+    const { name, ...rest } = set;
+    return this.#send("PUT", `/sets/${encodeURIComponent(name)}`, rest);
+  }
+
+  async templates() {
+    const answer = await ask(`${this.path}/templates`, { headers: this.#headers() });
+    return (await answer.json()).templates;
+  }
+
+  putTemplate(name, template) {
+    return this.#send("PUT", `/templates/${encodeURIComponent(name)}`, template);
+  }
+
+  applyTemplate(name, set) {
+    return this.#send("POST", `/templates/${encodeURIComponent(name)}/apply?set=${encodeURIComponent(set)}`, {});
+  }
+}

@@ -1,0 +1,157 @@
+// Dialogs: who one is, a conflict with both versions, a new set, export, templates, help. One `<dialog>` for all.
+
+import { element } from "./pane.js";
+import { measureWords, measures, places, pointsOf } from "./geometry.js";
+import { colorOf } from "./model.js";
+
+const dialog = () => document.getElementById("dialog");
+
+/** Opens a dialog and gives the value of the button that closed it, with the form's fields; null after Escape. */
+export function ask(title, content, buttons) {
+  const box = dialog();
+  const row = buttons.map(([value, words, primary]) =>
+    element("button", { value, className: primary ? "primary" : "", type: "submit", formNoValidate: value === "" }, words));
+  const form = element("form", { method: "dialog" }, element("h2", { id: "dialog-title" }, title), ...content, element("p", { className: "dialog-buttons" }, ...row));
+  box.replaceChildren(form);
+  box.returnValue = "";
+  if (!box.open) box.showModal();
+  return new Promise((resolve) => {
+    box.addEventListener("close", () => {
+      const fields = Object.fromEntries(new FormData(form));
+      for (const check of form.querySelectorAll("input[type=checkbox]")) fields[check.name] = check.checked;
+      resolve(box.returnValue ? { button: box.returnValue, ...fields } : null);
+    }, { once: true });
+  });
+}
+
+const paragraph = (text, className = "hint") => element("p", { className }, text);
+
+function field(label, input) {
+  input.id = `dialog-${input.name}`;
+  return element("div", { className: "field" }, element("label", { htmlFor: input.id }, label), input);
+}
+
+const textField = (name, value, more = {}) => element("input", { name, value, type: "text", maxLength: 120, required: true, autocomplete: "off", ...more });
+
+/** The name of the one who sits here; null where none is given. */
+export async function askAuthor(now) {
+  const found = await ask("Who are you?", [
+    paragraph("Your name is kept with every change that you make, and in this browser."),
+    field("Name", textField("name", now)),
+  ], [["", "Cancel"], ["ok", "Keep", true]]);
+  return found?.name.trim() || null;
+}
+
+export async function askSet(author) {
+  const found = await ask("A new set", [
+    paragraph("A set has the items of one reader, or of one purpose."),
+    field("Name: letters, digits, - _ and .", textField("name", "", { pattern: "[A-Za-z0-9._\\-]+", maxLength: 64 })),
+    field("Reader (nobody: anybody's)", textField("reader", author, { required: false })),
+    element("label", { className: "check" }, element("input", { type: "checkbox", name: "blinded" }), "Blinded: only its reader sees it, and its reader sees no other set"),
+  ], [["", "Cancel"], ["ok", "Make", true]]);
+  if (!found?.name) return null;
+  return { name: found.name, ...(found.reader.trim() ? { reader: found.reader.trim() } : {}), blinded: found.blinded };
+}
+
+/** Formats that can be written: name, what it is for. */
+export const FORMATS = [
+  ["mrk.json", "3D Slicer markups"], ["fcsv", "3D Slicer fiducials"], ["csv", "table"], ["mps", "MITK points"],
+  ["cornerstone", "Cornerstone JSON"], ["sr", "DICOM structured report"], ["seg", "DICOM segmentation"],
+  ["seg.nrrd", "3D Slicer segmentation"], ["nii.gz", "NIfTI labels"], ["stl", "mesh"], ["ply", "mesh"], ["obj", "mesh"], ["glb", "mesh, glTF"],
+];
+
+/** What to export: `{ format, set }`; the set is empty for all. */
+export async function askExport(sets, now) {
+  const formats = FORMATS.map(([value, words], i) => element(
+    "label", { className: "choice" },
+    element("input", { type: "radio", name: "format", value, checked: i === 0 }), element("b", {}, value), element("span", {}, words),
+  ));
+  const select = element("select", { name: "set" }, new Option("all sets", ""), ...sets.map((name) => new Option(name, name, false, name === now)));
+  const found = await ask("Export", [
+    field("Items of", select),
+    element("fieldset", { className: "choices" }, element("legend", {}, "Format"), ...formats),
+    paragraph("What a format cannot hold is left out, and told."),
+  ], [["", "Cancel"], ["ok", "Export", true]]);
+  return found && { format: found.format, set: found.set };
+}
+
+/** What differs between two versions of an item: rows of [what, theirs, mine]. */
+export function differences(theirs, mine) {
+  const words = (item) => ({
+    name: item.name, description: item.description ?? "", set: item.set, list: item.list ?? "", state: item.state,
+    locked: item.locked ? "yes" : "no", shown: item.visible ? "yes" : "no", colour: colorOf(item),
+    place: pointsOf(item.geometry).map(places).join("; "),
+    measure: measures(item.geometry).map(measureWords).join(", "),
+  });
+  const [left, right] = [words(theirs), words(mine)];
+  return Object.keys(left).filter((key) => left[key] !== right[key]).map((key) => [key, left[key], right[key]]);
+}
+
+/**
+ * Shows both versions of an item that two people changed. Gives `mine`, `theirs`, `both`; null for deciding later, which
+ * leaves theirs.
+ */
+export async function askConflict(current, mine) {
+  if (!current) {
+    const found = await ask("It was deleted meanwhile", [
+      paragraph(`Somebody else deleted “${mine.name}” while you changed it.`, ""),
+    ], [["theirs", "Leave it deleted"], ["both", "Make it again", true]]);
+    return found?.button ?? null;
+  }
+  const rows = differences(current.item, mine).map(([what, theirs, own]) =>
+    element("tr", {}, element("th", { scope: "row" }, what), element("td", {}, theirs || "–"), element("td", {}, own || "–")));
+  const head = element("tr", {}, element("th"), element("th", { scope: "col" }, "There now"), element("th", { scope: "col" }, "Yours"));
+  const found = await ask("Two people changed this", [
+    paragraph(`“${current.item.name}” was changed by somebody else (version ${current.version}) while you changed it. Nothing is overwritten until you say so.`, ""),
+    element("table", { className: "versions" }, element("thead", {}, head), element("tbody", {}, ...rows)),
+  ], [["theirs", "Keep theirs"], ["both", "Keep both"], ["mine", "Use mine", true]]);
+  return found?.button ?? null;
+}
+
+/** Which template to go through: `{ name }` of a known one, or `{ list: "set\nlist" }` that is under way; `{ file }` to bring one. */
+export async function askTemplate(names, running) {
+  const choices = [
+    ...running.map(({ set, list, done, total }) => [`list:${set}\n${list}`, list || set, `${done} of ${total} in ${set}: go on`]),
+    ...names.map((name) => [`name:${name}`, name, "begin in the chosen set"]),
+  ];
+  const radios = choices.map(([value, words, about], i) => element(
+    "label", { className: "choice" },
+    element("input", { type: "radio", name: "which", value, checked: i === 0 }), element("b", {}, words), element("span", {}, about),
+  ));
+  const none = paragraph("There is no template yet. Bring one as JSON: a name, and its landmarks in order.");
+  const found = await ask("Templates", [
+    radios.length ? element("fieldset", { className: "choices" }, element("legend", {}, "Landmarks in order"), ...radios) : none,
+  ], [["", "Cancel"], ["file", "Bring a file"], ...(radios.length ? [["ok", "Begin", true]] : [])]);
+  if (!found) return null;
+  if (found.button === "file") return { file: true };
+  const [kind, rest] = [found.which.slice(0, 4), found.which.slice(5)];
+  return { [kind]: rest };
+}
+
+const KEYS = [
+  ["Drag, wheel in 3D", "turn, zoom; Alt or another button while a tool is chosen"],
+  ["Click, drag in a slice", "the cursor goes there, in all views"],
+  ["Wheel in a slice", "next slice, with Shift by five; with Ctrl zoom"],
+  ["Right drag; Shift drag", "move the slice's picture; change its window"],
+  ["Press, release", "a tool previews a point, and sets it; with Ctrl without snapping"],
+  ["V E", "look; edit by grabbing"],
+  ["P L A C O N", "point, line, angle, curve, closed contour, plane"],
+  ["R B", "grow a region; paint with a sphere"],
+  ["Arrows, Page keys", "move the cursor in the view that has the focus; Shift: by five"],
+  ["Enter", "set a point at the cursor, or the chosen one there; end a curve"],
+  ["Escape, Backspace", "break off; take the last point back"],
+  ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo: your own changes"],
+  ["F2 Delete H K", "rename, delete, hide, lock the chosen item"],
+  ["[ ]", "item before, after; its points with , and ."],
+  ["S", "skip the expected landmark"],
+  ["Z; 1 … 5; Home", "enlarge a view; go to it; show it whole"],
+  ["G I X ?", "log, import, export, this"],
+];
+
+export function showHelp() {
+  const rows = KEYS.map(([keys, words]) => element("div", {}, element("dt", {}, keys), element("dd", {}, words)));
+  return ask("Keys and mouse", [
+    element("dl", {}, ...rows),
+    paragraph("Places are DICOM LPS in mm; letters name the patient's sides. This is no medical device."),
+  ], [["ok", "Close", true]]);
+}

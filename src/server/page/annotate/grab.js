@@ -1,0 +1,128 @@
+// Editing by grabbing: a point of an item follows the pointer, and the change is made when it is let go.
+
+import { add, distance, dot, measures, pointsOf, scale, sub, withPoint } from "./geometry.js";
+import { SliceSight } from "./sight.js";
+
+/** How near a pointer has to be, CSS pixels. */
+const REACH = { mouse: 12, pen: 14, touch: 24 };
+/** A point of a slice's picture can be grabbed up to this far from its plane, mm. */
+const OFF_MM = 6;
+/** A point this near to what is seen lies on it, and stays on it. */
+const ON_SURFACE_MM = 5;
+
+export class Grab {
+  #held = null;
+  #busy = false;
+  #wish = null;
+
+  constructor(model, { spot, snapped, commit, say }) {
+    Object.assign(this, { model, spot, snapped, commit, say });
+  }
+
+  /** The item as it is being moved. */
+  get moved() {
+    return this.#held?.moved ?? null;
+  }
+
+  get isHolding() {
+    return this.#held !== null;
+  }
+
+  /** The handle under a place of a pane's picture: `{ entry, index, point }`. */
+  find(pane, at, pointer) {
+    if (!pane.sight) return null;
+    let best = null;
+    for (const entry of this.model.shown()) {
+      pointsOf(entry.item.geometry).forEach((point, index) => {
+        const seen = pane.sight.project(point);
+        if (!seen || Math.abs(seen.off ?? 0) > OFF_MM) return;
+        const pixels = Math.hypot(...pane.size.map((side, i) => side * (seen.at[i] - at[i])));
+        // Of those that lie over each other the chosen one, else the nearer one.
+        const rank = pixels + (entry.item.id === this.model.selected ? -4 : 0) + Math.abs(seen.off ?? 0);
+        if (pixels <= (REACH[pointer] ?? REACH.mouse) && (!best || rank < best.rank)) best = { entry, index, point, rank };
+      });
+    }
+    return best;
+  }
+
+  down(pane, at, event) {
+    const found = this.find(pane, at, event.pointerType);
+    if (!found) return false;
+    const { entry, index, point } = found;
+    this.model.select(entry.item.id, index);
+    if (entry.item.locked) {
+      this.say(`“${entry.item.name}” is locked. Unlock it in the list, or press K, to move it.`);
+      return true;
+    }
+    const seen = pane.sight.project(point);
+    // The finger takes the point where it touched it, not by its middle.
+    const slip = at.map((value, i) => value - seen.at[i]);
+    const onSurface = !(pane.sight instanceof SliceSight) && this.#liesOnSurface(pane.sight, seen);
+    this.#held = { entry, index, point, seen, slip, onSurface, moved: null, started: at };
+    return true;
+  }
+
+  #liesOnSurface(sight, { at, depth }) {
+    const surface = sight.depths?.at(at);
+    return surface !== undefined && Math.abs(surface - depth) < ON_SURFACE_MM + sight.depths.tolerance;
+  }
+
+  async move(pane, at, event) {
+    if (!this.#held) return;
+    this.#wish = { pane, at, event };
+    if (this.#busy) return;
+    this.#busy = true;
+    while (this.#wish && this.#held) {
+      const { pane: where, at: place, event: last } = this.#wish;
+      this.#wish = null;
+      const held = this.#held;
+      const spot = await this.#target(held, where, place, last).catch(() => null);
+      if (spot && held === this.#held) this.#show(held, spot);
+    }
+    this.#busy = false;
+  }
+
+  #show(held, spot) {
+    const item = { ...held.entry.item, geometry: withPoint(held.entry.item.geometry, held.index, spot.mm) };
+    held.moved = { id: item.id, item, measures: measures(item.geometry), spot };
+    this.model.changed("draft");
+  }
+
+  /** Where the point goes: along its slice, along the surface that it lies on, or across the line of sight. */
+  async #target({ point, seen, slip, onSurface }, pane, at, event) {
+    const aim = at.map((value, i) => value - slip[i]);
+    const { sight } = pane;
+    if (sight instanceof SliceSight) {
+      const flat = sight.unproject(aim);
+      const off = dot(sub(point, sight.center), sight.normal);
+      return this.snapped({ mm: add(flat, scale(sight.normal, off)), method: "slice", camera: sight.record() }, event);
+    }
+    if (onSurface && !event.shiftKey) {
+      const spot = await this.spot(pane, aim, event);
+      if (spot) return spot;
+    }
+    return this.snapped({ mm: sight.unproject(aim, seen.depth), method: "pick", camera: sight.record() }, event);
+  }
+
+  async up(pane, at, event) {
+    const held = this.#held;
+    if (!held) return;
+    this.#wish = null;
+    const still = Math.hypot(...pane.size.map((side, i) => side * (at[i] - held.started[i]))) < 3;
+    const spot = still ? null : await this.#target(held, pane, at, event).catch(() => null);
+    if (!spot || distance(spot.mm, held.point) < 1e-6) return this.cancel();
+    if (this.#held !== held) return;
+    this.#show(held, spot);
+    const item = { ...held.moved.item, placement: spot.placement };
+    await this.commit({ change: "update", item, version: held.entry.version }, spot);
+    this.cancel();
+  }
+
+  cancel() {
+    const held = this.#held !== null;
+    this.#held = null;
+    this.#wish = null;
+    if (held) this.model.changed("draft");
+    return held;
+  }
+}

@@ -1,0 +1,286 @@
+// The page for annotations: its parts put together, and what they ask of the server.
+
+import { Refusal, request } from "/view.js";
+import { Annotations, Conflict, newId } from "./api.js";
+import { askAuthor, askConflict, askExport, askSet, showHelp } from "./dialogs.js";
+import { Guide } from "./guide.js";
+import { Hand } from "./hand.js";
+import { onKeys } from "./keys.js";
+import { List } from "./list.js";
+import { Live } from "./live.js";
+import { Log } from "./log.js";
+import { Model } from "./model.js";
+import { Files } from "./files.js";
+import { onSettings, pageFacts } from "./settings.js";
+import { SlicePane } from "./slice-pane.js";
+import { Structures } from "./structures.js";
+import { Tools } from "./tools.js";
+import { VolumePane } from "./volume-pane.js";
+
+const $ = (id) => document.getElementById(id);
+const model = new Model();
+let annotations = null;
+let live = null;
+let isOn = false;
+
+// ---------------------------------------------------------------- telling
+
+let noticeTimer = 0;
+let briefTimer = 0;
+
+/** A sentence for people: above the panes, or, where it is brief, in the line at the bottom. */
+function say(text, { brief = false, error = false } = {}) {
+  if (brief) {
+    $("brief").textContent = text;
+    clearTimeout(briefTimer);
+    briefTimer = setTimeout(() => ($("brief").textContent = ""), 6000);
+    return;
+  }
+  $("notice").textContent = text;
+  $("notice").classList.toggle("error", error);
+  $("notice").hidden = false;
+  clearTimeout(noticeTimer);
+  noticeTimer = setTimeout(() => ($("notice").hidden = true), error ? 12_000 : 6000);
+}
+
+/** Tells an error; null tells that things work again. */
+function fail(error) {
+  if (!error) return;
+  if (error.kind === "nothing-to-undo") return say("There is nothing of yours to take back, or to make again.", { brief: true });
+  const known = error instanceof Refusal;
+  say(known ? error.message : `That did not work: ${error.message}`, { error: true });
+  if (!known) console.error(error);
+}
+
+// ---------------------------------------------------------------- changes
+
+/** Who changes things has a name; it is asked for once. */
+async function named() {
+  if (model.author) return true;
+  const name = await askAuthor("");
+  if (name) model.setAuthor(name);
+  else say("Nothing was changed: changes are kept with the name of who makes them.");
+  return Boolean(name);
+}
+
+/** All changes or none; the events, or null where nothing was changed. */
+async function commit(changes, reason = "") {
+  if (!isOn) {
+    say("Annotations are off on this server: nothing can be kept.");
+    return null;
+  }
+  if (!(await named())) return null;
+  try {
+    return await took(await annotations.apply(changes, reason));
+  } catch (error) {
+    if (!(error instanceof Conflict)) return fail(error), null;
+    return settle(error, changes, reason);
+  }
+}
+
+/** Both versions are shown, and the person decides. */
+async function settle({ current }, changes, reason) {
+  const change = changes.find(({ item, id }) => (item?.id ?? id) === current?.item.id) ?? changes[0];
+  await reload();
+  if (change.change === "delete") {
+    say(current ? `“${current.item.name}” was changed by somebody else meanwhile, and is still there. Look at it, and delete it again.` : "It was deleted already.");
+    return null;
+  }
+  const answer = await askConflict(current, change.item);
+  if (answer === "mine") return commit([{ ...change, version: current.version }], reason);
+  if (answer === "both") {
+    const name = current ? `${change.item.name} (${model.author})`.slice(0, 120) : change.item.name;
+    return commit([{ change: "create", item: { ...change.item, id: newId(), name } }], reason);
+  }
+  return null;
+}
+
+/** Events of one's own changes; the whole list where something came between. */
+async function took(events) {
+  if (!model.follow(events)) await reload(true);
+  return events;
+}
+
+function change({ item, version }, parts, reason = "") {
+  if (item.locked && !("locked" in parts)) {
+    say(`“${item.name}” is locked. Press K to unlock it.`);
+    return Promise.resolve(null);
+  }
+  return commit([{ change: "update", item: { ...item, ...parts }, version }], reason);
+}
+
+function remove({ item, version }) {
+  if (item.locked) return say(`“${item.name}” is locked. Press K to unlock it.`);
+  return commit([{ change: "delete", id: item.id, version }], "deleted").then((events) => {
+    if (events) say(`“${item.name}” is deleted. Ctrl+Z brings it back.`, { brief: true });
+  });
+}
+
+async function back(what) {
+  if (!isOn || !(await named())) return;
+  try {
+    const events = await took(await annotations[what]());
+    const names = [...new Set(events.map(({ item, id }) => item?.name ?? model.entry(id)?.item.name ?? "an item"))];
+    say(`${what === "undo" ? "Taken back" : "Made again"}: ${names.slice(0, 3).join(", ")}${names.length > 3 ? ` and ${names.length - 3} more` : ""}`, { brief: true });
+  } catch (error) {
+    if (!(error instanceof Conflict)) return fail(error);
+    await reload();
+    say("That cannot be taken back by itself: somebody else has changed the same item since.", { error: true });
+  }
+}
+
+/** What the server has now. False where it does not answer. */
+async function reload(whole = false) {
+  if (whole) annotations.tag = null;
+  try {
+    const found = await annotations.list();
+    if (found && (whole || found.seq !== model.seq || !isOn)) model.take(found);
+    setOn(true);
+    return true;
+  } catch (error) {
+    if (error.kind === "annotations-off" || error.status === 404) setOn(false);
+    else if (!(error instanceof Refusal) || error.status) fail(error);
+    return error.status !== undefined;
+  }
+}
+
+function setOn(on) {
+  isOn = on;
+  $("off").hidden = on;
+  document.body.dataset.annotations = on ? "on" : "off";
+  for (const id of ["undo", "redo", "log-button", "import-button", "export-button", "templates-button"]) $(id).disabled = !on;
+  if (!on) live?.end();
+}
+
+// ---------------------------------------------------------------- parts
+
+const parts = { annotations: () => annotations, commit, change, remove, took, say, fail };
+const hand = new Hand(model, parts);
+const panesHost = $("panes");
+const paneParts = { model, hand, fail };
+const panes = [
+  new VolumePane(panesHost, paneParts),
+  ...["axial", "sagittal", "coronal", "oblique"].map((name) => new SlicePane(panesHost, name, paneParts)),
+];
+const redraw = () => panes.forEach((pane) => pane.draw());
+hand.structures = new Structures(model, { ...parts, spot: (...where) => hand.spot(...where), redraw });
+new Tools(model, { finish: () => hand.placing.finish().catch(fail) });
+const guide = new Guide($("guide"), model, parts);
+const list = new List($("items"), model, {
+  ...parts, mesh: (entry) => hand.structures.mesh(entry), fill: (entries) => hand.structures.fill(entries),
+});
+const log = new Log($("log"), $("log-button"), model, parts);
+const files = new Files($("import"), model, { ...parts, named, isOn: () => isOn });
+
+const page = {
+  model, panes, hand, list, guide, log, change, remove, fail,
+  undo: () => back("undo"),
+  redo: () => back("redo"),
+  chooseFiles: () => files.choose(),
+  export: () => exportAs(),
+  help: showHelp,
+};
+onKeys(page);
+
+async function exportAs() {
+  const sets = [...new Set([...model.items.values()].map(({ item }) => item.set))].sort();
+  const choice = await askExport(sets, model.set);
+  if (choice) await files.save(choice);
+}
+
+// Placing goes on along a template by itself.
+const commitAlong = hand.placing.commit;
+hand.placing.commit = async (change, spot) => {
+  const along = model.guide !== null && change.change === "update";
+  await commitAlong(change, spot);
+  if (along && model.entry(change.item.id)?.item.state === "defined") guide.advance();
+};
+
+// ---------------------------------------------------------------- what follows from changes
+
+const isMoving = () => document.querySelector(".pane.turning") !== null;
+model.on("cursor window", () => panes.slice(1).forEach((pane) => pane.refresh(isMoving())));
+model.on("pose", () => {
+  panes[0].refresh(isMoving());
+  if (model.oblique.follows) {
+    const { azimuth, elevation } = model.pose;
+    const [a, e] = [azimuth, elevation].map((degrees) => (degrees * Math.PI) / 180);
+    // The direction from the volume to the eye of an orbit, and what is upwards there.
+    const normal = [Math.sin(a) * Math.cos(e), -Math.cos(a) * Math.cos(e), Math.sin(e)];
+    const up = [-Math.sin(a) * Math.sin(e), Math.cos(a) * Math.sin(e), Math.cos(e)];
+    Object.assign(model.oblique, { normal, up });
+    panes[4].refresh(isMoving());
+  }
+});
+model.on("cursor items selection draft sets pose tool", redraw);
+model.on("cursor", () => pageFacts.readout(model));
+model.on("author", () => {
+  pageFacts.author(model);
+  if (annotations) annotations.author = model.author;
+  if (annotations) reload(true);
+});
+model.on("sets items", () => pageFacts.sets(model));
+
+$("undo").addEventListener("click", page.undo);
+$("redo").addEventListener("click", page.redo);
+$("log-button").addEventListener("click", () => log.toggle());
+$("import-button").addEventListener("click", page.chooseFiles);
+$("export-button").addEventListener("click", page.export);
+$("help-button").addEventListener("click", page.help);
+$("templates-button").addEventListener("click", async () => (await named()) && guide.open());
+$("author").addEventListener("click", async () => {
+  const name = await askAuthor(model.author);
+  if (name) model.setAuthor(name);
+});
+$("set").addEventListener("change", async ({ target }) => {
+  if (target.value) return model.chooseSet(target.value);
+  const made = (await named()) ? await askSet(model.author) : null;
+  if (made) {
+    await annotations.putSet(made).then(() => reload(true), fail);
+    model.chooseSet(made.name);
+  }
+  pageFacts.sets(model);
+});
+
+// ---------------------------------------------------------------- start
+
+async function show(volume) {
+  live?.end();
+  model.volume = volume;
+  model.items = new Map();
+  model.seq = 0;
+  annotations = new Annotations(volume, model.author);
+  pageFacts.volume(volume);
+  model.moveCursor(volume.center_mm);
+  hand.look(volume.center_mm);
+  model.changed("items", "pose");
+  panes.forEach((pane) => pane.refresh());
+  await reload(true);
+  if (!isOn) return;
+  const words = { live: "live", asking: "up to date", away: "the server does not answer" };
+  live = new Live(volume, model.author, {
+    news: (seq) => (seq !== undefined && seq <= model.seq ? true : reload()),
+    changed: (state) => {
+      $("live").textContent = words[state];
+      $("live").dataset.state = state;
+    },
+  });
+}
+
+async function start() {
+  await onSettings(model, panes);
+  pageFacts.author(model);
+  for (;;) {
+    const { volumes, loading } = await (await request("/v1/volumes")).json();
+    const wanted = new URLSearchParams(location.hash.slice(1)).get("volume");
+    if (volumes.length) {
+      pageFacts.volumes(volumes, (volume) => show(volume).catch(fail));
+      return show(volumes.find(({ id }) => id === wanted) ?? volumes[0]);
+    }
+    if (!loading) return say("No volume is loaded. Start the server with --series, or add one on the page at /.", { error: true });
+    say("Loading the series …");
+    await new Promise((resolve) => setTimeout(resolve, 700));
+  }
+}
+
+start().catch(fail);

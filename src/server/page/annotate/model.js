@@ -1,0 +1,181 @@
+// What the page knows: items, sets, the cursor, what is chosen. Everything else listens to it. It touches no element.
+
+import { measures, middleOf } from "./geometry.js";
+
+/** The first view of the 3D pane, which is taller than wide: closer than all of the volume, whose corners are mostly air. */
+export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 2 });
+
+/** Colours of kinds that have none of their own, display-referred sRGB. */
+export const COLORS = {
+  point: "#ffb86b", line: "#6fd6dc", angle: "#f78fb3", curve: "#9be564", plane: "#b99cff", region: "#ff8a75", mesh: "#ead9b0",
+};
+
+const hex = (channel) => Math.round(255 * channel).toString(16).padStart(2, "0");
+
+/** An item's colour for the page: its own, or its kind's. */
+export const colorOf = (item) =>
+  item.rgb ? `#${item.rgb.map(hex).join("")}` : COLORS[item.geometry?.kind ?? "point"];
+
+export const rgbOf = (color) => [1, 3, 5].map((at) => Number((parseInt(color.slice(at, at + 2), 16) / 255).toFixed(4)));
+
+const AUTHOR = "relief-author";
+const SET = "relief-set";
+
+/** Storage may be forbidden; the page works without. */
+function kept(key, value) {
+  try {
+    if (value === undefined) return localStorage.getItem(key) ?? "";
+    localStorage.setItem(key, value);
+  } catch {
+    // Nothing is kept then.
+  }
+  return value ?? "";
+}
+
+/**
+ * Tells listeners once per turn what changed: `items`, `sets`, `cursor`, `selection`, `tool`, `draft`, `author`, `look`,
+ * `window`, `pose`, `guide`.
+ */
+export class Model {
+  #listeners = [];
+  #changed = new Set();
+
+  items = new Map();
+  sets = [];
+  templates = [];
+  seq = 0;
+  volume = null;
+  /** Where all slices meet, and what is there. */
+  cursor = { mm: [0, 0, 0], hu: null };
+  selected = null;
+  /** Which point of the selected item is in the hand. */
+  handle = 0;
+  hovered = null;
+  tool = "navigate";
+  snap = { to: "off", radius_mm: 5, hu: 300 };
+  window = { center: 300, width: 1800 };
+  preset = "bone";
+  /** The 3D view, angles in degrees. */
+  pose = { ...HOME };
+  /** The oblique slice is turned as the 3D view is, while it follows. */
+  oblique = { follows: true, normal: [0.34, -0.92, 0.17], up: [0, 0, 1] };
+  author = kept(AUTHOR);
+  set = kept(SET) || "default";
+  /** Sets that are not drawn. */
+  dark = new Set();
+  /** The list that a template is being gone through in, as [set, list]. */
+  guide = null;
+
+  on(names, listener) {
+    this.#listeners.push([names.split(" "), listener]);
+  }
+
+  changed(...names) {
+    if (!this.#changed.size) queueMicrotask(() => this.#tell());
+    for (const name of names) this.#changed.add(name);
+  }
+
+  #tell() {
+    const changed = this.#changed;
+    this.#changed = new Set();
+    for (const [names, listener] of this.#listeners) if (names.some((name) => changed.has(name))) listener(changed);
+  }
+
+  setAuthor(name) {
+    this.author = kept(AUTHOR, name.trim());
+    this.changed("author");
+  }
+
+  chooseSet(name) {
+    this.set = kept(SET, name);
+    this.changed("sets");
+  }
+
+  moveCursor(mm, hu = null) {
+    const [low, high] = this.volume.bounds_mm;
+    this.cursor = { mm: mm.map((value, i) => Math.min(high[i], Math.max(low[i], value))), hu };
+    this.changed("cursor");
+  }
+
+  select(id, handle = 0) {
+    if (this.selected === id && this.handle === handle) return;
+    this.selected = id;
+    this.handle = handle;
+    this.changed("selection");
+  }
+
+  chooseTool(tool) {
+    if (this.tool === tool) return;
+    this.tool = tool;
+    this.changed("tool");
+  }
+
+  /** All that the server has. */
+  take({ seq, items, sets = [], templates = null }) {
+    this.seq = seq;
+    this.items = new Map(items.map((entry) => [entry.item.id, entry]));
+    this.sets = sets;
+    if (templates) this.templates = templates;
+    if (!this.items.has(this.selected)) this.selected = null;
+    this.changed("items", "sets");
+  }
+
+  /** What an own change did, as the server tells it. False where something is missing between. */
+  follow(events) {
+    let whole = true;
+    for (const { seq, id, version, item } of events) {
+      if (seq <= this.seq) continue;
+      whole &&= seq === this.seq + 1;
+      this.seq = seq;
+      if (item) this.items.set(id, { version, item, measures: measures(item.geometry) });
+      else this.items.delete(id);
+    }
+    if (!this.items.has(this.selected)) this.selected = null;
+    this.changed("items");
+    return whole;
+  }
+
+  entry(id) {
+    return this.items.get(id) ?? null;
+  }
+
+  /** Items that are drawn: visible, of sets that are not dark. */
+  shown() {
+    return [...this.items.values()].filter(({ item }) => item.visible && item.geometry && !this.dark.has(item.set));
+  }
+
+  /** Items by set and list, both in the order of their names, items in theirs. */
+  groups() {
+    const groups = new Map();
+    for (const entry of this.items.values()) {
+      const { set, list = "" } = entry.item;
+      const key = `${set}\n${list}`;
+      if (!groups.has(key)) groups.set(key, { set, list, entries: [] });
+      groups.get(key).entries.push(entry);
+    }
+    const order = (a, b) => a.item.order - b.item.order || a.item.created.localeCompare(b.item.created);
+    for (const group of groups.values()) group.entries.sort(order);
+    return [...groups.values()].sort((a, b) => a.set.localeCompare(b.set) || a.list.localeCompare(b.list));
+  }
+
+  /** Items of the list that is gone through, in their order; nothing where there is no guide. */
+  guided() {
+    if (!this.guide) return [];
+    const [set, list] = this.guide;
+    return this.groups().find((group) => group.set === set && group.list === list)?.entries ?? [];
+  }
+
+  /** A name that the set does not have: Point 1, Point 2, ... */
+  freeName(kind) {
+    const taken = new Set([...this.items.values()].filter(({ item }) => item.set === this.set).map(({ item }) => item.name));
+    for (let number = 1; ; number += 1) if (!taken.has(`${kind} ${number}`)) return `${kind} ${number}`;
+  }
+
+  jumpTo(id) {
+    const entry = this.entry(id);
+    const middle = entry && middleOf(entry.item.geometry);
+    if (middle) this.moveCursor(middle);
+    this.select(id);
+    return Boolean(middle);
+  }
+}

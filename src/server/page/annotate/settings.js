@@ -1,0 +1,68 @@
+// What is said about volume, author, sets and cursor, and the settings of the views.
+
+import { request } from "/view.js";
+import { places } from "./geometry.js";
+
+const $ = (id) => document.getElementById(id);
+const DOT = " · ";
+
+const initials = (name) => name.split(/\s+/).map((word) => word[0]).slice(0, 2).join("").toUpperCase();
+
+export const pageFacts = {
+  volume({ id, dims, spacing_mm: spacing, hu_range: [low, high] }) {
+    const size = `${dims.join(" × ")} voxels`;
+    const step = `${spacing.map((value) => Number(value.toFixed(3))).join(" × ")} mm`;
+    $("volume-facts").textContent = [size, step, `${low} to ${high} HU`].join(DOT);
+    $("volume").value = id;
+    history.replaceState(null, "", `#volume=${id}`);
+  },
+
+  volumes(volumes, choose) {
+    $("volume").replaceChildren(...volumes.map(({ id, dims }) => new Option(dims.join(" × "), id)));
+    $("volume-field").hidden = volumes.length < 2;
+    $("volume").addEventListener("change", ({ target }) => choose(volumes[target.selectedIndex]));
+  },
+
+  author({ author }) {
+    const mark = document.createElement("b");
+    mark.textContent = author ? initials(author) : "?";
+    $("author").replaceChildren(mark, author || "Who are you?");
+  },
+
+  sets({ sets, items, set }) {
+    const names = new Set([set, ...sets.map(({ name }) => name), ...[...items.values()].map(({ item }) => item.set)]);
+    const words = (name) => (sets.find((known) => known.name === name)?.blinded ? `${name} (blinded)` : name);
+    $("set").replaceChildren(...[...names].sort().map((name) => new Option(words(name), name)), new Option("New set …", ""));
+    $("set").value = set;
+  },
+
+  readout({ cursor: { mm, hu } }) {
+    const value = hu === null ? "" : `${Math.round(hu)} HU`;
+    $("readout").textContent = [places(mm), `LPS ${mm.map((part) => part.toFixed(2)).join(", ")} mm`, value].filter(Boolean).join(DOT);
+    Object.assign($("readout").dataset, { mm: mm.map((part) => part.toFixed(4)).join(","), hu: hu ?? "" });
+  },
+};
+
+/** Fills and wires the settings of the views. */
+export async function onSettings(model, panes) {
+  const { presets } = await (await request("/v1/presets")).json();
+  $("preset").replaceChildren(...presets.map(({ name }) => new Option(name.replaceAll("-", " "), name)));
+  $("preset").value = model.preset;
+  $("preset").addEventListener("change", ({ target }) => {
+    model.preset = target.value;
+    panes[0].refresh();
+  });
+  $("window").addEventListener("change", ({ target }) => {
+    const [center, width] = target.value.split(",").map(Number);
+    model.window = { center, width };
+    model.changed("window");
+  });
+  model.on("window", () => {
+    const value = `${model.window.center},${model.window.width}`;
+    $("window").value = [...$("window").options].some((option) => option.value === value) ? value : "";
+  });
+  $("follows").addEventListener("change", ({ target }) => {
+    model.oblique = { ...model.oblique, follows: target.checked };
+    model.changed("pose", "cursor");
+  });
+}

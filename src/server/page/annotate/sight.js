@@ -1,0 +1,103 @@
+// How a picture shows the patient: from mm to fractions of its width and height, and back. It touches no element.
+//
+// Both sights have `project(point)`, giving `at` ([right, down], 0 to 1 inside the picture) and how far the point is from what
+// is shown: `off` from a slice's plane, `depth` from a camera; and `unproject(at)`.
+
+import { add, cross, dot, scale, sub, unit } from "./geometry.js";
+
+/** A slice: an orthographic picture of a plane. All directions are unit vectors. */
+export class SliceSight {
+  constructor({ center, right, up, height, aspect }) {
+    Object.assign(this, { center, right, up, height, width: height * aspect, normal: cross(right, up) });
+  }
+
+  project(point) {
+    const arm = sub(point, this.center);
+    const at = [0.5 + dot(arm, this.right) / this.width, 0.5 - dot(arm, this.up) / this.height];
+    return { at, off: dot(arm, this.normal) };
+  }
+
+  unproject([x, y]) {
+    const across = scale(this.right, (x - 0.5) * this.width);
+    return add(this.center, add(across, scale(this.up, (0.5 - y) * this.height)));
+  }
+
+  /** The camera as placements keep it. */
+  record() {
+    const eye = add(this.center, scale(this.normal, 500));
+    return { eye_mm: eye, look_at_mm: this.center, up: this.up, height_mm: this.height };
+  }
+}
+
+/** A camera, as the header `Relief-Camera` tells it; with the depths of what is seen where they are known. */
+export class CameraSight {
+  constructor(told, depths = null) {
+    const { camera, size_px: [width, height] } = told;
+    Object.assign(this, { told, depths, eye: camera.eye_mm, aspect: width / height });
+    this.forward = unit(sub(camera.look_at_mm, camera.eye_mm));
+    this.right = unit(cross(this.forward, camera.up));
+    this.up = cross(this.right, this.forward);
+    this.tangent = camera.projection.perspective
+      ? Math.tan((camera.projection.perspective.vertical_fov_deg * Math.PI) / 360)
+      : null;
+    this.half = camera.projection.orthographic ? camera.projection.orthographic.height_mm / 2 : null;
+  }
+
+  #half(depth) {
+    return this.tangent === null ? this.half : depth * this.tangent;
+  }
+
+  project(point) {
+    const arm = sub(point, this.eye);
+    const depth = dot(arm, this.forward);
+    const half = this.#half(depth);
+    if (half <= 0) return null;
+    const at = [0.5 + dot(arm, this.right) / (2 * half * this.aspect), 0.5 - dot(arm, this.up) / (2 * half)];
+    return { at, depth };
+  }
+
+  /** The point at a view depth. */
+  unproject([x, y], depth) {
+    const half = this.#half(depth);
+    const side = add(scale(this.right, (2 * x - 1) * half * this.aspect), scale(this.up, (1 - 2 * y) * half));
+    return add(this.eye, add(scale(this.forward, depth), side));
+  }
+
+  /** Whether something that is drawn lies before a projected point. */
+  hides({ at, depth }) {
+    const seen = this.depths?.at(at);
+    return seen !== undefined && seen + this.depths.tolerance < depth;
+  }
+
+  record() {
+    const { eye_mm, look_at_mm, up, projection } = this.told.camera;
+    const form = projection.perspective
+      ? { vertical_fov_deg: projection.perspective.vertical_fov_deg }
+      : { height_mm: projection.orthographic.height_mm };
+    return { eye_mm, look_at_mm, up, ...form };
+  }
+}
+
+/** The curve of the profile that depth is asked in: `philips-42`, disparity 0 to 255 to Z from near (0) to far (1). */
+const CURVE = { zd: 0.467481, vz: 7.655192, m: -1960.37, c: 127.5 };
+
+/** View depths of a picture, from its disparities: a byte for each pixel, so about a 255th of the way from near to far. */
+export class Depths {
+  constructor(bytes, width, height, { near_mm: near, far_mm: far }) {
+    Object.assign(this, { bytes, width, height });
+    const { zd, vz, m, c } = CURVE;
+    this.table = Float32Array.from({ length: 256 }, (_, d) => {
+      const z = (m * vz) / (m + c - d) + zd - vz;
+      // The farthest byte is that of nothing at all.
+      return d === 0 ? Infinity : near + Math.min(1, Math.max(0, z)) * (far - near);
+    });
+    /** Half a byte's step either way, and what a surface's own roughness takes. */
+    this.tolerance = (far - near) / 255 + 2.5;
+  }
+
+  at([x, y]) {
+    const [column, row] = [Math.floor(x * this.width), Math.floor(y * this.height)];
+    if (column < 0 || row < 0 || column >= this.width || row >= this.height) return undefined;
+    return this.table[this.bytes[row * this.width + column]];
+  }
+}

@@ -1,0 +1,148 @@
+// A slice through the cursor: axial, sagittal, coronal, or an oblique one that follows the 3D view.
+
+import { PLANES } from "/slices.js";
+import { across, add, clamp, cross, dot, scale, sub, unit } from "./geometry.js";
+import { crossSvg, itemsSvg } from "./overlay.js";
+import { Pane } from "./pane.js";
+import { SliceSight } from "./sight.js";
+
+export const PLANE_COLORS = { axial: "#ff7d70", sagittal: "#f2cf5b", coronal: "#7ddc84", oblique: "#b99cff" };
+
+const round = (values, digits = 3) => values.map((value) => Number(value.toFixed(digits)));
+const KEYS = "Arrow keys move the cursor, Page Up and Page Down go through slices, plus and minus zoom, Enter places a point at the cursor.";
+
+/** Directions of a plane's picture: what points right and up. */
+export function directions(name, model) {
+  if (PLANES[name]) return PLANES[name];
+  const { normal, up } = model.oblique;
+  const upward = across(normal, up);
+  return { right: cross(upward, normal), up: upward };
+}
+
+export class SlicePane extends Pane {
+  #pan = [0, 0];
+  #zoom = 1;
+
+  constructor(host, name, parts) {
+    const title = name[0].toUpperCase() + name.slice(1);
+    super(host, { name, title, keys: KEYS }, parts);
+  }
+
+  /** The plane as it is wanted now. It shows all of the volume, closer by the zoom, and lies where the cursor is. */
+  wanted() {
+    const { volume, cursor } = this.model;
+    const { right, up } = directions(this.name, this.model);
+    const normal = cross(right, up);
+    const [low, high] = volume.bounds_mm;
+    const extent = (direction) => direction.reduce((sum, part, i) => sum + Math.abs(part) * (high[i] - low[i]), 0);
+    const [width, height] = this.size;
+    const aspect = width / height;
+    const whole = Math.max(extent(up), extent(right) / aspect);
+    const shift = add(scale(right, this.#pan[0]), scale(up, this.#pan[1]));
+    const middle = add(volume.center_mm, shift);
+    const center = add(middle, scale(normal, dot(sub(cursor.mm, middle), normal)));
+    return { center: round(center), right, up, height: Number((whole / this.#zoom).toFixed(3)), aspect };
+  }
+
+  order(moving) {
+    const view = this.wanted();
+    const { center, width } = this.model.window;
+    const size = this.pixels;
+    const plane = PLANES[this.name] ? { plane: this.name } : { normal: round(cross(view.right, view.up), 6).join(","), up: round(view.up, 6).join(",") };
+    const query = new URLSearchParams({
+      ...plane, center_mm: view.center.join(","), height_mm: view.height, window_hu: `${center},${width}`, size_px: size.join(","),
+    });
+    const accept = moving ? "image/jpeg" : "image/png";
+    return { url: `/v1/volumes/${this.model.volume.id}/slice?${query}`, accept, view, size };
+  }
+
+  /** By the camera that the server tells: its own word on right and up counts. */
+  sightOf({ camera, view }) {
+    const { eye_mm: eye, look_at_mm: center, up, projection } = camera.camera;
+    const right = unit(cross(sub(center, eye), up));
+    const [width, height] = camera.size_px;
+    return new SliceSight({ ...view, center, right, up: unit(up), height: projection.orthographic.height_mm, aspect: width / height });
+  }
+
+  draw() {
+    const { model, sight } = this;
+    if (!sight) return;
+    const others = Object.keys(PLANE_COLORS).filter((name) => name !== this.name);
+    const planes = others.map((name) => {
+      const { right, up } = directions(name, model);
+      return [cross(right, up), PLANE_COLORS[name], name === "oblique"];
+    });
+    this.crossLayer.innerHTML = crossSvg(sight, model.cursor.mm, planes, this.size);
+    const { draft, moved } = this.hand;
+    this.itemLayer.innerHTML = itemsSvg(model.shown(), sight, this.size, { ...model, draft, moved });
+    const { mm } = model.cursor;
+    const axis = PLANES[this.name]?.axis;
+    this.at.textContent = axis === undefined ? (model.oblique.follows ? "as 3D" : "") : `${["LR", "PA", "HF"][axis][mm[axis] < 0 ? 1 : 0]} ${Math.abs(mm[axis]).toFixed(1)}`;
+    this.hand.structures?.drawSlice(this);
+  }
+
+  /** Where a place of the picture is. Exact: nothing has to be asked. */
+  async locate(at) {
+    return this.sight && { mm: this.sight.unproject(at), method: "slice", camera: this.sight.record() };
+  }
+
+  click(at) {
+    if (this.sight) this.hand.look(this.sight.unproject(at));
+  }
+
+  /** The left button takes the cursor along, others move the picture; with Shift the window changes. */
+  drag([dx, dy], { button }, event) {
+    const perPixel = this.wanted().height / this.size[1];
+    if (event.shiftKey) return this.#windowBy(dx, dy);
+    if (button === 0 && !event.altKey) return this.click(this.fractions(event));
+    this.#pan = [this.#pan[0] - dx * perPixel, this.#pan[1] + dy * perPixel];
+    this.refresh(true);
+  }
+
+  #windowBy(dx, dy) {
+    const { center, width } = this.model.window;
+    this.model.window = { center: Math.round(clamp(center - 2 * dy, -1024, 3071)), width: Math.round(clamp(width + 4 * dx, 1, 6000)) };
+    this.model.changed("window");
+  }
+
+  /** Goes through slices by voxels. */
+  page(steps) {
+    const { right, up } = directions(this.name, this.model);
+    const step = Math.min(...this.model.volume.spacing_mm);
+    // Away from the viewer of an axial slice is towards the feet: up is towards the head for all.
+    const towards = cross(right, up);
+    const sign = Math.sign(towards.find((value) => Math.abs(value) > 0.5) ?? 1);
+    this.model.moveCursor(add(this.model.cursor.mm, scale(towards, sign * steps * step)));
+    this.hand.look(this.model.cursor.mm);
+  }
+
+  wheel(pixels, event) {
+    if (event.ctrlKey) return this.zoom(Math.exp(-pixels * 0.0015), this.fractions(event));
+    this.page((event.shiftKey ? 5 : 1) * -Math.sign(pixels || -event.deltaX));
+  }
+
+  /** Closer at a place of the picture, which stays where it is. */
+  zoom(ratio, at = [0.5, 0.5]) {
+    const before = this.wanted();
+    this.#zoom = clamp(this.#zoom * ratio, 0.5, 30);
+    const after = this.wanted();
+    const [x, y] = [at[0] - 0.5, 0.5 - at[1]];
+    const grown = before.height - after.height;
+    this.#pan = [this.#pan[0] + x * grown * before.aspect, this.#pan[1] + y * grown];
+    this.refresh(true);
+  }
+
+  home() {
+    this.#pan = [0, 0];
+    this.#zoom = 1;
+    this.refresh();
+  }
+
+  /** The cursor moved within the plane, by voxels to the right and up. */
+  step(right, up) {
+    const basis = directions(this.name, this.model);
+    const step = Math.min(...this.model.volume.spacing_mm);
+    const by = add(scale(basis.right, right * step), scale(basis.up, up * step));
+    this.hand.look(add(this.model.cursor.mm, by));
+  }
+}

@@ -1,0 +1,193 @@
+// Structures out of places: a region grown from a seed, painted with a sphere, filled between contours; a mesh of a region.
+
+import { colorOf } from "./model.js";
+import { Contents } from "./contents.js";
+import { drawIn3d, drawInSlice } from "./surfaces.js";
+import { Problem } from "./api.js";
+
+const $ = (id) => document.getElementById(id);
+const number = (id) => ($(id).value === "" ? null : Number($(id).value));
+
+export class Structures {
+  #pressed = null;
+  #stroke = null;
+
+  constructor(model, { annotations, spot, took, say, fail, redraw }) {
+    Object.assign(this, { model, annotations, spot, took, say, fail });
+    this.contents = new Contents(annotations, redraw, fail);
+    this.seed = null;
+    $("grow-now").addEventListener("click", () => this.grow());
+    $("grow-forget").addEventListener("click", () => this.cancel());
+    for (const id of ["grow-low", "grow-high", "grow-ml", "grow-radius"]) $(id).addEventListener("change", () => this.seed && this.preview());
+  }
+
+  takes(tool) {
+    return tool === "grow" || tool === "paint";
+  }
+
+  /** What is drawn before it is there: the seed, or the sphere of the brush. */
+  get draft() {
+    const { tool } = this.model;
+    if (tool === "grow" && (this.#pressed ?? this.seed)) return marked("seed", (this.#pressed ?? this.seed).mm);
+    if (tool === "paint" && this.#pressed) return marked("", this.#pressed.mm);
+    return null;
+  }
+
+  // ---------------------------------------------------------------- gestures
+
+  async down(pane, at, event) {
+    return this.move(pane, at, event);
+  }
+
+  async move(pane, at, event) {
+    const found = await this.spot(pane, at, event).catch(() => null);
+    this.#pressed = found;
+    this.model.changed("draft");
+  }
+
+  hover(pane, at) {
+    if (this.model.tool !== "paint") return;
+    this.ring(pane, at);
+  }
+
+  async up(pane, at, event) {
+    const found = await this.spot(pane, at, event);
+    this.#pressed = null;
+    if (!found) return this.say("Nothing is shown there: a seed needs a place. Slices have one everywhere.");
+    return this.at(found);
+  }
+
+  /** Begins at a known place. */
+  at(found) {
+    if (this.model.tool === "paint") return this.paint(found.mm);
+    this.seed = found;
+    this.model.moveCursor(found.mm, found.hu ?? null);
+    $("grow-state").textContent = "Looking …";
+    this.model.changed("draft");
+    return this.preview();
+  }
+
+  cancel() {
+    const begun = this.seed !== null || this.#pressed !== null;
+    this.seed = null;
+    this.#pressed = null;
+    $("grow-now").disabled = true;
+    $("grow-state").textContent = "Press on the structure.";
+    if (begun) this.model.changed("draft");
+    return begun;
+  }
+
+  /** The size of the brush, where the pointer is. */
+  ring(pane, at) {
+    const radius = (number("paint-radius") ?? 5) / (pane.sight?.height ?? Infinity);
+    const svg = pane.itemLayer;
+    svg.querySelector(".brush")?.remove();
+    if (!(radius > 0) || !Number.isFinite(radius)) return;
+    const ring = document.createElementNS("http://www.w3.org/2000/svg", "circle");
+    const [width, height] = pane.size;
+    for (const [key, value] of Object.entries({ class: "brush", cx: at[0] * width, cy: at[1] * height, r: radius * height })) ring.setAttribute(key, value);
+    svg.append(ring);
+  }
+
+  // ---------------------------------------------------------------- regions
+
+  #order() {
+    const limits = { max_ml: number("grow-ml"), max_radius_mm: number("grow-radius") };
+    const known = Object.fromEntries(Object.entries(limits).filter(([, value]) => value !== null));
+    return { seed_mm: this.seed.mm, hu: [number("grow-low") ?? -1024, number("grow-high") ?? 3071], ...known };
+  }
+
+  /** How much it would be, before anything is made. */
+  async preview() {
+    const { seed } = this;
+    $("grow-now").disabled = true;
+    try {
+      const found = await this.annotations().grow({ ...this.#order(), preview: true });
+      if (seed !== this.seed) return;
+      const ml = found.volume_ml ?? found.region?.volume_ml;
+      const why = found.leaked ? ` It leaks: ${leakWords(found.leaked)}` : "";
+      $("grow-state").textContent = `${ml.toFixed(ml < 10 ? 2 : 1)} ml.${why}`;
+      $("grow-now").disabled = Boolean(found.leaked);
+    } catch (error) {
+      if (seed !== this.seed) return;
+      $("grow-state").textContent = refusalWords(error);
+    }
+  }
+
+  async grow() {
+    if (!this.seed) return;
+    $("grow-now").disabled = true;
+    $("grow-state").textContent = "Growing …";
+    const body = { ...this.#order(), name: this.model.freeName("Region"), set: this.model.set };
+    const made = await this.#made(() => this.annotations().grow(body), "grow-state");
+    if (made) this.cancel();
+  }
+
+  async paint(mm) {
+    const chosen = this.model.entry(this.model.selected);
+    const region = chosen?.item.geometry?.kind === "region" ? chosen : null;
+    if (region?.item.locked) return this.say(`“${region.item.name}” is locked. Unlock it in the list to paint on it.`);
+    const mode = $("paint-mode").value;
+    if (!region && mode === "erase") return this.say("Choose the region to erase from in the list first.");
+    const what = region ? { region: region.item.id, version: region.version } : { name: this.model.freeName("Region"), set: this.model.set };
+    this.#stroke = (this.#stroke ?? Promise.resolve()).then(() => this.#made(() => this.annotations().paint({ center_mm: mm, radius_mm: number("paint-radius") ?? 5, mode, ...what })));
+    await this.#stroke;
+  }
+
+  /** A mesh of a region. */
+  mesh(entry) {
+    this.say(`Making a mesh of “${entry.item.name}” …`, { brief: true });
+    return this.#made(() => this.annotations().mesh({ region: entry.item.id, name: `${entry.item.name} mesh`, set: entry.item.set }));
+  }
+
+  /** A region between closed curves. */
+  fill(entries) {
+    const [first] = entries;
+    const body = { curves: entries.map(({ item }) => item.id), name: this.model.freeName("Region"), set: first.item.set };
+    return this.#made(() => this.annotations().fill(body));
+  }
+
+  async #made(ask, stateId = null) {
+    try {
+      const { events } = await ask();
+      await this.took(events);
+      const made = events.at(-1)?.item;
+      if (made) this.model.select(made.id);
+      const ml = made?.geometry?.volume_ml;
+      this.say(ml == null ? "Done." : `“${made.name}”: ${ml.toFixed(2)} ml.`, { brief: true });
+      return true;
+    } catch (error) {
+      if (stateId) $(stateId).textContent = refusalWords(error);
+      else this.fail(error);
+      return false;
+    }
+  }
+
+  // ---------------------------------------------------------------- drawing
+
+  #shapes() {
+    return this.model.shown().flatMap(({ item }) => {
+      if (item.geometry.kind !== "region" && item.geometry.kind !== "mesh") return [];
+      const content = this.contents.of(item.geometry);
+      return content ? [{ content, color: colorOf(item), selected: item.id === this.model.selected }] : [];
+    });
+  }
+
+  drawSlice(pane) {
+    drawInSlice(pane, this.#shapes());
+  }
+
+  drawVolume(pane) {
+    drawIn3d(pane, this.#shapes());
+  }
+}
+
+const marked = (name, mm) => ({ item: { name, geometry: { kind: "point", at_mm: mm }, locked: false, rgb: [1, 0.54, 0.46] }, measures: [], handle: 0 });
+
+const leakWords = (leaked) => (typeof leaked === "string" ? leaked : "a limit was reached. Narrow the HU range, or allow more.");
+
+/** What a refusal means for the one who grows: a leak is no failure. */
+function refusalWords(error) {
+  if (error instanceof Problem && error.kind === "leaked") return `It leaks: ${error.message} Narrow the HU range, or raise the limit.`;
+  return error.message;
+}

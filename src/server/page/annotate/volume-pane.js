@@ -1,0 +1,113 @@
+// The 3D view: an orbit around the volume, picks in the very picture that is shown, and what is hidden there.
+
+import { normalized, request } from "/view.js";
+import { HOME } from "./model.js";
+import { cursorSvg, itemsSvg } from "./overlay.js";
+import { Pane } from "./pane.js";
+import { CameraSight, Depths } from "./sight.js";
+import { PLANE_COLORS } from "./slice-pane.js";
+
+const MOVING_MS = 80;
+const KEYS = "Arrow keys turn, plus and minus zoom, Home resets. Enter places a point at the cursor.";
+
+export class VolumePane extends Pane {
+  constructor(host, parts) {
+    super(host, { name: "volume", title: "3D", keys: KEYS }, parts);
+    this.copy = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+  }
+
+  order(moving) {
+    const { model, pixels: size } = this;
+    const { azimuth, elevation, zoom } = model.pose;
+    const layout = moving ? "color" : "rgbd";
+    // The server fits a volume to a picture's height; one that is taller than wide stands back for it.
+    const fitted = zoom * Math.min(1, size[0] / size[1]);
+    const look = {
+      preset: model.preset, azimuth_deg: azimuth.toFixed(3), elevation_deg: elevation.toFixed(3), zoom: fitted.toFixed(4), size_px: size.join(","),
+    };
+    const query = new URLSearchParams({ ...look, layout, profile: "philips-42", ...(moving ? { budget_ms: MOVING_MS } : {}) });
+    const accept = moving ? "image/jpeg" : "image/png";
+    return { url: `/v1/volumes/${model.volume.id}/frame?${query}`, accept, look, size, layout };
+  }
+
+  /** Depth comes beside a picture that stands still: by it is known what hides what. */
+  sightOf({ bitmap, layout, camera }) {
+    if (layout !== "rgbd") return new CameraSight(camera);
+    const [width, height] = [bitmap.width / 2, bitmap.height];
+    Object.assign(this.copy.canvas, { width, height });
+    this.copy.drawImage(bitmap, width, 0, width, height, 0, 0, width, height);
+    const { data } = this.copy.getImageData(0, 0, width, height);
+    const bytes = new Uint8Array(width * height);
+    for (let i = 0; i < bytes.length; i += 1) bytes[i] = data[4 * i];
+    return new CameraSight(camera, new Depths(bytes, width, height, camera));
+  }
+
+  paint(picture) {
+    super.paint(picture, picture.layout === "rgbd" ? picture.bitmap.width / 2 : picture.bitmap.width);
+  }
+
+  draw() {
+    const { model, sight } = this;
+    if (!sight) return;
+    const colors = ["sagittal", "coronal", "axial"].map((name) => PLANE_COLORS[name]);
+    this.crossLayer.innerHTML = cursorSvg(sight, model.cursor.mm, colors, this.size, model.volume.bounds_mm);
+    const { draft, moved } = this.hand;
+    this.itemLayer.innerHTML = itemsSvg(model.shown(), sight, this.size, { ...model, draft, moved });
+    const { azimuth, elevation } = model.pose;
+    this.at.textContent = `${azimuth.toFixed(0)}° ${elevation.toFixed(0)}°`;
+    this.hand.structures?.drawVolume(this);
+  }
+
+  /** What is seen at a place of the picture; null where nothing is. */
+  async locate(at, signal) {
+    if (!this.shown) return null;
+    const { look, size } = this.shown;
+    const inside = at.map((value, i) => Math.min(size[i] - 0.01, Math.max(0, value * size[i])).toFixed(2));
+    const query = new URLSearchParams({ ...look, u: inside[0], v: inside[1] });
+    const found = await (await request(`/v1/volumes/${this.model.volume.id}/pick?${query}`, { signal })).json();
+    if (!found.hit) return null;
+    return { mm: found.patient_mm, hu: found.hu ?? null, depth: found.depth_mm, method: "pick", camera: this.sight.record() };
+  }
+
+  async click(at) {
+    try {
+      const found = await this.locate(at);
+      if (found) this.hand.look(found.mm, found.hu);
+      else this.hand.say("Nothing is shown there.");
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  drag([dx, dy]) {
+    const { azimuth, elevation, zoom } = this.model.pose;
+    const degrees = 180 / this.size[1] / Math.max(1, Math.sqrt(zoom));
+    this.turn({ azimuth: azimuth - dx * degrees, elevation: elevation + dy * degrees });
+  }
+
+  wheel(pixels) {
+    this.zoom(Math.exp(-pixels * 0.0015));
+  }
+
+  zoom(ratio) {
+    this.turn({ zoom: this.model.pose.zoom * ratio });
+  }
+
+  home() {
+    this.turn({ ...HOME });
+  }
+
+  turn(change) {
+    this.model.pose = normalized({ ...this.model.pose, ...change });
+    this.model.changed("pose");
+  }
+
+  step(right, up) {
+    const { azimuth, elevation } = this.model.pose;
+    this.turn({ azimuth: azimuth - 6 * right, elevation: elevation - 6 * up });
+  }
+
+  page(steps) {
+    this.zoom(1.15 ** steps);
+  }
+}

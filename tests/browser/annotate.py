@@ -1,0 +1,429 @@
+"""Drives the page for annotations in Chromium, and prints what it saw as one JSON object.
+
+usage: annotate.py RELIEF CHROMIUM SERIES FOLDER
+
+RELIEF serves SERIES and keeps annotations in FOLDER. With RELIEF_PAGE_SHOTS=DIR pictures of the page are kept there.
+"""
+
+import json
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.parse
+import urllib.request
+
+from playwright.sync_api import sync_playwright
+
+RELIEF, CHROMIUM, SERIES, FOLDER = sys.argv[1:5]
+FOLDER = pathlib.Path(FOLDER)
+SHOTS = os.environ.get("RELIEF_PAGE_SHOTS")
+SIZE = {"width": 1280, "height": 720}
+TEMPLATE = {
+    "name": "face",
+    "landmarks": [
+        {"name": "Nasion", "description": "Where the nasal bones meet the forehead."},
+        {"name": "Left orbitale"},
+        {"name": "Vertex", "description": "The highest point."},
+    ],
+}
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+class Server:
+    """relief serve with or without annotations."""
+
+    def __init__(self, *more):
+        self.process = None
+        self.url = os.environ.get("RELIEF_PAGE_URL")
+        if not self.url:
+            port = free_port()
+            self.url = f"http://127.0.0.1:{port}"
+            command = [RELIEF, "serve", "--series", SERIES, "--listen", f"127.0.0.1:{port}", *more]
+            environment = {**os.environ, "RELIEF_ADAPTER": "software", "RELIEF_LOG": "warn"}
+            self.process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
+        for _ in range(600):
+            try:
+                if urllib.request.urlopen(f"{self.url}/readyz").status == 200:
+                    break
+            except OSError:
+                time.sleep(0.1)
+        else:
+            raise SystemExit("the server is not ready after a minute")
+        self.volume = f"/v1/volumes/{self.get('/v1/volumes')['volumes'][0]['id']}"
+
+    def get(self, path, author="test"):
+        asked = urllib.request.Request(self.url + path, headers={"Relief-Author": author})
+        return json.loads(urllib.request.urlopen(asked).read())
+
+    def annotations(self):
+        return self.get(f"{self.volume}/annotations")
+
+    def item(self, name):
+        """The entry of this name, waited for."""
+        for _ in range(100):
+            for entry in self.annotations()["items"]:
+                if entry["item"]["name"] == name:
+                    return entry
+            time.sleep(0.05)
+        raise SystemExit(f"no item {name!r}")
+
+    def kill(self):
+        if self.process:
+            self.process.send_signal(signal.SIGKILL)
+            self.process.wait()
+
+
+class Page:
+    """One window of the page, as one author."""
+
+    def __init__(self, browser, server, author):
+        self.server = server
+        self.asked = {}
+        self.problems = []
+        self.context = browser.new_context(viewport=SIZE, accept_downloads=True)
+        self.page = self.context.new_page()
+        self.page.on("pageerror", lambda error: self.problems.append(error.message))
+        # A conflict is an answer with status 409, which the browser itself writes to the console.
+        said = lambda message: message.type == "error" and "409" not in message.text
+        self.page.on("console", lambda message: said(message) and self.problems.append(message.text))
+        self.page.on("request", self.__note)
+        self.page.add_init_script(f"localStorage.setItem('relief-author', {json.dumps(author)})")
+        self.page.goto(f"{server.url}/annotate")
+        self.still()
+
+    def __note(self, request):
+        address = urllib.parse.urlsplit(request.url)
+        query = dict(urllib.parse.parse_qsl(address.query))
+        if address.path.endswith("/slice"):
+            self.asked[query.get("plane", "oblique")] = query
+        elif address.path.endswith("/frame"):
+            self.asked["volume"] = query
+
+    def wait(self, condition, seconds=30):
+        """Asks until an expression is true. Playwright's own way would evaluate text, which the page's policy forbids."""
+        for _ in range(20 * seconds):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(50)
+        self.shot("stuck")
+        raise SystemExit(f"not within {seconds} s: {condition}; {self.page.inner_text('body')[:800]}")
+
+    def still(self):
+        self.wait("document.querySelectorAll('.pane[data-still=true]').length === 5 && !document.querySelector('.pane .busy.on')", 60)
+        self.page.wait_for_timeout(250)
+        self.wait("document.querySelectorAll('.pane[data-still=true]').length === 5 && !document.querySelector('.pane .busy.on')", 60)
+
+    def box(self, pane):
+        return self.page.locator(f".pane-{pane}").bounding_box()
+
+    def at(self, pane, x, y):
+        """Window coordinates of a place of a pane, whole pixels."""
+        box = self.box(pane)
+        return round(box["x"] + x * box["width"]), round(box["y"] + y * box["height"])
+
+    def click(self, pane, x, y):
+        self.page.mouse.click(*self.at(pane, x, y))
+
+    def pick(self, pane, x, y):
+        """What the server's pick says of the pixel that a click there meets."""
+        box, (left, top) = self.box(pane), self.at(pane, x, y)
+        query = {key: value for key, value in self.asked[pane].items() if key not in ("layout", "profile", "budget_ms")}
+        if pane != "volume":
+            query["mode"] = "slice"
+        size = [int(side) for side in query["size_px"].split(",")]
+        if pane != "volume":
+            # A pick is of the middle of a pixel, a place of a slice exact: smaller pixels bring them together.
+            size = [8 * side for side in size]
+            query["size_px"] = f"{size[0]},{size[1]}"
+        query["u"] = (left + 0.5 - box["x"]) * size[0] / box["width"]
+        query["v"] = (top + 0.5 - box["y"]) * size[1] / box["height"]
+        return self.server.get(f"{self.server.volume}/pick?{urllib.parse.urlencode(query)}")["patient_mm"]
+
+    def key(self, key):
+        self.page.keyboard.press(key)
+
+    def rows(self):
+        return self.page.evaluate("[...document.querySelectorAll('.item')].map((row) => row.getAttribute('aria-label'))")
+
+    def wait_row(self, text):
+        self.wait(f"[...document.querySelectorAll('.item')].some((row) => row.getAttribute('aria-label').includes({json.dumps(text)}))")
+
+    def shot(self, name):
+        if SHOTS:
+            self.page.screenshot(path=f"{SHOTS}/{name}.png")
+
+
+def placing(page, server):
+    """Points by clicks in 3D and in a slice, a line, broken off, undone and made again."""
+    found = {}
+    page.key("p")
+    picked = page.pick("volume", 0.5, 0.42)
+    page.click("volume", 0.5, 0.42)
+    found["volume"] = {"placed": server.item("Point 1")["item"], "picked": picked}
+    page.still()
+    picked = page.pick("axial", 0.35, 0.4)
+    page.click("axial", 0.35, 0.4)
+    found["axial"] = {"placed": server.item("Point 2")["item"], "picked": picked}
+    page.still()
+    found["cursor"] = page.page.get_attribute("#readout", "data-mm")
+    page.key("l")
+    ends = [page.pick("coronal", *at) for at in [(0.3, 0.35), (0.7, 0.6)]]
+    page.click("coronal", 0.3, 0.35)
+    page.click("coronal", 0.7, 0.6)
+    found["line"] = {"placed": server.item("Line 1"), "picked": ends}
+    page.wait_row("Line 1")
+    found["rows"] = page.rows()
+    page.page.mouse.move(*page.at("sagittal", 0.4, 0.4))
+    page.page.mouse.down()
+    page.page.mouse.move(*page.at("sagittal", 0.5, 0.5))
+    page.key("Escape")
+    page.page.mouse.up()
+    page.wait("document.body.dataset.tool !== 'x'")
+    found["after_escape"] = len(server.annotations()["items"])
+    page.shot("placed")
+    return found
+
+
+def undoing(page, server):
+    counts = [len(server.annotations()["items"])]
+    for keys in ["Control+z", "Control+z", "Control+Shift+z", "Control+Shift+z"]:
+        before = server.annotations()["seq"]
+        page.key(keys)
+        for _ in range(100):
+            if server.annotations()["seq"] > before:
+                break
+            time.sleep(0.05)
+        counts.append(len(server.annotations()["items"]))
+    page.wait_row("Line 1")
+    page.key("g")
+    page.wait("document.querySelectorAll('#log li').length > 4")
+    found = {"counts": counts, "log": page.page.eval_on_selector_all("#log li", "(rows) => rows.map((row) => row.innerText)")}
+    page.shot("log")
+    page.key("g")
+    return found
+
+
+def editing(page, server):
+    """By grabbing: a free point follows, a locked one does not."""
+    page.key("v")
+    page.page.click('.item[data-name="Point 2"] .item-main')
+    page.still()
+    before = server.item("Point 2")["item"]["geometry"]["at_mm"]
+    sight = page.asked["axial"]
+    box = page.box("axial")
+    per_pixel = float(sight["height_mm"]) / box["height"]
+    center = [float(value) for value in sight["center_mm"].split(",")]
+    # The axial picture has the patient's left at its right, and the back at its bottom.
+    at = [box["x"] + box["width"] / 2 + (before[0] - center[0]) / per_pixel, box["y"] + box["height"] / 2 + (before[1] - center[1]) / per_pixel]
+    found = {"before": before, "per_pixel": per_pixel}
+
+    def drag(dx, dy):
+        start = [round(at[0]), round(at[1])]
+        page.page.mouse.move(*start)
+        page.page.mouse.down()
+        for step in range(1, 6):
+            page.page.mouse.move(start[0] + dx * step / 5, start[1] + dy * step / 5)
+            page.page.wait_for_timeout(20)
+        page.page.mouse.up()
+        page.page.wait_for_timeout(400)
+
+    drag(40, 0)
+    found["not_in_look"] = server.item("Point 2")["item"]["geometry"]["at_mm"]
+    page.page.click('.item[data-name="Point 2"] .item-main')
+    page.still()
+    page.key("e")
+    drag(40, -20)
+    found["after"] = server.item("Point 2")["item"]["geometry"]["at_mm"]
+    page.key("Control+z")
+    page.page.wait_for_timeout(400)
+    page.key("k")
+    page.page.wait_for_timeout(400)
+    page.page.click('.item[data-name="Point 2"] .item-main')
+    page.still()
+    drag(40, 0)
+    found["locked"] = server.item("Point 2")["item"]
+    found["said"] = page.page.inner_text("#notice")
+    page.page.locator("#items").focus()
+    page.key("k")
+    page.page.wait_for_timeout(400)
+    page.key("v")
+    return found
+
+
+def template(page, server):
+    """Guided placement with one that is skipped, and come back to."""
+    path = FOLDER / "face.json"
+    path.write_text(json.dumps(TEMPLATE), encoding="utf-8")
+    page.page.click("#templates-button")
+    with page.page.expect_file_chooser() as chooser:
+        page.page.click("#dialog button[value=file]")
+    chooser.value.set_files(path)
+    guide = "document.getElementById('guide').dataset"
+    page.wait(f"{guide}.expected === 'Nasion'")
+    seen = lambda: page.page.evaluate(f"({{ ...{guide} }})")
+    found = {"begin": seen()}
+    page.still()
+    page.click("volume", 0.48, 0.4)
+    page.wait(f"{guide}.expected === 'Left orbitale'")
+    page.key("s")
+    page.wait(f"{guide}.expected === 'Vertex'")
+    found["skipped"] = seen()
+    page.shot("template")
+    page.click("coronal", 0.5, 0.2)
+    page.wait(f"{guide}.placed === '2'")
+    found["decided"] = seen()
+    page.still()
+    page.page.click("#guide details summary")
+    page.page.click("#guide li button.skipped")
+    page.wait(f"{guide}.expected === 'Left orbitale'")
+    page.click("volume", 0.6, 0.45)
+    page.wait(f"{guide}.placed === '3'")
+    found["complete"] = seen()
+    listed = server.annotations()
+    found["states"] = [entry["item"]["state"] for entry in listed["items"] if entry["item"].get("list") == "face"]
+    found["server"] = listed.get("complete")
+    page.page.click("#guide .side-head button")
+    page.key("v")
+    return found
+
+
+def conflict(browser, page, server):
+    """Two pages change the same item: nothing is overwritten before somebody decides."""
+    other = Page(browser, server, "Ben Ode")
+    other.wait_row("Line 1")
+    page.page.click('.item[data-name="Line 1"] .item-main')
+    page.still()
+    # While one renames, the other does too, and is later.
+    page.page.dblclick('.item[data-name="Line 1"] .item-name')
+    page.page.fill(".item-rename", "Orbit width")
+    other.page.dblclick('.item[data-name="Line 1"] .item-name')
+    other.page.fill(".item-rename", "Bizygomatic")
+    other.key("Enter")
+    other.wait_row("Bizygomatic")
+    page.key("Enter")
+    page.wait("document.getElementById('dialog').open")
+    found = {"shown": page.page.inner_text("#dialog")}
+    page.shot("conflict")
+    names = [entry["item"]["name"] for entry in server.annotations()["items"]]
+    found["before_decision"] = [name for name in names if name in ("Orbit width", "Bizygomatic")]
+    page.page.click("#dialog button[value=mine]")
+    server.item("Orbit width")
+    page.wait_row("Orbit width")
+    other.wait_row("Orbit width")
+    found["other"] = [row for row in other.rows() if "Orbit width" in row]
+    found["problems"] = other.problems
+    other.context.close()
+    return found
+
+
+def files(page, server):
+    """Out as mrk.json, deleted, and in again."""
+    page.key("v")
+    page.page.click("#export-button")
+    page.page.check('#dialog input[value="mrk.json"]')
+    with page.page.expect_download() as download:
+        page.page.click("#dialog button[value=ok]")
+    path = FOLDER / "out.mrk.json"
+    download.value.save_as(path)
+    found = {"name": download.value.suggested_filename, "file": json.loads(path.read_text(encoding="utf-8"))}
+    before = {entry["item"]["name"]: entry["item"]["geometry"] for entry in server.annotations()["items"]}
+    for name in ["Point 1", "Point 2"]:
+        page.page.click(f'.item[data-name="{name}"] .item-main')
+        page.page.click(f'.item[data-name="{name}"] button[aria-label="Delete {name}"]')
+        page.wait(f"!document.querySelector('.item[data-name=\"{name}\"]')")
+    found["deleted"] = [entry["item"]["name"] for entry in server.annotations()["items"]]
+    page.page.set_input_files("#import", path)
+    page.wait_row("Point 1")
+    after = [(entry["item"]["name"], entry["item"]["geometry"]) for entry in server.annotations()["items"]]
+    found["points"] = [[before[name], geometry] for name, geometry in after if name in ("Point 1", "Point 2")]
+    bad = FOLDER / "bad.mrk.json"
+    bad.write_text('{"markups": 3}', encoding="utf-8")
+    count = len(after)
+    page.page.set_input_files("#import", bad)
+    page.wait("document.getElementById('notice').classList.contains('error')")
+    found["bad"] = {"said": page.page.inner_text("#notice"), "items": [count, len(server.annotations()["items"])]}
+    return found
+
+
+def growing(page, server):
+    """A region from a seed in bone, with its volume before and after."""
+    page.page.click('.item[data-name="Point 1"] .item-main')
+    page.still()
+    page.key("r")
+    page.page.fill("#grow-low", "400")
+    page.page.fill("#grow-high", "3000")
+    page.page.fill("#grow-ml", "2000")
+    page.page.locator("#grow-ml").blur()
+    page.click("volume", 0.45, 0.3)
+    page.wait("!document.getElementById('grow-now').disabled")
+    found = {"preview": page.page.inner_text("#grow-state")}
+    page.page.click("#grow-now")
+    region = server.item("Region 1")
+    found["region"] = region
+    page.wait_row("Region 1")
+    page.page.click('.item[data-name="Region 1"] button[aria-label="Mesh of Region 1"]')
+    found["mesh"] = server.item("Region 1 mesh")
+    page.wait_row("Region 1 mesh")
+    page.page.wait_for_timeout(1500)
+    found["drawn"] = page.page.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('.pane')].map((pane) => { const layer = pane.querySelector('.layer');"
+        " const { data } = layer.getContext('2d').getImageData(0, 0, layer.width, layer.height);"
+        " let count = 0; for (let i = 3; i < data.length; i += 4) count += data[i] > 0; return [pane.dataset.pane, count]; }))"
+    )
+    page.shot("grown")
+    page.page.fill("#grow-ml", "1")
+    page.page.locator("#grow-ml").blur()
+    page.click("volume", 0.45, 0.3)
+    page.wait("document.getElementById('grow-state').innerText.includes('leaks')")
+    found["leak"] = page.page.inner_text("#grow-state")
+    page.key("Escape")
+    page.key("v")
+    return found
+
+
+def without(browser):
+    """A server without annotations: looking works, and the page says how to start it with them."""
+    server = Server()
+    page = Page(browser, server, "Ada Berg")
+    page.wait("!document.getElementById('off').hidden")
+    found = {"said": page.page.inner_text("#off")}
+    page.click("axial", 0.4, 0.4)
+    page.still()
+    found["cursor"] = page.page.get_attribute("#readout", "data-mm")
+    page.shot("off")
+    server.kill()
+    return found
+
+
+def main():
+    steps = sys.argv[5].split(",") if len(sys.argv) > 5 else []
+    wanted = lambda step: not steps or step in steps
+    server = Server("--annotations", str(FOLDER / "annotations.db"))
+    try:
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+            page = Page(browser, server, "Ada Berg")
+            found = {"placing": placing(page, server)}
+            for name, step in [("undoing", undoing), ("editing", editing), ("template", template), ("files", files), ("growing", growing)]:
+                if wanted(name):
+                    found[name] = step(page, server)
+                if name == "template" and wanted("conflict"):
+                    found["conflict"] = conflict(browser, page, server)
+            found["problems"] = page.problems
+            if wanted("without"):
+                found["without"] = without(browser)
+        print(json.dumps(found))
+    finally:
+        server.kill()
+
+
+main()
