@@ -20,7 +20,7 @@ const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, media type and content of every file.
-const FILES: [(&str, &str, &str); 52] = [
+const FILES: [(&str, &str, &str); 54] = [
     ("/", HTML, include_str!("page/index.html")),
     ("/style.css", STYLE, include_str!("page/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
@@ -54,6 +54,7 @@ const FILES: [(&str, &str, &str); 52] = [
     ("/annotate/files.js", SCRIPT, include_str!("page/annotate/files.js")),
     ("/annotate/geometry.js", SCRIPT, include_str!("page/annotate/geometry.js")),
     ("/annotate/grab.js", SCRIPT, include_str!("page/annotate/grab.js")),
+    ("/annotate/guide.css", STYLE, include_str!("page/annotate/guide.css")),
     ("/annotate/guide.js", SCRIPT, include_str!("page/annotate/guide.js")),
     ("/annotate/hand.js", SCRIPT, include_str!("page/annotate/hand.js")),
     ("/annotate/keys.js", SCRIPT, include_str!("page/annotate/keys.js")),
@@ -65,6 +66,7 @@ const FILES: [(&str, &str, &str); 52] = [
     ("/annotate/model.js", SCRIPT, include_str!("page/annotate/model.js")),
     ("/annotate/overlay.js", SCRIPT, include_str!("page/annotate/overlay.js")),
     ("/annotate/pane.js", SCRIPT, include_str!("page/annotate/pane.js")),
+    ("/annotate/panes.css", STYLE, include_str!("page/annotate/panes.css")),
     ("/annotate/placing.js", SCRIPT, include_str!("page/annotate/placing.js")),
     ("/annotate/settings.js", SCRIPT, include_str!("page/annotate/settings.js")),
     ("/annotate/sight.js", SCRIPT, include_str!("page/annotate/sight.js")),

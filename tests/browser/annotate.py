@@ -24,7 +24,7 @@ SHOTS = os.environ.get("RELIEF_PAGE_SHOTS")
 SIZE = {"width": 1280, "height": 720}
 TEMPLATE = {
     "name": "face",
-    "landmarks": [
+    "items": [
         {"name": "Nasion", "description": "Where the nasal bones meet the forehead."},
         {"name": "Left orbitale"},
         {"name": "Vertex", "description": "The highest point."},

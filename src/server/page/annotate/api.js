@@ -138,6 +138,11 @@ export class Annotations {
     return (await answer.json()).templates;
   }
 
+  async template(name) {
+    const answer = await ask(`${this.path}/templates/${encodeURIComponent(name)}`, { headers: this.#headers() });
+    return answer.json();
+  }
+
   putTemplate(name, template) {
     return this.#send("PUT", `/templates/${encodeURIComponent(name)}`, template);
   }

@@ -4,15 +4,24 @@ import { askTemplate } from "./dialogs.js";
 import { element } from "./pane.js";
 import { icon } from "./list.js";
 
+/** The tool that places what a template expects; regions are grown, and meshes made of them. */
+const TOOL_OF = { point: "point", line: "line", angle: "angle", curve: "curve", plane: "plane", region: "grow", mesh: "grow" };
+
 const STATES = { defined: "placed", missing: "expected", skipped: "skipped" };
 
 export class Guide {
   /** Which item is placed next: an id. */
   #current = null;
+  /** What the template says its items are to be, by their names. */
+  #kinds = new Map();
 
   constructor(host, model, { annotations, change, took, say, fail }) {
     Object.assign(this, { host, model, annotations, change, took, say, fail });
-    model.expected = () => this.expected();
+    /** What the next item of a kind is for; null where it is a new one. */
+    model.expected = (kind) => {
+      const expected = this.expected();
+      return expected && this.kindOf(expected) === kind ? expected : null;
+    };
     model.on("items guide", () => this.draw());
     this.input = element("input", { type: "file", accept: ".json,application/json", hidden: true, ariaLabel: "A template" });
     this.input.addEventListener("change", () => this.#bring(this.input.files[0]));
@@ -41,7 +50,7 @@ export class Guide {
       const choice = await askTemplate(names ?? [], this.#running());
       if (choice?.file) return this.input.click();
       if (choice?.name) await this.begin(choice.name);
-      if (choice?.list) this.goOn(...choice.list.split("\n"));
+      if (choice?.list) await this.goOn(...choice.list.split("\n"));
     } catch (error) {
       this.fail(error);
     }
@@ -75,15 +84,28 @@ export class Guide {
     await this.took(events);
     const made = events.find(({ item }) => item)?.item;
     const already = this.#running().find((group) => group.set === set && group.list === name);
-    this.goOn(set, made?.list ?? already?.list ?? name);
+    await this.goOn(set, made?.list ?? already?.list ?? name);
   }
 
-  goOn(set, list) {
+  async goOn(set, list) {
+    // A list that came by a file has no template: its items are points then.
+    const template = await this.annotations().template(list).catch(() => null);
+    this.#kinds = new Map((template?.items ?? []).map(({ name, kind }) => [name, kind]));
     this.model.guide = [set, list];
     this.#current = null;
     this.model.chooseSet(set);
-    this.model.chooseTool("point");
+    this.#takeUp();
+  }
+
+  /** The tool for what is expected now. */
+  #takeUp() {
+    const expected = this.expected();
+    if (expected) this.model.chooseTool(TOOL_OF[this.kindOf(expected)] ?? "point");
     this.model.changed("guide");
+  }
+
+  kindOf({ item }) {
+    return item.geometry?.kind ?? this.#kinds.get(item.name) ?? "point";
   }
 
   end() {
@@ -100,16 +122,15 @@ export class Guide {
     const at = entries.findIndex(({ item }) => item.id === this.#current);
     const order = [...entries.slice(at + 1), ...entries.slice(0, Math.max(0, at + 1))];
     this.#current = order.find(({ item }) => item.state === "missing")?.item.id ?? null;
-    if (!this.#current && entries.length) this.say(`All landmarks of “${this.model.guide[1]}” are decided.`);
-    this.model.changed("guide");
+    if (!this.#current && entries.length) this.say(`All of “${this.model.guide[1]}” is decided.`);
+    this.#takeUp();
   }
 
   /** Places this one next. */
   choose(id) {
     this.#current = id;
-    this.model.chooseTool("point");
     this.model.jumpTo(id);
-    this.model.changed("guide");
+    this.#takeUp();
   }
 
   async skip() {

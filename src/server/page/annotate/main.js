@@ -134,7 +134,9 @@ async function reload(whole = false) {
   if (whole) annotations.tag = null;
   try {
     const found = await annotations.list();
-    if (found && (whole || found.seq !== model.seq || !isOn)) model.take(found);
+    // An answer may be older than one's own last change.
+    if (found && found.seq >= model.seq) model.take(found);
+    else if (found) annotations.tag = null;
     setOn(true);
     return true;
   } catch (error) {
@@ -166,6 +168,7 @@ const redraw = () => panes.forEach((pane) => pane.draw());
 hand.structures = new Structures(model, { ...parts, spot: (...where) => hand.spot(...where), redraw });
 new Tools(model, { finish: () => hand.placing.finish().catch(fail) });
 const guide = new Guide($("guide"), model, parts);
+hand.structures.advance = () => guide.advance();
 const list = new List($("items"), model, {
   ...parts, mesh: (entry) => hand.structures.mesh(entry), fill: (entries) => hand.structures.fill(entries),
 });

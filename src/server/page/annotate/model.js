@@ -110,7 +110,7 @@ export class Model {
     this.changed("tool");
   }
 
-  /** All that the server has. */
+  /** All that the server has. Its measures are those of the geometry. */
   take({ seq, items, sets = [], templates = null }) {
     this.seq = seq;
     this.items = new Map(items.map((entry) => [entry.item.id, entry]));

@@ -2,7 +2,7 @@
 //
 // In a slice what is near its plane is drawn full, and what is farther fades until it is gone; in 3D what is hidden is dimmed.
 
-import { add, corners, cross, distance, dot, lerp, length, measureWords, outline, pointsOf, scale, sub, unit } from "./geometry.js";
+import { add, corners, cross, distance, dot, lerp, length, measureWords, measures as measured, outline, pointsOf, scale, sub, unit } from "./geometry.js";
 import { SliceSight } from "./sight.js";
 import { colorOf } from "./model.js";
 
@@ -80,7 +80,9 @@ class Drawing {
   text(at, words, { color, selected }) {
     if (at.strength < 0.3 || !this.isSeen(at) || (this.texts.length >= MOST_LABELS && !selected)) return;
     const width = 6.3 * words.length;
-    const tries = [[9, -7], [9, 15], [-9 - width, -7], [-9 - width, 15]];
+    const sides = [[9, -7], [9, 15], [-9 - width, -7], [-9 - width, 15]];
+    const inside = ([dx]) => at.x + dx > 0 && at.x + dx + width < this.width;
+    const tries = [...sides.filter(inside), ...sides.filter((side) => !inside(side))];
     const free = tries.find(([dx, dy]) => !this.boxes.some((box) => overlaps(box, [at.x + dx, at.y + dy - 11, width, 14])));
     if (!free && !selected) return;
     const [dx, dy] = free ?? tries[0];
@@ -117,7 +119,7 @@ function crossing(plane, sight) {
   return found.slice(0, 2);
 }
 
-function drawItem(drawing, { item, measures = [] }, { selected, handle, bare = false }) {
+function drawItem(drawing, { item, measures = measured(item.geometry) }, { selected, handle, bare = false }) {
   const color = colorOf(item);
   const { geometry, locked, name } = item;
   const stroke = `class="${selected ? "path chosen" : "path"}" stroke="${color}"`;

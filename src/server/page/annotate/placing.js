@@ -139,7 +139,7 @@ export class Placing {
 
   /** The expected landmark of a template, or a new item. */
   #change(geometry, { placement }, name) {
-    const expected = geometry.kind === "point" ? this.model.expected?.() : null;
+    const expected = this.model.expected?.(geometry.kind) ?? null;
     if (expected) {
       const item = { ...expected.item, state: "defined", geometry, placement };
       return { change: "update", item, version: expected.version };

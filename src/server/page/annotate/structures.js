@@ -12,8 +12,8 @@ export class Structures {
   #pressed = null;
   #stroke = null;
 
-  constructor(model, { annotations, spot, took, say, fail, redraw }) {
-    Object.assign(this, { model, annotations, spot, took, say, fail });
+  constructor(model, { annotations, spot, commit, took, say, fail, redraw }) {
+    Object.assign(this, { model, annotations, spot, commit, took, say, fail, advance: () => {} });
     this.contents = new Contents(annotations, redraw, fail);
     this.seed = null;
     $("grow-now").addEventListener("click", () => this.grow());
@@ -120,7 +120,9 @@ export class Structures {
     $("grow-state").textContent = "Growing …";
     const body = { ...this.#order(), name: this.model.freeName("Region"), set: this.model.set };
     const made = await this.#made(() => this.annotations().grow(body), "grow-state");
-    if (made) this.cancel();
+    if (!made) return;
+    this.cancel();
+    await this.#becomeExpected(made, "region");
   }
 
   async paint(mm) {
@@ -135,9 +137,20 @@ export class Structures {
   }
 
   /** A mesh of a region. */
-  mesh(entry) {
+  async mesh(entry) {
     this.say(`Making a mesh of “${entry.item.name}” …`, { brief: true });
-    return this.#made(() => this.annotations().mesh({ region: entry.item.id, name: `${entry.item.name} mesh`, set: entry.item.set }));
+    const made = await this.#made(() => this.annotations().mesh({ region: entry.item.id, name: `${entry.item.name} mesh`, set: entry.item.set }));
+    if (made) await this.#becomeExpected(made, "mesh");
+  }
+
+  /** What a template expects takes the place of what was made just now, in one change. */
+  async #becomeExpected(made, kind) {
+    const expected = this.model.expected?.(kind);
+    const entry = this.model.entry(made.id);
+    if (!expected || !entry) return;
+    const item = { ...expected.item, state: "defined", geometry: entry.item.geometry };
+    const events = await this.commit([{ change: "delete", id: made.id, version: entry.version }, { change: "update", item, version: expected.version }], "expected by the template");
+    if (events) this.advance();
   }
 
   /** A region between closed curves. */
@@ -155,11 +168,11 @@ export class Structures {
       if (made) this.model.select(made.id);
       const ml = made?.geometry?.volume_ml;
       this.say(ml == null ? "Done." : `“${made.name}”: ${ml.toFixed(2)} ml.`, { brief: true });
-      return true;
+      return made;
     } catch (error) {
       if (stateId) $(stateId).textContent = refusalWords(error);
       else this.fail(error);
-      return false;
+      return null;
     }
   }
 

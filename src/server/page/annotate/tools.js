@@ -72,8 +72,8 @@ export class Tools {
     }
     for (const group of document.querySelectorAll(".group-of")) group.hidden = !group.dataset.for.split(" ").includes(tool);
     const [, , title, , hint] = TOOLS.find((known) => known?.[0] === tool);
-    const expected = tool === "point" ? this.model.expected?.()?.item.name : null;
-    $("hint").replaceChildren(element("b", {}, title), expected ? ` Place “${expected}”: press, let go to set it.` : ` ${hint}`);
+    const expected = this.model.expected?.(tool)?.item.name;
+    $("hint").replaceChildren(element("b", {}, title), expected ? ` “${expected}”: ${hint}` : ` ${hint}`);
     $("hint").title = hint;
   }
 }
