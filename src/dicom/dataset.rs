@@ -122,6 +122,15 @@ impl DataSet {
         bytes.chunks_exact(2).map(word).collect()
     }
 
+    /// 32-bit floats, and how many bytes are left over; none when absent.
+    pub(super) fn floats(&self, tag: Tag) -> (Vec<f32>, usize) {
+        let Some(Value::Bytes { bytes, big_endian }) = self.value(tag) else { return (Vec::new(), 0) };
+        let (whole, rest) = bytes.as_chunks::<4>();
+        let float =
+            |&four: &[u8; 4]| if *big_endian { f32::from_be_bytes(four) } else { f32::from_le_bytes(four) };
+        (whole.iter().map(float).collect(), rest.len())
+    }
+
     /// The items of a kept sequence; none when absent.
     pub(super) fn items(&self, tag: Tag) -> &[Self] {
         match self.value(tag) {
@@ -135,18 +144,52 @@ impl DataSet {
     }
 }
 
+/// How deep kept sequences nest, and how long kept values are, at most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Bounds {
+    pub(super) deepest: u32,
+    pub(super) longest_value: u32,
+}
+
+impl Bounds {
+    /// Those of images.
+    const IMAGES: Self = Self { deepest: DEEPEST_KEPT, longest_value: LONGEST_VALUE };
+}
+
+/// What is wrong with a data set, and the items that lead there: sequences and numbers from 1.
+#[derive(Debug)]
+pub(super) struct Located {
+    pub(super) trail: Vec<(Tag, usize)>,
+    pub(super) defect: Defect,
+}
+
 /// Walks the data set that begins at the reader's position and stops at Pixel Data or at `end`.
 ///
 /// # Errors
 /// When an element is cut short, or items nest deeper than any standard sequence.
 pub(super) fn walk<R: BufRead + Seek>(
     source: &mut R,
-    (start, end): (u64, u64),
+    range: (u64, u64),
     encoding: Encoding,
     keep: fn(Tag) -> Keep,
 ) -> Result<Walked, Defect> {
-    let mut walker = Walker { source, position: start, end, keep };
-    let (data, pixels) = walker.elements(encoding, Some(end), 0)?;
+    walk_within(Bounds::IMAGES, source, range, encoding, keep).map_err(|located| located.defect)
+}
+
+/// As [`walk`], within other bounds.
+///
+/// # Errors
+/// As [`walk`], with the place.
+pub(super) fn walk_within<R: BufRead + Seek>(
+    bounds: Bounds,
+    source: &mut R,
+    (start, end): (u64, u64),
+    encoding: Encoding,
+    keep: fn(Tag) -> Keep,
+) -> Result<Walked, Located> {
+    let mut walker = Walker { source, position: start, end, keep, bounds, trail: Vec::new() };
+    let walked = walker.elements(encoding, Some(end), 0);
+    let (data, pixels) = walked.map_err(|defect| Located { trail: walker.trail, defect })?;
     Ok(Walked { data, pixels })
 }
 
@@ -160,7 +203,8 @@ pub(super) fn read_header<R: BufRead + Seek>(
     end: u64,
     encoding: Encoding,
 ) -> Result<Header, Defect> {
-    let mut walker = Walker { source, position: *position, end, keep: |_| Keep::Nothing };
+    let (keep, bounds, trail) = (|_| Keep::Nothing, Bounds::IMAGES, Vec::new());
+    let mut walker = Walker { source, position: *position, end, keep, bounds, trail };
     let header = walker.header(encoding)?;
     *position = walker.position;
     Ok(header)
@@ -171,6 +215,9 @@ struct Walker<'a, R> {
     position: u64,
     end: u64,
     keep: fn(Tag) -> Keep,
+    bounds: Bounds,
+    /// The kept items around the position: an error leaves them.
+    trail: Vec<(Tag, usize)>,
 }
 
 type Elements = (DataSet, Option<PixelElement>);
@@ -211,7 +258,7 @@ impl<R: BufRead + Seek> Walker<'_, R> {
                 data.elements.push((header.tag, Value::Bytes { bytes, big_endian }));
             }
             (Keep::Items, length) => {
-                let items = self.items(inner, length, depth + 1)?;
+                let items = self.items(header.tag, inner, length, depth + 1)?;
                 data.elements.push((header.tag, Value::Items(items)));
             }
             (_, Some(length)) => self.skip(header.tag, length)?,
@@ -220,9 +267,15 @@ impl<R: BufRead + Seek> Walker<'_, R> {
         Ok(())
     }
 
-    fn items(&mut self, encoding: Encoding, length: Option<u32>, depth: u32) -> Result<Vec<DataSet>, Defect> {
-        if depth > DEEPEST_KEPT {
-            return Err(Defect::Nesting { limit: DEEPEST_KEPT });
+    fn items(
+        &mut self,
+        tag: Tag,
+        encoding: Encoding,
+        length: Option<u32>,
+        depth: u32,
+    ) -> Result<Vec<DataSet>, Defect> {
+        if depth > self.bounds.deepest {
+            return Err(Defect::Nesting { limit: self.bounds.deepest });
         }
         let bound = length.map(|length| self.position.saturating_add(length.into()).min(self.end));
         let mut items = Vec::new();
@@ -235,7 +288,9 @@ impl<R: BufRead + Seek> Walker<'_, R> {
                 return Err(Defect::NotAnItem { found: header.tag });
             }
             let bound = header.length.map(|length| self.position.saturating_add(length.into()).min(self.end));
+            self.trail.push((tag, items.len() + 1));
             items.push(self.elements(encoding, bound, depth)?.0);
+            self.trail.pop();
         }
         Ok(items)
     }
@@ -286,7 +341,8 @@ impl<R: BufRead + Seek> Walker<'_, R> {
     }
 
     fn value(&mut self, tag: Tag, length: u32) -> Result<Vec<u8>, Defect> {
-        let limit = if tag == tags::EXTENDED_OFFSET_TABLE { LONGEST_OFFSET_TABLE } else { LONGEST_VALUE };
+        let longest = self.bounds.longest_value;
+        let limit = if tag == tags::EXTENDED_OFFSET_TABLE { LONGEST_OFFSET_TABLE } else { longest };
         if length > limit {
             return Err(Defect::LongValue { tag, found: length, limit });
         }

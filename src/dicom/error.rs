@@ -202,7 +202,7 @@ pub enum Defect {
         limit: u32,
     },
     /// Sequences nest too deep.
-    #[error("sequences nest deeper than {limit} levels, which no CT object does")]
+    #[error("sequences nest deeper than {limit} levels, which no object of this kind does")]
     Nesting {
         /// The limit.
         limit: u32,

@@ -11,7 +11,7 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_encoding::transfer_syntax::TransferSyntaxIndex;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
-use super::dataset::{self, Encoding, Keep, Walked};
+use super::dataset::{self, Bounds, Encoding, Keep, Located, Walked};
 use super::error::Defect;
 use super::source::{Bytes, Reader};
 
@@ -63,6 +63,14 @@ impl Object {
         let (mut reader, end) = self.bytes.open()?;
         reader.seek(SeekFrom::Start(self.start))?;
         dataset::walk(&mut reader, (self.start, end), self.syntax.encoding, keep)
+    }
+
+    /// Walks the data set within other bounds than images have; see [`dataset::walk_within`].
+    pub(super) fn walk_within(&self, bounds: Bounds, keep: fn(Tag) -> Keep) -> Result<Walked, Located> {
+        let at_top = |defect| Located { trail: Vec::new(), defect };
+        let (mut reader, end) = self.bytes.open().map_err(at_top)?;
+        reader.seek(SeekFrom::Start(self.start)).map_err(|error| at_top(error.into()))?;
+        dataset::walk_within(bounds, &mut reader, (self.start, end), self.syntax.encoding, keep)
     }
 
     /// Bytes of the inflated data set; 0 where none was deflated.

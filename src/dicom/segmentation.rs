@@ -87,7 +87,19 @@ fn keep(tag: Tag) -> Keep {
 /// When it is no segmentation object of type BINARY or LABELMAP, compressed, cut short, larger than allowed, or its frames
 /// lie on no regular grid.
 pub fn load_segmentation(limits: LoadLimits, path: &Path) -> Result<LoadedSegmentation, Defect> {
-    let object = part10::open(Bytes::Disk(path.to_owned()))?;
+    load(limits, Bytes::Disk(path.to_owned()))
+}
+
+/// As [`load_segmentation`], of a file's bytes.
+///
+/// # Errors
+/// As [`load_segmentation`].
+pub fn read_segmentation(limits: LoadLimits, bytes: &[u8]) -> Result<LoadedSegmentation, Defect> {
+    load(limits, Bytes::Memory(bytes::Bytes::copy_from_slice(bytes)))
+}
+
+fn load(limits: LoadLimits, bytes: Bytes) -> Result<LoadedSegmentation, Defect> {
+    let object = part10::open(bytes)?;
     let walked = object.walk(keep)?;
     let data = &walked.data;
     let kind = text(data, tags::SEGMENTATION_TYPE);
@@ -355,6 +367,25 @@ fn srgb_of_lab([l, a, b]: [u16; 3]) -> [f64; 3] {
     })
 }
 
+/// The other way: CIELab under D50 as DICOM has it.
+pub(super) fn lab_of_srgb(rgb: [f64; 3]) -> [u16; 3] {
+    let [r, g, b] = rgb.map(|value| {
+        let value = value.clamp(0.0, 1.0);
+        if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+    });
+    // The inverse of the matrix above, over the white.
+    let x = (0.436_074_7 * r + 0.385_064_9 * g + 0.143_080_4 * b) / 0.964_22;
+    let y = 0.222_504_5 * r + 0.716_878_6 * g + 0.060_616_9 * b;
+    let z = (0.013_932_2 * r + 0.097_104_5 * g + 0.714_173_3 * b) / 0.825_21;
+    let [x, y, z] = [x, y, z].map(|t| {
+        if t > (6.0f64 / 29.0).powi(3) { t.cbrt() } else { t / (3.0 * (6.0f64 / 29.0).powi(2)) + 4.0 / 29.0 }
+    });
+    let shares =
+        [(116.0 * y - 16.0) / 100.0, (500.0 * (x - y) + 128.0) / 255.0, (200.0 * (y - z) + 128.0) / 255.0];
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of 0..1")]
+    shares.map(|share| (share.clamp(0.0, 1.0) * 65535.0).round() as u16)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -370,6 +401,18 @@ mod tests {
             let found = srgb_of_lab(lab).map(|channel| 255.0 * channel);
             let off = found.iter().zip(rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(off < 0.5, "{lab:?}: {found:?} for {rgb:?}");
+        }
+    }
+
+    #[test]
+    fn every_colour_of_eight_bits_comes_back() {
+        for rgb in
+            [[0, 0, 0], [255, 255, 255], [255, 0, 0], [0, 255, 0], [0, 0, 255], [221, 130, 101], [3, 9, 200]]
+        {
+            let rgb = rgb.map(|channel| f64::from(channel) / 255.0);
+            let found = srgb_of_lab(lab_of_srgb(rgb));
+            let off = found.iter().zip(rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off < 0.5 / 255.0, "{found:?} for {rgb:?}");
         }
     }
 }

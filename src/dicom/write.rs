@@ -14,23 +14,18 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use dicom_core::value::{C, PrimitiveValue};
-use dicom_core::{DataElement, Tag, VR};
+use dicom_core::{DataElement, VR};
 use dicom_dictionary_std::{tags, uids};
-use dicom_object::{FileDicomObject, FileMetaTableBuilder, InMemDicomObject};
+use dicom_object::{FileDicomObject, InMemDicomObject};
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 
+use super::object::{decimal_string, decimals, meta, put, put_many, uid_of};
 use crate::volume::Volume;
 
-/// Identifies this writer in the file meta group; derived once from a random UUID.
-const IMPLEMENTATION_CLASS_UID: &str = "2.25.125342396745869861420020890032567052334";
-const IMPLEMENTATION_VERSION_NAME: &str = "RELIEF";
 /// Rows, columns and instances are 16-bit or short decimal strings; this also bounds the number of files.
 const MAX_EXTENT: usize = u16::MAX as usize;
 /// The name of a replaced folder in the temporary one that holds it meanwhile.
 const OLD: &str = "old";
-/// A decimal string (VR DS) holds at most this many characters.
-const DECIMAL_STRING_CHARS: usize = 16;
 
 /// What the series says about itself. Use invented names only.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -276,11 +271,7 @@ impl<'a> Series<'a> {
         self.put_image(&mut object, k);
         self.put_plane(&mut object, k);
         self.put_pixels(&mut object, k);
-        let meta = FileMetaTableBuilder::new()
-            .transfer_syntax(uids::EXPLICIT_VR_LITTLE_ENDIAN)
-            .implementation_class_uid(IMPLEMENTATION_CLASS_UID)
-            .implementation_version_name(IMPLEMENTATION_VERSION_NAME);
-        Ok(object.with_meta(meta)?)
+        Ok(object.with_meta(meta(uids::EXPLICIT_VR_LITTLE_ENDIAN))?)
     }
 
     fn put_patient_and_study(&self, object: &mut InMemDicomObject) {
@@ -338,7 +329,6 @@ impl<'a> Series<'a> {
         let step = affine.matrix3.z_axis.dot(normal).abs();
         let [column_spacing, row_spacing, _] = grid.spacing_mm();
         let position = affine.translation + affine.matrix3.z_axis * k as f64;
-        let decimals = |values: &[f64]| values.iter().map(|&v| decimal_string(v)).collect::<Vec<_>>();
         put_many(object, tags::IMAGE_POSITION_PATIENT, VR::DS, decimals(&position.to_array()));
         let orientation = [row_direction.to_array(), column_direction.to_array()].concat();
         put_many(object, tags::IMAGE_ORIENTATION_PATIENT, VR::DS, decimals(&orientation));
@@ -375,57 +365,13 @@ impl<'a> Series<'a> {
     /// A UID for `role` that depends on nothing but the volume and its labels.
     fn uid(&self, role: &str) -> String {
         let SeriesLabels { patient_name, patient_id, description, .. } = self.labels;
-        let mut hasher = Sha256::new();
-        hasher.update(self.volume.content_hash().0);
-        for part in [patient_name, patient_id, description, role] {
-            hasher.update((part.len() as u64).to_le_bytes());
-            hasher.update(part);
-        }
-        let digest = hasher.finalize();
-        let mut uuid = [0; 16];
-        uuid.copy_from_slice(&digest[..16]);
-        uuid[6] = uuid[6] & 0x0f | 0x80; // version 8 of RFC 9562: vendor-specific
-        uuid[8] = uuid[8] & 0x3f | 0x80; // its variant
-        format!("2.25.{}", u128::from_be_bytes(uuid))
-    }
-}
-
-fn put(object: &mut InMemDicomObject, tag: Tag, vr: VR, value: &str) {
-    object.put_element(DataElement::new(tag, vr, PrimitiveValue::from(value)));
-}
-
-fn put_many(object: &mut InMemDicomObject, tag: Tag, vr: VR, values: impl IntoIterator<Item = String>) {
-    let values: C<String> = values.into_iter().collect();
-    object.put_element(DataElement::new(tag, vr, PrimitiveValue::Strs(values)));
-}
-
-/// The shortest decimal that reads back as `value`, or the nearest one of 16 characters.
-fn decimal_string(value: f64) -> String {
-    let exact = value.to_string();
-    if exact.len() <= DECIMAL_STRING_CHARS {
-        return exact;
-    }
-    let digits = (0..DECIMAL_STRING_CHARS).rev().map(|digits| format!("{value:.digits$}"));
-    match digits.into_iter().find(|text| text.len() <= DECIMAL_STRING_CHARS) {
-        Some(text) if text.contains('.') => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        Some(text) => text,
-        None => format!("{value:.8e}"),
+        uid_of(&self.volume.content_hash().0, [patient_name, patient_id, description, role])
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn decimal_strings_fit_and_read_back() {
-        for value in [0.0, 1.0, -127.5, 0.9375, 1.0 / 3.0, -2.0 / 3.0e3, 123_456.789_012_345, 1e-17, -1e300] {
-            let text = decimal_string(value);
-            assert!(text.len() <= DECIMAL_STRING_CHARS, "{text}");
-            let back: f64 = text.parse().unwrap();
-            assert!((back - value).abs() <= 1e-9 * value.abs().max(1e-3), "{value} became {text}");
-        }
-    }
 
     #[test]
     fn a_folder_with_other_files_is_never_replaced() {

@@ -1,0 +1,84 @@
+//! Annotations as DICOM structured reports: Comprehensive 3D SR, TID 1500, written and read.
+//!
+//! What other programs need of such a report beyond the standard is in it: 3D Slicer wants planar groups (TID 1410) with a
+//! Finding and a series description, Cornerstone and OHIF go by English code meanings, by tracking identifiers of their own
+//! and by an image library. So a landmark's name is both its Tracking Identifier and the meaning of its Finding; lines,
+//! angles and curves carry Cornerstone's tracking identifiers, and their names in the Finding alone.
+//!
+//! | item | group | coordinates |
+//! |---|---|---|
+//! | point | TID 1410 | `POINT`, Image Region |
+//! | line | TID 1501 | `POLYLINE` that a NUM Length is inferred from |
+//! | angle | TID 1501 | `POLYLINE` of four points, the corner twice as Cornerstone has it, below a NUM Angle |
+//! | curve, closed within a plane | TID 1410 | `POLYGON`, Image Region, and again below a NUM Area |
+//! | curve, open or out of plane | TID 1501 | `POLYLINE`, closed where it ends as it began, below a NUM Length |
+//! | smooth curve | as these | the curve in short straight parts, and its points as Cornerstone's Control Points |
+//!
+//! Coordinates are 32-bit floats (VR FL): about 1e-5 mm at 200 mm are lost. What a report cannot hold is told, never dropped
+//! in silence: planes, regions and meshes, items without a place, colours, locks. What it is not: a reader of measurements
+//! whose voxels are in another object (TID 1411), of which only a warning tells.
+//!
+//! Space: patient LPS mm of the frame of reference that each coordinate names.
+
+mod codes;
+mod content;
+mod graphics;
+mod groups;
+mod read;
+mod write;
+
+pub use read::{ReadOptions, ReadReport, read};
+pub use write::{LeftOut, WriteOptions, Written, write};
+
+use super::error::Defect;
+
+/// Why a report could not be written or read. Messages hold neither UIDs nor what a report says.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// Coordinates must name a frame of reference.
+    #[error(
+        "the series has no Frame of Reference UID (0020,0052), which coordinates of a report must name; export to \
+         another format"
+    )]
+    NoFrameOfReference,
+    /// None of the items can be in a report.
+    #[error("none of the {} items can be in a report{}", .0.len(), first_reason(.0))]
+    Nothing(Vec<LeftOut>),
+    /// The object could not be put into bytes.
+    #[error("the report cannot be encoded: {0}")]
+    Encoding(Box<dyn std::error::Error + Send + Sync>),
+    /// More bytes than any report has.
+    #[error("the report has {found} bytes, allowed: at most {allowed}")]
+    TooLarge {
+        /// Bytes given.
+        found: usize,
+        /// The limit.
+        allowed: usize,
+    },
+    /// The data set is damaged.
+    #[error("{}{defect}", at_path(.path))]
+    Damaged {
+        /// The items that lead to the damage, as tags and numbers from 1; empty at the top.
+        path: String,
+        /// What is wrong there.
+        defect: Defect,
+    },
+    /// Another kind of object, or a value that cannot be used.
+    #[error("{path}: found {found}, expected {expected}")]
+    Value {
+        /// The attribute and the items that lead to it, as tags and numbers from 1.
+        path: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: &'static str,
+    },
+}
+
+fn at_path(path: &str) -> String {
+    if path.is_empty() { String::new() } else { format!("{path}: ") }
+}
+
+fn first_reason(left_out: &[LeftOut]) -> String {
+    left_out.first().map_or(String::new(), |first| format!("; the first: {}", first.reason))
+}

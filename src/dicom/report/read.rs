@@ -1,0 +1,383 @@
+//! Reports as items: measurement groups with coordinates, whoever wrote them.
+//!
+//! A group may be anywhere in a report. It becomes an item for each of its shapes: named by its tracking identifier, or, where
+//! that names a tool of Cornerstone, by its finding. Nothing recurses but the bounded walk over the data set.
+
+use std::collections::{BTreeMap, HashSet};
+
+use dicom_core::Tag;
+use dicom_dictionary_std::tags;
+
+use super::ReportError;
+use super::codes::{
+    COMMENT, CORNERSTONE_TOOLS, FINDING, FINDING_SITE, GROUP, NAMES_ONLY, PERSON_NAME, TRACKING_IDENTIFIER,
+    TRACKING_UID,
+};
+use super::graphics::{self, Shape};
+use crate::annotation::{Concept, FrameOfReference, Item, ItemId, Method, Placement, Timestamp};
+use crate::dicom::charset::Charset;
+use crate::dicom::dataset::{Bounds, DataSet, Keep, Located};
+use crate::dicom::error::Attribute;
+use crate::dicom::object::Code;
+use crate::dicom::part10;
+use crate::dicom::reference::SeriesReference;
+use crate::dicom::source::Bytes;
+
+/// The largest report that is read: one of ten thousand items has a quarter of it.
+const MOST_BYTES: usize = 1 << 26;
+/// Content of reports nests about six deep, and a code of it once more; values are texts and coordinates.
+const BOUNDS: Bounds = Bounds { deepest: 32, longest_value: 1 << 22 };
+/// Most items of one report.
+const MOST_ITEMS: usize = 100_000;
+
+/// What a reader knows that a report does not say.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadOptions<'a> {
+    /// The author of items that name no observer.
+    pub author: &'a str,
+    /// The series that coordinates in pixels are of, where it is at hand.
+    pub series: Option<&'a SeriesReference>,
+}
+
+/// The items of a report.
+#[derive(Debug)]
+pub struct ReadReport {
+    /// In the order of the report; in the default set and in no list.
+    pub items: Vec<Item>,
+    /// What is not in the items, in sentences.
+    pub warnings: Vec<String>,
+}
+
+/// A content item and where it is.
+pub(super) struct Node<'a> {
+    pub(super) data: &'a DataSet,
+    pub(super) path: String,
+    charset: &'a Charset,
+}
+
+/// Warnings by what they say, with how often and where first.
+#[derive(Default)]
+pub(super) struct Warnings(BTreeMap<&'static str, (usize, String)>);
+
+/// Reads the items of a report: Comprehensive 3D SR, or another one with measurement groups (TID 1410 or 1501).
+///
+/// # Errors
+/// When it is no report, damaged, or larger than any is; when coordinates are not as many as their type has.
+pub fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<ReadReport, ReportError> {
+    if bytes.len() > MOST_BYTES {
+        return Err(ReportError::TooLarge { found: bytes.len(), allowed: MOST_BYTES });
+    }
+    let at_top = |defect| ReportError::Damaged { path: String::new(), defect };
+    let object = part10::open(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes))).map_err(at_top)?;
+    let damaged = |Located { trail, defect }: Located| {
+        let steps: Vec<String> = trail.iter().map(|(tag, number)| format!("{tag}[{number}]")).collect();
+        ReportError::Damaged { path: steps.join("/"), defect }
+    };
+    let walked = object.walk_within(BOUNDS, keep).map_err(damaged)?;
+    let charset = Charset::of(&walked.data);
+    let root = Node { data: &walked.data, path: String::new(), charset: &charset };
+    if root.kind() != "CONTAINER" {
+        let found = format!("{:.16?}", root.kind());
+        let expected = "CONTAINER: the object is no structured report (SR)";
+        return Err(root.wrong("ValueType", tags::VALUE_TYPE, found, expected));
+    }
+    let mut reader = Reader { options, root: &root, items: Vec::new(), ids: HashSet::new() };
+    let mut warnings = Warnings::default();
+    let groups = groups(&root);
+    if groups.is_empty() {
+        warnings.count("the report has no measurement groups", "it");
+    }
+    for group in &groups {
+        reader.take(group, &mut warnings)?;
+    }
+    Ok(ReadReport { items: reader.items, warnings: warnings.sentences() })
+}
+
+fn keep(tag: Tag) -> Keep {
+    match tag {
+        tags::CONTENT_SEQUENCE
+        | tags::CONCEPT_NAME_CODE_SEQUENCE
+        | tags::CONCEPT_CODE_SEQUENCE
+        | tags::EQUIVALENT_CODE_SEQUENCE
+        | tags::REFERENCED_SOP_SEQUENCE => Keep::Items,
+        tags::SPECIFIC_CHARACTER_SET
+        | tags::CONTENT_DATE
+        | tags::CONTENT_TIME
+        | tags::OBSERVATION_DATE_TIME
+        | tags::VALUE_TYPE
+        | tags::TEXT_VALUE
+        | tags::UID
+        | tags::PERSON_NAME
+        | tags::CODE_VALUE
+        | tags::LONG_CODE_VALUE
+        | tags::URN_CODE_VALUE
+        | tags::CODING_SCHEME_DESIGNATOR
+        | tags::CODE_MEANING
+        | tags::GRAPHIC_TYPE
+        | tags::GRAPHIC_DATA
+        | tags::REFERENCED_FRAME_OF_REFERENCE_UID
+        | tags::REFERENCED_SOP_INSTANCE_UID
+        | tags::REFERENCED_FRAME_NUMBER => Keep::Value,
+        _ => Keep::Nothing,
+    }
+}
+
+/// All measurement groups, in the order of the report.
+fn groups<'a>(root: &Node<'a>) -> Vec<Node<'a>> {
+    let mut groups = Vec::new();
+    let mut open: Vec<Node<'a>> = root.children();
+    open.reverse();
+    while let Some(node) = open.pop() {
+        if node.kind() == "CONTAINER" && node.is(GROUP) {
+            groups.push(node);
+        } else {
+            open.extend(node.children().into_iter().rev());
+        }
+    }
+    groups
+}
+
+impl<'a> Node<'a> {
+    pub(super) fn children(&self) -> Vec<Self> {
+        let separator = if self.path.is_empty() { "" } else { "/" };
+        let child = |(index, data)| Node {
+            data,
+            path: format!("{}{separator}{}[{}]", self.path, tags::CONTENT_SEQUENCE, index + 1),
+            charset: self.charset,
+        };
+        self.data.items(tags::CONTENT_SEQUENCE).iter().enumerate().map(child).collect()
+    }
+
+    /// Its value type; a word of no meaning where that is not text.
+    pub(super) fn kind(&self) -> &'a str {
+        let bytes = self.data.bytes(tags::VALUE_TYPE).unwrap_or_default();
+        std::str::from_utf8(bytes).unwrap_or_default().trim_matches(['\0', ' '])
+    }
+
+    /// A text value; empty when absent.
+    pub(super) fn text(&self, tag: Tag) -> String {
+        self.charset.text(self.data, tag).unwrap_or_default()
+    }
+
+    pub(super) fn is(&self, name: Code) -> bool {
+        self.has_name(name.value, name.scheme)
+    }
+
+    pub(super) fn has_name(&self, value: &str, scheme: &str) -> bool {
+        let name = self.data.items(tags::CONCEPT_NAME_CODE_SEQUENCE).first();
+        let is =
+            |tag, wanted: &str| name.and_then(|name| name.text(tag)).is_some_and(|found| found == wanted);
+        is(tags::CODE_VALUE, value) && is(tags::CODING_SCHEME_DESIGNATOR, scheme)
+    }
+
+    /// The code of a content item of type CODE. With an equivalent of the same code, that one's meaning is the concept's and
+    /// its own a name.
+    fn concept(&self) -> Option<(Concept, String)> {
+        let item = self.data.items(tags::CONCEPT_CODE_SEQUENCE).first()?;
+        let text = |item: &DataSet, tag| self.charset.text(item, tag).filter(|text| !text.is_empty());
+        let code = |item| {
+            [tags::CODE_VALUE, tags::LONG_CODE_VALUE, tags::URN_CODE_VALUE]
+                .iter()
+                .find_map(|tag| text(item, *tag))
+        };
+        let scheme = |item| text(item, tags::CODING_SCHEME_DESIGNATOR);
+        let name = text(item, tags::CODE_MEANING)?;
+        let (value, designator) = (code(item)?, scheme(item).unwrap_or_default());
+        let same = item.items(tags::EQUIVALENT_CODE_SEQUENCE).iter().find(|other| {
+            code(other).as_deref() == Some(&value) && scheme(other).as_deref() == Some(&designator)
+        });
+        let meaning = same.and_then(|other| text(other, tags::CODE_MEANING));
+        let meaning = meaning.unwrap_or_else(|| name.clone());
+        Some((Concept { code: value, scheme: designator, meaning }, name))
+    }
+
+    /// The error of an attribute here.
+    pub(super) fn wrong(
+        &self,
+        keyword: &'static str,
+        tag: Tag,
+        found: String,
+        expected: &'static str,
+    ) -> ReportError {
+        let attribute = Attribute { tag, keyword };
+        let path = match self.path.as_str() {
+            "" => attribute.to_string(),
+            path => format!("{path}/{attribute}"),
+        };
+        ReportError::Value { path, found, expected }
+    }
+}
+
+impl Warnings {
+    /// One more of these, at a place.
+    pub(super) fn count(&mut self, what: &'static str, path: &str) {
+        self.0.entry(what).or_insert_with(|| (0, path.to_owned())).0 += 1;
+    }
+
+    fn sentences(self) -> Vec<String> {
+        let sentence = |(what, (count, first)): (&str, (usize, String))| match count {
+            1 => format!("{what}: {first}"),
+            _ => format!("{what}: {count} times, first at {first}"),
+        };
+        self.0.into_iter().map(sentence).collect()
+    }
+}
+
+struct Reader<'a> {
+    options: &'a ReadOptions<'a>,
+    root: &'a Node<'a>,
+    items: Vec<Item>,
+    ids: HashSet<ItemId>,
+}
+
+impl Reader<'_> {
+    /// The items of a group.
+    fn take(&mut self, group: &Node<'_>, warnings: &mut Warnings) -> Result<(), ReportError> {
+        let shapes = graphics::shapes(group, self.options.series, warnings)?;
+        if shapes.is_empty() {
+            warnings
+                .count("measurement groups without coordinates that can be read are left out", &group.path);
+            return Ok(());
+        }
+        if self.items.len() + shapes.len() > MOST_ITEMS {
+            let found = format!("more than {MOST_ITEMS} shapes");
+            return Err(group.wrong("ContentSequence", tags::CONTENT_SEQUENCE, found, "fewer"));
+        }
+        let children = group.children();
+        let find = |name: Code| children.iter().find(|child| child.is(name));
+        let text = |name| find(name).map(|child| child.text(tags::TEXT_VALUE)).unwrap_or_default();
+        let finding = find(FINDING).or_else(|| find(FINDING_SITE)).and_then(Node::concept);
+        let name = name(&text(TRACKING_IDENTIFIER), finding.as_ref().map(|(_, name)| name.as_str()));
+        let uid = find(TRACKING_UID).map(|child| child.text(tags::UID)).unwrap_or_default();
+        let id = uid.strip_prefix("2.25.").and_then(|number| number.parse().ok()).map(ItemId::from_number);
+        let several = shapes.len() > 1;
+        for (index, Shape { geometry, frame_of_reference }) in shapes.into_iter().enumerate() {
+            let name = if several { numbered(&name, index + 1) } else { name.clone() };
+            let mut item = Item::new(&name, &self.author(&children), Some(geometry)).map_err(|error| {
+                ReportError::Encoding(format!("this machine gives no random numbers: {error}").into())
+            })?;
+            // A thing may be tracked through several groups; an item's id is its own.
+            if let Some(id) = id.filter(|id| !several && self.ids.insert(*id)) {
+                item.id = id;
+            }
+            item.description = block(&text(COMMENT));
+            item.concept = finding.as_ref().map(|(concept, _)| concept.clone());
+            item.concept = item.concept.filter(|concept| !NAMES_ONLY.contains(&concept.scheme.as_str()));
+            item.frame_of_reference = frame_of_reference.map(FrameOfReference);
+            item.created = self.observed(group).unwrap_or(item.created);
+            item.placement =
+                Some(Placement { method: Method::Import, device: None, camera: None, snapped_mm: None });
+            self.push(item, group, warnings)?;
+        }
+        Ok(())
+    }
+
+    /// Adds a sound item; a code that is none is left out.
+    fn push(&mut self, mut item: Item, group: &Node<'_>, warnings: &mut Warnings) -> Result<(), ReportError> {
+        if item.validate().is_err() && item.concept.take().is_some() {
+            warnings
+                .count("a finding's code is longer than codes are, or has no scheme: left out", &group.path);
+        }
+        item.validate().map_err(|error| ReportError::Value {
+            path: group.path.clone(),
+            found: error.to_string(),
+            expected: "a measurement group that an item can be made of",
+        })?;
+        self.items.push(item);
+        Ok(())
+    }
+
+    /// The person of the group, else of the report, else who reads it.
+    fn author(&self, children: &[Node<'_>]) -> String {
+        let own =
+            children.iter().find(|child| child.is(PERSON_NAME)).map(|child| child.text(tags::PERSON_NAME));
+        let found = own.or_else(|| {
+            let mut all = self.root.children().into_iter();
+            all.find(|child| child.is(PERSON_NAME)).map(|child| child.text(tags::PERSON_NAME))
+        });
+        let found = line(&found.unwrap_or_default());
+        if found.is_empty() { self.options.author.to_owned() } else { found }
+    }
+
+    /// When the group was observed, else when the report was made.
+    fn observed(&self, group: &Node<'_>) -> Option<Timestamp> {
+        let of = |node: &Node<'_>| moment(&node.text(tags::OBSERVATION_DATE_TIME));
+        let made = || {
+            let [date, time] = [tags::CONTENT_DATE, tags::CONTENT_TIME].map(|tag| self.root.text(tag));
+            moment(&format!("{date}{time}"))
+        };
+        of(group).or_else(made)
+    }
+}
+
+/// What a group's item is called.
+fn name(tracking: &str, finding: Option<&str>) -> String {
+    let is_tool = CORNERSTONE_TOOLS.iter().any(|tool| tracking.starts_with(tool));
+    let candidates = if is_tool { [finding, None] } else { [Some(tracking), finding] };
+    let names = candidates.into_iter().flatten().map(line);
+    names.into_iter().find(|name| !name.is_empty()).unwrap_or_else(|| "unnamed".to_owned())
+}
+
+/// The name of one of several items.
+fn numbered(name: &str, number: usize) -> String {
+    let number = format!(" {number}");
+    let start: String = name.chars().take(Item::LONGEST_NAME - number.len()).collect();
+    start + &number
+}
+
+/// One line, as long as a name may be.
+fn line(text: &str) -> String {
+    let clean: String = text.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect();
+    clean.trim().chars().take(Item::LONGEST_NAME).collect()
+}
+
+/// Lines, as long as a description may be.
+fn block(text: &str) -> String {
+    let lines = text.replace("\r\n", "\n");
+    let is_good = |letter: &char| !letter.is_control() || matches!(letter, '\n' | '\t');
+    lines.chars().filter(is_good).take(Item::LONGEST_DESCRIPTION).collect()
+}
+
+/// `YYYYMMDDHHMMSS.FFFFFF+ZZZZ`, of which all after the date may be missing; without an offset taken as UTC.
+fn moment(text: &str) -> Option<Timestamp> {
+    let (stamp, offset) = match text.find(['+', '-']) {
+        Some(at) => text.split_at(at),
+        None => (text, "+0000"),
+    };
+    let (whole, fraction) = stamp.split_once('.').unwrap_or((stamp, "0"));
+    if !text.is_ascii() || !(8..=14).contains(&whole.len()) || offset.len() != 5 {
+        return None;
+    }
+    let whole = format!("{whole:0<14}");
+    let at = |from: usize, to: usize| &whole[from..to];
+    let (day, time) =
+        ([at(0, 4), at(4, 6), at(6, 8)].join("-"), [at(8, 10), at(10, 12), at(12, 14)].join(":"));
+    format!("{day}T{time}.{fraction}{}:{}", &offset[..3], &offset[3..]).parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_read_with_as_much_as_they_have() {
+        for (text, expected) in [
+            ("20260131120000.123+0130", "2026-01-31T10:30:00.123Z"),
+            ("20260131", "2026-01-31T00:00:00.000Z"),
+            ("202601311200-0500", "2026-01-31T17:00:00.000Z"),
+        ] {
+            assert_eq!(moment(text).unwrap().to_string(), expected);
+        }
+        for wrong in ["", "2026", "2026013199", "2026013112000ü", "20260131+1", "+0000", "20260131.+0000x"] {
+            assert!(moment(wrong).is_none(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_tool_of_cornerstone_is_no_name() {
+        assert_eq!(name("nasion", Some("x")), "nasion");
+        assert_eq!(name("Cornerstone3DTools@^0.1.0:Length", Some("width")), "width");
+        assert_eq!(name("cornerstoneTools@^4.0.0:Length", None), "unnamed");
+        assert_eq!(name(" ", Some("a\nb")), "a b");
+    }
+}

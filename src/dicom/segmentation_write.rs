@@ -1,0 +1,393 @@
+//! Label maps as DICOM segmentation objects about a series: BINARY ones, which everybody reads.
+//!
+//! A frame is a slice of one segment; slices in which a segment does not occur are left out (PS3.3 C.8.20, A.51). Frames are
+//! packed bit by bit without regard to where they begin. Segments are numbered anew from 1, as the standard asks, in the order
+//! of their labels. What it is not: a writer of LABELMAP objects, which few programs read yet.
+//!
+//! Space: patient LPS mm. Frames lie on the planes of the map's grid, wherever those of the series are; a frame that lies on
+//! a slice of the series names it as its source.
+
+use dicom_core::value::PrimitiveValue;
+use dicom_core::{DataElement, VR};
+use dicom_dictionary_std::{tags, uids};
+use dicom_object::InMemDicomObject;
+use glam::DVec3;
+
+use super::object::{
+    self, Code, EncodeError, LONG_STRING_CHARS, code_item, decimal_string, decimals, limited, put,
+    put_equipment, put_items, put_many, put_numbers, uid_of,
+};
+use super::reference::{Instance, Plane, SeriesReference};
+use super::segmentation::lab_of_srgb;
+use crate::annotation::{Concept, ItemId, Timestamp};
+use crate::volume::{LabelMap, Segment};
+
+/// How far directions may be from right angles, as a cosine: a thousandth of a voxel over a slice of 1000.
+const RIGHT_ANGLE: f64 = 1e-6;
+/// How far a frame may be off a slice of the series to be made of it, mm.
+const SAME_PLANE_MM: f64 = 1e-3;
+/// Most bytes of pixels: an element's length has 32 bits.
+const MOST_PIXEL_BYTES: u64 = u32::MAX as u64 - 1;
+
+const CATEGORY: Code = Code::new("85756007", "SCT", "Tissue");
+const DERIVATION: Code = Code::dcm("113076", "Segmentation");
+const PURPOSE: Code = Code::dcm("121322", "Source image for image processing operation");
+
+/// What a segmentation says of itself.
+#[derive(Clone, Debug)]
+pub struct SegmentationOptions {
+    /// Series description; viewers list it. Nothing of the patient belongs here.
+    pub description: String,
+    /// Who made it.
+    pub author: String,
+    /// When it was made.
+    pub made: Timestamp,
+    /// Whether people alone drew it; else programs helped.
+    pub is_manual: bool,
+    /// What is known of segments beyond their names and colours.
+    pub meanings: Vec<SegmentMeaning>,
+}
+
+/// What a segment is, and the item that it is of.
+#[derive(Clone, Debug)]
+pub struct SegmentMeaning {
+    /// The label that it has in the map.
+    pub label: u16,
+    /// What it is; tissue where nobody said.
+    pub concept: Option<Concept>,
+    /// The item, whose id tracks the segment.
+    pub item: Option<ItemId>,
+}
+
+impl SegmentationOptions {
+    /// Those of an author now.
+    #[must_use]
+    pub fn by(author: &str) -> Self {
+        Self {
+            description: "Relief segmentation".to_owned(),
+            author: author.to_owned(),
+            made: Timestamp::now(),
+            is_manual: false,
+            meanings: Vec::new(),
+        }
+    }
+}
+
+/// Why a segmentation could not be written. Messages hold neither UIDs nor names.
+#[derive(Debug, thiserror::Error)]
+pub enum SegmentationError {
+    /// Frames must name a frame of reference.
+    #[error(
+        "the series has no Frame of Reference UID (0020,0052), which frames of a segmentation must name; export to \
+         another format"
+    )]
+    NoFrameOfReference,
+    /// No voxel belongs to a segment.
+    #[error("no voxel belongs to a segment")]
+    Nothing,
+    /// The grid's axes are not at right angles.
+    #[error(
+        "the grid's axes are not at right angles (off by {off_deg:.4} degrees), which frames must be; resample the \
+         map to a grid whose axes are"
+    )]
+    Sheared {
+        /// By how much, at most.
+        off_deg: f64,
+    },
+    /// Too many voxels for the attributes of an image.
+    #[error(
+        "found a grid of {dims:?} voxels with {frames} frames, expected 65535 columns and rows at most, and 4 GiB of bits"
+    )]
+    TooLarge {
+        /// Voxels along i, j and k.
+        dims: [usize; 3],
+        /// Slices of all segments.
+        frames: usize,
+    },
+    /// The object could not be put into bytes.
+    #[error("the segmentation cannot be encoded: {0}")]
+    Encoding(#[source] EncodeError),
+}
+
+/// A slice of a segment.
+#[derive(Clone, Copy)]
+struct Frame {
+    /// Its segment among those of the map.
+    place: usize,
+    slice: usize,
+}
+
+/// Writes a label map as a segmentation about a series. The same map, series and options make the same bytes. Segments that
+/// have no voxels are described and have no frames.
+///
+/// # Errors
+/// When the series has no frame of reference, no voxel is labelled, or the map's grid is no stack of frames.
+pub fn write_segmentation(
+    map: &LabelMap,
+    series: &SeriesReference,
+    options: &SegmentationOptions,
+) -> Result<Vec<u8>, SegmentationError> {
+    check_right_angles(map)?;
+    let frames = frames(map);
+    if frames.is_empty() {
+        return Err(SegmentationError::Nothing);
+    }
+    let [nx, ny, _] = map.grid().dims();
+    let bytes = (nx as u64 * ny as u64 * frames.len() as u64).div_ceil(8);
+    let extents = (u16::try_from(nx), u16::try_from(ny));
+    let (Ok(columns), Ok(rows), true) = (extents.0, extents.1, bytes <= MOST_PIXEL_BYTES) else {
+        return Err(SegmentationError::TooLarge { dims: map.grid().dims(), frames: frames.len() });
+    };
+    let mut object = InMemDicomObject::new_empty();
+    series.put_patient_and_study(&mut object);
+    series.put_frame_of_reference(&mut object).ok_or(SegmentationError::NoFrameOfReference)?;
+    put_equipment(&mut object);
+    put_identity(&mut object, map, series, options);
+    put_image(&mut object, [rows, columns], frames.len());
+    let segments: Vec<InMemDicomObject> =
+        (1..).zip(map.segments()).map(|(number, segment)| segment_item(number, segment, options)).collect();
+    put_items(&mut object, tags::SEGMENT_SEQUENCE, segments);
+    put_dimensions(&mut object, &uid_of(b"dimensions", [map.content_hash().0]));
+    let planes = Planes::new(map, series);
+    put_items(&mut object, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE, vec![planes.shared()]);
+    let groups = frames.iter().map(|frame| planes.groups(*frame)).collect();
+    put_items(&mut object, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, groups);
+    put_items(
+        &mut object,
+        tags::REFERENCED_SERIES_SEQUENCE,
+        vec![series.referenced_series(tags::REFERENCED_INSTANCE_SEQUENCE)],
+    );
+    let bits = PrimitiveValue::from(packed(map, &frames));
+    object.put_element(DataElement::new(tags::PIXEL_DATA, VR::OB, bits));
+    object::file_bytes(object, false).map_err(SegmentationError::Encoding)
+}
+
+fn check_right_angles(map: &LabelMap) -> Result<(), SegmentationError> {
+    let [x, y, z] = map.grid().axis_directions();
+    let cosine = [x.dot(y), y.dot(z), z.dot(x)].into_iter().map(f64::abs).fold(0.0, f64::max);
+    if cosine > RIGHT_ANGLE {
+        return Err(SegmentationError::Sheared { off_deg: cosine.asin().to_degrees() });
+    }
+    Ok(())
+}
+
+/// The slices of each segment that have voxels of it, segment by segment.
+fn frames(map: &LabelMap) -> Vec<Frame> {
+    let [nx, ny, nz] = map.grid().dims();
+    let mut occurs = vec![vec![false; nz]; map.segments().len()];
+    for slice in 0..nz {
+        for at in slice * nx * ny..(slice + 1) * nx * ny {
+            if let Some(place) = map.places().at(at).checked_sub(1) {
+                occurs[place][slice] = true;
+            }
+        }
+    }
+    let of = |(place, slices): (usize, Vec<bool>)| {
+        let slices = slices.into_iter().enumerate().filter(|(_, occurs)| *occurs);
+        slices.map(move |(slice, _)| Frame { place, slice })
+    };
+    occurs.into_iter().enumerate().flat_map(of).collect()
+}
+
+/// A bit for each voxel of each frame, the first in the lowest bit; an even number of bytes.
+fn packed(map: &LabelMap, frames: &[Frame]) -> Vec<u8> {
+    let [nx, ny, _] = map.grid().dims();
+    let area = nx * ny;
+    let mut bytes = vec![0u8; (area * frames.len()).div_ceil(8).next_multiple_of(2)];
+    for (index, frame) in frames.iter().enumerate() {
+        for at in 0..area {
+            if map.places().at(frame.slice * area + at) == frame.place + 1 {
+                let bit = index * area + at;
+                bytes[bit / 8] |= 1 << (bit % 8);
+            }
+        }
+    }
+    bytes
+}
+
+fn put_identity(
+    object: &mut InMemDicomObject,
+    map: &LabelMap,
+    series: &SeriesReference,
+    options: &SegmentationOptions,
+) {
+    let made = options.made.to_string();
+    let said = format!("{options:?}");
+    let content = map.content_hash().0;
+    let parts = || [series.series_uid().as_bytes(), content.as_slice(), made.as_bytes(), said.as_bytes()];
+    put(object, tags::SOP_CLASS_UID, VR::UI, uids::SEGMENTATION_STORAGE);
+    put(object, tags::SOP_INSTANCE_UID, VR::UI, &uid_of(b"segmentation", parts()));
+    put(object, tags::SERIES_INSTANCE_UID, VR::UI, &uid_of(b"series of segmentations", parts()));
+    put(object, tags::MODALITY, VR::CS, "SEG");
+    put(object, tags::SERIES_NUMBER, VR::IS, "1");
+    put(object, tags::INSTANCE_NUMBER, VR::IS, "1");
+    let description = limited(&options.description, LONG_STRING_CHARS);
+    let description = if description.is_empty() { "Relief segmentation" } else { &description };
+    put(object, tags::SERIES_DESCRIPTION, VR::LO, description);
+    put(object, tags::CONTENT_LABEL, VR::CS, "SEGMENTATION");
+    put(object, tags::CONTENT_DESCRIPTION, VR::LO, description);
+    let author = limited(&options.author.replace('=', " "), LONG_STRING_CHARS);
+    put(object, tags::CONTENT_CREATOR_NAME, VR::PN, &author);
+    let (date, time) = object::date_and_time(options.made);
+    put(object, tags::CONTENT_DATE, VR::DA, &date);
+    put(object, tags::CONTENT_TIME, VR::TM, &time);
+    put(object, tags::SERIES_DATE, VR::DA, &date);
+    put(object, tags::SERIES_TIME, VR::TM, &time);
+}
+
+fn put_image(object: &mut InMemDicomObject, [rows, columns]: [u16; 2], frames: usize) {
+    put_many(object, tags::IMAGE_TYPE, VR::CS, ["DERIVED", "PRIMARY"].map(str::to_owned));
+    put(object, tags::PHOTOMETRIC_INTERPRETATION, VR::CS, "MONOCHROME2");
+    put(object, tags::LOSSY_IMAGE_COMPRESSION, VR::CS, "00");
+    put(object, tags::SEGMENTATION_TYPE, VR::CS, "BINARY");
+    put(object, tags::BURNED_IN_ANNOTATION, VR::CS, "NO");
+    put(object, tags::NUMBER_OF_FRAMES, VR::IS, &frames.to_string());
+    for (tag, value) in [
+        (tags::SAMPLES_PER_PIXEL, 1),
+        (tags::ROWS, rows),
+        (tags::COLUMNS, columns),
+        (tags::BITS_ALLOCATED, 1),
+        (tags::BITS_STORED, 1),
+        (tags::HIGH_BIT, 0),
+        (tags::PIXEL_REPRESENTATION, 0),
+    ] {
+        put_numbers(object, tag, &[value]);
+    }
+}
+
+fn segment_item(number: u16, segment: &Segment, options: &SegmentationOptions) -> InMemDicomObject {
+    let mut item = InMemDicomObject::new_empty();
+    put_numbers(&mut item, tags::SEGMENT_NUMBER, &[number]);
+    let full = segment.name.clone().unwrap_or_else(|| format!("Segment {}", segment.label));
+    let label = limited(&full, LONG_STRING_CHARS);
+    let label = if label.is_empty() { format!("Segment {}", segment.label) } else { label };
+    put(&mut item, tags::SEGMENT_LABEL, VR::LO, &label);
+    if full != label {
+        put(&mut item, tags::SEGMENT_DESCRIPTION, VR::ST, &full);
+    }
+    let kind = if options.is_manual { "MANUAL" } else { "SEMIAUTOMATIC" };
+    put(&mut item, tags::SEGMENT_ALGORITHM_TYPE, VR::CS, kind);
+    if !options.is_manual {
+        put(&mut item, tags::SEGMENT_ALGORITHM_NAME, VR::LO, "Relief");
+    }
+    put_numbers(&mut item, tags::RECOMMENDED_DISPLAY_CIE_LAB_VALUE, &lab_of_srgb(segment.color()));
+    put_items(&mut item, tags::SEGMENTED_PROPERTY_CATEGORY_CODE_SEQUENCE, vec![CATEGORY.item()]);
+    let meaning = options.meanings.iter().find(|meaning| meaning.label == segment.label);
+    let concept = meaning.and_then(|meaning| meaning.concept.as_ref());
+    let kind = concept.map_or_else(|| CATEGORY.item(), |c| code_item(&c.code, &c.scheme, &c.meaning));
+    put_items(&mut item, tags::SEGMENTED_PROPERTY_TYPE_CODE_SEQUENCE, vec![kind]);
+    if let Some(id) = meaning.and_then(|meaning| meaning.item) {
+        put(&mut item, tags::TRACKING_ID, VR::UT, &full);
+        put(&mut item, tags::TRACKING_UID, VR::UI, &format!("2.25.{}", id.number()));
+    }
+    item
+}
+
+/// Frames are told apart by segment and by position.
+fn put_dimensions(object: &mut InMemDicomObject, uid: &str) {
+    let mut organization = InMemDicomObject::new_empty();
+    put(&mut organization, tags::DIMENSION_ORGANIZATION_UID, VR::UI, uid);
+    put_items(object, tags::DIMENSION_ORGANIZATION_SEQUENCE, vec![organization]);
+    let dimensions = [
+        (tags::REFERENCED_SEGMENT_NUMBER, tags::SEGMENT_IDENTIFICATION_SEQUENCE, "Segment"),
+        (tags::IMAGE_POSITION_PATIENT, tags::PLANE_POSITION_SEQUENCE, "Position"),
+    ];
+    let items = dimensions.map(|(pointer, group, label)| {
+        let mut item = InMemDicomObject::new_empty();
+        put(&mut item, tags::DIMENSION_ORGANIZATION_UID, VR::UI, uid);
+        let at = |tag| PrimitiveValue::Tags([tag].into_iter().collect());
+        item.put_element(DataElement::new(tags::DIMENSION_INDEX_POINTER, VR::AT, at(pointer)));
+        item.put_element(DataElement::new(tags::FUNCTIONAL_GROUP_POINTER, VR::AT, at(group)));
+        put(&mut item, tags::DIMENSION_DESCRIPTION_LABEL, VR::LO, label);
+        item
+    });
+    put_items(object, tags::DIMENSION_INDEX_SEQUENCE, items.to_vec());
+}
+
+/// Where the frames lie, and what they were made of.
+struct Planes<'a> {
+    row: DVec3,
+    column: DVec3,
+    spacing_mm: [f64; 3],
+    origin: DVec3,
+    step: DVec3,
+    /// For each slice of the grid the image of the series that lies on it.
+    sources: Vec<Option<(&'a Instance, &'a Plane)>>,
+}
+
+impl<'a> Planes<'a> {
+    fn new(map: &LabelMap, series: &'a SeriesReference) -> Self {
+        let grid = map.grid();
+        let [row, column, _] = grid.axis_directions();
+        let affine = grid.patient_from_voxel().affine;
+        let (origin, step) = (affine.translation, affine.matrix3.z_axis);
+        let spacing_mm = grid.spacing_mm();
+        let [dx, dy, _] = spacing_mm;
+        let images: Vec<(&Instance, &Plane)> = series
+            .instances()
+            .iter()
+            .flat_map(|instance| instance.planes.iter().map(move |plane| (instance, plane)))
+            .filter(|(_, plane)| {
+                let near = |a: DVec3, b: DVec3| a.distance(b) < 1e-4;
+                let [across, down] = plane.pixel_mm;
+                near(plane.row, row)
+                    && near(plane.column, column)
+                    && (across - dx).abs() < 1e-4
+                    && (down - dy).abs() < 1e-4
+            })
+            .collect();
+        let at = |slice: usize| origin + step * slice as f64;
+        let source = |slice| {
+            images.iter().copied().find(|(_, plane)| plane.position.distance(at(slice)) < SAME_PLANE_MM)
+        };
+        let sources = (0..grid.dims()[2]).map(source).collect();
+        Self { row, column, spacing_mm, origin, step, sources }
+    }
+
+    /// What all frames share.
+    fn shared(&self) -> InMemDicomObject {
+        let [dx, dy, dz] = self.spacing_mm;
+        let mut measures = InMemDicomObject::new_empty();
+        put_many(&mut measures, tags::PIXEL_SPACING, VR::DS, decimals(&[dy, dx]));
+        put(&mut measures, tags::SLICE_THICKNESS, VR::DS, &decimal_string(dz));
+        put(&mut measures, tags::SPACING_BETWEEN_SLICES, VR::DS, &decimal_string(dz));
+        let mut orientation = InMemDicomObject::new_empty();
+        let directions = [self.row.to_array(), self.column.to_array()].concat();
+        put_many(&mut orientation, tags::IMAGE_ORIENTATION_PATIENT, VR::DS, decimals(&directions));
+        let mut shared = InMemDicomObject::new_empty();
+        put_items(&mut shared, tags::PIXEL_MEASURES_SEQUENCE, vec![measures]);
+        put_items(&mut shared, tags::PLANE_ORIENTATION_SEQUENCE, vec![orientation]);
+        shared
+    }
+
+    /// What one frame has of its own.
+    fn groups(&self, frame: Frame) -> InMemDicomObject {
+        let mut groups = InMemDicomObject::new_empty();
+        let position = self.origin + self.step * frame.slice as f64;
+        let mut place = InMemDicomObject::new_empty();
+        put_many(&mut place, tags::IMAGE_POSITION_PATIENT, VR::DS, decimals(&position.to_array()));
+        put_items(&mut groups, tags::PLANE_POSITION_SEQUENCE, vec![place]);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "labels have 16 bits, and slices of an image fewer than 32"
+        )]
+        let (number, index) = (frame.place as u16 + 1, frame.slice as u32 + 1);
+        let mut content = InMemDicomObject::new_empty();
+        let indices = PrimitiveValue::U32([u32::from(number), index].into_iter().collect());
+        content.put_element(DataElement::new(tags::DIMENSION_INDEX_VALUES, VR::UL, indices));
+        put_items(&mut groups, tags::FRAME_CONTENT_SEQUENCE, vec![content]);
+        let mut segment = InMemDicomObject::new_empty();
+        put_numbers(&mut segment, tags::REFERENCED_SEGMENT_NUMBER, &[number]);
+        put_items(&mut groups, tags::SEGMENT_IDENTIFICATION_SEQUENCE, vec![segment]);
+        if let Some((instance, plane)) = self.sources[frame.slice] {
+            let mut source = instance.reference(Some(plane));
+            put_items(&mut source, tags::PURPOSE_OF_REFERENCE_CODE_SEQUENCE, vec![PURPOSE.item()]);
+            put(&mut source, tags::SPATIAL_LOCATIONS_PRESERVED, VR::CS, "YES");
+            let mut derivation = InMemDicomObject::new_empty();
+            put_items(&mut derivation, tags::SOURCE_IMAGE_SEQUENCE, vec![source]);
+            put_items(&mut derivation, tags::DERIVATION_CODE_SEQUENCE, vec![DERIVATION.item()]);
+            put_items(&mut groups, tags::DERIVATION_IMAGE_SEQUENCE, vec![derivation]);
+        }
+        groups
+    }
+}
