@@ -3,7 +3,8 @@
 # usage: . scripts/env.sh       (in bash; in another shell, from the project's folder)
 #
 # Sets VK_DRIVER_FILES to the pinned software driver, LD_LIBRARY_PATH to the libraries unpacked with it, and
-# RELIEF_PEERS_PYTHON to the Python that has the peers, and RELIEF_CWIID to libcwiid; of scripts/setup-ipopt it sets
+# RELIEF_PEERS_PYTHON to the Python that has the peers, RELIEF_CWIID to libcwiid, RELIEF_SLICER to a folder for PYTHONPATH with
+# 3D Slicer's core, RELIEF_OHIF to OHIF's reader, RELIEF_DICOM_TOOLS to dsrdump and dciodvfy; of scripts/setup-ipopt it sets
 # what building with the feature `ipopt` and running it needs. What is not set up is left out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
 # system's own (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software
 # driver even then.
@@ -41,6 +42,15 @@ if [ -f "$relief_root/.relief/peers/stamp" ]; then
 fi
 if [ -f "$relief_root/.relief/cwiid/stamp" ]; then
     export RELIEF_CWIID="$relief_root/.relief/cwiid"
+fi
+if [ -f "$relief_root/.relief/slicer/stamp" ]; then
+    export RELIEF_SLICER="$relief_root/.relief/slicer"
+fi
+if [ -f "$relief_root/.relief/ohif/stamp" ]; then
+    export RELIEF_OHIF="$relief_root/.relief/ohif"
+fi
+if [ -f "$relief_root/.relief/dicom-tools/stamp" ]; then
+    export RELIEF_DICOM_TOOLS="$relief_root/.relief/dicom-tools/bin"
 fi
 if [ -f "$relief_root/.relief/osmesa/stamp" ]; then
     relief_add_libraries "$relief_root/.relief/osmesa/lib"
