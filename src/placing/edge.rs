@@ -1,0 +1,151 @@
+//! The steepest edge near a place: where the smoothed gradient's magnitude is a maximum along its own direction, or along a ray.
+//!
+//! Magnitude times nearness chooses the edge, distance alone the place on it: along an even edge the magnitude changes with noise and with
+//! how the edge lies between voxels.
+
+use glam::DVec3;
+
+use super::SnapError;
+use super::climb::{Foothold, climb};
+use super::field::{Field, Smooth};
+use super::lattice::Lattice;
+
+/// Gradients below this are none, HU per mm.
+const LEAST_HU_PER_MM: f64 = 1.0;
+
+/// An edge goes on while it has this part of the magnitude that it was chosen for.
+const GOES_ON: f64 = 0.5;
+
+/// First places that are followed to their edges, and how many of those are climbed along.
+const MOST_SEEDS: usize = 24;
+const MOST_CLIMBED: usize = 3;
+
+/// Cosine between the gradient where a line to an edge begins and that at the edge.
+const MOST_TURNED: f64 = 0.3;
+
+/// Steps along a line, parts of the Gaussian's width, and how often the maximum between them is closed in on.
+const STEP: f64 = 0.4;
+const CLOSER: usize = 24;
+
+/// The edge with the largest magnitude times nearness.
+///
+/// # Errors
+/// When the ball holds too many voxels.
+pub(super) fn find(
+    field: &Field<'_>,
+    at: DVec3,
+    ray: Option<DVec3>,
+    radius_mm: f64,
+) -> Result<Option<DVec3>, SnapError> {
+    let nearness = |place: DVec3| 1.0 - place.distance_squared(at) / (radius_mm * radius_mm);
+    if let Some(ray) = ray {
+        return Ok(along_ray(field, at, ray, radius_mm));
+    }
+    let Some(lattice) = Lattice::around(field, at, radius_mm)? else { return Ok(None) };
+    let project = |place: DVec3| {
+        let on = ridge(field, place)?;
+        let gradient = field.smooth(on).gradient;
+        let score = gradient.length() * nearness(on);
+        let counts = gradient.length() >= LEAST_HU_PER_MM && field.value(on).is_some();
+        counts.then_some(Foothold { at: on, normal: gradient.normalize(), score })
+    };
+    let mut edges: Vec<Foothold> = seeds(field, &lattice, nearness).into_iter().filter_map(project).collect();
+    edges.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let climbed =
+        edges.into_iter().take(MOST_CLIMBED).map(|edge| climb(edge, field.spacing_mm / 2.0, project));
+    let steepest = climbed.filter(|edge| edge.score > 0.0).max_by(|a, b| a.score.total_cmp(&b.score));
+    Ok(steepest.map(|edge| {
+        let least = GOES_ON * edge.score / nearness(edge.at);
+        let nearer = |place: DVec3| {
+            let found = project(place)?;
+            let goes_on = found.score / nearness(found.at) >= least && nearness(found.at) > 0.0;
+            goes_on.then_some(Foothold { score: -found.at.distance(at), ..found })
+        };
+        climb(Foothold { score: -edge.at.distance(at), ..edge }, field.spacing_mm / 2.0, nearer).at
+    }))
+}
+
+/// Voxels in and around the ball whose magnitude is no less than that of those before and behind them, apart from one another: those
+/// with the largest magnitude times nearness.
+fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+    let to_voxel = field.voxel_from_patient.matrix3;
+    let gradient = |place: [usize; 3]| to_voxel.transpose() * lattice.differences(place);
+    let mut found: Vec<(f64, DVec3)> = Vec::new();
+    for (place, index) in lattice.voxels() {
+        let here = gradient(place);
+        let position = field.patient_from_voxel.transform_point3(index);
+        // Beside the ball too: the edge may be inside, between voxels.
+        let near = nearness(position).max(1e-6);
+        if here.length() < LEAST_HU_PER_MM / 2.0 {
+            continue;
+        }
+        let way = to_voxel * here;
+        let way = (way / way.abs().max_element()).round();
+        let is_steepest = [way, -way].into_iter().all(|way| {
+            lattice.beside(place, way).is_none_or(|beside| gradient(beside).length() <= here.length())
+        });
+        if is_steepest {
+            found.push((here.length() * near, position));
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut kept: Vec<DVec3> = Vec::new();
+    for (_, position) in found {
+        if kept.len() < MOST_SEEDS && kept.iter().all(|one| one.distance(position) > field.sigma_mm) {
+            kept.push(position);
+        }
+    }
+    kept
+}
+
+/// From near an edge along the gradient to the edge: where the magnitude is a maximum along the gradient that is there.
+fn ridge(field: &Field<'_>, place: DVec3) -> Option<DVec3> {
+    let normal = field.smooth(place).gradient.try_normalize()?;
+    let rise = |at: DVec3| {
+        let Smooth { gradient, hessian } = field.smooth(at);
+        gradient.dot(hessian * gradient) * gradient.dot(normal).signum()
+    };
+    let offs = maxima(place, normal, 2.0 * field.sigma_mm, field.sigma_mm, rise);
+    // Where the gradient turns across the line the sign changes too.
+    let is_edge = |off: &f64| {
+        let gradient = field.smooth(place + normal * *off).gradient;
+        gradient.dot(normal).abs() > MOST_TURNED * gradient.length()
+    };
+    let nearest = offs.into_iter().filter(is_edge).min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+    Some(place + normal * nearest)
+}
+
+/// Offsets along a line, within a reach, where what rises by `rise` has local maxima.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred steps")]
+fn maxima(from: DVec3, along: DVec3, reach_mm: f64, sigma_mm: f64, rise: impl Fn(DVec3) -> f64) -> Vec<f64> {
+    let steps = (reach_mm / (STEP * sigma_mm)).ceil().max(2.0);
+    let step = reach_mm / steps;
+    let rise = |off: f64| rise(from + along * off);
+    let rises: Vec<f64> = (0..=2 * steps as usize).map(|i| rise((i as f64 - steps) * step)).collect();
+    let tops = (1..rises.len()).filter(|&i| rises[i - 1] > 0.0 && rises[i] <= 0.0);
+    let closed_in = tops.map(|i| {
+        let (mut low, mut high) = ((i as f64 - 1.0 - steps) * step, (i as f64 - steps) * step);
+        for _ in 0..CLOSER {
+            let middle = f64::midpoint(low, high);
+            if rise(middle) > 0.0 { low = middle } else { high = middle }
+        }
+        f64::midpoint(low, high)
+    });
+    closed_in.collect()
+}
+
+/// The edge along the ray with the largest magnitude times nearness.
+fn along_ray(field: &Field<'_>, at: DVec3, ray: DVec3, radius_mm: f64) -> Option<DVec3> {
+    let rise = |place: DVec3| {
+        let Smooth { gradient, hessian } = field.smooth(place);
+        gradient.dot(hessian * ray)
+    };
+    let offs = maxima(at, ray, radius_mm, field.sigma_mm, rise).into_iter();
+    let edges = offs.filter_map(|off| {
+        let place = at + ray * off;
+        let magnitude = field.smooth(place).gradient.length();
+        let counts = magnitude >= LEAST_HU_PER_MM && field.value(place).is_some();
+        counts.then_some((place, magnitude * (1.0 - (off / radius_mm).powi(2))))
+    });
+    edges.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
+}
