@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::item::{Item, ItemError, ItemId};
+use super::check::ItemError;
+use super::item::{Item, ItemId};
 use super::time::Timestamp;
 
 /// Who changes something: a name of 1 to 120 characters, as the person gives it.

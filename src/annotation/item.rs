@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::check::{ItemError, line, shortened, text, validate_geometry, within};
 use super::geometry::Geometry;
+use super::placement::Placement;
 use super::time::Timestamp;
 use crate::space::{Patient, Point};
 
@@ -102,73 +104,6 @@ impl std::fmt::Debug for FrameOfReference {
     }
 }
 
-/// How an item came to its place.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Placement {
-    /// By what way.
-    pub method: Method,
-    /// What was held in the hand.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub device: Option<Device>,
-    /// What was seen.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub camera: Option<CameraRecord>,
-    /// By how much snapping moved it, mm along patient axes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub snapped_mm: Option<[f64; 3]>,
-}
-
-/// The ways to a place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// A pixel of a picture, at its depth.
-    Pick,
-    /// The tip of a tracked device in free space.
-    Tip,
-    /// A pixel of a slice.
-    Slice,
-    /// Computed from other items or from voxels.
-    Computed,
-    /// A file.
-    Import,
-    /// Numbers.
-    Typed,
-}
-
-/// A device at the moment of placing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Device {
-    /// What it is: `wiimote`, `mouse`, `touch`, ...
-    pub kind: String,
-    /// Where a tracked one was: `beacon_from_sensor`, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub position_mm: Option<[f64; 3]>,
-    /// How it was turned: a unit quaternion.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub orientation_xyzw: Option<[f64; 4]>,
-}
-
-/// The camera of a picture, as a scene has it. Patient LPS mm.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CameraRecord {
-    /// Where the eye was.
-    pub eye_mm: [f64; 3],
-    /// What it looked at.
-    pub look_at_mm: [f64; 3],
-    /// What was up.
-    pub up: [f64; 3],
-    /// Full vertical field of view of a perspective camera.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub vertical_fov_deg: Option<f64>,
-    /// Height of a parallel camera's picture.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub height_mm: Option<f64>,
-}
-
 /// A set of items: one reader's, or one purpose's.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -184,18 +119,6 @@ pub struct Set {
     /// Name of the template that its items were expected by.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub template: Option<String>,
-}
-
-/// What is wrong with an item.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{path} is {found}, allowed: {allowed}")]
-pub struct ItemError {
-    /// The key's path in the JSON form, such as `geometry.points_mm[3]`.
-    pub path: String,
-    /// What is there.
-    pub found: String,
-    /// What may be there.
-    pub allowed: String,
 }
 
 impl Set {
@@ -302,24 +225,6 @@ impl Item {
     }
 }
 
-impl Placement {
-    fn validate(&self) -> Result<(), ItemError> {
-        if let Some(device) = &self.device {
-            line("placement.device.kind", &device.kind, 1)?;
-            finite("placement.device.position_mm", device.position_mm.iter().flatten())?;
-            finite("placement.device.orientation_xyzw", device.orientation_xyzw.iter().flatten())?;
-        }
-        if let Some(camera) = &self.camera {
-            finite("placement.camera.eye_mm", &camera.eye_mm)?;
-            finite("placement.camera.look_at_mm", &camera.look_at_mm)?;
-            finite("placement.camera.up", &camera.up)?;
-            finite("placement.camera.vertical_fov_deg", &camera.vertical_fov_deg)?;
-            finite("placement.camera.height_mm", &camera.height_mm)?;
-        }
-        finite("placement.snapped_mm", self.snapped_mm.iter().flatten())
-    }
-}
-
 impl Concept {
     fn validate(&self) -> Result<(), ItemError> {
         // Bounds of DICOM's SH and LO: a concept goes into its files.
@@ -402,112 +307,6 @@ impl From<ItemId> for String {
     fn from(id: ItemId) -> Self {
         id.to_string()
     }
-}
-
-impl ItemError {
-    /// An error at a key's path.
-    #[must_use]
-    pub fn new(path: &str, found: &str, allowed: &str) -> Self {
-        Self { path: path.to_owned(), found: found.to_owned(), allowed: allowed.to_owned() }
-    }
-}
-
-fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
-    let points = geometry.points();
-    for (index, point) in points.iter().enumerate() {
-        let far = Item::FARTHEST_MM;
-        if let Some(mm) = point.xyz.to_array().iter().find(|mm| !(-far..=far).contains(*mm)) {
-            let path = match geometry {
-                Geometry::Point { .. } => "geometry.at_mm".to_owned(),
-                Geometry::Plane { .. } => "geometry.center_mm".to_owned(),
-                Geometry::Line { .. } => format!("geometry.ends_mm[{index}]"),
-                _ => format!("geometry.points_mm[{index}]"),
-            };
-            return Err(ItemError::new(&path, &mm.to_string(), &format!("-{far} to {far} mm each")));
-        }
-    }
-    match geometry {
-        Geometry::Curve { closed, .. } => {
-            let least = if *closed { 3 } else { 2 };
-            if !(least..=Item::MOST_POINTS).contains(&points.len()) {
-                let allowed = format!("{least} to {} of them", Item::MOST_POINTS);
-                let found = format!("{} points", points.len());
-                return Err(ItemError::new("geometry.points_mm", &found, &allowed));
-            }
-            Ok(())
-        }
-        Geometry::Plane { normal, axis, size_mm, .. } => {
-            unit("geometry.normal", normal)?;
-            unit("geometry.axis", axis)?;
-            let cosine: f64 = normal.iter().zip(axis).map(|(a, b)| a * b).sum();
-            if cosine.abs() > 1e-3 {
-                return Err(ItemError::new(
-                    "geometry.axis",
-                    "not across the normal",
-                    "a direction in the plane",
-                ));
-            }
-            size_mm.iter().try_for_each(|&mm| within("geometry.size_mm", mm, [0.0, Item::FARTHEST_MM]))
-        }
-        Geometry::Region(region) => within("geometry.volume_ml", region.volume_ml, [0.0, 1e9]),
-        Geometry::Mesh(mesh) => {
-            within("geometry.area_mm2", mesh.area_mm2, [0.0, 1e15])?;
-            mesh.volume_ml.map_or(Ok(()), |ml| within("geometry.volume_ml", ml, [0.0, 1e9]))
-        }
-        Geometry::Point { .. } | Geometry::Line { .. } | Geometry::Angle { .. } => Ok(()),
-    }
-}
-
-fn unit(path: &str, direction: &[f64; 3]) -> Result<(), ItemError> {
-    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if (0.999..=1.001).contains(&length) {
-        return Ok(());
-    }
-    Err(ItemError::new(path, &format!("{direction:?}, of length {length}"), "a unit vector"))
-}
-
-fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), ItemError> {
-    let inside = (low..=high).contains(&value);
-    inside.then_some(()).ok_or_else(|| ItemError::new(path, &value.to_string(), &format!("{low} to {high}")))
-}
-
-fn finite<'a>(path: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(), ItemError> {
-    values.into_iter().try_for_each(|&value| within(path, value, [-1e9, 1e9]))
-}
-
-/// One line without control characters.
-fn line(path: &str, found: &str, least: usize) -> Result<(), ItemError> {
-    let count = found.chars().count();
-    if !(least..=Item::LONGEST_NAME).contains(&count) {
-        let allowed = format!("{least} to {} characters", Item::LONGEST_NAME);
-        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
-    }
-    match found.chars().find(|letter| letter.is_control()) {
-        Some(letter) => {
-            let found = format!("a text with {letter:?}");
-            Err(ItemError::new(path, &found, "one line without control characters"))
-        }
-        None => Ok(()),
-    }
-}
-
-fn text(path: &str, found: &str) -> Result<(), ItemError> {
-    let count = found.chars().count();
-    if count > Item::LONGEST_DESCRIPTION {
-        let allowed = format!("at most {} characters", Item::LONGEST_DESCRIPTION);
-        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
-    }
-    match found.chars().find(|&letter| letter.is_control() && letter != '\n' && letter != '\t') {
-        Some(letter) => {
-            Err(ItemError::new(path, &format!("a text with {letter:?}"), "lines without control characters"))
-        }
-        None => Ok(()),
-    }
-}
-
-/// As much of a value as an error shows.
-fn shortened(text: &str) -> String {
-    format!("{:?}", text.chars().take(40).collect::<String>())
 }
 
 #[cfg(test)]

@@ -16,20 +16,22 @@
 
 pub mod agreement;
 mod change;
+mod check;
 mod curve;
 mod geometry;
 mod item;
 mod measure;
 mod patient_mm;
+mod placement;
 mod template;
 mod time;
 
 pub use change::{Author, Change, Edit, Event, Kind, Versioned};
+pub use check::ItemError;
 pub use curve::catmull_rom;
 pub use geometry::{ContentId, Geometry, MeshSummary, RegionSummary};
-pub use item::{
-    CameraRecord, Concept, Device, FrameOfReference, Item, ItemError, ItemId, Method, Placement, Set, State,
-};
+pub use item::{Concept, FrameOfReference, Item, ItemId, Set, State};
 pub use measure::{Measure, measures};
+pub use placement::{CameraRecord, Device, Method, Placement};
 pub use template::{Completeness, Expected, ExpectedKind, Template, TemplateError};
 pub use time::Timestamp;

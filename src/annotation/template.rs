@@ -7,8 +7,9 @@ use std::collections::HashSet;
 
 use serde::{Deserialize, Serialize};
 
+use super::check::ItemError;
 use super::geometry::Geometry;
-use super::item::{Concept, FrameOfReference, Item, ItemError, Set, State};
+use super::item::{Concept, FrameOfReference, Item, Set, State};
 
 /// A named list of expected items. As JSON it is what `relief annotate template` reads and the HTTP interface shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

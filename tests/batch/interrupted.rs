@@ -51,7 +51,11 @@ fn killed_workers_leave_whole_pictures_and_the_rest_for_the_next_run() {
 }
 
 fn pictures_or_none(archive: &Archive) -> usize {
-    if archive.path("out").is_dir() { walkdir::WalkDir::new(archive.path("out")).into_iter().count() } else { 0 }
+    if archive.path("out").is_dir() {
+        walkdir::WalkDir::new(archive.path("out")).into_iter().count()
+    } else {
+        0
+    }
 }
 
 #[test]
@@ -97,7 +101,10 @@ fn a_bad_series_stops_no_other_and_altered_ones_are_planned_anew() {
     assert_eq!(ran.status.code(), Some(1), "failed for good");
     let summary: Value = serde_json::from_slice(&ran.stdout).unwrap();
     assert_eq!((&summary["done"], summary["failed"].as_array().unwrap().len()), (&3.into(), 6));
-    assert!(summary["failed"].as_array().unwrap().iter().all(|failure| failure["kind"] == "permanent"), "{summary}");
+    assert!(
+        summary["failed"].as_array().unwrap().iter().all(|failure| failure["kind"] == "permanent"),
+        "{summary}"
+    );
     let reasons = summary["failed"].to_string();
     assert!(reasons.contains("not those that were planned with; plan anew"), "{reasons}");
     let page = std::fs::read_to_string(archive.path("out/report.html")).unwrap();

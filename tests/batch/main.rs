@@ -117,7 +117,10 @@ fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
     assert!(made[&name] == std::fs::read(&single).unwrap(), "{name} is another picture than relief render's");
 
     let again = ok(&archive.run(&[]));
-    assert_eq!((&again["done"], &again["skipped"], &again["series_loaded"]), (&0.into(), &21.into(), &0.into()));
+    assert_eq!(
+        (&again["done"], &again["skipped"], &again["series_loaded"]),
+        (&0.into(), &21.into(), &0.into())
+    );
     assert!(files(&archive.path("out")) == made, "a second run altered something");
 }
 
@@ -133,13 +136,18 @@ fn the_report_stands_alone_and_has_sheets_and_turntables() {
     let page = String::from_utf8(made["report.html"].clone()).unwrap();
     assert!(page.contains("4 of 4 views of 1 series") && !page.contains("DOE"), "{page}");
     assert_eq!(page.matches("data:image/jpeg;base64,").count(), 4);
-    assert!(!page.contains("http://") && !page.contains("https://"), "a page that stands alone loads nothing");
+    assert!(
+        !page.contains("http://") && !page.contains("https://"),
+        "a page that stands alone loads nothing"
+    );
     let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
     let sheet = image::open(folder.join("contact-sheet.png")).unwrap();
     assert_eq!(sheet.width(), 4 * (240 + 8) + 8);
-    let mut turntable = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(folder.join("turntable.png")).unwrap()))
-        .read_info()
-        .unwrap();
+    let mut turntable = png::Decoder::new(std::io::BufReader::new(
+        std::fs::File::open(folder.join("turntable.png")).unwrap(),
+    ))
+    .read_info()
+    .unwrap();
     assert_eq!(turntable.info().animation_control.unwrap().num_frames, 4);
     for turn in 0..4 {
         let mut samples = vec![0; 3 * 64 * 48];
@@ -163,7 +171,8 @@ fn frames_and_depth_are_written_where_they_are_wanted() {
     let frame = folder.join("anterior.frame.png");
     let inspected = ok(&relief(&["inspect", frame.to_str().unwrap(), "--json"]));
     assert_eq!((&inspected["layout"], &inspected["problems"]), (&"wowvx".into(), &serde_json::json!([])));
-    let depth = relief::display::decode_exr(&std::fs::read(folder.join("anterior.depth.exr")).unwrap()).unwrap();
+    let depth =
+        relief::display::decode_exr(&std::fs::read(folder.join("anterior.depth.exr")).unwrap()).unwrap();
     assert_eq!(depth.size_px, [960, 540]);
     assert!(depth.depth_mm.iter().any(|mm| mm.is_finite()), "something is seen");
 }

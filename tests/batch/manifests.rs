@@ -8,7 +8,8 @@ fn moved_series_keep_their_keys_and_another_scene_has_others() {
     let archive = Archive::of_phantoms(2);
     ok(&archive.plan(&["--views", "turntable:2"]));
     let keys = |archive: &Archive| -> Vec<String> {
-        let mut keys: Vec<_> = archive.jobs().iter().map(|job| job["job"].as_str().unwrap().to_owned()).collect();
+        let mut keys: Vec<_> =
+            archive.jobs().iter().map(|job| job["job"].as_str().unwrap().to_owned()).collect();
         keys.sort();
         keys
     };
@@ -87,7 +88,10 @@ fn view_sets_are_what_they_say_or_refused() {
         (r#"[{"name":"a","scene":{"modus":"mip"}}]"#, "modus"),
         (r#"[{"name":"a"},{"name":"a"}]"#, "two views are called \"a\""),
         (r#"[{"name":"a","zoom":2}]"#, "unknown key \"zoom\""),
-        (r#"[{"name":"a","azimuth_deg":1,"scene":{"mode":"slice","slice":{"plane":"axial"}}}]"#, "without a camera"),
+        (
+            r#"[{"name":"a","azimuth_deg":1,"scene":{"mode":"slice","slice":{"plane":"axial"}}}]"#,
+            "without a camera",
+        ),
     ] {
         let refused = read(text).unwrap_err();
         assert!(refused.contains(says), "{text}: {refused}");

@@ -1,0 +1,122 @@
+//! What values an item may have: ranges, lengths of texts, shapes of geometries. Errors name the key's path.
+
+use super::geometry::Geometry;
+use super::item::Item;
+
+/// What is wrong with an item.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{path} is {found}, allowed: {allowed}")]
+pub struct ItemError {
+    /// The key's path in the JSON form, such as `geometry.points_mm[3]`.
+    pub path: String,
+    /// What is there.
+    pub found: String,
+    /// What may be there.
+    pub allowed: String,
+}
+
+impl ItemError {
+    /// An error at a key's path.
+    #[must_use]
+    pub fn new(path: &str, found: &str, allowed: &str) -> Self {
+        Self { path: path.to_owned(), found: found.to_owned(), allowed: allowed.to_owned() }
+    }
+}
+
+pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
+    let points = geometry.points();
+    for (index, point) in points.iter().enumerate() {
+        let far = Item::FARTHEST_MM;
+        if let Some(mm) = point.xyz.to_array().iter().find(|mm| !(-far..=far).contains(*mm)) {
+            let path = match geometry {
+                Geometry::Point { .. } => "geometry.at_mm".to_owned(),
+                Geometry::Plane { .. } => "geometry.center_mm".to_owned(),
+                Geometry::Line { .. } => format!("geometry.ends_mm[{index}]"),
+                _ => format!("geometry.points_mm[{index}]"),
+            };
+            return Err(ItemError::new(&path, &mm.to_string(), &format!("-{far} to {far} mm each")));
+        }
+    }
+    match geometry {
+        Geometry::Curve { closed, .. } => {
+            let least = if *closed { 3 } else { 2 };
+            if !(least..=Item::MOST_POINTS).contains(&points.len()) {
+                let allowed = format!("{least} to {} of them", Item::MOST_POINTS);
+                let found = format!("{} points", points.len());
+                return Err(ItemError::new("geometry.points_mm", &found, &allowed));
+            }
+            Ok(())
+        }
+        Geometry::Plane { normal, axis, size_mm, .. } => {
+            unit("geometry.normal", normal)?;
+            unit("geometry.axis", axis)?;
+            let cosine: f64 = normal.iter().zip(axis).map(|(a, b)| a * b).sum();
+            if cosine.abs() > 1e-3 {
+                return Err(ItemError::new(
+                    "geometry.axis",
+                    "not across the normal",
+                    "a direction in the plane",
+                ));
+            }
+            size_mm.iter().try_for_each(|&mm| within("geometry.size_mm", mm, [0.0, Item::FARTHEST_MM]))
+        }
+        Geometry::Region(region) => within("geometry.volume_ml", region.volume_ml, [0.0, 1e9]),
+        Geometry::Mesh(mesh) => {
+            within("geometry.area_mm2", mesh.area_mm2, [0.0, 1e15])?;
+            mesh.volume_ml.map_or(Ok(()), |ml| within("geometry.volume_ml", ml, [0.0, 1e9]))
+        }
+        Geometry::Point { .. } | Geometry::Line { .. } | Geometry::Angle { .. } => Ok(()),
+    }
+}
+
+fn unit(path: &str, direction: &[f64; 3]) -> Result<(), ItemError> {
+    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (0.999..=1.001).contains(&length) {
+        return Ok(());
+    }
+    Err(ItemError::new(path, &format!("{direction:?}, of length {length}"), "a unit vector"))
+}
+
+pub(super) fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), ItemError> {
+    let inside = (low..=high).contains(&value);
+    inside.then_some(()).ok_or_else(|| ItemError::new(path, &value.to_string(), &format!("{low} to {high}")))
+}
+
+pub(super) fn finite<'a>(path: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(), ItemError> {
+    values.into_iter().try_for_each(|&value| within(path, value, [-1e9, 1e9]))
+}
+
+/// One line without control characters.
+pub(super) fn line(path: &str, found: &str, least: usize) -> Result<(), ItemError> {
+    let count = found.chars().count();
+    if !(least..=Item::LONGEST_NAME).contains(&count) {
+        let allowed = format!("{least} to {} characters", Item::LONGEST_NAME);
+        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
+    }
+    match found.chars().find(|letter| letter.is_control()) {
+        Some(letter) => {
+            let found = format!("a text with {letter:?}");
+            Err(ItemError::new(path, &found, "one line without control characters"))
+        }
+        None => Ok(()),
+    }
+}
+
+pub(super) fn text(path: &str, found: &str) -> Result<(), ItemError> {
+    let count = found.chars().count();
+    if count > Item::LONGEST_DESCRIPTION {
+        let allowed = format!("at most {} characters", Item::LONGEST_DESCRIPTION);
+        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
+    }
+    match found.chars().find(|&letter| letter.is_control() && letter != '\n' && letter != '\t') {
+        Some(letter) => {
+            Err(ItemError::new(path, &format!("a text with {letter:?}"), "lines without control characters"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// As much of a value as an error shows.
+pub(super) fn shortened(text: &str) -> String {
+    format!("{:?}", text.chars().take(40).collect::<String>())
+}
