@@ -1,0 +1,90 @@
+//! Why a file is refused, or cannot be written: what, where, and what to do.
+
+use super::Format;
+use crate::annotation::ItemError;
+
+/// Why annotations could not be read from a file, or written to one.
+#[derive(Debug, thiserror::Error)]
+pub enum ExchangeError {
+    /// The file is not of its format at all.
+    #[error("{format}: {place}: {message}")]
+    Syntax {
+        /// What it was read as.
+        format: Format,
+        /// The line, the byte or the JSON path.
+        place: String,
+        /// What the parser says.
+        message: String,
+    },
+    /// A value is missing, or not what it may be.
+    #[error("{format}: {place} is {found}, allowed: {allowed}")]
+    Value {
+        /// What it was read as.
+        format: Format,
+        /// The line and column, or the JSON path.
+        place: String,
+        /// What is there.
+        found: String,
+        /// What may be there.
+        allowed: String,
+    },
+    /// More than is taken.
+    #[error("{format}: the file has {found} {what}, allowed: at most {allowed}")]
+    TooLarge {
+        /// What it was read as.
+        format: Format,
+        /// Of what there is too much.
+        what: &'static str,
+        /// How much there is, as far as it was counted.
+        found: u64,
+        /// The limit.
+        allowed: u64,
+    },
+    /// Nothing of what is to be written can be held by the format.
+    #[error("{format}: nothing is left to write: {why}")]
+    Nothing {
+        /// The format wanted.
+        format: Format,
+        /// What the format holds, and what there is.
+        why: String,
+    },
+    /// The format is only for the other direction.
+    #[error("{format} cannot be {action} (can be: {possible})")]
+    OneWay {
+        /// The format wanted.
+        format: Format,
+        /// `read` or `written`.
+        action: &'static str,
+        /// Formats that can.
+        possible: String,
+    },
+    /// Something that the format needs was not given.
+    #[error("{format} needs {what}")]
+    Needs {
+        /// The format wanted.
+        format: Format,
+        /// What, and how it is given.
+        what: &'static str,
+    },
+    /// The system gives no random numbers, and so no ids.
+    #[error("cannot make ids: {0}")]
+    Random(#[from] getrandom::Error),
+}
+
+impl ExchangeError {
+    pub(super) fn value(
+        format: Format,
+        place: impl Into<String>,
+        found: impl std::fmt::Display,
+        allowed: impl Into<String>,
+    ) -> Self {
+        let found: String = found.to_string().chars().take(80).collect();
+        Self::Value { format, place: place.into(), found, allowed: allowed.into() }
+    }
+
+    /// An item that a file describes is not as items are.
+    pub(super) fn item(format: Format, place: &str, error: ItemError) -> Self {
+        let place = format!("{place} ({})", error.path);
+        Self::Value { format, place, found: error.found, allowed: error.allowed }
+    }
+}

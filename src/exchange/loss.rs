@@ -1,0 +1,186 @@
+//! What a format cannot hold of the items that are written to it: told, never dropped in silence.
+
+use super::{ExchangeError, Format};
+use crate::annotation::{Geometry, Item, ItemId, State};
+
+/// Something that is not in a written file.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct LeftOut {
+    /// What: whole items, or something of them.
+    pub what: String,
+    /// Why, or what is there instead.
+    pub reason: String,
+    /// Of which items.
+    pub items: Vec<ItemId>,
+}
+
+/// What a format has a place for.
+#[derive(Clone, Copy, Debug)]
+struct Holds {
+    /// Kinds of geometries.
+    kinds: &'static [&'static str],
+    /// Items without a place.
+    undefined: bool,
+    /// Whether somebody decided to skip one.
+    skipped: bool,
+    name: bool,
+    description: bool,
+    line_breaks: bool,
+    quotes: bool,
+    color: bool,
+    concept: bool,
+    locked: bool,
+    visible: bool,
+    lists: bool,
+    /// Author, time and way of placing.
+    history: bool,
+}
+
+const POINTS: &[&str] = &["point"];
+
+impl Holds {
+    const EVERYTHING: Self = Self {
+        kinds: &["point", "line", "angle", "curve", "plane"],
+        undefined: true,
+        skipped: true,
+        name: true,
+        description: true,
+        line_breaks: true,
+        quotes: true,
+        color: true,
+        concept: true,
+        locked: true,
+        visible: true,
+        lists: true,
+        history: true,
+    };
+    const TABLE: Self = Self {
+        kinds: POINTS,
+        line_breaks: false,
+        quotes: false,
+        skipped: false,
+        color: false,
+        concept: false,
+        lists: false,
+        history: false,
+        ..Self::EVERYTHING
+    };
+
+    const fn by(format: Format) -> Option<Self> {
+        match format {
+            Format::MrkJson => Some(Self::EVERYTHING),
+            Format::Csv | Format::Tsv => Some(Self::TABLE),
+            Format::Fcsv => Some(Self { quotes: true, ..Self::TABLE }),
+            Format::Mps => Some(Self {
+                quotes: true, // no texts at all
+                undefined: false,
+                name: false,
+                description: false,
+                locked: false,
+                visible: false,
+                ..Self::TABLE
+            }),
+            Format::Cornerstone => Some(Self {
+                kinds: &["point", "line", "angle", "curve"],
+                undefined: false,
+                ..Self::EVERYTHING
+            }),
+            _ => None,
+        }
+    }
+}
+
+/// The items that a format of texts can hold, in the order of files: by list, place in it and age; and what gets lost.
+pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<LeftOut>), ExchangeError> {
+    let Some(holds) = Holds::by(format) else { return Ok((items.iter().collect(), Vec::new())) };
+    let is_held =
+        |item: &Item| item.geometry.as_ref().map_or(holds.undefined, |g| holds.kinds.contains(&g.kind()));
+    let mut kept: Vec<&Item> = items.iter().filter(|item| is_held(item)).collect();
+    kept.sort_by_key(|item| (&item.list, item.order, item.created, item.id));
+    let mut lost = Vec::new();
+    let kinds = ["point", "line", "angle", "curve", "plane", "region", "mesh"];
+    for kind in kinds.into_iter().filter(|kind| !holds.kinds.contains(kind)) {
+        let reason = format!("{format} has none ({})", advice(kind));
+        let is_kind = |item: &Item| item.geometry.as_ref().is_some_and(|geometry| geometry.kind() == kind);
+        tell(&mut lost, &plural(kind), &reason, items.iter().filter(|item| is_kind(item)));
+    }
+    if !holds.undefined {
+        let missing = items.iter().filter(|item| item.geometry.is_none());
+        tell(&mut lost, "items without a place", &format!("{format} has none"), missing);
+    }
+    if kept.is_empty() {
+        let reasons: Vec<String> =
+            lost.iter().map(|lost| format!("{} {}", lost.items.len(), lost.what)).collect();
+        let why = if reasons.is_empty() {
+            "no items are there".to_owned()
+        } else {
+            format!("{format} holds {}; there are {}", holds.kinds.join(", "), reasons.join(", "))
+        };
+        return Err(ExchangeError::Nothing { format, why });
+    }
+    fields(format, holds, &kept, &mut lost);
+    Ok((kept, lost))
+}
+
+/// What gets lost of items that are kept.
+fn fields(format: Format, holds: Holds, kept: &[&Item], lost: &mut Vec<LeftOut>) {
+    let none = format!("{format} has none");
+    type Has = fn(&Item) -> bool;
+    let fields: [(bool, &str, &str, Has); 9] = [
+        (holds.name, "names", "points are numbered in their order", |_| true),
+        (holds.description, "descriptions", &none, |item| !item.description.is_empty()),
+        (holds.line_breaks || !holds.description, "line breaks of descriptions", "they are spaces", |item| {
+            item.description.contains('\n')
+        }),
+        (
+            holds.quotes,
+            "quotation marks",
+            "they are ' for 3D Slicer reads none within a quoted text",
+            |item| item.name.contains('"') || item.description.contains('"'),
+        ),
+        (holds.color, "colours", &none, |item| item.rgb.is_some()),
+        (holds.concept, "concepts", &none, |item| item.concept.is_some()),
+        (holds.locked, "locks", &none, |item| item.locked),
+        (holds.visible, "hiding", "all are shown", |item| !item.visible),
+        (
+            holds.skipped || !holds.undefined,
+            "skipping",
+            "skipped items are not defined, as missing ones are",
+            |item| item.state == State::Skipped,
+        ),
+    ];
+    for (_, what, reason, has) in fields.into_iter().filter(|(is_held, ..)| !is_held) {
+        tell(lost, what, reason, kept.iter().copied().filter(|item| has(item)));
+    }
+    if !holds.lists && kept.iter().any(|item| item.list != kept[0].list) {
+        tell(lost, "lists", "the points of all are in one", kept.iter().copied());
+    }
+    if !holds.history {
+        tell(lost, "ids, authors, times and ways of placing", &none, kept.iter().copied());
+    }
+    let is_straight = |item: &Item| matches!(item.geometry, Some(Geometry::Curve { smooth: false, .. }));
+    if format == Format::MrkJson {
+        let reason = "3D Slicer draws a smooth curve through their points; Relief does not";
+        tell(lost, "straight parts of curves", reason, kept.iter().copied().filter(|item| is_straight(item)));
+    }
+}
+
+fn tell<'a>(lost: &mut Vec<LeftOut>, what: &str, reason: &str, items: impl Iterator<Item = &'a Item>) {
+    let items: Vec<ItemId> = items.map(|item| item.id).collect();
+    if !items.is_empty() {
+        lost.push(LeftOut { what: what.to_owned(), reason: reason.to_owned(), items });
+    }
+}
+
+fn plural(kind: &str) -> String {
+    if kind == "mesh" { "meshes".to_owned() } else { format!("{kind}s") }
+}
+
+/// Where items of a kind go instead.
+fn advice(kind: &str) -> &'static str {
+    match kind {
+        "region" => "seg.nrrd, nii.gz and seg have",
+        "mesh" => "ply, stl, obj and glb have",
+        _ => "mrk.json has",
+    }
+}

@@ -1,0 +1,167 @@
+//! The keys that are read and written.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::extra::Extra;
+
+/// What is written: an identifier, and no address that anything is at.
+pub(super) const SCHEMA: &str = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/\
+                                 Resources/Schema/markups-schema-v1.0.3.json#";
+
+/// Only what says how to read the rest.
+#[derive(Deserialize)]
+pub(super) struct Head {
+    #[serde(rename = "@schema")]
+    pub(super) schema: String,
+}
+
+#[derive(Serialize, Deserialize)]
+pub(super) struct File {
+    #[serde(rename = "@schema")]
+    pub(super) schema: String,
+    pub(super) markups: Vec<Markup>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Kind {
+    Fiducial,
+    Line,
+    Angle,
+    Curve,
+    ClosedCurve,
+    Plane,
+    #[serde(rename = "ROI")]
+    Roi,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum CoordinateSystem {
+    #[default]
+    #[serde(rename = "LPS")]
+    Lps,
+    #[serde(rename = "RAS")]
+    Ras,
+}
+
+/// A unit's name, or its code, scheme and meaning.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Units {
+    Name(String),
+    Code([String; 3]),
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Markup {
+    #[serde(rename = "type")]
+    pub(super) kind: Kind,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) name: Option<String>,
+    #[serde(default)]
+    pub(super) coordinate_system: CoordinateSystem,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) coordinate_units: Option<Units>,
+    #[serde(default)]
+    pub(super) locked: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) fixed_number_of_control_points: Option<bool>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) label_format: Option<String>,
+    // Of planes and boxes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) plane_type: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) size_mode: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) center: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) normal: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) object_to_base: Option<[f64; 16]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) base_to_node: Option<[f64; 16]>,
+    /// Row by row; its columns are the axes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) orientation: Option<[f64; 9]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) size: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) plane_bounds: Option<[f64; 4]>,
+    #[serde(default)]
+    pub(super) control_points: Vec<ControlPoint>,
+    /// They follow from the points, and are not read.
+    #[serde(default, skip_deserializing)]
+    pub(super) measurements: Vec<Measurement>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) display: Option<Display>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) relief: Option<Extra>,
+}
+
+/// Some tools number their points.
+#[derive(Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(untagged)]
+pub(super) enum PointId {
+    Text(String),
+    Number(u64),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum PositionStatus {
+    Undefined,
+    Preview,
+    Defined,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct ControlPoint {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) id: Option<PointId>,
+    #[serde(default)]
+    pub(super) label: String,
+    #[serde(default)]
+    pub(super) description: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) position: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) orientation: Option<[f64; 9]>,
+    #[serde(default = "yes")]
+    pub(super) selected: bool,
+    #[serde(default)]
+    pub(super) locked: bool,
+    #[serde(default = "yes")]
+    pub(super) visibility: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) position_status: Option<PositionStatus>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) relief: Option<Extra>,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Measurement {
+    pub(super) name: &'static str,
+    pub(super) enabled: bool,
+    pub(super) value: f64,
+    pub(super) units: &'static str,
+    pub(super) print_format: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Display {
+    #[serde(default = "yes")]
+    pub(super) visibility: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) color: Option<[f64; 3]>,
+    /// Points are selected unless somebody unselects them: this is what is seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) selected_color: Option<[f64; 3]>,
+}
+
+fn yes() -> bool {
+    true
+}
