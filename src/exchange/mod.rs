@@ -67,6 +67,8 @@ pub struct Imported {
 pub struct Written {
     /// Its bytes.
     pub bytes: Vec<u8>,
+    /// How many items it has.
+    pub items: usize,
     /// What it cannot hold.
     pub left_out: Vec<LeftOut>,
 }
@@ -130,5 +132,5 @@ pub fn write(format: Format, items: &[Item], _context: &WriteContext<'_>) -> Res
             return Err(ExchangeError::OneWay { format, action: "written", possible });
         }
     }?;
-    Ok(Written { bytes, left_out })
+    Ok(Written { bytes, items: kept.len(), left_out })
 }

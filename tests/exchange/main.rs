@@ -6,6 +6,7 @@
 mod common;
 
 mod any;
+mod commands;
 mod damage;
 mod mirror;
 mod peer;

@@ -4,8 +4,11 @@
 //! it and why ([`ByArguments`]), and tables.
 
 mod check;
+mod export;
+mod import;
 mod list;
 mod log;
+mod series;
 mod sets;
 mod table;
 mod undo;
@@ -33,6 +36,8 @@ The log is a file, which is made by the first command that writes to it, or a da
 an event with an author and a reason. Nothing is ever deleted from it: what is taken back can be made again.
 
 Examples:
+  relief annotate --db ann.db import skull.mrk.json --series head
+  relief annotate --db ann.db export --format csv --out skull.csv
   relief annotate --db ann.db list                              what there is, by set and list
   relief annotate --db ann.db list --set anna --json            one object, for programs
   relief annotate --db ann.db log --limit 20                    who changed what, when and why
@@ -46,6 +51,8 @@ Exit status: 0 done, 1 failed (a conflict with another author among them), 2 wro
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
+    Import(import::Arguments),
+    Export(export::Arguments),
     List(list::Arguments),
     Log(log::Arguments),
     Undo(undo::UndoArguments),
@@ -57,6 +64,8 @@ enum Action {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let log = &arguments.log;
     match &arguments.action {
+        Action::Import(arguments) => import::run(arguments, log),
+        Action::Export(arguments) => export::run(arguments, log),
         Action::List(arguments) => list::run(arguments, log),
         Action::Log(arguments) => log::run(arguments, log),
         Action::Undo(arguments) => undo::undo(arguments, log),
@@ -107,12 +116,18 @@ impl LogArguments {
     /// For commands that are about what is there.
     pub(super) fn open_existing(&self) -> anyhow::Result<Log> {
         let place = self.place();
-        if !place.contains(':') && !std::path::Path::new(place).exists() {
+        if !self.is_there() {
             bail!(
                 "there is no log {place}; a command that adds to one makes it, such as relief annotate import"
             );
         }
         self.open_by(async |place| Store::open_existing(place).await)
+    }
+
+    /// Whether there is a log, as far as its place says.
+    pub(super) fn is_there(&self) -> bool {
+        let place = self.place();
+        place.contains(':') || std::path::Path::new(place).exists()
     }
 
     fn open_by(&self, open: impl AsyncFn(&str) -> Result<Store, StoreError>) -> anyhow::Result<Log> {

@@ -1,0 +1,99 @@
+//! `relief annotate export`: items into a file of another tool.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use serde::Serialize;
+
+use super::super::output::{print_json, say, write_whole};
+use super::{Log, LogArguments, series};
+use crate::annotation::{ContentId, Item};
+use crate::exchange::{self, Format, LeftOut, WriteContext};
+use crate::store::Filter;
+
+/// Write annotations to a file of another tool
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+What the format cannot hold is told, with the number of items that it concerns; ANNOTATIONS.md has what each format holds. The
+file appears whole or not at all. All places are in patient LPS mm.
+
+With --series, items of other series are left alone.
+
+Examples:
+  relief annotate --db ann.db export --format mrk.json --out skull.mrk.json
+  relief annotate --db ann.db export --format csv --out anna.csv --set anna --list skull
+  relief annotate --db ann.db export --format cornerstone --out head.json --series head --json")]
+pub(super) struct Arguments {
+    /// What to write: mrk.json, fcsv, csv, tsv, mps, cornerstone, sr, seg, seg.nrrd, nii.gz, stl, ply, obj or glb
+    #[arg(long, value_name = "FORMAT")]
+    format: Format,
+    /// The file to write
+    #[arg(long, value_name = "OUT")]
+    out: PathBuf,
+    #[command(flatten)]
+    series: series::Arguments,
+    /// Items of these sets alone
+    #[arg(long = "set", value_name = "NAME", value_delimiter = ',')]
+    sets: Vec<String>,
+    /// Items of this list alone
+    #[arg(long, value_name = "NAME")]
+    list: Option<String>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    file: String,
+    format: &'static str,
+    items: usize,
+    left_out: &'a [LeftOut],
+}
+
+pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+    let log = log.open_existing()?;
+    let series = arguments.series.load()?;
+    let sets = (!arguments.sets.is_empty()).then(|| arguments.sets.clone());
+    let listing = log.wait(log.store().list(&Filter { sets, ..Filter::default() }))?;
+    let mut items: Vec<Item> = listing.items.into_iter().map(|found| found.item).collect();
+    items.retain(|item| arguments.list.as_ref().is_none_or(|list| item.list == *list));
+    if let Some(series) = &series {
+        items.retain(|item| item.frame_of_reference.as_ref().is_none_or(|frame| *frame == series.frame));
+    }
+    let contents = contents(&log, &items)?;
+    let context = WriteContext {
+        contents: &|id| contents.get(id).cloned(),
+        grid: series.as_ref().map(|series| &series.grid),
+    };
+    let written = exchange::write(arguments.format, &items, &context)?;
+    write_whole(&arguments.out, &written.bytes)?;
+    let report = Report {
+        file: arguments.out.display().to_string(),
+        format: arguments.format.name(),
+        items: written.items,
+        left_out: &written.left_out,
+    };
+    if arguments.json {
+        print_json(&report)?;
+    } else {
+        say!("{} items in {}", report.items, report.file);
+        for LeftOut { what, reason, items } in report.left_out {
+            say!("  not in it: {what} of {}: {reason}", items.len());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The bytes of what items refer to.
+fn contents(log: &Log, items: &[Item]) -> anyhow::Result<HashMap<ContentId, Vec<u8>>> {
+    let mut contents = HashMap::new();
+    for id in items.iter().filter_map(|item| item.geometry.as_ref()?.content()) {
+        if !contents.contains_key(id) {
+            let (_, bytes) = log.wait(log.store().content(id))?;
+            contents.insert(id.clone(), bytes);
+        }
+    }
+    Ok(contents)
+}

@@ -1,0 +1,281 @@
+//! `relief annotate import`: files of other tools into the log, as one edit.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use serde::Serialize;
+
+use super::super::output::{print_json, say};
+use super::{ByArguments, Log, LogArguments, series, table};
+use crate::annotation::{Change, Edit, Geometry, Item, ItemId, Set, Versioned};
+use crate::exchange::{self, Format, Imported, ReadContext};
+use crate::store::Filter;
+
+/// The largest file that is opened.
+const MOST_BYTES: u64 = 4 << 30;
+
+/// Read annotations from files of other tools, as one edit
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+All files together are one edit, which undo takes back: one that is damaged changes nothing. Without --format, a file's name and
+beginning say what it is. ANNOTATIONS.md has what each format holds.
+
+With --series, items belong to that series, and points outside of its volume are warned of, with a hint where they are a mirror
+image (RAS for LPS). Items come in under new ids. With --update, those that were exported from this log change the items that they
+were, in name, description, place, lock and visibility.
+
+Examples:
+  relief annotate --db ann.db import skull.mrk.json --series head --author anna
+  relief annotate --db ann.db import *.fcsv --set anna --reason 'second session' --dry-run
+  relief annotate --db ann.db import edited-in-slicer.mrk.json --update")]
+pub(super) struct Arguments {
+    /// Files to read
+    #[arg(value_name = "IN", required = true)]
+    files: Vec<PathBuf>,
+    /// What they are: mrk.json, fcsv, csv, tsv, mps, cornerstone, sr, seg, seg.nrrd, nii.gz, rtstruct, stl, ply, obj or glb
+    #[arg(long, value_name = "FORMAT")]
+    format: Option<Format>,
+    #[command(flatten)]
+    series: series::Arguments,
+    /// The set that items come into
+    #[arg(long, value_name = "NAME", default_value = Set::DEFAULT)]
+    set: String,
+    /// The list that items are, where the file does not say; its name otherwise
+    #[arg(long, value_name = "NAME")]
+    list: Option<String>,
+    #[command(flatten)]
+    by: ByArguments,
+    /// Change the items that a file was made of, instead of making new ones
+    #[arg(long)]
+    update: bool,
+    /// Read and tell, and change nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    files: Vec<FileReport>,
+    created: usize,
+    updated: usize,
+    unchanged: usize,
+    dry_run: bool,
+    items: Vec<ItemReport>,
+}
+
+#[derive(Debug, Serialize)]
+struct FileReport {
+    file: String,
+    format: &'static str,
+    items: usize,
+    warnings: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct ItemReport {
+    id: ItemId,
+    set: String,
+    list: String,
+    name: String,
+    kind: &'static str,
+}
+
+pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+    let author = arguments.by.who.name()?;
+    Set::check_name(&arguments.set)?;
+    let series = arguments.series.load()?;
+    let mut files = Vec::new();
+    let mut all = Imported { items: Vec::new(), contents: Vec::new(), warnings: Vec::new() };
+    for path in &arguments.files {
+        let list = arguments.list.clone().unwrap_or_else(|| stem(path));
+        let context = ReadContext {
+            author: &author,
+            set: &arguments.set,
+            list: &list,
+            frame_of_reference: series.as_ref().map(|series| &series.frame),
+            grid: series.as_ref().map(|series| &series.grid),
+        };
+        let (format, read) = read(path, arguments.format, &context)
+            .with_context(|| format!("cannot import {}", path.display()))?;
+        files.push(FileReport {
+            file: path.display().to_string(),
+            format: format.name(),
+            items: read.items.len(),
+            warnings: read.warnings,
+        });
+        all.items.extend(read.items);
+        all.contents.extend(read.contents);
+    }
+    let open = if arguments.dry_run { existing(log)? } else { Some(log.open()?) };
+    let known = open.as_ref().map_or_else(|| Ok(HashMap::new()), known_items)?;
+    let (changes, unchanged, copies) = changes(all.items, known, arguments.update)?;
+    if let (1.., Some(file)) = (copies, files.last_mut()) {
+        let note = format!(
+            "{copies} items were exported from this log: they are copies now; --update changes those that are there instead"
+        );
+        file.warnings.push(note);
+    }
+    let report = Report::new(files, &changes, unchanged, arguments.dry_run);
+    if let (Some(log), false, false) = (&open, arguments.dry_run, changes.is_empty()) {
+        for (_, media_type, bytes) in &all.contents {
+            log.wait(log.store().put_content(media_type, bytes))?;
+        }
+        log.wait(log.store().apply(&Edit { author, reason: arguments.by.reason.clone(), changes }))?;
+    }
+    report.show(arguments.json)
+}
+
+/// The log if it is there: nothing is made to look into it.
+fn existing(log: &LogArguments) -> anyhow::Result<Option<Log>> {
+    if log.is_there() { log.open_existing().map(Some) } else { Ok(None) }
+}
+
+fn known_items(log: &Log) -> anyhow::Result<HashMap<ItemId, Versioned>> {
+    let listing = log.wait(log.store().list(&Filter::default()))?;
+    Ok(listing.items.into_iter().map(|found| (found.item.id, found)).collect())
+}
+
+/// The file's name without what its format adds to it.
+fn stem(path: &Path) -> String {
+    let name =
+        path.file_name().map_or_else(|| "import".to_owned(), |name| name.to_string_lossy().into_owned());
+    let lower = name.to_lowercase();
+    let ends = [".mrk.json", ".seg.nrrd", ".nii.gz"].into_iter().find(|end| lower.ends_with(end));
+    let length = ends.map_or_else(|| name.rfind('.').unwrap_or(name.len()), |end| name.len() - end.len());
+    name.chars().take(name[..length].chars().count().clamp(1, Item::LONGEST_NAME)).collect()
+}
+
+fn read(
+    path: &Path,
+    format: Option<Format>,
+    context: &ReadContext<'_>,
+) -> anyhow::Result<(Format, Imported)> {
+    let length = std::fs::metadata(path)?.len();
+    if length > MOST_BYTES {
+        bail!("the file has {length} bytes, allowed: at most {MOST_BYTES}");
+    }
+    let bytes = std::fs::read(path)?;
+    let known = format.or_else(|| Format::of(path, &bytes[..bytes.len().min(1 << 14)]));
+    let format = known.context("neither its name nor its beginning says what it is; say it with --format")?;
+    Ok((format, exchange::read(format, &bytes, context)?))
+}
+
+/// What is to change; how many items are as they were; how many are copies of items that are there.
+fn changes(
+    items: Vec<Item>,
+    mut known: HashMap<ItemId, Versioned>,
+    update: bool,
+) -> anyhow::Result<(Vec<Change>, usize, usize)> {
+    let (mut changes, mut unchanged, mut copies) = (Vec::new(), 0, 0);
+    for mut item in items {
+        match known.remove(&item.id) {
+            Some(found) if update => {
+                let merged = merged(&found.item, item);
+                if merged == found.item {
+                    unchanged += 1;
+                } else {
+                    changes.push(Change::Update { item: Box::new(merged), version: found.version });
+                }
+            }
+            found => {
+                copies += usize::from(found.is_some());
+                item.id = ItemId::random()?; // an id that was ever used is never used again
+                changes.push(Change::Create { item: Box::new(item) });
+            }
+        }
+    }
+    Ok((changes, unchanged, copies))
+}
+
+/// An item with what every format says of it taken from a file: the rest is as it was.
+fn merged(current: &Item, read: Item) -> Item {
+    let mut geometry = read.geometry;
+    // Files of other tools say neither whether a curve is smooth, nor the last digits of what did not move.
+    if let (Some(Geometry::Curve { smooth, .. }), Some(Geometry::Curve { smooth: was, .. })) =
+        (&mut geometry, &current.geometry)
+    {
+        *smooth = *was;
+    }
+    if let (Some(new), Some(old)) = (&geometry, &current.geometry)
+        && has_not_moved(new, old)
+    {
+        geometry = current.geometry.clone();
+    }
+    Item {
+        name: read.name,
+        description: read.description,
+        state: if geometry.is_none() && current.geometry.is_none() { current.state } else { read.state },
+        geometry,
+        locked: read.locked,
+        visible: read.visible,
+        rgb: read.rgb.or(current.rgb),
+        concept: read.concept.or_else(|| current.concept.clone()),
+        ..current.clone()
+    }
+}
+
+fn has_not_moved(new: &Geometry, old: &Geometry) -> bool {
+    let (a, b) = (new.points(), old.points());
+    let is_near = a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.distance(*b) < 1e-6);
+    let is_plane = matches!(new, Geometry::Plane { .. });
+    new.kind() == old.kind() && !a.is_empty() && is_near && !is_plane
+}
+
+impl Report {
+    fn new(files: Vec<FileReport>, changes: &[Change], unchanged: usize, dry_run: bool) -> Self {
+        let is_new = |change: &&Change| matches!(change, Change::Create { .. });
+        let created = changes.iter().filter(is_new).count();
+        let items = changes.iter().filter_map(|change| match change {
+            Change::Create { item } | Change::Update { item, .. } => Some(ItemReport {
+                id: item.id,
+                set: item.set.clone(),
+                list: item.list.clone(),
+                name: item.name.clone(),
+                kind: table::kind(item),
+            }),
+            Change::Delete { .. } => None,
+        });
+        Self { created, updated: changes.len() - created, unchanged, dry_run, items: items.collect(), files }
+    }
+
+    fn show(&self, json: bool) -> anyhow::Result<ExitCode> {
+        for file in &self.files {
+            for warning in &file.warnings {
+                eprintln!("warning: {}: {warning}", file.file);
+            }
+        }
+        if json {
+            print_json(self)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        let line = |file: &FileReport| [file.items.to_string(), file.format.to_owned(), file.file.clone()];
+        table::print(["items", "format", "file"], &self.files.iter().map(line).collect::<Vec<_>>());
+        let Self { created, updated, unchanged, .. } = self;
+        let would = if self.dry_run { "would be " } else { "" };
+        say!("{created} {would}created, {updated} {would}updated, {unchanged} unchanged");
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_is_called_as_its_file() {
+        for (path, name) in [
+            ("a/skull.mrk.json", "skull"),
+            ("F_1.FCSV", "F_1"),
+            ("seg.v2.nii.gz", "seg.v2"),
+            ("points", "points"),
+            (".csv", "."),
+        ] {
+            assert_eq!(stem(Path::new(path)), name, "{path}");
+        }
+    }
+}
