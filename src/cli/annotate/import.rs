@@ -213,8 +213,6 @@ fn merged(current: &Item, read: Item) -> Item {
         geometry,
         locked: read.locked,
         visible: read.visible,
-        rgb: read.rgb.or(current.rgb),
-        concept: read.concept.or_else(|| current.concept.clone()),
         ..current.clone()
     }
 }
