@@ -66,6 +66,18 @@ impl Holds {
         ..Self::EVERYTHING
     };
 
+    /// Names and colours alone.
+    const NAMES: Self = Self {
+        undefined: false,
+        description: false,
+        line_breaks: true,
+        quotes: true,
+        color: true,
+        locked: false,
+        visible: false,
+        ..Self::TABLE
+    };
+
     const fn by(format: Format) -> Option<Self> {
         match format {
             Format::MrkJson => Some(Self::EVERYTHING),
@@ -85,7 +97,13 @@ impl Holds {
                 undefined: false,
                 ..Self::EVERYTHING
             }),
-            _ => None,
+            Format::SegNrrd | Format::Nifti | Format::Seg => Some(Self { kinds: &["region"], ..Self::NAMES }),
+            Format::Stl | Format::Ply => {
+                Some(Self { kinds: &["mesh"], name: false, color: false, ..Self::NAMES })
+            }
+            Format::Obj | Format::Glb => Some(Self { kinds: &["mesh"], color: false, ..Self::NAMES }),
+            // It tells itself.
+            Format::Sr | Format::RtStruct => None,
         }
     }
 }

@@ -17,6 +17,7 @@ mod mps;
 mod mrk_json;
 mod outside;
 mod reading;
+mod regions;
 mod table;
 mod written_json;
 
@@ -90,13 +91,15 @@ impl Format {
     /// Whether [`read`] takes it.
     #[must_use]
     pub const fn can_read(self) -> bool {
-        matches!(self, Self::MrkJson | Self::Fcsv | Self::Csv | Self::Tsv | Self::Mps | Self::Cornerstone)
+        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, Nifti, SegNrrd, Tsv};
+        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | SegNrrd | Nifti)
     }
 
     /// Whether [`write`] makes it.
     #[must_use]
     pub const fn can_write(self) -> bool {
-        self.can_read()
+        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, SegNrrd, Tsv};
+        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | SegNrrd)
     }
 }
 
@@ -111,6 +114,7 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
         Format::Csv | Format::Tsv => table::read(format, bytes, context),
         Format::Mps => mps::read(bytes, context),
         Format::Cornerstone => cornerstone::read(bytes, context),
+        Format::SegNrrd | Format::Nifti => regions::read(format, bytes, context),
         _ => Err(ExchangeError::OneWay { format, action: "read", possible: Format::names(Format::can_read) }),
     }
 }
@@ -119,14 +123,19 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
 ///
 /// # Errors
 /// When the format holds none of the items.
-pub fn write(format: Format, items: &[Item], _context: &WriteContext<'_>) -> Result<Written, ExchangeError> {
-    let (kept, left_out) = loss::kept(format, items)?;
+pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Result<Written, ExchangeError> {
+    let (kept, mut left_out) = loss::kept(format, items)?;
     let bytes = match format {
         Format::MrkJson => mrk_json::write(&kept),
         Format::Fcsv => fcsv::write(&kept),
         Format::Csv | Format::Tsv => table::write(format, &kept),
         Format::Mps => mps::write(&kept),
         Format::Cornerstone => cornerstone::write(&kept),
+        Format::SegNrrd => {
+            let (map, lost) = regions::join(format, &kept, context)?;
+            left_out.extend(lost);
+            crate::formats::seg_nrrd(&map).map_err(|error| regions::failed(format, &error))
+        }
         _ => {
             let possible = Format::names(Format::can_write);
             return Err(ExchangeError::OneWay { format, action: "written", possible });

@@ -20,7 +20,7 @@ fn markups_are_refused_with_the_path_of_what_is_wrong() {
         points(&format!("{good}, {}", good.replace("\"1\"", "\"2\"").replace(from, to)))
     };
     assert_eq!(read(Format::MrkJson, with("1", "1")).unwrap().items.len(), 2);
-    let cases: [(String, &[&str]); 21] = [
+    let cases: [(String, &[&str]); 23] = [
         (String::new(), &["mrk.json: the file", "EOF"]),
         ("[]".to_owned(), &["the file", "expected struct"]),
         (r#"{"markups": []}"#.to_owned(), &["missing field `@schema`"]),
@@ -43,6 +43,8 @@ fn markups_are_refused_with_the_path_of_what_is_wrong() {
             with("[1, 2, 3]", "null"),
             &["markups[0].controlPoints[1].position is not there", "positionStatus undefined"],
         ),
+        (with("[1, 2, 3]", "\"here\""), &["markups[0].controlPoints[1].position", "expected three numbers"]),
+        (with("[1, 2, 3]", "\"\""), &["markups[0].controlPoints[1].position is not there"]),
         (
             with("\"label\"", r#""positionStatus": "somewhere", "label""#),
             &["controlPoints[1].positionStatus", "preview"],

@@ -8,6 +8,7 @@ mod common;
 mod any;
 mod commands;
 mod damage;
+mod labels;
 mod mirror;
 mod peer;
 mod real;

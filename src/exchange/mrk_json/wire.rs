@@ -1,6 +1,8 @@
 //! The keys that are read and written.
 
-use serde::{Deserialize, Serialize};
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{Error, SeqAccess, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::super::extra::Extra;
 
@@ -124,7 +126,7 @@ pub(super) struct ControlPoint {
     pub(super) label: String,
     #[serde(default)]
     pub(super) description: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "position")]
     pub(super) position: Option<[f64; 3]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) orientation: Option<[f64; 9]>,
@@ -164,4 +166,31 @@ pub(super) struct Display {
 
 fn yes() -> bool {
     true
+}
+
+/// Three numbers; Slicer writes an empty text for a point that is nowhere.
+fn position<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 3]>, D::Error> {
+    struct Position;
+
+    impl<'de> Visitor<'de> for Position {
+        type Value = Option<[f64; 3]>;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("three numbers")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, numbers: A) -> Result<Self::Value, A::Error> {
+            <[f64; 3]>::deserialize(SeqAccessDeserializer::new(numbers)).map(Some)
+        }
+
+        fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+            if text.is_empty() { Ok(None) } else { Err(E::invalid_value(Unexpected::Str(text), &self)) }
+        }
+
+        fn visit_unit<E: Error>(self) -> Result<Self::Value, E> {
+            Ok(None)
+        }
+    }
+
+    deserializer.deserialize_any(Position)
 }
