@@ -97,7 +97,7 @@ fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
 }
 
 /// The chosen series, or the only one; where there are several, the error names the option that chooses.
-fn select<'a>(found: &'a Discovery, uid: Option<&str>) -> anyhow::Result<&'a SeriesEntry> {
+pub(super) fn select<'a>(found: &'a Discovery, uid: Option<&str>) -> anyhow::Result<&'a SeriesEntry> {
     found.select(uid).map_err(|error| match error {
         dicom::Error::SeveralSeries { .. } => {
             anyhow::Error::new(error).context("choose a series with --series-uid UID")

@@ -2,6 +2,8 @@
 
 use super::Format;
 use crate::annotation::ItemError;
+use crate::dicom::report::ReportError;
+use crate::dicom::{Defect, SegmentationError};
 
 /// Why annotations could not be read from a file, or written to one.
 #[derive(Debug, thiserror::Error)]
@@ -66,6 +68,15 @@ pub enum ExchangeError {
         /// What, and how it is given.
         what: &'static str,
     },
+    /// A report that `dicom` refuses.
+    #[error("sr: {0}")]
+    Report(#[source] Box<ReportError>),
+    /// An object that `dicom` does not read.
+    #[error("seg: {0}")]
+    Object(#[source] Box<Defect>),
+    /// A segmentation that `dicom` does not write.
+    #[error("seg: {0}")]
+    Segmentation(#[source] Box<SegmentationError>),
     /// The system gives no random numbers, and so no ids.
     #[error("cannot make ids: {0}")]
     Random(#[from] getrandom::Error),

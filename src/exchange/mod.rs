@@ -15,6 +15,7 @@ mod format;
 mod loss;
 mod mps;
 mod mrk_json;
+mod objects;
 mod outside;
 mod reading;
 mod regions;
@@ -26,6 +27,7 @@ pub use format::{Format, UnknownFormat};
 pub use loss::LeftOut;
 
 use crate::annotation::{ContentId, FrameOfReference, Item, ItemId};
+use crate::dicom::SeriesReference;
 use crate::volume::Grid;
 
 /// What a file does not say of its items.
@@ -41,6 +43,8 @@ pub struct ReadContext<'a> {
     pub frame_of_reference: Option<&'a FrameOfReference>,
     /// The volume that they belong to: points outside of it are warned of.
     pub grid: Option<&'a Grid>,
+    /// The DICOM series that they belong to: a report may have places in its images.
+    pub series: Option<&'a SeriesReference>,
 }
 
 /// What items do not say of themselves.
@@ -50,6 +54,8 @@ pub struct WriteContext<'a> {
     pub contents: &'a dyn Fn(&ContentId) -> Option<Vec<u8>>,
     /// The voxels that a label map is to have; those of the first region otherwise.
     pub grid: Option<&'a Grid>,
+    /// The DICOM series that they belong to: reports and segmentations are about one.
+    pub series: Option<&'a SeriesReference>,
 }
 
 /// What a file held.
@@ -91,15 +97,15 @@ impl Format {
     /// Whether [`read`] takes it.
     #[must_use]
     pub const fn can_read(self) -> bool {
-        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, Nifti, SegNrrd, Tsv};
-        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | SegNrrd | Nifti)
+        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, Nifti, Seg, SegNrrd, Sr, Tsv};
+        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | Sr | Seg | SegNrrd | Nifti)
     }
 
     /// Whether [`write`] makes it.
     #[must_use]
     pub const fn can_write(self) -> bool {
-        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, SegNrrd, Tsv};
-        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | SegNrrd)
+        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, Seg, SegNrrd, Sr, Tsv};
+        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | Sr | Seg | SegNrrd)
     }
 }
 
@@ -114,6 +120,8 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
         Format::Csv | Format::Tsv => table::read(format, bytes, context),
         Format::Mps => mps::read(bytes, context),
         Format::Cornerstone => cornerstone::read(bytes, context),
+        Format::Sr => objects::read_report(bytes, context),
+        Format::Seg => objects::read_segmentation(bytes, context),
         Format::SegNrrd | Format::Nifti => regions::read(format, bytes, context),
         _ => Err(ExchangeError::OneWay { format, action: "read", possible: Format::names(Format::can_read) }),
     }
@@ -124,22 +132,32 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
 /// # Errors
 /// When the format holds none of the items.
 pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Result<Written, ExchangeError> {
-    let (kept, mut left_out) = loss::kept(format, items)?;
+    let (mut kept, mut left_out) = loss::kept(format, items)?;
+    let mut count = kept.len();
     let bytes = match format {
         Format::MrkJson => mrk_json::write(&kept),
         Format::Fcsv => fcsv::write(&kept),
         Format::Csv | Format::Tsv => table::write(format, &kept),
         Format::Mps => mps::write(&kept),
         Format::Cornerstone => cornerstone::write(&kept),
-        Format::SegNrrd => {
-            let (map, lost) = regions::join(format, &kept, context)?;
+        Format::Sr => objects::write_report(&kept, context, &mut left_out).map(|(bytes, held)| {
+            count = held;
+            bytes
+        }),
+        Format::Seg | Format::SegNrrd => {
+            let (map, ids, lost) = regions::join(format, &kept, context)?;
             left_out.extend(lost);
-            crate::formats::seg_nrrd(&map).map_err(|error| regions::failed(format, &error))
+            kept.retain(|item| ids.contains(&item.id));
+            count = kept.len();
+            match format {
+                Format::Seg => objects::write_segmentation(&map, &kept, context),
+                _ => crate::formats::seg_nrrd(&map).map_err(|error| regions::failed(format, &error)),
+            }
         }
         _ => {
             let possible = Format::names(Format::can_write);
             return Err(ExchangeError::OneWay { format, action: "written", possible });
         }
     }?;
-    Ok(Written { bytes, items: kept.len(), left_out })
+    Ok(Written { bytes, items: count, left_out })
 }

@@ -84,7 +84,8 @@ fn labels(format: Format, bytes: &[u8]) -> Result<formats::ReadLabels, ExchangeE
     formats::read_labels(file.path()).map_err(|error| failed(format, &error))
 }
 
-/// The map of all regions, on the grid wanted or else that of the first of them, and what was lost on the way.
+/// The map of all regions, on the grid wanted or else that of the first of them; the items of its labels from 1; and what was
+/// lost on the way.
 ///
 /// # Errors
 /// When a content is not there or no label map.
@@ -92,7 +93,7 @@ pub(super) fn join(
     format: Format,
     items: &[&Item],
     context: &WriteContext<'_>,
-) -> Result<(LabelMap, Vec<LeftOut>), ExchangeError> {
+) -> Result<(LabelMap, Vec<ItemId>, Vec<LeftOut>), ExchangeError> {
     let mut joined: Option<Joined> = None;
     let mut maps = BTreeMap::new();
     for item in items {
@@ -107,11 +108,11 @@ pub(super) fn join(
         let map = &maps[&region.content];
         joined.get_or_insert_with(|| Joined::new(map.grid())).add(item, map, region.label);
     }
-    let Some(Joined { grid, labels, segments, lost, .. }) = joined else {
+    let Some(Joined { grid, labels, segments, items, lost }) = joined else {
         return Err(ExchangeError::Nothing { format, why: "there are no regions".to_owned() });
     };
     let map = LabelMap::new(grid, &labels, segments).map_err(|error| failed(format, &error))?;
-    Ok((map, lost))
+    Ok((map, items, lost))
 }
 
 fn no_content(format: Format, id: ItemId) -> ExchangeError {

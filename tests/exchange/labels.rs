@@ -44,7 +44,7 @@ fn regions_have_the_voxels_that_others_counted() {
     }
     // Written again, and read: numbered anew, with the same voxels.
     let contents = contents(&[&imported]);
-    let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None };
+    let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
     let written = exchange::write(Format::SegNrrd, &imported.items, &context).unwrap();
     assert_eq!(written.items, known.len());
     let back = read(Format::SegNrrd, &written.bytes).unwrap();
@@ -82,7 +82,7 @@ fn regions_of_several_maps_are_written_to_one_and_overlaps_are_told() {
     // Half a voxel aside, so that the nearest are taken; two voxels of it are those of the first map.
     let second = read(Format::SegNrrd, map(0.5, &labels, &["tumour", "other"])).unwrap();
     let contents = contents(&[&first, &second]);
-    let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None };
+    let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
     let mut items = first.items.clone();
     items.push(Item { order: 9, description: "told".to_owned(), locked: true, ..second.items[0].clone() });
     let written = exchange::write(Format::SegNrrd, &items, &context).unwrap();
@@ -108,9 +108,12 @@ fn what_is_wrong_with_a_map_is_told() {
     let empty = refused(Format::SegNrrd, map(0.0, &[0; 24], &["none"]));
     assert!(empty.contains("without labelled voxels"), "{empty}");
     let imported = read(Format::SegNrrd, &whole).unwrap();
-    let message =
-        exchange::write(Format::SegNrrd, &imported.items, &WriteContext { contents: &|_| None, grid: None })
-            .unwrap_err();
+    let message = exchange::write(
+        Format::SegNrrd,
+        &imported.items,
+        &WriteContext { contents: &|_| None, grid: None, series: None },
+    )
+    .unwrap_err();
     assert!(message.to_string().contains("is not there, allowed: the voxels of the region"), "{message}");
     let grid = Grid::axis_aligned([4, 3, 2], [2.0; 3], [100.0, 10.0, 20.0]).unwrap();
     let context = ReadContext { grid: Some(&grid), ..CONTEXT };

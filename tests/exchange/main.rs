@@ -10,6 +10,7 @@ mod commands;
 mod damage;
 mod labels;
 mod mirror;
+mod objects;
 mod peer;
 mod real;
 mod round;
@@ -25,8 +26,14 @@ use relief::space::{Patient, Point};
 const TEXTS: [Format; 6] =
     [Format::MrkJson, Format::Fcsv, Format::Csv, Format::Tsv, Format::Mps, Format::Cornerstone];
 
-const CONTEXT: ReadContext<'static> =
-    ReadContext { author: "ben", set: "default", list: "file", frame_of_reference: None, grid: None };
+const CONTEXT: ReadContext<'static> = ReadContext {
+    author: "ben",
+    set: "default",
+    list: "file",
+    frame_of_reference: None,
+    grid: None,
+    series: None,
+};
 
 fn at(x: f64, y: f64, z: f64) -> Point<Patient> {
     Point::new(x, y, z)
@@ -37,7 +44,7 @@ fn read(format: Format, bytes: impl AsRef<[u8]>) -> Result<Imported, ExchangeErr
 }
 
 fn write(format: Format, items: &[Item]) -> Result<Written, ExchangeError> {
-    exchange::write(format, items, &WriteContext { contents: &|_| None, grid: None })
+    exchange::write(format, items, &WriteContext { contents: &|_| None, grid: None, series: None })
 }
 
 /// What is said of a file that is refused.

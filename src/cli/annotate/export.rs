@@ -66,6 +66,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     let context = WriteContext {
         contents: &|id| contents.get(id).cloned(),
         grid: series.as_ref().map(|series| &series.grid),
+        series: series.as_ref().and_then(|series| series.reference.as_ref()),
     };
     let written = exchange::write(arguments.format, &items, &context)?;
     write_whole(&arguments.out, &written.bytes)?;
@@ -80,7 +81,8 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     } else {
         say!("{} items in {}", report.items, report.file);
         for LeftOut { what, reason, items } in report.left_out {
-            say!("  not in it: {what} of {}: {reason}", items.len());
+            let of = if items.is_empty() { String::new() } else { format!(" of {}", items.len()) };
+            say!("  not in it: {what}{of}: {reason}");
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -99,6 +99,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
             list: &list,
             frame_of_reference: series.as_ref().map(|series| &series.frame),
             grid: series.as_ref().map(|series| &series.grid),
+            series: series.as_ref().and_then(|series| series.reference.as_ref()),
         };
         let (format, read) = read(path, arguments.format, &context)
             .with_context(|| format!("cannot import {}", path.display()))?;

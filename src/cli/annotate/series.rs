@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use super::super::source::{self, SeriesOptions};
 use crate::annotation::FrameOfReference;
+use crate::dicom::{Loaded, SeriesReference, Strictness};
+use crate::formats;
 use crate::volume::Grid;
 
 /// The series that items belong to.
@@ -23,17 +25,33 @@ pub(super) struct Series {
     pub(super) frame: FrameOfReference,
     /// Its voxels.
     pub(super) grid: Grid,
+    /// What objects of DICOM say of it; none of a volume in a file of its own, or of files without UIDs.
+    pub(super) reference: Option<SeriesReference>,
 }
 
 impl Arguments {
     /// Loads the series, if one is given.
     pub(super) fn load(&self) -> anyhow::Result<Option<Series>> {
         let Some(path) = &self.series else { return Ok(None) };
-        let options = SeriesOptions { series_uid: self.series_uid.clone(), strict: false, downsample: 1 };
-        let loaded = source::load(path, &options)?;
+        let uid = self.series_uid.as_deref();
+        if formats::is_known(path) {
+            let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
+            return Ok(Some(Series::of(&source::load(path, &options)?, None)));
+        }
+        let found = source::discover(path, Strictness::Lenient)?;
+        let entry = source::select(&found, uid)?;
+        source::warn(&found.warnings());
+        let loaded = source::load_entry(entry, Strictness::Lenient)?;
+        source::warn(&loaded.warnings);
+        Ok(Some(Series::of(&loaded, SeriesReference::of(entry).ok())))
+    }
+}
+
+impl Series {
+    fn of(loaded: &Loaded, reference: Option<SeriesReference>) -> Self {
         let uid = loaded.identity.frame_of_reference().map(str::to_owned);
         // Without a UID: what the volume is itself told by.
         let frame = uid.unwrap_or_else(|| format!("volume:{}", loaded.volume.content_hash().short()));
-        Ok(Some(Series { frame: FrameOfReference(frame), grid: loaded.volume.grid().clone() }))
+        Self { frame: FrameOfReference(frame), grid: loaded.volume.grid().clone(), reference }
     }
 }

@@ -21,7 +21,7 @@ pub(super) struct Annotation {
     pub(super) metadata: Metadata,
     pub(super) data: Data,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) relief: Option<Extra>,
+    pub(super) relief: Option<Box<Extra>>,
 }
 
 #[derive(Serialize, Deserialize)]

@@ -62,11 +62,11 @@ fn annotation(item: &Item) -> Option<Annotation> {
             spline: (tool == "SplineROI").then_some(Spline { kind: "CATMULLROM", resolution: 20 }),
             cached_stats: super::wire::Empty {},
         },
-        relief: Some(Extra {
+        relief: Some(Box::new(Extra {
             list: Some(item.list.clone()),
             description: Some(item.description.clone()).filter(|text| !text.is_empty()),
             ..Extra::of(item)
-        }),
+        })),
     })
 }
 

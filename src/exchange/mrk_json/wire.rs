@@ -98,7 +98,7 @@ pub(super) struct Markup {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) display: Option<Display>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) relief: Option<Extra>,
+    pub(super) relief: Option<Box<Extra>>,
 }
 
 /// Some tools number their points.
@@ -128,8 +128,9 @@ pub(super) struct ControlPoint {
     pub(super) description: String,
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "position")]
     pub(super) position: Option<[f64; 3]>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) orientation: Option<[f64; 9]>,
+    /// Written for Slicer, and never read.
+    #[serde(skip_deserializing)]
+    pub(super) orientation: &'static [f64],
     #[serde(default = "yes")]
     pub(super) selected: bool,
     #[serde(default)]
@@ -139,7 +140,7 @@ pub(super) struct ControlPoint {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) position_status: Option<PositionStatus>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) relief: Option<Extra>,
+    pub(super) relief: Option<Box<Extra>>,
 }
 
 #[derive(Serialize)]

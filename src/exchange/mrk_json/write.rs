@@ -57,7 +57,7 @@ fn markup(kind: Kind, name: &str) -> Markup {
 fn point_list(first: &Item, points: &[&Item]) -> Markup {
     let mut markup = markup(Kind::Fiducial, &first.list);
     markup.control_points = points.iter().map(|item| list_point(item)).collect();
-    markup.relief = Some(Extra { list: Some(first.list.clone()), ..Extra::default() });
+    markup.relief = Some(Box::new(Extra { list: Some(first.list.clone()), ..Extra::default() }));
     // A list has one colour in Slicer; the points' own ones are beside it.
     markup.display =
         Some(display(true, first.rgb.filter(|_| points.iter().all(|item| item.rgb == first.rgb))));
@@ -70,7 +70,7 @@ fn list_point(item: &Item) -> ControlPoint {
         description: item.description.clone(),
         locked: item.locked,
         visibility: item.visible,
-        relief: Some(Extra::of(item)),
+        relief: Some(Box::new(Extra::of(item))),
         ..control_point(&item.name, item.point())
     }
 }
@@ -82,7 +82,7 @@ fn control_point(label: &str, at: Option<Point<Patient>>) -> ControlPoint {
         description: String::new(),
         position: at.map(|at| at.xyz.to_array()),
         // Slicer's own default in LPS: its axes are those of RAS.
-        orientation: Some([-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]),
+        orientation: &[-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0],
         selected: true,
         locked: false,
         visibility: true,
@@ -126,7 +126,7 @@ fn single(item: &Item) -> Markup {
     markup.measurements = geometry.map_or_else(Vec::new, measured);
     markup.locked = item.locked;
     markup.display = Some(display(item.visible, item.rgb));
-    markup.relief = Some(Extra { list: Some(item.list.clone()), smooth, ..Extra::of(item) });
+    markup.relief = Some(Box::new(Extra { list: Some(item.list.clone()), smooth, ..Extra::of(item) }));
     markup
 }
 

@@ -1,0 +1,114 @@
+//! Objects of DICOM: reports and segmentations, whose readers and writers are `dicom`'s.
+
+use std::collections::BTreeMap;
+
+use super::reading::Reading;
+use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext, regions};
+use crate::annotation::{FrameOfReference, Item};
+use crate::dicom::{self, LoadLimits, SegmentMeaning, SegmentationOptions, SeriesReference, report};
+use crate::volume::LabelMap;
+
+/// Bytes that the voxels of a segmentation may take, two for each.
+const LIMITS: LoadLimits = LoadLimits { voxel_bytes: 4 << 30 };
+
+/// Reads the items of a report.
+///
+/// # Errors
+/// As [`super::read`]; places are tags and numbers of items.
+pub(super) fn read_report(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
+    let options = report::ReadOptions { author: context.author, series: context.series };
+    let found = report::read(bytes, &options).map_err(|error| ExchangeError::Report(Box::new(error)))?;
+    let mut reading = Reading::new(Format::Sr, context);
+    for warning in found.warnings {
+        reading.warn("", &warning);
+    }
+    for (order, item) in (0..).zip(found.items) {
+        let place = format!("group {}", order + 1);
+        let frame = frame(&place, item.frame_of_reference.clone(), context)?;
+        let set = context.set.to_owned();
+        let item = Item { set, list: context.list.to_owned(), order, frame_of_reference: frame, ..item };
+        reading.push(&place, item)?;
+    }
+    Ok(reading.finish())
+}
+
+/// A frame of reference that is the series', or the only one that is known.
+fn frame(
+    place: &str,
+    own: Option<FrameOfReference>,
+    context: &ReadContext<'_>,
+) -> Result<Option<FrameOfReference>, ExchangeError> {
+    let known = context.frame_of_reference;
+    if own.is_some() && known.is_some() && own.as_ref() != known {
+        let allowed = "that one; read the file without a series to keep its own";
+        let place = format!("the frame of reference of {place}");
+        return Err(ExchangeError::value(Format::Sr, place, "another one than the series'", allowed));
+    }
+    Ok(own.or_else(|| known.cloned()))
+}
+
+/// Reads a segmentation: its segments are regions.
+///
+/// # Errors
+/// As [`super::read`]; places are tags.
+pub(super) fn read_segmentation(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
+    let found =
+        dicom::read_segmentation(LIMITS, bytes).map_err(|defect| ExchangeError::Object(Box::new(defect)))?;
+    regions::of_map(Format::Seg, &found.map, found.warnings, context)
+}
+
+/// The series that an object is about.
+fn series<'a>(format: Format, context: &WriteContext<'a>) -> Result<&'a SeriesReference, ExchangeError> {
+    let what =
+        "a DICOM series that it is about, whose study and frame of reference it repeats (--series DIR)";
+    context.series.ok_or(ExchangeError::Needs { format, what })
+}
+
+/// A report of items; how many it has.
+///
+/// # Errors
+/// When there is no series, or none of the items can be in a report.
+pub(super) fn write_report(
+    items: &[&Item],
+    context: &WriteContext<'_>,
+    left_out: &mut Vec<LeftOut>,
+) -> Result<(Vec<u8>, usize), ExchangeError> {
+    let items: Vec<Item> = items.iter().copied().cloned().collect();
+    let written = report::write(&items, series(Format::Sr, context)?, &report::WriteOptions::default());
+    let written = written.map_err(|error| ExchangeError::Report(Box::new(error)))?;
+    let count = items.len() - written.left_out.len();
+    let mut reasons: BTreeMap<String, Vec<_>> = BTreeMap::new();
+    for lost in written.left_out {
+        reasons.entry(lost.reason).or_default().push(lost.item);
+    }
+    let lost = reasons.into_iter().map(|(reason, items)| LeftOut { what: "items".to_owned(), reason, items });
+    left_out.extend(lost);
+    let notes = written.notes.into_iter();
+    left_out.extend(notes.map(|reason| LeftOut {
+        what: "parts of items".to_owned(),
+        reason,
+        items: Vec::new(),
+    }));
+    Ok((written.bytes, count))
+}
+
+/// A segmentation of regions that were laid over each other.
+///
+/// # Errors
+/// When there is no series, or the map is no stack of frames.
+pub(super) fn write_segmentation(
+    map: &LabelMap,
+    items: &[&Item],
+    context: &WriteContext<'_>,
+) -> Result<Vec<u8>, ExchangeError> {
+    let author = items.first().map_or("", |item| item.author.as_str());
+    let meaning = |(label, item): (u16, &&Item)| SegmentMeaning {
+        label,
+        concept: item.concept.clone(),
+        item: Some(item.id),
+    };
+    let meanings = (1..).zip(items).map(meaning).collect();
+    let options = SegmentationOptions { meanings, ..SegmentationOptions::by(author) };
+    let bytes = dicom::write_segmentation(map, series(Format::Seg, context)?, &options);
+    bytes.map_err(|error| ExchangeError::Segmentation(Box::new(error)))
+}
