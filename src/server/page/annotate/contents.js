@@ -51,17 +51,31 @@ function finish(values, label, dims, columns, origin) {
     for (let y = 0; y < ny; y += 1) {
       for (let x = 0; x < nx; x += 1, i += 1) {
         if (!mask[i]) continue;
-        const slope = [at(x - 1, y, z) - at(x + 1, y, z), at(x, y - 1, z) - at(x, y + 1, z), at(x, y, z - 1) - at(x, y, z + 1)];
         const inside = at(x - 1, y, z) & at(x + 1, y, z) & at(x, y - 1, z) & at(x, y + 1, z) & at(x, y, z - 1) & at(x, y, z + 1);
-        if (!inside) skin.push([x, y, z], slope);
+        if (!inside) skin.push([x, y, z]);
       }
     }
   }
+  // Outwards is where less of the region is, two voxels around: smooth enough to be lit.
+  const slope = ([x, y, z]) => {
+    const sum = [0, 0, 0];
+    for (let k = -2; k <= 2; k += 1) {
+      for (let j = -2; j <= 2; j += 1) {
+        for (let i = -2; i <= 2; i += 1) {
+          if (!at(x + i, y + j, z + k)) continue;
+          sum[0] -= i;
+          sum[1] -= j;
+          sum[2] -= k;
+        }
+      }
+    }
+    return sum;
+  };
   const place = ([x, y, z]) => origin.map((value, i) => value + columns[0][i] * x + columns[1][i] * y + columns[2][i] * z);
   const turn = ([x, y, z]) => [0, 1, 2].map((i) => columns[0][i] * x + columns[1][i] * y + columns[2][i] * z);
-  const every = Math.max(1, Math.ceil(skin.length / 2 / MOST_SKIN));
+  const every = Math.max(1, Math.ceil(skin.length / MOST_SKIN));
   const points = [];
-  for (let i = 0; i < skin.length; i += 2 * every) points.push({ at: place(skin[i]), normal: turn(skin[i + 1]) });
+  for (let i = 0; i < skin.length; i += every) points.push({ at: place(skin[i]), normal: turn(slope(skin[i])) });
   const spacing = Math.min(...columns.map((column) => Math.hypot(...column)));
   return { kind: "region", dims, mask, origin, columns, inverse: inverse(columns), points, spacing: spacing * Math.sqrt(every) };
 }

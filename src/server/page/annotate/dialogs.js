@@ -7,8 +7,9 @@ import { colorOf } from "./model.js";
 const dialog = () => document.getElementById("dialog");
 
 /** Opens a dialog and gives the value of the button that closed it, with the form's fields; null after Escape. */
-export function ask(title, content, buttons) {
+export function ask(title, content, buttons, wide = false) {
   const box = dialog();
+  box.classList.toggle("wide", wide);
   const row = buttons.map(([value, words, primary]) =>
     element("button", { value, className: primary ? "primary" : "", type: "submit", formNoValidate: value === "" }, words));
   const form = element("form", { method: "dialog" }, element("h2", { id: "dialog-title" }, title), ...content, element("p", { className: "dialog-buttons" }, ...row));
@@ -42,6 +43,33 @@ export async function askAuthor(now) {
   return found?.name.trim() || null;
 }
 
+/** Everything that is said of an item in words; null where nothing is to change. */
+export async function askDetails(item) {
+  const { concept } = item;
+  const about = [
+    `By ${item.author}, ${new Date(item.created).toLocaleString()}`,
+    ...measures(item.geometry).map((measure) => `${measure.name} ${measureWords(measure)}`),
+    ...pointsOf(item.geometry).slice(0, 4).map((mm) => `LPS ${mm.map((value) => value.toFixed(2)).join(", ")} mm`),
+    ...(item.placement?.snapped_mm ? [`snapped by ${Math.hypot(...item.placement.snapped_mm).toFixed(2)} mm`] : []),
+  ];
+  const description = element("textarea", { name: "description", value: item.description ?? "", maxLength: 10_000, rows: 3 });
+  const found = await ask("Details", [
+    field("Name", textField("name", item.name)),
+    field("Description", description),
+    field("List", textField("list", item.list ?? "", { required: false })),
+    element("fieldset", { className: "coded" }, element("legend", {}, "Coded concept, such as T-11180, SRT, Mandible"),
+      textField("code", concept?.code ?? "", { required: false, maxLength: 16, placeholder: "code", ariaLabel: "Code" }),
+      textField("scheme", concept?.scheme ?? "", { required: false, maxLength: 16, placeholder: "scheme", ariaLabel: "Scheme" }),
+      textField("meaning", concept?.meaning ?? "", { required: false, maxLength: 64, placeholder: "meaning", ariaLabel: "Meaning" })),
+    ...about.map((text) => paragraph(text)),
+  ], [["", "Cancel"], ["ok", "Keep", true]]);
+  if (!found) return null;
+  const coded = ["code", "scheme", "meaning"].map((key) => found[key].trim());
+  const whole = coded.every(Boolean) ? { code: coded[0], scheme: coded[1], meaning: coded[2] } : undefined;
+  const changed = { name: found.name.trim() || item.name, description: found.description, list: found.list.trim(), concept: whole };
+  return { changed, isCodeCut: coded.some(Boolean) && !whole };
+}
+
 export async function askSet(author) {
   const found = await ask("A new set", [
     paragraph("A set has the items of one reader, or of one purpose."),
@@ -71,7 +99,7 @@ export async function askExport(sets, now) {
     field("Items of", select),
     element("fieldset", { className: "choices" }, element("legend", {}, "Format"), ...formats),
     paragraph("What a format cannot hold is left out, and told."),
-  ], [["", "Cancel"], ["ok", "Export", true]]);
+  ], [["", "Cancel"], ["ok", "Export", true]], true);
   return found && { format: found.format, set: found.set };
 }
 
@@ -141,7 +169,7 @@ const KEYS = [
   ["Enter", "set a point at the cursor, or the chosen one there; end a curve"],
   ["Escape, Backspace", "break off; take the last point back"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo: your own changes"],
-  ["F2 Delete H K", "rename, delete, hide, lock the chosen item"],
+  ["F2 D Delete H K", "rename, details, delete, hide, lock the chosen item"],
   ["[ ]", "item before, after; its points with , and ."],
   ["S", "skip the expected landmark"],
   ["Z; 1 … 5; Home", "enlarge a view; go to it; show it whole"],
@@ -153,5 +181,5 @@ export function showHelp() {
   return ask("Keys and mouse", [
     element("dl", {}, ...rows),
     paragraph("Places are DICOM LPS in mm; letters name the patient's sides. This is no medical device."),
-  ], [["ok", "Close", true]]);
+  ], [["ok", "Close", true]], true);
 }

@@ -24,10 +24,6 @@ export class Grab {
     return this.#held?.moved ?? null;
   }
 
-  get isHolding() {
-    return this.#held !== null;
-  }
-
   /** The handle under a place of a pane's picture: `{ entry, index, point }`. */
   find(pane, at, pointer) {
     if (!pane.sight) return null;

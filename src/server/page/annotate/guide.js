@@ -163,7 +163,9 @@ export class Guide {
     bar.setAttribute("role", "progressbar");
     for (const [key, value] of Object.entries({ valuemin: 0, valuemax: total, valuenow: placed + skipped, label: "Landmarks decided" })) bar.setAttribute(`aria-${key}`, value);
     const words = [`${placed} of ${total} placed`, ...(skipped ? [`${skipped} skipped`] : [])].join(", ");
-    const close = element("button", { type: "button", className: "mini", ariaLabel: "End the template", title: "End the template; it can be gone on with", onclick: () => this.end() }, "×");
+    const close = element("button", {
+      type: "button", className: "mini", ariaLabel: "End the template", title: "End the template; it can be gone on with", onclick: () => this.end(),
+    }, "×");
     const button = (text, press, more = {}) => element("button", { type: "button", onclick: press, ...more }, text);
     const now = expected
       ? [

@@ -30,6 +30,7 @@ export function onKeys(page) {
     if (!entry) return false;
     if (key === "delete") page.remove(entry);
     else if (key === "f2") list.rename(entry.item.id);
+    else if (key === "d") page.details(entry);
     else if (key === "h") page.change(entry, { visible: !entry.item.visible });
     else if (key === "k") page.change(entry, { locked: !entry.item.locked });
     else if (key === "," || key === ".") {

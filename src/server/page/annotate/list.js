@@ -1,4 +1,4 @@
-// The list of items, by set and list: choose, jump to, rename, recolour, hide, lock, delete, measures; a tree for readers.
+// The list of items, by set and list: choose, jump to, rename, recolour, hide, lock, delete, measures.
 
 import { element } from "./pane.js";
 import { measureWords, measures as measured } from "./geometry.js";
@@ -18,6 +18,7 @@ const ICONS = {
   unseen: '<path d="M1.500 8S4 3.500 8 3.500 14.500 8 14.500 8 12 12.500 8 12.500 1.500 8 1.500 8zM3 13.500l10-11"/>',
   locked: '<rect x="3.500" y="7" width="9" height="6.500" rx="1.200"/><path d="M5.500 7V5a2.500 2.500 0 0 1 5 0v2"/>',
   open: '<rect x="3.500" y="7" width="9" height="6.500" rx="1.200"/><path d="M5.500 7V4.500a2.500 2.500 0 0 1 4.900-.7"/>',
+  words: '<path d="M3 4.500h10M3 8h10M3 11.500h6"/>',
   gone: '<path d="M3 4.500h10M6.500 4.500V3h3v1.500M4.500 4.500l.7 9h5.600l.7-9"/>',
   shape: '<path d="M8 2.500 13.500 6v5L8 13.500 2.500 11V6z"/><path d="M8 8v5.500M8 8l5.500-2M8 8 2.500 6"/>',
 };
@@ -40,8 +41,8 @@ export class List {
   #renaming = null;
 
   /** `change` sends an updated item, `remove` deletes, `mesh` and `fill` make structures. */
-  constructor(host, model, { change, remove, mesh, fill, say }) {
-    Object.assign(this, { host, model, change, remove, mesh, fill, say });
+  constructor(host, model, { change, remove, details, mesh, fill, say }) {
+    Object.assign(this, { host, model, change, remove, details, mesh, fill, say });
     model.on("items sets selection", (changed) => (changed.has("items") || changed.has("sets") ? this.draw() : this.#mark()));
     host.addEventListener("keydown", (event) => this.#key(event));
   }
@@ -83,7 +84,7 @@ export class List {
     title.append(eye);
     const rows = entries.slice(0, room).map((entry) => this.#row(entry));
     if (entries.length > rows.length) rows.push(element("p", { className: "empty" }, `and ${entries.length - rows.length} more`));
-    const box = element("details", { open: !this.#shut.has(key), className: `item-group${dark ? " dark" : ""}` }, title, element("div", { role: "group" }, ...rows));
+    const box = element("details", { open: !this.#shut.has(key), className: `item-group${dark ? " dark" : ""}` }, title, element("div", { role: "list" }, ...rows));
     box.addEventListener("toggle", () => this.#shut[box.open ? "delete" : "add"](key));
     return box;
   }
@@ -108,7 +109,8 @@ export class List {
       onclick: () => this.model.jumpTo(item.id),
       ondblclick: () => this.rename(item.id),
     }, icon(iconOf(item)), element("span", { className: "item-name" }, item.name), ...state, element("span", { className: "item-measure" }, measure));
-    const row = element("div", { className: "item", role: "treeitem" }, color, main,
+    const row = element("div", { className: "item", role: "listitem" }, color, main,
+      this.#button("words", `Details of ${item.name}`, () => this.details(entry)),
       ...(item.geometry?.kind === "region" ? [this.#button("shape", `Mesh of ${item.name}`, () => this.mesh(entry))] : []),
       this.#button(item.visible ? "seen" : "unseen", item.visible ? `Hide ${item.name}` : `Show ${item.name}`, () => this.change(entry, { visible: !item.visible })),
       this.#button(item.locked ? "locked" : "open", item.locked ? `Unlock ${item.name}` : `Lock ${item.name}`, () => this.change(entry, { locked: !item.locked })),
@@ -128,11 +130,12 @@ export class List {
       const chosen = row.dataset.id === this.model.selected;
       first ??= row;
       row.classList.toggle("chosen", chosen);
-      row.setAttribute("aria-selected", String(chosen));
-      row.querySelector(".item-main").tabIndex = chosen ? 0 : -1;
+      const main = row.querySelector(".item-main");
+      main?.setAttribute("aria-current", String(chosen));
+      if (main) main.tabIndex = chosen ? 0 : -1;
       if (chosen) row.scrollIntoView({ block: "nearest" });
     }
-    if (first && !this.host.querySelector(".chosen")) first.querySelector(".item-main").tabIndex = 0;
+    if (first && !this.host.querySelector(".chosen")) first.querySelector(".item-main")?.setAttribute("tabindex", "0");
   }
 
   /** The name becomes a field in its row; Enter keeps it, Escape does not. */

@@ -7,6 +7,8 @@ const OFTEN_MS = 2000;
 /** While changes are told, asking is only for what a broken line swallowed. */
 const SELDOM_MS = 20_000;
 const LONGEST_WAIT_MS = 30_000;
+/** The close code of a session that the server does not want. */
+const REFUSED = 1008;
 
 export class Live {
   #timer = 0;
@@ -50,8 +52,10 @@ export class Live {
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     socket.addEventListener("open", () => {
-      const hello = { type: "hello", client: "relief annotate", volume: this.volume.id, ...(this.author ? { author: this.author } : {}), size_px: [64, 64], accept: { color: ["jpeg"], depth: ["none"] }, settings: { annotations: true } };
-      socket.send(JSON.stringify(hello));
+      const who = this.author ? { author: this.author } : {};
+      // The smallest picture there is: nobody looks at it.
+      const least = { size_px: [64, 64], accept: { color: ["jpeg"], depth: ["none"] }, settings: { annotations: true, display: { layout: "color" } } };
+      socket.send(JSON.stringify({ type: "hello", client: "relief annotate", volume: this.volume.id, ...who, ...least }));
     });
     socket.addEventListener("message", ({ data }) => {
       if (typeof data !== "string") return;
@@ -61,10 +65,12 @@ export class Live {
       this.#told = true;
       this.#ask(message.seq);
     });
-    socket.addEventListener("close", () => {
+    socket.addEventListener("close", ({ code }) => {
       this.#told = false;
       if (this.#ended) return;
       this.#later();
+      // Refused: it would be again.
+      if (code === REFUSED) return;
       setTimeout(() => this.#connect(), this.#wait);
       this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
     });

@@ -2,7 +2,7 @@
 
 import { Refusal, request } from "/view.js";
 import { Annotations, Conflict, newId } from "./api.js";
-import { askAuthor, askConflict, askExport, askSet, showHelp } from "./dialogs.js";
+import { askAuthor, askConflict, askDetails, askExport, askSet, showHelp } from "./dialogs.js";
 import { Guide } from "./guide.js";
 import { Hand } from "./hand.js";
 import { onKeys } from "./keys.js";
@@ -109,6 +109,13 @@ function change({ item, version }, parts, reason = "") {
   return commit([{ change: "update", item: { ...item, ...parts }, version }], reason);
 }
 
+async function details(entry) {
+  const found = await askDetails(entry.item);
+  if (!found) return;
+  if (found.isCodeCut) say("A coded concept needs code, scheme and meaning: it was left out.");
+  await change(entry, found.changed, "described");
+}
+
 function remove({ item, version }) {
   if (item.locked) return say(`“${item.name}” is locked. Press K to unlock it.`);
   return commit([{ change: "delete", id: item.id, version }], "deleted").then((events) => {
@@ -156,7 +163,7 @@ function setOn(on) {
 
 // ---------------------------------------------------------------- parts
 
-const parts = { annotations: () => annotations, commit, change, remove, took, say, fail };
+const parts = { annotations: () => annotations, commit, change, remove, details, took, say, fail };
 const hand = new Hand(model, parts);
 const panesHost = $("panes");
 const paneParts = { model, hand, fail };
@@ -176,7 +183,7 @@ const log = new Log($("log"), $("log-button"), model, parts);
 const files = new Files($("import"), model, { ...parts, named, isOn: () => isOn });
 
 const page = {
-  model, panes, hand, list, guide, log, change, remove, fail,
+  model, panes, hand, list, guide, log, change, remove, details, fail,
   undo: () => back("undo"),
   redo: () => back("redo"),
   chooseFiles: () => files.choose(),

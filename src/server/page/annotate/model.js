@@ -50,7 +50,6 @@ export class Model {
   selected = null;
   /** Which point of the selected item is in the hand. */
   handle = 0;
-  hovered = null;
   tool = "navigate";
   snap = { to: "off", radius_mm: 5, hu: 300 };
   window = { center: 300, width: 1800 };

@@ -11,6 +11,10 @@ const NEAR_MM = 1.5;
 const REACH_MM = 12;
 const HIDDEN = 0.32;
 const MOST_LABELS = 150;
+/** Places for labels are looked for so often: more would only find that there is no room. */
+const MOST_TRIES = 600;
+/** Beyond so many items, points that are not chosen are dots: one element for all of a colour and strength. */
+const CROWD = 400;
 /** Straight parts of lines are this long where their strength may change. */
 const PART_MM = 3;
 const MOST_PARTS = 60;
@@ -28,7 +32,21 @@ function strength(sight, projected) {
 
 class Drawing {
   constructor(sight, [width, height]) {
-    Object.assign(this, { sight, width, height, parts: [], texts: [], boxes: [] });
+    Object.assign(this, { sight, width, height, parts: [], texts: [], boxes: [], dots: new Map(), tries: 0 });
+  }
+
+  /** A point among thousands. */
+  dot(at, color) {
+    if (at.strength <= 0.1 || !this.isSeen(at)) return;
+    const key = `stroke="${color}" opacity="${(Math.ceil(5 * at.strength) / 5).toFixed(1)}"`;
+    const known = this.dots.get(key) ?? [];
+    if (!known.length) this.dots.set(key, known);
+    known.push(`M${fixed(at.x)} ${fixed(at.y)}h0`);
+  }
+
+  get svg() {
+    const dots = [...this.dots].map(([attributes, places]) => `<path d="${places.join("")}" class="dots" ${attributes}/>`);
+    return dots.join("") + this.parts.join("") + this.texts.join("");
   }
 
   place(point) {
@@ -78,8 +96,9 @@ class Drawing {
 
   /** A text beside a place, where no other one is; those that are selected always. */
   text(at, words, { color, selected }) {
-    if (at.strength < 0.3 || !this.isSeen(at) || (this.texts.length >= MOST_LABELS && !selected)) return;
-    const width = 6.3 * words.length;
+    if (at.strength < 0.3 || !this.isSeen(at) || ((this.texts.length >= MOST_LABELS || this.tries > MOST_TRIES) && !selected)) return;
+    this.tries += 1;
+    const width = (selected ? 7.2 : 6.5) * words.length;
     const sides = [[9, -7], [9, 15], [-9 - width, -7], [-9 - width, 15]];
     const inside = ([dx]) => at.x + dx > 0 && at.x + dx + width < this.width;
     const tries = [...sides.filter(inside), ...sides.filter((side) => !inside(side))];
@@ -88,7 +107,9 @@ class Drawing {
     const [dx, dy] = free ?? tries[0];
     this.boxes.push([at.x + dx, at.y + dy - 11, width, 14]);
     const opacity = Math.min(1, at.strength + 0.05).toFixed(2);
-    this.texts.push(`<text x="${fixed(at.x + dx)}" y="${fixed(at.y + dy)}" fill="${color}" opacity="${opacity}"${selected ? ' class="chosen"' : ""}>${escaped(words)}</text>`);
+    // Widths are a guess: what stands on the left ends there, whatever it is.
+    const [start, anchor] = dx < 0 ? [-9, ' text-anchor="end"'] : [dx, ""];
+    this.texts.push(`<text x="${fixed(at.x + start)}"${anchor} y="${fixed(at.y + dy)}" fill="${color}" opacity="${opacity}"${selected ? ' class="chosen"' : ""}>${escaped(words)}</text>`);
   }
 }
 
@@ -119,9 +140,15 @@ function crossing(plane, sight) {
   return found.slice(0, 2);
 }
 
-function drawItem(drawing, { item, measures = measured(item.geometry) }, { selected, handle, bare = false }) {
+function drawItem(drawing, { item, measures = measured(item.geometry) }, { selected, handle, crowded = false }) {
   const color = colorOf(item);
   const { geometry, locked, name } = item;
+  if (crowded && geometry.kind === "point" && !selected) {
+    const at = drawing.place(geometry.at_mm);
+    if (!at) return;
+    drawing.dot(at, color);
+    return drawing.text(at, name, { color, selected });
+  }
   const stroke = `class="${selected ? "path chosen" : "path"}" stroke="${color}"`;
   drawing.line(outline(geometry), stroke);
   if (geometry.kind === "angle") drawing.line(arc(geometry.points_mm), `class="path thin" stroke="${color}"`);
@@ -137,7 +164,7 @@ function drawItem(drawing, { item, measures = measured(item.geometry) }, { selec
   points.forEach((at, i) => at && drawing.point(at, { color, selected, active: selected && i === handle, locked }));
   const labelled = points.filter(Boolean).sort((a, b) => b.strength - a.strength)[0];
   const measure = measures[0] ? ` ${measureWords(measures[0])}` : "";
-  if (labelled && !bare) drawing.text(labelled, `${name}${measure}`, { color, selected });
+  if (labelled) drawing.text(labelled, `${name}${measure}`, { color, selected });
 }
 
 /**
@@ -146,16 +173,17 @@ function drawItem(drawing, { item, measures = measured(item.geometry) }, { selec
  */
 export function itemsSvg(entries, sight, size, { selected = null, handle = 0, draft = null, moved = null } = {}) {
   const drawing = new Drawing(sight, size);
+  const crowded = entries.length > CROWD;
   const ordered = [...entries].sort((a, b) => (a.item.id === selected ? -1 : 0) - (b.item.id === selected ? -1 : 0));
   for (const entry of ordered) {
     const shown = moved?.id === entry.item.id ? { ...entry, ...moved } : entry;
-    if (shown.item.geometry) drawItem(drawing, shown, { selected: entry.item.id === selected, handle });
+    if (shown.item.geometry) drawItem(drawing, shown, { selected: entry.item.id === selected, handle, crowded });
   }
   if (draft) {
     drawItem(drawing, draft, { selected: true, handle: draft.handle });
     if (draft.from) drawing.line([draft.from, draft.to], 'class="path shift" stroke="#fff"');
   }
-  return drawing.parts.join("") + drawing.texts.join("");
+  return drawing.svg;
 }
 
 /** The lines in which other planes cut a slice, meeting at the cursor: `planes` are [normal, colour]. */

@@ -27,6 +27,7 @@ export class Pane {
   #stillTimer = 0;
   #pointers = new Map();
   #gesture = null;
+  #frame = 0;
 
   /** `hand` is asked first what a gesture means (see `hand.js`); `fail` gets errors. */
   constructor(host, { name, title, keys }, { model, hand, fail }) {
@@ -86,6 +87,15 @@ export class Pane {
     const order = { ...this.order(moving), moving };
     if (order.url + order.accept === this.#url) return;
     this.fetcher.want(order);
+  }
+
+  /** Draws everything over the picture, once for all that changed before the next frame of the screen. */
+  draw() {
+    if (this.#frame) return;
+    this.#frame = requestAnimationFrame(() => {
+      this.#frame = 0;
+      if (this.sight && this.root.clientWidth > 0) this.overlay();
+    });
   }
 
   #resized() {

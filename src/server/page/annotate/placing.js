@@ -144,9 +144,8 @@ export class Placing {
       const item = { ...expected.item, state: "defined", geometry, placement };
       return { change: "update", item, version: expected.version };
     }
-    const list = this.model.guide?.[0] === this.model.set ? "" : (this.model.list ?? "");
     const item = {
-      id: newId(), set: this.model.set, ...(list ? { list } : {}), name: this.model.freeName(name), state: "defined", geometry, locked: false, visible: true, placement,
+      id: newId(), set: this.model.set, name: this.model.freeName(name), state: "defined", geometry, locked: false, visible: true, placement,
     };
     return { change: "create", item };
   }
@@ -166,13 +165,5 @@ export class Placing {
     this.#asked += 1;
     this.model.changed("draft");
     return begun;
-  }
-
-  forgetHover() {
-    this.#asked += 1;
-    this.#wish = null;
-    if (!this.#hover) return;
-    this.#hover = null;
-    this.model.changed("draft");
   }
 }

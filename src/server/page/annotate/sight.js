@@ -3,7 +3,7 @@
 // Both sights have `project(point)`, giving `at` ([right, down], 0 to 1 inside the picture) and how far the point is from what
 // is shown: `off` from a slice's plane, `depth` from a camera; and `unproject(at)`.
 
-import { add, cross, dot, scale, sub, unit } from "./geometry.js";
+import { add, cross, scale, sub, unit } from "./geometry.js";
 
 /** A slice: an orthographic picture of a plane. All directions are unit vectors. */
 export class SliceSight {
@@ -11,10 +11,13 @@ export class SliceSight {
     Object.assign(this, { center, right, up, height, width: height * aspect, normal: cross(right, up) });
   }
 
-  project(point) {
-    const arm = sub(point, this.center);
-    const at = [0.5 + dot(arm, this.right) / this.width, 0.5 - dot(arm, this.up) / this.height];
-    return { at, off: dot(arm, this.normal) };
+  /** Written out, as is that of the camera: thousands of points pass here for each picture. */
+  project([px, py, pz]) {
+    const { center, right, up, normal } = this;
+    const [x, y, z] = [px - center[0], py - center[1], pz - center[2]];
+    const across = x * right[0] + y * right[1] + z * right[2];
+    const upward = x * up[0] + y * up[1] + z * up[2];
+    return { at: [0.5 + across / this.width, 0.5 - upward / this.height], off: x * normal[0] + y * normal[1] + z * normal[2] };
   }
 
   unproject([x, y]) {
@@ -47,13 +50,15 @@ export class CameraSight {
     return this.tangent === null ? this.half : depth * this.tangent;
   }
 
-  project(point) {
-    const arm = sub(point, this.eye);
-    const depth = dot(arm, this.forward);
+  project([px, py, pz]) {
+    const { eye, forward, right, up } = this;
+    const [x, y, z] = [px - eye[0], py - eye[1], pz - eye[2]];
+    const depth = x * forward[0] + y * forward[1] + z * forward[2];
     const half = this.#half(depth);
     if (half <= 0) return null;
-    const at = [0.5 + dot(arm, this.right) / (2 * half * this.aspect), 0.5 - dot(arm, this.up) / (2 * half)];
-    return { at, depth };
+    const across = x * right[0] + y * right[1] + z * right[2];
+    const upward = x * up[0] + y * up[1] + z * up[2];
+    return { at: [0.5 + across / (2 * half * this.aspect), 0.5 - upward / (2 * half)], depth };
   }
 
   /** The point at a view depth. */

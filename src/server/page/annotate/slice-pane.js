@@ -64,9 +64,8 @@ export class SlicePane extends Pane {
     return new SliceSight({ ...view, center, right, up: unit(up), height: projection.orthographic.height_mm, aspect: width / height });
   }
 
-  draw() {
+  overlay() {
     const { model, sight } = this;
-    if (!sight) return;
     const others = Object.keys(PLANE_COLORS).filter((name) => name !== this.name);
     const planes = others.map((name) => {
       const { right, up } = directions(name, model);

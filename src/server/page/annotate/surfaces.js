@@ -116,7 +116,7 @@ function fillVoxels({ content, color, selected }, sight, target) {
     const size = Math.hypot(...normal) || 1;
     const facing = (normal[0] * sight.forward[0] + normal[1] * sight.forward[1] + normal[2] * sight.forward[2]) / size;
     const beside = sight.project(at.map((value, i) => value + content.spacing * sight.right[i]));
-    const half = Math.max(0.5, 0.75 * Math.abs(beside.at[0] - seen.at[0]) * target.width);
+    const half = Math.max(0.5, 0.9 * Math.abs(beside.at[0] - seen.at[0]) * target.width);
     const [x, y] = [seen.at[0] * target.width, seen.at[1] * target.height];
     const shade = base.map((channel) => channel * lit(facing));
     for (let row = Math.round(y - half); row <= y + half; row += 1) {

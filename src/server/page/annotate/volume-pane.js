@@ -46,9 +46,8 @@ export class VolumePane extends Pane {
     super.paint(picture, picture.layout === "rgbd" ? picture.bitmap.width / 2 : picture.bitmap.width);
   }
 
-  draw() {
+  overlay() {
     const { model, sight } = this;
-    if (!sight) return;
     const colors = ["sagittal", "coronal", "axial"].map((name) => PLANE_COLORS[name]);
     this.crossLayer.innerHTML = cursorSvg(sight, model.cursor.mm, colors, this.size, model.volume.bounds_mm);
     const { draft, moved } = this.hand;
