@@ -1,7 +1,7 @@
 //! Volumes: HU voxels on a regular grid placed in patient space.
 //!
 //! What it is: the grid and its geometry, the voxels, their range and content hash, min-max bricks for empty-space
-//! skipping, label maps, and procedural phantoms whose truth is known. What it is not: it reads no files (see `dicom`) and
+//! skipping, label maps, masks, and procedural phantoms whose truth is known. What it is not: it reads no files (see `dicom`) and
 //! knows no GPU (see `render`).
 //!
 //! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z.
@@ -9,6 +9,7 @@
 mod bricks;
 mod grid;
 mod labels;
+mod mask;
 pub mod phantom;
 
 use std::sync::{Arc, OnceLock};
@@ -18,6 +19,7 @@ use sha2::{Digest, Sha256};
 pub use bricks::{BrickRanges, DistanceMap};
 pub use grid::{Bounds, Grid, GridError};
 pub use labels::{BrickLabels, LabelCountError, LabelMap, Places, Segment};
+pub use mask::Mask;
 
 /// A CT volume in HU. Cheap to clone: the voxels are shared.
 #[derive(Clone)]

@@ -149,6 +149,12 @@ impl LabelMap {
         Ok(Self { grid, segments, counts, places, hash: OnceLock::new() })
     }
 
+    /// The map of one segment, from places that are 0 or 1 and the number of ones.
+    pub(super) fn of_one(grid: Grid, places: Vec<u8>, segment: Segment, voxels: u64) -> Self {
+        let places = Places::Bytes(places);
+        Self { grid, segments: vec![segment], counts: vec![voxels], places, hash: OnceLock::new() }
+    }
+
     /// Where the voxels lie.
     #[must_use]
     pub fn grid(&self) -> &Grid {

@@ -1,0 +1,130 @@
+//! STL: binary, and ASCII when it is read. Triangles stand alone there, so equal places become one corner.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::source::{Bytes, lines, number};
+use super::{At, Axes, MeshFileError, MeshFormat, ReadMesh, drop_degenerate};
+use crate::mesh::TriangleMesh;
+
+const FORMAT: MeshFormat = MeshFormat::Stl;
+/// Bytes of a header.
+const HEADER: usize = 80;
+/// Bytes of a triangle.
+const TRIANGLE: usize = 50;
+
+pub(super) fn write(mesh: &TriangleMesh) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(HEADER + 4 + TRIANGLE * mesh.triangles.len());
+    // It must not begin with `solid`, which is how ASCII begins.
+    bytes.extend_from_slice(b"Relief mesh, mm, SPACE=LPS");
+    bytes.resize(HEADER, b' ');
+    bytes.extend((mesh.triangles.len() as u32).to_le_bytes());
+    for corners in &mesh.triangles {
+        let [a, b, c] = corners.map(|corner| mesh.vertices[corner as usize].xyz);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        for vector in [normal, a, b, c] {
+            bytes.extend(vector.as_vec3().to_array().iter().flat_map(|x| x.to_le_bytes()));
+        }
+        bytes.extend([0, 0]);
+    }
+    bytes
+}
+
+pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
+    let count = bytes.get(HEADER..HEADER + 4).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
+    let size = count.map(|count| HEADER as u64 + 4 + TRIANGLE as u64 * u64::from(count));
+    // Binary files of some programs begin with `solid` too: their size tells.
+    let is_text = bytes.trim_ascii_start().starts_with(b"solid") && size != Some(bytes.len() as u64);
+    if is_text { read_text(bytes) } else { read_binary(bytes) }
+}
+
+/// Corners by their place.
+#[derive(Default)]
+struct Corners {
+    mesh: TriangleMesh,
+    known: HashMap<[u64; 3], u32>,
+    axes: Axes,
+    warnings: Vec<String>,
+}
+
+impl Corners {
+    fn corner(&mut self, xyz: DVec3) -> u32 {
+        let next = self.mesh.vertices.len() as u32;
+        // Adding zero turns -0 into 0.
+        let key = (xyz + 0.0).to_array().map(f64::to_bits);
+        *self.known.entry(key).or_insert_with(|| {
+            self.mesh.vertices.push(self.axes.place(xyz));
+            next
+        })
+    }
+
+    fn finish(mut self) -> ReadMesh {
+        drop_degenerate(&mut self.mesh.triangles, &mut self.warnings);
+        self.warnings.extend(self.axes.warning());
+        ReadMesh { mesh: self.mesh, warnings: self.warnings }
+    }
+}
+
+fn read_binary(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
+    let mut source = Bytes::new(FORMAT, bytes, 0);
+    let mut corners = Corners::default();
+    corners.axes.read(&String::from_utf8_lossy(source.take(HEADER, "the header")?));
+    let count = source.u32("the number of triangles")?;
+    if (source.left() as u64) < u64::from(count) * TRIANGLE as u64 {
+        let found = format!("{} bytes for {count} triangles", source.left());
+        return Err(MeshFileError::new(FORMAT, At::Byte(source.at), found, format!("{TRIANGLE} for each")));
+    }
+    for _ in 0..count {
+        source.take(12, "a normal")?;
+        let mut triangle = [0; 3];
+        for corner in &mut triangle {
+            let at = source.at;
+            let mut xyz = [0.0; 3];
+            for x in &mut xyz {
+                *x = f64::from(f32::from_le_bytes(source.array("a corner")?));
+            }
+            if !xyz.iter().all(|x| x.is_finite()) {
+                return Err(MeshFileError::new(FORMAT, At::Byte(at), format!("{xyz:?}"), "finite coordinates"));
+            }
+            *corner = corners.corner(DVec3::from(xyz));
+        }
+        source.take(2, "a triangle's attributes")?;
+        corners.mesh.triangles.push(triangle);
+    }
+    if source.left() > 0 {
+        corners.warnings.push(format!("{} bytes behind the last triangle are not read", source.left()));
+    }
+    Ok(corners.finish())
+}
+
+fn read_text(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
+    let mut corners = Corners::default();
+    let mut triangle = Vec::new();
+    for (line, text) in lines(bytes) {
+        let mut words = text.split_ascii_whitespace();
+        let refuse = |expected: &str| Err(MeshFileError::new(FORMAT, At::Line(line), &text, expected));
+        match words.next().map(str::to_ascii_lowercase).as_deref() {
+            Some("solid") => corners.axes.read(&text),
+            Some("vertex") => {
+                let mut xyz = [0.0; 3];
+                for x in &mut xyz {
+                    *x = number(FORMAT, line, words.next())?;
+                }
+                triangle.push(corners.corner(DVec3::from(xyz)));
+            }
+            Some("endfacet") => {
+                let &[a, b, c] = &triangle[..] else { return refuse("three vertices in a facet") };
+                corners.mesh.triangles.push([a, b, c]);
+                triangle.clear();
+            }
+            Some("facet") if !triangle.is_empty() => return refuse("endfacet before the next facet"),
+            None | Some("facet" | "outer" | "endloop" | "endsolid" | "end") => {}
+            Some(_) => return refuse("solid, facet, outer loop, vertex, endloop, endfacet or endsolid"),
+        }
+    }
+    if !triangle.is_empty() {
+        return Err(MeshFileError::new(FORMAT, At::Byte(bytes.len()), "the end", "endfacet"));
+    }
+    Ok(corners.finish())
+}
