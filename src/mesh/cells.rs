@@ -91,13 +91,15 @@ impl Cells {
             }
             let own: Vec<usize> = (0..12).filter(|edge| sheet_of[*edge] == sheet).collect();
             let place = |axis: usize| {
-                let middle = |edge: &usize| ends(*edge).map(|end| (end >> axis & 1) as f64).iter().sum::<f64>() / 2.0;
+                let middle =
+                    |edge: &usize| ends(*edge).map(|end| (end >> axis & 1) as f64).iter().sum::<f64>() / 2.0;
                 own.iter().map(middle).sum::<f64>() / own.len() as f64
             };
             self.places[case][usize::from(sheet)] = [place(0), place(1), place(2)];
         }
         for face in 0..6 {
-            let sheets: Vec<u8> = joints.iter().filter(|joint| joint[0] == face).map(|j| sheet_of[j[1]]).collect();
+            let sheets: Vec<u8> =
+                joints.iter().filter(|joint| joint[0] == face).map(|j| sheet_of[j[1]]).collect();
             self.twice[case] |= u8::from(sheets.len() == 2 && sheets[0] == sheets[1]) << face;
         }
         self.sheet_of[case] = sheet_of;
@@ -128,7 +130,8 @@ mod tests {
 
     #[test]
     fn sheets_are_those_of_well_known_cases() {
-        let sheets = |corners: &[usize]| CELLS.sheets[corners.iter().map(|corner| 1 << corner).sum::<usize>()];
+        let sheets =
+            |corners: &[usize]| CELLS.sheets[corners.iter().map(|corner| 1 << corner).sum::<usize>()];
         assert_eq!(sheets(&[]), 0);
         assert_eq!(sheets(&[3]), 1);
         assert_eq!(sheets(&[0, 1, 2, 3]), 1);

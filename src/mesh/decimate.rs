@@ -52,7 +52,9 @@ impl TriangleMesh {
         let middle = self.middle();
         let places: Vec<f32> =
             self.vertices.iter().flat_map(|vertex| (vertex.xyz - middle).as_vec3().to_array()).collect();
-        let Ok(places) = VertexDataAdapter::new(bytemuck::cast_slice(&places), 12, 0) else { return Ok(self.clone()) };
+        let Ok(places) = VertexDataAdapter::new(bytemuck::cast_slice(&places), 12, 0) else {
+            return Ok(self.clone());
+        };
         let indices: Vec<u32> = self.triangles.iter().flatten().copied().collect();
         let before = soundness(self);
         let mut held = vec![false; self.vertices.len()];
@@ -60,7 +62,13 @@ impl TriangleMesh {
         let error = error_mm.min(1e30) as f32;
         for _ in 0..MOST_TIMES {
             let left = meshopt::simplify_with_locks(
-                &indices, &places, &held, 3 * triangles, error, SimplifyOptions::ErrorAbsolute, None,
+                &indices,
+                &places,
+                &held,
+                3 * triangles,
+                error,
+                SimplifyOptions::ErrorAbsolute,
+                None,
             );
             let triangles = left.as_chunks::<3>().0.to_vec();
             let made = Self { vertices: self.vertices.clone(), triangles };

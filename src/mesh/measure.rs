@@ -32,7 +32,8 @@ impl TriangleMesh {
     #[must_use]
     pub fn measures(&self) -> Measures {
         let fans = Fans::new(self);
-        let count = |kind: Fan| (0..fans.len()).into_par_iter().filter(|corner| fans.kind(*corner) == kind).count();
+        let count =
+            |kind: Fan| (0..fans.len()).into_par_iter().filter(|corner| fans.kind(*corner) == kind).count();
         let is_closed = !self.triangles.is_empty() && count(Fan::Open) == 0;
         let is_manifold = is_closed && count(Fan::Pinched) == 0;
         let used = fans.len() - count(Fan::Empty);

@@ -38,7 +38,9 @@ pub enum MeshError {
     #[error("the region has no voxels, so it has no surface")]
     Empty,
     /// Too many triangles.
-    #[error("the surface has {found} triangles, allowed: at most {allowed}; crop the volume or load it with fewer voxels")]
+    #[error(
+        "the surface has {found} triangles, allowed: at most {allowed}; crop the volume or load it with fewer voxels"
+    )]
     TooLarge {
         /// How many there are.
         found: u64,

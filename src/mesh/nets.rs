@@ -46,7 +46,8 @@ pub fn surface_nets(mask: &Mask) -> Result<TriangleMesh, MeshError> {
     let (mut rest_corners, mut rest_triangles) = (&mut vertices[..], &mut triangles[..]);
     let (mut first, mut slot, mut before) = (0, 0, 0);
     for (chunk, counts) in counts.chunks(LAYERS).enumerate() {
-        let [own, faces] = counts.iter().fold([0, 0], |sum, count| [sum[0] + count[0], sum[1] + 2 * count[1]]);
+        let [own, faces] =
+            counts.iter().fold([0, 0], |sum, count| [sum[0] + count[0], sum[1] + 2 * count[1]]);
         let (corners, triangles);
         (corners, rest_corners) = std::mem::take(&mut rest_corners).split_at_mut(own);
         (triangles, rest_triangles) = std::mem::take(&mut rest_triangles).split_at_mut(faces);
@@ -224,7 +225,8 @@ impl<'a> Net<'a> {
             let (index, _, _, place) = found[n];
             DVec3::from(index.map(|i| i as f64)) + DVec3::from(place)
         };
-        let length = |a: usize, b: usize| (self.patient_from_voxel.linear() * (place(a) - place(b))).length_squared();
+        let length =
+            |a: usize, b: usize| (self.patient_from_voxel.linear() * (place(a) - place(b))).length_squared();
         let is_other = length(1, 3) < length(0, 2) * (1.0 - 1e-9);
         // The face between a cell and the next: its axis, and on which side of the first it is.
         let sides = [(u, 0), (v, 0), (u, 1), (v, 1)];
@@ -252,7 +254,8 @@ impl<'a> Net<'a> {
         let mut voxel = at; // plus one in each direction, as cells are
         voxel[axis] += usize::from(!is_low);
         let number = |index: [usize; 3]| {
-            (index[2] as u64 * (self.size[1] as u64 + 1) + index[1] as u64) * (self.size[0] as u64 + 1) + index[0] as u64
+            (index[2] as u64 * (self.size[1] as u64 + 1) + index[1] as u64) * (self.size[0] as u64 + 1)
+                + index[0] as u64
         };
         let mut center = DVec3::from(above.map(|i| i as f64)) - 0.5;
         center[across] -= 0.5;
@@ -271,7 +274,8 @@ impl<'a> Net<'a> {
             let mut loop_around = Vec::with_capacity(8);
             for (corner, split) in ring.into_iter().zip(splits) {
                 loop_around.push(corner);
-                loop_around.extend(split.map(|split| *known.entry(split.key).or_insert_with(|| add(split.place))));
+                loop_around
+                    .extend(split.map(|split| *known.entry(split.key).or_insert_with(|| add(split.place))));
             }
             let middle = add(middle);
             let next = |n: usize| loop_around[(n + 1) % loop_around.len()];

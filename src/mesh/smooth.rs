@@ -51,7 +51,8 @@ impl TriangleMesh {
         let is_closed: Vec<bool> =
             (0..fans.len()).into_par_iter().map(|corner| fans.kind(corner) == Fan::Closed).collect();
         let middle = self.middle();
-        let mut places: Vec<Vec3> = self.vertices.iter().map(|vertex| (vertex.xyz - middle).as_vec3()).collect();
+        let mut places: Vec<Vec3> =
+            self.vertices.iter().map(|vertex| (vertex.xyz - middle).as_vec3()).collect();
         let mut moved = places.clone();
         for _ in 0..rounds {
             for share in [THERE, BACK] {
@@ -68,7 +69,8 @@ impl TriangleMesh {
             }
         }
         let place = |place: &Vec3| Point::from_xyz(place.as_dvec3() + middle);
-        let mut mesh = Self { vertices: places.iter().map(place).collect(), triangles: self.triangles.clone() };
+        let mut mesh =
+            Self { vertices: places.iter().map(place).collect(), triangles: self.triangles.clone() };
         if is_closed.iter().all(|is_closed| *is_closed) && !mesh.triangles.is_empty() {
             let (_, wanted) = self.sums();
             // What the first time leaves is second order: small against the volume, and gone after the second time.

@@ -261,7 +261,8 @@ mod tests {
                 })
                 .collect();
             let [thick, thin] = [noise(&grid, 2), noise(&grid, 97)];
-            let [thickened, thinned] = [ball.thickened(&thick, &|| true), ball.thinned(&thin, &|| true)].map(Option::unwrap);
+            let [thickened, thinned] =
+                [ball.thickened(&thick, &|| true), ball.thinned(&thin, &|| true)].map(Option::unwrap);
             assert!(ball.thinned(&thin, &|| false).is_none());
             for n in 0..grid.voxel_count() {
                 let index = [n % 130, n / 130 % 14, n / 130 / 14];

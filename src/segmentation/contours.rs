@@ -48,7 +48,9 @@ pub enum FillError {
         farthest_mm: f64,
     },
     /// Points that are not in one plane.
-    #[error("contour {contour} is not planar: a point is {found_mm:.1} mm off its plane, allowed: {allowed_mm} mm")]
+    #[error(
+        "contour {contour} is not planar: a point is {found_mm:.1} mm off its plane, allowed: {allowed_mm} mm"
+    )]
     Bent {
         /// Which, from 1.
         contour: usize,
@@ -58,7 +60,9 @@ pub enum FillError {
         allowed_mm: f64,
     },
     /// Planes that are not parallel.
-    #[error("contour {contour} is {found_deg:.1} degrees off the plane of the others, allowed: {allowed_deg} degrees")]
+    #[error(
+        "contour {contour} is {found_deg:.1} degrees off the plane of the others, allowed: {allowed_deg} degrees"
+    )]
     Tilted {
         /// Which, from 1.
         contour: usize,
@@ -142,7 +146,8 @@ impl Levels {
                 let contour = contours.iter().position(|other| std::ptr::eq(other, contour)).unwrap_or(n) + 1;
                 return Err(FillError::Bent { contour, found_mm, allowed_mm: PLANAR_MM });
             }
-            let flat = |point: &Point<Patient>| glam::DVec2::new(point.xyz.dot(axes[0]), point.xyz.dot(axes[1]));
+            let flat =
+                |point: &Point<Patient>| glam::DVec2::new(point.xyz.dot(axes[0]), point.xyz.dot(axes[1]));
             let ends = contour.points.iter().zip(contour.points.iter().cycle().skip(1));
             let edges = ends.map(|(a, b)| [flat(a), flat(b)]).filter(|[a, b]| a != b);
             match levels.last_mut().filter(|level| height - level.height < LEVEL_MM) {
@@ -157,7 +162,9 @@ impl Levels {
 fn check(contours: &[Contour]) -> Result<(), FillError> {
     let points = contours.iter().map(|contour| contour.points.len()).sum();
     let [most_contours, most_points] = MOST;
-    for (what, found, allowed) in [("contours", contours.len(), most_contours), ("points", points, most_points)] {
+    for (what, found, allowed) in
+        [("contours", contours.len(), most_contours), ("points", points, most_points)]
+    {
         if found > allowed {
             return Err(FillError::TooMany { what, found, allowed });
         }
@@ -165,7 +172,8 @@ fn check(contours: &[Contour]) -> Result<(), FillError> {
     let mut first: Option<DVec3> = None;
     for (contour, Contour { points }) in (1..).zip(contours) {
         let farthest_mm = crate::annotation::Item::FARTHEST_MM;
-        let is_place = |point: &Point<Patient>| point.xyz.abs().max_element() <= farthest_mm && point.xyz.is_finite();
+        let is_place =
+            |point: &Point<Patient>| point.xyz.abs().max_element() <= farthest_mm && point.xyz.is_finite();
         if let Some(at) = points.iter().position(|point| !is_place(point)) {
             return Err(FillError::Place { contour, point: at + 1, farthest_mm });
         }

@@ -29,7 +29,9 @@ pub fn fill(grid: &Grid, contours: &[Contour]) -> Result<Mask, FillError> {
     let linear = grid.patient_from_voxel().linear();
     let smallest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     // How far a voxel reaches along the levels' axis, and half of that.
-    let half = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.dot(axes[2]).abs()).iter().sum::<f64>() / 2.0;
+    let half =
+        [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.dot(axes[2]).abs()).iter().sum::<f64>()
+            / 2.0;
     let step = step(&levels, smallest / 2.0);
     let rasters: Vec<Raster> = levels.into_par_iter().map(|level| Raster::new(level, step)).collect();
     let (lowest, highest) = (rasters[0].height - half, rasters[rasters.len() - 1].height + half);
@@ -87,7 +89,9 @@ impl Level {
     /// Smallest and largest u and v.
     fn span(&self) -> [DVec2; 2] {
         let points = self.edges.iter().flatten();
-        points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], point| [low.min(*point), high.max(*point)])
+        points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], point| {
+            [low.min(*point), high.max(*point)]
+        })
     }
 }
 
@@ -164,7 +168,9 @@ impl Raster {
                 let (i, j) = (at % nu, at / nu);
                 for (di, dj) in [(-1, 0), (-1, -1), (0, -1), (1, -1)] {
                     let turn = if pass % 2 == 0 { 1 } else { -1 };
-                    let (Some(a), Some(b)) = (i.checked_add_signed(di * turn), j.checked_add_signed(dj * turn)) else {
+                    let (Some(a), Some(b)) =
+                        (i.checked_add_signed(di * turn), j.checked_add_signed(dj * turn))
+                    else {
                         continue;
                     };
                     if a < nu && b < nv {
@@ -213,10 +219,16 @@ impl Raster {
     /// Distance from the nearest edge: above 0 inside. Outside of the raster that of its nearest place adds to the way there.
     fn distance(&self, place: DVec2) -> f64 {
         let [nu, nv] = self.size;
-        let inner = ((place - self.origin) / self.step).clamp(DVec2::ZERO, DVec2::new((nu - 1) as f64, (nv - 1) as f64));
+        let inner = ((place - self.origin) / self.step)
+            .clamp(DVec2::ZERO, DVec2::new((nu - 1) as f64, (nv - 1) as f64));
         let [i, j] = inner.floor().to_array().map(|n| n as usize);
         let mut nearest = f64::INFINITY;
-        for index in [[i, j], [(i + 1).min(nu - 1), j], [i, (j + 1).min(nv - 1)], [(i + 1).min(nu - 1), (j + 1).min(nv - 1)]] {
+        for index in [
+            [i, j],
+            [(i + 1).min(nu - 1), j],
+            [i, (j + 1).min(nv - 1)],
+            [(i + 1).min(nu - 1), (j + 1).min(nv - 1)],
+        ] {
             nearest = nearest.min(self.squared(self.places[index[1] * nu + index[0]] & NONE, place));
         }
         let distance = nearest.sqrt();
@@ -230,7 +242,8 @@ impl Raster {
     /// Even-odd, asking every edge.
     fn is_within(&self, place: DVec2) -> bool {
         let crosses = |[a, b]: &&[DVec2; 2]| {
-            (a.y <= place.y) != (b.y <= place.y) && a.x + (b.x - a.x) * (place.y - a.y) / (b.y - a.y) <= place.x
+            (a.y <= place.y) != (b.y <= place.y)
+                && a.x + (b.x - a.x) * (place.y - a.y) / (b.y - a.y) <= place.x
         };
         self.edges.iter().filter(crosses).count() % 2 == 1
     }
@@ -244,7 +257,8 @@ mod tests {
     use crate::space::{Patient, Transform};
 
     fn ring(at: impl Fn(f64) -> DVec3, count: usize) -> Contour {
-        let points = (0..count).map(|n| Point::<Patient>::from_xyz(at(std::f64::consts::TAU * n as f64 / count as f64)));
+        let points = (0..count)
+            .map(|n| Point::<Patient>::from_xyz(at(std::f64::consts::TAU * n as f64 / count as f64)));
         Contour { points: points.collect() }
     }
 
@@ -297,7 +311,10 @@ mod tests {
         let slices: Vec<u64> = (0..8)
             .map(|k| (0..101).flat_map(|j| mask.row(j, k).unwrap()).map(|w| u64::from(w.count_ones())).sum())
             .collect();
-        assert_eq!(slices.iter().map(|n| *n > 0).collect::<Vec<_>>(), [false, false, true, true, true, true, false, false]);
+        assert_eq!(
+            slices.iter().map(|n| *n > 0).collect::<Vec<_>>(),
+            [false, false, true, true, true, true, false, false]
+        );
         let polygon = |r: f64, n: f64| n / 2.0 * r * r * (std::f64::consts::TAU / n).sin();
         let truth = (polygon(20.0, 90.0) - polygon(8.0, 60.0)) * 12.0 / 1000.0;
         assert!((mask.volume_ml() / truth - 1.0).abs() < 0.003, "{} of {truth} ml", mask.volume_ml());
@@ -333,7 +350,9 @@ mod tests {
             assert!(refused.contains(text), "{refused}");
         };
         says(&[], "no contour");
-        let line = Contour { points: vec![Point::new(0.0, 0.0, 0.0), Point::new(1.0, 1.0, 1.0), Point::new(2.0, 2.0, 2.0)] };
+        let line = Contour {
+            points: vec![Point::new(0.0, 0.0, 0.0), Point::new(1.0, 1.0, 1.0), Point::new(2.0, 2.0, 2.0)],
+        };
         says(&[good.clone(), line], "contour 2 encloses no area");
         let bent = ring(|t| DVec3::new(5.0 * t.cos(), 5.0 * t.sin(), 8.0 * (2.0 * t).sin()), 24);
         says(&[bent], "contour 1 is not planar: a point is 8.0 mm off its plane");

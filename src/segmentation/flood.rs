@@ -35,11 +35,7 @@ struct Outcome {
 
 /// The part of `candidates` that is connected to its part of `seeds`. After every round `goes_on` is told how many voxels there
 /// are; `None` where it says no.
-pub(super) fn flood(
-    candidates: &Mask,
-    seeds: &Mask,
-    goes_on: &mut dyn FnMut(u64) -> bool,
-) -> Option<Mask> {
+pub(super) fn flood(candidates: &Mask, seeds: &Mask, goes_on: &mut dyn FnMut(u64) -> bool) -> Option<Mask> {
     let [_, rows, slices] = candidates.grid().dims();
     let shape = Shape { row_words: candidates.row_words(), rows };
     let slab_words = SLAB * shape.slice_words();
@@ -47,7 +43,9 @@ pub(super) fn flood(
     let mut region = Mask::empty(candidates.grid().clone());
     // The seeds come in through the same door as what neighbours know, in the first round.
     let mut active: Vec<usize> = (0..slabs)
-        .filter(|slab| seeds.words().chunks(slab_words).nth(*slab).is_some_and(|part| part.iter().any(|w| *w != 0)))
+        .filter(|slab| {
+            seeds.words().chunks(slab_words).nth(*slab).is_some_and(|part| part.iter().any(|w| *w != 0))
+        })
         .collect();
     let (mut taken, mut is_first) = (0, true);
     while !active.is_empty() {
@@ -55,7 +53,8 @@ pub(super) fn flood(
         let news: Vec<Option<[Vec<u64>; 2]>> = (0..slabs)
             .map(|slab| active.binary_search(&slab).ok().map(|_| ends_beside(known, slab, slab_words, shape)))
             .collect();
-        let parts = region.words_mut().par_chunks_mut(slab_words).zip(candidates.words().par_chunks(slab_words));
+        let parts =
+            region.words_mut().par_chunks_mut(slab_words).zip(candidates.words().par_chunks(slab_words));
         let parts = parts.zip(seeds.words().par_chunks(slab_words)).zip(news).enumerate();
         let outcomes: Vec<Outcome> = parts
             .filter_map(|(slab, (((region, candidates), seeds), news))| {
@@ -66,10 +65,13 @@ pub(super) fn flood(
             .collect();
         is_first = false;
         taken += outcomes.iter().map(|outcome| outcome.taken).sum::<u64>();
-        active = outcomes.iter().flat_map(|Outcome { slab, ends, .. }| {
-            let before = slab.checked_sub(1).filter(|_| ends[0]);
-            before.into_iter().chain((ends[1] && slab + 1 < slabs).then_some(slab + 1))
-        }).collect();
+        active = outcomes
+            .iter()
+            .flat_map(|Outcome { slab, ends, .. }| {
+                let before = slab.checked_sub(1).filter(|_| ends[0]);
+                before.into_iter().chain((ends[1] && slab + 1 < slabs).then_some(slab + 1))
+            })
+            .collect();
         active.sort_unstable();
         active.dedup();
         if !goes_on(taken) {
@@ -103,7 +105,15 @@ impl<'a> Slab<'a> {
     fn new(shape: Shape, region: &'a mut [u64], candidates: &'a [u64]) -> Self {
         let rows = region.len() / shape.row_words;
         let waiting = vec![0; rows.div_ceil(64)];
-        Self { shape, region, candidates, waiting, scratch: vec![0; shape.row_words], taken: 0, ends: [false; 2] }
+        Self {
+            shape,
+            region,
+            candidates,
+            waiting,
+            scratch: vec![0; shape.row_words],
+            taken: 0,
+            ends: [false; 2],
+        }
     }
 
     fn row_count(&self) -> usize {
@@ -114,7 +124,9 @@ impl<'a> Slab<'a> {
     fn learn(&mut self, [before, after]: [Vec<u64>; 2], seeds: Option<&[u64]>) {
         let (count, words, rows) = (self.row_count(), self.shape.row_words, self.shape.rows);
         let tell = |slab: &mut Self, first: usize, source: &[u64]| {
-            for (n, row) in source.chunks(words).enumerate().filter(|(_, row)| row.iter().any(|word| *word != 0)) {
+            for (n, row) in
+                source.chunks(words).enumerate().filter(|(_, row)| row.iter().any(|word| *word != 0))
+            {
                 slab.scratch.copy_from_slice(row);
                 slab.take(first + n);
             }

@@ -166,7 +166,11 @@ impl Grow {
     fn check(&self) -> Result<(), GrowError> {
         let refuse = |key, found: String, allowed: String| Err(GrowError::Argument { key, found, allowed });
         if !(1..=Self::MOST_SEEDS).contains(&self.seeds.len()) {
-            return refuse("seeds", format!("{} points", self.seeds.len()), format!("1 to {}", Self::MOST_SEEDS));
+            return refuse(
+                "seeds",
+                format!("{} points", self.seeds.len()),
+                format!("1 to {}", Self::MOST_SEEDS),
+            );
         }
         let [low, high] = self.hu;
         if low > high {
@@ -231,7 +235,9 @@ pub fn grow(volume: &Volume, what: &Grow, watch: &Watch) -> Result<Grown, GrowEr
     }
     let (voxels, volume_ml) = (mask.voxels(), mask.volume_ml());
     match what.limits.max_ml {
-        Some(allowed_ml) if volume_ml > allowed_ml => Err(GrowError::Leaked { reached_ml: volume_ml, allowed_ml }),
+        Some(allowed_ml) if volume_ml > allowed_ml => {
+            Err(GrowError::Leaked { reached_ml: volume_ml, allowed_ml })
+        }
         _ => Ok(Grown { mask, voxels, volume_ml, ended }),
     }
 }
@@ -258,7 +264,8 @@ fn run(candidates: &Mask, seeds: &Mask, max_ml: Option<f64>, watch: &Watch) -> R
 fn open(connected: &Mask, seeds: &Mask, neck_mm: f64, watch: &Watch) -> Result<(Mask, bool), GrowError> {
     let ball = Ball::new(connected.grid(), neck_mm / 2.0);
     if ball.rows() > Limits::MOST_ROWS {
-        let allowed = format!("a ball of at most {} rows of voxels, found {}", Limits::MOST_ROWS, ball.rows());
+        let allowed =
+            format!("a ball of at most {} rows of voxels, found {}", Limits::MOST_ROWS, ball.rows());
         return Err(GrowError::Argument { key: "neck_mm", found: neck_mm.to_string(), allowed });
     }
     let voxels = connected.voxels();

@@ -38,7 +38,12 @@ const LARGEST_MM: f64 = 1000.0;
 ///
 /// # Errors
 /// When the radius is not above 0 and at most 1000 mm, or the centre is no place.
-pub fn paint(mask: &mut Mask, center: Point<Patient>, radius_mm: f64, stroke: Stroke) -> Result<u64, PaintError> {
+pub fn paint(
+    mask: &mut Mask,
+    center: Point<Patient>,
+    radius_mm: f64,
+    stroke: Stroke,
+) -> Result<u64, PaintError> {
     if !(radius_mm > 0.0 && radius_mm <= LARGEST_MM) {
         let allowed = format!("more than 0, at most {LARGEST_MM} mm");
         return Err(PaintError { key: "radius_mm", found: radius_mm.to_string(), allowed });
@@ -85,7 +90,8 @@ pub fn paint(mask: &mut Mask, center: Point<Patient>, radius_mm: f64, stroke: St
 
 /// Places of a voxel with this middle, from the ball's centre, that lie in the ball.
 fn share(linear: glam::DMat3, middle: DVec3, radius_mm: f64) -> usize {
-    let places = PLACES.iter().flat_map(|&x| PLACES.iter().flat_map(move |&y| PLACES.map(|z| DVec3::new(x, y, z))));
+    let places =
+        PLACES.iter().flat_map(|&x| PLACES.iter().flat_map(move |&y| PLACES.map(|z| DVec3::new(x, y, z))));
     places.filter(|place| (middle + linear * *place).length_squared() <= radius_mm * radius_mm).count()
 }
 

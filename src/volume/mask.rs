@@ -166,9 +166,12 @@ fn pack<T: Copy>(words: &mut [u64], values: &[T], is_in: impl Fn(T) -> bool) {
     for (word, part) in words.iter_mut().zip(values.chunks(64)) {
         let mut bytes = [0u8; 64];
         bytes.iter_mut().zip(part).for_each(|(byte, &value)| *byte = u8::from(is_in(value)));
-        *word = bytes.as_chunks::<8>().0.iter().rev().fold(0, |word, &eight| {
-            word << 8 | u64::from_le_bytes(eight).wrapping_mul(GATHER) >> 56
-        });
+        *word = bytes
+            .as_chunks::<8>()
+            .0
+            .iter()
+            .rev()
+            .fold(0, |word, &eight| word << 8 | u64::from_le_bytes(eight).wrapping_mul(GATHER) >> 56);
     }
 }
 

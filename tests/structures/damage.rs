@@ -21,7 +21,11 @@ fn lines_bytes_and_keys_are_named() {
                element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
     assert_eq!(read(MeshFormat::Ply, ply.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
     says(MeshFormat::Ply, ply.replace("1 0 0", "1 zero 0"), "ply, line 11: found zero, expected a number");
-    says(MeshFormat::Ply, ply.replace("3 0 1 2", "3 0 1 3"), "line 13: found 3, expected a corner, from 0 to 3");
+    says(
+        MeshFormat::Ply,
+        ply.replace("3 0 1 2", "3 0 1 3"),
+        "line 13: found 3, expected a corner, from 0 to 3",
+    );
     says(MeshFormat::Ply, ply.replace("3 0 1 2", "2 0 1"), "line 13: found a face of 2 corners");
     says(MeshFormat::Ply, ply.replace("3 0 1 2\n", ""), "line 12: found the end");
     says(MeshFormat::Ply, ply.replace("float z", "flood z"), "line 6: found property flood z");
@@ -33,7 +37,11 @@ fn lines_bytes_and_keys_are_named() {
 
     let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/4 -2//3 3\n";
     assert_eq!(read(MeshFormat::Obj, obj.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
-    says(MeshFormat::Obj, obj.replace("v 1 0 0", "v 1 inf 0"), "obj, line 2: found inf, expected a finite number");
+    says(
+        MeshFormat::Obj,
+        obj.replace("v 1 0 0", "v 1 inf 0"),
+        "obj, line 2: found inf, expected a finite number",
+    );
     says(MeshFormat::Obj, obj.replace(" 3\n", " 4\n"), "line 4: found corner 4, expected one of the 3");
     says(MeshFormat::Obj, obj.replace("1/4", "0"), "line 4: found 0, expected the number of a corner");
     says(MeshFormat::Obj, obj.replace(" 3\n", "\n"), "a face of three corners");
@@ -41,12 +49,24 @@ fn lines_bytes_and_keys_are_named() {
 
     let stl = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
     assert_eq!(read(MeshFormat::Stl, stl.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
-    says(MeshFormat::Stl, stl.replace("vertex 1 0 0", "vertex 1 0"), "stl, line 5: found the end of the line");
-    says(MeshFormat::Stl, stl.replace("vertex 1 0 0\n", ""), "line 7: found endfacet, expected three vertices");
+    says(
+        MeshFormat::Stl,
+        stl.replace("vertex 1 0 0", "vertex 1 0"),
+        "stl, line 5: found the end of the line",
+    );
+    says(
+        MeshFormat::Stl,
+        stl.replace("vertex 1 0 0\n", ""),
+        "line 7: found endfacet, expected three vertices",
+    );
     says(MeshFormat::Stl, stl.replace("outer", "inner"), "line 3: found inner loop");
     let binary = write(MeshFormat::Stl, &mesh(), "").unwrap();
     says(MeshFormat::Stl, &binary[..binary.len() - 1], "byte 84: found");
-    says(MeshFormat::Stl, &binary[..50], "byte 0: found the end after 50 bytes, expected 80 bytes of the header");
+    says(
+        MeshFormat::Stl,
+        &binary[..50],
+        "byte 0: found the end after 50 bytes, expected 80 bytes of the header",
+    );
 
     let glb = write(MeshFormat::Glb, &mesh(), "a").unwrap();
     let changed = |from: &str, to: &str| {
@@ -55,7 +75,11 @@ fn lines_bytes_and_keys_are_named() {
         [&glb[..at], to.as_bytes(), &glb[at + from.len()..]].concat()
     };
     says(MeshFormat::Glb, changed("\"mesh\":0", "\"mesh\":7"), "glb, meshes[7]: found no such mesh");
-    says(MeshFormat::Glb, changed("\"POSITION\":0", "\"POSITION\":1"), "accessors[1]: found SCALAR of 5125, expected VEC3");
+    says(
+        MeshFormat::Glb,
+        changed("\"POSITION\":0", "\"POSITION\":1"),
+        "accessors[1]: found SCALAR of 5125, expected VEC3",
+    );
     says(MeshFormat::Glb, changed("\"buffer\":0", "\"buffer\":1"), "bufferView: found none in the file");
     says(MeshFormat::Glb, changed("\"mode\":4", "\"mode\":1"), "found no triangle");
     says(MeshFormat::Glb, changed("\"nodes\":[0]", "\"nodes\":0  "), "invalid type");
@@ -79,11 +103,13 @@ fn nodes_in_a_ring_and_meshes_shown_too_often_end() {
     let many = format!(r#"[{{"children":[{}]}},{}]"#, children.join(","), many.join(","));
     says(MeshFormat::Glb, with(&many), "no more than the file has bytes");
     // A node that mirrors turns triangles inside out, so they are turned back; metres and Y up become mm and LPS.
-    let mirrored = read(MeshFormat::Glb, &with(r#"[{"mesh":0,"scale":[-0.001,0.001,0.001],"translation":[1,0,0]}]"#));
+    let mirrored =
+        read(MeshFormat::Glb, &with(r#"[{"mesh":0,"scale":[-0.001,0.001,0.001],"translation":[1,0,0]}]"#));
     let (own, found) = (mesh().measures(), mirrored.unwrap().mesh);
     assert!((found.measures().volume_ml.unwrap() - own.volume_ml.unwrap()).abs() < 1e-6);
     let [[low, high], [own_low, own_high]] = [found.span(), mesh().span()];
-    let expected = [[1000.0 - own_high.x, -own_high.z, own_low.y], [1000.0 - own_low.x, -own_low.z, own_high.y]];
+    let expected =
+        [[1000.0 - own_high.x, -own_high.z, own_low.y], [1000.0 - own_low.x, -own_low.z, own_high.y]];
     assert!((low - glam::DVec3::from(expected[0])).length() < 1e-3, "{low} for {expected:?}");
     assert!((high - glam::DVec3::from(expected[1])).length() < 1e-3, "{high} for {expected:?}");
 }

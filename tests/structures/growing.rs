@@ -64,7 +64,8 @@ fn a_radius_cuts_and_says_so() {
     let wide = Limits { max_radius_mm: Some(60.0), ..Limits::default() };
     assert_eq!(grown(&from(-20.0, wide)).unwrap().ended, Ended::Complete);
     // Of two seeds the nearer one counts: both balls, and the bridge but for its middle.
-    let both = Grow { seeds: vec![Point::new(-20.0, 0.0, 0.0), Point::new(20.0, 0.0, 0.0)], ..from(0.0, limits) };
+    let both =
+        Grow { seeds: vec![Point::new(-20.0, 0.0, 0.0), Point::new(20.0, 0.0, 0.0)], ..from(0.0, limits) };
     let found = grown(&both).unwrap();
     let near = |p: DVec3| {
         is_dumbbell(p) && [-20.0, 20.0].iter().any(|x| p.distance(DVec3::new(*x, 0.0, 0.0)) <= 15.0)
@@ -109,12 +110,18 @@ fn seeds_and_arguments_that_are_wrong_are_named() {
     let none = Limits::default();
     says(&from(500.0, none), "seed 500.0 0.0 0.0 mm is outside of the volume");
     says(&from(f64::NAN, none), "outside of the volume");
-    says(&Grow { seeds: vec![Point::new(0.0, 30.0, 0.0)], ..from(0.0, none) }, "seed 1 has -1000 HU, allowed: 0 to 200 HU");
+    says(
+        &Grow { seeds: vec![Point::new(0.0, 30.0, 0.0)], ..from(0.0, none) },
+        "seed 1 has -1000 HU, allowed: 0 to 200 HU",
+    );
     says(&Grow { seeds: vec![], ..from(0.0, none) }, "seeds is 0 points, allowed: 1 to 1000");
     says(&Grow { hu: [10, 5], ..from(0.0, none) }, "hu is 10 to 5");
     says(&from(-20.0, Limits { max_ml: Some(0.0), ..none }), "max_ml is 0, allowed: more than 0");
     says(&from(-20.0, Limits { max_radius_mm: Some(f64::NAN), ..none }), "max_radius_mm is NaN");
-    says(&from(-20.0, Limits { neck_mm: Some(51.0), ..none }), "neck_mm is 51, allowed: more than 0, at most 50");
+    says(
+        &from(-20.0, Limits { neck_mm: Some(51.0), ..none }),
+        "neck_mm is 51, allowed: more than 0, at most 50",
+    );
 }
 
 #[test]
@@ -144,7 +151,8 @@ fn regions_are_the_same_on_any_number_of_threads() {
     let noisy = super::shapes::noise([100, 60, 70], 33, 7);
     let values = super::shapes::indices(noisy.grid()).map(|index| i16::from(noisy.contains(index))).collect();
     let noisy_volume = Volume::new(noisy.grid().clone(), values).unwrap();
-    let seed = super::shapes::indices(noisy.grid()).find(|index| noisy.contains(*index) && index[2] == 35).unwrap();
+    let seed =
+        super::shapes::indices(noisy.grid()).find(|index| noisy.contains(*index) && index[2] == 35).unwrap();
     let seed = Point::new(seed[0] as f64, seed[1] as f64, seed[2] as f64);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

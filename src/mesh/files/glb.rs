@@ -133,8 +133,10 @@ fn refuse(key: &str, found: impl std::fmt::Display, expected: &str) -> MeshFileE
 
 pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let mut source = Bytes::new(FORMAT, bytes, 0);
-    let wrong = |at, found: u32, expected: &str| Err(MeshFileError::new(FORMAT, At::Byte(at), found, expected));
-    let [magic, version, _length] = [source.u32("a header")?, source.u32("a header")?, source.u32("a header")?];
+    let wrong =
+        |at, found: u32, expected: &str| Err(MeshFileError::new(FORMAT, At::Byte(at), found, expected));
+    let [magic, version, _length] =
+        [source.u32("a header")?, source.u32("a header")?, source.u32("a header")?];
     if magic != MAGIC {
         return wrong(0, magic, "glTF's first four bytes (of .gltf files with text, make .glb)");
     }
@@ -165,7 +167,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
         let found = document.extensions_required.join(", ");
         return Err(refuse("extensionsRequired", found, "a file without required extensions"));
     }
-    let mut reader = Reader { document: &document, buffer, most: bytes.len(), mesh: TriangleMesh::default(), left_out: 0 };
+    let mut reader =
+        Reader { document: &document, buffer, most: bytes.len(), mesh: TriangleMesh::default(), left_out: 0 };
     reader.scene()?;
     let Reader { mut mesh, left_out, .. } = reader;
     let mut warnings = Vec::new();
@@ -192,12 +195,15 @@ impl Reader<'_> {
         let Some(scene) = document.scenes.get(scene) else {
             return Err(refuse("scene", scene, "the number of a scene"));
         };
-        let mut open: Vec<(usize, DAffine3)> = scene.nodes.iter().map(|node| (*node, DAffine3::IDENTITY)).collect();
+        let mut open: Vec<(usize, DAffine3)> =
+            scene.nodes.iter().map(|node| (*node, DAffine3::IDENTITY)).collect();
         let mut seen = 0;
         while let Some((index, parent)) = open.pop() {
             seen += 1;
             let key = format!("nodes[{index}]");
-            let Some(node) = document.nodes.get(index) else { return Err(refuse(&key, "no such node", "one")) };
+            let Some(node) = document.nodes.get(index) else {
+                return Err(refuse(&key, "no such node", "one"));
+            };
             if seen > MOST_NODES {
                 return Err(refuse(&key, "nodes without end", "nodes in a tree, at most 100000"));
             }
@@ -205,7 +211,9 @@ impl Reader<'_> {
             open.extend(node.children.iter().map(|child| (*child, own)));
             if let Some(mesh) = node.mesh {
                 let key = format!("meshes[{mesh}]");
-                let Some(mesh) = document.meshes.get(mesh) else { return Err(refuse(&key, "no such mesh", "one")) };
+                let Some(mesh) = document.meshes.get(mesh) else {
+                    return Err(refuse(&key, "no such mesh", "one"));
+                };
                 for (n, primitive) in mesh.primitives.iter().enumerate() {
                     self.primitive(primitive, &format!("{key}.primitives[{n}]"), own)?;
                 }
@@ -228,7 +236,11 @@ impl Reader<'_> {
         };
         let [vertices, triangles] = [first + places.len() / 3, self.mesh.triangles.len() + corners.len() / 3];
         if vertices > self.most || triangles > self.most {
-            return Err(refuse(key, format!("{triangles} triangles in all"), "no more than the file has bytes"));
+            return Err(refuse(
+                key,
+                format!("{triangles} triangles in all"),
+                "no more than the file has bytes",
+            ));
         }
         let patient_from_gltf = DMat4::from_cols_array(&GLTF_FROM_PATIENT).inverse();
         for place in places.as_chunks::<3>().0 {
@@ -241,7 +253,11 @@ impl Reader<'_> {
         let is_mirrored = own.matrix3.determinant() < 0.0;
         for corners in corners.as_chunks::<3>().0 {
             if let Some(found) = corners.iter().find(|corner| **corner >= (places.len() / 3) as f64) {
-                return Err(refuse(key, format!("corner {found}"), &format!("0 to {} (not included)", places.len() / 3)));
+                return Err(refuse(
+                    key,
+                    format!("corner {found}"),
+                    &format!("0 to {} (not included)", places.len() / 3),
+                ));
             }
             let [a, b, c] = corners.map(|corner| first as u32 + corner as u32);
             self.mesh.triangles.push(if is_mirrored { [a, c, b] } else { [a, b, c] });
@@ -252,7 +268,9 @@ impl Reader<'_> {
     /// All numbers of an accessor.
     fn values(&self, index: usize, kind: &str, types: &[u32]) -> Result<Vec<f64>, MeshFileError> {
         let key = format!("accessors[{index}]");
-        let Some(accessor) = self.document.accessors.get(index) else { return Err(refuse(&key, "no such accessor", "one")) };
+        let Some(accessor) = self.document.accessors.get(index) else {
+            return Err(refuse(&key, "no such accessor", "one"));
+        };
         let size = match accessor.component_type {
             5121 => 1,
             5123 => 2,
@@ -264,13 +282,23 @@ impl Reader<'_> {
         }
         let view = accessor.buffer_view.and_then(|view| self.document.buffer_views.get(view));
         let Some(view) = view.filter(|view| view.buffer == 0) else {
-            return Err(refuse(&format!("{key}.bufferView"), "none in the file", "one in the file's own buffer"));
+            return Err(refuse(
+                &format!("{key}.bufferView"),
+                "none in the file",
+                "one in the file's own buffer",
+            ));
         };
         let width = if kind == "VEC3" { 3 } else { 1 };
         let stride = view.byte_stride.unwrap_or(width * size).max(1);
-        let part = view.byte_offset.checked_add(view.byte_length).and_then(|end| self.buffer.get(view.byte_offset..end));
+        let part = view
+            .byte_offset
+            .checked_add(view.byte_length)
+            .and_then(|end| self.buffer.get(view.byte_offset..end));
         let part = part.and_then(|part| part.get(accessor.byte_offset..));
-        let needed = accessor.count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(width * size));
+        let needed = accessor
+            .count
+            .checked_sub(1)
+            .map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(width * size));
         let Some(part) = part.filter(|part| needed.is_some_and(|needed| needed <= part.len())) else {
             let found = format!("{} values beyond the end of the buffer", accessor.count);
             return Err(refuse(&key, found, &format!("a part of its {} bytes", self.buffer.len())));
@@ -309,6 +337,10 @@ impl Node {
                 )
             }
         };
-        if own.is_finite() { Ok(own) } else { Err(refuse(key, "a transform that is not finite", "a finite one")) }
+        if own.is_finite() {
+            Ok(own)
+        } else {
+            Err(refuse(key, "a transform that is not finite", "a finite one"))
+        }
     }
 }

@@ -178,7 +178,8 @@ impl Axes {
     }
 
     fn warning(self) -> Option<String> {
-        (self == Self::Unsaid).then(|| "the file does not say SPACE=LPS or SPACE=RAS: taken as LPS".to_owned())
+        (self == Self::Unsaid)
+            .then(|| "the file does not say SPACE=LPS or SPACE=RAS: taken as LPS".to_owned())
     }
 }
 
@@ -230,7 +231,11 @@ mod tests {
             };
             let ras = read(format, &changed(b"SPACE=RAS")).unwrap();
             let [low, high] = ras.mesh.span();
-            assert_eq!([low, high], [DVec3::new(-11.5, -7.25, 3.0), DVec3::new(-1.0, -2.0, 4.125)], "{format:?}");
+            assert_eq!(
+                [low, high],
+                [DVec3::new(-11.5, -7.25, 3.0), DVec3::new(-1.0, -2.0, 4.125)],
+                "{format:?}"
+            );
             assert!(ras.mesh.measures().volume_ml.unwrap() > 0.0, "turned, not mirrored");
             let unsaid = read(format, &changed(b"123456789")).unwrap();
             assert_eq!(unsaid.mesh.span()[0], DVec3::new(1.0, 2.0, 3.0));

@@ -12,8 +12,10 @@ const FORMAT: MeshFormat = MeshFormat::Obj;
 
 pub(super) fn write(mesh: &TriangleMesh, name: &str) -> Vec<u8> {
     // Names are one word there.
-    let name: String = name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
-    let mut text = format!("# Relief mesh, mm, SPACE=LPS\no {}\n", if name.is_empty() { "mesh" } else { &name });
+    let name: String =
+        name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
+    let mut text =
+        format!("# Relief mesh, mm, SPACE=LPS\no {}\n", if name.is_empty() { "mesh" } else { &name });
     for vertex in &mesh.vertices {
         let [x, y, z] = vertex.xyz.to_array();
         let _ = writeln!(text, "v {x:.6} {y:.6} {z:.6}");
@@ -46,7 +48,12 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
                     polygon.push(corner(word, places.len(), line)?);
                 }
                 if polygon.len() < 3 {
-                    return Err(MeshFileError::new(FORMAT, At::Line(line), &text, "a face of three corners or more"));
+                    return Err(MeshFileError::new(
+                        FORMAT,
+                        At::Line(line),
+                        &text,
+                        "a face of three corners or more",
+                    ));
                 }
                 let largest = polygon.iter().copied().max().unwrap_or_default();
                 farthest = farthest.max((largest, line));
@@ -81,6 +88,11 @@ fn corner(word: &str, known: usize, line: usize) -> Result<u32, MeshFileError> {
         _ => None,
     };
     from_start.and_then(|index| u32::try_from(index).ok()).ok_or_else(|| {
-        MeshFileError::new(FORMAT, At::Line(line), word, "the number of a corner, from 1, or -1 for the last one")
+        MeshFileError::new(
+            FORMAT,
+            At::Line(line),
+            word,
+            "the number of a corner, from 1, or -1 for the last one",
+        )
     })
 }

@@ -113,10 +113,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
             });
             Values::Text { words: Box::new(words), line: lines }
         }
-        encoding => Values::Binary { source: Bytes::new(FORMAT, bytes, end), is_big: encoding == Encoding::Big },
+        encoding => {
+            Values::Binary { source: Bytes::new(FORMAT, bytes, end), is_big: encoding == Encoding::Big }
+        }
     };
     let mut mesh = TriangleMesh::default();
-    let corners = header.elements.iter().filter(|element| element.name == "vertex").map(|element| element.count);
+    let corners =
+        header.elements.iter().filter(|element| element.name == "vertex").map(|element| element.count);
     let corners = corners.sum::<u64>();
     for element in &header.elements {
         // Without properties it has no values, however many it claims.
@@ -135,7 +138,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
 }
 
 fn read_header(bytes: &[u8]) -> Result<Header, MeshFileError> {
-    let refuse = |line, found: &str, expected: &str| Err(MeshFileError::new(FORMAT, At::Line(line), found, expected));
+    let refuse =
+        |line, found: &str, expected: &str| Err(MeshFileError::new(FORMAT, At::Line(line), found, expected));
     let (mut encoding, mut elements, mut axes) = (None, Vec::<Element>::new(), Axes::default());
     let head = &bytes[..bytes.len().min(LONGEST_HEADER)];
     let mut end = 0;
@@ -157,16 +161,22 @@ fn read_header(bytes: &[u8]) -> Result<Header, MeshFileError> {
                 let Some(property) = property(rest) else {
                     return refuse(line, &text, "property TYPE NAME or property list TYPE TYPE NAME");
                 };
-                let Some(element) = elements.last_mut() else { return refuse(line, &text, "an element before it") };
+                let Some(element) = elements.last_mut() else {
+                    return refuse(line, &text, "an element before it");
+                };
                 element.properties.push(property);
             }
             ["end_header"] => {
-                let Some(encoding) = encoding else { return refuse(line, "end_header", "a format before it") };
+                let Some(encoding) = encoding else {
+                    return refuse(line, "end_header", "a format before it");
+                };
                 for (name, needed) in [("vertex", &["x", "y", "z"][..]), ("face", &["vertex_indices"])] {
                     let element = elements.iter().find(|element| element.name == name);
                     let has = |wanted: &str| {
                         let mut properties = element.iter().flat_map(|element| &element.properties);
-                        properties.any(|property| is_called(&property.name, wanted) && (name == "face") == property.count.is_some())
+                        properties.any(|property| {
+                            is_called(&property.name, wanted) && (name == "face") == property.count.is_some()
+                        })
                     };
                     if let Some(missing) = needed.iter().find(|needed| !has(needed)) {
                         return refuse(line, &format!("no property {missing} of element {name}"), "one");
@@ -226,7 +236,11 @@ fn read_face(
         let mut polygon = Vec::new();
         for _ in 0..values.count(count)? {
             let index = values.number(property.kind)?;
-            if !(index >= 0.0 && index < corners as f64 && index.fract() == 0.0 && index <= f64::from(u32::MAX)) {
+            if !(index >= 0.0
+                && index < corners as f64
+                && index.fract() == 0.0
+                && index <= f64::from(u32::MAX))
+            {
                 return Err(values.refuse(&index, &format!("a corner, from 0 to {corners} (not included)")));
             }
             polygon.push(index as u32);

@@ -85,7 +85,12 @@ fn read_binary(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
                 *x = f64::from(f32::from_le_bytes(source.array("a corner")?));
             }
             if !xyz.iter().all(|x| x.is_finite()) {
-                return Err(MeshFileError::new(FORMAT, At::Byte(at), format!("{xyz:?}"), "finite coordinates"));
+                return Err(MeshFileError::new(
+                    FORMAT,
+                    At::Byte(at),
+                    format!("{xyz:?}"),
+                    "finite coordinates",
+                ));
             }
             *corner = corners.corner(DVec3::from(xyz));
         }
