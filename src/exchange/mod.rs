@@ -19,6 +19,7 @@ mod objects;
 mod outside;
 mod reading;
 mod regions;
+pub mod structures;
 mod table;
 mod written_json;
 

@@ -5,11 +5,16 @@
 
 mod check;
 mod export;
+mod fill;
+mod grow;
 mod import;
 mod list;
 mod log;
+mod mesh;
+mod paint;
 mod series;
 mod sets;
+mod structure;
 mod table;
 mod undo;
 
@@ -59,6 +64,10 @@ enum Action {
     Redo(undo::RedoArguments),
     Sets(sets::Arguments),
     Check(check::Arguments),
+    Grow(grow::Arguments),
+    Paint(paint::Arguments),
+    Fill(fill::Arguments),
+    Mesh(mesh::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
@@ -72,6 +81,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         Action::Redo(arguments) => undo::redo(arguments, log),
         Action::Sets(arguments) => sets::run(arguments, log),
         Action::Check(arguments) => check::run(arguments, log),
+        Action::Grow(arguments) => grow::run(arguments, log),
+        Action::Paint(arguments) => paint::run(arguments, log),
+        Action::Fill(arguments) => fill::run(arguments, log),
+        Action::Mesh(arguments) => mesh::run(arguments, log),
     }
 }
 
@@ -84,7 +97,7 @@ pub(super) struct LogArguments {
 }
 
 /// Who changes something.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub(super) struct AuthorArguments {
     /// Who does it; the login name otherwise
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]

@@ -1,0 +1,91 @@
+//! Regions and meshes as what the log keeps: a file each, and a summary of it in the item.
+//!
+//! A region's content is a `.seg.nrrd` file on the volume's grid, a mesh's a binary PLY in patient LPS mm.
+
+use crate::annotation::{ContentId, MeshSummary, RegionSummary};
+use crate::formats::{self, FormatError};
+use crate::mesh::files::{self, MeshFileError, MeshFormat};
+use crate::mesh::{MeshError, TriangleMesh};
+use crate::volume::{Mask, Segment};
+
+/// The media type of a region's content.
+pub const REGION_TYPE: &str = "application/x-seg-nrrd";
+
+/// A content and what an item says of it.
+#[derive(Clone, Debug)]
+pub struct Kept<T> {
+    /// For the item's geometry.
+    pub summary: T,
+    /// Media type of the content.
+    pub media_type: &'static str,
+    /// The content, which the summary names.
+    pub bytes: Vec<u8>,
+}
+
+/// Why a content is no region or mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum StructureError {
+    /// The system gives no room for a file.
+    #[error("no temporary file can be made: {0}")]
+    Temporary(#[from] std::io::Error),
+    /// It is no label map.
+    #[error(transparent)]
+    Region(#[from] FormatError),
+    /// It is no mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshFileError),
+    /// Its segment has no voxel.
+    #[error("the region's file has no voxel with label {0}")]
+    Label(u16),
+}
+
+/// Packs a region.
+///
+/// # Errors
+/// Those of memory alone: it is written there.
+pub fn region(mask: &Mask, name: &str, rgb: Option<[f64; 3]>) -> Result<Kept<RegionSummary>, std::io::Error> {
+    let bytes = formats::seg_nrrd(&mask.to_labels(Segment::new(1, Some(name), rgb)))?;
+    let (voxels, volume_ml) = (mask.voxels(), mask.volume_ml());
+    let summary = RegionSummary { content: ContentId::of(&bytes), label: 1, voxels, volume_ml };
+    Ok(Kept { summary, media_type: REGION_TYPE, bytes })
+}
+
+/// Unpacks a region.
+///
+/// # Errors
+/// When the content is no label map, or has no voxel of the region.
+pub fn mask(summary: &RegionSummary, bytes: &[u8]) -> Result<Mask, StructureError> {
+    let mut file = tempfile::NamedTempFile::new()?; // readers of label maps take files
+    std::io::Write::write_all(&mut file, bytes)?;
+    let found = formats::read_labels(file.path())?;
+    let mask = Mask::of_label(&found.map, summary.label);
+    if mask.voxels() == 0 {
+        return Err(StructureError::Label(summary.label));
+    }
+    Ok(mask)
+}
+
+/// Packs a mesh.
+///
+/// # Errors
+/// When it is empty or unsound: see [`MeshError`].
+pub fn mesh(mesh: &TriangleMesh) -> Result<Kept<MeshSummary>, MeshError> {
+    let bytes = files::write(MeshFormat::Ply, mesh, "")?;
+    let measures = mesh.measures();
+    let summary = MeshSummary {
+        content: ContentId::of(&bytes),
+        vertices: mesh.vertices.len() as u32,
+        triangles: mesh.triangles.len() as u32,
+        area_mm2: measures.area_mm2,
+        volume_ml: measures.volume_ml,
+    };
+    Ok(Kept { summary, media_type: MeshFormat::Ply.media_type(), bytes })
+}
+
+/// Unpacks a mesh.
+///
+/// # Errors
+/// When the content is no PLY file.
+pub fn triangles(bytes: &[u8]) -> Result<TriangleMesh, StructureError> {
+    Ok(files::read(MeshFormat::Ply, bytes)?.mesh)
+}
