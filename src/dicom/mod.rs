@@ -47,7 +47,9 @@ mod segmentation_write;
 mod series;
 mod source;
 mod stack;
+pub mod structure_set;
 mod warnings;
+mod whole;
 pub mod write;
 
 pub use discover::{Discovery, Skipped, Strictness, discover};
@@ -59,3 +61,4 @@ pub use segmentation::{LoadedSegmentation, load_segmentation, read_segmentation}
 pub use segmentation_write::{SegmentMeaning, SegmentationError, SegmentationOptions, write_segmentation};
 pub use series::SeriesEntry;
 pub use warnings::{Warning, WarningCode};
+pub use whole::ObjectError;

@@ -1,7 +1,7 @@
 //! Volumes and label maps in the files of research: NIfTI and NRRD (with 3D Slicer's segmentations).
 //!
-//! What it is: bounded readers of `.nii`, `.nii.gz`, `.nrrd` and `.seg.nrrd`, told apart by their first bytes, and a writer
-//! of the last. What it is not: DICOM (see `dicom`, whose segmentation objects become the same [`LabelMap`](crate::volume::LabelMap)); a reader of
+//! What it is: bounded readers of `.nii`, `.nii.gz`, `.nrrd` and `.seg.nrrd`, told apart by their first bytes, and writers
+//! of label maps as `.seg.nrrd` and `.nii.gz`. What it is not: DICOM (see `dicom`, whose segmentation objects become the same [`LabelMap`](crate::volume::LabelMap)); a reader of
 //! images that point to other files (detached headers, which could name any file of this machine).
 //!
 //! Spaces: patient LPS mm. NIfTI is RAS, NRRD says what it is. Voxels: HU as `i16` of a volume, `u16` labels of a map.
@@ -11,6 +11,7 @@ mod bytes;
 mod error;
 mod header;
 mod nifti;
+mod nifti_write;
 mod nrrd;
 mod segmentation;
 mod values;
@@ -19,6 +20,7 @@ mod write;
 use std::path::Path;
 
 pub use error::FormatError;
+pub use nifti_write::nifti_labels;
 pub use segmentation::ReadLabels;
 pub use write::seg_nrrd;
 

@@ -10,9 +10,18 @@ use crate::volume::{LabelMap, Places};
 /// # Errors
 /// None but those of memory: it is written there.
 pub fn seg_nrrd(map: &LabelMap) -> std::io::Result<Vec<u8>> {
-    let kind = if map.segments().iter().all(|segment| segment.label < 256) { "uint8" } else { "uint16" };
-    let mut encoder =
-        flate2::write::GzEncoder::new(header(map, kind).into_bytes(), flate2::Compression::fast());
+    let is_wide = map.segments().iter().any(|segment| segment.label > 255);
+    let kind = if is_wide { "uint16" } else { "uint8" };
+    let header = header(map, kind).into_bytes();
+    // The header of NRRD is not compressed.
+    let voxels = compressed(map, Vec::new(), is_wide)?;
+    Ok([header, voxels].concat())
+}
+
+/// A head and the labels behind it, of 8 bits or of 16 in little-endian order, compressed with gzip.
+pub(super) fn compressed(map: &LabelMap, head: Vec<u8>, is_wide: bool) -> std::io::Result<Vec<u8>> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(&head)?;
     let label_of = |place: usize| place.checked_sub(1).map_or(0, |at| map.segments()[at].label);
     let count = match map.places() {
         Places::Bytes(places) => places.len(),
@@ -24,7 +33,7 @@ pub fn seg_nrrd(map: &LabelMap) -> std::io::Result<Vec<u8>> {
         for at in first..count.min(first + (1 << 16)) {
             let [low, high] = label_of(map.places().at(at)).to_le_bytes();
             part.push(low);
-            if kind == "uint16" {
+            if is_wide {
                 part.push(high);
             }
         }

@@ -10,4 +10,6 @@ mod foreign;
 mod made;
 mod peers;
 mod reports;
+mod segmentations;
+mod structure_sets;
 mod tools;

@@ -9,6 +9,7 @@ mod damage;
 mod peer;
 mod real;
 mod segmentations;
+mod written;
 
 use std::path::{Path, PathBuf};
 

@@ -6,11 +6,11 @@
 use dicom_dictionary_std::tags;
 use glam::DVec3;
 
-use super::ReportError;
 use super::codes::{ANGLE, CATMULL_ROM, CONTROL_POINTS, OTHER_ANGLES, SPLINE_TYPE};
 use super::read::{Node, Warnings};
 use crate::annotation::{Geometry, Item};
 use crate::dicom::reference::{Plane, SeriesReference};
+use crate::dicom::whole::ObjectError;
 use crate::space::{Patient, Point};
 
 /// Corners of the closed curve that an ellipse or a circle becomes.
@@ -35,7 +35,7 @@ pub(super) fn shapes(
     group: &Node<'_>,
     series: Option<&SeriesReference>,
     warnings: &mut Warnings,
-) -> Result<Vec<Shape>, ReportError> {
+) -> Result<Vec<Shape>, ObjectError> {
     let children = group.children();
     let is_angle = children.iter().any(|child| {
         child.kind() == "NUM" && (child.is(ANGLE) || OTHER_ANGLES.iter().any(|(v, s)| child.has_name(v, s)))
@@ -61,7 +61,7 @@ pub(super) fn shapes(
 }
 
 /// The points that a smooth curve goes through, of a group that says it is one of ours.
-fn controls(children: &[Node<'_>], inner: &[Node<'_>]) -> Result<Option<Vec<DVec3>>, ReportError> {
+fn controls(children: &[Node<'_>], inner: &[Node<'_>]) -> Result<Option<Vec<DVec3>>, ObjectError> {
     let is_ours = |node: &Node<'_>| node.is(SPLINE_TYPE) && node.text(tags::TEXT_VALUE) == CATMULL_ROM;
     if !children.iter().any(is_ours) {
         return Ok(None);
@@ -77,7 +77,7 @@ fn graphic(
     node: &Node<'_>,
     series: Option<&SeriesReference>,
     warnings: &mut Warnings,
-) -> Result<Option<Graphic>, ReportError> {
+) -> Result<Option<Graphic>, ObjectError> {
     let kind = node.text(tags::GRAPHIC_TYPE);
     match node.kind() {
         "SCOORD3D" => {
@@ -117,7 +117,7 @@ fn plane<'a>(node: &Node<'_>, series: Option<&'a SeriesReference>) -> Option<&'a
 }
 
 /// Finite numbers, so many at a time.
-fn tuples<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Vec<[f64; N]>, ReportError> {
+fn tuples<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Vec<[f64; N]>, ObjectError> {
     let (floats, rest) = node.data.floats(tags::GRAPHIC_DATA);
     let wrong = |found: String| node.wrong("GraphicData", tags::GRAPHIC_DATA, found, expected);
     if rest > 0 || floats.is_empty() || !floats.len().is_multiple_of(N) {
@@ -132,13 +132,13 @@ fn tuples<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Vec
     }
 }
 
-fn patient_points(node: &Node<'_>) -> Result<Vec<DVec3>, ReportError> {
+fn patient_points(node: &Node<'_>) -> Result<Vec<DVec3>, ObjectError> {
     let triplets = tuples::<3>(node, "triplets of mm, -1e6 to 1e6 each")?;
     Ok(triplets.into_iter().map(DVec3::from_array).collect())
 }
 
 /// Pixels as patient points. A circle, its middle and a point on it, is made the ellipse that it is.
-fn image_points(node: &Node<'_>, kind: &str, plane: &Plane) -> Result<Vec<DVec3>, ReportError> {
+fn image_points(node: &Node<'_>, kind: &str, plane: &Plane) -> Result<Vec<DVec3>, ObjectError> {
     let expected = "pairs of pixels; two of a circle";
     let pairs = tuples::<2>(node, expected)?;
     let [across, down] = plane.pixel_mm;
@@ -165,7 +165,7 @@ impl Graphic {
         is_angle: bool,
         controls: Option<&[DVec3]>,
         warnings: &mut Warnings,
-    ) -> Result<Vec<Shape>, ReportError> {
+    ) -> Result<Vec<Shape>, ObjectError> {
         let points: Vec<Point<Patient>> = self.points.iter().copied().map(Point::from_xyz).collect();
         let ends_meet = points.len() >= 4 && points.first() == points.last();
         let too_few = |expected| {

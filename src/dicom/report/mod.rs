@@ -30,7 +30,7 @@ mod write;
 pub use read::{ReadOptions, ReadReport, read};
 pub use write::{LeftOut, WriteOptions, Written, write};
 
-use super::error::Defect;
+use super::whole::ObjectError;
 
 /// Why a report could not be written or read. Messages hold neither UIDs nor what a report says.
 #[derive(Debug, thiserror::Error)]
@@ -47,36 +47,12 @@ pub enum ReportError {
     /// The object could not be put into bytes.
     #[error("the report cannot be encoded: {0}")]
     Encoding(Box<dyn std::error::Error + Send + Sync>),
-    /// More bytes than any report has.
-    #[error("the report has {found} bytes, allowed: at most {allowed}")]
-    TooLarge {
-        /// Bytes given.
-        found: usize,
-        /// The limit.
-        allowed: usize,
-    },
-    /// The data set is damaged.
-    #[error("{}{defect}", at_path(.path))]
-    Damaged {
-        /// The items that lead to the damage, as tags and numbers from 1; empty at the top.
-        path: String,
-        /// What is wrong there.
-        defect: Defect,
-    },
-    /// Another kind of object, or a value that cannot be used.
-    #[error("{path}: found {found}, expected {expected}")]
-    Value {
-        /// The attribute and the items that lead to it, as tags and numbers from 1.
-        path: String,
-        /// What is there.
-        found: String,
-        /// What should be there.
-        expected: &'static str,
-    },
-}
-
-fn at_path(path: &str) -> String {
-    if path.is_empty() { String::new() } else { format!("{path}: ") }
+    /// It cannot be read.
+    #[error(transparent)]
+    Object(#[from] ObjectError),
+    /// This machine gives no random numbers, which items are named by.
+    #[error("this machine gives no random numbers: {0}")]
+    Random(#[from] getrandom::Error),
 }
 
 fn first_reason(left_out: &[LeftOut]) -> String {

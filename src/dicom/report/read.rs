@@ -16,12 +16,10 @@ use super::codes::{
 use super::graphics::{self, Shape};
 use crate::annotation::{Concept, FrameOfReference, Item, ItemId, Method, Placement, Timestamp};
 use crate::dicom::charset::Charset;
-use crate::dicom::dataset::{Bounds, DataSet, Keep, Located};
-use crate::dicom::error::Attribute;
+use crate::dicom::dataset::{Bounds, DataSet, Keep};
 use crate::dicom::object::Code;
-use crate::dicom::part10;
 use crate::dicom::reference::SeriesReference;
-use crate::dicom::source::Bytes;
+use crate::dicom::whole::{self, ObjectError};
 
 /// The largest report that is read: one of ten thousand items has a quarter of it.
 const MOST_BYTES: usize = 1 << 26;
@@ -64,22 +62,13 @@ pub(super) struct Warnings(BTreeMap<&'static str, (usize, String)>);
 /// # Errors
 /// When it is no report, damaged, or larger than any is; when coordinates are not as many as their type has.
 pub fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<ReadReport, ReportError> {
-    if bytes.len() > MOST_BYTES {
-        return Err(ReportError::TooLarge { found: bytes.len(), allowed: MOST_BYTES });
-    }
-    let at_top = |defect| ReportError::Damaged { path: String::new(), defect };
-    let object = part10::open(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes))).map_err(at_top)?;
-    let damaged = |Located { trail, defect }: Located| {
-        let steps: Vec<String> = trail.iter().map(|(tag, number)| format!("{tag}[{number}]")).collect();
-        ReportError::Damaged { path: steps.join("/"), defect }
-    };
-    let walked = object.walk_within(BOUNDS, keep).map_err(damaged)?;
-    let charset = Charset::of(&walked.data);
-    let root = Node { data: &walked.data, path: String::new(), charset: &charset };
+    let data = whole::read(bytes, MOST_BYTES, BOUNDS, keep)?;
+    let charset = Charset::of(&data);
+    let root = Node { data: &data, path: String::new(), charset: &charset };
     if root.kind() != "CONTAINER" {
         let found = format!("{:.16?}", root.kind());
         let expected = "CONTAINER: the object is no structured report (SR)";
-        return Err(root.wrong("ValueType", tags::VALUE_TYPE, found, expected));
+        return Err(root.wrong("ValueType", tags::VALUE_TYPE, found, expected).into());
     }
     let mut reader = Reader { options, root: &root, items: Vec::new(), ids: HashSet::new() };
     let mut warnings = Warnings::default();
@@ -198,13 +187,8 @@ impl<'a> Node<'a> {
         tag: Tag,
         found: String,
         expected: &'static str,
-    ) -> ReportError {
-        let attribute = Attribute { tag, keyword };
-        let path = match self.path.as_str() {
-            "" => attribute.to_string(),
-            path => format!("{path}/{attribute}"),
-        };
-        ReportError::Value { path, found, expected }
+    ) -> ObjectError {
+        whole::wrong(&self.path, (keyword, tag), found, expected)
     }
 }
 
@@ -241,7 +225,7 @@ impl Reader<'_> {
         }
         if self.items.len() + shapes.len() > MOST_ITEMS {
             let found = format!("more than {MOST_ITEMS} shapes");
-            return Err(group.wrong("ContentSequence", tags::CONTENT_SEQUENCE, found, "fewer"));
+            return Err(group.wrong("ContentSequence", tags::CONTENT_SEQUENCE, found, "fewer").into());
         }
         let children = group.children();
         let find = |name: Code| children.iter().find(|child| child.is(name));
@@ -253,9 +237,7 @@ impl Reader<'_> {
         let several = shapes.len() > 1;
         for (index, Shape { geometry, frame_of_reference }) in shapes.into_iter().enumerate() {
             let name = if several { numbered(&name, index + 1) } else { name.clone() };
-            let mut item = Item::new(&name, &self.author(&children), Some(geometry)).map_err(|error| {
-                ReportError::Encoding(format!("this machine gives no random numbers: {error}").into())
-            })?;
+            let mut item = Item::new(&name, &self.author(&children), Some(geometry))?;
             // A thing may be tracked through several groups; an item's id is its own.
             if let Some(id) = id.filter(|id| !several && self.ids.insert(*id)) {
                 item.id = id;
@@ -278,7 +260,7 @@ impl Reader<'_> {
             warnings
                 .count("a finding's code is longer than codes are, or has no scheme: left out", &group.path);
         }
-        item.validate().map_err(|error| ReportError::Value {
+        item.validate().map_err(|error| ObjectError::Value {
             path: group.path.clone(),
             found: error.to_string(),
             expected: "a measurement group that an item can be made of",

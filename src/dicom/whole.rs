@@ -1,0 +1,76 @@
+//! Objects that are no images, read from bytes as a whole: reports, structure sets.
+//!
+//! The walk keeps what is asked for, within bounds; what is wrong is named by the items that lead there.
+
+use dicom_core::Tag;
+
+use super::dataset::{Bounds, DataSet, Keep, Located};
+use super::error::{Attribute, Defect};
+use super::part10;
+use super::source::Bytes;
+
+/// Why an object could not be read. Messages hold neither UIDs nor what the object says of people.
+#[derive(Debug, thiserror::Error)]
+pub enum ObjectError {
+    /// More bytes than any such object has.
+    #[error("the file has {found} bytes, allowed: at most {allowed}")]
+    TooLarge {
+        /// Bytes given.
+        found: usize,
+        /// The limit.
+        allowed: usize,
+    },
+    /// The data set is damaged, or is no DICOM at all.
+    #[error("{}{defect}", separated(.path))]
+    Damaged {
+        /// The items that lead to the damage, as tags and numbers from 1; empty at the top.
+        path: String,
+        /// What is wrong there.
+        defect: Defect,
+    },
+    /// Another kind of object, or a value that cannot be used.
+    #[error("{path}: found {found}, expected {expected}")]
+    Value {
+        /// The attribute and the items that lead to it, as tags and numbers from 1.
+        path: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: &'static str,
+    },
+}
+
+fn separated(path: &str) -> String {
+    if path.is_empty() { String::new() } else { format!("{path}: ") }
+}
+
+/// The kept elements of an object of at most so many bytes.
+pub(super) fn read(
+    bytes: &[u8],
+    most_bytes: usize,
+    bounds: Bounds,
+    keep: fn(Tag) -> Keep,
+) -> Result<DataSet, ObjectError> {
+    if bytes.len() > most_bytes {
+        return Err(ObjectError::TooLarge { found: bytes.len(), allowed: most_bytes });
+    }
+    let at_top = |defect| ObjectError::Damaged { path: String::new(), defect };
+    let object = part10::open(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes))).map_err(at_top)?;
+    let damaged = |Located { trail, defect }: Located| {
+        let steps: Vec<String> = trail.iter().map(|(tag, number)| format!("{tag}[{number}]")).collect();
+        ObjectError::Damaged { path: steps.join("/"), defect }
+    };
+    Ok(object.walk_within(bounds, keep).map_err(damaged)?.data)
+}
+
+/// The error of an attribute below a path of items, which may be empty.
+pub(super) fn wrong(
+    path: &str,
+    (keyword, tag): (&'static str, Tag),
+    found: String,
+    expected: &'static str,
+) -> ObjectError {
+    let attribute = Attribute { tag, keyword };
+    let path = if path.is_empty() { attribute.to_string() } else { format!("{path}/{attribute}") };
+    ObjectError::Value { path, found, expected }
+}
