@@ -175,11 +175,9 @@ fn check_right_angles(map: &LabelMap) -> Result<(), SegmentationError> {
 fn frames(map: &LabelMap) -> Vec<Frame> {
     let [nx, ny, nz] = map.grid().dims();
     let mut occurs = vec![vec![false; nz]; map.segments().len()];
-    for slice in 0..nz {
-        for at in slice * nx * ny..(slice + 1) * nx * ny {
-            if let Some(place) = map.places().at(at).checked_sub(1) {
-                occurs[place][slice] = true;
-            }
+    for at in 0..nx * ny * nz {
+        if let Some(place) = map.places().at(at).checked_sub(1) {
+            occurs[place][at / (nx * ny)] = true;
         }
     }
     let of = |(place, slices): (usize, Vec<bool>)| {

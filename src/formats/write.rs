@@ -14,14 +14,14 @@ pub fn seg_nrrd(map: &LabelMap) -> std::io::Result<Vec<u8>> {
     let kind = if is_wide { "uint16" } else { "uint8" };
     let header = header(map, kind).into_bytes();
     // The header of NRRD is not compressed.
-    let voxels = compressed(map, Vec::new(), is_wide)?;
+    let voxels = compressed(map, &[], is_wide)?;
     Ok([header, voxels].concat())
 }
 
 /// A head and the labels behind it, of 8 bits or of 16 in little-endian order, compressed with gzip.
-pub(super) fn compressed(map: &LabelMap, head: Vec<u8>, is_wide: bool) -> std::io::Result<Vec<u8>> {
+pub(super) fn compressed(map: &LabelMap, head: &[u8], is_wide: bool) -> std::io::Result<Vec<u8>> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(&head)?;
+    encoder.write_all(head)?;
     let label_of = |place: usize| place.checked_sub(1).map_or(0, |at| map.segments()[at].label);
     let count = match map.places() {
         Places::Bytes(places) => places.len(),
