@@ -2,6 +2,8 @@
 
 use relief::annotation::Geometry;
 use relief::dicom::structure_set::{self, ContourShape};
+use relief::segmentation::{Contour, fill};
+use relief::volume::Mask;
 use serde_json::Value;
 
 use super::common::{facts, numbers, shared_data, unpacked};
@@ -81,6 +83,24 @@ fn a_tumour_has_its_levels_and_becomes_items() {
     assert!(matches!(items[0].geometry, Some(Geometry::Curve { closed: true, .. })));
     assert_eq!((items[31].name.as_str(), items[31].rgb), ("GTV_Mass_CT 32", Some([1.0, 0.0, 0.0])));
     assert!(!format!("{found:?}").contains("1.3.6.1"), "a UID is shown");
+}
+
+/// Filled, the contours are the region that somebody else's program made of them.
+#[test]
+fn contours_filled_are_the_published_mask() {
+    let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
+    let truth = relief::formats::read_labels(&folder.join("nifti_mask/mask.nii.gz")).unwrap().map;
+    let truth = Mask::of_label(&truth, 1);
+    let found = structure_set::read(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
+    let closed = found.structures[0].contours.iter().filter(|contour| contour.is_closed());
+    let contours: Vec<Contour> =
+        closed.map(|contour| Contour { points: contour.points_mm.clone() }).collect();
+    let filled = fill(truth.grid(), &contours).unwrap();
+    let both: u64 =
+        filled.words().iter().zip(truth.words()).map(|(a, b)| u64::from((a & b).count_ones())).sum();
+    let dice = 2.0 * both as f64 / (filled.voxels() + truth.voxels()) as f64;
+    println!("{} voxels for {}, Dice {dice:.4}", filled.voxels(), truth.voxels());
+    assert!(dice > 0.98, "{dice}");
 }
 
 #[test]
