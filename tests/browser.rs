@@ -1,9 +1,11 @@
-//! The pages for display boxes in a browser: pixels on the screen, hands, a Wiimote behind WebHID, a server that dies.
+//! The pages for display boxes and for annotations in a browser: pixels on the screen, hands, a Wiimote behind WebHID, a server that dies.
 //!
-//! `browser/kiosk.py` drives Chromium with Playwright and says what it saw; here is what it has to be. Runs where
+//! `browser/kiosk.py` and `browser/annotate.py` drive Chromium with Playwright and say what they saw; here is what it has to be. Runs where
 //! `RELIEF_PEERS_PYTHON` names a Python with Playwright and Chromium is installed, and says aloud where it does not.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
+#[path = "browser/annotate.rs"]
+mod annotate;
 mod common;
 
 use std::path::{Path, PathBuf};

@@ -13,6 +13,7 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.parse
 import urllib.request
 
@@ -64,6 +65,14 @@ class Server:
         asked = urllib.request.Request(self.url + path, headers={"Relief-Author": author})
         return json.loads(urllib.request.urlopen(asked).read())
 
+    def has(self, part):
+        """Whether there is anything to post to: routes that are not there answer 404 or 405."""
+        asked = urllib.request.Request(f"{self.url}{self.volume}/annotations/{part}", data=b"", headers={"Relief-Author": "test"})
+        try:
+            return urllib.request.urlopen(asked).status != 404
+        except urllib.error.HTTPError as error:
+            return error.code not in (404, 405)
+
     def annotations(self):
         return self.get(f"{self.volume}/annotations")
 
@@ -75,6 +84,13 @@ class Server:
                     return entry
             time.sleep(0.05)
         raise SystemExit(f"no item {name!r}")
+
+    def exports(self):
+        try:
+            self.get(f"{self.volume}/annotations/export?format=mrk.json")
+            return True
+        except urllib.error.HTTPError as error:
+            return error.code not in (400, 404, 405)
 
     def kill(self):
         if self.process:
@@ -92,8 +108,9 @@ class Page:
         self.context = browser.new_context(viewport=SIZE, accept_downloads=True)
         self.page = self.context.new_page()
         self.page.on("pageerror", lambda error: self.problems.append(error.message))
-        # A conflict is an answer with status 409, which the browser itself writes to the console.
-        said = lambda message: message.type == "error" and "409" not in message.text
+        # A conflict is an answer with status 409, a list without a template one with 404: the browser itself tells of both.
+        expected = lambda message: "409" in message.text or "/templates" in message.location.get("url", "")
+        said = lambda message: message.type == "error" and not expected(message)
         self.page.on("console", lambda message: said(message) and self.problems.append(message.text))
         self.page.on("request", self.__note)
         self.page.add_init_script(f"localStorage.setItem('relief-author', {json.dumps(author)})")
@@ -133,7 +150,7 @@ class Page:
     def click(self, pane, x, y):
         self.page.mouse.click(*self.at(pane, x, y))
 
-    def pick(self, pane, x, y):
+    def asked_pick(self, pane, x, y):
         """What the server's pick says of the pixel that a click there meets."""
         box, (left, top) = self.box(pane), self.at(pane, x, y)
         query = {key: value for key, value in self.asked[pane].items() if key not in ("layout", "profile", "budget_ms")}
@@ -146,7 +163,13 @@ class Page:
             query["size_px"] = f"{size[0]},{size[1]}"
         query["u"] = (left + 0.5 - box["x"]) * size[0] / box["width"]
         query["v"] = (top + 0.5 - box["y"]) * size[1] / box["height"]
-        return self.server.get(f"{self.server.volume}/pick?{urllib.parse.urlencode(query)}")["patient_mm"]
+        return self.server.get(f"{self.server.volume}/pick?{urllib.parse.urlencode(query)}")
+
+    def pick(self, pane, x, y):
+        return self.asked_pick(pane, x, y)["patient_mm"]
+
+    def value(self, pane, x, y):
+        return self.asked_pick(pane, x, y)["hu"]
 
     def key(self, key):
         self.page.keyboard.press(key)
@@ -170,11 +193,19 @@ def placing(page, server):
     page.click("volume", 0.5, 0.42)
     found["volume"] = {"placed": server.item("Point 1")["item"], "picked": picked}
     page.still()
+    page.page.mouse.move(*page.at("axial", 0.9, 0.9))
+    mark = "document.querySelector('.pane-volume .overlay g circle.ring')"
+    page.wait(f"{mark} !== null")
+    middle = f"(() => {{ const box = {mark}.getBoundingClientRect(); return [box.x + box.width / 2, box.y + box.height / 2]; }})()"
+    found["volume"]["marked"] = page.page.evaluate(middle)
+    found["volume"]["clicked"] = [side + 0.5 for side in page.at("volume", 0.5, 0.42)]
     picked = page.pick("axial", 0.35, 0.4)
     page.click("axial", 0.35, 0.4)
     found["axial"] = {"placed": server.item("Point 2")["item"], "picked": picked}
     page.still()
     found["cursor"] = page.page.get_attribute("#readout", "data-mm")
+    page.wait("document.getElementById('readout').dataset.hu !== ''")
+    found["value"] = {"shown": float(page.page.get_attribute("#readout", "data-hu")), "asked": page.value("axial", 0.35, 0.4)}
     page.key("l")
     ends = [page.pick("coronal", *at) for at in [(0.3, 0.35), (0.7, 0.6)]]
     page.click("coronal", 0.3, 0.35)
@@ -259,6 +290,36 @@ def editing(page, server):
     return found
 
 
+def keyboard(page, server):
+    """A point without a pointer: the view, the cursor, the tool, Enter; and one that snaps, with the shift told."""
+    page.page.locator("#items").click(position={"x": 5, "y": 300})
+    page.key("2")
+    before = [float(mm) for mm in page.page.get_attribute("#readout", "data-mm").split(",")]
+    for key in ["ArrowRight", "ArrowRight", "ArrowUp", "PageUp"]:
+        page.key(key)
+    page.page.wait_for_timeout(300)
+    cursor = [float(mm) for mm in page.page.get_attribute("#readout", "data-mm").split(",")]
+    page.key("p")
+    page.key("Enter")
+    placed = server.item("Point 3")["item"]
+    found = {"before": before, "cursor": cursor, "placed": placed, "focus": page.page.evaluate("document.activeElement.dataset.pane")}
+    page.wait_row("Point 3")
+    if server.has("snap"):
+        page.page.select_option("#snap-to", "gradient")
+        page.still()
+        page.click("coronal", 0.33, 0.3)
+        found["snapped"] = server.item("Point 4")["item"]
+        page.wait("document.getElementById('brief').innerText.includes('snapped')")
+        found["said"] = page.page.inner_text("#brief")
+        page.page.select_option("#snap-to", "off")
+    page.key("Escape")
+    for _ in range(2 if "snapped" in found else 1):
+        page.key("Control+z")
+        page.page.wait_for_timeout(400)
+    found["left"] = len(server.annotations()["items"])
+    return found
+
+
 def template(page, server):
     """Guided placement with one that is skipped, and come back to."""
     path = FOLDER / "face.json"
@@ -320,6 +381,8 @@ def conflict(browser, page, server):
     page.wait_row("Orbit width")
     other.wait_row("Orbit width")
     found["other"] = [row for row in other.rows() if "Orbit width" in row]
+    other.wait("document.getElementById('live').dataset.state !== 'asking'")
+    found["live"] = other.page.get_attribute("#live", "data-state")
     found["problems"] = other.problems
     other.context.close()
     return found
@@ -327,6 +390,8 @@ def conflict(browser, page, server):
 
 def files(page, server):
     """Out as mrk.json, deleted, and in again."""
+    if not (server.has("import") and server.exports()):
+        return {"absent": "import and export"}
     page.key("v")
     page.page.click("#export-button")
     page.page.check('#dialog input[value="mrk.json"]')
@@ -356,6 +421,8 @@ def files(page, server):
 
 def growing(page, server):
     """A region from a seed in bone, with its volume before and after."""
+    if not (server.has("grow") and server.has("mesh")):
+        return {"absent": "grow and mesh"}
     page.page.click('.item[data-name="Point 1"] .item-main')
     page.still()
     page.key("r")
@@ -413,7 +480,7 @@ def main():
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
             page = Page(browser, server, "Ada Berg")
             found = {"placing": placing(page, server)}
-            for name, step in [("undoing", undoing), ("editing", editing), ("template", template), ("files", files), ("growing", growing)]:
+            for name, step in [("undoing", undoing), ("editing", editing), ("keyboard", keyboard), ("template", template), ("files", files), ("growing", growing)]:
                 if wanted(name):
                     found[name] = step(page, server)
                 if name == "template" and wanted("conflict"):
