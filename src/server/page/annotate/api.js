@@ -115,7 +115,9 @@ export class Annotations {
   }
 
   import(file, format, set) {
-    const query = new URLSearchParams({ set, ...(format ? { format } : { name: file.name }) });
+    // Items of one file stay together: their list has the file's name without its ending.
+    const list = file.name.replace(/\.(mrk\.json|seg\.nrrd|nii\.gz|[^.]+)$/i, "").slice(0, 120);
+    const query = new URLSearchParams({ set, ...(list ? { list } : {}), ...(format ? { format } : { name: file.name }) });
     return this.#send("POST", `/import?${query}`, file, "application/octet-stream");
   }
 
