@@ -126,3 +126,42 @@ fn a_wiimote_behind_webhid_is_brought_up_and_tracked() {
     // The tip moves the cursor.
     assert_ne!(wiimote["after"]["cursor_mm"], wiimote["before"]["cursor_mm"], "{wiimote}");
 }
+
+/// One bad frame is told and acknowledged like a good one, many end the connection; a copied tab has no token to take.
+#[test]
+fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
+    let has_node = Command::new("node").arg("--version").stdout(Stdio::null()).status();
+    if !has_node.is_ok_and(|status| status.success()) {
+        eprintln!("SKIPPED: the kiosk's session by itself (no node)");
+        return;
+    }
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    // Node takes a folder's files for modules where it is told so.
+    std::fs::write(folder.path().join("package.json"), r#"{"type": "module"}"#).unwrap();
+    for module in ["session.js", "frame.js", "restore.js"] {
+        std::fs::copy(here.join("src/server/page/kiosk").join(module), folder.path().join(module)).unwrap();
+    }
+    let script = here.join("tests/browser/session.mjs");
+    let output = Command::new("node").arg(script).arg(folder.path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let bad = &seen["bad_frames"];
+    assert_eq!(
+        (&bad["acknowledged"], &bad["closed"]),
+        (&serde_json::json!([1, 2, 3]), &Value::Null),
+        "{seen}"
+    );
+    assert_eq!(
+        bad["shown"],
+        serde_json::json!([[1, 10, 20, 30, 255, 11, 21, 31, 255], [3, 10, 20, 30, 255, 11, 21, 31, 255]])
+    );
+    let told: Vec<_> = bad["changed"].as_array().unwrap().iter().map(|change| change[0].clone()).collect();
+    assert_eq!(told, ["connecting", "live", "live", "live"], "{seen}");
+    assert_eq!((&bad["closed_at_last"], &bad["acknowledged_at_last"]), (&4000.into(), &22.into()), "{seen}");
+    assert_eq!(seen["no_frame"], serde_json::json!({"closed": 4000, "acknowledged": 0}));
+    let tokens = &seen["tokens"];
+    assert_eq!((&tokens["copied"], &tokens["left"]), (&Value::Null, &"token-1".into()), "{seen}");
+    assert_eq!((&tokens["resumed"], &tokens["ended"]), (&"token-1".into(), &"ended".into()), "{seen}");
+    assert_eq!(tokens["after"], Value::Null, "an ended session leaves no token: {seen}");
+}

@@ -13,6 +13,8 @@ const parameters = new URLSearchParams(location.search);
 const canvas = $("frame");
 const menu = $("menu");
 const CONNECTION = { connecting: "Connecting", live: "", waiting: "No connection; trying again", ended: "Ended" };
+/** How long a refusal is shown. */
+const REFUSAL_MS = 8000;
 const TRACKING = { lost: "Wiimote out of sight", ambiguous: "Wiimote seen from an unclear side", searching: "Looking for the beacon" };
 
 let shown = null;
@@ -20,9 +22,11 @@ let connection = { state: "connecting", reason: "" };
 let view = null;
 let tracking = "";
 let remote = "";
+/** The frame that was tested: its layout and size. */
+let tested = "";
 const arrivals = [];
 
-const panel = new Panel(canvas, describe);
+const panel = new Panel(canvas, selfTest);
 
 function helloOf() {
   const number = (name) => (parameters.has(name) ? { [name]: Number(parameters.get(name)) } : {});
@@ -42,13 +46,14 @@ const session = new Session(helloOf(), {
     // Words on the frame would be read aloud with each of them.
     canvas.setAttribute("aria-label", "The volume in colour and depth");
     Object.assign(document.documentElement.dataset, { frame: header.sequence, shows: header.showsSeq, still: header.still });
-    describe();
+    // Reading the canvas back costs as much as drawing it: once a second is enough for what has been seen to be good.
+    if (tested !== kindOf(header)) selfTest();
   },
   heard(message) {
     if (message.type === "welcome") view = { name: message.view, role: message.role, color: message.color, state: message.state };
     if (message.type === "state") view = { ...view, state: message.state };
     if (message.type === "tracking") tracking = message.state;
-    if (message.type === "error") connection.reason = message.problem.detail ?? message.problem.title;
+    if (message.type === "error") refused(message.problem.detail ?? message.problem.title);
     if (view?.state) document.documentElement.dataset.view = JSON.stringify(view.state);
     if (tracking) document.documentElement.dataset.tracking = tracking;
     describe();
@@ -69,6 +74,15 @@ const wiimote = new Wiimote({
 
 // ---------------------------------------------------------------- words
 
+/** Says what was refused, for a while. */
+function refused(reason) {
+  connection.reason = reason;
+  setTimeout(() => {
+    if (connection.reason === reason) connection.reason = "";
+    describe();
+  }, REFUSAL_MS);
+}
+
 function words() {
   const network = [CONNECTION[connection.state], connection.reason].filter(Boolean).join(": ");
   return [network, remote, TRACKING[tracking]].filter(Boolean).join(" · ");
@@ -85,12 +99,15 @@ function describe() {
   if ($("state").textContent !== said) $("state").textContent = said;
   $("state").classList.toggle("bad", connection.state !== "live");
   document.documentElement.dataset.connection = connection.state;
-  if (shown) selfTest();
   if (menu.open) fillFacts();
 }
 
+const kindOf = ({ layout, full }) => `${layout} ${full.join(" ")}`;
+
 /** Whether what is drawn reaches the panel as it is; on the root element, for those who test. */
 function selfTest() {
+  if (!shown) return;
+  tested = kindOf(shown);
   const found = panel.problems(!["rgbd", "color"].includes(shown.layout));
   document.documentElement.dataset.test = found.length ? "bad" : "good";
   if (!menu.open) return;
@@ -120,11 +137,21 @@ function fillFacts() {
 function toggleMenu() {
   if (menu.open) menu.close();
   else menu.showModal();
+  tick();
+}
+
+function tick() {
+  selfTest();
   describe();
 }
 
 const toggleFull = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
-const connectWiimote = () => Wiimote.isPossible && wiimote.choose().catch((error) => (remote = error.message));
+
+async function connectWiimote() {
+  if (!Wiimote.isPossible) return;
+  await wiimote.choose().catch((error) => (remote = error.message));
+  describe();
+}
 
 /** The picture's pixel under a position: the left half of a frame, on every line or every other one. */
 function placeOf(x, y) {
@@ -139,9 +166,15 @@ const presetKeys = Object.fromEntries([1, 2, 3, 4, 5, 6, 7, 8, 9].map((digit) =>
 let presets = null;
 
 async function choosePreset(at) {
-  presets ??= fetch("/v1/presets").then((answer) => answer.json()).then((known) => known.presets.map(({ name }) => name));
-  const name = (await presets)[at];
-  if (name) session.intent({ intent: "preset", name });
+  try {
+    presets ??= fetch("/v1/presets").then((answer) => answer.json()).then((known) => known.presets.map(({ name }) => name));
+    const name = (await presets)[at];
+    if (name) session.intent({ intent: "preset", name });
+  } catch (error) {
+    presets = null; // asked for again by the next key
+    refused(`The presets are not known: ${error.message}`);
+    describe();
+  }
 }
 
 onControls(canvas, {
@@ -154,6 +187,6 @@ $("close").addEventListener("click", toggleMenu);
 $("wiimote").addEventListener("click", connectWiimote);
 $("wiimote").hidden = !Wiimote.isPossible;
 menu.addEventListener("keydown", (event) => ["m", "?"].includes(event.key) && toggleMenu());
-setInterval(describe, 1000);
+setInterval(tick, 1000);
 canvas.focus();
 wiimote.reopen();

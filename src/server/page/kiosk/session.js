@@ -9,6 +9,8 @@ import { intentsTo } from "./restore.js";
 const FIRST_WAIT_MS = 100;
 const LONGEST_WAIT_MS = 2000;
 const TOKEN = "relief-session";
+/** Frames in a row that cannot be unpacked before the connection is given up. */
+const MOST_BAD = 20;
 /** Close codes after which connecting again would end the same way. */
 const FINAL = { 1008: "the server refuses this session", 4001: "this session goes on in another window", 4002: "the volume was removed" };
 
@@ -22,6 +24,7 @@ export class Session {
   #view = null;
   #unpacking = false;
   #ended = false;
+  #bad = 0;
 
   /**
    * `hello` is the message without `type` and `accept`; `show` gets (image, header), `heard` every message of the server,
@@ -29,7 +32,11 @@ export class Session {
    */
   constructor(hello, { show, heard, changed }) {
     Object.assign(this, { hello, show, heard, changed });
+    // Only a page that goes leaves its token: a copy of this tab gets a session of its own, and does not take this one's.
     this.token = sessionStorage.getItem(TOKEN);
+    sessionStorage.removeItem(TOKEN);
+    addEventListener("pagehide", () => this.token && sessionStorage.setItem(TOKEN, this.token));
+    addEventListener("pageshow", () => sessionStorage.removeItem(TOKEN));
     this.#connect();
   }
 
@@ -51,7 +58,7 @@ export class Session {
 
   end(reason) {
     this.#ended = true;
-    sessionStorage.removeItem(TOKEN);
+    this.token = null;
     this.#socket?.close(1000);
     this.changed("ended", reason);
   }
@@ -79,8 +86,8 @@ export class Session {
   #hear(message) {
     if (message.type === "welcome") {
       this.#wait = FIRST_WAIT_MS;
+      this.#bad = 0;
       this.token = message.session;
-      sessionStorage.setItem(TOKEN, this.token);
       this.changed("live");
       if (this.#view && message.role === "presenter" && message.state.revision <= 1) this.#restore(message.state);
     }
@@ -111,16 +118,27 @@ export class Session {
     while (this.#newest) {
       const { buffer: bytes, socket } = this.#newest;
       this.#newest = null;
-      try {
-        const header = readHeader(bytes);
-        this.show(compose(header, await unpack(header, bytes)), header);
-        // Of another connection by now: its numbers are other frames there.
-        if (socket === this.#socket) this.#send({ type: "ack", frame: header.sequence, t_ns: nowNs() });
-      } catch (error) {
-        this.changed("waiting", error.message);
-        socket.close(4000);
-      }
+      await this.#showOne(bytes, socket);
     }
     this.#unpacking = false;
+  }
+
+  /** Shows a frame and acknowledges it, or says what is wrong with it: the next one may be good. */
+  async #showOne(bytes, socket) {
+    let header = null;
+    let wrong = null;
+    try {
+      header = readHeader(bytes);
+      this.show(compose(header, await unpack(header, bytes)), header);
+    } catch (error) {
+      wrong = error.message;
+    }
+    // Of another connection by now: its numbers are other frames there, and nobody waits for them.
+    if (socket !== this.#socket || socket.readyState !== WebSocket.OPEN) return;
+    if (wrong !== null || this.#bad > 0) this.changed("live", wrong ?? "");
+    this.#bad = wrong === null ? 0 : this.#bad + 1;
+    // Without its number a frame cannot be acknowledged, and without acknowledgements none follows.
+    if (!header || this.#bad >= MOST_BAD) socket.close(4000, "unreadable frames");
+    else this.#send({ type: "ack", frame: header.sequence, t_ns: nowNs() });
   }
 }
