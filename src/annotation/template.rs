@@ -121,8 +121,8 @@ impl ExpectedKind {
 impl Template {
     /// Most items.
     pub const MOST_ITEMS: usize = 2000;
-    /// Longest text that is read.
-    pub const MOST_BYTES: usize = 16 << 20;
+    /// Longest text that is read: as much as `store` keeps.
+    pub const MOST_BYTES: usize = 1 << 20;
 
     /// Reads a template's JSON.
     ///

@@ -179,7 +179,8 @@ fn path_of(line: &[[f64; 2]], width: f32, path: &mut PathBuilder) {
     }
 }
 
-fn escaped(text: &str) -> String {
+/// Text as it stands between the tags of SVG and HTML, and in their attributes.
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::axis::{number, ticks};
 use super::drawing::{Anchor, Color, Drawing, Pen};
 use super::output::write_whole;
 use super::track_experiment::Report;
@@ -138,22 +139,6 @@ fn note(drawing: &mut Drawing, [x, y]: [f64; 2]) {
     drawing.text([x + 14.0, y], Anchor::Start, SMALL, PALE, text);
 }
 
-/// Round values between two limits, about `count` of them.
-fn ticks(low: f64, high: f64, count: f64) -> Vec<f64> {
-    let rough = (high - low) / count;
-    let power = 10_f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|times| times * power).into_iter().find(|step| *step >= rough);
-    let step = step.unwrap_or(rough);
-    let (first, last) = ((low / step).ceil() as i32, (high / step).floor() as i32);
-    (first..=last).map(|at| f64::from(at) * step).collect()
-}
-
-/// A number with as many decimals as its neighbours need.
-fn number(value: f64, step: f64) -> String {
-    let decimals = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.decimals$}")
-}
-
 /// Errors over what was commanded.
 fn errors(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
     let (axis, unit) = axis_and_unit(report.runs[run]);
@@ -261,13 +246,6 @@ fn comparison(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ticks_are_round_and_inside() {
-        assert_eq!(ticks(-10.0, 10.0, 4.0), [-10.0, -5.0, 0.0, 5.0, 10.0]);
-        assert_eq!(ticks(-0.3, 0.3, 3.0), [-0.2, 0.0, 0.2]);
-        assert_eq!([number(0.2, 0.2), number(5.0, 5.0), number(0.01, 0.01)], ["0.2", "5", "0.01"]);
-    }
 
     #[test]
     fn repeats_of_a_stop_are_averaged() {

@@ -137,6 +137,15 @@ pub fn compare(study: Study) -> Result<Comparison, AgreementError> {
     quantities.extend(measured.iter().cloned());
     quantities.retain(|quantity| !quantity.rows.is_empty());
     let (measures, measure_errors) = measure_rows(&readings, &targets, &measured);
+    let mut pairings: Vec<Pairing> =
+        quantities.iter().flat_map(|quantity| pairings(&readings, truth.as_ref(), quantity)).collect();
+    // By whom, then by what.
+    let place = |set: &str| readings.iter().position(|reading| reading.set == set);
+    pairings.sort_by_key(|pairing| (pairing.relation, place(&pairing.first), place(&pairing.second)));
+    let mut agreements: Vec<Agreement> =
+        quantities.iter().flat_map(|quantity| agreements(&readings, quantity)).collect();
+    agreements
+        .sort_by_key(|agreement| (agreement.relation, agreement.sets.first().and_then(|set| place(set))));
     let landmarks: Vec<Landmark> = landmarks.into_iter().map(|(_, landmark)| landmark).collect();
     let errors: Vec<ReadingErrors> =
         (0..readings.len()).map(|at| reading_errors(&readings[at].set, &landmarks, at)).collect();
@@ -146,8 +155,8 @@ pub fn compare(study: Study) -> Result<Comparison, AgreementError> {
         cases: targets.iter().map(|target| target.case + 1).max().unwrap_or(1),
         all: ErrorSummary::of(&every),
         missing: missing(&readings, truth.as_ref(), &targets),
-        agreements: quantities.iter().flat_map(|quantity| agreements(&readings, quantity)).collect(),
-        pairings: quantities.iter().flat_map(|q| pairings(&readings, truth.as_ref(), q)).collect(),
+        agreements,
+        pairings,
         landmarks,
         errors,
         measures,
@@ -192,9 +201,7 @@ fn nothing_in_common(
 fn landmark(readings: &[Reading], target: &Target<'_>) -> Option<Landmark> {
     let at = |found: &Result<&Item, Absence>| found.ok().and_then(Item::point).map(|point| point.xyz);
     let places: Vec<Option<DVec3>> = target.found[..readings.len()].iter().map(at).collect();
-    if places.iter().flatten().next().is_none() {
-        return None;
-    }
+    places.iter().flatten().next()?;
     let truth = target.found.get(readings.len());
     let reference = match truth {
         Some(truth) => at(truth),

@@ -26,15 +26,27 @@ pub(super) struct Row {
 }
 
 /// Between whom an agreement is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Relation {
+    /// Between a set and the truth.
+    Truth,
     /// Between readers, of each its first set.
     Inter,
     /// Between one reader's sets.
     Intra,
-    /// Between a set and the truth.
-    Truth,
+}
+
+impl Relation {
+    /// As in JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Inter => "inter",
+            Self::Intra => "intra",
+            Self::Truth => "truth",
+        }
+    }
 }
 
 /// The intraclass correlation of one quantity.

@@ -4,6 +4,7 @@
 //! it and why ([`ByArguments`]), and tables.
 
 mod check;
+mod compare;
 mod export;
 mod fill;
 mod grow;
@@ -16,6 +17,7 @@ mod series;
 mod sets;
 mod structure;
 mod table;
+mod template;
 mod undo;
 
 use std::process::ExitCode;
@@ -49,6 +51,8 @@ Examples:
   relief annotate --db ann.db undo --author anna                take back anna's newest edit
   relief annotate --db ann.db redo --author anna                make it again
   relief annotate --db ann.db sets put anna --reader anna --blinded
+  relief annotate --db ann.db template apply skull --set anna   expect the landmarks of a template
+  relief annotate --db ann.db compare --sets anna,ben --out report
   relief annotate --db postgres://me@localhost/study check      read all of it, and say whether it holds together
   export RELIEF_ANNOTATIONS=ann.db RELIEF_AUTHOR=anna           say both once
 
@@ -63,6 +67,8 @@ enum Action {
     Undo(undo::UndoArguments),
     Redo(undo::RedoArguments),
     Sets(sets::Arguments),
+    Template(template::Arguments),
+    Compare(compare::Arguments),
     Check(check::Arguments),
     Grow(grow::Arguments),
     Paint(paint::Arguments),
@@ -80,6 +86,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         Action::Undo(arguments) => undo::undo(arguments, log),
         Action::Redo(arguments) => undo::redo(arguments, log),
         Action::Sets(arguments) => sets::run(arguments, log),
+        Action::Template(arguments) => template::run(arguments, log),
+        Action::Compare(arguments) => compare::run(arguments, log),
         Action::Check(arguments) => check::run(arguments, log),
         Action::Grow(arguments) => grow::run(arguments, log),
         Action::Paint(arguments) => paint::run(arguments, log),
