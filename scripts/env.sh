@@ -52,6 +52,9 @@ fi
 if [ -f "$relief_root/.relief/dicom-tools/stamp" ]; then
     export RELIEF_DICOM_TOOLS="$relief_root/.relief/dicom-tools/bin"
 fi
+if [ -f "$relief_root/.relief/postgres/stamp" ]; then
+    export RELIEF_POSTGRES="$relief_root/.relief/postgres/bin"
+fi
 if [ -f "$relief_root/.relief/osmesa/stamp" ]; then
     relief_add_libraries "$relief_root/.relief/osmesa/lib"
 fi

@@ -105,6 +105,7 @@ mod sqlite {
     pub(super) const BUSY: u32 = 5;
     pub(super) const LOCKED: u32 = 6;
     pub(super) const READONLY: u32 = 8;
+    pub(super) const IOERR: u32 = 10;
     pub(super) const CORRUPT: u32 = 11;
     pub(super) const FULL: u32 = 13;
     pub(super) const CANTOPEN: u32 = 14;
@@ -128,7 +129,7 @@ impl From<sqlx::Error> for StoreError {
                     Some(sqlite::FULL) => Self::Full,
                     Some(sqlite::CORRUPT) => Self::Damaged(found.message().to_owned()),
                     Some(sqlite::NOTADB) => Self::Foreign("it is not a database of SQLite".to_owned()),
-                    Some(sqlite::CANTOPEN) => Self::Unreachable(found.message().to_owned()),
+                    Some(sqlite::CANTOPEN | sqlite::IOERR) => Self::Unreachable(found.message().to_owned()),
                     None if protected => Self::ReadOnly,
                     None if busy => Self::Busy,
                     None if full => Self::Full,

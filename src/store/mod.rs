@@ -124,3 +124,38 @@ impl Store {
         Ok(self.read.begin_with(statement).await?)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use sqlx::{Executor, Row};
+
+    use super::*;
+
+    /// What makes a commit durable, on every connection of both pools, and whatever the file's own settings were.
+    #[tokio::test]
+    async fn every_connection_waits_for_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("a.db");
+        let place = place.to_str().unwrap();
+        Store::open(place).await.unwrap().close().await;
+        let store = Store::open(place).await.unwrap();
+        store.write.acquire().await.unwrap().execute("PRAGMA journal_mode = DELETE").await.unwrap();
+        store.close().await;
+        let store = Store::open(place).await.unwrap();
+        let mut held = vec![store.write.acquire().await.unwrap()];
+        for _ in 0..READERS {
+            held.push(store.read.acquire().await.unwrap());
+        }
+        for connection in &mut held {
+            let mut found = Vec::new();
+            for pragma in ["synchronous", "foreign_keys", "recursive_triggers", "fullfsync", "busy_timeout"] {
+                let query = sqlx::query(sqlx::AssertSqlSafe(format!("PRAGMA {pragma}")));
+                found.push(query.fetch_one(&mut **connection).await.unwrap().get::<i64, _>(0));
+            }
+            assert_eq!(found, [2, 1, 1, 1, 30_000], "synchronous 2 is FULL");
+            let mode = connection.fetch_one("PRAGMA journal_mode").await.unwrap();
+            assert_eq!(mode.get::<String, _>(0), "wal");
+        }
+        assert_eq!(held.len(), 5);
+    }
+}

@@ -1,16 +1,24 @@
-//! Edits, listings, the log, locks, contents, sets and templates.
+//! Edits, listings, the log, locks, contents, sets and templates: what holds of both databases.
 
-use relief::annotation::{
-    Change, ContentId, FrameOfReference, Geometry, Item, ItemId, Kind, RegionSummary, Set,
-};
+use relief::annotation::{ContentId, FrameOfReference, Geometry, Item, Kind, RegionSummary, Set};
 use relief::store::{Checked, Filter, LogFilter, Store, StoreError};
 
-use crate::made::{Made, create, delete, edit, named, names, point, seqs, update};
+use crate::made::{create, delete, edit, named, names, point, seqs, update};
 
-#[tokio::test]
-async fn an_edit_is_made_whole_or_not_at_all() {
-    let made = Made::new().await;
-    let store = &made.store;
+use crate::scenarios;
+
+scenarios! {
+    an_edit_is_made_whole_or_not_at_all,
+    a_stale_change_is_told_with_both_versions,
+    a_locked_item_changes_in_nothing_but_its_lock,
+    edits_are_taken_back_and_made_again_author_by_author,
+    taking_back_stops_where_another_author_has_been,
+    listings_and_logs_are_filtered_and_in_order,
+    contents_are_kept_once_and_are_there_before_items_that_name_them,
+    sets_and_templates_are_kept_with_who_made_them,
+}
+
+async fn an_edit_is_made_whole_or_not_at_all(store: &Store) {
     let [a, b] = [point("a", 1.0), point("b", 1e-17)];
     let events = store.apply(&edit("anna", vec![create(&a), create(&b)])).await.unwrap();
     assert_eq!(seqs(&events), [1, 2]);
@@ -31,55 +39,48 @@ async fn an_edit_is_made_whole_or_not_at_all() {
     assert_eq!(store.check().await.unwrap(), Checked { events: 4, items: 1, contents: 0 });
 }
 
-#[tokio::test]
-async fn a_stale_change_is_told_with_both_versions() {
-    let made = Made::new().await;
+async fn a_stale_change_is_told_with_both_versions(store: &Store) {
     let a = point("a", 1.0);
-    made.store.apply(&edit("anna", vec![create(&a)])).await.unwrap();
-    made.store.apply(&edit("ben", vec![update(&named(&a, "ben's"), 1)])).await.unwrap();
+    store.apply(&edit("anna", vec![create(&a)])).await.unwrap();
+    store.apply(&edit("ben", vec![update(&named(&a, "ben's"), 1)])).await.unwrap();
     let mine = named(&a, "mine");
-    match made.store.apply(&edit("anna", vec![update(&mine, 1)])).await.unwrap_err() {
+    match store.apply(&edit("anna", vec![update(&mine, 1)])).await.unwrap_err() {
         StoreError::Conflict { id, expected, current: Some(current), yours: Some(yours) } => {
             assert_eq!((id, expected, current.version), (a.id, 1, 2));
             assert_eq!((current.item.name.as_str(), *yours), ("ben's", mine.clone()));
         }
         other => panic!("{other}"),
     }
-    made.store.apply(&edit("ben", vec![delete(a.id, 2)])).await.unwrap();
-    let gone = made.store.apply(&edit("anna", vec![update(&mine, 2)])).await.unwrap_err();
+    store.apply(&edit("ben", vec![delete(a.id, 2)])).await.unwrap();
+    let gone = store.apply(&edit("anna", vec![update(&mine, 2)])).await.unwrap_err();
     assert!(gone.to_string().contains("is gone"), "{gone}");
     assert!(matches!(gone, StoreError::Conflict { current: None, yours: Some(_), .. }));
     // An id is used once, and what never was cannot change.
-    let again = made.store.apply(&edit("anna", vec![create(&a)])).await;
+    let again = store.apply(&edit("anna", vec![create(&a)])).await;
     assert!(matches!(again, Err(StoreError::Exists { .. })));
-    let never = made.store.apply(&edit("anna", vec![delete(point("x", 0.0).id, 1)])).await;
+    let never = store.apply(&edit("anna", vec![delete(point("x", 0.0).id, 1)])).await;
     assert!(matches!(never, Err(StoreError::NotFound { .. })));
 }
 
-#[tokio::test]
-async fn a_locked_item_changes_in_nothing_but_its_lock() {
-    let made = Made::new().await;
+async fn a_locked_item_changes_in_nothing_but_its_lock(store: &Store) {
     let open = point("a", 1.0);
     let locked = Item { locked: true, ..open.clone() };
-    made.store.apply(&edit("anna", vec![create(&locked)])).await.unwrap();
+    store.apply(&edit("anna", vec![create(&locked)])).await.unwrap();
     for change in [
         delete(open.id, 1),
         update(&named(&open, "other"), 1),
         update(&named(&locked, "other"), 1),
         update(&locked, 1),
     ] {
-        let refused = made.store.apply(&edit("ben", vec![change])).await;
+        let refused = store.apply(&edit("ben", vec![change])).await;
         assert!(matches!(refused, Err(StoreError::Locked { id }) if id == open.id));
     }
-    made.store.apply(&edit("ben", vec![update(&open, 1)])).await.unwrap();
-    made.store.apply(&edit("ben", vec![delete(open.id, 2)])).await.unwrap();
-    assert!(names(&made.store).await.is_empty());
+    store.apply(&edit("ben", vec![update(&open, 1)])).await.unwrap();
+    store.apply(&edit("ben", vec![delete(open.id, 2)])).await.unwrap();
+    assert!(names(store).await.is_empty());
 }
 
-#[tokio::test]
-async fn edits_are_taken_back_and_made_again_author_by_author() {
-    let made = Made::new().await;
-    let store = &made.store;
+async fn edits_are_taken_back_and_made_again_author_by_author(store: &Store) {
     let [a, b] = [point("a", 1.0), point("b", 2.0)];
     store.apply(&edit("anna", vec![create(&a)])).await.unwrap();
     store.apply(&edit("ben", vec![create(&b)])).await.unwrap();
@@ -104,10 +105,7 @@ async fn edits_are_taken_back_and_made_again_author_by_author() {
     store.check().await.unwrap();
 }
 
-#[tokio::test]
-async fn taking_back_stops_where_another_author_has_been() {
-    let made = Made::new().await;
-    let store = &made.store;
+async fn taking_back_stops_where_another_author_has_been(store: &Store) {
     let [a, b] = [point("a", 1.0), point("b", 2.0)];
     store.apply(&edit("anna", vec![create(&a), create(&b)])).await.unwrap();
     store.apply(&edit("anna", vec![update(&named(&a, "A"), 1), update(&named(&b, "B"), 1)])).await.unwrap();
@@ -131,10 +129,7 @@ async fn taking_back_stops_where_another_author_has_been() {
     store.check().await.unwrap();
 }
 
-#[tokio::test]
-async fn listings_and_logs_are_filtered_and_in_order() {
-    let made = Made::new().await;
-    let store = &made.store;
+async fn listings_and_logs_are_filtered_and_in_order(store: &Store) {
     let item = |name: &str, set: &str, list: &str, order, frame: Option<&str>| Item {
         set: set.to_owned(),
         list: list.to_owned(),
@@ -170,32 +165,27 @@ async fn listings_and_logs_are_filtered_and_in_order() {
     assert_eq!(log(LogFilter { author: Some("ben".to_owned()), ..LogFilter::default() }).await, [0; 0]);
 }
 
-#[tokio::test]
-async fn contents_are_kept_once_and_are_there_before_items_that_name_them() {
-    let made = Made::new().await;
+async fn contents_are_kept_once_and_are_there_before_items_that_name_them(store: &Store) {
     let bytes: Vec<u8> = (0..200_000_u32).flat_map(u32::to_le_bytes).collect();
     let region = |content| Item {
         geometry: Some(Geometry::Region(RegionSummary { content, label: 1, voxels: 2, volume_ml: 0.5 })),
         ..point("liver", 0.0)
     };
     let item = region(ContentId::of(&bytes));
-    let refused = made.store.apply(&edit("anna", vec![create(&item)])).await;
+    let refused = store.apply(&edit("anna", vec![create(&item)])).await;
     assert!(matches!(refused, Err(StoreError::Content { id }) if id == ContentId::of(&bytes)));
     for media_type in ["application/x-nrrd", "text/plain"] {
-        assert_eq!(made.store.put_content(media_type, &bytes).await.unwrap(), ContentId::of(&bytes));
+        assert_eq!(store.put_content(media_type, &bytes).await.unwrap(), ContentId::of(&bytes));
     }
-    made.store.apply(&edit("anna", vec![create(&item)])).await.unwrap();
-    let (media_type, found) = made.store.content(&ContentId::of(&bytes)).await.unwrap();
+    store.apply(&edit("anna", vec![create(&item)])).await.unwrap();
+    let (media_type, found) = store.content(&ContentId::of(&bytes)).await.unwrap();
     assert!(media_type == "application/x-nrrd" && found == bytes);
-    assert!(matches!(made.store.content(&ContentId::of(b"x")).await, Err(StoreError::Content { .. })));
-    assert!(matches!(made.store.put_content("", b"x").await, Err(StoreError::Invalid(_))));
-    assert_eq!(made.store.check().await.unwrap(), Checked { events: 1, items: 1, contents: 1 });
+    assert!(matches!(store.content(&ContentId::of(b"x")).await, Err(StoreError::Content { .. })));
+    assert!(matches!(store.put_content("", b"x").await, Err(StoreError::Invalid(_))));
+    assert_eq!(store.check().await.unwrap(), Checked { events: 1, items: 1, contents: 1 });
 }
 
-#[tokio::test]
-async fn sets_and_templates_are_kept_with_who_made_them() {
-    let made = Made::new().await;
-    let store = &made.store;
+async fn sets_and_templates_are_kept_with_who_made_them(store: &Store) {
     let set = |name: &str, reader: Option<&str>| Set {
         name: name.to_owned(),
         reader: reader.map(str::to_owned),
@@ -222,25 +212,4 @@ async fn sets_and_templates_are_kept_with_who_made_them() {
         [(1, "anna", "chief"), (2, "anna", "chief"), (3, "skull", "chief"), (4, "skull", "anna")]
     );
     assert_eq!(audit[2].body, "{\"a\":1}");
-}
-
-#[tokio::test]
-async fn a_log_is_the_same_after_it_was_closed() {
-    let made = Made::new().await;
-    let items: Vec<_> = (0..20).map(|i| point(&format!("p{i}"), f64::from(i) / 7.0)).collect();
-    let changes: Vec<Change> = items.iter().map(create).collect();
-    made.store.apply(&edit("anna", changes)).await.unwrap();
-    made.store.undo("anna", "").await.unwrap();
-    made.store.redo("anna", "").await.unwrap();
-    let before = made.store.list(&Filter::default()).await.unwrap();
-    made.store.close().await;
-    assert!(!made.file.with_extension("db-wal").exists(), "one file again");
-    let again = Store::open_existing(made.place()).await.unwrap();
-    assert_eq!(again.list(&Filter::default()).await.unwrap(), before);
-    assert_eq!(before.seq, 60);
-    again.undo("anna", "the day after").await.unwrap();
-    assert!(names(&again).await.is_empty());
-    let nowhere = Store::open_existing("nowhere.db").await.unwrap_err();
-    assert!(matches!(nowhere, StoreError::Unreachable(_)), "{nowhere}");
-    assert!(matches!(again.item(ItemId::from_number(7)).await, Err(StoreError::NotFound { .. })));
 }

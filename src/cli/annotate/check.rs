@@ -8,8 +8,9 @@ use super::LogArguments;
 /// Read the whole log, and say whether it holds together
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Looks at the file itself, at every event (no gaps, each following from those before it), at the items that follow from the
-events, and at the SHA-256 of every region's and mesh's content. Exit status 1 where something is wrong.
+Looks at the file itself, at every event (no gaps, each following from those before it), at the
+items that follow from the events, and at the SHA-256 of every region's and mesh's content. Exit
+status 1 where something is wrong.
 
 Examples:
   relief annotate --db ann.db check")]

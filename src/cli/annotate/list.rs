@@ -12,7 +12,7 @@ use crate::store::Filter;
 /// List the items as they are now, by set, list and order
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Places are in patient LPS mm. A line shows the length, the angle, the area or the volume of an item that has one.
+Places are in patient LPS mm. An item that has a length, an angle, an area or a volume shows it.
 
 Examples:
   relief annotate --db ann.db list

@@ -13,7 +13,8 @@ use crate::store::LogFilter;
 /// List every change that was ever made, the oldest first
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Events of one edit have the same number in the column edit: they happened together, and are taken back together.
+Events of one edit have the same number in the column edit: they happened together, and are taken
+back together.
 
 Examples:
   relief annotate --db ann.db log

@@ -39,8 +39,9 @@ pub(super) struct Arguments {
 }
 
 const AFTER_HELP: &str = "\
-The log is a file, which is made by the first command that writes to it, or a database of a PostgreSQL server. Every change is
-an event with an author and a reason. Nothing is ever deleted from it: what is taken back can be made again.
+The log is a file, made by the first command that writes to it, or a database of a PostgreSQL
+server. Every change is an event with an author and a reason. Nothing is ever deleted from it:
+what is taken back can be made again.
 
 Examples:
   relief annotate --db ann.db import skull.mrk.json --series head
@@ -53,7 +54,7 @@ Examples:
   relief annotate --db ann.db sets put anna --reader anna --blinded
   relief annotate --db ann.db template apply skull --set anna   expect the landmarks of a template
   relief annotate --db ann.db compare --sets anna,ben --out report
-  relief annotate --db postgres://me@localhost/study check      read all of it, and say whether it holds together
+  relief annotate --db postgres://me@localhost/study check      read all: does it hold together?
   export RELIEF_ANNOTATIONS=ann.db RELIEF_AUTHOR=anna           say both once
 
 Exit status: 0 done, 1 failed (a conflict with another author among them), 2 wrong arguments.";
@@ -173,10 +174,16 @@ impl LogArguments {
 impl AuthorArguments {
     /// Who it is: the argument, or else who is logged in.
     pub(super) fn name(&self) -> anyhow::Result<String> {
-        let login = || ["USER", "LOGNAME", "USERNAME"].iter().find_map(|name| std::env::var(name).ok());
-        let author = self.author.clone().or_else(login).filter(|name| !name.is_empty());
+        let named = || ["USER", "LOGNAME", "USERNAME"].iter().find_map(|name| std::env::var(name).ok());
+        let author = self.author.clone().or_else(named).or_else(login_name).filter(|name| !name.is_empty());
         author.context("who are you? Give a name with --author, or in RELIEF_AUTHOR")
     }
+}
+
+/// Who the system says that this is, where the environment does not: services have none.
+fn login_name() -> Option<String> {
+    let said = std::process::Command::new("id").arg("-un").output().ok()?;
+    said.status.success().then(|| String::from_utf8_lossy(&said.stdout).trim().to_owned())
 }
 
 impl Log {

@@ -14,13 +14,14 @@ use crate::store::Filter;
 #[command(
     args_conflicts_with_subcommands = true,
     after_help = "\
-A set holds the items of one reader, or of one purpose. A set that items name needs no making: it is anybody's then. Only its
-reader sees a blinded set, and sees no other: for readers who are to be compared.
+A set holds the items of one reader, or of one purpose. A set that items name needs no making: it
+is anybody's then. Only its reader sees a blinded set, and sees no other: for readers who are to be
+compared.
 
 Examples:
   relief annotate --db ann.db sets
   relief annotate --db ann.db sets put anna --reader anna --blinded --template skull
-  relief annotate --db ann.db sets --history --json          who made them what they are"
+  relief annotate --db ann.db sets --history        who made them what they are"
 )]
 pub(super) struct Arguments {
     #[command(subcommand)]

@@ -14,8 +14,9 @@ use crate::store::StoreError;
 /// Take back an author's newest edit that stands
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-One edit at a time, as far back as the log goes: all of its changes, or none where another author has changed one of its items
-since; then both versions are shown. Nothing is lost: redo makes the edit again, until the author makes a new one.
+One edit at a time, as far back as the log goes: all of its changes, or none where another author
+has changed one of its items since; then both versions are shown. Nothing is lost: redo makes the
+edit again, until the author makes a new one.
 
 Examples:
   relief annotate --db ann.db undo --author anna --reason 'the wrong side'
@@ -28,7 +29,8 @@ pub(super) struct UndoArguments {
 /// Make again what undo took back
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The edit that was taken back last is made again first. A new edit of the author ends what can be made again.
+The edit that was taken back last is made again first. A new edit of the author ends what can be
+made again.
 
 Examples:
   relief annotate --db ann.db redo --author anna")]

@@ -1,0 +1,263 @@
+//! The same log in PostgreSQL: a server of our own on loopback, in a folder that goes with it.
+//!
+//! Needs PostgreSQL's programs: those of `scripts/setup-postgres` (`RELIEF_POSTGRES`), Debian's, or those on the path.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use relief::store::{Store, StoreError};
+use sqlx::{Connection, Executor, Row};
+
+use crate::made::{create, edit, names, point};
+use crate::{basics, model, writers};
+
+/// A server that ends with this value.
+pub(crate) struct Server {
+    programs: PathBuf,
+    folder: tempfile::TempDir,
+    port: u16,
+    process: Child,
+}
+
+impl Server {
+    /// Starts one, or says aloud that `what` was not tested.
+    async fn start(what: &str) -> Option<Self> {
+        let Some(programs) = programs() else {
+            eprintln!("SKIPPED: {what} (no PostgreSQL; scripts/setup-postgres gets it)");
+            return None;
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data");
+        std::fs::create_dir(&data).unwrap();
+        give_away(&[folder.path(), &data]);
+        let mut initdb = as_nobody(&programs.join("initdb"));
+        let made = initdb.args([
+            "--auth=trust",
+            "--username=relief",
+            "--encoding=UTF8",
+            "--no-locale",
+            "--no-instructions",
+            "-D",
+        ]);
+        let made = made.arg(&data).env("LC_ALL", "C").output().unwrap();
+        if !made.status.success() {
+            eprintln!("SKIPPED: {what} (initdb: {})", String::from_utf8_lossy(&made.stderr).trim());
+            return None;
+        }
+        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let process = launch(&programs, &data, port);
+        let server = Self { programs, folder, port, process };
+        server.wait().await;
+        Some(server)
+    }
+
+    fn url(&self, database: &str) -> String {
+        format!("postgres://relief@127.0.0.1:{}/{database}", self.port)
+    }
+
+    async fn wait(&self) {
+        let patience = Instant::now() + Duration::from_secs(60);
+        loop {
+            match sqlx::PgConnection::connect(&self.url("postgres")).await {
+                Ok(connection) => return connection.close().await.unwrap(),
+                Err(error) => assert!(Instant::now() < patience, "PostgreSQL does not answer: {error}"),
+            }
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    }
+
+    async fn admin(&self, database: &str) -> sqlx::PgConnection {
+        sqlx::PgConnection::connect(&self.url(database)).await.unwrap()
+    }
+
+    /// A log in a database of its own.
+    pub(crate) async fn store(&self, name: &str) -> Store {
+        self.database(name).await;
+        Store::open(&self.url(name)).await.unwrap()
+    }
+
+    async fn database(&self, name: &str) {
+        let create = format!("CREATE DATABASE \"{}\"", &name[..name.len().min(60)]);
+        self.admin("postgres").await.execute(sqlx::AssertSqlSafe(create)).await.unwrap();
+    }
+
+    /// `kill -9` of the server, and another one on what it left.
+    async fn crash(&mut self) {
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+        let data = self.folder.path().join("data");
+        // Its children notice that it is gone, and then another one may begin.
+        let patience = Instant::now() + Duration::from_secs(60);
+        loop {
+            let _ = std::fs::remove_file(data.join("postmaster.pid"));
+            self.process = launch(&self.programs, &data, self.port);
+            tokio::time::sleep(Duration::from_millis(500)).await;
+            if self.process.try_wait().unwrap().is_none() {
+                break;
+            }
+            assert!(Instant::now() < patience, "PostgreSQL does not start again");
+        }
+        self.wait().await;
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let data = self.folder.path().join("data");
+        let stopped = as_nobody(&self.programs.join("pg_ctl"))
+            .args(["stop", "-m", "immediate", "-D"])
+            .arg(data)
+            .output();
+        if stopped.is_err() {
+            let _ = self.process.kill();
+        }
+        let _ = self.process.wait();
+    }
+}
+
+fn launch(programs: &Path, data: &Path, port: u16) -> Child {
+    let mut server = as_nobody(&programs.join("postgres"));
+    server.arg("-D").arg(data).arg("-p").arg(port.to_string());
+    for setting in ["listen_addresses=127.0.0.1", "unix_socket_directories=", "jit=off", "max_connections=60"]
+    {
+        server.arg("-c").arg(setting);
+    }
+    server.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// Where `initdb` and `postgres` are.
+fn programs() -> Option<PathBuf> {
+    let named = std::env::var_os("RELIEF_POSTGRES").map(PathBuf::from);
+    let debian = std::fs::read_dir("/usr/lib/postgresql").into_iter().flatten().flatten();
+    let debian = debian.map(|version| version.path().join("bin"));
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let path: Vec<_> = std::env::split_paths(&path).collect();
+    let mut folders = named.into_iter().chain(debian).chain(path);
+    folders.find(|folder| ["initdb", "postgres", "pg_ctl"].iter().all(|name| folder.join(name).exists()))
+}
+
+#[cfg(unix)]
+fn is_root() -> bool {
+    use std::os::unix::fs::MetadataExt;
+    std::fs::metadata("/proc/self").is_ok_and(|own| own.uid() == 0)
+}
+
+#[cfg(not(unix))]
+fn is_root() -> bool {
+    false
+}
+
+/// PostgreSQL refuses to run as root: it gets the user `nobody` then.
+fn as_nobody(program: &Path) -> Command {
+    if !is_root() {
+        return Command::new(program);
+    }
+    let mut command = Command::new("setpriv");
+    command.args(["--reuid=65534", "--regid=65534", "--clear-groups", "--"]).arg(program);
+    command
+}
+
+fn give_away(folders: &[&Path]) {
+    #[cfg(unix)]
+    if is_root() {
+        for folder in folders {
+            std::os::unix::fs::chown(folder, Some(65534), Some(65534)).unwrap();
+        }
+    }
+    let _ = folders;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn postgres_keeps_the_same_log() {
+    let Some(mut server) = Server::start("the log in PostgreSQL").await else { return };
+    basics::all(&server).await;
+    model::all(&server).await;
+    model::random_steps(&server).await;
+    writers::all(&server).await;
+    many_make_one(&server).await;
+    lines_of_the_log_are_never_altered(&server).await;
+    other_schemas_are_refused(&server).await;
+    what_was_acknowledged_survives_a_crash(&mut server).await;
+    let refused = Store::open(&server.url("nowhere")).await.unwrap_err();
+    assert!(refused.to_string().contains("does not exist"), "{refused}");
+    let url = server.url("postgres");
+    drop(server);
+    assert!(matches!(Store::open(&url).await, Err(StoreError::Unreachable(_))));
+}
+
+async fn many_make_one(server: &Server) {
+    server.database("many").await;
+    let opened: Vec<_> = (0..8)
+        .map(|_| {
+            let url = server.url("many");
+            tokio::spawn(async move { Store::open(&url).await.unwrap().seq().await.unwrap() })
+        })
+        .collect();
+    for opened in opened {
+        assert_eq!(opened.await.unwrap(), 0);
+    }
+}
+
+async fn lines_of_the_log_are_never_altered(server: &Server) {
+    let store = server.store("altered").await;
+    store.apply(&edit("anna", vec![create(&point("a", 0.0))])).await.unwrap();
+    store.put_content("text/plain", b"x").await.unwrap();
+    let mut admin = server.admin("altered").await;
+    admin.execute("SET search_path TO relief").await.unwrap();
+    for statement in [
+        "UPDATE events SET author = 'ben'",
+        "DELETE FROM events",
+        "TRUNCATE events CASCADE",
+        "DELETE FROM contents",
+        "UPDATE audit SET author = 'ben'",
+        "INSERT INTO events SELECT 3, 3, kind, target, id, 2, author, reason, time, item, content FROM events",
+        "INSERT INTO events SELECT 2, 2, kind, target, id, 7, author, reason, time, item, content FROM events",
+    ] {
+        assert!(admin.execute(statement).await.is_err(), "{statement}");
+    }
+    let durable = admin.fetch_one("SELECT current_setting('synchronous_commit')").await.unwrap();
+    assert_eq!(durable.get::<String, _>(0), "on");
+    store.check().await.unwrap();
+    store.close().await;
+}
+
+async fn other_schemas_are_refused(server: &Server) {
+    let store = server.store("newer").await;
+    store.close().await;
+    server.admin("newer").await.execute("UPDATE relief.meta SET value = '2'").await.unwrap();
+    let refused = Store::open(&server.url("newer")).await.unwrap_err();
+    assert!(matches!(refused, StoreError::Schema { found: 2, known: 1 }), "{refused}");
+    server.database("foreign").await;
+    server.admin("foreign").await.execute("CREATE SCHEMA relief").await.unwrap();
+    let refused = Store::open(&server.url("foreign")).await.unwrap_err();
+    assert!(matches!(refused, StoreError::Foreign(_)), "{refused}");
+}
+
+/// The server is killed while others write; afterwards all that was acknowledged is there, and the same store goes on.
+async fn what_was_acknowledged_survives_a_crash(server: &mut Server) {
+    let store = server.store("crash").await;
+    for round in 0..3 {
+        let writing = store.clone();
+        let writer = tokio::spawn(async move {
+            let mut acknowledged = Vec::new();
+            loop {
+                let item = point(&format!("p{round}"), 0.0);
+                match writing.apply(&edit("anna", vec![create(&item)])).await {
+                    Ok(_) => acknowledged.push(item.id),
+                    Err(_) => return acknowledged,
+                }
+            }
+        });
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        server.crash().await;
+        let acknowledged = writer.await.unwrap();
+        assert!(!acknowledged.is_empty());
+        for id in acknowledged {
+            store.item(id).await.unwrap();
+        }
+        store.check().await.unwrap();
+    }
+    assert!(!names(&store).await.is_empty());
+    store.close().await;
+}
