@@ -106,9 +106,9 @@ impl Store {
     /// A transaction that changes something: nobody else writes until it ends.
     async fn begin_write(&self) -> Result<Transaction<'static, Any>, StoreError> {
         match self.kind {
-            Kind::Sqlite => Ok(self.write.begin_with("BEGIN IMMEDIATE").await?),
+            Kind::Sqlite => begin(&self.write, "BEGIN IMMEDIATE").await,
             Kind::Postgres => {
-                let mut transaction = self.write.begin().await?;
+                let mut transaction = begin(&self.write, "BEGIN").await?;
                 sqlx::query("LOCK TABLE events IN EXCLUSIVE MODE").execute(&mut *transaction).await?;
                 Ok(transaction)
             }
@@ -121,8 +121,25 @@ impl Store {
             Kind::Sqlite => "BEGIN DEFERRED",
             Kind::Postgres => "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
         };
-        Ok(self.read.begin_with(statement).await?)
+        begin(&self.read, statement).await
     }
+}
+
+/// Begins a transaction.
+///
+/// Where a disk fails, SQLite ends a transaction by itself, and the connection's counter of transactions does not notice: such
+/// a connection is given up, and another one does as well as the disk does by then.
+async fn begin(pool: &AnyPool, statement: &'static str) -> Result<Transaction<'static, Any>, StoreError> {
+    for _ in 0..=READERS {
+        match pool.begin_with(statement).await {
+            Err(sqlx::Error::InvalidSavePointStatement | sqlx::Error::BeginFailed) => {
+                // It is of no use any more: how it ends does not matter.
+                let _ = pool.acquire().await?.close().await;
+            }
+            begun => return Ok(begun?),
+        }
+    }
+    Err(StoreError::Unreachable("its connections are broken".to_owned()))
 }
 
 #[cfg(test)]

@@ -29,5 +29,8 @@ async fn ten_thousand_items() {
     for i in 0..100 {
         made.store.apply(&edit("anna", vec![create(&point(&format!("one {i}"), 0.0))])).await.unwrap();
     }
-    eprintln!("an edit of one change: {:.2} ms, with its wait for the disk", begin.elapsed().as_secs_f64() * 10.0);
+    eprintln!(
+        "an edit of one change: {:.2} ms, with its wait for the disk",
+        begin.elapsed().as_secs_f64() * 10.0
+    );
 }

@@ -149,14 +149,14 @@ impl LogArguments {
     /// Whether there is a log, as far as its place says.
     pub(super) fn is_there(&self) -> bool {
         let place = self.place();
-        place.contains(':') || std::path::Path::new(place).exists()
+        is_url(place) || std::path::Path::new(place).exists()
     }
 
     fn open_by(&self, open: impl AsyncFn(&str) -> Result<Store, StoreError>) -> anyhow::Result<Log> {
         let place = self.place();
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
         // A URL may have a password: it is not shown.
-        let shown = if place.contains("://") { "the log of that URL" } else { place };
+        let shown = if is_url(place) { "the log of that URL" } else { place };
         let store = runtime.block_on(open(place)).with_context(|| format!("cannot open {shown}"))?;
         Ok(Log { runtime, store })
     }
@@ -178,6 +178,10 @@ impl AuthorArguments {
         let author = self.author.clone().or_else(named).or_else(login_name).filter(|name| !name.is_empty());
         author.context("who are you? Give a name with --author, or in RELIEF_AUTHOR")
     }
+}
+
+fn is_url(place: &str) -> bool {
+    place.contains("://") || place.starts_with("sqlite:")
 }
 
 /// Who the system says that this is, where the environment does not: services have none.
