@@ -132,7 +132,7 @@ pub(super) struct Log {
 impl LogArguments {
     /// For commands that add to a log: makes it where there is none.
     pub(super) fn open(&self) -> anyhow::Result<Log> {
-        self.open_by(async |place| Store::open(place).await)
+        self.open_by(&async |place| Store::open(place).await)
     }
 
     /// For commands that are about what is there.
@@ -143,7 +143,7 @@ impl LogArguments {
                 "there is no log {place}; a command that adds to one makes it, such as relief annotate import"
             );
         }
-        self.open_by(async |place| Store::open_existing(place).await)
+        self.open_by(&async |place| Store::open_existing(place).await)
     }
 
     /// Whether there is a log, as far as its place says.
@@ -152,7 +152,7 @@ impl LogArguments {
         is_url(place) || std::path::Path::new(place).exists()
     }
 
-    fn open_by(&self, open: impl AsyncFn(&str) -> Result<Store, StoreError>) -> anyhow::Result<Log> {
+    fn open_by(&self, open: &impl AsyncFn(&str) -> Result<Store, StoreError>) -> anyhow::Result<Log> {
         let place = self.place();
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
         // A URL may have a password: it is not shown.
