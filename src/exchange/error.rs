@@ -4,6 +4,7 @@ use super::Format;
 use crate::annotation::ItemError;
 use crate::dicom::report::ReportError;
 use crate::dicom::{Defect, SegmentationError};
+use crate::mesh::files::MeshFileError;
 
 /// Why annotations could not be read from a file, or written to one.
 #[derive(Debug, thiserror::Error)]
@@ -77,6 +78,9 @@ pub enum ExchangeError {
     /// A segmentation that `dicom` does not write.
     #[error("seg: {0}")]
     Segmentation(#[source] Box<SegmentationError>),
+    /// A mesh that `mesh` does not read; the format is in its message.
+    #[error("{0}")]
+    Mesh(#[source] Box<MeshFileError>),
     /// The system gives no random numbers, and so no ids.
     #[error("cannot make ids: {0}")]
     Random(#[from] getrandom::Error),

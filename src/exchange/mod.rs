@@ -13,6 +13,7 @@ mod extra;
 mod fcsv;
 mod format;
 mod loss;
+mod meshes;
 mod mps;
 mod mrk_json;
 mod objects;
@@ -98,15 +99,13 @@ impl Format {
     /// Whether [`read`] takes it.
     #[must_use]
     pub const fn can_read(self) -> bool {
-        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, Nifti, Seg, SegNrrd, Sr, Tsv};
-        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | Sr | Seg | SegNrrd | Nifti)
+        !matches!(self, Self::RtStruct)
     }
 
     /// Whether [`write`] makes it.
     #[must_use]
     pub const fn can_write(self) -> bool {
-        use Format::{Cornerstone, Csv, Fcsv, Mps, MrkJson, Seg, SegNrrd, Sr, Tsv};
-        matches!(self, MrkJson | Fcsv | Csv | Tsv | Mps | Cornerstone | Sr | Seg | SegNrrd)
+        !matches!(self, Self::RtStruct | Self::Nifti)
     }
 }
 
@@ -124,7 +123,10 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
         Format::Sr => objects::read_report(bytes, context),
         Format::Seg => objects::read_segmentation(bytes, context),
         Format::SegNrrd | Format::Nifti => regions::read(format, bytes, context),
-        _ => Err(ExchangeError::OneWay { format, action: "read", possible: Format::names(Format::can_read) }),
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb => meshes::read(format, bytes, context),
+        Format::RtStruct => {
+            Err(ExchangeError::OneWay { format, action: "read", possible: Format::names(Format::can_read) })
+        }
     }
 }
 
@@ -155,7 +157,10 @@ pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Resu
                 _ => crate::formats::seg_nrrd(&map).map_err(|error| regions::failed(format, &error)),
             }
         }
-        _ => {
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb => {
+            meshes::write(format, &kept, context, &mut left_out)
+        }
+        Format::RtStruct | Format::Nifti => {
             let possible = Format::names(Format::can_write);
             return Err(ExchangeError::OneWay { format, action: "written", possible });
         }

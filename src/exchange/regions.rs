@@ -8,13 +8,11 @@ use std::collections::BTreeMap;
 use std::io::Write;
 
 use super::reading::Reading;
+use super::structures::REGION_TYPE;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext};
 use crate::annotation::{ContentId, Geometry, Item, ItemId, RegionSummary};
 use crate::formats;
 use crate::volume::{Grid, LabelMap, Segment};
-
-/// The media type of contents of regions.
-pub(super) const MEDIA_TYPE: &str = "application/x-seg-nrrd";
 
 /// Reads a map of NRRD or NIfTI.
 ///
@@ -62,7 +60,7 @@ pub(super) fn of_map(
     if context.grid.is_some_and(|grid| !touches(map.grid(), grid)) {
         reading.warn("", "the map lies outside of the volume; is it of the same scan?");
     }
-    reading.contents.push((content, MEDIA_TYPE.to_owned(), bytes));
+    reading.contents.push((content, REGION_TYPE.to_owned(), bytes));
     Ok(reading.finish())
 }
 
@@ -115,7 +113,7 @@ pub(super) fn join(
     Ok((map, items, lost))
 }
 
-fn no_content(format: Format, id: ItemId) -> ExchangeError {
+pub(super) fn no_content(format: Format, id: ItemId) -> ExchangeError {
     ExchangeError::value(format, format!("the content of item {id}"), "not there", "the voxels of the region")
 }
 

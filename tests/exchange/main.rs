@@ -9,6 +9,7 @@ mod any;
 mod commands;
 mod damage;
 mod labels;
+mod meshes;
 mod mirror;
 mod objects;
 mod peer;

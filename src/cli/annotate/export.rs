@@ -32,7 +32,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "OUT")]
     out: PathBuf,
     #[command(flatten)]
-    series: series::Arguments,
+    series: series::SeriesArguments,
     /// Items of these sets alone
     #[arg(long = "set", value_name = "NAME", value_delimiter = ',')]
     sets: Vec<String>,

@@ -38,7 +38,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FORMAT")]
     format: Option<Format>,
     #[command(flatten)]
-    series: series::Arguments,
+    series: series::SeriesArguments,
     /// The set that items come into
     #[arg(long, value_name = "NAME", default_value = Set::DEFAULT)]
     set: String,

@@ -10,7 +10,7 @@ use crate::volume::Grid;
 
 /// The series that items belong to.
 #[derive(Debug, clap::Args)]
-pub(super) struct Arguments {
+pub(super) struct SeriesArguments {
     /// The series that items belong to: a folder, a file, a DICOMDIR or a zip; or a volume as .nii, .nii.gz or .nrrd
     #[arg(long, value_name = "PATH")]
     series: Option<PathBuf>,
@@ -29,7 +29,7 @@ pub(super) struct Series {
     pub(super) reference: Option<SeriesReference>,
 }
 
-impl Arguments {
+impl SeriesArguments {
     /// Loads the series, if one is given.
     pub(super) fn load(&self) -> anyhow::Result<Option<Series>> {
         let Some(path) = &self.series else { return Ok(None) };
