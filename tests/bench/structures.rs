@@ -1,12 +1,12 @@
 //! Times of structures: a region grown from a seed, its mask's surface, smoothed and decimated; one JSON object.
 //!
-//! cargo bench --bench structures -- [--size N] [--repeat N] [--keep FOLDER]
+//! cargo bench --bench structures -- [--size N] [--repeat N] [--input head|gyroid] [--keep FOLDER]
 //!
 //! Two volumes of N voxels along each side (512 by default; the head has fewer slices): the head phantom's bone, and a ball of
 //! winding sheets (a gyroid), which is all one region and nearly all surface. The median of the repeats counts, three by default.
 //! With `--keep` the volumes and seeds are written for scripts/peers/structures.py, which scripts/compare-structures calls.
 #![expect(clippy::unwrap_used, reason = "volumes are made here: what fails is the benchmark")]
-#![expect(clippy::print_stdout, reason = "a benchmark says what it found")]
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a benchmark says what it found")]
 
 use std::path::Path;
 use std::time::Instant;
@@ -18,6 +18,9 @@ use relief::volume::phantom::{Kind, Recipe};
 use relief::volume::{Grid, Places, Segment, Volume};
 use serde_json::json;
 use sha2::{Digest, Sha256};
+
+/// Triangles of the largest mesh that is decimated.
+const MOST_DECIMATED: usize = 4_000_000;
 
 struct Input {
     name: &'static str,
@@ -31,14 +34,16 @@ fn main() {
     let value = |key: &str| words.iter().position(|word| word == key).and_then(|at| words.get(at + 1));
     let size = value("--size").map_or(512, |size| size.parse().unwrap());
     let repeat = value("--repeat").map_or(3, |repeat| repeat.parse().unwrap());
-    let inputs = [head(size), gyroid(size)];
-    let reports: Vec<_> = inputs
-        .iter()
-        .map(|input| {
+    let makers: [(&str, fn(usize) -> Input); 2] = [("head", head), ("gyroid", gyroid)];
+    let wanted = makers.iter().filter(|(name, _)| value("--input").is_none_or(|wanted| wanted == name));
+    let reports: Vec<_> = wanted
+        .map(|(name, make)| {
+            eprintln!("{name}: making the volume");
+            let input = make(size);
             if let Some(folder) = value("--keep") {
-                keep(Path::new(folder), input);
+                keep(Path::new(folder), &input);
             }
-            measure(input, repeat)
+            measure(&input, repeat)
         })
         .collect();
     println!(
@@ -87,7 +92,7 @@ fn keep(folder: &Path, Input { name, volume, seed, hu }: &Input) {
 }
 
 /// The median time of several runs, seconds, and the last result.
-fn timed<T>(repeat: usize, run: impl Fn() -> T) -> (f64, T) {
+fn timed<T>(what: &str, repeat: usize, run: impl Fn() -> T) -> (f64, T) {
     let mut times = Vec::new();
     let mut last = None;
     for _ in 0..repeat.max(1) {
@@ -97,6 +102,7 @@ fn timed<T>(repeat: usize, run: impl Fn() -> T) -> (f64, T) {
         times.push(start.elapsed().as_secs_f64());
     }
     times.sort_by(f64::total_cmp);
+    eprintln!("  {what}: {times:.3?} s");
     (times[times.len() / 2], last.unwrap())
 }
 
@@ -104,20 +110,26 @@ fn measure(Input { name, volume, seed, hu }: &Input, repeat: usize) -> serde_jso
     let seeds =
         vec![volume.grid().patient_from_voxel() * Point::new(seed[0] as f64, seed[1] as f64, seed[2] as f64)];
     let what = Grow { seeds, hu: *hu, limits: Limits::default() };
-    let (grow_s, grown) = timed(repeat, || grow(volume, &what, &|_| true).unwrap());
-    let (nets_s, mesh) = timed(repeat, || surface_nets(&grown.mask).unwrap());
-    let (smooth_s, smooth) = timed(1, || mesh.smoothed(Smoothing::default()).unwrap());
-    let (measure_s, measures) = timed(1, || smooth.measures());
-    let (decimate_s, light) =
-        timed(1, || smooth.decimated(Decimation::to(smooth.triangles.len() / 10)).unwrap());
+    let (grow_s, grown) = timed("grow", repeat, || grow(volume, &what, &|_| true).unwrap());
+    let (nets_s, mesh) = timed("surface", repeat, || surface_nets(&grown.mask).unwrap());
+    let (smooth_s, smooth) = timed("smooth", 1, || mesh.smoothed(Smoothing::default()).unwrap());
+    let (measure_s, measures) = timed("measure", 1, || smooth.measures());
+    // A tenth of very many triangles takes minutes, and nobody asks for that.
+    let is_light = smooth.triangles.len() <= MOST_DECIMATED;
+    let decimated = is_light.then(|| {
+        timed("decimate", 1, || smooth.decimated(Decimation::to(smooth.triangles.len() / 10)).unwrap())
+    });
+    let decimated = decimated.map(|(seconds, light)| {
+        json!({ "s": seconds, "triangles": light.triangles.len(), "manifold": light.measures().is_manifold })
+    });
     let map = grown.mask.to_labels(Segment::new(1, None, None));
     let Places::Bytes(places) = map.places() else { unreachable!("one segment") };
     let sha256: String = Sha256::digest(places).iter().map(|byte| format!("{byte:02x}")).collect();
     json!({
         "name": name, "dims": volume.grid().dims(), "voxels": grown.voxels, "mask_sha256": sha256,
         "grow_s": grow_s, "nets_s": nets_s, "vertices": mesh.vertices.len(), "triangles": mesh.triangles.len(),
-        "smooth_s": smooth_s, "measure_s": measure_s, "decimate_s": decimate_s, "decimated": light.triangles.len(),
+        "smooth_s": smooth_s, "measure_s": measure_s, "decimated": decimated,
         "manifold": measures.is_manifold, "euler": measures.euler, "volume_ml": measures.volume_ml,
-        "voxels_ml": grown.volume_ml, "area_mm2": measures.area_mm2, "decimated_manifold": light.measures().is_manifold,
+        "voxels_ml": grown.volume_ml, "area_mm2": measures.area_mm2,
     })
 }
