@@ -176,10 +176,10 @@ fn edges_are_the_steepest_and_nearest_on_them() {
                         );
                     }
                     assert!(steep >= 0.5 * best, "{seed}, {from}: {steep} for {best}");
-                    // Nothing beside it on the same sheet is nearer.
+                    // Nothing beside it that is as steep is nearer.
                     let nearer = edges.iter().find(|(place, beside)| {
                         place.distance(found.at.xyz) < 0.4
-                            && *beside >= 0.6 * steep.max(best)
+                            && *beside >= 1.01 * steep
                             && place.distance(from) < found.shift.length() - 0.2
                     });
                     assert!(nearer.is_none(), "{seed}, {from}: {nearer:?} is nearer than {found:?}");
