@@ -132,7 +132,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 }
 
 /// Calibrates the setting's camera as a user would: four minutes of a hand that moves around the beacon.
-fn survey(setting: &Setting) -> anyhow::Result<Calibration> {
+pub(super) fn survey(setting: &Setting) -> anyhow::Result<Calibration> {
     let simulation = Simulation {
         camera: setting.camera,
         sensing: setting.sensing,

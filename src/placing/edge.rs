@@ -65,12 +65,12 @@ pub(super) fn find(
     }))
 }
 
-/// Voxels in and around the ball whose magnitude is no less than that of those before and behind them, apart from one another: those
-/// with the largest magnitude times nearness.
+/// Voxels in and around the ball, apart from one another, with the largest magnitude times nearness: first those whose magnitude is no
+/// less than that of the voxels before and behind them.
 fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let to_voxel = field.voxel_from_patient.matrix3;
     let gradient = |place: [usize; 3]| to_voxel.transpose() * lattice.differences(place);
-    let mut found: Vec<(f64, DVec3)> = Vec::new();
+    let (mut steepest, mut others): (Vec<(f64, DVec3)>, Vec<(f64, DVec3)>) = Default::default();
     for (place, index) in lattice.voxels() {
         let here = gradient(place);
         let position = field.patient_from_voxel.transform_point3(index);
@@ -84,15 +84,17 @@ fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) 
         let is_steepest = [way, -way].into_iter().all(|way| {
             lattice.beside(place, way).is_none_or(|beside| gradient(beside).length() <= here.length())
         });
-        if is_steepest {
-            found.push((here.length() * near, position));
-        }
+        let list = if is_steepest { &mut steepest } else { &mut others };
+        list.push((here.length() * near, position));
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<DVec3> = Vec::new();
-    for (_, position) in found {
-        if kept.len() < MOST_SEEDS && kept.iter().all(|one| one.distance(position) > field.sigma_mm) {
-            kept.push(position);
+    // Where the gradient turns within a voxel its neighbours say little: some of the others too.
+    for (most, mut list) in [(MOST_SEEDS, steepest), (2 * MOST_SEEDS, others)] {
+        list.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, position) in list {
+            if kept.len() < most && kept.iter().all(|one| one.distance(position) > field.sigma_mm) {
+                kept.push(position);
+            }
         }
     }
     kept

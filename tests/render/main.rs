@@ -21,6 +21,7 @@ mod memory;
 mod modes;
 mod overlays;
 mod pathtrace;
+mod picks;
 mod pre_integrated;
 mod projections;
 mod reduced;

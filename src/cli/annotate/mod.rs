@@ -3,6 +3,7 @@
 //! Each subcommand has a file with its arguments and a `run`. What they share is here: which log ([`LogArguments`]), who changes
 //! it and why ([`ByArguments`]), and tables.
 
+mod accuracy;
 mod check;
 mod compare;
 mod export;
@@ -75,6 +76,7 @@ enum Action {
     Paint(paint::Arguments),
     Fill(fill::Arguments),
     Mesh(mesh::Arguments),
+    Accuracy(accuracy::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
@@ -94,6 +96,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         Action::Paint(arguments) => paint::run(arguments, log),
         Action::Fill(arguments) => fill::run(arguments, log),
         Action::Mesh(arguments) => mesh::run(arguments, log),
+        Action::Accuracy(arguments) => accuracy::run(arguments),
     }
 }
 

@@ -84,14 +84,23 @@ impl Label<'_> {
         // Rims and descenders reach beyond the line.
         let half = (Typesetter::size_px(self.text, height_px) + DVec2::new(0.4, 1.0) * height) / 2.0;
         let sides = GAPS.into_iter().flat_map(|gap| SIDES.map(|(x, y)| (DVec2::new(x, y), gap)));
-        let places = sides.map(|(side, gap)| {
+        let mut places = sides.map(|(side, gap)| {
             let near = self.middle + side * (self.radius_px + gap * height);
             let outwards =
                 DVec2::select(BVec2::new(side.x == 0.0, side.y == 0.0), DVec2::ZERO, side.signum());
             Place { middle: near + outwards * half, half, side }
         });
-        let find = |most: u8| places.clone().find(|place| taken.has_at_most(most, place.corners()));
-        find(FREE).or_else(|| find(BALL))
+        // The first free one, or else the first that covers nothing but balls.
+        let mut over_balls = None;
+        let free = places.find_map(|place| match taken.most_in(place.corners())? {
+            FREE => Some(place),
+            BALL => {
+                over_balls.get_or_insert(place);
+                None
+            }
+            _ => None,
+        });
+        free.or(over_balls)
     }
 
     /// A line from the ball to its label.
@@ -144,11 +153,20 @@ impl Taken {
         }
     }
 
-    /// Whether a box lies within the picture and touches nothing above this.
-    fn has_at_most(&self, most: u8, corners: [DVec2; 2]) -> bool {
+    /// The most of what a box touches; `None` where it does not lie within the picture.
+    fn most_in(&self, corners: [DVec2; 2]) -> Option<u8> {
         let [low, high] = corners;
-        let inside = low.min_element() >= 0.0 && high.cmple(self.size_px).all();
-        inside && self.cells_of(corners).all(|range| self.cells[range].iter().all(|cell| *cell <= most))
+        if low.min_element() < 0.0 || !high.cmple(self.size_px).all() {
+            return None;
+        }
+        let mut most = FREE;
+        for range in self.cells_of(corners) {
+            most = self.cells[range].iter().copied().fold(most, u8::max);
+            if most == TAKEN {
+                break;
+            }
+        }
+        Some(most)
     }
 }
 

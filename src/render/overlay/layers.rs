@@ -109,6 +109,13 @@ impl Band<'_> {
         insert(list, fragment);
     }
 
+    /// Whether a fragment of this rank, as near as this or farther, would be hidden by others of its pixel, whatever it is.
+    pub(super) fn is_hidden(&self, column: u32, row: u32, key: (Rank, f32)) -> bool {
+        let at = ((row - self.rows[0]) * self.width + column) as usize;
+        let last = self.scratch.pixels.get(at).and_then(|list| list.last());
+        last.is_some_and(|last| last.hides_all_behind() && last.key() <= key)
+    }
+
     /// Turns what was added into colour and depth. What lies behind the volume has `occluded` of its opacity.
     pub(super) fn resolve(&mut self, occluded: f32) {
         let Scratch { pixels, touched } = &mut *self.scratch;
@@ -146,6 +153,13 @@ fn insert(list: &mut Vec<Fragment>, fragment: Fragment) {
 ///
 /// Hidden fragments hide one another as if they were seen alone; the share is of what is then seen of them all.
 fn blend(front: &[Fragment], hidden: &[Fragment], occluded: f32, [r, g, b, coverage]: [u8; 4]) -> [u8; 4] {
+    if let [only, ..] = front
+        && only.hides_all_behind()
+    {
+        // What the sums below come to.
+        let [r, g, b] = only.rgb.map(byte);
+        return [r, g, b, 255];
+    }
     let mut rgb = [0.0; 3];
     let mut passing = [1.0f32; 16];
     for fragment in front {

@@ -21,11 +21,13 @@ mod lens;
 mod shape;
 mod text;
 
+use std::sync::{Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 use self::layers::{Band, Scratch};
 use self::lens::Lens;
-use self::shape::{Primitive, pixels};
+use self::shape::{Primitive, Shape, pixels};
 use super::frame::RenderedFrame;
 use super::request::{RenderRequest, RequestError};
 use crate::volume::Grid;
@@ -35,6 +37,9 @@ pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text}
 
 /// Rows of a picture that one thread draws at a time.
 const BAND_ROWS: u32 = 16;
+
+/// So many primitives in a band are worth sorting.
+const MANY: usize = 512;
 
 /// Most pixels that all primitives of a picture together may have to look at: some seconds of a core.
 const MAX_WORK_PX: f64 = (1u64 << 29) as f64;
@@ -83,19 +88,21 @@ impl Drawing {
         let pixels_of_band = (width * BAND_ROWS) as usize;
         let colors = frame.color_rgba.par_chunks_mut(pixels_of_band);
         let depths = frame.depth_mm.par_chunks_mut(pixels_of_band);
-        colors.zip(depths).zip(&bands).enumerate().for_each_init(
-            Scratch::default,
-            |scratch, (i, ((color_rgba, depth_mm), members))| {
-                #[expect(clippy::cast_possible_truncation, reason = "a picture's rows are u32")]
-                let first = i as u32 * BAND_ROWS;
-                let rows = [first, (first + BAND_ROWS).min(height)];
-                let mut band = Band { rows, width, color_rgba, depth_mm, scratch };
-                for &member in members {
-                    self.primitives[member as usize].draw(&self.lens, &mut band);
-                }
-                band.resolve(self.occluded);
-            },
-        );
+        // Memory of finished bands, for the next ones.
+        let spare: Mutex<Vec<Scratch>> = Mutex::default();
+        let spare_now = || spare.lock().unwrap_or_else(PoisonError::into_inner);
+        colors.zip(depths).zip(&bands).enumerate().for_each(|(i, ((color_rgba, depth_mm), members))| {
+            let mut scratch = spare_now().pop().unwrap_or_default();
+            #[expect(clippy::cast_possible_truncation, reason = "a picture's rows are u32")]
+            let first = i as u32 * BAND_ROWS;
+            let rows = [first, (first + BAND_ROWS).min(height)];
+            let mut band = Band { rows, width, color_rgba, depth_mm, scratch: &mut scratch };
+            for &member in members {
+                self.primitives[member as usize].draw(&self.lens, &mut band);
+            }
+            band.resolve(self.occluded);
+            spare_now().push(scratch);
+        });
     }
 
     /// The primitives of each band of rows, in their order.
@@ -107,6 +114,21 @@ impl Drawing {
             let touched = first / BAND_ROWS..end.div_ceil(BAND_ROWS);
             bands[touched.start as usize..touched.end as usize].iter_mut().for_each(|band| band.push(index));
         }
+        for band in bands.iter_mut().filter(|band| band.len() >= MANY) {
+            self.sort(band);
+        }
         bands
+    }
+
+    /// The nearest first, so that what they hide need not be looked at; for balls and words alone, since the depth of others
+    /// is not known before.
+    fn sort(&self, members: &mut [u32]) {
+        let primitive = |member: &u32| &self.primitives[*member as usize];
+        let mut keyed: Vec<(f32, u32)> =
+            members.iter().map(|member| (primitive(member).nearest_mm(), *member)).collect();
+        if members.iter().all(|member| !matches!(primitive(member).shape, Shape::Triangle(_))) {
+            keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+            members.iter_mut().zip(keyed).for_each(|(member, (_, sorted))| *member = sorted);
+        }
     }
 }

@@ -16,6 +16,9 @@ const AMBIENT: f64 = 0.35;
 /// From a pixel's centre to its corner, px.
 pub(super) const HALF_DIAGONAL: f64 = 0.708;
 
+/// A ball of this radius or more, px, is wider than a pixel's diagonal everywhere.
+const WIDE_PX: f64 = 2.0;
+
 /// Something to draw.
 #[derive(Clone, Debug)]
 pub(super) struct Primitive {
@@ -63,6 +66,9 @@ impl Primitive {
 
     /// Draws what lies in the band.
     pub(super) fn draw(&self, lens: &Lens, band: &mut Band<'_>) {
+        if let Shape::Ball(ball) = &self.shape {
+            return self.draw_ball(ball, lens, band);
+        }
         let [_, top, _, bottom] = self.bounds();
         let [first, end] = pixels(top, bottom, band.rows);
         for row in first..end {
@@ -73,6 +79,47 @@ impl Primitive {
                     band.add(column, row, self.fragment(&cover));
                 }
             }
+        }
+    }
+
+    /// As [`Primitive::draw`] for a ball: corners that pixels share are looked at once, and only pixels where something may be seen.
+    fn draw_ball(&self, ball: &Ball, lens: &Lens, band: &mut Band<'_>) {
+        let [left, top, right, bottom] = ball.bounds;
+        let ([first, end], [from, to]) =
+            (pixels(top, bottom, band.rows), pixels(left, right, [0, band.width]));
+        let inside = |row: u32| {
+            let is_inside = move |column: u32| ball.is_inside(lens, DVec2::new(column.into(), row.into()));
+            (from..to + 1).map(is_inside)
+        };
+        let nearest = (self.rank, self.nearest_mm());
+        let mut above: Vec<bool> = Vec::with_capacity((to - from) as usize + 1);
+        let mut below: Vec<bool> = inside(first).collect();
+        for row in first..end {
+            std::mem::swap(&mut above, &mut below);
+            below.clear();
+            below.extend(inside(row + 1));
+            for column in from..to {
+                let at = (column - from) as usize;
+                let corners = [above[at], above[at + 1], below[at], below[at + 1]];
+                let corner = DVec2::new(column.into(), row.into());
+                if band.is_hidden(column, row, nearest) || ball.is_beside(corner, corners) {
+                    continue;
+                }
+                if let Some(cover) = ball.cover(lens, corner, corners == [true; 4]) {
+                    band.add(column, row, self.fragment(&cover));
+                }
+            }
+        }
+    }
+
+    /// No part of it is nearer, mm of view depth.
+    #[expect(clippy::cast_possible_truncation, reason = "depths are kept as f32")]
+    pub(super) fn nearest_mm(&self) -> f32 {
+        match &self.shape {
+            // A little less, against rounding.
+            Shape::Ball(ball) => (ball.center.z - ball.radius_mm - 1e-3) as f32,
+            Shape::Stamp(stamp) => stamp.depth_mm as f32,
+            Shape::Stroke(_) | Shape::Triangle(_) => f32::NEG_INFINITY,
         }
     }
 
@@ -92,7 +139,7 @@ impl Primitive {
     /// What the shape has in the pixel with this upper left corner.
     fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
         match &self.shape {
-            Shape::Ball(ball) => ball.cover(lens, corner),
+            Shape::Ball(ball) => ball.cover(lens, corner, false),
             Shape::Stroke(stroke) => stroke.cover(lens, corner),
             Shape::Triangle(triangle) => triangle.cover(lens, corner),
             Shape::Stamp(stamp) => {
@@ -140,6 +187,8 @@ pub(super) struct Ball {
     center: DVec3,
     radius_mm: f64,
     bounds: [f64; 4],
+    /// Whether the outline is wider than a pixel's diagonal everywhere.
+    is_wide: bool,
 }
 
 impl Ball {
@@ -160,7 +209,8 @@ impl Ball {
         let ([left, right], [bottom, top]) = (low_high(center.x), low_high(center.y));
         let pixel = |x: f64, y: f64| lens.pixel(DVec3::new(x, y, 1.0));
         let (first, last) = (pixel(left, top), pixel(right, bottom));
-        Some(Self { center, radius_mm, bounds: [first.x, first.y, last.x, last.y] })
+        let is_wide = radius_mm > WIDE_PX * lens.mm_per_px(center.z);
+        Some(Self { center, radius_mm, bounds: [first.x, first.y, last.x, last.y], is_wide })
     }
 
     /// A positive number where the ray of a pixel meets the ball, and what the depth is computed from.
@@ -175,17 +225,26 @@ impl Ball {
         (along * along - square * power, along, square)
     }
 
-    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
-        let at = |pixel: DVec2| self.discriminant(lens.across(pixel), lens.is_perspective);
-        let is_inside = |pixel: DVec2| at(pixel).0 >= 0.0;
-        let corners = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE];
-        // The outline is convex.
-        let is_full = corners.into_iter().all(|offset| is_inside(corner + offset));
-        let points = if is_full { FULL } else { points_where(corner, is_inside) };
+    fn is_inside(&self, lens: &Lens, pixel: DVec2) -> bool {
+        self.discriminant(lens.across(pixel), lens.is_perspective).0 >= 0.0
+    }
+
+    /// Whether nothing of the ball is in a pixel, as far as its corners tell. A convex outline that is everywhere wider than a pixel
+    /// comes into one without its corners only where it has its leftmost, rightmost, highest or lowest point.
+    fn is_beside(&self, corner: DVec2, corners: [bool; 4]) -> bool {
+        let [left, top, right, bottom] = self.bounds;
+        let (low, high) = (corner - 1e-6, corner + (1.0 + 1e-6));
+        let is_extreme = high.x >= right || low.x <= left || high.y >= bottom || low.y <= top;
+        self.is_wide && corners == [false; 4] && !is_extreme
+    }
+
+    /// `is_full` where all corners of the pixel are known to be inside: the outline is convex.
+    fn cover(&self, lens: &Lens, corner: DVec2, is_full: bool) -> Option<Cover> {
+        let points = if is_full { FULL } else { points_where(corner, |pixel| self.is_inside(lens, pixel)) };
         if points == 0 {
             return None;
         }
-        let (discriminant, along, square) = at(corner + 0.5);
+        let (discriminant, along, square) = self.discriminant(lens.across(corner + 0.5), lens.is_perspective);
         let root = discriminant.max(0.0).sqrt();
         let facing = (root / (self.radius_mm * square.sqrt())).min(1.0);
         Some(Cover { points, depth_mm: (along - root) / square, light: light(facing) })
