@@ -23,6 +23,7 @@ mod item;
 mod measure;
 mod patient_mm;
 mod placement;
+mod shown;
 mod template;
 mod time;
 
@@ -33,5 +34,6 @@ pub use geometry::{ContentId, Geometry, MeshSummary, RegionSummary};
 pub use item::{Concept, FrameOfReference, Item, ItemId, Set, State};
 pub use measure::{Measure, measures};
 pub use placement::{CameraRecord, Device, Method, Placement};
+pub use shown::Shown;
 pub use template::{Completeness, Expected, ExpectedKind, Template, TemplateError};
 pub use time::Timestamp;

@@ -7,6 +7,7 @@
 mod backend;
 mod budget;
 mod cache;
+mod drawn;
 mod encode;
 mod glyphs;
 pub mod golden;
@@ -21,6 +22,7 @@ use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
 pub use budget::{Planned, SpeedBook};
+pub use drawn::{Drawables, Drawn, Shape};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use service::{Counts, QueueConfig, RenderService};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};

@@ -50,7 +50,8 @@ pub(super) fn primitives(overlays: &Overlays, lens: &Lens, grid: &Grid) -> Vec<P
     }
     let Builder { mut primitives, mut typesetter, labels, .. } = builder;
     let height_px = overlays.label_height_px.unwrap_or_else(|| usual_height_px(lens.size_px.y));
-    labels::set(labels, height_px, lens, &mut typesetter, &mut primitives);
+    let shown = overlays.label_depths_mm;
+    labels::set(labels, (height_px, shown), lens, &mut typesetter, &mut primitives);
     primitives
 }
 
@@ -65,7 +66,8 @@ impl<'a> Builder<'a> {
     #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
     fn push(&mut self, shape: Shape, rgb: [f64; 3], opacity: f64) {
         let rgb = rgb.map(|channel| (channel * 255.0) as f32);
-        self.primitives.push(Primitive { shape, rgb, opacity: opacity as f32, rank: Rank::Scene });
+        let (opacity, rank) = (opacity as f32, Rank::Scene);
+        self.primitives.push(Primitive { shape, rgb, opacity, rank, shown_mm: None });
     }
 
     fn landmark(&mut self, landmark: &'a Landmark) {
@@ -130,7 +132,7 @@ impl<'a> Builder<'a> {
             return;
         }
         let height_px = text.height_px.unwrap_or_else(|| usual_height_px(self.lens.size_px.y));
-        let style = Style { height_px, rgb: text.rgb, rank: Rank::Scene };
+        let style = Style { height_px, rgb: text.rgb, rank: Rank::Scene, shown_mm: None };
         self.typesetter.set(&text.text, self.lens.pixel(place), place.z, style, &mut self.primitives);
     }
 

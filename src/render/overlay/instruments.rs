@@ -133,14 +133,14 @@ pub(super) fn scale_bar(lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<
     let half_text = Typesetter::size_px(&text, height_px).x / 2.0;
     let middle =
         DVec2::new((left.x + right.x).max(left.x * 2.0 + half_text * 2.0) / 2.0, left.y - 1.2 * unit);
-    let style = Style { height_px, rgb: BAR_RGB, rank: Rank::Instrument };
+    let style = Style { height_px, rgb: BAR_RGB, rank: Rank::Instrument, shown_mm: None };
     typesetter.set(&text, middle, lens.focal_mm, style, out);
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
 fn instrument(shape: Shape, rgb: [f64; 3]) -> Primitive {
     let rgb = rgb.map(|channel| (channel * 255.0) as f32);
-    Primitive { shape, rgb, opacity: 1.0, rank: Rank::Instrument }
+    Primitive { shape, rgb, opacity: 1.0, rank: Rank::Instrument, shown_mm: None }
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is at most this.

@@ -19,6 +19,10 @@ pub struct Overlays {
     pub scale_bar: bool,
     /// Height of the capitals of labels, px; a share of the picture's height where there is none.
     pub label_height_px: Option<u32>,
+    /// Between which view depths labels are shown, mm; each at its ball's where there are none. What hides them, and what
+    /// they hide, their ball's depth decides as ever: displays that shift pixels by their depth blur words far from the
+    /// screen.
+    pub label_depths_mm: Option<[f64; 2]>,
     /// Opacity of what lies behind the volume's surface, 0..1: 0 hides it, 1 shows it as if nothing were before it.
     pub occluded: f64,
 }
@@ -120,6 +124,7 @@ impl Default for Overlays {
             orientation_cube: false,
             scale_bar: false,
             label_height_px: None,
+            label_depths_mm: None,
             occluded: Self::DEFAULT_OCCLUDED,
         }
     }
@@ -183,6 +188,12 @@ impl Overlays {
         within("overlays.occluded", self.occluded, [0.0, 1.0])?;
         if let Some(height_px) = self.label_height_px {
             within("overlays.label_height_px", f64::from(height_px), HEIGHTS_PX.map(f64::from))?;
+        }
+        if let Some([near, far]) = self.label_depths_mm
+            && !(near.abs() <= Self::FARTHEST_MM && far.abs() <= Self::FARTHEST_MM && near <= far)
+        {
+            let allowed = format!("two depths within {} mm, the first not the larger", Self::FARTHEST_MM);
+            return Err(RequestError::new("overlays.label_depths_mm", &format!("{near}, {far}"), &allowed));
         }
         at_most("overlays.items", "items", self.items.len(), Self::MAX_ITEMS)?;
         let mut sums = Sums::default();

@@ -34,10 +34,10 @@ pub(super) struct Label<'a> {
     pub(super) rgb: [f64; 3],
 }
 
-/// Sets labels. What `out` has of instruments is kept free.
+/// Sets labels in capitals of this height, shown at these view depths at most. What `out` has of instruments is kept free.
 pub(super) fn set(
     mut labels: Vec<Label<'_>>,
-    height_px: u32,
+    (height_px, depths_mm): (u32, Option<[f64; 2]>),
     lens: &Lens,
     typesetter: &mut Typesetter,
     out: &mut Vec<Primitive>,
@@ -57,8 +57,9 @@ pub(super) fn set(
     for label in &labels {
         let Some(place) = label.place(height_px, &taken) else { continue };
         taken.mark(place.corners(), TAKEN);
-        label.leader(&place, f64::from(height_px), lens, out);
-        let style = Style { height_px, rgb: TEXT_RGB, rank: Rank::Scene };
+        let shown_mm = depths_mm.map(|[near, far]| label.depth_mm.clamp(near, far));
+        label.leader(&place, (f64::from(height_px), shown_mm), lens, out);
+        let style = Style { height_px, rgb: TEXT_RGB, rank: Rank::Scene, shown_mm };
         typesetter.set(label.text, place.middle, label.depth_mm, style, out);
     }
 }
@@ -104,7 +105,13 @@ impl Label<'_> {
     }
 
     /// A line from the ball to its label.
-    fn leader(&self, place: &Place, height: f64, lens: &Lens, out: &mut Vec<Primitive>) {
+    fn leader(
+        &self,
+        place: &Place,
+        (height, shown_mm): (f64, Option<f64>),
+        lens: &Lens,
+        out: &mut Vec<Primitive>,
+    ) {
         let from = self.middle + place.side.normalize() * self.radius_px;
         let [low, high] = place.corners();
         let to = from.clamp(low, high);
@@ -113,7 +120,8 @@ impl Label<'_> {
             let stroke = Stroke::flat(lens, [from, to], [self.depth_mm; 2], width);
             #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
             let rgb = rgb.map(|channel| (channel * 255.0) as f32);
-            out.push(Primitive { shape: Shape::Stroke(stroke), rgb, opacity: 1.0, rank: Rank::Scene });
+            let shape = Shape::Stroke(stroke);
+            out.push(Primitive { shape, rgb, opacity: 1.0, rank: Rank::Scene, shown_mm });
         }
     }
 }
@@ -188,7 +196,7 @@ mod tests {
     /// The boxes of all rims of a picture's labels: six letters each.
     fn boxes(labels: Vec<Label<'_>>) -> Vec<[f64; 4]> {
         let mut out = Vec::new();
-        set(labels, 16, &lens(), &mut Typesetter::default(), &mut out);
+        set(labels, (16, None), &lens(), &mut Typesetter::default(), &mut out);
         let stamps: Vec<_> = out.iter().filter(|one| matches!(one.shape, Shape::Stamp(_))).collect();
         let join =
             |a: [f64; 4], b: [f64; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];

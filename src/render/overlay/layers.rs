@@ -41,6 +41,8 @@ pub(super) struct Fragment {
     pub(super) rgb: [f32; 3],
     pub(super) opacity: f32,
     pub(super) depth_mm: f32,
+    /// The depth that it gives to a pixel.
+    pub(super) shown_mm: f32,
     /// Covered sample points, a bit each.
     pub(super) points: u16,
     pub(super) rank: Rank,
@@ -210,7 +212,7 @@ fn depth_of(front: &[Fragment]) -> Option<f32> {
         let seen = (fragment.points & !covered).count_ones();
         covered |= fragment.points;
         if best.is_none_or(|(most, _)| seen > most) {
-            best = Some((seen, fragment.depth_mm));
+            best = Some((seen, fragment.shown_mm));
         }
     }
     best.filter(|_| covered.count_ones() >= HALF).map(|(_, depth_mm)| depth_mm)
@@ -221,7 +223,7 @@ mod tests {
     use super::*;
 
     fn fragment(rgb: [f32; 3], opacity: f32, depth_mm: f32, points: u16) -> Fragment {
-        Fragment { rgb, opacity, depth_mm, points, rank: Rank::Scene }
+        Fragment { rgb, opacity, depth_mm, shown_mm: depth_mm, points, rank: Rank::Scene }
     }
 
     fn resolved(fragments: &[Fragment], volume: ([u8; 4], f32), occluded: f32) -> ([u8; 4], f32) {
@@ -269,6 +271,13 @@ mod tests {
         assert_eq!(resolved(&[farther, behind], (GREY, 80.0), 0.25).0, color);
         // Where the ray hit nothing, the overlay is all there is.
         assert_eq!(resolved(&[behind], ([9, 9, 9, 0], f32::INFINITY), 0.25), ([255, 0, 0, 255], 90.0));
+    }
+
+    /// Words keep their place among what is before and behind, and stand where they can be read.
+    #[test]
+    fn a_pixel_gets_the_depth_that_is_to_be_shown() {
+        let word = Fragment { shown_mm: 95.0, ..fragment(RED, 1.0, 50.0, FULL) };
+        assert_eq!(resolved(&[word], (GREY, 80.0), 0.25), ([255, 0, 0, 255], 95.0));
     }
 
     #[test]

@@ -33,6 +33,7 @@ use super::request::{RenderRequest, RequestError};
 use crate::volume::Grid;
 
 pub use font::{CAPITAL, lettering};
+pub use text::{label_height_px, label_stroke_px};
 pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 
 /// Rows of a picture that one thread draws at a time.

@@ -27,6 +27,8 @@ pub(super) struct Primitive {
     pub(super) rgb: [f32; 3],
     pub(super) opacity: f32,
     pub(super) rank: Rank,
+    /// The view depth that its pixels are given; its own where there is none.
+    pub(super) shown_mm: Option<f64>,
 }
 
 /// Its form.
@@ -155,6 +157,7 @@ impl Primitive {
             rgb: self.rgb.map(|channel| channel * cover.light as f32),
             opacity: self.opacity,
             depth_mm: cover.depth_mm as f32,
+            shown_mm: self.shown_mm.unwrap_or(cover.depth_mm) as f32,
             points: cover.points,
             rank: self.rank,
         }

@@ -33,6 +33,18 @@ pub(super) fn usual_height_px(picture_px: f64) -> u32 {
     (picture_px * USUAL_SHARE).round().clamp(low, high) as u32
 }
 
+/// Height of the capitals of labels in a picture of this height where nothing says otherwise, px.
+#[must_use]
+pub fn label_height_px(picture_px: u32) -> u32 {
+    usual_height_px(f64::from(picture_px))
+}
+
+/// Width of the strokes of words in capitals of this height, px.
+#[must_use]
+pub fn label_stroke_px(height_px: u32) -> f64 {
+    2.0 * (HALF_STROKE.0 * f64::from(height_px)).max(HALF_STROKE.1)
+}
+
 /// Covered sample points of a glyph's pixels, ink and rim apart.
 #[derive(Debug)]
 pub(super) struct Bitmap {
@@ -61,6 +73,8 @@ pub(super) struct Style {
     /// Display-referred sRGB, 0..1.
     pub(super) rgb: [f64; 3],
     pub(super) rank: Rank,
+    /// As in [`Primitive`].
+    pub(super) shown_mm: Option<f64>,
 }
 
 /// The glyphs' pictures that one drawing needs.
@@ -113,7 +127,7 @@ impl Typesetter {
         if middle.abs().max_element() > 1e6 {
             return; // far outside of any picture
         }
-        let Style { height_px, rgb, rank } = style;
+        let Style { height_px, rgb, rank, shown_mm } = style;
         let scale = f64::from(height_px) / CAPITAL;
         let size = Self::size_px(text, height_px);
         let gap = (glyph('H').advance - glyph('H').width()) * scale;
@@ -126,7 +140,7 @@ impl Typesetter {
                 let bitmap = self.bitmap(character, height_px);
                 if bitmap.width > 0 {
                     let stamp = Stamp { bitmap, is_ink, pen: [x.round() as i32, baseline], depth_mm };
-                    out.push(Primitive { shape: Shape::Stamp(stamp), rgb, opacity: 1.0, rank });
+                    out.push(Primitive { shape: Shape::Stamp(stamp), rgb, opacity: 1.0, rank, shown_mm });
                 }
                 x += glyph(character).advance * scale;
             }
@@ -222,7 +236,7 @@ mod tests {
     #[test]
     fn a_line_stands_around_its_middle() {
         let mut out = Vec::new();
-        let style = Style { height_px: 24, rgb: [1.0; 3], rank: Rank::Scene };
+        let style = Style { height_px: 24, rgb: [1.0; 3], rank: Rank::Scene, shown_mm: None };
         Typesetter::default().set("Nasion", DVec2::new(200.0, 100.0), 50.0, style, &mut out);
         assert_eq!(out.len(), 12, "ink and rim of six letters");
         let bounds = out.iter().map(Primitive::bounds);

@@ -31,6 +31,7 @@ use super::classification::Classification;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
+use crate::annotation::Shown;
 use crate::camera::{CameraFile, Orbit};
 use crate::display::DisplaySettings;
 use crate::volume::{Grid, LabelMap};
@@ -49,6 +50,9 @@ pub struct Scene {
     /// How long the picture may take to render, ms; without one it is made as it is ordered. The request is reduced by whoever
     /// knows how fast pictures are.
     pub budget_ms: Option<f64>,
+    /// The annotations that are to be drawn over it. The renderer knows none: whoever has them adds them to the request's
+    /// overlays.
+    pub annotations: Shown,
 }
 
 impl Scene {
@@ -96,6 +100,7 @@ pub struct SceneFile {
     labels: Option<LabelsFile>,
     background_rgb: Option<[f64; 3]>,
     overlays: OverlaysFile,
+    annotations: Shown,
     lights: Option<LightsFile>,
     path_trace: Option<PathTraceFile>,
     display: DisplaySettings,
@@ -219,6 +224,18 @@ impl SceneFile {
         Self { budget_ms: Some(budget_ms), ..self }
     }
 
+    /// Replaces the annotations that are drawn.
+    #[must_use]
+    pub fn with_annotations(self, annotations: Shown) -> Self {
+        Self { annotations, ..self }
+    }
+
+    /// The annotations that are drawn.
+    #[must_use]
+    pub fn annotations(&self) -> &Shown {
+        &self.annotations
+    }
+
     /// Leaves the size to the layout.
     #[must_use]
     pub fn with_size_of_layout(self) -> Self {
@@ -311,7 +328,7 @@ impl SceneFile {
         };
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;
-        Ok(Scene { request, display: self.display, budget_ms: self.budget_ms })
+        Ok(Scene { request, display: self.display, budget_ms: self.budget_ms, annotations: self.annotations })
     }
 }
 

@@ -24,6 +24,7 @@ pub(super) struct OverlaysFile {
     orientation_cube: bool,
     scale_bar: bool,
     label_height_px: Option<u32>,
+    label_depths_mm: Option<[f64; 2]>,
     occluded: Option<f64>,
 }
 
@@ -122,6 +123,7 @@ impl OverlaysFile {
             orientation_cube: self.orientation_cube,
             scale_bar: self.scale_bar,
             label_height_px: self.label_height_px,
+            label_depths_mm: self.label_depths_mm,
             occluded: self.occluded.unwrap_or(Overlays::DEFAULT_OCCLUDED),
         })
     }
@@ -201,6 +203,10 @@ mod tests {
         for (overlays, parts) in [
             (r#"{"occluded":1.5}"#.to_owned(), &["overlays.occluded is 1.5", "0 to 1"][..]),
             (r#"{"label_height_px":8}"#.to_owned(), &["overlays.label_height_px is 8", "12 to 96"]),
+            (
+                r#"{"label_depths_mm":[300,200]}"#.to_owned(),
+                &["overlays.label_depths_mm is 300, 200", "the first not the larger"],
+            ),
             (r#"{"compass":true}"#.to_owned(), &["overlays.compass", "unknown field"]),
             ("[true]".to_owned(), &["overlays: found an array"]),
             (item(r#"{"arrow":{}}"#), &["overlays.items[1]", "arrow", "landmark"]),

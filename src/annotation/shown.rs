@@ -1,0 +1,117 @@
+//! Which sets are drawn over a picture.
+
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
+
+use super::item::Set;
+
+/// The sets whose items are drawn. As JSON: `false`, `true`, names with commas between them, or a list of names.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Shown {
+    /// Nothing is drawn.
+    #[default]
+    Nothing,
+    /// All that whoever asks may see.
+    All,
+    /// These, as far as whoever asks may see them.
+    Sets(Vec<String>),
+}
+
+impl Shown {
+    /// Most sets that can be named.
+    pub const MOST: usize = 64;
+
+    /// What a word says: `true`, `false`, or names with commas between them.
+    ///
+    /// # Errors
+    /// What is wrong with it, when a name can be none of a set, or there are more than [`Shown::MOST`].
+    pub fn parse(word: &str) -> Result<Self, String> {
+        match word {
+            "true" => Ok(Self::All),
+            "false" => Ok(Self::Nothing),
+            names => Self::of_names(names.split(',').map(str::trim)),
+        }
+    }
+
+    /// These sets.
+    ///
+    /// # Errors
+    /// As [`Shown::parse`].
+    pub fn of_names<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Self, String> {
+        let checked = names.into_iter().map(|name| Set::check_name(name).map(|()| name.to_owned()));
+        let names = checked.collect::<Result<Vec<_>, _>>().map_err(|error| error.to_string())?;
+        if names.is_empty() || names.len() > Self::MOST {
+            return Err(format!("{} sets, allowed: 1 to {}", names.len(), Self::MOST));
+        }
+        Ok(Self::Sets(names))
+    }
+
+    /// Whether nothing is drawn.
+    #[must_use]
+    pub fn is_nothing(&self) -> bool {
+        *self == Self::Nothing
+    }
+
+    /// Whether the items of this set are drawn.
+    #[must_use]
+    pub fn has(&self, set: &str) -> bool {
+        match self {
+            Self::Nothing => false,
+            Self::All => true,
+            Self::Sets(names) => names.iter().any(|name| name == set),
+        }
+    }
+}
+
+impl Serialize for Shown {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Nothing => serializer.serialize_bool(false),
+            Self::All => serializer.serialize_bool(true),
+            Self::Sets(names) => names.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Shown {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let shown = match Value::deserialize(deserializer)? {
+            Value::Bool(shown) => Ok(if shown { Self::All } else { Self::Nothing }),
+            Value::String(names) => Self::parse(&names),
+            Value::Array(names) => {
+                let names: Option<Vec<&str>> = names.iter().map(Value::as_str).collect();
+                names.ok_or_else(|| "a list of something else than names".to_owned()).and_then(Self::of_names)
+            }
+            _ => Err("expected true, false, or names of sets".to_owned()),
+        };
+        shown.map_err(D::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_are_named_in_three_ways_and_checked() {
+        let read = |json: &str| serde_json::from_str::<Shown>(json);
+        for (json, shown) in [("true", Shown::All), ("\"true\"", Shown::All), ("false", Shown::Nothing)] {
+            assert_eq!(read(json).unwrap(), shown);
+        }
+        let two = Shown::Sets(vec!["a".to_owned(), "b.1".to_owned()]);
+        assert_eq!((read("\"a, b.1\"").unwrap(), read("[\"a\",\"b.1\"]").unwrap()), (two.clone(), two.clone()));
+        assert_eq!(serde_json::to_string(&two).unwrap(), r#"["a","b.1"]"#);
+        assert!(two.has("a") && !two.has("c") && Shown::All.has("c") && !Shown::Nothing.has("c"));
+        for (json, says) in [
+            ("1", "names of sets"),
+            ("[]", "0 sets, allowed: 1 to 64"),
+            ("[1]", "something else"),
+            ("\"a b\"", "letters, digits"),
+            ("\"\"", "letters, digits"),
+        ] {
+            let refused = read(json).unwrap_err().to_string();
+            assert!(refused.contains(says), "{json}: {refused}");
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! Annotations as overlays: what is drawn over a picture, and where its words stand.
+//!
+//! What it is: [`Drawables`], the visible items of a volume with their shapes, made once for each state of the log, and what they
+//! become in the picture of a request ([`Drawables::draw`]). What it is not: it keeps no annotations (see `store`) and draws no
+//! pixels (see `render`).
+//!
+//! | item | in a view | in a slice |
+//! |---|---|---|
+//! | point | a ball with its name | the same, within [`slice::REACH_MM`] of the slab |
+//! | line | the line, with name and length | its part within that reach |
+//! | angle | both arms, with name and degrees | as lines |
+//! | curve | the curve, with name and length | as lines |
+//! | plane | its outline, with its name | as lines |
+//! | region, mesh | the surface, with its name | its outline in the slice |
+//!
+//! Missing and skipped items, and those that are hidden, are not drawn. Whatever a picture has no room for is counted, not
+//! forgotten in silence. Patient mm; depth is view depth in mm.
+
+mod comfort;
+mod contour;
+mod slice;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use crate::annotation::{Geometry, Item, catmull_rom, measures};
+use crate::display::DisplaySettings;
+use crate::render::{
+    Curve, Landmark, Line, Mesh, Mode, OverlayItem, Overlays, Radius, RenderRequest, depth_limits,
+};
+use crate::space::{Patient, Point, Vector};
+use crate::volume::Grid;
+use slice::{Cut, between};
+
+/// Radius of a point's ball, and width of lines, px.
+const RADIUS_PX: f64 = 6.0;
+const WIDTH_PX: f64 = 3.0;
+/// The ball from which a label's leader starts where nothing else is there, px.
+const ANCHOR_PX: f64 = 1.5;
+/// Opacity of surfaces: they write depth, and what is within shines through.
+const OPACITY: f64 = 0.6;
+/// Straight parts between two points of a smooth curve in a slice.
+const PARTS: usize = 16;
+
+/// Triangles in patient mm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// Corners.
+    pub vertices: Vec<Point<Patient>>,
+    /// Three indices of corners each.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Shape {
+    /// Most triangles of a shape that is to be drawn: a surface of more is decimated before, or three of them would be all
+    /// that a picture has room for.
+    pub const MOST_TRIANGLES: usize = 20_000;
+}
+
+/// One item, ready to be drawn.
+#[derive(Clone, Debug)]
+struct Drawable {
+    label: String,
+    rgb: [f64; 3],
+    geometry: Geometry,
+    shape: Option<Arc<Shape>>,
+}
+
+/// The items that are drawn over pictures of a volume. Cheap to clone.
+#[derive(Clone, Debug, Default)]
+pub struct Drawables {
+    items: Arc<[Drawable]>,
+}
+
+/// What a picture had no room for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Items that were drawn, or lie outside of the slice.
+    pub drawn: usize,
+    /// Items that were not, since the picture has as many overlays as it may have.
+    pub left_out: usize,
+}
+
+impl Drawables {
+    /// What is to be drawn of these items, in their order. `shape_of` gives the triangles of a region or mesh; one without any is
+    /// not drawn.
+    pub fn new<'a>(
+        items: impl IntoIterator<Item = &'a Item>,
+        mut shape_of: impl FnMut(&Geometry) -> Option<Arc<Shape>>,
+    ) -> Self {
+        let drawable = |item: &Item| {
+            let geometry = item.geometry.clone().filter(|_| item.visible)?;
+            let shape = match geometry {
+                Geometry::Region(_) | Geometry::Mesh(_) => {
+                    Some(shape_of(&geometry).filter(|shape| !shape.triangles.is_empty())?)
+                }
+                _ => None,
+            };
+            let rgb = item.rgb.unwrap_or_else(|| usual_rgb(&geometry));
+            Some(Drawable { label: label(&item.name, &geometry), rgb, geometry, shape })
+        };
+        Self { items: items.into_iter().filter_map(drawable).collect() }
+    }
+
+    /// Whether there is nothing to draw.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+
+    /// Adds the items to the overlays of a request on this grid, in their order, as long as there is room.
+    pub fn draw(&self, request: &mut RenderRequest, display: &DisplaySettings, grid: &Grid) -> Drawn {
+        if self.is_empty() {
+            return Drawn::default();
+        }
+        let mut room = Room::beside(&request.overlays);
+        let mut overlays = Overlays::clone(&request.overlays);
+        let cut = matches!(request.mode, Mode::Slice(_)).then(|| Cut::of(request));
+        let mut drawn = Drawn::default();
+        for item in self.items.iter() {
+            let parts = match &cut {
+                Some(cut) => item.in_slice(cut),
+                None => item.in_view(request.camera.eye()),
+            };
+            if room.take(&parts) {
+                drawn.drawn += 1;
+                overlays.items.extend(parts);
+            } else {
+                drawn.left_out += 1;
+            }
+        }
+        if overlays.label_depths_mm.is_none() {
+            let limits = display.limits(depth_limits(&request.camera, grid)).ok();
+            let profile = display.profile().ok();
+            overlays.label_depths_mm = limits
+                .zip(profile)
+                .map(|(limits, profile)| comfort::label_depths_mm(&profile, limits, &overlays, request.size_px));
+        }
+        request.overlays = Arc::new(overlays);
+        drawn
+    }
+}
+
+impl Drawable {
+    /// The item in space, for an eye there.
+    fn in_view(&self, eye: Point<Patient>) -> Vec<OverlayItem> {
+        match &self.geometry {
+            Geometry::Point { at_mm } => vec![self.ball(*at_mm, RADIUS_PX)],
+            Geometry::Line { ends_mm: [a, b] } => vec![self.line([*a, *b]), self.anchor(between(*a, *b, 0.5))],
+            Geometry::Angle { points_mm: [a, corner, b] } => {
+                vec![self.line([*a, *corner]), self.line([*corner, *b]), self.anchor(*corner)]
+            }
+            Geometry::Curve { points_mm, closed, smooth } => {
+                let anchor = points_mm.get(points_mm.len() / 2).map(|&middle| self.anchor(middle));
+                let points = points_mm.clone();
+                let (closed, smooth) = (*closed, *smooth);
+                let curve = Curve { points, closed, smooth, width_px: WIDTH_PX, rgb: self.rgb };
+                [OverlayItem::Curve(curve)].into_iter().chain(anchor).collect()
+            }
+            Geometry::Plane { .. } => {
+                let corners = self.corners();
+                let anchor = corners.first().map(|&corner| self.anchor(corner));
+                let curve =
+                    Curve { points: corners, closed: true, smooth: false, width_px: WIDTH_PX, rgb: self.rgb };
+                [OverlayItem::Curve(curve)].into_iter().chain(anchor).collect()
+            }
+            Geometry::Region(_) | Geometry::Mesh(_) => {
+                let Some(shape) = self.shape.as_deref() else { return Vec::new() };
+                let Shape { vertices, triangles } = shape.clone();
+                // Where the surface is nearest to the eye: nothing of it hides its name.
+                let distance = |point: &Point<Patient>| point.distance(eye);
+                let nearest = vertices.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                let anchor = nearest.map(|&nearest| self.anchor(nearest));
+                let mesh = Mesh { vertices, triangles, rgb: self.rgb, opacity: OPACITY };
+                [OverlayItem::Mesh(mesh)].into_iter().chain(anchor).collect()
+            }
+        }
+    }
+
+    /// What a slice shows of the item, in its plane.
+    fn in_slice(&self, cut: &Cut) -> Vec<OverlayItem> {
+        let lines: Vec<Vec<Point<Patient>>> = match &self.geometry {
+            Geometry::Point { at_mm } => {
+                return cut.near(*at_mm).map(|at| self.ball(at, RADIUS_PX)).into_iter().collect();
+            }
+            Geometry::Region(_) | Geometry::Mesh(_) => {
+                self.shape.as_deref().map(|shape| contour::contours(shape, cut)).unwrap_or_default()
+            }
+            geometry => cut.lines(&polyline(geometry, || self.corners())),
+        };
+        let anchor = lines.iter().max_by_key(|line| line.len()).and_then(|line| line.get(line.len() / 2));
+        let anchor = anchor.map(|&at| self.anchor(at));
+        let curve = |points| Curve { points, closed: false, smooth: false, width_px: WIDTH_PX, rgb: self.rgb };
+        lines.into_iter().map(curve).map(OverlayItem::Curve).chain(anchor).collect()
+    }
+
+    fn ball(&self, at: Point<Patient>, radius_px: f64) -> OverlayItem {
+        let label = Some(self.label.clone());
+        OverlayItem::Landmark(Landmark { at, radius: Radius::Px(radius_px), rgb: self.rgb, label })
+    }
+
+    /// A label at a place of the item. Labels are set where there is room for them; words of an item of their own would not be.
+    fn anchor(&self, at: Point<Patient>) -> OverlayItem {
+        self.ball(at, ANCHOR_PX)
+    }
+
+    fn line(&self, ends: [Point<Patient>; 2]) -> OverlayItem {
+        OverlayItem::Line(Line { ends, width_px: WIDTH_PX, rgb: self.rgb })
+    }
+
+    /// The corners of a plane in order; none of others.
+    fn corners(&self) -> Vec<Point<Patient>> {
+        let Geometry::Plane { center_mm, normal, axis, size_mm: [width, height] } = &self.geometry else {
+            return Vec::new();
+        };
+        let [normal, axis] = [normal, axis].map(|xyz| Vector::<Patient>::from_xyz((*xyz).into()));
+        let up = normal.cross(axis);
+        [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+            .map(|(x, y)| *center_mm + axis * (x * width) + up * (y * height))
+            .to_vec()
+    }
+}
+
+/// The lines of an item that is made of lines, each through its points.
+fn polyline(
+    geometry: &Geometry,
+    corners: impl Fn() -> Vec<Point<Patient>>,
+) -> Vec<Point<Patient>> {
+    match geometry {
+        Geometry::Curve { points_mm, closed, smooth } => {
+            let mut line: Vec<_> = points_mm.iter().map(|point| point.xyz).collect();
+            if *smooth {
+                line = catmull_rom(&line, *closed, PARTS);
+            } else {
+                line.extend(closed.then(|| line.first().copied()).flatten());
+            }
+            line.into_iter().map(Point::from_xyz).collect()
+        }
+        Geometry::Plane { .. } => {
+            let corners = corners();
+            let first = corners.first().copied();
+            corners.into_iter().chain(first).collect()
+        }
+        geometry => geometry.points().to_vec(),
+    }
+}
+
+/// The name, and what the item is made to measure.
+fn label(name: &str, geometry: &Geometry) -> String {
+    let measured = match geometry {
+        Geometry::Line { .. } | Geometry::Angle { .. } | Geometry::Curve { .. } => measures(geometry),
+        _ => Vec::new(),
+    };
+    let label = match measured.first() {
+        Some(measure) if measure.unit == "deg" => format!("{name} {:.1}°", measure.value),
+        Some(measure) => format!("{name} {:.1} {}", measure.value, measure.unit),
+        None => name.to_owned(),
+    };
+    label.chars().take(Overlays::MAX_LINE).collect()
+}
+
+/// Colours that go with the kinds.
+fn usual_rgb(geometry: &Geometry) -> [f64; 3] {
+    match geometry {
+        Geometry::Point { .. } => [1.0, 0.35, 0.25],
+        Geometry::Line { .. } => [0.35, 0.85, 1.0],
+        Geometry::Angle { .. } => [1.0, 0.8, 0.3],
+        Geometry::Curve { .. } => [0.65, 0.9, 0.35],
+        Geometry::Plane { .. } => [0.8, 0.6, 1.0],
+        Geometry::Region(_) => [0.45, 0.9, 0.5],
+        Geometry::Mesh(_) => [0.9, 0.75, 0.5],
+    }
+}
+
+/// What a request has room for beside its own overlays.
+struct Room {
+    items: usize,
+    points: usize,
+    vertices: usize,
+    triangles: usize,
+    characters: usize,
+}
+
+impl Room {
+    fn beside(overlays: &Overlays) -> Self {
+        let mut room = Self {
+            items: Overlays::MAX_ITEMS,
+            points: Overlays::MAX_POINTS,
+            vertices: Overlays::MAX_VERTICES,
+            triangles: Overlays::MAX_TRIANGLES,
+            characters: Overlays::MAX_CHARACTERS,
+        };
+        room.take(&overlays.items);
+        room
+    }
+
+    /// Takes the room of these; false where there is too little for all of them.
+    fn take(&mut self, parts: &[OverlayItem]) -> bool {
+        let mut needed = Self { items: parts.len(), points: 0, vertices: 0, triangles: 0, characters: 0 };
+        for part in parts {
+            match part {
+                OverlayItem::Curve(curve) => needed.points += curve.points.len(),
+                OverlayItem::Mesh(mesh) => {
+                    needed.vertices += mesh.vertices.len();
+                    needed.triangles += mesh.triangles.len();
+                }
+                OverlayItem::Landmark(landmark) => {
+                    needed.characters += landmark.label.as_ref().map_or(0, |label| label.chars().count());
+                }
+                OverlayItem::Text(text) => needed.characters += text.text.chars().count(),
+                OverlayItem::Line(_) => {}
+            }
+        }
+        let left = |room: usize, needed: usize| room.checked_sub(needed);
+        let rest = (|| {
+            Some(Self {
+                items: left(self.items, needed.items)?,
+                points: left(self.points, needed.points)?,
+                vertices: left(self.vertices, needed.vertices)?,
+                triangles: left(self.triangles, needed.triangles)?,
+                characters: left(self.characters, needed.characters)?,
+            })
+        })();
+        rest.map(|rest| *self = rest).is_some()
+    }
+}
