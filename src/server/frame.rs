@@ -16,6 +16,7 @@ use axum::routing::{MethodRouter, get};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use super::annotations::draw;
 use super::blocking::on_blocking_thread;
 use super::camera::camera_json;
 use super::guard::read_body;
@@ -27,7 +28,7 @@ use super::resident::with_voxels;
 use super::state::Server;
 use super::volumes::Entry;
 use crate::render::{RenderedFrame, RequestError, Scene, depth_limits};
-use crate::session::{EncodingError, FileFormat, Origin, Product, Rendered, encode};
+use crate::session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, encode};
 
 /// A browser asks again after a minute, and gets 304 for what has not changed.
 const CACHE_CONTROL: &str = "private, max-age=60";
@@ -35,6 +36,7 @@ const CACHE_CONTROL: &str = "private, max-age=60";
 /// Largest scene in a body: 1024 control points and 12 planes fit several times.
 const SCENE_BYTES: usize = 1 << 20;
 
+static RELIEF_ANNOTATIONS: HeaderName = HeaderName::from_static("relief-annotations");
 static RELIEF_CAMERA: HeaderName = HeaderName::from_static("relief-camera");
 static SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
@@ -71,12 +73,14 @@ pub(super) async fn get_pick(
     State(server): Shared,
     Path(id): Path<String>,
     uri: Uri,
+    headers: HeaderMap,
 ) -> Result<Json<Value>, Problem> {
     let entry = server.volumes.find(&id)?;
     let mut query = Query::of(&uri)?;
     let at = [query.take_number("u")?, query.take_number("v")?];
     let picked = async {
-        let scene = resolve(Order::from_query(&query, &entry.grid)?, &entry, SizeRule::Any)?;
+        let mut scene = resolve(Order::from_query(&query, &entry.grid)?, &entry, SizeRule::Any)?;
+        draw(&server, &entry, &mut scene, &headers).await?;
         pick(&server, &entry, scene, at).await
     };
     picked.await.map_err(|problem| query.blame(problem))
@@ -94,7 +98,8 @@ pub(super) async fn post_pick(
     let at = [query.take_number("u")?, query.take_number("v")?];
     query.expect_empty()?;
     let order = read_order(&server, &headers, body).await?;
-    let scene = resolve(order, &entry, SizeRule::Any)?;
+    let mut scene = resolve(order, &entry, SizeRule::Any)?;
+    draw(&server, &entry, &mut scene, &headers).await?;
     pick(&server, &entry, scene, at).await
 }
 
@@ -120,7 +125,7 @@ async fn answer_query(
     let answered = async {
         let order = Order::from_query(query, &entry.grid)?;
         let scene = resolve(order, entry, SizeRule::of(product, media))?;
-        answer(server, entry, scene, headers, (Method::GET, product, media)).await
+        answer_annotated(server, entry, scene, headers, (Method::GET, product, media)).await
     };
     answered.await.map_err(|problem| query.blame(problem))
 }
@@ -137,7 +142,26 @@ async fn by_body(
     let media = negotiate(headers, product.formats())?;
     Query::of(uri)?.expect_empty()?;
     let scene = resolve(read_order(server, headers, body).await?, &entry, SizeRule::of(product, media))?;
-    answer(server, &entry, scene, headers, (Method::POST, product, media)).await
+    answer_annotated(server, &entry, scene, headers, (Method::POST, product, media)).await
+}
+
+/// Draws the annotations that the scene wants, and answers.
+async fn answer_annotated(
+    server: &Server,
+    entry: &Entry,
+    mut scene: Scene,
+    headers: &HeaderMap,
+    what: (Method, Product, FileFormat),
+) -> Result<Response, Problem> {
+    // Before the tag: what is drawn is part of the scene, so the tag changes with it.
+    let drawn = draw(server, entry, &mut scene, headers).await?;
+    let mut answered = answer(server, entry, scene, headers, what).await?;
+    if let Some(Drawn { drawn, left_out }) = drawn {
+        let headers = answered.headers_mut();
+        headers.insert(&RELIEF_ANNOTATIONS, ascii(&format!("drawn={drawn}, left_out={left_out}")));
+        headers.insert(header::VARY, HeaderValue::from_static("Accept, Relief-Author"));
+    }
+    Ok(answered)
 }
 
 async fn read_order(server: &Server, headers: &HeaderMap, body: Body) -> Result<Order, Problem> {

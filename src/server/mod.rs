@@ -15,6 +15,7 @@
 //! | `/v1/volumes/{id}/slice` | GET | a slice, by its query |
 //! | `/v1/volumes/{id}/depth` | GET, POST | view depth |
 //! | `/v1/volumes/{id}/pick` | GET, POST | the patient position that a pixel shows |
+//! | `/v1/volumes/{id}/annotations/...` | GET, POST, PUT, DELETE | items, their log, sets, templates and files |
 //! | `/v1/volumes/{id}/presets/{name}/thumbnail` | GET | a small picture of the volume with a preset |
 //! | `/studies/{study}/series/{series}/rendered3D`, `.../renderedmpr` | GET | DICOM Supplement 228 |
 //! | `/v1/session` | GET | a live session, over a WebSocket; see `LIVE.md` |
@@ -26,6 +27,7 @@
 //! | `/openapi.json` | GET | this table for programs |
 //! | `/` and its files | GET | the page |
 
+mod annotations;
 mod blocking;
 mod camera;
 mod dicomweb;
@@ -88,6 +90,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/readyz", get(info::readyz))
         .route("/metrics", get(info::metrics))
         .route("/openapi.json", get(info::openapi))
+        .merge(annotations::routes())
         .merge(page::routes())
         .layer(from_fn_with_state(Arc::clone(&server), guard::deadline));
     // An upload takes as long as it takes; it has limits of its own.

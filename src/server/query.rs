@@ -8,6 +8,7 @@ use axum::http::{StatusCode, Uri};
 use serde_json::{Map, Value};
 
 use super::problem::Problem;
+use crate::annotation::Shown;
 use crate::camera::Orbit;
 use crate::render::{Overlays, SceneFile};
 use crate::volume::Grid;
@@ -25,6 +26,8 @@ enum Kind {
     Numbers(usize),
     /// So many whole numbers with commas between them.
     Whole(usize),
+    /// `true`, `false`, or names of sets of annotations with commas between them.
+    Sets,
     /// Any number of labels, or of names of segments, with commas between them.
     Labels,
 }
@@ -109,6 +112,7 @@ const PARAMETERS: &[Parameter] = &[
     key("label_tint", Kind::Number, "labels.tint"),
     key("background_rgb", Kind::Numbers(3), "background_rgb"),
     to("overlay", Kind::Text, Target::Overlay),
+    key("annotations", Kind::Sets, "annotations"),
     key("layout", Kind::Text, "display.layout"),
     key("profile", Kind::Text, "display.profile"),
     key("vz", Kind::Number, "display.profile.vz"),
@@ -352,6 +356,9 @@ impl Kind {
                 };
                 Ok(text.split(',').map(label).collect::<Vec<_>>().into())
             }
+            Self::Sets => Shown::parse(text)
+                .map(|shown| serde_json::json!(shown))
+                .map_err(|reason| malformed(name, text, &format!("true, false, or names of sets ({reason})"))),
             Self::Whole(count) => {
                 let values: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
                 let values = values.filter(|values| values.len() == count);

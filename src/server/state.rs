@@ -6,11 +6,13 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::Semaphore;
 
+use super::annotations::Annotations;
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
 use super::resident::{NoRoom, VolumeReader};
 use super::volumes::{LoadedVolume, Volumes};
 use crate::session::RenderService;
+use crate::store::Store;
 use crate::volume::{Grid, LabelMap};
 
 /// Reads a series from a file that was uploaded. Blocks. Its error is told to the client, so it names no path here.
@@ -86,6 +88,7 @@ pub struct Server {
     pub(super) live: Live,
     pub(super) loader: VolumeLoader,
     pub(super) labels_loader: Option<LabelsLoader>,
+    pub(super) annotations: Option<Arc<Annotations>>,
     /// Places of encoders at work, so that they leave the async threads and the machine's memory alone.
     pub(super) encoders: Arc<Semaphore>,
     /// The place of an upload at work: one at a time.
@@ -108,6 +111,7 @@ impl Server {
             live: Live::new(config.live.clone()),
             loader,
             labels_loader: None,
+            annotations: None,
             encoders: Arc::new(Semaphore::new(cores)),
             upload: Arc::new(Semaphore::new(1)),
             started: Instant::now(),
@@ -119,6 +123,12 @@ impl Server {
     #[must_use]
     pub fn reading_labels(self, loader: LabelsLoader) -> Self {
         Self { labels_loader: Some(loader), ..self }
+    }
+
+    /// The same server, which keeps annotations there.
+    #[must_use]
+    pub fn annotating(self, store: Store) -> Self {
+        Self { annotations: Some(Arc::new(Annotations::new(store))), ..self }
     }
 
     /// Says that this many volumes will be added: the server is not ready before.

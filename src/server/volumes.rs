@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use super::problem::Problem;
 use super::resident::{HostMemory, NoRoom, Residents, VolumeReader, Voxels};
 use super::state::{Server, UploadLimits};
+use crate::annotation::FrameOfReference;
 use crate::dicom::SeriesIdentity;
 use crate::volume::{ContentHash, Grid, LabelMap, Segment, Volume};
 
@@ -98,6 +99,12 @@ impl Entry {
         let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
         let voxels = Arc::new(Voxels::new(volume, reader));
         Arc::new(Self { id: hash.short(), grid, hash, voxels, range_hu, warnings, owner, identity, labels })
+    }
+
+    /// What positions of annotations are told from. A UID leads to a patient: for the store, not for answers.
+    pub(super) fn frame_of_reference(&self) -> FrameOfReference {
+        let of_series = self.identity.as_ref().and_then(SeriesIdentity::frame_of_reference);
+        FrameOfReference(of_series.map_or_else(|| format!("volume:{}", self.id), str::to_owned))
     }
 
     pub(super) fn voxel_bytes(&self) -> u64 {

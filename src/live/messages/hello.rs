@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{MessageError, Settings, refused};
+use crate::annotation::Item;
 use crate::live::format::{ColorFormat, DepthFormat};
 
 /// Most characters of the name of a view.
@@ -19,6 +20,9 @@ pub struct Hello {
     /// Program and version, for people who read logs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub client: Option<String>,
+    /// Who works here: the author of what is placed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub author: Option<String>,
     /// Id of the volume; `null` is the first, or that of the view where it exists.
     pub volume: Option<String>,
     /// Name of a shared view, made if there is none; `null` is a view of one's own with a name that cannot be guessed.
@@ -123,6 +127,13 @@ impl Hello {
     pub(super) fn validate(&self) -> Result<(), MessageError> {
         if self.client.as_ref().is_some_and(|name| name.chars().count() > MAX_CLIENT_NAME) {
             return Err(refused("client", format!("longer than {MAX_CLIENT_NAME} characters")));
+        }
+        if let Some(author) = &self.author {
+            let characters = author.chars().count();
+            if !(1..=Item::LONGEST_NAME).contains(&characters) || author.contains(char::is_control) {
+                let allowed = format!("1 to {} in one line", Item::LONGEST_NAME);
+                return Err(refused("author", format!("{characters} characters, allowed: {allowed}")));
+            }
         }
         if let Some(name) = &self.view {
             check_view_name(name)?;

@@ -22,6 +22,48 @@ pub enum ServerMessage {
     Tracking(TrackingMessage),
     /// How many look at the view.
     Peers(Peers),
+    /// Annotations of the volume changed, or what a `place` sets down.
+    Annotations(AnnotationsMessage),
+}
+
+/// What happened to the annotations of the volume that is shown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AnnotationsMessage {
+    /// The last event of the log. It counts those of other volumes too: numbers that are left out are not lost.
+    pub seq: u64,
+    /// Events, as `GET /v1/volumes/{id}/annotations/log` has them.
+    pub events: Vec<Value>,
+    /// Whether there were more than a message holds, and none is here: the list is to be fetched again.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub more: bool,
+    /// What the next `place` of this session sets down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next: Option<NextLabel>,
+}
+
+/// What a `place` sets down.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NextLabel {
+    /// The set that it is in.
+    pub set: String,
+    /// What it is called.
+    pub name: String,
+    /// The missing item that gets the place; null for a new point.
+    pub id: Option<String>,
+}
+
+impl AnnotationsMessage {
+    /// The same within the longest message: without its events where they are too many.
+    #[must_use]
+    pub fn bounded(self) -> Self {
+        let length: usize = self.events.iter().map(|event| event.to_string().len() + 1).sum();
+        if length + 256 <= super::MAX_TEXT_BYTES {
+            return self;
+        }
+        Self { events: Vec::new(), more: true, ..self }
+    }
 }
 
 /// The answer to `hello`.
@@ -90,7 +132,7 @@ pub struct Peers {
 
 impl ServerMessage {
     /// The types of messages that the server sends.
-    pub const TYPES: [&str; 5] = ["welcome", "state", "error", "tracking", "peers"];
+    pub const TYPES: [&str; 6] = ["welcome", "state", "error", "tracking", "peers", "annotations"];
 
     /// Reads a message.
     ///
@@ -104,6 +146,7 @@ impl ServerMessage {
             "error" => read(message).map(Self::Error),
             "tracking" => read(message).map(Self::Tracking),
             "peers" => read(message).map(Self::Peers),
+            "annotations" => read(message).map(Self::Annotations),
             _ => {
                 let shown: String = kind.chars().take(40).collect();
                 Err(refused("type", format!("{shown:?}, allowed: {}", Self::TYPES.join(", "))))
@@ -120,6 +163,7 @@ impl ServerMessage {
             Self::Error(error) => written("error", error),
             Self::Tracking(tracking) => written("tracking", tracking),
             Self::Peers(peers) => written("peers", peers),
+            Self::Annotations(annotations) => written("annotations", annotations),
         }
     }
 }

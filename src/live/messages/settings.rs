@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::annotation::Shown;
 use crate::display::DisplaySettings;
 use crate::interaction::GrabMode;
 
@@ -19,6 +20,10 @@ pub struct Settings {
     /// Size of the picture; where the layout fixes it, that alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_px: Option<[u32; 2]>,
+    /// The annotations that are drawn: `false`, `true`, or sets by their names. While any are, `place` sets landmarks down and
+    /// `undo` takes back edits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub annotations: Option<Shown>,
     /// A preset by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,

@@ -10,21 +10,23 @@ use axum::extract::ws::{Message, WebSocket};
 use axum::http::StatusCode;
 use futures_util::stream::SplitStream;
 use futures_util::{SinkExt, StreamExt};
-use tokio::sync::mpsc;
+use tokio::sync::{broadcast, mpsc};
 
 use super::pace::USUAL_QUALITY;
+use super::placing::{self, Hand, happen, next, pointer};
 use super::session::Session;
 use super::shot::{Echo, Shot, micros};
 use super::socket::{
-    End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error, malformed,
+    End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error, expect_annotations, malformed,
     text,
 };
-use super::view::{Slot, lock};
+use super::view::{Happened, Slot, Wished, lock};
 use crate::interaction::Intent;
 use crate::live::{
-    ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind, Report, Role,
+    AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind, Report, Role,
     ServerMessage, Settings, Welcome, assemble,
 };
+use crate::server::annotations::Published;
 use crate::server::problem::Problem;
 use crate::server::state::Server;
 
@@ -105,9 +107,10 @@ impl Connected {
                 Message::Text(text) if text.len() > MAX_TEXT_BYTES => {
                     return Some((TOO_LARGE, "a message is too large"));
                 }
-                Message::Text(text) => ClientMessage::parse(&text)
-                    .map_err(|error| malformed(&error))
-                    .and_then(|message| self.obey(&message, outbox)),
+                Message::Text(text) => match ClientMessage::parse(&text) {
+                    Ok(message) => self.obey_all(&message, outbox).await,
+                    Err(error) => Err(malformed(&error)),
+                },
                 Message::Binary(_) => return Some((UNSUPPORTED, "binary messages are the server's alone")),
                 Message::Close(_) => return None,
                 Message::Ping(_) | Message::Pong(_) => Ok(()),
@@ -122,7 +125,33 @@ impl Connected {
         }
     }
 
-    fn obey(&self, message: &ClientMessage, outbox: &Outbox) -> Result<(), Problem> {
+    /// Obeys a message, and does what it means beyond the view.
+    async fn obey_all(&self, message: &ClientMessage, outbox: &Outbox) -> Result<(), Problem> {
+        let happened = self.obey(message, outbox)?;
+        let is_shown = matches!(message, ClientMessage::Settings(settings)
+            if settings.annotations.as_ref().is_some_and(|shown| !shown.is_nothing()));
+        if happened.is_empty() && !is_shown {
+            return Ok(());
+        }
+        let Session { author, label, view, .. } = &*self.session;
+        let device = match message {
+            ClientMessage::Pose(_) | ClientMessage::Report(_) => lock(&self.session.remote).device(),
+            _ => pointer(),
+        };
+        let hand = Hand { author: author.as_deref(), label, device };
+        let mut message = None;
+        for happened in happened {
+            message = Some(happen(&self.server, view, &hand, happened).await?);
+        }
+        let message = match message {
+            Some(message) => message,
+            None => next(&self.server, view, &hand).await?,
+        };
+        let _ = outbox.try_send(placing::text(message));
+        Ok(())
+    }
+
+    fn obey(&self, message: &ClientMessage, outbox: &Outbox) -> Result<Vec<Happened>, Problem> {
         let now = Instant::now();
         let is_watcher = self.session.role == Role::Watcher;
         match message {
@@ -131,7 +160,7 @@ impl Connected {
                     self.slot.freed.notify_one();
                     self.session.view.work.notify_one();
                 }
-                Ok(())
+                Ok(Vec::new())
             }
             ClientMessage::Hello(_) => {
                 Err(Problem::new(StatusCode::CONFLICT, "hello-again", "this session is open already"))
@@ -144,29 +173,29 @@ impl Connected {
             ClientMessage::Report(report) => self.report(report, outbox, now),
             ClientMessage::Intent(message) => {
                 let echo = Echo { seq: message.seq, t_ns: message.t_ns };
-                self.wish(echo, std::slice::from_ref(&message.intent), now).map(drop)
+                self.wish(echo, std::slice::from_ref(&message.intent), now).map(|wished| wished.happened)
             }
-            ClientMessage::Settings(settings) => self.settings(settings, now),
+            ClientMessage::Settings(settings) => self.settings(settings, now).map(|()| Vec::new()),
         }
     }
 
-    fn wish(&self, echo: Echo, intents: &[Intent], now: Instant) -> Result<bool, Problem> {
+    fn wish(&self, echo: Echo, intents: &[Intent], now: Instant) -> Result<Wished, Problem> {
         self.session.view.wish(Some((&self.slot, echo)), intents, echo.t_ns, now)
     }
 
-    fn pose(&self, pose: &Pose, now: Instant) -> Result<(), Problem> {
+    fn pose(&self, pose: &Pose, now: Instant) -> Result<Vec<Happened>, Problem> {
         let is_newest = self.slot.is_newer(pose.seq);
         let echo = Echo { seq: pose.seq, t_ns: pose.t_ns };
-        let unseen = match &pose.what {
+        let Wished { unseen, happened } = match &pose.what {
             // Buttons count, however late they come.
             PoseKind::Remote(remote) => {
                 let intents = lock(&self.session.remote).pose(pose.t_ns, remote, is_newest)?;
                 if !is_newest {
-                    return self.session.view.wish(None, &intents, pose.t_ns, now).map(drop);
+                    return self.session.view.wish(None, &intents, pose.t_ns, now).map(|wished| wished.happened);
                 }
                 self.wish(echo, &intents, now)?
             }
-            _ if !is_newest => return Ok(()),
+            _ if !is_newest => return Ok(Vec::new()),
             PoseKind::Orbit(orbit) => {
                 let (azimuth_deg, elevation_deg) = (orbit.azimuth_deg, orbit.elevation_deg);
                 let look =
@@ -182,16 +211,16 @@ impl Connected {
                     }));
                 }
                 let camera = camera.resolve().map_err(super::view::refused)?;
-                self.session.view.look_through((&self.slot, echo), camera, now)
+                Wished { unseen: self.session.view.look_through((&self.slot, echo), camera, now), happened: Vec::new() }
             }
         };
         if unseen {
             self.server.metrics.live.pose_dropped();
         }
-        Ok(())
+        Ok(happened)
     }
 
-    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<(), Problem> {
+    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<Vec<Happened>, Problem> {
         let config = &self.server.live.config;
         let tracked = lock(&self.session.remote).report(report, (&config.sensor, &config.beacon), now)?;
         let (intents, tracking) = tracked;
@@ -199,12 +228,13 @@ impl Connected {
             let _ = outbox.try_send(ServerMessage::Tracking(tracking).to_text());
         }
         let echo = Echo { seq: report.seq, t_ns: report.t_ns };
-        self.wish(echo, &intents, now).map(drop)
+        self.wish(echo, &intents, now).map(|wished| wished.happened)
     }
 
     fn settings(&self, settings: &Settings, now: Instant) -> Result<(), Problem> {
         let entry = settings.volume.as_ref().map(|id| self.server.volumes.find(id)).transpose()?;
-        self.session.view.settle(settings, entry, now)?;
+        expect_annotations(&self.server, Some(settings))?;
+        self.session.view.settle(settings, entry, self.session.author.as_deref(), now)?;
         match settings.grab_mode {
             Some(grab_mode) => lock(&self.session.remote).set_grab_mode(grab_mode),
             None => Ok(()),
@@ -216,6 +246,7 @@ impl Connected {
         let view = &self.session.view;
         let (mut shots, mut failures) = (view.shots.subscribe(), view.failures.subscribe());
         let mut peers = view.peers.subscribe();
+        let mut edits = self.server.annotations.as_ref().map(|annotations| annotations.listen());
         peers.mark_changed();
         shots.mark_changed();
         let mut ping = tokio::time::interval(self.server.live.config.ping);
@@ -234,6 +265,10 @@ impl Connected {
                     let message = ServerMessage::Peers(*peers.borrow_and_update());
                     writer.send(text(&message.to_text())).await
                 }
+                heard = heard(&mut edits) => match self.told(heard) {
+                    Some(message) => writer.send(text(&message)).await,
+                    None => Ok(()),
+                },
                 _ = failures.changed() => {
                     let failure = failures.borrow_and_update().clone();
                     match failure {
@@ -260,6 +295,18 @@ impl Connected {
                 return None;
             }
         }
+    }
+
+    /// What this client is told of an edit; of edits that it missed, that it has to look again.
+    fn told(&self, heard: Result<Arc<Published>, u64>) -> Option<String> {
+        let message = match heard {
+            Ok(published) => {
+                let frame = self.session.view.entry().frame_of_reference();
+                placing::told(&published, &frame, self.session.author.as_deref())?
+            }
+            Err(seq) => AnnotationsMessage { seq, events: Vec::new(), more: true, next: None },
+        };
+        Some(placing::text(message))
     }
 
     /// Encodes a picture, or takes what is encoded, and hands it over, behind the state that it shows.
@@ -315,5 +362,17 @@ impl Connected {
         // A connection that takes nothing keeps the bytes of its frame alone.
         drop((parts, shot));
         Ok(writer.send(Message::Binary(frame.into())).await)
+    }
+}
+
+/// The next edit; those that were missed as 0. Never ends where there are no annotations.
+async fn heard(edits: &mut Option<broadcast::Receiver<Arc<Published>>>) -> Result<Arc<Published>, u64> {
+    match edits {
+        Some(edits) => match edits.recv().await {
+            Ok(published) => Ok(published),
+            Err(broadcast::error::RecvError::Lagged(_)) => Err(0),
+            Err(broadcast::error::RecvError::Closed) => std::future::pending().await,
+        },
+        None => std::future::pending().await,
     }
 }

@@ -14,7 +14,7 @@ use crate::render::RenderRequest;
 use crate::server::problem::Problem;
 use crate::server::resident::with_voxels;
 use crate::server::state::Server;
-use crate::session::{Origin, Rendered, ServiceError};
+use crate::session::{Drawables, Origin, Rendered, ServiceError};
 
 /// Rendering of a picture while the view moves, ms: with encoding beside it, 20 a second.
 const BUDGET_MS: f64 = 36.0;
@@ -29,6 +29,7 @@ pub(super) async fn direct(server: Arc<Server>, view: Arc<View>) {
     // Until then, waiting was for the renderer or for somebody's room.
     let mut blocked_until = Instant::now();
     loop {
+        annotate(&server, &view).await;
         match view.next(Instant::now(), patience) {
             Next::Render(order) => {
                 make(&server, &view, *order, blocked_until).await;
@@ -56,6 +57,21 @@ pub(super) async fn direct(server: Arc<Server>, view: Arc<View>) {
             view.ended.send_replace(true);
             server.live.remove(&view);
             return;
+        }
+    }
+}
+
+/// Reads the annotations anew that a view draws, where they have changed.
+async fn annotate(server: &Server, view: &View) {
+    let Some(annotations) = &server.annotations else { return };
+    let changes = annotations.changes();
+    let Some(wanted) = view.wanted(changes) else { return };
+    match annotations.drawables(&wanted.entry, &wanted.shown, wanted.author.as_deref()).await {
+        Ok(drawables) => view.annotate(&wanted, drawables, changes, Instant::now()),
+        Err(problem) => {
+            // Told once: tried again when something changes.
+            view.annotate(&wanted, Drawables::default(), changes, Instant::now());
+            view.tell(&problem);
         }
     }
 }

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use axum::http::StatusCode;
 use serde_json::{Map, Value};
 
+use crate::annotation::Shown;
 use crate::camera::{Camera, Orbit};
 use crate::display::DisplaySettings;
 use crate::interaction::{Home, Stage, ViewState};
@@ -18,16 +19,18 @@ use crate::render::{
 };
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
+use crate::session::Drawables;
 use crate::transfer::PRESETS;
 
 /// Most pixels of a live picture: memory for frames that wait.
 const MAX_PIXELS: u64 = 1 << 23;
 /// Keys of a scene that belong elsewhere, and where.
-const ELSEWHERE: [(&str, &str); 4] = [
+const ELSEWHERE: [(&str, &str); 5] = [
     ("camera", "a pose with a camera, or intents"),
     ("size_px", "size_px beside scene"),
     ("display", "display beside scene"),
     ("budget_ms", "quality beside scene"),
+    ("annotations", "annotations beside scene"),
 ];
 
 /// See the module.
@@ -41,6 +44,10 @@ pub(super) struct Look {
     patch: Map<String, Value>,
     display: DisplaySettings,
     size_px: Option<[u32; 2]>,
+    /// The sets of annotations that are drawn, as whoever said so may see them.
+    pub(super) shown: Shown,
+    pub(super) shown_to: Option<String>,
+    drawables: Drawables,
     /// Resolved, with some camera.
     base: Arc<Scene>,
 }
@@ -50,22 +57,43 @@ impl Look {
     ///
     /// # Errors
     /// Whatever is wrong with the settings.
-    pub(super) fn new(entry: Arc<Entry>, settings: &Settings) -> Result<Self, Problem> {
+    pub(super) fn new(
+        entry: Arc<Entry>,
+        settings: &Settings,
+        author: Option<&str>,
+    ) -> Result<Self, Problem> {
         let preset = Some(PRESETS[0].name.to_owned());
         let (patch, display) = (Map::new(), DisplaySettings::default());
         let base = resolve(&entry, &patch, &display, None, preset.as_deref())?;
         let stage = stage_of(&entry, &base)?;
         let quality = Quality::Auto;
-        Self { entry, stage, quality, preset, patch, display, size_px: None, base }.with(settings, None)
+        let (shown, shown_to, drawables) = (Shown::Nothing, None, Drawables::default());
+        let size_px = None;
+        let plain =
+            Self { entry, stage, quality, preset, patch, display, size_px, shown, shown_to, drawables, base };
+        plain.with(settings, None, author)
     }
 
     /// The look with these changes.
     ///
     /// # Errors
     /// Whatever is wrong with them.
-    pub(super) fn with(&self, settings: &Settings, entry: Option<Arc<Entry>>) -> Result<Self, Problem> {
+    pub(super) fn with(
+        &self,
+        settings: &Settings,
+        entry: Option<Arc<Entry>>,
+        author: Option<&str>,
+    ) -> Result<Self, Problem> {
         let mut next = self.clone();
+        if let Some(shown) = &settings.annotations {
+            next.shown = shown.clone();
+            next.shown_to = author.map(str::to_owned);
+            next.drawables = Drawables::default();
+        }
         if let Some(entry) = entry {
+            if entry.id != next.entry.id {
+                next.drawables = Drawables::default();
+            }
             next.entry = entry;
         }
         if let Some(patch) = &settings.scene {
@@ -127,9 +155,24 @@ impl Look {
         &self.display
     }
 
-    /// Whether the scene itself draws over the picture.
+    /// Whether the scene itself draws over the picture, or annotations are.
     pub(super) fn has_overlays(&self) -> bool {
-        *self.base.request.overlays != Overlays::default()
+        *self.base.request.overlays != Overlays::default() || !self.drawables.is_empty()
+    }
+
+    /// Replaces what is drawn of the annotations.
+    pub(super) fn set_drawables(&mut self, drawables: Drawables) {
+        self.drawables = drawables;
+    }
+
+    /// Whether pictures are slices.
+    pub(super) fn is_slice(&self) -> bool {
+        matches!(self.base.request.mode, Mode::Slice(_))
+    }
+
+    /// The camera of a view that is none of the state's.
+    pub(super) fn own_camera(&self) -> Option<Camera> {
+        self.is_slice().then_some(self.base.request.camera)
     }
 
     /// The request for the picture of a view, of full size.
@@ -157,6 +200,7 @@ impl Look {
             overlays.items.push(OverlayItem::Landmark(Landmark { at: mark.at, radius, rgb, label: None }));
             request.overlays = Arc::new(overlays);
         }
+        self.drawables.draw(&mut request, &self.display, &self.entry.grid);
         request.validate_on(&self.entry.grid).map_err(|error| Problem::out_of_range(&error))?;
         self.display.limits(depth_limits(&request.camera, &self.entry.grid))?;
         Ok(request)

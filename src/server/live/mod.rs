@@ -8,6 +8,7 @@ mod connection;
 mod director;
 mod look;
 mod pace;
+mod placing;
 mod plain;
 mod remote;
 mod session;
@@ -155,6 +156,11 @@ impl Live {
             views.remove(&view.name);
         }
         is_forgotten
+    }
+
+    /// Annotations have changed: views that draw them look again.
+    pub(super) fn annotations_changed(&self) {
+        lock(&self.views).values().for_each(|view| view.work.notify_one());
     }
 
     /// A volume was removed: views of it end.

@@ -14,12 +14,14 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
+use super::placing::{Hand, happen, pointer};
 use super::shot::Shot;
 use super::view::{Slot, View};
 use super::{Live, Look, no_such_view};
 use crate::display::encode_png;
 use crate::interaction::Intent;
 use crate::live::{ColorFormat, DepthFormat, MAX_TEXT_BYTES, Role, Settings, check_view_name};
+use crate::server::annotations::author_of;
 use crate::server::blocking::on_blocking_thread;
 use crate::server::guard::{expect_content_type, read_body};
 use crate::server::negotiate::negotiate;
@@ -208,17 +210,26 @@ pub(in crate::server) async fn intent(
     let entry = volume.map(|id| server.volumes.find(&id)).transpose()?;
     let view = if let Some(view) = server.live.find(&name) {
         if entry.is_some() {
-            view.settle(&Settings::default(), entry, now)?;
+            view.settle(&Settings::default(), entry, None, now)?;
         }
         view
     } else {
         let entry = entry.map_or_else(|| server.volumes.first(), Ok)?;
-        Live::find_or_open(&server, &name, Look::new(entry, &Settings::default())?)?
+        Live::find_or_open(&server, &name, Look::new(entry, &Settings::default(), None)?)?
     };
     // Times tell which changes are taken back together.
     let t_ns = u64::try_from(server.started.elapsed().as_nanos()).unwrap_or(u64::MAX);
-    view.wish(None, &[intent], t_ns, now)?;
-    Ok(Json(json!({ "state": view.record(), "volume": view.entry().id })))
+    let happened = view.wish(None, &[intent], t_ns, now)?.happened;
+    let mut answer = json!({ "state": view.record(), "volume": view.entry().id });
+    if !happened.is_empty() {
+        let author = author_of(&headers)?;
+        let label = std::sync::Mutex::new(None);
+        let hand = Hand { author: author.as_deref(), label: &label, device: pointer() };
+        for happened in happened {
+            answer["next"] = json!(happen(&server, &view, &hand, happened).await?.next);
+        }
+    }
+    Ok(Json(answer))
 }
 
 fn check_name(name: &str) -> Result<(), Problem> {

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use axum::http::StatusCode;
 
+use crate::annotation::Device;
 use crate::interaction::{Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent};
 use crate::live::{RemotePose, Report, TrackingMessage};
 use crate::server::problem::Problem;
@@ -21,6 +22,8 @@ pub(super) struct Remote {
     options: HandOptions,
     tracker: Option<Box<Tracker>>,
     told: Option<(TrackingState, Instant)>,
+    /// Where the device was seen last.
+    last: Option<HandPose>,
 }
 
 impl Remote {
@@ -30,7 +33,7 @@ impl Remote {
         let options = HandOptions::default();
         let gestures =
             Gestures::new(options.clone()).map_err(|error| Problem::internal("gestures", error))?;
-        Ok(Self { gestures, options, tracker: None, told: None })
+        Ok(Self { gestures, options, tracker: None, told: None, last: None })
     }
 
     pub(super) fn set_grab_mode(&mut self, grab_mode: GrabMode) -> Result<(), Problem> {
@@ -50,6 +53,7 @@ impl Remote {
     ) -> Result<Vec<Intent>, Problem> {
         let hand = pose.pose.map(|(position, orientation)| HandPose::new(position, orientation));
         let hand = hand.transpose().map_err(super::view::refused)?;
+        self.last = hand.filter(|_| is_newest).or(self.last);
         let mut intents = self.gestures.hold(t_ns, buttons(&pose.buttons));
         if is_newest {
             intents.extend(self.gestures.track(&HandSample { t_ns, state: pose.state, pose: hand }));
@@ -78,13 +82,24 @@ impl Remote {
         let held = report.buttons().map(|held| self.gestures.hold(message.t_ns, held));
         let mut intents = held.unwrap_or_default();
         let Some(sample) = tracker.push(message.t_ns, &report) else { return Ok((intents, None)) };
-        intents.extend(self.gestures.track(&HandSample::from(&sample)));
+        let hand = HandSample::from(&sample);
+        self.last = hand.pose.or(self.last);
+        intents.extend(self.gestures.track(&hand));
         let is_due = self.told.is_none_or(|(state, at)| state != sample.state || now - at >= TELL);
         let tracking = TrackingMessage { state: sample.state, leds: sample.leds, rms_px: sample.rms_px };
         if is_due {
             self.told = Some((sample.state, now));
         }
         Ok((intents, is_due.then_some(tracking)))
+    }
+
+    /// The device as the record of a placement has it.
+    pub(super) fn device(&self) -> Device {
+        Device {
+            kind: "wiimote".to_owned(),
+            position_mm: self.last.map(|pose| pose.position_mm()),
+            orientation_xyzw: self.last.map(|pose| pose.orientation_xyzw()),
+        }
     }
 
     /// The hand is gone.

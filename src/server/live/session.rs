@@ -8,6 +8,7 @@ use tokio::sync::watch;
 
 use super::remote::Remote;
 use super::view::{View, lock};
+use crate::annotation::ItemId;
 use crate::live::Role;
 
 /// Whoever knows the token may go on with it.
@@ -16,6 +17,10 @@ pub(super) struct Session {
     pub(super) view: Arc<View>,
     pub(super) role: Role,
     pub(super) remote: Mutex<Remote>,
+    /// Who works here.
+    pub(super) author: Option<String>,
+    /// The missing item that is placed next.
+    pub(super) label: Mutex<Option<ItemId>>,
     /// Counts the connections; all but the newest end.
     pub(super) connection: watch::Sender<u64>,
     /// Since when it has no connection.
@@ -30,9 +35,15 @@ pub(super) struct Sessions {
 }
 
 impl Session {
-    pub(super) fn new(token: String, view: Arc<View>, role: Role, remote: Remote) -> Arc<Self> {
+    pub(super) fn new(
+        token: String,
+        view: Arc<View>,
+        (role, author): (Role, Option<String>),
+        remote: Remote,
+    ) -> Arc<Self> {
         let (connection, lost) = (watch::Sender::new(1), Mutex::new(None));
-        Arc::new(Self { token, view, role, remote: Mutex::new(remote), connection, lost })
+        let (remote, label) = (Mutex::new(remote), Mutex::new(None));
+        Arc::new(Self { token, view, role, remote, author, label, connection, lost })
     }
 
     /// The connection of this number is gone; nothing where a newer one goes on.

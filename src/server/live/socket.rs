@@ -25,6 +25,7 @@ use crate::live::{
     ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, PROTOCOL, Role, SUBPROTOCOL, ServerMessage,
     Settings,
 };
+use crate::server::annotations;
 use crate::server::guard::is_cross_site;
 use crate::server::problem::Problem;
 use crate::server::state::Server;
@@ -186,17 +187,19 @@ fn open(server: &Arc<Server>, hello: &Hello) -> Result<(Arc<Session>, u64, Forma
         Some(id) => Some(server.volumes.find(id)?),
         None => None,
     };
+    let author = hello.author.as_deref();
+    expect_annotations(server, hello.settings.as_ref())?;
     let mut settings = hello.settings.clone().unwrap_or_default();
     settings.size_px = settings.size_px.or(hello.size_px);
     let known = hello.view.as_ref().and_then(|name| server.live.find(name));
     let view = if let Some(view) = known {
         if hello.role == Role::Presenter && (settings != Settings::default() || entry.is_some()) {
-            view.settle(&settings, entry, now)?;
+            view.settle(&settings, entry, author, now)?;
         }
         view
     } else {
         let entry = entry.map_or_else(|| server.volumes.first(), Ok)?;
-        let look = Look::new(entry, &settings)?;
+        let look = Look::new(entry, &settings, author)?;
         let name = hello.view.clone().map_or_else(random_name, Ok)?;
         Live::find_or_open(server, &name, look)?
     };
@@ -204,9 +207,18 @@ fn open(server: &Arc<Server>, hello: &Hello) -> Result<(Arc<Session>, u64, Forma
     if let Some(grab_mode) = settings.grab_mode {
         remote.set_grab_mode(grab_mode)?;
     }
-    let session = Session::new(random_name()?, view, hello.role, remote);
+    let session = Session::new(random_name()?, view, (hello.role, hello.author.clone()), remote);
     lock(&server.live.sessions).add(&session, now);
     Ok((session, 1, formats, false))
+}
+
+/// Refuses to draw annotations where there are none.
+pub(super) fn expect_annotations(server: &Server, settings: Option<&Settings>) -> Result<(), Problem> {
+    let shown = settings.and_then(|settings| settings.annotations.as_ref());
+    match shown.filter(|shown| !shown.is_nothing()) {
+        Some(_) => annotations::of(server).map(drop),
+        None => Ok(()),
+    }
 }
 
 /// A problem as a message; what caused it goes to the log.

@@ -12,14 +12,18 @@ use tokio::sync::{Notify, watch};
 
 use super::look::Look;
 use super::pace::Pace;
+use super::placing::method_of;
 use super::shot::{Echo, Shot};
+use crate::annotation::{Method, Shown};
 use crate::camera::Camera;
 use crate::display::DisplaySettings;
-use crate::interaction::{Intent, Seen, ViewRecord, ViewState};
+use crate::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
 use crate::live::{ErrorMessage, MAX_IN_FLIGHT, Peers, Quality, Role, ServerMessage, Settings, StateMessage};
 use crate::render::RenderRequest;
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
+use crate::session::Drawables;
+use crate::space::{Patient, Point};
 use crate::units::ViewDepth;
 
 /// A change that comes after so long follows no other.
@@ -60,6 +64,34 @@ struct Inner {
     number: u64,
     /// What could not be rendered is not tried again.
     failed: Option<u64>,
+    /// How the cursor came to its place, last.
+    method: Method,
+    /// At which count of changes the annotations were read that are drawn; `None` where they have to be.
+    drawn_at: Option<u64>,
+}
+
+/// What a wish means beyond the view, while annotations are drawn.
+pub(super) enum Happened {
+    /// Something was set down here.
+    Placed { at: Point<Patient>, camera: Camera, method: Method },
+    /// The next label is wanted.
+    NextLabel,
+    /// The author's last edit is to be taken back.
+    Undo,
+}
+
+/// What came of wishes.
+pub(super) struct Wished {
+    /// Whether no picture showed the message before this one.
+    pub(super) unseen: bool,
+    pub(super) happened: Vec<Happened>,
+}
+
+/// The annotations that a view wants to draw.
+pub(super) struct Wanted {
+    pub(super) entry: Arc<Entry>,
+    pub(super) shown: Shown,
+    pub(super) author: Option<String>,
 }
 
 #[derive(Clone, Copy)]
@@ -187,6 +219,8 @@ impl View {
             published: None,
             number: 0,
             failed: None,
+            method: Method::Tip,
+            drawn_at: None,
         };
         Self {
             name,
@@ -253,8 +287,31 @@ impl View {
         inner.slots.is_empty() && now.saturating_duration_since(inner.idle_since) >= linger
     }
 
-    /// Applies wishes, in their order, all or those before the first that is refused. True where no picture showed the
-    /// message before this one.
+    /// The annotations that are drawn.
+    pub(super) fn shown(&self) -> Shown {
+        self.lock().look.shown.clone()
+    }
+
+    /// The annotations that have to be read, where those that are drawn are not of this count of changes.
+    pub(super) fn wanted(&self, changes: u64) -> Option<Wanted> {
+        let inner = self.lock();
+        let Look { entry, shown, shown_to, .. } = &inner.look;
+        let is_due = !shown.is_nothing() && inner.drawn_at != Some(changes);
+        is_due.then(|| Wanted { entry: Arc::clone(entry), shown: shown.clone(), author: shown_to.clone() })
+    }
+
+    /// Draws these from now on, if they are still what is wanted.
+    pub(super) fn annotate(&self, wanted: &Wanted, drawables: Drawables, changes: u64, now: Instant) {
+        let mut inner = self.lock();
+        let Look { entry, shown, shown_to, .. } = &inner.look;
+        if entry.id == wanted.entry.id && *shown == wanted.shown && *shown_to == wanted.author {
+            inner.drawn_at = Some(changes);
+            inner.look.set_drawables(drawables);
+            inner.changed(now);
+        }
+    }
+
+    /// Applies wishes, in their order, all or those before the first that is refused.
     ///
     /// # Errors
     /// Why one was refused.
@@ -264,15 +321,19 @@ impl View {
         intents: &[Intent],
         t_ns: u64,
         now: Instant,
-    ) -> Result<bool, Problem> {
+    ) -> Result<Wished, Problem> {
         let seen = self.shots.borrow().clone();
         let mut inner = self.lock();
         // Under the lock: a picture shows a message and what it did, or neither.
         let unseen = from.is_some_and(|(slot, echo)| slot.heard(echo));
-        let outcome = intents.iter().try_for_each(|intent| inner.apply(intent, t_ns, seen.as_deref(), now));
+        let mut happened = Vec::new();
+        let outcome = intents.iter().try_for_each(|intent| {
+            happened.extend(inner.apply(intent, t_ns, seen.as_deref(), now)?);
+            Ok(())
+        });
         drop(inner);
         self.work.notify_one();
-        outcome.map(|()| unseen)
+        outcome.map(|()| Wished { unseen, happened })
     }
 
     /// Shows what this camera sees. True where no picture showed the message before this one.
@@ -296,16 +357,20 @@ impl View {
         &self,
         settings: &Settings,
         entry: Option<Arc<Entry>>,
+        author: Option<&str>,
         now: Instant,
     ) -> Result<(), Problem> {
         let before = self.lock().look.clone();
         // The same volume may have another label map by now.
         let is_other = entry.as_ref().is_some_and(|entry| entry.id != before.entry.id);
-        let look = before.with(settings, entry)?;
+        let look = before.with(settings, entry, author)?;
         let mut inner = self.lock();
         if is_other {
             inner.state = ViewState::home(&look.stage);
             inner.camera = None;
+        }
+        if is_other || settings.annotations.is_some() {
+            inner.drawn_at = None;
         }
         let preset = look.preset.clone();
         inner.look = look;
@@ -338,6 +403,11 @@ impl View {
     /// Tells everybody that a revision cannot be rendered.
     pub(super) fn fail(&self, revision: u64, problem: &Problem) {
         self.lock().failed = Some(revision);
+        self.tell(problem);
+    }
+
+    /// Tells everybody that something failed.
+    pub(super) fn tell(&self, problem: &Problem) {
         let message = ErrorMessage { problem: problem.document(), fatal: false };
         self.failures.send_replace(Some(ServerMessage::Error(message).to_text().into()));
     }
@@ -370,11 +440,16 @@ impl Inner {
         t_ns: u64,
         seen: Option<&Shot>,
         now: Instant,
-    ) -> Result<(), Problem> {
+    ) -> Result<Option<Happened>, Problem> {
+        let annotates = !self.look.shown.is_nothing();
+        if annotates && matches!(intent, Intent::Undo {}) {
+            return Ok(Some(Happened::Undo)); // the view stays
+        }
         let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |shot| depth_at(shot, at));
         let seen = seen.map(|shot| Seen { camera: shot.frame.camera, depth: &depth });
         let before = self.state.clone();
         let applied = self.state.apply(&self.look.stage, t_ns, intent, seen.as_ref()).map_err(refused)?;
+        self.method = method_of(intent, self.look.is_slice()).unwrap_or(self.method);
         // A preset takes the place of a transfer function of one's own only where it was chosen, or comes back.
         let is_chosen = matches!(intent, Intent::Preset { .. } | Intent::Reset {})
             || self.state.preset() != before.preset();
@@ -392,7 +467,16 @@ impl Inner {
             self.camera = None;
             self.changed(now);
         }
-        Ok(())
+        let happened = match applied.event.filter(|_| annotates) {
+            Some(Event::Placed(at)) => {
+                let own = || self.state.camera(&self.look.stage).map_err(refused);
+                let camera = self.look.own_camera().or(self.camera).map_or_else(own, Ok)?;
+                Some(Happened::Placed { at, camera, method: self.method })
+            }
+            Some(Event::NextLabel) => Some(Happened::NextLabel),
+            _ => None,
+        };
+        Ok(happened)
     }
 
     fn next(&mut self, now: Instant, patience: Patience) -> Next {

@@ -17,6 +17,7 @@
 //! forgotten in silence. Patient mm; depth is view depth in mm.
 
 mod comfort;
+mod content;
 mod contour;
 mod slice;
 #[cfg(test)]
@@ -32,6 +33,8 @@ use crate::render::{
 use crate::space::{Patient, Point, Vector};
 use crate::volume::Grid;
 use slice::{Cut, between};
+
+pub use content::shape_of_content;
 
 /// Radius of a point's ball, and width of lines, px.
 const RADIUS_PX: f64 = 6.0;

@@ -1,0 +1,234 @@
+//! Edits: made in the store one after another, added to the snapshot, and told to whoever listens.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::refusal::no_such_item;
+use super::visible::Visible;
+use super::{Annotations, Snapshot};
+use crate::annotation::{
+    Change, Edit, Event, FrameOfReference, Item, ItemId, Kind, Set, Timestamp, Versioned,
+};
+use crate::server::problem::Problem;
+use crate::server::volumes::Entry;
+use crate::store::LogFilter;
+
+/// Items whose home is asked for one by one; of more the whole log is read once.
+const FEW: usize = 32;
+/// Events that are read at a time.
+const PAGE: u64 = 5000;
+
+/// Events of an edit, as they are told.
+pub(in crate::server) struct Published {
+    /// The log's last event.
+    pub(in crate::server) seq: u64,
+    /// Each with the frame of reference and set of its item.
+    pub(in crate::server) events: Vec<(Event, Home)>,
+    pub(in crate::server) sets: Arc<[Set]>,
+}
+
+/// Where an item belongs.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::server) struct Home {
+    pub(in crate::server) frame: Option<FrameOfReference>,
+    pub(in crate::server) set: String,
+}
+
+impl Home {
+    fn of(item: &Item) -> Self {
+        Self { frame: item.frame_of_reference.clone(), set: item.set.clone() }
+    }
+}
+
+/// What is to be done again or taken back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::server) enum Step {
+    Undo,
+    Redo,
+}
+
+impl Annotations {
+    /// Makes changes to the items of a volume: all or none.
+    ///
+    /// # Errors
+    /// 404 for items that are not there or not the author's to see, 403 for sets of others, and whatever the store refuses.
+    pub(in crate::server) async fn apply(
+        &self,
+        entry: &Entry,
+        author: &str,
+        reason: &str,
+        changes: Vec<Change>,
+    ) -> Result<Vec<(Event, Home)>, Problem> {
+        let frame = entry.frame_of_reference();
+        let _turn = self.turn.lock().await;
+        let snapshot = self.snapshot(&frame).await?;
+        let visible = Visible::new(&snapshot.sets, Some(author));
+        let completed = changes.into_iter().map(|change| complete(change, (&snapshot, &visible), (author, &frame)));
+        let changes = completed.collect::<Result<_, _>>()?;
+        let edit = Edit { author: author.to_owned(), reason: reason.to_owned(), changes };
+        let events = self.store.apply(&edit).await?;
+        let home = |event: &Event| {
+            let before = || snapshot.get(event.id).map(|known| known.item.set.clone()).unwrap_or_default();
+            let set = event.item.as_ref().map_or_else(before, |item| item.set.clone());
+            Home { frame: Some(frame.clone()), set }
+        };
+        let homes = events.iter().map(home).collect();
+        Ok(self.tell(events, homes, Arc::clone(&snapshot.sets)))
+    }
+
+    /// Takes back the author's newest edit, or makes the one again that was taken back last, where it concerns this volume.
+    ///
+    /// # Errors
+    /// 409 where there is none, or it is of another volume, and whatever the store refuses.
+    pub(in crate::server) async fn step(
+        &self,
+        entry: &Entry,
+        author: &str,
+        reason: &str,
+        step: Step,
+    ) -> Result<Vec<(Event, Home)>, Problem> {
+        let frame = entry.frame_of_reference();
+        let _turn = self.turn.lock().await;
+        self.expect_here(&frame, author, step).await?;
+        let events = match step {
+            Step::Undo => self.store.undo(author, reason).await?,
+            Step::Redo => self.store.redo(author, reason).await?,
+        };
+        let homes = self.homes(&events).await?;
+        let sets = self.sets().await?;
+        Ok(self.tell(events, homes, sets))
+    }
+
+    fn tell(&self, events: Vec<Event>, homes: Vec<Home>, sets: Arc<[Set]>) -> Vec<(Event, Home)> {
+        if let Some(frame) = homes.first().and_then(|home| home.frame.clone()) {
+            self.follow(&frame, &events);
+        }
+        let seq = events.last().map_or(0, |event| event.seq);
+        let events: Vec<(Event, Home)> = events.into_iter().zip(homes).collect();
+        self.changes.send_modify(|changes| *changes += 1);
+        let _ = self.told.send(Arc::new(Published { seq, events: events.clone(), sets })); // nobody may listen
+        events
+    }
+
+    /// Refuses a step that would change another volume, which the author does not see.
+    async fn expect_here(&self, frame: &FrameOfReference, author: &str, step: Step) -> Result<(), Problem> {
+        let (mut standing, mut undone): (Vec<u64>, Vec<u64>) = Default::default();
+        let mut first: HashMap<u64, Event> = HashMap::new();
+        let mut after = 0;
+        loop {
+            let filter = LogFilter {
+                after,
+                limit: Some(PAGE),
+                author: Some(author.to_owned()),
+                ..LogFilter::default()
+            };
+            let events = self.store.log(&filter).await?;
+            let Some(last) = events.last() else { break };
+            after = last.seq;
+            for event in events {
+                let is_first = event.seq == event.edit;
+                match (event.kind, event.target) {
+                    (Kind::Do, _) if is_first => {
+                        standing.push(event.edit);
+                        undone.clear();
+                        first.insert(event.edit, event);
+                    }
+                    (Kind::Undo, Some(target)) if is_first => {
+                        standing.retain(|edit| *edit != target);
+                        undone.push(target);
+                    }
+                    (Kind::Redo, Some(target)) if is_first => {
+                        undone.retain(|edit| *edit != target);
+                        standing.push(target);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        let target = match step {
+            Step::Undo => standing.last(),
+            Step::Redo => undone.last(),
+        };
+        // Where there is none, the store says so.
+        let Some(event) = target.and_then(|target| first.remove(target)) else { return Ok(()) };
+        let home = self.homes(&[event]).await?;
+        if home.first().is_some_and(|home| home.frame.as_ref() == Some(frame)) {
+            return Ok(());
+        }
+        let (kind, what) = match step {
+            Step::Undo => ("nothing-to-undo", "your newest change is of another volume; take it back there"),
+            Step::Redo => ("nothing-to-redo", "what you took back last is of another volume; make it again there"),
+        };
+        Err(Problem::new(axum::http::StatusCode::CONFLICT, kind, what))
+    }
+
+    /// Where the items of events belong; of an item that is gone, where it did.
+    pub(super) async fn homes(&self, events: &[Event]) -> Result<Vec<Home>, Problem> {
+        let gone: Vec<ItemId> = events.iter().filter(|event| event.item.is_none()).map(|event| event.id).collect();
+        let mut known: HashMap<ItemId, Home> = HashMap::new();
+        let filters = if gone.len() <= FEW {
+            gone.iter().map(|&id| LogFilter { item: Some(id), ..LogFilter::default() }).collect()
+        } else {
+            vec![LogFilter::default()]
+        };
+        for mut filter in filters {
+            filter.limit = Some(PAGE);
+            loop {
+                let page = self.store.log(&filter).await?;
+                let Some(last) = page.last() else { break };
+                filter.after = last.seq;
+                for event in page {
+                    known.extend(event.item.as_ref().map(|item| (event.id, Home::of(item))));
+                }
+            }
+        }
+        let nowhere = || Home { frame: None, set: String::new() };
+        let home = |event: &Event| {
+            let before = || known.get(&event.id).cloned().unwrap_or_else(nowhere);
+            event.item.as_ref().map_or_else(before, Home::of)
+        };
+        Ok(events.iter().map(home).collect())
+    }
+}
+
+/// A change with what the server knows better: author, time and frame of reference; checked to be the author's to make.
+fn complete(
+    change: Change,
+    (snapshot, visible): (&Snapshot, &Visible<'_>),
+    (author, frame): (&str, &FrameOfReference),
+) -> Result<Change, Problem> {
+    let seen = |id: ItemId| -> Result<&Arc<Versioned>, Problem> {
+        let known = snapshot.get(id).filter(|known| visible.sees(&known.item.set));
+        let known = known.ok_or_else(|| no_such_item(&id))?;
+        visible.expect_writable(&known.item.set).map(|()| known)
+    };
+    Ok(match change {
+        Change::Create { mut item } => {
+            visible.expect_writable(&item.set)?;
+            item.author = author.to_owned();
+            item.created = Timestamp::now();
+            item.frame_of_reference = Some(frame.clone());
+            Change::Create { item }
+        }
+        Change::Update { mut item, version } => {
+            match seen(item.id) {
+                Ok(known) => {
+                    item.author.clone_from(&known.item.author);
+                    item.created = known.item.created;
+                }
+                // Gone since the author saw it: the store knows, and answers with both versions.
+                Err(_) if version > 0 && snapshot.get(item.id).is_none() => {}
+                Err(problem) => return Err(problem),
+            }
+            visible.expect_writable(&item.set)?;
+            item.frame_of_reference = Some(frame.clone());
+            Change::Update { item, version }
+        }
+        Change::Delete { id, version } => {
+            if snapshot.get(id).is_some() {
+                seen(id)?;
+            }
+            Change::Delete { id, version }
+        }
+    })
+}

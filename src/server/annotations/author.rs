@@ -1,0 +1,72 @@
+//! Who asks: the header `Relief-Author`, UTF-8 in percent-encoding (RFC 3986), since names have letters that headers have not.
+
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+
+use crate::annotation::Item;
+use crate::server::problem::Problem;
+
+static RELIEF_AUTHOR: HeaderName = HeaderName::from_static("relief-author");
+
+/// The author that a request names; `None` where it names none.
+///
+/// # Errors
+/// When the header is no percent-encoded UTF-8, or no name.
+pub(in crate::server) fn author_of(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let Some(value) = headers.get(&RELIEF_AUTHOR) else { return Ok(None) };
+    let author = value.to_str().ok().and_then(decoded).ok_or_else(|| {
+        let detail = "the header Relief-Author is no percent-encoded UTF-8, such as Ren%C3%A9e";
+        Problem::new(StatusCode::BAD_REQUEST, "malformed-author", detail).with("path", "Relief-Author")
+    })?;
+    check(&author)?;
+    Ok(Some(author))
+}
+
+/// Checks a name: one line of 1 to 120 characters.
+pub(in crate::server) fn check(author: &str) -> Result<(), Problem> {
+    let characters = author.chars().count();
+    if (1..=Item::LONGEST_NAME).contains(&characters) && !author.contains(char::is_control) {
+        return Ok(());
+    }
+    let detail =
+        format!("an author of {characters} characters, allowed: 1 to {} in one line", Item::LONGEST_NAME);
+    Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-author", detail).with("path", "author"))
+}
+
+pub(in crate::server) fn missing() -> Problem {
+    let detail = "every change has an author; name one in the header Relief-Author (percent-encoded), or as author in the body";
+    Problem::new(StatusCode::BAD_REQUEST, "no-author", detail).with("path", "author")
+}
+
+fn decoded(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, tail @ ..] = rest {
+        rest = if *first == b'%' {
+            let digits = std::str::from_utf8(tail.get(..2)?).ok()?;
+            let is_hex = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+            bytes.push(u8::from_str_radix(digits, 16).ok().filter(|_| is_hex)?);
+            &tail[2..]
+        } else {
+            bytes.push(*first);
+            tail
+        };
+    }
+    String::from_utf8(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_come_through_percent_encoding() {
+        let of = |value: &str| author_of(&HeaderMap::from_iter([(RELIEF_AUTHOR.clone(), value.parse().unwrap())]));
+        assert_eq!(author_of(&HeaderMap::new()).unwrap(), None);
+        for (value, name) in [("anna", "anna"), ("Ren%C3%A9e%20B", "Renée B"), ("a%25", "a%")] {
+            assert_eq!(of(value).unwrap().as_deref(), Some(name));
+        }
+        for bad in ["%", "%4", "%zz", "%+1", "%ff", "", "a%0Ab", &"a".repeat(121)] {
+            assert!(of(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Annotations over pictures: which items a picture shows to whom, and the shapes of those that are surfaces.
+
+use std::sync::Arc;
+
+use axum::http::HeaderMap;
+
+use super::{Annotations, Visible, author_of, of};
+use crate::annotation::{Item, Shown};
+use crate::render::Scene;
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+use crate::server::volumes::Entry;
+use crate::session::{Drawables, Drawn};
+
+/// Adds what a scene wants of the annotations to its overlays; `None` where it wants nothing.
+///
+/// # Errors
+/// 404 where this server keeps none, and whatever the store says.
+pub(in crate::server) async fn draw(
+    server: &Server,
+    entry: &Entry,
+    scene: &mut Scene,
+    headers: &HeaderMap,
+) -> Result<Option<Drawn>, Problem> {
+    if scene.annotations.is_nothing() {
+        return Ok(None);
+    }
+    let author = author_of(headers)?;
+    let drawables = of(server)?.drawables(entry, &scene.annotations, author.as_deref()).await?;
+    Ok(Some(drawables.draw(&mut scene.request, &scene.display, &entry.grid)))
+}
+
+impl Annotations {
+    /// What is drawn of a volume's items for this author.
+    pub(in crate::server) async fn drawables(
+        &self,
+        entry: &Entry,
+        shown: &Shown,
+        author: Option<&str>,
+    ) -> Result<Drawables, Problem> {
+        let snapshot = self.snapshot(&entry.frame_of_reference()).await?;
+        let visible = Visible::new(&snapshot.sets, author);
+        let is_drawn = |item: &Item| shown.has(&item.set) && visible.sees(&item.set);
+        let items: Vec<&Item> = snapshot.items.iter().map(|known| &known.item).filter(|item| is_drawn(item)).collect();
+        let shapes = self.shapes(&items).await?;
+        Ok(Drawables::new(items, |geometry| shapes.of(geometry).map(Arc::clone)))
+    }
+}

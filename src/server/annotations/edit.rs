@@ -1,0 +1,143 @@
+//! Edits over HTTP: changes that happen together or not at all, taking back, making again.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::apply::{Home, Step};
+use super::refusal::invalid;
+use super::{Asked, outward_event};
+use crate::annotation::{Edit, Event, ItemId, Timestamp};
+use crate::server::guard::{expect_content_type, read_body};
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+
+/// Largest edit: 10,000 items with all they may have but long curves.
+pub(super) const MOST_BYTES: usize = 16 << 20;
+
+type Shared = State<Arc<Server>>;
+
+pub(super) async fn post(
+    State(server): Shared,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    let asked = Asked::new(&server, &id, &headers)?;
+    let mut wanted = read_json(&server, &headers, body, MOST_BYTES).await?;
+    let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
+    let author = asked.author(of_body)?;
+    wanted["author"] = author.as_str().into();
+    for change in wanted.get_mut("changes").and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Some(item) = change.get_mut("item").filter(|item| item.is_object()) {
+            fill(item, &author)?;
+        }
+    }
+    let edit: Edit = serde_path_to_error::deserialize(wanted).map_err(|error| malformed(&error, ""))?;
+    edit.validate().map_err(|error| invalid(&error))?;
+    let Edit { reason, changes, .. } = edit;
+    let events = asked.annotations.apply(&asked.entry, &author, &reason, changes).await?;
+    server.live.annotations_changed();
+    Ok((StatusCode::CREATED, Json(json!({ "events": events_json(&events) }))).into_response())
+}
+
+pub(super) async fn undo(
+    state: Shared,
+    path: Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<Value>, Problem> {
+    step(state, path, headers, body, Step::Undo).await
+}
+
+pub(super) async fn redo(
+    state: Shared,
+    path: Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<Value>, Problem> {
+    step(state, path, headers, body, Step::Redo).await
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct StepBody {
+    author: Option<String>,
+    reason: String,
+}
+
+async fn step(
+    State(server): Shared,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+    body: Body,
+    step: Step,
+) -> Result<Json<Value>, Problem> {
+    let asked = Asked::new(&server, &id, &headers)?;
+    let body = read_body(body, 64 << 10, server.config.body_timeout).await?;
+    let StepBody { author, reason } = if body.is_empty() {
+        StepBody::default()
+    } else {
+        expect_content_type(&headers, "application/json")?;
+        parse(&body)?
+    };
+    let author = asked.author(author)?;
+    let events = asked.annotations.step(&asked.entry, &author, &reason, step).await?;
+    server.live.annotations_changed();
+    Ok(Json(json!({ "events": events_json(&events) })))
+}
+
+/// What may be left out of an item: who makes it, when, and its id. What the server knows better is set when the edit is made.
+pub(super) fn fill(item: &mut Value, author: &str) -> Result<(), Problem> {
+    let Some(item) = item.as_object_mut() else { return Ok(()) };
+    item.insert("author".to_owned(), author.into());
+    item.insert("created".to_owned(), json!(Timestamp::now()));
+    item.remove("frame_of_reference");
+    if !item.contains_key("id") {
+        let id = ItemId::random().map_err(|error| Problem::internal("drawing a random id", error))?;
+        item.insert("id".to_owned(), json!(id));
+    }
+    Ok(())
+}
+
+/// Events as clients get them.
+pub(super) fn events_json(events: &[(Event, Home)]) -> Value {
+    events.iter().map(|(event, home)| outward_event(event, &home.set)).collect()
+}
+
+/// A body of JSON.
+pub(super) async fn read_json(
+    server: &Server,
+    headers: &HeaderMap,
+    body: Body,
+    limit: usize,
+) -> Result<Value, Problem> {
+    expect_content_type(headers, "application/json")?;
+    let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<usize>().ok());
+    if length.is_some_and(|length| length > limit) {
+        return Err(crate::server::guard::too_large(limit as u64));
+    }
+    let body = read_body(body, limit, server.config.body_timeout).await?;
+    let value: Value = parse(&body)?;
+    if value.is_object() {
+        return Ok(value);
+    }
+    Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-json", "the body is no JSON object").with("path", "."))
+}
+
+pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+    let mut reader = serde_json::Deserializer::from_slice(body);
+    serde_path_to_error::deserialize(&mut reader).map_err(|error| malformed(&error, ""))
+}
+
+pub(super) fn malformed(error: &serde_path_to_error::Error<serde_json::Error>, within: &str) -> Problem {
+    let path = format!("{within}{}", error.path());
+    let detail = format!("{path}: {}", error.inner());
+    Problem::new(StatusCode::BAD_REQUEST, "malformed-json", detail).with("path", path)
+}

@@ -1,0 +1,103 @@
+//! `GET /v1/volumes/{id}/annotations`: what there is, as whoever asks may see it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use super::{Asked, Visible, query};
+use crate::annotation::{Item, Measure, Set, Shown, State as Presence, measures};
+use crate::server::negotiate::knows_tag;
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct ListQuery {
+    set: Option<String>,
+    author: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Listed<'a> {
+    version: u64,
+    item: &'a Item,
+    measures: Vec<Measure>,
+}
+
+/// How far a set is.
+#[derive(Default, Serialize)]
+struct Complete {
+    defined: usize,
+    missing: usize,
+    skipped: usize,
+}
+
+#[derive(Serialize)]
+struct Listing<'a> {
+    seq: u64,
+    items: Vec<Listed<'a>>,
+    sets: Vec<&'a Set>,
+    complete: BTreeMap<&'a str, Complete>,
+}
+
+pub(super) async fn list(
+    State(server): State<Arc<Server>>,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let ListQuery { set, author } = query(&uri)?;
+    let shown = set.as_deref().map_or(Ok(Shown::All), chosen)?;
+    let asked = Asked::by_query(&server, &id, &headers, author)?;
+    let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
+    let visible = Visible::new(&snapshot.sets, asked.author.as_deref());
+    let sets: Vec<&Set> = visible.sets().filter(|set| shown.has(&set.name)).collect();
+    let tag = tag(&json!([snapshot.seq, sets]).to_string());
+    let validators = [
+        (header::ETAG, HeaderValue::from_str(&tag).unwrap_or(HeaderValue::from_static("\"\""))),
+        (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")),
+        (header::VARY, HeaderValue::from_static("Relief-Author")),
+    ];
+    if knows_tag(&headers, &tag) {
+        return Ok((StatusCode::NOT_MODIFIED, validators).into_response());
+    }
+    let mut complete: BTreeMap<&str, Complete> = BTreeMap::new();
+    let mut items = Vec::with_capacity(snapshot.items.len());
+    for known in &snapshot.items {
+        let item = &known.item;
+        if !(shown.has(&item.set) && visible.sees(&item.set)) {
+            continue;
+        }
+        let count = complete.entry(&item.set).or_default();
+        *match item.state {
+            Presence::Defined => &mut count.defined,
+            Presence::Missing => &mut count.missing,
+            Presence::Skipped => &mut count.skipped,
+        } += 1;
+        let measures = item.geometry.as_ref().map(measures).unwrap_or_default();
+        items.push(Listed { version: known.version, item, measures });
+    }
+    let listing = Listing { seq: snapshot.seq, items, sets, complete };
+    let body = serde_json::to_string(&listing).map_err(|error| Problem::internal("listing annotations", error))?;
+    Ok((validators, [(header::CONTENT_TYPE, "application/json")], body).into_response())
+}
+
+/// Sets by their names.
+pub(super) fn chosen(names: &str) -> Result<Shown, Problem> {
+    Shown::of_names(names.split(',').map(str::trim)).map_err(|reason| {
+        Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", format!("set: {reason}")).with("path", "set")
+    })
+}
+
+/// A strong tag of what a text says.
+fn tag(text: &str) -> String {
+    let hash = Sha256::digest(text);
+    let digits: String = hash[..12].iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("\"{digits}\"")
+}

@@ -1,0 +1,149 @@
+//! Annotations over HTTP: items of a volume, their log, sets, templates and files.
+//!
+//! What it is: [`Annotations`], the store of a server with the newest state of each volume beside it, and the routes under
+//! `/v1/volumes/{id}/annotations`. What it is not: it keeps nothing itself (see `store`), knows no file formats (see `exchange`) and
+//! draws nothing (see `session`).
+//!
+//! An author is a name that a request gives: there is no authentication here, and a blinded set is a promise among readers who play
+//! by the rules, not a lock. A frame of reference is a UID, which leads to a patient: no answer, log line or error has one. What is
+//! asked of a volume concerns the items of its frame of reference alone. Patient mm.
+
+mod apply;
+mod author;
+mod drawing;
+mod edit;
+mod files;
+mod item;
+mod list;
+mod log;
+mod outward;
+mod refusal;
+mod sets;
+mod shapes;
+mod snapshot;
+mod templates;
+mod visible;
+
+use std::sync::{Arc, Mutex};
+
+use axum::Router;
+use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::routing::{get, post};
+use tokio::sync::{broadcast, watch};
+
+use self::shapes::ShapeCache;
+use self::snapshot::Snapshots;
+use super::problem::Problem;
+use super::state::Server;
+use super::volumes::Entry;
+use crate::store::Store;
+
+pub(super) use apply::{Home, Published, Step};
+pub(super) use author::{author_of, missing as missing_author};
+pub(super) use drawing::draw;
+pub(super) use outward::outward_event;
+pub(super) use snapshot::Snapshot;
+pub(super) use visible::Visible;
+
+/// Edits that a slow listener may be behind; then it is told to ask for the whole.
+const BEHIND: usize = 256;
+
+/// The annotations of a server.
+pub(in crate::server) struct Annotations {
+    store: Store,
+    snapshots: Mutex<Snapshots>,
+    shapes: ShapeCache,
+    /// The place of whoever makes a surface.
+    making: tokio::sync::Mutex<()>,
+    /// Edits are made and told one after another: what is told is in the order of the log.
+    turn: tokio::sync::Mutex<()>,
+    told: broadcast::Sender<Arc<Published>>,
+    /// Counts whatever changes pictures, sets included.
+    changes: watch::Sender<u64>,
+}
+
+impl Annotations {
+    pub(super) fn new(store: Store) -> Self {
+        Self {
+            store,
+            snapshots: Mutex::default(),
+            shapes: ShapeCache::default(),
+            making: tokio::sync::Mutex::default(),
+            turn: tokio::sync::Mutex::default(),
+            told: broadcast::Sender::new(BEHIND),
+            changes: watch::Sender::new(0),
+        }
+    }
+
+    /// What is made from now on.
+    pub(super) fn listen(&self) -> broadcast::Receiver<Arc<Published>> {
+        self.told.subscribe()
+    }
+
+    /// How often anything has changed.
+    pub(super) fn changes(&self) -> u64 {
+        *self.changes.borrow()
+    }
+}
+
+/// The annotations of a server.
+///
+/// # Errors
+/// 404 where it has none.
+pub(super) fn of(server: &Server) -> Result<&Arc<Annotations>, Problem> {
+    server.annotations.as_ref().ok_or_else(|| {
+        let detail = "this server keeps no annotations; start it with --annotations PLACE";
+        Problem::new(StatusCode::NOT_FOUND, "annotations-off", detail)
+    })
+}
+
+/// Who asks what of which volume.
+struct Asked {
+    annotations: Arc<Annotations>,
+    entry: Arc<Entry>,
+    author: Option<String>,
+}
+
+impl Asked {
+    fn new(server: &Server, id: &str, headers: &HeaderMap) -> Result<Self, Problem> {
+        let annotations = Arc::clone(of(server)?);
+        Ok(Self { annotations, entry: server.volumes.find(id)?, author: author_of(headers)? })
+    }
+
+    /// As [`Asked::new`]; the author may stand in the query, for those who can set no header.
+    fn by_query(server: &Server, id: &str, headers: &HeaderMap, author: Option<String>) -> Result<Self, Problem> {
+        let asked = Self::new(server, id, headers)?;
+        author.as_deref().map_or(Ok(()), author::check)?;
+        Ok(Self { author: asked.author.or(author), ..asked })
+    }
+
+    /// The author of a change: the header's, or else the body's.
+    fn author(&self, of_body: Option<String>) -> Result<String, Problem> {
+        let author = self.author.clone().or(of_body).ok_or_else(author::missing)?;
+        author::check(&author)?;
+        Ok(author)
+    }
+}
+
+/// The routes under a volume.
+pub(super) fn routes() -> Router<Arc<Server>> {
+    Router::new()
+        .route("/v1/volumes/{id}/annotations", get(list::list).post(edit::post))
+        .route("/v1/volumes/{id}/annotations/undo", post(edit::undo))
+        .route("/v1/volumes/{id}/annotations/redo", post(edit::redo))
+        .route("/v1/volumes/{id}/annotations/log", get(log::log))
+        .route("/v1/volumes/{id}/annotations/import", post(files::import))
+        .route("/v1/volumes/{id}/annotations/export", get(files::export))
+        .route("/v1/volumes/{id}/annotations/contents/{sha256}", get(files::content))
+        .route("/v1/volumes/{id}/annotations/sets/{name}", get(sets::show).put(sets::put))
+        .route("/v1/volumes/{id}/annotations/templates/{name}", get(templates::show).put(templates::put))
+        .route("/v1/volumes/{id}/annotations/templates/{name}/apply", post(templates::apply))
+        .route("/v1/volumes/{id}/annotations/{item}", get(item::show).put(item::put).delete(item::delete))
+}
+
+/// A query of named parts, none unknown.
+fn query<T: serde::de::DeserializeOwned>(uri: &Uri) -> Result<T, Problem> {
+    axum::extract::Query::<T>::try_from_uri(uri)
+        .map(|query| query.0)
+        .map_err(|error| Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error.body_text()))
+}

@@ -1,0 +1,31 @@
+//! What clients are shown of items and events: all but the frame of reference, which is a UID and that of the volume anyway.
+
+use serde_json::{Value, json};
+
+use crate::annotation::{Event, Geometry, Item, Versioned, measures};
+
+/// An item for clients.
+pub(in crate::server) fn outward_item(item: &Item) -> Value {
+    json!(Item { frame_of_reference: None, ..item.clone() })
+}
+
+/// An item with its version and measures.
+pub(in crate::server) fn outward_versioned(versioned: &Versioned) -> Value {
+    json!({
+        "version": versioned.version,
+        "item": outward_item(&versioned.item),
+        "measures": measures_of(versioned.item.geometry.as_ref()),
+    })
+}
+
+/// An event, with the set of its item.
+pub(in crate::server) fn outward_event(event: &Event, set: &str) -> Value {
+    let item = event.item.as_ref().map(|item| Item { frame_of_reference: None, ..item.clone() });
+    let mut value = json!(Event { item, ..event.clone() });
+    value["set"] = set.into();
+    value
+}
+
+pub(in crate::server) fn measures_of(geometry: Option<&Geometry>) -> Value {
+    json!(geometry.map(measures).unwrap_or_default())
+}

@@ -1,0 +1,83 @@
+//! Which sets somebody sees, and into which they may write.
+//!
+//! A blinded set is its reader's alone, and a reader of blinded sets sees those alone: neither sees what the other thinks. Where a set
+//! names a reader, the reader alone writes into it; any other set is everybody's.
+
+use axum::http::StatusCode;
+
+use crate::annotation::Set;
+use crate::server::problem::Problem;
+
+/// The sets as one author sees them.
+pub(in crate::server) struct Visible<'a> {
+    sets: &'a [Set],
+    author: Option<&'a str>,
+    /// Whether the author reads blinded sets.
+    is_blinded: bool,
+}
+
+impl<'a> Visible<'a> {
+    pub(in crate::server) fn new(sets: &'a [Set], author: Option<&'a str>) -> Self {
+        let is_blinded = sets.iter().any(|set| set.blinded && author.is_some() && set.reader.as_deref() == author);
+        Self { sets, author, is_blinded }
+    }
+
+    /// Whether the author sees items of this set.
+    pub(in crate::server) fn sees(&self, name: &str) -> bool {
+        match self.sets.iter().find(|set| set.name == name) {
+            Some(set) if set.blinded => self.author.is_some() && set.reader.as_deref() == self.author,
+            _ => !self.is_blinded,
+        }
+    }
+
+    /// Checks that the author may write into this set.
+    pub(in crate::server) fn expect_writable(&self, name: &str) -> Result<(), Problem> {
+        let reader = self.sets.iter().find(|set| set.name == name).and_then(|set| set.reader.as_deref());
+        if self.sees(name) && reader.is_none_or(|reader| Some(reader) == self.author) {
+            return Ok(());
+        }
+        let detail = "the set is another reader's, or blinded; write into one of your own";
+        Err(Problem::new(StatusCode::FORBIDDEN, "not-your-set", detail).with("path", "set"))
+    }
+
+    /// The sets that the author sees, those without items among them.
+    pub(in crate::server) fn sets(&self) -> impl Iterator<Item = &'a Set> {
+        self.sets.iter().filter(|set| self.sees(&set.name))
+    }
+
+    /// The set for what the author makes where nothing names one: the first of which the author is the reader, or else the default.
+    pub(in crate::server) fn own(&self) -> &'a str {
+        let is_own = |set: &&Set| set.reader.is_some() && set.reader.as_deref() == self.author;
+        self.sets().find(is_own).map_or(Set::DEFAULT, |set| &set.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(name: &str, reader: Option<&str>, blinded: bool) -> Set {
+        Set { name: name.to_owned(), reader: reader.map(str::to_owned), blinded, template: None }
+    }
+
+    #[test]
+    fn a_blinded_reader_sees_one_set_and_nobody_else_sees_that() {
+        let sets = [set("a", Some("anna"), true), set("b", Some("ben"), true), set("c", Some("cleo"), false)];
+        for (author, seen, written) in [
+            (Some("anna"), &["a"][..], &["a"][..]),
+            (Some("ben"), &["b"], &["b"]),
+            (Some("cleo"), &["c", "default"], &["c", "default"]),
+            (Some("dora"), &["c", "default"], &["default"]),
+            (None, &["c", "default"], &["default"]),
+        ] {
+            let visible = Visible::new(&sets, author);
+            let names = ["a", "b", "c", "default"];
+            let sees: Vec<_> = names.into_iter().filter(|name| visible.sees(name)).collect();
+            let writes: Vec<_> = names.into_iter().filter(|name| visible.expect_writable(name).is_ok()).collect();
+            assert_eq!((sees.as_slice(), writes.as_slice()), (seen, written), "{author:?}");
+        }
+        assert_eq!([Some("anna"), Some("cleo"), None].map(|who| Visible::new(&sets, who).own()), ["a", "c", "default"]);
+        let nobodys = [set("x", None, true)];
+        assert!(!Visible::new(&nobodys, None).sees("x"), "a blinded set without a reader is nobody's");
+    }
+}

@@ -1,0 +1,214 @@
+//! Landmarks by hand: what somebody sets down in a view becomes an item of the volume's annotations.
+//!
+//! The next missing item of the set, in its order, gets the place; where none is missing, a new point with the next free number.
+//! Each session has its own place in that order, so that two people may work through one list, and may go on past what they
+//! cannot find.
+
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::view::{Happened, View, lock};
+use crate::annotation::{
+    CameraRecord, Change, Device, Geometry, Item, ItemId, Method, Placement, Set, Shown, State, Versioned,
+};
+use crate::camera::{Camera, Projection};
+use crate::live::{AnnotationsMessage, NextLabel, ServerMessage};
+use crate::server::annotations::{Snapshot, Step, Visible, missing_author, of};
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+use crate::space::{Patient, Point};
+
+/// Why an item came to be where it is, in the log.
+const REASON: &str = "live session";
+
+/// Who places, and where in the list.
+pub(super) struct Hand<'a> {
+    pub(super) author: Option<&'a str>,
+    /// The item that is next; the first missing one where there is none.
+    pub(super) label: &'a std::sync::Mutex<Option<ItemId>>,
+    /// What is held in the hand.
+    pub(super) device: Device,
+}
+
+/// Does what happened in a view, and says what is next.
+///
+/// # Errors
+/// When no author is known, and whatever the store refuses.
+pub(super) async fn happen(
+    server: &Arc<Server>,
+    view: &View,
+    hand: &Hand<'_>,
+    happened: Happened,
+) -> Result<AnnotationsMessage, Problem> {
+    let annotations = of(server)?;
+    let author = hand.author.ok_or_else(missing_author)?;
+    let entry = view.entry();
+    match happened {
+        Happened::Placed { at, camera, method } => {
+            let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
+            let list = List::of(&snapshot, &view.shown(), author);
+            let placement = Placement {
+                method,
+                device: Some(hand.device.clone()),
+                camera: Some(record(&camera)),
+                snapped_mm: None,
+            };
+            let target = list.target(*lock(hand.label));
+            let change = list.placed(target, author, at, placement)?;
+            annotations.apply(&entry, author, REASON, vec![change]).await?;
+            // On to what comes after it.
+            *lock(hand.label) = target.and_then(|target| list.following(target.item.id));
+        }
+        Happened::NextLabel => {
+            let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
+            let list = List::of(&snapshot, &view.shown(), author);
+            let mut label = lock(hand.label);
+            *label = list.target(*label).and_then(|target| list.following(target.item.id));
+        }
+        Happened::Undo => {
+            annotations.step(&entry, author, REASON, Step::Undo).await?;
+        }
+    }
+    server.live.annotations_changed();
+    next(server, view, hand).await
+}
+
+/// What the next `place` sets down.
+///
+/// # Errors
+/// Whatever the store says.
+pub(super) async fn next(server: &Server, view: &View, hand: &Hand<'_>) -> Result<AnnotationsMessage, Problem> {
+    let snapshot = of(server)?.snapshot(&view.entry().frame_of_reference()).await?;
+    let author = hand.author.unwrap_or_default();
+    let list = List::of(&snapshot, &view.shown(), author);
+    let target = list.target(*lock(hand.label));
+    let next = NextLabel {
+        set: list.set.to_owned(),
+        name: target.map_or_else(|| list.number(), |target| target.item.name.clone()),
+        id: target.map(|target| target.item.id.to_string()),
+    };
+    Ok(AnnotationsMessage { seq: snapshot.seq, events: Vec::new(), more: false, next: Some(next) })
+}
+
+/// The set into which somebody places.
+struct List<'a> {
+    set: &'a str,
+    items: Vec<&'a Arc<Versioned>>,
+}
+
+impl<'a> List<'a> {
+    /// Of the sets that are shown the first into which the author may write; the author's own where all are shown.
+    fn of(snapshot: &'a Snapshot, shown: &'a Shown, author: &str) -> Self {
+        let visible = Visible::new(&snapshot.sets, Some(author).filter(|author| !author.is_empty()));
+        let set = match shown {
+            Shown::Sets(names) => {
+                let named = names.iter().find(|name| visible.expect_writable(name).is_ok());
+                named.or(names.first()).map_or(Set::DEFAULT, String::as_str)
+            }
+            Shown::All | Shown::Nothing => {
+                let own = visible.own();
+                snapshot.sets.iter().find(|set| set.name == own).map_or(Set::DEFAULT, |set| &set.name)
+            }
+        };
+        Self { set, items: snapshot.items.iter().filter(|known| known.item.set == set).collect() }
+    }
+
+    fn missing(&self) -> impl Iterator<Item = &'a Arc<Versioned>> {
+        self.items.iter().copied().filter(|known| known.item.state == State::Missing && !known.item.locked)
+    }
+
+    /// The missing item that is next: this one if it still is missing, or the first.
+    fn target(&self, label: Option<ItemId>) -> Option<&'a Arc<Versioned>> {
+        let labelled = label.and_then(|label| self.missing().find(|known| known.item.id == label));
+        labelled.or_else(|| self.missing().next())
+    }
+
+    /// The missing item after this one; the first again behind the last.
+    fn following(&self, id: ItemId) -> Option<ItemId> {
+        let at = self.items.iter().position(|known| known.item.id == id)?;
+        let is_missing = |known: &&&Arc<Versioned>| known.item.state == State::Missing && !known.item.locked;
+        let (before, behind) = self.items.split_at(at);
+        let next = behind.iter().skip(1).find(is_missing).or_else(|| before.iter().find(is_missing));
+        next.map(|known| known.item.id)
+    }
+
+    /// The name of the next point that has none: a number that no item has.
+    fn number(&self) -> String {
+        let numbers = self.items.iter().filter_map(|known| known.item.name.parse::<u64>().ok());
+        (numbers.max().unwrap_or(0).saturating_add(1)).to_string()
+    }
+
+    fn placed(
+        &self,
+        target: Option<&Arc<Versioned>>,
+        author: &str,
+        at_mm: Point<Patient>,
+        placement: Placement,
+    ) -> Result<Change, Problem> {
+        let geometry = Some(Geometry::Point { at_mm });
+        let placement = Some(placement);
+        if let Some(target) = target {
+            let item = Item { state: State::Defined, geometry, placement, ..target.item.clone() };
+            return Ok(Change::Update { item: Box::new(item), version: target.version });
+        }
+        let item = Item::new(&self.number(), author, geometry)
+            .map_err(|error| Problem::internal("drawing a random id", error))?;
+        let order = self.items.iter().map(|known| known.item.order).max().map_or(0, |order| order.saturating_add(1));
+        Ok(Change::Create { item: Box::new(Item { set: self.set.to_owned(), order, placement, ..item }) })
+    }
+}
+
+/// A message for clients.
+pub(super) fn text(message: AnnotationsMessage) -> String {
+    ServerMessage::Annotations(message).to_text()
+}
+
+/// Events for a client that sees these sets of this volume; `None` where none is for it.
+pub(super) fn told(
+    published: &crate::server::annotations::Published,
+    frame: &crate::annotation::FrameOfReference,
+    author: Option<&str>,
+) -> Option<AnnotationsMessage> {
+    let visible = Visible::new(&published.sets, author);
+    let is_for = |home: &crate::server::annotations::Home| home.frame.as_ref() == Some(frame) && visible.sees(&home.set);
+    let events: Vec<Value> = published
+        .events
+        .iter()
+        .filter(|(_, home)| is_for(home))
+        .map(|(event, home)| crate::server::annotations::outward_event(event, &home.set))
+        .collect();
+    let seq = published.seq;
+    (!events.is_empty()).then(|| AnnotationsMessage { seq, events, more: false, next: None }.bounded())
+}
+
+fn record(camera: &Camera) -> CameraRecord {
+    let (vertical_fov_deg, height_mm) = match camera.projection() {
+        Projection::Perspective { vertical_fov } => (Some(vertical_fov.to_degrees()), None),
+        Projection::Orthographic { height_mm } => (None, Some(height_mm)),
+    };
+    CameraRecord {
+        eye_mm: camera.eye().xyz.to_array(),
+        look_at_mm: camera.look_at().xyz.to_array(),
+        up: camera.up().xyz.to_array(),
+        vertical_fov_deg,
+        height_mm,
+    }
+}
+
+/// What a session without a tracked device holds.
+pub(super) fn pointer() -> Device {
+    Device { kind: "pointer".to_owned(), position_mm: None, orientation_xyzw: None }
+}
+
+/// How a cursor came to its place.
+pub(super) fn method_of(intent: &crate::interaction::Intent, is_slice: bool) -> Option<Method> {
+    match intent {
+        crate::interaction::Intent::Cursor { at_px: Some(_), .. } => {
+            Some(if is_slice { Method::Slice } else { Method::Pick })
+        }
+        crate::interaction::Intent::Cursor { point_mm: Some(_), .. } => Some(Method::Typed),
+        crate::interaction::Intent::Cursor { .. } => Some(Method::Tip),
+        _ => None,
+    }
+}
