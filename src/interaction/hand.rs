@@ -100,6 +100,18 @@ impl HandOptions {
 }
 
 impl HandPose {
+    /// Position, mm.
+    #[must_use]
+    pub fn position_mm(&self) -> [f64; 3] {
+        self.position_mm.to_array()
+    }
+
+    /// How it is turned: a unit quaternion.
+    #[must_use]
+    pub fn orientation_xyzw(&self) -> [f64; 4] {
+        self.orientation.to_array()
+    }
+
     /// The pose of these numbers, as a line of `relief track` has them.
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use super::refusal::no_such_item;
 use super::visible::Visible;
@@ -105,6 +106,7 @@ impl Annotations {
         }
         let seq = events.last().map_or(0, |event| event.seq);
         let events: Vec<(Event, Home)> = events.into_iter().zip(homes).collect();
+        self.newest.store(seq, Ordering::Relaxed);
         self.changes.send_modify(|changes| *changes += 1);
         let _ = self.told.send(Arc::new(Published { seq, events: events.clone(), sets })); // nobody may listen
         events

@@ -21,9 +21,9 @@ mod refusal;
 mod sets;
 mod shapes;
 mod snapshot;
-mod templates;
 mod visible;
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use axum::Router;
@@ -58,6 +58,8 @@ pub(in crate::server) struct Annotations {
     /// Edits are made and told one after another: what is told is in the order of the log.
     turn: tokio::sync::Mutex<()>,
     told: broadcast::Sender<Arc<Published>>,
+    /// The last event that was told.
+    newest: AtomicU64,
     /// Counts whatever changes pictures, sets included.
     changes: watch::Sender<u64>,
 }
@@ -71,6 +73,7 @@ impl Annotations {
             making: tokio::sync::Mutex::default(),
             turn: tokio::sync::Mutex::default(),
             told: broadcast::Sender::new(BEHIND),
+            newest: AtomicU64::new(0),
             changes: watch::Sender::new(0),
         }
     }
@@ -78,6 +81,11 @@ impl Annotations {
     /// What is made from now on.
     pub(super) fn listen(&self) -> broadcast::Receiver<Arc<Published>> {
         self.told.subscribe()
+    }
+
+    /// The last event that was told.
+    pub(super) fn newest(&self) -> u64 {
+        self.newest.load(Ordering::Relaxed)
     }
 
     /// How often anything has changed.
@@ -132,12 +140,8 @@ pub(super) fn routes() -> Router<Arc<Server>> {
         .route("/v1/volumes/{id}/annotations/undo", post(edit::undo))
         .route("/v1/volumes/{id}/annotations/redo", post(edit::redo))
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
-        .route("/v1/volumes/{id}/annotations/import", post(files::import))
-        .route("/v1/volumes/{id}/annotations/export", get(files::export))
         .route("/v1/volumes/{id}/annotations/contents/{sha256}", get(files::content))
         .route("/v1/volumes/{id}/annotations/sets/{name}", get(sets::show).put(sets::put))
-        .route("/v1/volumes/{id}/annotations/templates/{name}", get(templates::show).put(templates::put))
-        .route("/v1/volumes/{id}/annotations/templates/{name}/apply", post(templates::apply))
         .route("/v1/volumes/{id}/annotations/{item}", get(item::show).put(item::put).delete(item::delete))
 }
 

@@ -298,13 +298,16 @@ impl Connected {
     }
 
     /// What this client is told of an edit; of edits that it missed, that it has to look again.
-    fn told(&self, heard: Result<Arc<Published>, u64>) -> Option<String> {
+    fn told(&self, heard: Option<Arc<Published>>) -> Option<String> {
         let message = match heard {
-            Ok(published) => {
+            Some(published) => {
                 let frame = self.session.view.entry().frame_of_reference();
                 placing::told(&published, &frame, self.session.author.as_deref())?
             }
-            Err(seq) => AnnotationsMessage { seq, events: Vec::new(), more: true, next: None },
+            None => {
+                let seq = self.server.annotations.as_ref().map_or(0, |annotations| annotations.newest());
+                AnnotationsMessage { seq, events: Vec::new(), more: true, next: None }
+            }
         };
         Some(placing::text(message))
     }
@@ -365,12 +368,12 @@ impl Connected {
     }
 }
 
-/// The next edit; those that were missed as 0. Never ends where there are no annotations.
-async fn heard(edits: &mut Option<broadcast::Receiver<Arc<Published>>>) -> Result<Arc<Published>, u64> {
+/// The next edit; `None` where some were missed. Never ends where there are no annotations.
+async fn heard(edits: &mut Option<broadcast::Receiver<Arc<Published>>>) -> Option<Arc<Published>> {
     match edits {
         Some(edits) => match edits.recv().await {
-            Ok(published) => Ok(published),
-            Err(broadcast::error::RecvError::Lagged(_)) => Err(0),
+            Ok(published) => Some(published),
+            Err(broadcast::error::RecvError::Lagged(_)) => None,
             Err(broadcast::error::RecvError::Closed) => std::future::pending().await,
         },
         None => std::future::pending().await,

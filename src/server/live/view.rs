@@ -447,7 +447,7 @@ impl Inner {
         }
         let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |shot| depth_at(shot, at));
         let seen = seen.map(|shot| Seen { camera: shot.frame.camera, depth: &depth });
-        let before = self.state.clone();
+        let (before, camera) = (self.state.clone(), self.camera);
         let applied = self.state.apply(&self.look.stage, t_ns, intent, seen.as_ref()).map_err(refused)?;
         self.method = method_of(intent, self.look.is_slice()).unwrap_or(self.method);
         // A preset takes the place of a transfer function of one's own only where it was chosen, or comes back.
@@ -470,7 +470,7 @@ impl Inner {
         let happened = match applied.event.filter(|_| annotates) {
             Some(Event::Placed(at)) => {
                 let own = || self.state.camera(&self.look.stage).map_err(refused);
-                let camera = self.look.own_camera().or(self.camera).map_or_else(own, Ok)?;
+                let camera = self.look.own_camera().or(camera).map_or_else(own, Ok)?;
                 Some(Happened::Placed { at, camera, method: self.method })
             }
             Some(Event::NextLabel) => Some(Happened::NextLabel),
