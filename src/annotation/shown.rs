@@ -100,7 +100,10 @@ mod tests {
             assert_eq!(read(json).unwrap(), shown);
         }
         let two = Shown::Sets(vec!["a".to_owned(), "b.1".to_owned()]);
-        assert_eq!((read("\"a, b.1\"").unwrap(), read("[\"a\",\"b.1\"]").unwrap()), (two.clone(), two.clone()));
+        assert_eq!(
+            (read("\"a, b.1\"").unwrap(), read("[\"a\",\"b.1\"]").unwrap()),
+            (two.clone(), two.clone())
+        );
         assert_eq!(serde_json::to_string(&two).unwrap(), r#"["a","b.1"]"#);
         assert!(two.has("a") && !two.has("c") && Shown::All.has("c") && !Shown::Nothing.has("c"));
         for (json, says) in [

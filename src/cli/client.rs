@@ -11,6 +11,7 @@ use super::client_watch::{Recorder, Watch};
 use super::output::{print_json, say, write_whole};
 use super::scene::parse_size;
 use super::serve::stop_signal;
+use crate::annotation::Shown;
 use crate::client::{self, ClientError, Composer, Handle, Options, ServerAddress, measure};
 use crate::display::{DisplaySettings, Layout, encode_png};
 use crate::live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Settings, check_view_name};
@@ -52,6 +53,12 @@ pub(super) struct Arguments {
     /// Lossless colour while the view moves, too
     #[arg(long)]
     lossless: bool,
+    /// Draw annotations: all, or sets by their names with commas between them; A places landmarks then, and 1 takes them back
+    #[arg(long, value_name = "true|SETS", value_parser = Shown::parse)]
+    annotations: Option<Shown>,
+    /// Who works here: the author of what is placed
+    #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
+    author: Option<String>,
     /// Wait for a server that is not there yet
     #[arg(long)]
     wait: bool,
@@ -178,12 +185,13 @@ impl Session {
         let settings = Settings {
             display: (display != usual).then(|| display.clone()),
             preset: arguments.preset.clone(),
+            annotations: arguments.annotations.clone(),
             ..Settings::default()
         };
         let settings = (settings != Settings::default()).then_some(settings);
         if role == Role::Watcher && (settings.is_some() || arguments.look.is_some()) {
             bail!(
-                "a watcher sees what presenters show: leave --preset, --look, --layout, --factor and --offset out"
+                "a watcher sees what presenters show: leave --preset, --look, --layout, --factor, --offset and --annotations out"
             );
         }
         if role == Role::Watcher && arguments.remote.is_there() {
@@ -195,6 +203,7 @@ impl Session {
         }
         let hello = Hello {
             client: Some(format!("relief-client {}", env!("CARGO_PKG_VERSION"))),
+            author: arguments.author.clone(),
             volume: arguments.volume.clone(),
             view: arguments.view.clone(),
             role,

@@ -20,9 +20,10 @@ pub use frame::{
 };
 pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KIND_FRAME, MAGIC, VERSION};
 pub use messages::{
-    Accept, Ack, ClientMessage, ColorFormats, ErrorMessage, Formats, Hello, IntentMessage, MAX_TEXT_BYTES,
-    MAX_VIEW_NAME, MessageError, NoFormat, OrbitPose, Peers, Pose, PoseKind, Quality, RemotePose, Report,
-    Role, ServerMessage, Settings, StateMessage, TrackingMessage, Welcome, check_view_name,
+    Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Formats, Hello,
+    IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, Peers, Pose,
+    PoseKind, Quality, RemotePose, Report, Role, ServerMessage, Settings, StateMessage, TrackingMessage,
+    Welcome, check_view_name,
 };
 
 /// The WebSocket subprotocol.

@@ -356,9 +356,9 @@ impl Kind {
                 };
                 Ok(text.split(',').map(label).collect::<Vec<_>>().into())
             }
-            Self::Sets => Shown::parse(text)
-                .map(|shown| serde_json::json!(shown))
-                .map_err(|reason| malformed(name, text, &format!("true, false, or names of sets ({reason})"))),
+            Self::Sets => Shown::parse(text).map(|shown| serde_json::json!(shown)).map_err(|reason| {
+                malformed(name, text, &format!("true, false, or names of sets ({reason})"))
+            }),
             Self::Whole(count) => {
                 let values: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
                 let values = values.filter(|values| values.len() == count);

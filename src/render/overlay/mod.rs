@@ -33,8 +33,8 @@ use super::request::{RenderRequest, RequestError};
 use crate::volume::Grid;
 
 pub use font::{CAPITAL, lettering};
-pub use text::{label_height_px, label_stroke_px};
 pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
+pub use text::{label_height_px, label_stroke_px};
 
 /// Rows of a picture that one thread draws at a time.
 const BAND_ROWS: u32 = 16;

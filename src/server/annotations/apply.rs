@@ -64,7 +64,8 @@ impl Annotations {
         let _turn = self.turn.lock().await;
         let snapshot = self.snapshot(&frame).await?;
         let visible = Visible::new(&snapshot.sets, Some(author));
-        let completed = changes.into_iter().map(|change| complete(change, (&snapshot, &visible), (author, &frame)));
+        let completed =
+            changes.into_iter().map(|change| complete(change, (&snapshot, &visible), (author, &frame)));
         let changes = completed.collect::<Result<_, _>>()?;
         let edit = Edit { author: author.to_owned(), reason: reason.to_owned(), changes };
         let events = self.store.apply(&edit).await?;
@@ -159,14 +160,17 @@ impl Annotations {
         }
         let (kind, what) = match step {
             Step::Undo => ("nothing-to-undo", "your newest change is of another volume; take it back there"),
-            Step::Redo => ("nothing-to-redo", "what you took back last is of another volume; make it again there"),
+            Step::Redo => {
+                ("nothing-to-redo", "what you took back last is of another volume; make it again there")
+            }
         };
         Err(Problem::new(axum::http::StatusCode::CONFLICT, kind, what))
     }
 
     /// Where the items of events belong; of an item that is gone, where it did.
     pub(super) async fn homes(&self, events: &[Event]) -> Result<Vec<Home>, Problem> {
-        let gone: Vec<ItemId> = events.iter().filter(|event| event.item.is_none()).map(|event| event.id).collect();
+        let gone: Vec<ItemId> =
+            events.iter().filter(|event| event.item.is_none()).map(|event| event.id).collect();
         let mut known: HashMap<ItemId, Home> = HashMap::new();
         let filters = if gone.len() <= FEW {
             gone.iter().map(|&id| LogFilter { item: Some(id), ..LogFilter::default() }).collect()

@@ -60,7 +60,8 @@ mod tests {
 
     #[test]
     fn names_come_through_percent_encoding() {
-        let of = |value: &str| author_of(&HeaderMap::from_iter([(RELIEF_AUTHOR.clone(), value.parse().unwrap())]));
+        let of =
+            |value: &str| author_of(&HeaderMap::from_iter([(RELIEF_AUTHOR.clone(), value.parse().unwrap())]));
         assert_eq!(author_of(&HeaderMap::new()).unwrap(), None);
         for (value, name) in [("anna", "anna"), ("Ren%C3%A9e%20B", "Renée B"), ("a%25", "a%")] {
             assert_eq!(of(value).unwrap().as_deref(), Some(name));

@@ -41,7 +41,8 @@ impl Annotations {
         let snapshot = self.snapshot(&entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, author);
         let is_drawn = |item: &Item| shown.has(&item.set) && visible.sees(&item.set);
-        let items: Vec<&Item> = snapshot.items.iter().map(|known| &known.item).filter(|item| is_drawn(item)).collect();
+        let items: Vec<&Item> =
+            snapshot.items.iter().map(|known| &known.item).filter(|item| is_drawn(item)).collect();
         let shapes = self.shapes(&items).await?;
         Ok(Drawables::new(items, |geometry| shapes.of(geometry).map(Arc::clone)))
     }

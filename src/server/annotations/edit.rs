@@ -119,7 +119,8 @@ pub(super) async fn read_json(
     limit: usize,
 ) -> Result<Value, Problem> {
     expect_content_type(headers, "application/json")?;
-    let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<usize>().ok());
+    let length =
+        headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<usize>().ok());
     if length.is_some_and(|length| length > limit) {
         return Err(crate::server::guard::too_large(limit as u64));
     }
@@ -128,7 +129,8 @@ pub(super) async fn read_json(
     if value.is_object() {
         return Ok(value);
     }
-    Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-json", "the body is no JSON object").with("path", "."))
+    Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-json", "the body is no JSON object")
+        .with("path", "."))
 }
 
 pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {

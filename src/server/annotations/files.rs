@@ -20,12 +20,14 @@ pub(super) async fn content(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let asked = Asked::new(&server, &id, &headers)?;
-    let content = ContentId::try_from(sha256).map_err(|reason| {
-        Problem::new(StatusCode::NOT_FOUND, "no-such-content", reason)
-    })?;
+    let content = ContentId::try_from(sha256)
+        .map_err(|reason| Problem::new(StatusCode::NOT_FOUND, "no-such-content", reason))?;
     let (media_type, bytes) = asked.annotations.store.content(&content).await?;
-    let media_type = HeaderValue::from_str(&media_type)
-        .unwrap_or(HeaderValue::from_static("application/octet-stream"));
-    let headers = [(header::CONTENT_TYPE, media_type), (header::CACHE_CONTROL, HeaderValue::from_static(CACHE_CONTROL))];
+    let media_type =
+        HeaderValue::from_str(&media_type).unwrap_or(HeaderValue::from_static("application/octet-stream"));
+    let headers = [
+        (header::CONTENT_TYPE, media_type),
+        (header::CACHE_CONTROL, HeaderValue::from_static(CACHE_CONTROL)),
+    ];
     Ok((headers, bytes).into_response())
 }

@@ -68,12 +68,15 @@ pub(super) async fn put(
     }
     wanted["id"] = item_id.take();
     fill(&mut wanted, &author)?;
-    let wanted: Item = serde_path_to_error::deserialize(wanted).map_err(|error| super::edit::malformed(&error, ""))?;
+    let wanted: Item =
+        serde_path_to_error::deserialize(wanted).map_err(|error| super::edit::malformed(&error, ""))?;
     wanted.validate().map_err(|error| invalid(&error))?;
     let change = Change::Update { item: Box::new(wanted), version };
     let events = asked.annotations.apply(&asked.entry, &author, &reason, vec![change]).await?;
     server.live.annotations_changed();
-    let made = events.last().and_then(|(event, _)| Some(Versioned { version: event.version, item: event.item.clone()? }));
+    let made = events
+        .last()
+        .and_then(|(event, _)| Some(Versioned { version: event.version, item: event.item.clone()? }));
     let made = made.ok_or_else(|| Problem::internal("changing an item", "the store made no event"))?;
     let mut answer = outward_versioned(&made);
     answer["events"] = events_json(&events);

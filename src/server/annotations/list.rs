@@ -84,14 +84,16 @@ pub(super) async fn list(
         items.push(Listed { version: known.version, item, measures });
     }
     let listing = Listing { seq: snapshot.seq, items, sets, complete };
-    let body = serde_json::to_string(&listing).map_err(|error| Problem::internal("listing annotations", error))?;
+    let body =
+        serde_json::to_string(&listing).map_err(|error| Problem::internal("listing annotations", error))?;
     Ok((validators, [(header::CONTENT_TYPE, "application/json")], body).into_response())
 }
 
 /// Sets by their names.
 pub(super) fn chosen(names: &str) -> Result<Shown, Problem> {
     Shown::of_names(names.split(',').map(str::trim)).map_err(|reason| {
-        Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", format!("set: {reason}")).with("path", "set")
+        Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", format!("set: {reason}"))
+            .with("path", "set")
     })
 }
 

@@ -37,7 +37,9 @@ pub(super) async fn log(
     let limit = limit.unwrap_or(USUAL);
     if !(1..=MOST).contains(&limit) {
         let detail = format!("limit is {limit}, allowed: 1 to {MOST}");
-        return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail).with("path", "limit"));
+        return Err(
+            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail).with("path", "limit")
+        );
     }
     let asked = Asked::by_query(&server, &id, &headers, author)?;
     let (store, frame) = (&asked.annotations.store, asked.entry.frame_of_reference());

@@ -119,7 +119,12 @@ impl Asked {
     }
 
     /// As [`Asked::new`]; the author may stand in the query, for those who can set no header.
-    fn by_query(server: &Server, id: &str, headers: &HeaderMap, author: Option<String>) -> Result<Self, Problem> {
+    fn by_query(
+        server: &Server,
+        id: &str,
+        headers: &HeaderMap,
+        author: Option<String>,
+    ) -> Result<Self, Problem> {
         let asked = Self::new(server, id, headers)?;
         author.as_deref().map_or(Ok(()), author::check)?;
         Ok(Self { author: asked.author.or(author), ..asked })

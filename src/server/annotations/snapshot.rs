@@ -81,7 +81,10 @@ impl Annotations {
     }
 
     /// The newest state of what is told from this frame of reference.
-    pub(in crate::server) async fn snapshot(&self, frame: &FrameOfReference) -> Result<Arc<Snapshot>, Problem> {
+    pub(in crate::server) async fn snapshot(
+        &self,
+        frame: &FrameOfReference,
+    ) -> Result<Arc<Snapshot>, Problem> {
         let sets = self.sets().await?;
         let known = self.snapshots().known.get(frame).cloned();
         let seq = self.store.seq().await?;

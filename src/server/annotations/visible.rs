@@ -18,7 +18,8 @@ pub(in crate::server) struct Visible<'a> {
 
 impl<'a> Visible<'a> {
     pub(in crate::server) fn new(sets: &'a [Set], author: Option<&'a str>) -> Self {
-        let is_blinded = sets.iter().any(|set| set.blinded && author.is_some() && set.reader.as_deref() == author);
+        let is_blinded =
+            sets.iter().any(|set| set.blinded && author.is_some() && set.reader.as_deref() == author);
         Self { sets, author, is_blinded }
     }
 
@@ -73,10 +74,14 @@ mod tests {
             let visible = Visible::new(&sets, author);
             let names = ["a", "b", "c", "default"];
             let sees: Vec<_> = names.into_iter().filter(|name| visible.sees(name)).collect();
-            let writes: Vec<_> = names.into_iter().filter(|name| visible.expect_writable(name).is_ok()).collect();
+            let writes: Vec<_> =
+                names.into_iter().filter(|name| visible.expect_writable(name).is_ok()).collect();
             assert_eq!((sees.as_slice(), writes.as_slice()), (seen, written), "{author:?}");
         }
-        assert_eq!([Some("anna"), Some("cleo"), None].map(|who| Visible::new(&sets, who).own()), ["a", "c", "default"]);
+        assert_eq!(
+            [Some("anna"), Some("cleo"), None].map(|who| Visible::new(&sets, who).own()),
+            ["a", "c", "default"]
+        );
         let nobodys = [set("x", None, true)];
         assert!(!Visible::new(&nobodys, None).sees("x"), "a blinded set without a reader is nobody's");
     }

@@ -17,14 +17,14 @@ use super::placing::{self, Hand, happen, next, pointer};
 use super::session::Session;
 use super::shot::{Echo, Shot, micros};
 use super::socket::{
-    End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error, expect_annotations, malformed,
-    text,
+    End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error,
+    expect_annotations, malformed, text,
 };
 use super::view::{Happened, Slot, Wished, lock};
 use crate::interaction::Intent;
 use crate::live::{
-    AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind, Report, Role,
-    ServerMessage, Settings, Welcome, assemble,
+    AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind,
+    Report, Role, ServerMessage, Settings, Welcome, assemble,
 };
 use crate::server::annotations::Published;
 use crate::server::problem::Problem;
@@ -191,7 +191,11 @@ impl Connected {
             PoseKind::Remote(remote) => {
                 let intents = lock(&self.session.remote).pose(pose.t_ns, remote, is_newest)?;
                 if !is_newest {
-                    return self.session.view.wish(None, &intents, pose.t_ns, now).map(|wished| wished.happened);
+                    return self
+                        .session
+                        .view
+                        .wish(None, &intents, pose.t_ns, now)
+                        .map(|wished| wished.happened);
                 }
                 self.wish(echo, &intents, now)?
             }
@@ -211,7 +215,10 @@ impl Connected {
                     }));
                 }
                 let camera = camera.resolve().map_err(super::view::refused)?;
-                Wished { unseen: self.session.view.look_through((&self.slot, echo), camera, now), happened: Vec::new() }
+                Wished {
+                    unseen: self.session.view.look_through((&self.slot, echo), camera, now),
+                    happened: Vec::new(),
+                }
             }
         };
         if unseen {

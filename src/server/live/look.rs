@@ -57,11 +57,7 @@ impl Look {
     ///
     /// # Errors
     /// Whatever is wrong with the settings.
-    pub(super) fn new(
-        entry: Arc<Entry>,
-        settings: &Settings,
-        author: Option<&str>,
-    ) -> Result<Self, Problem> {
+    pub(super) fn new(entry: Arc<Entry>, settings: &Settings, author: Option<&str>) -> Result<Self, Problem> {
         let preset = Some(PRESETS[0].name.to_owned());
         let (patch, display) = (Map::new(), DisplaySettings::default());
         let base = resolve(&entry, &patch, &display, None, preset.as_deref())?;

@@ -43,11 +43,11 @@ pub(super) async fn happen(
 ) -> Result<AnnotationsMessage, Problem> {
     let annotations = of(server)?;
     let author = hand.author.ok_or_else(missing_author)?;
-    let entry = view.entry();
+    let (entry, shown) = (view.entry(), view.shown());
     match happened {
         Happened::Placed { at, camera, method } => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
-            let list = List::of(&snapshot, &view.shown(), author);
+            let list = List::of(&snapshot, &shown, author);
             let placement = Placement {
                 method,
                 device: Some(hand.device.clone()),
@@ -62,7 +62,7 @@ pub(super) async fn happen(
         }
         Happened::NextLabel => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
-            let list = List::of(&snapshot, &view.shown(), author);
+            let list = List::of(&snapshot, &shown, author);
             let mut label = lock(hand.label);
             *label = list.target(*label).and_then(|target| list.following(target.item.id));
         }
@@ -78,10 +78,14 @@ pub(super) async fn happen(
 ///
 /// # Errors
 /// Whatever the store says.
-pub(super) async fn next(server: &Server, view: &View, hand: &Hand<'_>) -> Result<AnnotationsMessage, Problem> {
+pub(super) async fn next(
+    server: &Server,
+    view: &View,
+    hand: &Hand<'_>,
+) -> Result<AnnotationsMessage, Problem> {
     let snapshot = of(server)?.snapshot(&view.entry().frame_of_reference()).await?;
-    let author = hand.author.unwrap_or_default();
-    let list = List::of(&snapshot, &view.shown(), author);
+    let (author, shown) = (hand.author.unwrap_or_default(), view.shown());
+    let list = List::of(&snapshot, &shown, author);
     let target = list.target(*lock(hand.label));
     let next = NextLabel {
         set: list.set.to_owned(),
@@ -154,7 +158,8 @@ impl<'a> List<'a> {
         }
         let item = Item::new(&self.number(), author, geometry)
             .map_err(|error| Problem::internal("drawing a random id", error))?;
-        let order = self.items.iter().map(|known| known.item.order).max().map_or(0, |order| order.saturating_add(1));
+        let order =
+            self.items.iter().map(|known| known.item.order).max().map_or(0, |order| order.saturating_add(1));
         Ok(Change::Create { item: Box::new(Item { set: self.set.to_owned(), order, placement, ..item }) })
     }
 }
@@ -171,7 +176,9 @@ pub(super) fn told(
     author: Option<&str>,
 ) -> Option<AnnotationsMessage> {
     let visible = Visible::new(&published.sets, author);
-    let is_for = |home: &crate::server::annotations::Home| home.frame.as_ref() == Some(frame) && visible.sees(&home.set);
+    let is_for = |home: &crate::server::annotations::Home| {
+        home.frame.as_ref() == Some(frame) && visible.sees(&home.set)
+    };
     let events: Vec<Value> = published
         .events
         .iter()

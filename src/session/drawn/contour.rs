@@ -16,7 +16,8 @@ pub(super) fn contours(shape: &Shape, cut: &Cut) -> Vec<Vec<Point<Patient>>> {
     let mut neighbours: HashMap<Edge, Vec<Edge>> = HashMap::new();
     let mut edges: Vec<Edge> = Vec::new(); // in the order of triangles: the same outlines every time
     for &[a, b, c] in &shape.triangles {
-        let crossed = [[a, b], [b, c], [c, a]].into_iter().filter(|[from, to]| is_before(*from) != is_before(*to));
+        let crossed =
+            [[a, b], [b, c], [c, a]].into_iter().filter(|[from, to]| is_before(*from) != is_before(*to));
         let crossed: Vec<Edge> = crossed.map(|[from, to]| [from.min(to), from.max(to)]).collect();
         if let [one, other] = crossed[..] {
             for (edge, next) in [(one, other), (other, one)] {
@@ -36,7 +37,11 @@ pub(super) fn contours(shape: &Shape, cut: &Cut) -> Vec<Vec<Point<Patient>>> {
     // Open ones from an end of theirs, so that each is one line; what is left then is closed.
     let mut starts: Vec<Edge> = edges.iter().copied().filter(|edge| neighbours[edge].len() == 1).collect();
     starts.extend(&edges);
-    starts.into_iter().filter_map(|start| walk(start, &mut neighbours)).map(|line| line.into_iter().map(place).collect()).collect()
+    starts
+        .into_iter()
+        .filter_map(|start| walk(start, &mut neighbours))
+        .map(|line| line.into_iter().map(place).collect())
+        .collect()
 }
 
 /// Follows an outline from here on, and takes it out.

@@ -136,9 +136,9 @@ impl Drawables {
         if overlays.label_depths_mm.is_none() {
             let limits = display.limits(depth_limits(&request.camera, grid)).ok();
             let profile = display.profile().ok();
-            overlays.label_depths_mm = limits
-                .zip(profile)
-                .map(|(limits, profile)| comfort::label_depths_mm(&profile, limits, &overlays, request.size_px));
+            overlays.label_depths_mm = limits.zip(profile).map(|(limits, profile)| {
+                comfort::label_depths_mm(&profile, limits, &overlays, request.size_px)
+            });
         }
         request.overlays = Arc::new(overlays);
         drawn
@@ -150,7 +150,9 @@ impl Drawable {
     fn in_view(&self, eye: Point<Patient>) -> Vec<OverlayItem> {
         match &self.geometry {
             Geometry::Point { at_mm } => vec![self.ball(*at_mm, RADIUS_PX)],
-            Geometry::Line { ends_mm: [a, b] } => vec![self.line([*a, *b]), self.anchor(between(*a, *b, 0.5))],
+            Geometry::Line { ends_mm: [a, b] } => {
+                vec![self.line([*a, *b]), self.anchor(between(*a, *b, 0.5))]
+            }
             Geometry::Angle { points_mm: [a, corner, b] } => {
                 vec![self.line([*a, *corner]), self.line([*corner, *b]), self.anchor(*corner)]
             }
@@ -194,7 +196,8 @@ impl Drawable {
         };
         let anchor = lines.iter().max_by_key(|line| line.len()).and_then(|line| line.get(line.len() / 2));
         let anchor = anchor.map(|&at| self.anchor(at));
-        let curve = |points| Curve { points, closed: false, smooth: false, width_px: WIDTH_PX, rgb: self.rgb };
+        let curve =
+            |points| Curve { points, closed: false, smooth: false, width_px: WIDTH_PX, rgb: self.rgb };
         lines.into_iter().map(curve).map(OverlayItem::Curve).chain(anchor).collect()
     }
 
@@ -226,10 +229,7 @@ impl Drawable {
 }
 
 /// The lines of an item that is made of lines, each through its points.
-fn polyline(
-    geometry: &Geometry,
-    corners: impl Fn() -> Vec<Point<Patient>>,
-) -> Vec<Point<Patient>> {
+fn polyline(geometry: &Geometry, corners: impl Fn() -> Vec<Point<Patient>>) -> Vec<Point<Patient>> {
     match geometry {
         Geometry::Curve { points_mm, closed, smooth } => {
             let mut line: Vec<_> = points_mm.iter().map(|point| point.xyz).collect();

@@ -93,10 +93,15 @@ fn a_slice_shows_what_is_near_and_outlines_of_what_it_cuts() {
     let (request, _) = drawn(&items, &scene);
     assert_eq!(labels(&request), ["near", "through 18.0 mm", "cube"]);
     let eye_from_plane = NamedPlane::Axial.view().towards_eye;
-    let curves: Vec<&Curve> = request.overlays.items.iter().filter_map(|item| match item {
-        OverlayItem::Curve(curve) => Some(curve),
-        _ => None,
-    }).collect();
+    let curves: Vec<&Curve> = request
+        .overlays
+        .items
+        .iter()
+        .filter_map(|item| match item {
+            OverlayItem::Curve(curve) => Some(curve),
+            _ => None,
+        })
+        .collect();
     assert_eq!(curves.len(), 2, "the line, and one outline of the cube");
     for point in curves.iter().flat_map(|curve| &curve.points) {
         let before = (*point - Point::new(0.0, 0.0, 0.5)).dot(eye_from_plane);
@@ -111,8 +116,10 @@ fn a_slice_shows_what_is_near_and_outlines_of_what_it_cuts() {
 
 #[test]
 fn what_has_no_room_is_counted() {
-    let items: Vec<Item> =
-        (0..20).map(|i| item(&format!("m{i}"), mesh())).chain([item("p", Geometry::Point { at_mm: Point::new(0.0, 0.0, 0.0) })]).collect();
+    let items: Vec<Item> = (0..20)
+        .map(|i| item(&format!("m{i}"), mesh()))
+        .chain([item("p", Geometry::Point { at_mm: Point::new(0.0, 0.0, 0.0) })])
+        .collect();
     let large = Shape { vertices: cube(30.0).vertices.repeat(2000), triangles: cube(30.0).triangles };
     let drawables = Drawables::new(&items, |_| Some(Arc::new(large.clone())));
     let scene = scene("{}");
