@@ -268,3 +268,96 @@ fn of_three_series_under_a_budget_for_two_one_is_evicted() {
     assert!(metric(&running, "relief_memory_bytes") <= 140_000);
     assert_eq!(running.stop("-TERM").0, Some(0));
 }
+
+/// Where a landmark is in a picture and how deep, by the camera that the answer names: pixels, mm.
+fn projected(found: &serde_json::Value, point: [f64; 3]) -> ([f64; 2], f64, f64) {
+    use glam::DVec3;
+    let vector = |value: &serde_json::Value| DVec3::from_slice(&common::numbers(value));
+    let camera = &found["camera"];
+    let (eye, look_at) = (vector(&camera["eye_mm"]), vector(&camera["look_at_mm"]));
+    let forward = (look_at - eye).normalize();
+    let right = forward.cross(vector(&camera["up"])).normalize();
+    let arm = DVec3::from(point) - eye;
+    let depth = arm.dot(forward);
+    let size = common::numbers(&found["size_px"]);
+    let fov = camera["projection"]["perspective"]["vertical_fov_deg"].as_f64().unwrap().to_radians();
+    let mm_per_px = 2.0 * depth * (fov / 2.0).tan() / size[1];
+    let (x, y) = (arm.dot(right), arm.dot(right.cross(forward)));
+    ([size[0] / 2.0 + x / mm_per_px, size[1] / 2.0 - y / mm_per_px], depth, mm_per_px)
+}
+
+#[test]
+fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_writes() {
+    if software_adapter("annotations of relief serve").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path());
+    let log = folder.path().join("log.db").to_str().unwrap().to_owned();
+    let running = Running::spawn(&mut relief(&[
+        "serve", "--series", &series, "--annotations", &log, "--listen", "127.0.0.1:0",
+    ]));
+    running.await_ready();
+    let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
+    let volume = &listed["volumes"][0];
+    let path = format!("/v1/volumes/{}", volume["id"].as_str().unwrap());
+    let center = common::numbers(&volume["center_mm"]);
+    let radius = volume["radius_mm"].as_f64().unwrap();
+    let beside = |x: f64, y: f64| [center[0] + x * radius, center[1] + y * radius, center[2]];
+    // Beside the sphere, before it, and in its middle, where its surface hides it.
+    let points = [("beside", beside(0.5, 0.0)), ("before", beside(0.1, -0.9)), ("inside", beside(0.0, 0.0))];
+    let create = |(name, at_mm): (&str, [f64; 3])| {
+        serde_json::json!({ "change": "create",
+            "item": { "name": name, "set": "anna", "geometry": { "kind": "point", "at_mm": at_mm } } })
+    };
+    let edit = serde_json::json!({ "changes": points.map(create) }).to_string();
+    let headers = format!(
+        "Relief-Author: anna\r\nContent-Type: application/json\r\nContent-Length: {}\r\n",
+        edit.len()
+    );
+    let (head, body) = running.ask(&format!("POST {path}/annotations"), &headers, edit.as_bytes());
+    assert!(head.starts_with("HTTP/1.1 201"), "{head} {}", String::from_utf8_lossy(&body));
+
+    let scene = "preset=bone&layout=color&annotations=anna";
+    let (head, frame) = running.get(&format!("{path}/frame?{scene}"));
+    assert!(head.to_lowercase().contains("relief-annotations: drawn=3, left_out=0"), "{head}");
+    let picture = image::load_from_memory(&frame).unwrap().to_rgb8();
+    let pick = |scene: &str, [u, v]: [f64; 2]| -> serde_json::Value {
+        let (head, body) = running.get(&format!("{path}/pick?{scene}&u={u}&v={v}"));
+        assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+        serde_json::from_slice(&body).unwrap()
+    };
+    for (name, point) in points {
+        let (at, depth_mm, mm_per_px) = projected(&pick(scene, [1.0, 1.0]), point);
+        let found = pick(scene, at)["depth_mm"].as_f64();
+        let plain = pick("preset=bone&layout=color", at)["depth_mm"].as_f64();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
+        let image::Rgb([red, green, _]) = *picture.get_pixel(at[0] as u32, at[1] as u32);
+        if name == "inside" {
+            assert_eq!(found, plain, "what is hidden writes no depth");
+            assert!(plain.unwrap() < depth_mm && red > green, "{red} {green}: dimmed, not gone");
+        } else {
+            // The front of a ball of six pixels' radius; the pixel is not quite its middle.
+            let front = depth_mm - 6.0 * mm_per_px;
+            assert!((found.unwrap() - front).abs() < 0.1 * mm_per_px, "{name}: {found:?} for {front}");
+            assert!(red > 230 && (70..110).contains(&green), "{name}: {red} {green}");
+        }
+    }
+
+    let file = folder.path().join("frame.png");
+    let out = file.to_str().unwrap();
+    let render = |more: &[&str]| {
+        let arguments = ["render", "--series", &series, "--preset", "bone", "--layout", "color", "--out", out];
+        let rendered = relief(&arguments).args(more).output().unwrap();
+        assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
+        std::fs::read(&file).unwrap()
+    };
+    assert!(render(&["--annotations", &log, "--set", "anna"]) == frame, "the same bytes");
+    assert!(render(&["--annotations", &log]) == frame, "all sets are one");
+    let plain = running.get(&format!("{path}/frame?preset=bone&layout=color")).1;
+    assert!(render(&["--annotations", &log, "--set", "ben"]) == plain, "and nothing of another set");
+    let (status, errors) = running.stop("-TERM");
+    assert_eq!(status, Some(0), "{errors}");
+    assert!(!errors.contains("anna"), "{errors}");
+    assert!(!folder.path().join("log.db-wal").exists(), "the log is one file again");
+}

@@ -104,6 +104,14 @@ impl std::fmt::Debug for FrameOfReference {
     }
 }
 
+impl FrameOfReference {
+    /// What positions of a volume are told from: the UID of its series, or else its id, the beginning of its content hash.
+    #[must_use]
+    pub fn of(uid: Option<&str>, volume_id: &str) -> Self {
+        Self(uid.map_or_else(|| format!("volume:{volume_id}"), str::to_owned))
+    }
+}
+
 /// A set of items: one reader's, or one purpose's.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -70,6 +70,9 @@ struct Report {
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let Arguments { series, scene, adapter, frames, orbit_deg, no_skipping, json } = arguments;
     let scene_file = scene.read()?;
+    if !scene_file.annotations().is_nothing() {
+        anyhow::bail!("the scene draws annotations, of which a benchmark has none; leave them out");
+    }
     let start = Instant::now();
     let (loaded, (mut renderer, open_ms)) = series.load_after(|dims| {
         let start = Instant::now();

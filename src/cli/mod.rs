@@ -6,6 +6,7 @@
 
 mod adapter;
 mod annotate;
+mod annotated;
 mod axis;
 mod batch;
 mod bench;

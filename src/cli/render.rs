@@ -9,10 +9,12 @@ use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::adapter::AdapterArguments;
+use super::annotated::draw_annotations;
 use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
 use super::views;
+use crate::annotation::Shown;
 use crate::render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
 use crate::session::{FileFormat, Product, SpeedBook, encode};
 use crate::volume::Volume;
@@ -34,6 +36,7 @@ Examples:
   relief render --series chest --preset skin --budget-ms 100 --layout color --out quick.png
   relief render --series head --preset bone --layout wiggle --out wiggle.png
   relief render --series head --preset bone --layout views-9 --views both --out compared.png
+  relief render --series head --annotations head.db --set anna --layout color --out placed.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -52,6 +55,12 @@ pub(super) struct Arguments {
     /// very small pictures before it measure how fast this machine is
     #[arg(long, value_name = "MS")]
     budget_ms: Option<f64>,
+    /// Draw the annotations of this log over the picture: a file, sqlite:FILE or postgres://USER@HOST/DATABASE
+    #[arg(long, value_name = "PLACE")]
+    annotations: Option<String>,
+    /// Sets of annotations to draw; all that are not blinded where none is named
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "annotations")]
+    set: Vec<String>,
     /// Which views a layout of views has
     #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
     views: views::Choice,
@@ -96,16 +105,32 @@ fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, St
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, scene, adapter, out, depth_out, budget_ms, views: choice, json } = arguments;
+    let Arguments {
+        series,
+        scene,
+        adapter,
+        out,
+        depth_out,
+        budget_ms,
+        annotations,
+        set,
+        views: choice,
+        json,
+    } = arguments;
     // Before the long work: what is wrong with the arguments is known at once.
     let mut scene_file = scene.read()?;
     if let Some(ms) = budget_ms {
         scene_file = scene_file.with_budget_ms(ms);
     }
+    if annotations.is_some() && (scene_file.annotations().is_nothing() || !set.is_empty()) {
+        let shown = Shown::of_names(set.iter().map(String::as_str)).map_err(anyhow::Error::msg);
+        scene_file = scene_file.with_annotations(if set.is_empty() { Shown::All } else { shown? });
+    }
     check_outputs(&out, depth_out.as_ref())?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
     let labels = series.load_labels(loaded.volume.grid())?;
     let mut scene = scene_file.resolve_labelled(loaded.volume.grid(), &scene.orbit(), labels.as_ref())?;
+    draw_annotations(annotations.as_deref(), &loaded, &mut scene)?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
     } else if choice != views::Choice::Synthesised {

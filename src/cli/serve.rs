@@ -24,6 +24,7 @@ use crate::server::{
     VolumeLoader,
 };
 use crate::session::{QueueConfig, RenderService};
+use crate::store::Store;
 
 /// How long live sessions may take to say farewell.
 const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
@@ -34,6 +35,7 @@ const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
 Examples:
   relief serve --series head                     the page is at the printed address
   relief serve --series abdomen --labels organs.seg.nrrd
+  relief serve --series head --annotations head.db
   relief serve --series chest --series head --listen 127.0.0.1:0
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
@@ -47,6 +49,9 @@ pub(super) struct Arguments {
     labels: Vec<PathBuf>,
     #[command(flatten)]
     options: SeriesOptions,
+    /// Log of annotations: a file, sqlite:FILE or postgres://USER@HOST/DATABASE; made where there is none
+    #[arg(long, value_name = "PLACE", env = "RELIEF_ANNOTATIONS", hide_env_values = true)]
+    annotations: Option<String>,
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
@@ -101,12 +106,22 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(renderer, queue)?);
     let config = config(&arguments, &adapter)?;
-    let server = Server::new(Arc::clone(&service), upload_loader(limits), config);
+    let mut server = Server::new(Arc::clone(&service), upload_loader(limits), config);
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let log = match &arguments.annotations {
+        Some(place) => Some(runtime.block_on(Store::open(place)).context("--annotations cannot be used")?),
+        None => None,
+    };
+    if let Some(log) = &log {
+        server = server.annotating(log.clone());
+    }
     let server = Arc::new(server.reading_labels(labels_loader()));
     server.expect_volumes(arguments.series.len());
-    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let outcome = runtime.block_on(serve(arguments, server, limits));
     service.shut_down();
+    if let Some(log) = log {
+        runtime.block_on(log.close());
+    }
     // An upload that is being read when the time is up is not waited for.
     runtime.shutdown_timeout(Duration::from_secs(1));
     outcome

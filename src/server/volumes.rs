@@ -104,7 +104,7 @@ impl Entry {
     /// What positions of annotations are told from. A UID leads to a patient: for the store, not for answers.
     pub(super) fn frame_of_reference(&self) -> FrameOfReference {
         let of_series = self.identity.as_ref().and_then(SeriesIdentity::frame_of_reference);
-        FrameOfReference(of_series.map_or_else(|| format!("volume:{}", self.id), str::to_owned))
+        FrameOfReference::of(of_series, &self.id)
     }
 
     pub(super) fn voxel_bytes(&self) -> u64 {

@@ -39,7 +39,15 @@ impl Running {
     }
 
     pub(crate) async fn of(config: Config) -> Self {
-        let stage = Stage::with(config, QueueConfig::default());
+        Self::on(Stage::with(config, QueueConfig::default())).await
+    }
+
+    /// A server with annotations.
+    pub(crate) async fn annotated() -> Self {
+        Self::on(Stage::annotated().await).await
+    }
+
+    async fn on(stage: Stage) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let (stop, stopped) = oneshot::channel::<()>();

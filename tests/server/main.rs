@@ -4,6 +4,9 @@
 //! can be foreseen and every order of events arranged. No GPU is needed.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod annotations;
+mod annotations_drawn;
+mod annotations_live;
 mod budget;
 mod dicomweb;
 mod frames;

@@ -10,10 +10,11 @@ use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
 use relief::camera::Projection;
-use relief::dicom::{self, Strictness};
-use relief::render::{Progress, RenderRequest, RenderedFrame, Timings};
+use relief::dicom::{self, SeriesIdentity, Strictness};
+use relief::render::{OverlayItem, Progress, RenderRequest, RenderedFrame, Timings};
 use relief::server::{Config, LabelsLoader, LoadedVolume, Server, VolumeLoader, app};
 use relief::session::{BackendError, QueueConfig, RenderBackend, RenderService};
+use relief::store::Store;
 use relief::units::DepthLimits;
 use relief::volume::{Grid, Volume};
 use serde_json::Value;
@@ -21,6 +22,9 @@ use tower::ServiceExt;
 
 /// Radius of the sphere that the backend shows around the focal point, mm.
 pub(crate) const SPHERE_MM: f64 = 20.0;
+
+/// The frame of reference of the volume with annotations: a UID that no answer may have.
+pub(crate) const FRAME: &str = "1.2.826.0.1.99.7";
 
 /// Sample distances that make the backend misbehave.
 pub(crate) const PANICS: &str = "sample_distance_mm=13";
@@ -34,6 +38,8 @@ pub(crate) struct Gate {
     changed: Condvar,
     inside: AtomicUsize,
     pub(crate) renders: AtomicUsize,
+    /// What was rendered last.
+    pub(crate) last: Mutex<Option<RenderRequest>>,
 }
 
 impl Gate {
@@ -51,6 +57,16 @@ impl Gate {
         while self.inside.load(Ordering::SeqCst) == 0 {
             tokio::time::sleep(Duration::from_millis(2)).await;
         }
+    }
+
+    /// Labels of the landmarks that were drawn last, in their order.
+    pub(crate) fn labels(&self) -> Vec<String> {
+        let last = self.last.lock().unwrap();
+        let label = |item: &OverlayItem| match item {
+            OverlayItem::Landmark(landmark) => landmark.label.clone(),
+            _ => None,
+        };
+        last.as_ref().map(|last| last.overlays.items.iter().filter_map(label).collect()).unwrap_or_default()
     }
 
     pub(crate) fn count(&self) -> usize {
@@ -88,6 +104,7 @@ impl RenderBackend for SphereBackend {
         goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, BackendError> {
         self.0.renders.fetch_add(1, Ordering::SeqCst);
+        *self.0.last.lock().unwrap() = Some(request.clone());
         if self.0.pass(goes_on).is_break() {
             return Err(BackendError::Cancelled);
         }
@@ -144,6 +161,8 @@ pub(crate) struct Stage {
     pub(crate) service: Arc<RenderService>,
     pub(crate) gate: Arc<Gate>,
     pub(crate) id: String,
+    /// Where the annotations are, if there are any.
+    _folder: Option<tempfile::TempDir>,
 }
 
 /// An answer, read to its end.
@@ -172,11 +191,34 @@ impl Stage {
 
     /// A server without volumes that reads uploads in this way.
     pub(crate) fn loading(config: Config, queue: QueueConfig, loader: VolumeLoader) -> Self {
+        Self::built(config, queue, loader, None)
+    }
+
+    /// A server with one volume and a log of annotations of its own.
+    pub(crate) async fn annotated() -> Self {
+        Self::annotated_with(Config::default()).await
+    }
+
+    pub(crate) async fn annotated_with(config: Config) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path().join("log.db").to_str().unwrap()).await.unwrap();
+        let empty = Self::built(config, QueueConfig::default(), loader(), Some(store));
+        let volume = cube();
+        let id = volume.content_hash().short();
+        let identity = Some(SeriesIdentity::new("1.2.3", "1.2.4").within_frame_of_reference(FRAME));
+        empty.server.add_volume(LoadedVolume { volume, warnings: 0, identity, labels: None });
+        Self { id, _folder: Some(folder), ..empty }
+    }
+
+    fn built(config: Config, queue: QueueConfig, loader: VolumeLoader, store: Option<Store>) -> Self {
         let gate = Arc::new(Gate::default());
         let service = Arc::new(RenderService::start(SphereBackend(Arc::clone(&gate)), queue).unwrap());
-        let server =
-            Arc::new(Server::new(Arc::clone(&service), loader, config).reading_labels(labels_loader()));
-        Self { app: app(Arc::clone(&server)), server, service, gate, id: String::new() }
+        let server = Server::new(Arc::clone(&service), loader, config).reading_labels(labels_loader());
+        let server = Arc::new(match store {
+            Some(store) => server.annotating(store),
+            None => server,
+        });
+        Self { app: app(Arc::clone(&server)), server, service, gate, id: String::new(), _folder: None }
     }
 
     /// The path of a part of the volume.

@@ -11,7 +11,7 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::{Asked, Visible, query};
-use crate::annotation::{Item, Measure, Set, Shown, State as Presence, measures};
+use crate::annotation::{Completeness, Item, Measure, Set, Shown, State as Presence, measures};
 use crate::server::negotiate::knows_tag;
 use crate::server::problem::Problem;
 use crate::server::state::Server;
@@ -36,6 +36,17 @@ struct Complete {
     defined: usize,
     missing: usize,
     skipped: usize,
+    /// The template of the set, and what it wants next.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    template: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<String>,
+}
+
+impl Complete {
+    fn of(Completeness { template, defined, missing, skipped, next }: Completeness) -> Self {
+        Self { defined, missing, skipped, template: Some(template), next }
+    }
 }
 
 #[derive(Serialize)]
@@ -82,6 +93,13 @@ pub(super) async fn list(
         } += 1;
         let measures = item.geometry.as_ref().map(measures).unwrap_or_default();
         items.push(Listed { version: known.version, item, measures });
+    }
+    for set in &sets {
+        let Some(name) = &set.template else { continue };
+        // A template that nobody put expects nothing.
+        let Ok(template) = asked.annotations.template(name).await else { continue };
+        let of_set = items.iter().map(|listed| listed.item).filter(|item| item.set == set.name);
+        complete.insert(&set.name, Complete::of(template.completeness(of_set)));
     }
     let listing = Listing { seq: snapshot.seq, items, sets, complete };
     let body =

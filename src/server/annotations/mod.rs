@@ -21,6 +21,7 @@ mod refusal;
 mod sets;
 mod shapes;
 mod snapshot;
+mod templates;
 mod visible;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -147,6 +148,8 @@ pub(super) fn routes() -> Router<Arc<Server>> {
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
         .route("/v1/volumes/{id}/annotations/contents/{sha256}", get(files::content))
         .route("/v1/volumes/{id}/annotations/sets/{name}", get(sets::show).put(sets::put))
+        .route("/v1/volumes/{id}/annotations/templates/{name}", get(templates::show).put(templates::put))
+        .route("/v1/volumes/{id}/annotations/templates/{name}/apply", post(templates::apply))
         .route("/v1/volumes/{id}/annotations/{item}", get(item::show).put(item::put).delete(item::delete))
 }
 

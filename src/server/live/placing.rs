@@ -4,17 +4,19 @@
 //! Each session has its own place in that order, so that two people may work through one list, and may go on past what they
 //! cannot find.
 
+use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
 use serde_json::Value;
 
 use super::view::{Happened, View, lock};
 use crate::annotation::{
-    CameraRecord, Change, Device, Geometry, Item, ItemId, Method, Placement, Set, Shown, State, Versioned,
+    CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
+    Shown, State, Versioned,
 };
 use crate::camera::{Camera, Projection};
 use crate::live::{AnnotationsMessage, NextLabel, ServerMessage};
-use crate::server::annotations::{Snapshot, Step, Visible, missing_author, of};
+use crate::server::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of};
 use crate::server::problem::Problem;
 use crate::server::state::Server;
 use crate::space::{Patient, Point};
@@ -47,7 +49,7 @@ pub(super) async fn happen(
     match happened {
         Happened::Placed { at, camera, method } => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
-            let list = List::of(&snapshot, &shown, author);
+            let list = List::of(annotations, &snapshot, &shown, author).await;
             let placement = Placement {
                 method,
                 device: Some(hand.device.clone()),
@@ -62,7 +64,7 @@ pub(super) async fn happen(
         }
         Happened::NextLabel => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
-            let list = List::of(&snapshot, &shown, author);
+            let list = List::of(annotations, &snapshot, &shown, author).await;
             let mut label = lock(hand.label);
             *label = list.target(*label).and_then(|target| list.following(target.item.id));
         }
@@ -83,9 +85,10 @@ pub(super) async fn next(
     view: &View,
     hand: &Hand<'_>,
 ) -> Result<AnnotationsMessage, Problem> {
-    let snapshot = of(server)?.snapshot(&view.entry().frame_of_reference()).await?;
+    let annotations = of(server)?;
+    let snapshot = annotations.snapshot(&view.entry().frame_of_reference()).await?;
     let (author, shown) = (hand.author.unwrap_or_default(), view.shown());
-    let list = List::of(&snapshot, &shown, author);
+    let list = List::of(annotations, &snapshot, &shown, author).await;
     let target = list.target(*lock(hand.label));
     let next = NextLabel {
         set: list.set.to_owned(),
@@ -99,11 +102,13 @@ pub(super) async fn next(
 struct List<'a> {
     set: &'a str,
     items: Vec<&'a Arc<Versioned>>,
+    /// Lists and names of what is to be something else than a point, by the templates.
+    others: HashSet<(String, String)>,
 }
 
 impl<'a> List<'a> {
     /// Of the sets that are shown the first into which the author may write; the author's own where all are shown.
-    fn of(snapshot: &'a Snapshot, shown: &'a Shown, author: &str) -> Self {
+    async fn of(annotations: &Annotations, snapshot: &'a Snapshot, shown: &'a Shown, author: &str) -> Self {
         let visible = Visible::new(&snapshot.sets, Some(author).filter(|author| !author.is_empty()));
         let set = match shown {
             Shown::Sets(names) => {
@@ -115,11 +120,28 @@ impl<'a> List<'a> {
                 snapshot.sets.iter().find(|set| set.name == own).map_or(Set::DEFAULT, |set| &set.name)
             }
         };
-        Self { set, items: snapshot.items.iter().filter(|known| known.item.set == set).collect() }
+        let items: Vec<_> = snapshot.items.iter().filter(|known| known.item.set == set).collect();
+        let missing = items.iter().filter(|known| known.item.state == State::Missing);
+        let lists: BTreeSet<&str> = missing.map(|known| known.item.list.as_str()).collect();
+        let mut others = HashSet::new();
+        for list in lists.into_iter().filter(|list| Set::check_name(list).is_ok()) {
+            // A list without a template is one of points.
+            let Ok(template) = annotations.template(list).await else { continue };
+            let is_other = |expected: &Expected| expected.kind != ExpectedKind::Point;
+            let names = template.items.into_iter().filter(is_other).map(|expected| expected.name);
+            others.extend(names.map(|name| (list.to_owned(), name)));
+        }
+        Self { set, items, others }
+    }
+
+    /// Whether a landmark can be set down for it.
+    fn is_open(&self, known: &Versioned) -> bool {
+        let Item { state, locked, list, name, .. } = &known.item;
+        *state == State::Missing && !locked && !self.others.contains(&(list.clone(), name.clone()))
     }
 
     fn missing(&self) -> impl Iterator<Item = &'a Arc<Versioned>> {
-        self.items.iter().copied().filter(|known| known.item.state == State::Missing && !known.item.locked)
+        self.items.iter().copied().filter(|known| self.is_open(known))
     }
 
     /// The missing item that is next: this one if it still is missing, or the first.
@@ -131,7 +153,7 @@ impl<'a> List<'a> {
     /// The missing item after this one; the first again behind the last.
     fn following(&self, id: ItemId) -> Option<ItemId> {
         let at = self.items.iter().position(|known| known.item.id == id)?;
-        let is_missing = |known: &&&Arc<Versioned>| known.item.state == State::Missing && !known.item.locked;
+        let is_missing = |known: &&&Arc<Versioned>| self.is_open(known);
         let (before, behind) = self.items.split_at(at);
         let next = behind.iter().skip(1).find(is_missing).or_else(|| before.iter().find(is_missing));
         next.map(|known| known.item.id)

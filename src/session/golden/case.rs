@@ -173,6 +173,10 @@ impl Case {
         let resolved = self.scene.clone().resolve_labelled(grid, &Orbit::default(), organs.as_ref());
         let path = || self.folder.join(SCENE_FILE);
         let scene = resolved.map_err(|source| GoldenError::Scene { path: path(), source })?;
+        if !scene.annotations.is_nothing() {
+            let (found, allowed) = ("annotations".to_owned(), "false: a case has none".to_owned());
+            return Err(GoldenError::Range { path: path(), key: "annotations", found, allowed });
+        }
         let least_mm = 4.0 * self.tolerance.depth_mm;
         if scene.request.sample_distance_mm < least_mm {
             return Err(GoldenError::Range {

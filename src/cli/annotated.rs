@@ -1,0 +1,74 @@
+//! Annotations of a log, drawn over a picture.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use anyhow::{Context, bail};
+
+use crate::annotation::{ContentId, FrameOfReference, Geometry, Item};
+use crate::dicom::Loaded;
+use crate::render::Scene;
+use crate::session::{Drawables, Shape, shape_of_content};
+use crate::store::{Filter, Listing, Store, StoreError};
+
+/// Adds what the scene wants of a log's annotations to its overlays. Of sets that are blinded those alone that are named.
+pub(super) fn draw_annotations(
+    place: Option<&str>,
+    loaded: &Loaded,
+    scene: &mut Scene,
+) -> anyhow::Result<()> {
+    if scene.annotations.is_nothing() {
+        return Ok(());
+    }
+    let Some(place) = place else {
+        bail!("the scene draws annotations; say which log has them with --annotations PLACE");
+    };
+    let id = loaded.volume.content_hash().short();
+    let frame = FrameOfReference::of(loaded.identity.frame_of_reference(), &id);
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let (listing, contents) =
+        runtime.block_on(read(place, frame, scene)).context("--annotations cannot be read")?;
+    let items: Vec<&Item> = listing.items.iter().map(|known| &known.item).collect();
+    let shape_of = |geometry: &Geometry| {
+        let (media_type, bytes) = contents.get(geometry.content()?)?;
+        let label = if let Geometry::Region(region) = geometry { region.label } else { 0 };
+        shape_of_content(media_type, bytes, label)
+            .map_err(|reason| tracing::warn!("an annotation cannot be drawn: {reason}"))
+            .ok()
+            .map(Arc::<Shape>::new)
+    };
+    let drawables = Drawables::new(items, shape_of);
+    let drawn = drawables.draw(&mut scene.request, &scene.display, loaded.volume.grid());
+    if drawn.left_out > 0 {
+        eprintln!("warning: {} annotations are left out; a picture has no room for more", drawn.left_out);
+    }
+    Ok(())
+}
+
+type Contents = HashMap<ContentId, (String, Vec<u8>)>;
+
+async fn read(
+    place: &str,
+    frame: FrameOfReference,
+    scene: &Scene,
+) -> Result<(Listing, Contents), StoreError> {
+    let log = Store::open_existing(place).await?;
+    let sets = log.sets().await?;
+    let is_open = |name: &str| !sets.iter().any(|set| set.blinded && set.name == name);
+    let is_named = matches!(scene.annotations, crate::annotation::Shown::Sets(_));
+    let filter = Filter { frame_of_reference: Some(frame), ..Filter::default() };
+    let mut listing = log.list(&filter).await?;
+    listing.items.retain(|known| {
+        let item = &known.item;
+        scene.annotations.has(&item.set) && (is_named || is_open(&item.set))
+    });
+    let mut contents = Contents::new();
+    let visible = listing.items.iter().filter(|known| known.item.visible);
+    for id in visible.filter_map(|known| known.item.geometry.as_ref()?.content()) {
+        if !contents.contains_key(id) {
+            contents.insert(id.clone(), log.content(id).await?);
+        }
+    }
+    log.close().await;
+    Ok((listing, contents))
+}

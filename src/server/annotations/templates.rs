@@ -1,0 +1,106 @@
+//! Templates: what is expected of a patient, kept for all volumes, and applied to a set of one.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::edit::{events_json, read_json};
+use super::refusal::invalid;
+use super::{Annotations, Asked, query};
+use crate::annotation::{Change, Item, ItemError, Set, Template, TemplateError};
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+
+/// Largest template.
+const MOST_BYTES: usize = 1 << 20;
+
+type Shared = State<Arc<Server>>;
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct ApplyQuery {
+    set: Option<String>,
+    author: Option<String>,
+}
+
+impl Annotations {
+    /// The template of this name.
+    pub(in crate::server) async fn template(&self, name: &str) -> Result<Template, Problem> {
+        let text = self.store.template(name).await?;
+        Template::read(text.as_bytes()).map_err(|error| refused(&error))
+    }
+}
+
+pub(super) async fn show(
+    State(server): Shared,
+    Path((id, name)): Path<(String, String)>,
+    headers: HeaderMap,
+) -> Result<Json<Value>, Problem> {
+    let asked = Asked::new(&server, &id, &headers)?;
+    Ok(Json(json!(asked.annotations.template(&name).await?)))
+}
+
+pub(super) async fn put(
+    State(server): Shared,
+    Path((id, name)): Path<(String, String)>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<Value>, Problem> {
+    let asked = Asked::new(&server, &id, &headers)?;
+    let mut body = read_json(&server, &headers, body, MOST_BYTES).await?;
+    let of_body = body.as_object_mut().and_then(|body| body.remove("author"));
+    let author = asked.author(of_body.as_ref().and_then(Value::as_str).map(str::to_owned))?;
+    let said = body.as_object_mut().and_then(|body| body.insert("name".to_owned(), name.as_str().into()));
+    if said.as_ref().is_some_and(|said| *said != name.as_str()) {
+        return Err(invalid(&ItemError::new("name", "another name", "what the path says")));
+    }
+    let template = Template::read(body.to_string().as_bytes()).map_err(|error| refused(&error))?;
+    asked.annotations.store.put_template(&name, &template.json(), &author).await?;
+    Ok(Json(json!(template)))
+}
+
+/// Makes the items that a set does not have.
+pub(super) async fn apply(
+    State(server): Shared,
+    Path((id, name)): Path<(String, String)>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let asked = Asked::new(&server, &id, &headers)?;
+    let ApplyQuery { set, author } = query(&uri)?;
+    let author = asked.author(author)?;
+    let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());
+    Set::check_name(&set).map_err(|error| invalid(&error))?;
+    let template = asked.annotations.template(&name).await?;
+    let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
+    let present: Vec<&Item> =
+        snapshot.items.iter().map(|known| &known.item).filter(|item| item.set == set).collect();
+    let missing = template
+        .missing(&set, &author, None, present)
+        .map_err(|error| Problem::internal("drawing random ids", error))?;
+    if missing.is_empty() {
+        return Ok(Json(json!({ "events": [] })).into_response()); // all of it is there
+    }
+    let changes = missing.into_iter().map(|item| Change::Create { item: Box::new(item) }).collect();
+    let reason = format!("template {name}");
+    let events = asked.annotations.apply(&asked.entry, &author, &reason, changes).await?;
+    server.live.annotations_changed();
+    let location = [(header::LOCATION, format!("/v1/volumes/{}/annotations?set={set}", asked.entry.id))];
+    Ok((StatusCode::CREATED, location, Json(json!({ "events": events_json(&events) }))).into_response())
+}
+
+fn refused(error: &TemplateError) -> Problem {
+    match error {
+        TemplateError::Wrong(error) => invalid(error),
+        TemplateError::Json { path, .. } => {
+            Problem::new(StatusCode::BAD_REQUEST, "malformed-json", error).with("path", path.as_str())
+        }
+        TemplateError::Long { .. } => Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too-large", error),
+    }
+}

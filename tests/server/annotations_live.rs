@@ -1,0 +1,230 @@
+//! Annotations in live sessions: events to everybody who looks at the volume, landmarks by hand, and taking back.
+
+use std::time::Duration;
+
+use axum::http::Method;
+use serde_json::{Value, json};
+
+use crate::annotations::point;
+use crate::live_stage::{Client, Running, intent, orbit};
+
+/// The next message with events.
+async fn told(client: &mut Client) -> Value {
+    loop {
+        let message = client.event("annotations").await;
+        if message["events"].as_array().is_some_and(|events| !events.is_empty()) {
+            return message;
+        }
+    }
+}
+
+/// What a client is to place next.
+async fn next(client: &mut Client) -> Value {
+    loop {
+        let message = client.event("annotations").await;
+        if !message["next"].is_null() {
+            return message["next"].clone();
+        }
+    }
+}
+
+async fn place(client: &mut Client, seq: u64, at_mm: [f64; 3]) {
+    client.send(&intent(seq, json!({ "intent": "cursor", "point_mm": at_mm }))).await;
+    client.send(&intent(seq + 1, json!({ "intent": "place", "phase": "preview" }))).await;
+    client.send(&intent(seq + 2, json!({ "intent": "place", "phase": "commit" }))).await;
+}
+
+fn annotating(view: &str, author: &str, sets: &str) -> Value {
+    json!({ "view": view, "author": author, "settings": { "annotations": sets } })
+}
+
+#[tokio::test]
+async fn two_clients_see_one_anothers_landmarks_at_once() {
+    let running = Running::annotated().await;
+    let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
+    let (mut ben, _) = running.hello(annotating("other", "ben", "true")).await;
+    place(&mut anna, 1, [1.0, 2.0, 3.0]).await;
+    let heard = [told(&mut anna).await, told(&mut ben).await];
+    assert_eq!(heard[0]["events"], heard[1]["events"]);
+    let event = &heard[0]["events"][0];
+    assert_eq!((&heard[0]["seq"], &event["author"], &event["set"]), (&json!(1), &json!("anna"), &json!("s")));
+    let item = &event["item"];
+    assert_eq!(item["name"], "1");
+    assert_eq!(item["geometry"], json!({ "kind": "point", "at_mm": [1.0, 2.0, 3.0] }));
+    assert!(item.get("frame_of_reference").is_none(), "{item}");
+    let placement = &item["placement"];
+    assert_eq!((&placement["method"], &placement["device"]["kind"]), (&json!("typed"), &json!("pointer")));
+    assert!(placement["camera"]["vertical_fov_deg"].is_number(), "{placement}");
+    // Both pictures have it.
+    ben.still(0).await;
+    while !running.stage.gate.labels().contains(&"1".to_owned()) {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    // An edit over HTTP is told the same way.
+    running.stage.create("cleo", json!([point("nasion", [0.0; 3])])).await;
+    for client in [&mut anna, &mut ben] {
+        assert_eq!(told(client).await["events"][0]["item"]["name"], "nasion");
+    }
+    // The number goes on.
+    place(&mut ben, 1, [4.0, 0.0, 0.0]).await;
+    let event = told(&mut anna).await["events"][0].clone();
+    assert_eq!(
+        (&event["item"]["name"], &event["set"]),
+        (&json!("1"), &json!("default")),
+        "in a set of its own"
+    );
+    place(&mut anna, 10, [5.0, 0.0, 0.0]).await;
+    assert_eq!(told(&mut ben).await["events"][0]["item"]["name"], "1", "its own, before anna's");
+    assert_eq!(told(&mut ben).await["events"][0]["item"]["name"], "2");
+}
+
+#[tokio::test]
+async fn a_template_is_placed_in_its_order_and_labels_can_be_passed_over() {
+    let running = Running::annotated().await;
+    let stage = &running.stage;
+    let items = json!([{ "name": "nasion" }, { "name": "width", "kind": "line" }, { "name": "menton" }, { "name": "gonion" }]);
+    stage.annotate(Method::PUT, "/templates/skull", "chief", json!({ "items": items })).await;
+    stage.annotate(Method::POST, "/templates/skull/apply?set=s", "chief", Value::Null).await;
+    let (mut anna, _) = running.hello(json!({ "author": "anna" })).await;
+    anna.send(&json!({ "type": "settings", "annotations": ["s"] })).await;
+    assert_eq!(next(&mut anna).await["name"], "nasion");
+    anna.send(&intent(1, json!({ "intent": "next_label" }))).await;
+    assert_eq!(next(&mut anna).await["name"], "menton", "a line is no landmark");
+    place(&mut anna, 2, [1.0, 0.0, 0.0]).await;
+    let after = next(&mut anna).await;
+    assert_eq!((&after["set"], &after["name"]), (&json!("s"), &json!("gonion")));
+    anna.send(&intent(9, json!({ "intent": "next_label" }))).await;
+    assert_eq!(next(&mut anna).await["name"], "nasion", "around");
+    for seq in [10, 20] {
+        place(&mut anna, seq, [2.0, 0.0, 0.0]).await;
+        next(&mut anna).await;
+    }
+    let list = stage.annotate(Method::GET, "?set=s", "", Value::Null).await.json();
+    let state = |name: &str| {
+        let items = list["items"].as_array().unwrap();
+        items.iter().find(|known| known["item"]["name"] == name).unwrap()["item"]["state"].clone()
+    };
+    assert_eq!(
+        ["nasion", "width", "menton", "gonion"].map(state),
+        ["defined", "missing", "defined", "defined"]
+    );
+    place(&mut anna, 30, [3.0, 0.0, 0.0]).await;
+    let number = next(&mut anna).await;
+    assert_eq!((&number["name"], &number["id"]), (&json!("2"), &Value::Null), "then points with numbers");
+}
+
+#[tokio::test]
+async fn undo_takes_back_the_authors_edit_while_annotations_are_drawn() {
+    let running = Running::annotated().await;
+    let (mut anna, _) = running.hello(annotating("theatre", "anna", "true")).await;
+    let (mut ben, _) = running.hello(json!({ "view": "theatre", "author": "ben" })).await;
+    anna.send(&intent(1, json!({ "intent": "orbit", "azimuth_deg": 30 }))).await;
+    let eye = anna.still(1).await.header.eye_mm;
+    place(&mut anna, 2, [1.0, 0.0, 0.0]).await;
+    told(&mut ben).await;
+    anna.send(&intent(9, json!({ "intent": "undo" }))).await;
+    let undone = told(&mut ben).await;
+    assert_eq!((&undone["events"][0]["kind"], &undone["events"][0]["item"]), (&json!("undo"), &Value::Null));
+    ben.send(&intent(1, json!({ "intent": "undo" }))).await;
+    let refused = ben.event("error").await;
+    assert_eq!(refused["problem"]["type"], "urn:relief:problem:nothing-to-undo", "each author their own");
+    assert_eq!(refused["fatal"], false);
+    anna.send(&json!({ "type": "settings", "annotations": false })).await;
+    anna.send(&intent(11, json!({ "intent": "undo" }))).await;
+    let back = anna.still(11).await.header.eye_mm;
+    assert_ne!(eye, back, "the view's last change, now that none are drawn");
+}
+
+#[tokio::test]
+async fn blinded_readers_are_told_of_their_own_set_alone() {
+    let running = Running::annotated().await;
+    for (set, reader) in [("a", "anna"), ("b", "ben")] {
+        let body = json!({ "reader": reader, "blinded": true });
+        running.stage.annotate(Method::PUT, &format!("/sets/{set}"), "chief", body).await;
+    }
+    let (mut anna, _) = running.hello(annotating("va", "anna", "true")).await;
+    let (mut ben, _) = running.hello(annotating("vb", "ben", "true")).await;
+    let (mut nobody, _) = running.hello(json!({ "view": "vc" })).await;
+    place(&mut anna, 1, [1.0, 0.0, 0.0]).await;
+    assert_eq!(told(&mut anna).await["events"][0]["set"], "a", "into their own");
+    place(&mut ben, 1, [2.0, 0.0, 0.0]).await;
+    assert_eq!(told(&mut ben).await["events"][0]["set"], "b", "the first that is heard");
+    running.stage.create("chief", json!([point("open", [0.0; 3])])).await;
+    assert_eq!(told(&mut nobody).await["events"][0]["item"]["name"], "open", "the first that is heard");
+}
+
+#[tokio::test]
+async fn who_places_has_a_name_and_a_server_a_log() {
+    let running = Running::annotated().await;
+    let (mut client, _) = running.hello(json!({ "settings": { "annotations": true } })).await;
+    place(&mut client, 1, [1.0, 0.0, 0.0]).await;
+    let refused = client.event("error").await;
+    assert_eq!(refused["problem"]["type"], "urn:relief:problem:no-author");
+    client.send(&orbit(9, 3.0)).await;
+    client.still(9).await; // the session goes on
+    client.send(&json!({ "type": "settings", "scene": { "annotations": true } })).await;
+    assert_eq!(client.event("error").await["problem"]["path"], "scene.annotations");
+    let bare = Running::new().await;
+    let (mut client, _) = bare.hello(json!({})).await;
+    client.send(&json!({ "type": "settings", "annotations": true })).await;
+    assert_eq!(client.event("error").await["problem"]["type"], "urn:relief:problem:annotations-off");
+    // Without annotations a place is the view's alone, as ever.
+    place(&mut client, 1, [1.0, 0.0, 0.0]).await;
+    client.still(3).await;
+}
+
+#[tokio::test]
+async fn a_tracked_hand_leaves_its_pose_in_the_record() {
+    let running = Running::annotated().await;
+    let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
+    let pose = |seq: u64, buttons: Value| {
+        json!({ "type": "pose", "seq": seq, "t_ns": seq * 20_000_000, "state": "tracking",
+            "position_mm": [12.5, -30, 1480], "orientation_xyzw": [0, 0, 0, 1], "buttons": buttons })
+    };
+    for (seq, buttons) in
+        [(1, json!([])), (2, json!([])), (3, json!(["a"])), (4, json!(["a"])), (5, json!([]))]
+    {
+        anna.send(&pose(seq, buttons)).await;
+    }
+    let item = told(&mut anna).await["events"][0]["item"].clone();
+    let device = &item["placement"]["device"];
+    assert_eq!((&device["kind"], &device["position_mm"][2]), (&json!("wiimote"), &json!(1480.0)));
+    assert_eq!(item["placement"]["method"], "tip");
+}
+
+#[tokio::test]
+async fn an_edit_too_large_for_a_message_says_so() {
+    let running = Running::annotated().await;
+    let (mut client, _) = running.hello(json!({})).await;
+    let many: Vec<Value> = (0..500u16).map(|i| point(&format!("p{i}"), [f64::from(i), 0.0, 0.0])).collect();
+    running.stage.create("anna", many.into()).await;
+    let message = client.event("annotations").await;
+    assert_eq!(message, json!({ "type": "annotations", "seq": 500, "events": [], "more": true }));
+}
+
+#[tokio::test]
+async fn a_plain_intent_places_too() {
+    let running = Running::annotated().await;
+    let (mut anna, _) = running.hello(annotating("desk", "anna", "s")).await;
+    let post = |intent: Value, author: &'static str| {
+        let stage = &running.stage;
+        async move {
+            let mut request = axum::http::Request::post("/v1/session/desk/intent")
+                .header("content-type", "application/json");
+            if !author.is_empty() {
+                request = request.header("relief-author", author);
+            }
+            stage.ask(request.body(axum::body::Body::from(intent.to_string())).unwrap()).await
+        }
+    };
+    post(json!({ "intent": "cursor", "point_mm": [7, 0, 0] }), "").await;
+    post(json!({ "intent": "place", "phase": "commit" }), "").await.problem(400);
+    let placed = post(json!({ "intent": "place", "phase": "commit" }), "ben").await;
+    assert_eq!(
+        (placed.status.as_u16(), &placed.json()["next"]["name"]),
+        (200, &json!("2")),
+        "{}",
+        placed.text()
+    );
+    assert_eq!(told(&mut anna).await["events"][0]["author"], "ben");
+}
