@@ -295,7 +295,13 @@ fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_
     let series = phantom(folder.path());
     let log = folder.path().join("log.db").to_str().unwrap().to_owned();
     let running = Running::spawn(&mut relief(&[
-        "serve", "--series", &series, "--annotations", &log, "--listen", "127.0.0.1:0",
+        "serve",
+        "--series",
+        &series,
+        "--annotations",
+        &log,
+        "--listen",
+        "127.0.0.1:0",
     ]));
     running.await_ready();
     let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
@@ -347,7 +353,8 @@ fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_
     let file = folder.path().join("frame.png");
     let out = file.to_str().unwrap();
     let render = |more: &[&str]| {
-        let arguments = ["render", "--series", &series, "--preset", "bone", "--layout", "color", "--out", out];
+        let arguments =
+            ["render", "--series", &series, "--preset", "bone", "--layout", "color", "--out", out];
         let rendered = relief(&arguments).args(more).output().unwrap();
         assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
         std::fs::read(&file).unwrap()

@@ -170,6 +170,7 @@ fn render(
     let permanent = |error: SceneError| (Lasting::Permanent, error.to_string());
     let file = SceneFile::parse(job.scene.to_string().as_bytes()).map_err(permanent)?;
     let scene: Scene = file.resolve(volume.grid(), &job.orbit).map_err(permanent)?;
+    scene.expect_no_annotations().map_err(permanent)?;
     if job.products.contains(&Product::Frame) {
         scene.expect_size_of_layout().map_err(permanent)?;
     }

@@ -200,6 +200,9 @@ fn shared_scene(arguments: &PlanArguments) -> anyhow::Result<Map<String, Value>>
     if scene.contains_key("budget_ms") {
         bail!("budget_ms makes pictures depend on the machine; leave it out of a batch");
     }
+    if scene.contains_key("annotations") {
+        bail!("annotations are in a log that a batch has not; leave them out");
+    }
     SceneFile::parse(Value::Object(scene.clone()).to_string().as_bytes())?;
     Ok(scene)
 }

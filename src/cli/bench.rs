@@ -70,9 +70,6 @@ struct Report {
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let Arguments { series, scene, adapter, frames, orbit_deg, no_skipping, json } = arguments;
     let scene_file = scene.read()?;
-    if !scene_file.annotations().is_nothing() {
-        anyhow::bail!("the scene draws annotations, of which a benchmark has none; leave them out");
-    }
     let start = Instant::now();
     let (loaded, (mut renderer, open_ms)) = series.load_after(|dims| {
         let start = Instant::now();
@@ -81,6 +78,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let load_ms = milliseconds(start) - open_ms;
     let labels = series.load_labels(loaded.volume.grid())?;
     let scene = scene_file.resolve_labelled(loaded.volume.grid(), &scene.orbit(), labels.as_ref())?;
+    scene.expect_no_annotations()?;
     let turntable = Turntable { frames, step: orbit_deg.to_radians() };
     let skipping = if no_skipping { Skipping::Off } else { Skipping::On };
     let mut bench = Bench { renderer: &mut renderer, volume: &loaded.volume, skipping };

@@ -162,7 +162,7 @@ pub(crate) struct Stage {
     pub(crate) gate: Arc<Gate>,
     pub(crate) id: String,
     /// Where the annotations are, if there are any.
-    _folder: Option<tempfile::TempDir>,
+    pub(crate) _folder: Option<tempfile::TempDir>,
 }
 
 /// An answer, read to its end.

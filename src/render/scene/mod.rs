@@ -56,6 +56,18 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Refuses annotations: of those who have none to draw.
+    ///
+    /// # Errors
+    /// When the scene wants any.
+    pub fn expect_no_annotations(&self) -> Result<(), SceneError> {
+        if self.annotations.is_nothing() {
+            return Ok(());
+        }
+        let allowed = "false where no log of annotations is at hand: relief render and relief serve take one";
+        Err(RequestError::new("annotations", &"to be drawn", allowed).into())
+    }
+
     /// Checks that the picture has the size that its layout needs: of those who write a frame in that layout.
     ///
     /// # Errors

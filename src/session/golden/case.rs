@@ -172,11 +172,8 @@ impl Case {
         let organs = if self.is_labelled { self.recipe.label_map().map(Arc::new) } else { None };
         let resolved = self.scene.clone().resolve_labelled(grid, &Orbit::default(), organs.as_ref());
         let path = || self.folder.join(SCENE_FILE);
-        let scene = resolved.map_err(|source| GoldenError::Scene { path: path(), source })?;
-        if !scene.annotations.is_nothing() {
-            let (found, allowed) = ("annotations".to_owned(), "false: a case has none".to_owned());
-            return Err(GoldenError::Range { path: path(), key: "annotations", found, allowed });
-        }
+        let scene = resolved.and_then(|scene| scene.expect_no_annotations().map(|()| scene));
+        let scene = scene.map_err(|source| GoldenError::Scene { path: path(), source })?;
         let least_mm = 4.0 * self.tolerance.depth_mm;
         if scene.request.sample_distance_mm < least_mm {
             return Err(GoldenError::Range {
