@@ -16,11 +16,12 @@ use super::pace::USUAL_QUALITY;
 use super::placing::{self, Hand, happen, next, pointer};
 use super::session::Session;
 use super::shot::{Echo, Shot, micros};
+use super::slot::Slot;
 use super::socket::{
     End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error,
     expect_annotations, malformed, text,
 };
-use super::view::{Happened, Slot, Wished, lock};
+use super::view::{Happened, Wished, lock};
 use crate::interaction::Intent;
 use crate::live::{
     AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind,

@@ -13,6 +13,7 @@ mod plain;
 mod remote;
 mod session;
 mod shot;
+mod slot;
 mod socket;
 mod view;
 

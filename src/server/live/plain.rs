@@ -16,7 +16,8 @@ use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use super::placing::{Hand, happen, pointer};
 use super::shot::Shot;
-use super::view::{Slot, View};
+use super::slot::Slot;
+use super::view::View;
 use super::{Live, Look, no_such_view};
 use crate::display::encode_png;
 use crate::interaction::Intent;

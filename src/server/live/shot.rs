@@ -14,7 +14,7 @@ use crate::render::RenderedFrame;
 use crate::server::blocking::on_blocking_thread;
 use crate::server::problem::Problem;
 use crate::server::state::Server;
-use crate::units::DepthLimits;
+use crate::units::{DepthLimits, ViewDepth};
 
 /// The newest message of a connection that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +84,23 @@ impl Parts {
 }
 
 impl Shot {
+    /// View depth of a picture at a place of its full size.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "checked to be inside the picture"
+    )]
+    pub(super) fn depth_at(&self, at: [f64; 2]) -> ViewDepth {
+        let [full, size] = [self.full_px, self.frame.size_px].map(|size| size.map(f64::from));
+        let inside = at.iter().zip(full).all(|(at, side)| (0.0..side).contains(at));
+        if !inside {
+            return ViewDepth::MISS;
+        }
+        let place = |axis: usize| (at[axis] * size[axis] / full[axis]) as u32;
+        let last = self.frame.size_px.map(|side| side - 1);
+        self.frame.depth_at([place(0).min(last[0]), place(1).min(last[1])])
+    }
+
     /// The header of this picture, for a connection; formats and lengths come with the parts.
     pub(super) fn header(&self, slot: u64) -> FrameHeader {
         let side = |side: u32| u16::try_from(side).unwrap_or(u16::MAX);

@@ -19,7 +19,8 @@ use super::connection::Connected;
 use super::look::Look;
 use super::remote::Remote;
 use super::session::Session;
-use super::view::{Slot, lock};
+use super::slot::Slot;
+use super::view::lock;
 use super::{Live, random_name};
 use crate::live::{
     ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, PROTOCOL, Role, SUBPROTOCOL, ServerMessage,

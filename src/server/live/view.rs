@@ -11,14 +11,14 @@ use serde_json::Value;
 use tokio::sync::{Notify, watch};
 
 use super::look::Look;
-use super::pace::Pace;
 use super::placing::method_of;
 use super::shot::{Echo, Shot};
+use super::slot::Slot;
 use crate::annotation::{Method, Shown};
 use crate::camera::Camera;
 use crate::display::DisplaySettings;
 use crate::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
-use crate::live::{ErrorMessage, MAX_IN_FLIGHT, Peers, Quality, Role, ServerMessage, Settings, StateMessage};
+use crate::live::{ErrorMessage, Peers, Quality, Role, ServerMessage, Settings, StateMessage};
 use crate::render::RenderRequest;
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
@@ -101,29 +101,6 @@ struct Published {
     is_still: bool,
 }
 
-/// Somebody who looks at a view.
-pub(super) struct Slot {
-    pub(super) id: u64,
-    role: Role,
-    /// Without acknowledgements: plain viewers.
-    is_plain: bool,
-    flow: Mutex<Flow>,
-    /// Tells the writer that there is room.
-    pub(super) freed: Notify,
-}
-
-pub(super) struct Flow {
-    pub(super) pace: Pace,
-    /// Number of the newest picture that was taken.
-    pub(super) taken: u64,
-    /// Whether one is being encoded or handed over.
-    pub(super) is_busy: bool,
-    echo: Option<Echo>,
-    /// Whether a picture has shown the newest message.
-    is_shown: bool,
-    last_pose: Option<u64>,
-}
-
 /// A picture to be made.
 pub(super) struct Order {
     pub(super) request: RenderRequest,
@@ -160,48 +137,6 @@ pub(super) enum Next {
 pub(super) struct Patience {
     pub(super) still_after: Duration,
     pub(super) linger: Duration,
-}
-
-impl Slot {
-    pub(super) fn new(id: u64, role: Role, is_plain: bool, now: Instant) -> Arc<Self> {
-        let flow = Flow {
-            pace: Pace::new(now),
-            taken: 0,
-            is_busy: false,
-            echo: None,
-            is_shown: true,
-            last_pose: None,
-        };
-        Arc::new(Self { id, role, is_plain, flow: Mutex::new(flow), freed: Notify::new() })
-    }
-
-    pub(super) fn flow(&self) -> MutexGuard<'_, Flow> {
-        lock(&self.flow)
-    }
-
-    /// Remembers the newest message; true where no picture showed the one before it.
-    fn heard(&self, echo: Echo) -> bool {
-        let mut flow = self.flow();
-        flow.echo = Some(echo);
-        !std::mem::replace(&mut flow.is_shown, false)
-    }
-
-    /// Whether a pose is newer than all before it.
-    pub(super) fn is_newer(&self, seq: u64) -> bool {
-        let mut flow = self.flow();
-        let newer = flow.last_pose.is_none_or(|last| seq > last);
-        if newer {
-            flow.last_pose = Some(seq);
-        }
-        newer
-    }
-}
-
-impl Flow {
-    /// Whether another frame may be encoded.
-    pub(super) fn has_room(&self) -> bool {
-        self.pace.in_flight() + usize::from(self.is_busy) < MAX_IN_FLIGHT
-    }
 }
 
 impl View {
@@ -445,7 +380,7 @@ impl Inner {
         if annotates && matches!(intent, Intent::Undo {}) {
             return Ok(Some(Happened::Undo)); // the view stays
         }
-        let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |shot| depth_at(shot, at));
+        let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |shot| shot.depth_at(at));
         let seen = seen.map(|shot| Seen { camera: shot.frame.camera, depth: &depth });
         let (before, camera) = (self.state.clone(), self.camera);
         let applied = self.state.apply(&self.look.stage, t_ns, intent, seen.as_ref()).map_err(refused)?;
@@ -542,23 +477,6 @@ impl Inner {
             keeps_size: self.look.has_overlays(),
         }))
     }
-}
-
-/// View depth of a picture at a place of its full size.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "checked to be inside the picture"
-)]
-fn depth_at(shot: &Shot, at: [f64; 2]) -> ViewDepth {
-    let [full, size] = [shot.full_px, shot.frame.size_px].map(|size| size.map(f64::from));
-    let inside = at.iter().zip(full).all(|(at, side)| (0.0..side).contains(at));
-    if !inside {
-        return ViewDepth::MISS;
-    }
-    let place = |axis: usize| (at[axis] * size[axis] / full[axis]) as u32;
-    let last = shot.frame.size_px.map(|side| side - 1);
-    shot.frame.depth_at([place(0).min(last[0]), place(1).min(last[1])])
 }
 
 pub(super) fn refused(error: impl std::fmt::Display) -> Problem {
