@@ -286,62 +286,80 @@ fn projected(found: &serde_json::Value, point: [f64; 3]) -> ([f64; 2], f64, f64)
     ([size[0] / 2.0 + x / mm_per_px, size[1] / 2.0 - y / mm_per_px], depth, mm_per_px)
 }
 
+/// A served sphere with three landmarks of anna's: its path, and each with its place.
+struct Annotated {
+    running: Running,
+    series: String,
+    log: String,
+    path: String,
+    points: [(&'static str, [f64; 3]); 3],
+}
+
+impl Annotated {
+    fn start(folder: &Path) -> Self {
+        let series = phantom(folder);
+        let log = folder.join("log.db").to_str().unwrap().to_owned();
+        let arguments = ["serve", "--series", &series, "--annotations", &log, "--listen", "127.0.0.1:0"];
+        let running = Running::spawn(&mut relief(&arguments));
+        running.await_ready();
+        let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
+        let volume = &listed["volumes"][0];
+        let path = format!("/v1/volumes/{}", volume["id"].as_str().unwrap());
+        let center = common::numbers(&volume["center_mm"]);
+        let radius = volume["radius_mm"].as_f64().unwrap();
+        let at = |x: f64, y: f64| [center[0] + x * radius, center[1] + y * radius, center[2]];
+        // Beside the sphere, before it, and in its middle, where its surface hides it.
+        let points = [("beside", at(0.5, 0.0)), ("before", at(0.1, -0.9)), ("inside", at(0.0, 0.0))];
+        let create = |(name, at_mm): (&str, [f64; 3])| {
+            serde_json::json!({ "change": "create",
+                "item": { "name": name, "set": "anna", "geometry": { "kind": "point", "at_mm": at_mm } } })
+        };
+        let edit = serde_json::json!({ "changes": points.map(create) }).to_string();
+        let length = edit.len();
+        let headers =
+            format!("Relief-Author: anna\r\nContent-Type: application/json\r\nContent-Length: {length}\r\n");
+        let (head, body) = running.ask(&format!("POST {path}/annotations"), &headers, edit.as_bytes());
+        assert!(head.starts_with("HTTP/1.1 201"), "{head} {}", String::from_utf8_lossy(&body));
+        Self { running, series, log, path, points }
+    }
+
+    fn pick(&self, scene: &str, [u, v]: [f64; 2]) -> serde_json::Value {
+        let (head, body) = self.running.get(&format!("{}/pick?{scene}&u={u}&v={v}", self.path));
+        assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+        serde_json::from_slice(&body).unwrap()
+    }
+
+    /// What `relief render` writes of the same series.
+    fn render(&self, file: &Path, more: &[&str]) -> Vec<u8> {
+        let mut command =
+            relief(&["render", "--series", &self.series, "--preset", "bone", "--layout", "color"]);
+        let rendered = command.arg("--out").arg(file).args(more).output().unwrap();
+        assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
+        std::fs::read(file).unwrap()
+    }
+}
+
 #[test]
 fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_writes() {
     if software_adapter("annotations of relief serve").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let series = phantom(folder.path());
-    let log = folder.path().join("log.db").to_str().unwrap().to_owned();
-    let running = Running::spawn(&mut relief(&[
-        "serve",
-        "--series",
-        &series,
-        "--annotations",
-        &log,
-        "--listen",
-        "127.0.0.1:0",
-    ]));
-    running.await_ready();
-    let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
-    let volume = &listed["volumes"][0];
-    let path = format!("/v1/volumes/{}", volume["id"].as_str().unwrap());
-    let center = common::numbers(&volume["center_mm"]);
-    let radius = volume["radius_mm"].as_f64().unwrap();
-    let beside = |x: f64, y: f64| [center[0] + x * radius, center[1] + y * radius, center[2]];
-    // Beside the sphere, before it, and in its middle, where its surface hides it.
-    let points = [("beside", beside(0.5, 0.0)), ("before", beside(0.1, -0.9)), ("inside", beside(0.0, 0.0))];
-    let create = |(name, at_mm): (&str, [f64; 3])| {
-        serde_json::json!({ "change": "create",
-            "item": { "name": name, "set": "anna", "geometry": { "kind": "point", "at_mm": at_mm } } })
-    };
-    let edit = serde_json::json!({ "changes": points.map(create) }).to_string();
-    let headers = format!(
-        "Relief-Author: anna\r\nContent-Type: application/json\r\nContent-Length: {}\r\n",
-        edit.len()
-    );
-    let (head, body) = running.ask(&format!("POST {path}/annotations"), &headers, edit.as_bytes());
-    assert!(head.starts_with("HTTP/1.1 201"), "{head} {}", String::from_utf8_lossy(&body));
-
-    let scene = "preset=bone&layout=color&annotations=anna";
+    let annotated = Annotated::start(folder.path());
+    let Annotated { running, log, path, points, .. } = &annotated;
+    let (scene, plain) = ("preset=bone&layout=color&annotations=anna", "preset=bone&layout=color");
     let (head, frame) = running.get(&format!("{path}/frame?{scene}"));
     assert!(head.to_lowercase().contains("relief-annotations: drawn=3, left_out=0"), "{head}");
     let picture = image::load_from_memory(&frame).unwrap().to_rgb8();
-    let pick = |scene: &str, [u, v]: [f64; 2]| -> serde_json::Value {
-        let (head, body) = running.get(&format!("{path}/pick?{scene}&u={u}&v={v}"));
-        assert!(head.starts_with("HTTP/1.1 200"), "{head}");
-        serde_json::from_slice(&body).unwrap()
-    };
-    for (name, point) in points {
-        let (at, depth_mm, mm_per_px) = projected(&pick(scene, [1.0, 1.0]), point);
-        let found = pick(scene, at)["depth_mm"].as_f64();
-        let plain = pick("preset=bone&layout=color", at)["depth_mm"].as_f64();
+    for &(name, point) in points {
+        let (at, depth_mm, mm_per_px) = projected(&annotated.pick(scene, [1.0, 1.0]), point);
+        let found = annotated.pick(scene, at)["depth_mm"].as_f64();
+        let bare = annotated.pick(plain, at)["depth_mm"].as_f64();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
         let image::Rgb([red, green, _]) = *picture.get_pixel(at[0] as u32, at[1] as u32);
         if name == "inside" {
-            assert_eq!(found, plain, "what is hidden writes no depth");
-            assert!(plain.unwrap() < depth_mm && red > green, "{red} {green}: dimmed, not gone");
+            assert_eq!(found, bare, "what is hidden writes no depth");
+            assert!(bare.unwrap() < depth_mm && red > green, "{red} {green}: dimmed, not gone");
         } else {
             // The front of a ball of six pixels' radius; the pixel is not quite its middle.
             let front = depth_mm - 6.0 * mm_per_px;
@@ -351,19 +369,14 @@ fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_
     }
 
     let file = folder.path().join("frame.png");
-    let out = file.to_str().unwrap();
-    let render = |more: &[&str]| {
-        let arguments =
-            ["render", "--series", &series, "--preset", "bone", "--layout", "color", "--out", out];
-        let rendered = relief(&arguments).args(more).output().unwrap();
-        assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
-        std::fs::read(&file).unwrap()
-    };
-    assert!(render(&["--annotations", &log, "--set", "anna"]) == frame, "the same bytes");
-    assert!(render(&["--annotations", &log]) == frame, "all sets are one");
-    let plain = running.get(&format!("{path}/frame?preset=bone&layout=color")).1;
-    assert!(render(&["--annotations", &log, "--set", "ben"]) == plain, "and nothing of another set");
-    let (status, errors) = running.stop("-TERM");
+    assert!(annotated.render(&file, &["--annotations", log, "--set", "anna"]) == frame, "the same bytes");
+    assert!(annotated.render(&file, &["--annotations", log]) == frame, "all sets are one");
+    let bare = running.get(&format!("{path}/frame?{plain}")).1;
+    assert!(
+        annotated.render(&file, &["--annotations", log, "--set", "ben"]) == bare,
+        "nothing of another set"
+    );
+    let (status, errors) = annotated.running.stop("-TERM");
     assert_eq!(status, Some(0), "{errors}");
     assert!(!errors.contains("anna"), "{errors}");
     assert!(!folder.path().join("log.db-wal").exists(), "the log is one file again");

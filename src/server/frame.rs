@@ -28,6 +28,7 @@ use super::resident::with_voxels;
 use super::state::Server;
 use super::volumes::Entry;
 use crate::render::{RenderedFrame, RequestError, Scene, depth_limits};
+use crate::space::{Patient, Point};
 use crate::session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, encode};
 
 /// A browser asks again after a minute, and gets 304 for what has not changed.
@@ -291,6 +292,20 @@ async fn pick(
     let segment = point.zip(entry.labels.as_ref()).and_then(|(point, labels)| labels.at(point));
     found["segment"] = segment.map(|segment| json!({ "label": segment.label, "name": segment.name })).into();
     Ok(Json(found))
+}
+
+/// The patient position that a pixel of a scene's picture shows, if any, and where its eye is.
+pub(super) async fn pick_scene(
+    server: &Server,
+    entry: &Entry,
+    scene: &[u8],
+    at: [f64; 2],
+) -> Result<(Option<Point<Patient>>, Point<Patient>), Problem> {
+    let mut scene = resolve(Order::from_body(scene)?, entry, SizeRule::Any)?;
+    let pixel = pixel_at(at, scene.request.size_px)?;
+    within_budget(server, entry, &mut scene);
+    let frame = render(server, entry, &scene).await?.frame;
+    Ok((frame.pick(pixel), frame.camera.eye()))
 }
 
 /// The pixel (column, row) that holds a point of the picture.

@@ -55,6 +55,7 @@ struct Listing<'a> {
     items: Vec<Listed<'a>>,
     sets: Vec<&'a Set>,
     complete: BTreeMap<&'a str, Complete>,
+    templates: Vec<String>,
 }
 
 pub(super) async fn list(
@@ -69,7 +70,8 @@ pub(super) async fn list(
     let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
     let visible = Visible::new(&snapshot.sets, asked.author.as_deref());
     let sets: Vec<&Set> = visible.sets().filter(|set| shown.has(&set.name)).collect();
-    let tag = tag(&json!([snapshot.seq, sets]).to_string());
+    let templates = asked.annotations.store.templates().await?;
+    let tag = tag(&json!([snapshot.seq, sets, templates]).to_string());
     let validators = [
         (header::ETAG, HeaderValue::from_str(&tag).unwrap_or(HeaderValue::from_static("\"\""))),
         (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")),
@@ -101,7 +103,7 @@ pub(super) async fn list(
         let of_set = items.iter().map(|listed| listed.item).filter(|item| item.set == set.name);
         complete.insert(&set.name, Complete::of(template.completeness(of_set)));
     }
-    let listing = Listing { seq: snapshot.seq, items, sets, complete };
+    let listing = Listing { seq: snapshot.seq, items, sets, complete, templates };
     let body =
         serde_json::to_string(&listing).map_err(|error| Problem::internal("listing annotations", error))?;
     Ok((validators, [(header::CONTENT_TYPE, "application/json")], body).into_response())

@@ -20,6 +20,7 @@ mod outward;
 mod refusal;
 mod sets;
 mod shapes;
+mod snap;
 mod snapshot;
 mod templates;
 mod visible;
@@ -146,6 +147,8 @@ pub(super) fn routes() -> Router<Arc<Server>> {
         .route("/v1/volumes/{id}/annotations/undo", post(edit::undo))
         .route("/v1/volumes/{id}/annotations/redo", post(edit::redo))
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
+        .route("/v1/volumes/{id}/annotations/snap", post(snap::snap))
+        .route("/v1/volumes/{id}/annotations/templates", get(templates::names))
         .route("/v1/volumes/{id}/annotations/contents/{sha256}", get(files::content))
         .route("/v1/volumes/{id}/annotations/sets/{name}", get(sets::show).put(sets::put))
         .route("/v1/volumes/{id}/annotations/templates/{name}", get(templates::show).put(templates::put))

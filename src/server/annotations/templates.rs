@@ -37,6 +37,15 @@ impl Annotations {
     }
 }
 
+pub(super) async fn names(
+    State(server): Shared,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Json<Value>, Problem> {
+    let asked = Asked::new(&server, &id, &headers)?;
+    Ok(Json(json!({ "templates": asked.annotations.store.templates().await? })))
+}
+
 pub(super) async fn show(
     State(server): Shared,
     Path((id, name)): Path<(String, String)>,

@@ -47,7 +47,7 @@ pub(super) struct Connected {
 }
 
 /// Messages that wait for the writer; one that finds no room is left out.
-type Outbox = mpsc::Sender<String>;
+pub(super) type Outbox = mpsc::Sender<String>;
 
 impl Connected {
     pub(super) fn welcome(&self, resumed: bool) -> String {
@@ -74,6 +74,18 @@ impl Connected {
             let _ = self.session.view.wish(None, &intents, 0, now); // letting go is never refused
         }
         self.session.lose(self.number, now);
+    }
+
+    /// What this session places next, where its view draws annotations.
+    pub(super) async fn say_next(&self, outbox: &Outbox) {
+        let Session { author, label, view, role, .. } = &*self.session;
+        if author.is_none() || *role == Role::Watcher || view.shown().is_nothing() {
+            return;
+        }
+        let hand = Hand { author: author.as_deref(), label, device: pointer() };
+        if let Ok(message) = next(&self.server, view, &hand).await {
+            let _ = outbox.try_send(placing::text(message));
+        }
     }
 
     /// What ends a connection from outside.

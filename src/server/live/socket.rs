@@ -131,6 +131,7 @@ async fn run(server: Arc<Server>, mut socket: WebSocket, place: OwnedSemaphorePe
     let (mut writer, mut reader) = socket.split();
     let (outbox, messages) = mpsc::channel(OUTBOX);
     let _ = outbox.try_send(connected.welcome(resumed));
+    connected.say_next(&outbox).await;
     let end = tokio::select! {
         end = connected.read(&mut reader, &outbox) => end,
         end = connected.write(&mut writer, messages) => end,

@@ -1,0 +1,112 @@
+//! `POST .../annotations/snap`: the place near another one that was meant, by the volume's values.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode};
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+
+use super::edit::{parse, read_json};
+use super::of;
+use crate::placing::{Snap, SnapError, Snapped, Target, snap as snapped};
+use crate::render::RequestError;
+use crate::server::blocking::on_blocking_thread;
+use crate::server::frame::pick_scene;
+use crate::server::problem::Problem;
+use crate::server::resident::with_voxels;
+use crate::server::state::Server;
+use crate::space::{Patient, Point, Vector};
+
+/// Largest body: a scene with all it may have.
+const MOST_BYTES: usize = 1 << 20;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SnapBody {
+    at_mm: Option<[f64; 3]>,
+    /// A pixel of the picture of this scene.
+    pixel: Option<[f64; 2]>,
+    #[serde(default)]
+    scene: Map<String, Value>,
+    to: String,
+    hu: Option<f64>,
+    radius_mm: Option<f64>,
+}
+
+pub(super) async fn snap(
+    State(server): State<Arc<Server>>,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<Value>, Problem> {
+    of(&server)?;
+    let entry = server.volumes.find(&id)?;
+    let body = read_json(&server, &headers, body, MOST_BYTES).await?;
+    let body: SnapBody = parse(body.to_string().as_bytes())?;
+    let wanted = Snap { to: target(&body)?, radius_mm: body.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM) };
+    let (at, ray) = match (body.at_mm, body.pixel) {
+        (Some(at_mm), None) => (Point::<Patient>::from_xyz(at_mm.into()), None),
+        (None, Some(pixel)) => {
+            let scene = Value::Object(body.scene).to_string();
+            let (at, eye) = pick_scene(&server, &entry, scene.as_bytes(), pixel).await?;
+            let nothing = || {
+                let detail = "the pixel shows nothing of the volume";
+                Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail).with("path", "pixel")
+            };
+            let at = at.ok_or_else(nothing)?;
+            (at, Some(at - eye))
+        }
+        _ => {
+            let error = refuse("at_mm", "none or both of at_mm and pixel", "one of them");
+            return Err(Problem::out_of_range(&error));
+        }
+    };
+    let volume = with_voxels(&server, &entry).await?;
+    let place = Arc::clone(&server.encoders).acquire_owned().await;
+    let place = place.map_err(|closed| Problem::internal("snapping", closed))?;
+    let found = on_blocking_thread(place, "snapping", move || snapped(&volume, at, ray, &wanted)).await?;
+    found.map(|found| Json(answer(at, &found))).map_err(|error| refused(&error))
+}
+
+fn answer(from: Point<Patient>, found: &Snapped) -> Value {
+    json!({
+        "at_mm": found.at.xyz.to_array(),
+        "from_mm": from.xyz.to_array(),
+        "shift_mm": found.shift.xyz.to_array(),
+        "distance_mm": Vector::length(found.shift),
+        "hu": found.hu,
+        "gradient_hu_per_mm": found.gradient_hu_per_mm,
+    })
+}
+
+fn target(body: &SnapBody) -> Result<Target, Problem> {
+    let to = body.to.as_str();
+    let target = match (to, body.hu) {
+        ("surface", Some(hu)) => Target::Surface { hu },
+        ("gradient", None) => Target::Gradient,
+        ("minimum", None) => Target::Minimum,
+        ("maximum", None) => Target::Maximum,
+        ("surface", None) => return Err(Problem::out_of_range(&refuse("hu", "missing", "the level of the surface, HU"))),
+        (name, Some(_)) if Target::NAMES.contains(&name) => {
+            return Err(Problem::out_of_range(&refuse("hu", "there", "nothing beside another target than surface")));
+        }
+        _ => return Err(Problem::out_of_range(&refuse("to", &format!("{to:?}"), &Target::NAMES.join(", ")))),
+    };
+    Ok(target)
+}
+
+fn refuse(path: &str, found: &str, allowed: &str) -> RequestError {
+    RequestError { path: path.to_owned(), found: found.chars().take(60).collect(), allowed: allowed.to_owned() }
+}
+
+fn refused(error: &SnapError) -> Problem {
+    match error {
+        SnapError::OutOfRange { key, found, allowed } => Problem::out_of_range(&refuse(key, found, allowed)),
+        SnapError::NotFound { radius_mm, .. } => {
+            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-to-snap-to", error).with("radius_mm", *radius_mm)
+        }
+    }
+}
