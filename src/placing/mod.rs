@@ -113,6 +113,12 @@ pub enum SnapError {
     },
 }
 
+/// The trilinear value at a place, HU; `None` outside the volume.
+#[must_use]
+pub fn value_at(volume: &Volume, at: Point<Patient>) -> Option<f64> {
+    Field::new(volume).value(at.xyz)
+}
+
 /// The place near `at` that was meant, sub-voxel. `ray` is the viewing direction, of any length but zero; see the module's table
 /// for what it changes. Both directions of it count.
 ///

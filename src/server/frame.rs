@@ -27,9 +27,10 @@ use super::query::{Order, Query};
 use super::resident::with_voxels;
 use super::state::Server;
 use super::volumes::Entry;
+use crate::placing::value_at;
 use crate::render::{RenderedFrame, RequestError, Scene, depth_limits};
-use crate::space::{Patient, Point};
 use crate::session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, encode};
+use crate::space::{Patient, Point};
 
 /// A browser asks again after a minute, and gets 304 for what has not changed.
 const CACHE_CONTROL: &str = "private, max-age=60";
@@ -286,9 +287,14 @@ async fn pick(
     found["v"] = json!(at[1]);
     found["pixel"] = json!(pixel);
     found["hit"] = json!(depth.is_hit());
+    found["hu"] = Value::Null;
     found["depth_mm"] = depth.is_hit().then_some(depth.0).into();
     let point = frame.pick(pixel);
     found["patient_mm"] = point.map(|point| point.xyz.to_array()).map_or(Value::Null, Value::from);
+    if let Some(point) = point {
+        let volume = with_voxels(server, entry).await?;
+        found["hu"] = json!(value_at(&volume, point));
+    }
     let segment = point.zip(entry.labels.as_ref()).and_then(|(point, labels)| labels.at(point));
     found["segment"] = segment.map(|segment| json!({ "label": segment.label, "name": segment.name })).into();
     Ok(Json(found))

@@ -89,9 +89,15 @@ fn target(body: &SnapBody) -> Result<Target, Problem> {
         ("gradient", None) => Target::Gradient,
         ("minimum", None) => Target::Minimum,
         ("maximum", None) => Target::Maximum,
-        ("surface", None) => return Err(Problem::out_of_range(&refuse("hu", "missing", "the level of the surface, HU"))),
+        ("surface", None) => {
+            return Err(Problem::out_of_range(&refuse("hu", "missing", "the level of the surface, HU")));
+        }
         (name, Some(_)) if Target::NAMES.contains(&name) => {
-            return Err(Problem::out_of_range(&refuse("hu", "there", "nothing beside another target than surface")));
+            return Err(Problem::out_of_range(&refuse(
+                "hu",
+                "there",
+                "nothing beside another target than surface",
+            )));
         }
         _ => return Err(Problem::out_of_range(&refuse("to", &format!("{to:?}"), &Target::NAMES.join(", ")))),
     };
@@ -99,14 +105,19 @@ fn target(body: &SnapBody) -> Result<Target, Problem> {
 }
 
 fn refuse(path: &str, found: &str, allowed: &str) -> RequestError {
-    RequestError { path: path.to_owned(), found: found.chars().take(60).collect(), allowed: allowed.to_owned() }
+    RequestError {
+        path: path.to_owned(),
+        found: found.chars().take(60).collect(),
+        allowed: allowed.to_owned(),
+    }
 }
 
 fn refused(error: &SnapError) -> Problem {
     match error {
         SnapError::OutOfRange { key, found, allowed } => Problem::out_of_range(&refuse(key, found, allowed)),
         SnapError::NotFound { radius_mm, .. } => {
-            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-to-snap-to", error).with("radius_mm", *radius_mm)
+            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-to-snap-to", error)
+                .with("radius_mm", *radius_mm)
         }
     }
 }
