@@ -201,8 +201,8 @@ fn load_one(
 }
 
 fn served(loaded: dicom::Loaded) -> LoadedVolume {
-    let dicom::Loaded { volume, warnings, identity, .. } = loaded;
-    LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), labels: None }
+    let dicom::Loaded { volume, warnings, identity, reference, .. } = loaded;
+    LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), reference, labels: None }
 }
 
 fn config(arguments: &Arguments, adapter: &str) -> anyhow::Result<Config> {

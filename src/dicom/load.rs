@@ -19,6 +19,7 @@ use super::error::{Defect, Error, Reasons};
 use super::header::{FileHeader, FrameHeader};
 use super::identity::SeriesIdentity;
 use super::pixels;
+use super::reference::SeriesReference;
 use super::resample::RegularGrid;
 use super::series::SeriesEntry;
 use super::source::Bytes;
@@ -66,6 +67,8 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
     /// The study and series it came from.
     pub identity: SeriesIdentity,
+    /// What objects of DICOM say of the series; none where it came from elsewhere, or lacks UIDs.
+    pub reference: Option<Arc<SeriesReference>>,
     /// Set at once when resampling drops the stack; else taken from the volume when asked for.
     stack_sha256: OnceLock<[u8; 32]>,
 }
@@ -75,7 +78,7 @@ impl Loaded {
     #[must_use]
     pub fn of_volume(volume: Volume) -> Self {
         let identity = SeriesIdentity::default();
-        Self { volume, warnings: Vec::new(), identity, stack_sha256: OnceLock::new() }
+        Self { volume, warnings: Vec::new(), identity, reference: None, stack_sha256: OnceLock::new() }
     }
 
     /// SHA-256 of the HU stack as read: little-endian 16-bit, (z, y, x) order, ascending along row x column, before
@@ -145,6 +148,17 @@ pub fn load_within(
     strictness: Strictness,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Loaded, Error> {
+    let loaded = load_voxels(limits, entry, strictness, progress)?;
+    Ok(Loaded { reference: SeriesReference::of(entry).ok().map(Arc::new), ..loaded })
+}
+
+/// The volume, without what objects say of the series.
+fn load_voxels(
+    limits: LoadLimits,
+    entry: &SeriesEntry,
+    strictness: Strictness,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Loaded, Error> {
     limits.check(entry.voxel_bytes())?;
     let mut warnings = entry.warnings.clone();
     let (frames, duplicates) = stack::arrange(&entry.frames)?;
@@ -165,6 +179,7 @@ pub fn load_within(
             volume: Volume::new(grid, hu)?,
             warnings,
             identity,
+            reference: None,
             stack_sha256: OnceLock::new(),
         });
     }
@@ -177,7 +192,7 @@ pub fn load_within(
     let stack_sha256 = OnceLock::from(volume::stack_sha256(&hu));
     drop(hu);
     let grid = grid(&stack, regular.dims, regular.origin(&stack), regular.slice_spacing_mm)?;
-    Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, identity, stack_sha256 })
+    Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, identity, reference: None, stack_sha256 })
 }
 
 /// Under strict reading, what is a warning otherwise is an error.
@@ -204,7 +219,8 @@ fn single(
     let message = format!("only one slice: it is taken to be {thickness:.4} mm thick, from {origin}");
     warnings.push(Warning::new(WarningCode::SingleSlice, message));
     let grid = grid(stack, dims(std::slice::from_ref(frame)), stack.origin, thickness)?;
-    Ok(Loaded { volume: Volume::new(grid, hu)?, warnings, identity, stack_sha256: OnceLock::new() })
+    let (volume, stack_sha256) = (Volume::new(grid, hu)?, OnceLock::new());
+    Ok(Loaded { volume, warnings, identity, reference: None, stack_sha256 })
 }
 
 fn grid(stack: &Stack, dims: [usize; 3], origin: glam::DVec3, slice_spacing_mm: f64) -> Result<Grid, Error> {

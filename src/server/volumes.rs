@@ -13,7 +13,7 @@ use super::problem::Problem;
 use super::resident::{HostMemory, NoRoom, Residents, VolumeReader, Voxels};
 use super::state::{Server, UploadLimits};
 use crate::annotation::FrameOfReference;
-use crate::dicom::SeriesIdentity;
+use crate::dicom::{SeriesIdentity, SeriesReference};
 use crate::volume::{ContentHash, Grid, LabelMap, Segment, Volume};
 
 /// A volume and how many warnings its reading gave.
@@ -25,6 +25,8 @@ pub struct LoadedVolume {
     pub warnings: usize,
     /// The study and series that it answers for; `None` answers for none.
     pub identity: Option<SeriesIdentity>,
+    /// What reports and segmentations that are exported say of it. It names the patient: for files alone.
+    pub reference: Option<Arc<SeriesReference>>,
     /// Its label map, on its grid.
     pub labels: Option<Arc<LabelMap>>,
 }
@@ -47,6 +49,7 @@ pub(super) struct Entry {
     warnings: usize,
     owner: Owner,
     identity: Option<SeriesIdentity>,
+    pub(super) reference: Option<Arc<SeriesReference>>,
     pub(super) labels: Option<Arc<LabelMap>>,
 }
 
@@ -95,10 +98,11 @@ pub(super) enum AddError {
 
 impl Entry {
     fn new(loaded: LoadedVolume, owner: Owner, reader: Option<VolumeReader>) -> Arc<Self> {
-        let LoadedVolume { volume, warnings, identity, labels } = loaded;
+        let LoadedVolume { volume, warnings, identity, reference, labels } = loaded;
         let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
         let voxels = Arc::new(Voxels::new(volume, reader));
-        Arc::new(Self { id: hash.short(), grid, hash, voxels, range_hu, warnings, owner, identity, labels })
+        let id = hash.short();
+        Arc::new(Self { id, grid, hash, voxels, range_hu, warnings, owner, identity, reference, labels })
     }
 
     /// What positions of annotations are told from. A UID leads to a patient: for the store, not for answers.

@@ -362,3 +362,88 @@ async fn other_servers_of_the_same_kind_have_none() {
     let stage = Stage::with(Config::default(), QueueConfig::default());
     stage.annotate(Method::POST, "", "anna", json!({})).await.problem(404);
 }
+
+#[tokio::test]
+async fn files_of_other_tools_come_and_go() {
+    let stage = Stage::annotated().await;
+    let mut width =
+        json!({ "name": "width", "geometry": { "kind": "line", "ends_mm": [[0, 0, 0], [3, 4, 0]] } });
+    width["set"] = "s".into();
+    let mut nasion = point("nasion", [1.5, -2.0, 3.25]);
+    nasion["set"] = "s".into();
+    nasion["description"] = "where both bones meet".into();
+    stage.create("anna", json!([nasion, width])).await;
+    let file = stage.get(&stage.path("annotations/export?format=fcsv&set=s")).await;
+    assert_eq!(file.status, 200, "{}", file.text());
+    assert_eq!(file.header("content-disposition"), "attachment; filename=\"annotations.fcsv\"");
+    assert_eq!(file.header("relief-left-out"), "1", "a line is no point");
+    assert!(file.text().contains("nasion"), "{}", file.text());
+    let report = stage.get(&stage.path("annotations/export?format=fcsv&set=s&report=true")).await.json();
+    assert_eq!(report["left_out"].as_array().unwrap().len(), 1, "{report}");
+
+    let octets = "application/octet-stream";
+    let import = |query: &str, body: Vec<u8>| {
+        let request = Request::post(stage.path(&format!("annotations/import?{query}")));
+        let request = request.header("relief-author", "ben").header("content-type", octets);
+        stage.ask(request.body(Body::from(body)).unwrap())
+    };
+    let made = import("name=back.fcsv&set=back", file.body.clone()).await;
+    assert_eq!(made.status, 201, "{}", made.text());
+    let item = made.json()["events"][0]["item"].clone();
+    assert_eq!(
+        (&item["name"], &item["set"], &item["author"]),
+        (&json!("nasion"), &json!("back"), &json!("ben"))
+    );
+    assert_eq!(item["geometry"]["at_mm"], json!([1.5, -2.0, 3.25]));
+    let before = stage.annotate(Method::GET, "", "", Value::Null).await.json()["seq"].clone();
+    for (query, body, status) in [
+        ("name=x.fcsv", "# Markups fiducial file version = 4.11\nnot a point", 422),
+        ("format=mrk.json", "{\"markups\":7}", 422),
+        ("name=unknown.bin", "\x01\x02", 422),
+        ("format=doc", "", 400),
+        ("formats=fcsv", "", 400),
+    ] {
+        import(query, body.into()).await.problem(status);
+    }
+    let after = stage.annotate(Method::GET, "", "", Value::Null).await.json()["seq"].clone();
+    assert_eq!(before, after, "bad files change nothing");
+    stage.get(&stage.path("annotations/export?format=fcsv&set=none")).await.problem(422);
+    // Blinded sets stay out of files.
+    stage.annotate(Method::PUT, "/sets/s", "chief", json!({ "reader": "anna", "blinded": true })).await;
+    let open = stage.get(&stage.path("annotations/export?format=mrk.json")).await;
+    assert_eq!(open.json()["markups"].as_array().unwrap().len(), 1, "{}", open.text());
+}
+
+#[tokio::test]
+async fn places_snap_to_what_the_volume_has() {
+    let stage = Stage::annotated().await;
+    // The cube's values rise by 1 along x, 4 along y and 16 along z, each 10 mm: 30 HU is a plane.
+    let body = json!({ "at_mm": [1.0, 2.0, 0.0], "to": "surface", "hu": 32.5, "radius_mm": 10 });
+    let found = stage.annotate(Method::POST, "/snap", "", body.clone()).await;
+    assert_eq!(found.status, 200, "{}", found.text());
+    let found = found.json();
+    let at =
+        |key: &str| found[key].as_array().unwrap().iter().map(|mm| mm.as_f64().unwrap()).collect::<Vec<_>>();
+    let value = 31.5 + at("at_mm")[0] / 10.0 + at("at_mm")[1] * 0.4 + at("at_mm")[2] * 1.6;
+    assert!((value - 32.5).abs() < 0.01 && (found["hu"].as_f64().unwrap() - 32.5).abs() < 0.01, "{found}");
+    let length = at("shift_mm").iter().map(|mm| mm * mm).sum::<f64>().sqrt();
+    assert!((length - found["distance_mm"].as_f64().unwrap()).abs() < 1e-9 && length > 0.0, "{found}");
+    let seen = json!({ "pixel": [32, 32], "scene": { "size_px": [64, 64], "display": { "layout": "color" } },
+        "to": "surface", "hu": 30.0, "radius_mm": 20 });
+    let seen = stage.annotate(Method::POST, "/snap", "", seen).await;
+    assert_eq!(seen.status, 200, "{}", seen.text());
+    for (key, value, path) in [
+        ("to", json!("bone"), "to"),
+        ("hu", Value::Null, "hu"),
+        ("radius_mm", json!(99), "radius_mm"),
+        ("pixel", json!([1, 1]), "at_mm"),
+    ] {
+        let mut wrong = body.clone();
+        wrong[key] = value;
+        let problem = stage.annotate(Method::POST, "/snap", "", wrong).await.problem(422);
+        assert_eq!(problem["path"], path, "{problem}");
+    }
+    let nothing = json!({ "at_mm": [0.0, 0.0, 0.0], "to": "surface", "hu": 3000.0 });
+    let problem = stage.annotate(Method::POST, "/snap", "", nothing).await.problem(422);
+    assert_eq!(problem["type"], "urn:relief:problem:nothing-to-snap-to");
+}

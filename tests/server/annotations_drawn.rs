@@ -38,8 +38,8 @@ async fn frames_show_what_is_asked_for_and_change_with_it() {
 
     // By body the same, and in the depth and the pick of it.
     let body = json!({ "annotations": ["b"], "display": { "layout": "color" } }).to_string();
-    for part in ["frame", "depth", "pick?u=5&v=5"] {
-        frame(&stage, &format!("zoom=1.{}", part.len()), "").await;
+    for (zoom, part) in ["frame", "depth", "pick?u=5&v=5"].into_iter().enumerate() {
+        frame(&stage, &format!("zoom=1.{}", zoom + 1), "").await;
         assert!(stage.gate.labels().is_empty());
         let answer = stage
             .post(&stage.path(part), "application/json", body.replace("}}", "},\"size_px\":[64,64]}"))

@@ -13,7 +13,13 @@ const SERIES: &str = "1.2.826.0.1.3680043.8.498.1.7";
 fn stage() -> Stage {
     let stage = Stage::empty(Config::default(), QueueConfig::default());
     let identity = Some(SeriesIdentity::new(STUDY, SERIES));
-    stage.server.add_volume(LoadedVolume { volume: cube(), warnings: 0, identity, labels: None });
+    stage.server.add_volume(LoadedVolume {
+        volume: cube(),
+        warnings: 0,
+        identity,
+        reference: None,
+        labels: None,
+    });
     stage
 }
 

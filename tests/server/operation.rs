@@ -21,7 +21,13 @@ async fn readiness_follows_volumes_and_the_render_thread() {
     for loading in [2, 1] {
         assert_eq!(stage.get("/readyz").await.problem(503)["loading"], loading);
         assert!(stage.get("/metrics").await.text().contains("relief_ready 0\n"));
-        stage.server.add_volume(LoadedVolume { volume: cube(), warnings: 0, identity: None, labels: None });
+        stage.server.add_volume(LoadedVolume {
+            volume: cube(),
+            warnings: 0,
+            identity: None,
+            reference: None,
+            labels: None,
+        });
     }
     let ready = stage.get("/readyz").await;
     assert_eq!(ready.status, 200);

@@ -181,7 +181,13 @@ impl Stage {
         let empty = Self::empty(config, queue);
         let volume = cube();
         let id = volume.content_hash().short();
-        empty.server.add_volume(LoadedVolume { volume, warnings: 2, identity: None, labels: None });
+        empty.server.add_volume(LoadedVolume {
+            volume,
+            warnings: 2,
+            identity: None,
+            reference: None,
+            labels: None,
+        });
         Self { id, ..empty }
     }
 
@@ -206,7 +212,13 @@ impl Stage {
         let volume = cube();
         let id = volume.content_hash().short();
         let identity = Some(SeriesIdentity::new("1.2.3", "1.2.4").within_frame_of_reference(FRAME));
-        empty.server.add_volume(LoadedVolume { volume, warnings: 0, identity, labels: None });
+        empty.server.add_volume(LoadedVolume {
+            volume,
+            warnings: 0,
+            identity,
+            reference: None,
+            labels: None,
+        });
         Self { id, _folder: Some(folder), ..empty }
     }
 
@@ -299,6 +311,7 @@ fn loader() -> VolumeLoader {
             warnings: loaded.warnings.len(),
             volume: loaded.volume,
             identity: Some(loaded.identity),
+            reference: loaded.reference,
             labels: None,
         })
     })

@@ -203,7 +203,7 @@ async fn a_vanished_client_keeps_the_place_while_its_upload_is_read() {
         assert_eq!(seen.fetch_add(1, Ordering::SeqCst), 0, "two uploads are read at a time");
         gate.lock().unwrap().recv_timeout(Duration::from_secs(20)).unwrap();
         seen.fetch_sub(1, Ordering::SeqCst);
-        Ok(LoadedVolume { volume: cube(), warnings: 0, identity: None, labels: None })
+        Ok(LoadedVolume { volume: cube(), warnings: 0, identity: None, reference: None, labels: None })
     });
     let stage = Stage::loading(Config::default(), QueueConfig::default(), loader);
     let request = Request::post("/v1/volumes").header("content-type", "application/zip");

@@ -105,6 +105,10 @@ impl Annotations {
         if let Some(frame) = homes.first().and_then(|home| home.frame.clone()) {
             self.follow(&frame, &events);
         }
+        // A set is there as soon as an item names it.
+        if homes.iter().any(|home| !sets.iter().any(|set| set.name == home.set)) {
+            self.read_sets_anew();
+        }
         let seq = events.last().map_or(0, |event| event.seq);
         let events: Vec<(Event, Home)> = events.into_iter().zip(homes).collect();
         self.newest.store(seq, Ordering::Relaxed);

@@ -1,21 +1,41 @@
-//! Annotations as files: contents of regions and meshes.
+//! Annotations as files of other tools, both ways, and the contents of regions and meshes.
+//!
+//! Files are read and written on blocking threads, those that come one at a time with the other uploads. Nothing that goes out has a
+//! name or id of a patient, but for what a format is about: DICOM objects name the series that they belong to.
 
+use std::collections::HashMap;
+use std::path::Path as FilePath;
 use std::sync::Arc;
 
+use axum::Json;
+use axum::body::Body;
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use serde_json::json;
 
-use super::Asked;
-use crate::annotation::ContentId;
+use super::edit::events_json;
+use super::{Annotations, Asked, Visible, author, query};
+use crate::annotation::{Change, ContentId, Item, Set, Shown};
+use crate::exchange::{self, ExchangeError, Format, Imported, ReadContext, WriteContext};
+use crate::server::blocking::on_blocking_thread;
+use crate::server::guard::{expect_content_type, read_body};
 use crate::server::problem::Problem;
 use crate::server::state::Server;
+use crate::store::Filter;
 
 /// A content never changes.
 const CACHE_CONTROL: &str = "private, max-age=31536000, immutable";
+/// Largest file that comes: a label map of a large series.
+const MOST_BYTES: usize = 256 << 20;
+
+static LEFT_OUT: HeaderName = HeaderName::from_static("relief-left-out");
+
+type Shared = State<Arc<Server>>;
 
 pub(super) async fn content(
-    State(server): State<Arc<Server>>,
+    State(server): Shared,
     Path((id, sha256)): Path<(String, String)>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
@@ -30,4 +50,152 @@ pub(super) async fn content(
         (header::CACHE_CONTROL, HeaderValue::from_static(CACHE_CONTROL)),
     ];
     Ok((headers, bytes).into_response())
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct ImportQuery {
+    format: Option<String>,
+    /// The file's name, by which its format may be known. It is kept nowhere but as the name of the list.
+    name: Option<String>,
+    set: Option<String>,
+    list: Option<String>,
+    reason: String,
+    author: Option<String>,
+}
+
+pub(super) async fn import(
+    State(server): Shared,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    let asked = Asked::new(&server, &id, &headers)?;
+    let ImportQuery { format, name, set, list, reason, author } = query(&uri)?;
+    let author = asked.author(author)?;
+    let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());
+    Set::check_name(&set).map_err(|error| super::refusal::invalid(&error))?;
+    let format = format.map(|format| parse_format(&format)).transpose()?;
+    expect_content_type(&headers, "application/octet-stream")?;
+    let turn = Arc::clone(&server.upload)
+        .try_acquire_owned()
+        .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
+    let bytes = read_body(body, MOST_BYTES, server.config.body_timeout).await?;
+    let (entry, by) = (Arc::clone(&asked.entry), author.clone());
+    let job = move || {
+        let name = name.unwrap_or_default();
+        let known = format.or_else(|| Format::of(FilePath::new(&name), &bytes[..bytes.len().min(1 << 14)]));
+        let Some(format) = known else {
+            let detail = "neither name nor beginning of the file says what it is; say it with format=";
+            return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unknown-format", detail));
+        };
+        let frame = entry.frame_of_reference();
+        let context = ReadContext {
+            author: &by,
+            set: &set,
+            list: list.as_deref().unwrap_or("import"),
+            frame_of_reference: Some(&frame),
+            grid: Some(&entry.grid),
+            series: entry.reference.as_deref(),
+        };
+        let read = exchange::read(format, &bytes, &context).and_then(Imported::with_new_ids);
+        read.map_err(|error| refused(&error, "unreadable-annotations"))
+    };
+    let Imported { items, contents, warnings } =
+        on_blocking_thread(turn, "reading annotations", job).await??;
+    if items.is_empty() {
+        let detail = "the file has no annotations";
+        return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail)
+            .with("warnings", warnings));
+    }
+    for (_, media_type, bytes) in &contents {
+        asked.annotations.store.put_content(media_type, bytes).await?;
+    }
+    let changes = items.into_iter().map(|item| Change::Create { item: Box::new(item) }).collect();
+    let events = asked.annotations.apply(&asked.entry, &author, &reason, changes).await?;
+    server.live.annotations_changed();
+    let answer = json!({ "events": events_json(&events), "warnings": warnings });
+    Ok((StatusCode::CREATED, Json(answer)).into_response())
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct ExportQuery {
+    format: Option<String>,
+    set: Option<String>,
+    author: Option<String>,
+    report: bool,
+}
+
+pub(super) async fn export(
+    State(server): Shared,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let ExportQuery { format, set, author: by, report } = query(&uri)?;
+    let asked = Asked::by_query(&server, &id, &headers, by)?;
+    let shown = set.as_deref().map_or(Ok(Shown::All), super::list::chosen)?;
+    let format = parse_format(format.as_deref().unwrap_or_default())?;
+    let items = visible_items(&asked, &shown).await?;
+    let contents = contents_of(&asked.annotations, &items).await?;
+    let place = Arc::clone(&server.encoders).acquire_owned().await;
+    let place = place.map_err(|closed| Problem::internal("writing annotations", closed))?;
+    let entry = Arc::clone(&asked.entry);
+    let job = move || {
+        let of = |id: &ContentId| contents.get(id).cloned();
+        let context =
+            WriteContext { contents: &of, grid: Some(&entry.grid), series: entry.reference.as_deref() };
+        exchange::write(format, &items, &context)
+    };
+    let written = on_blocking_thread(place, "writing annotations", job).await?;
+    let written = written.map_err(|error| refused(&error, "not-in-this-format"))?;
+    if report {
+        return Ok(Json(json!({ "items": written.items, "left_out": written.left_out })).into_response());
+    }
+    let name = format!("attachment; filename=\"annotations.{}\"", format.extension());
+    let headers = [
+        (header::CONTENT_TYPE, HeaderValue::from_static(format.media_type())),
+        (
+            header::CONTENT_DISPOSITION,
+            HeaderValue::from_str(&name).unwrap_or(HeaderValue::from_static("attachment")),
+        ),
+        (header::CACHE_CONTROL, HeaderValue::from_static("no-store")),
+        (LEFT_OUT.clone(), HeaderValue::from(written.left_out.len())),
+    ];
+    Ok((headers, written.bytes).into_response())
+}
+
+/// The items that whoever asks may see, with their frame of reference, which files may name.
+async fn visible_items(asked: &Asked, shown: &Shown) -> Result<Vec<Item>, Problem> {
+    let sets = asked.annotations.sets().await?;
+    let visible = Visible::new(&sets, asked.author.as_deref());
+    let filter = Filter { frame_of_reference: Some(asked.entry.frame_of_reference()), ..Filter::default() };
+    let listing = asked.annotations.store.list(&filter).await?;
+    let items = listing.items.into_iter().map(|known| known.item);
+    Ok(items.filter(|item| shown.has(&item.set) && visible.sees(&item.set)).collect())
+}
+
+async fn contents_of(
+    annotations: &Annotations,
+    items: &[Item],
+) -> Result<HashMap<ContentId, Vec<u8>>, Problem> {
+    let mut contents = HashMap::new();
+    for id in items.iter().filter_map(|item| item.geometry.as_ref()?.content()) {
+        if !contents.contains_key(id) {
+            contents.insert(id.clone(), annotations.store.content(id).await?.1);
+        }
+    }
+    Ok(contents)
+}
+
+fn parse_format(name: &str) -> Result<Format, Problem> {
+    name.parse().map_err(|error: exchange::UnknownFormat| {
+        Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error).with("path", "format")
+    })
+}
+
+fn refused(error: &ExchangeError, kind: &'static str) -> Problem {
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, kind, error)
 }

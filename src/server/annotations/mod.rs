@@ -147,6 +147,8 @@ pub(super) fn routes() -> Router<Arc<Server>> {
         .route("/v1/volumes/{id}/annotations/undo", post(edit::undo))
         .route("/v1/volumes/{id}/annotations/redo", post(edit::redo))
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
+        .route("/v1/volumes/{id}/annotations/import", post(files::import))
+        .route("/v1/volumes/{id}/annotations/export", get(files::export))
         .route("/v1/volumes/{id}/annotations/snap", post(snap::snap))
         .route("/v1/volumes/{id}/annotations/templates", get(templates::names))
         .route("/v1/volumes/{id}/annotations/contents/{sha256}", get(files::content))

@@ -138,9 +138,14 @@ impl Annotations {
         Ok(sets)
     }
 
+    /// There may be other sets than those that were read.
+    pub(super) fn read_sets_anew(&self) {
+        self.snapshots().sets = None;
+    }
+
     /// Sets have changed.
     pub(super) fn forget_sets(&self) {
-        self.snapshots().sets = None;
+        self.read_sets_anew();
         self.changes.send_modify(|changes| *changes += 1);
     }
 }
