@@ -216,9 +216,9 @@ async fn what_openapi_lists_is_there_with_these_methods_alone() {
     assert!(api["openapi"].as_str().unwrap().starts_with("3.1"));
     for (path, methods) in api["paths"].as_object().unwrap() {
         let at = path.replace("{id}", &stage.id);
-        let put = stage.ask(Request::put(&at).body(Body::empty()).unwrap()).await;
-        assert_eq!(put.status, 405, "{path}");
-        let allowed: Vec<String> = put.header("allow").split(',').map(|m| m.trim().to_lowercase()).collect();
+        let patch = stage.ask(Request::patch(&at).body(Body::empty()).unwrap()).await; // nothing has that
+        assert_eq!(patch.status, 405, "{path}");
+        let allowed: Vec<String> = patch.header("allow").split(',').map(|m| m.trim().to_lowercase()).collect();
         let listed = methods.as_object().unwrap().keys().filter(|key| *key != "parameters");
         for method in listed {
             assert!(allowed.contains(method), "{path} {method}");

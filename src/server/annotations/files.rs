@@ -16,7 +16,7 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::edit::events_json;
-use super::{Annotations, Asked, Visible, author, query};
+use super::{Annotations, Asked, Visible, query};
 use crate::annotation::{Change, ContentId, Item, Set, Shown};
 use crate::exchange::{self, ExchangeError, Format, Imported, ReadContext, WriteContext};
 use crate::server::blocking::on_blocking_thread;
