@@ -34,17 +34,16 @@ fn clips(volume: &Volume) -> [(&'static str, Clip); 4] {
 /// The request of a mode, as the server makes it from a scene.
 fn request(volume: &Volume, mode: Mode, vertical_fov_deg: f64) -> RenderRequest {
     let orbit = Orbit { azimuth_deg: 31.0, elevation_deg: 17.0, zoom: 1.2, vertical_fov_deg };
-    let scene = if mode == Mode::Slice {
-        SceneFile::parse(
-            br#"{"slice": {"plane": {"normal": [0.4, -0.8, 0.3], "up": [0.2, 0.1, 1]}, "thickness_mm": 8}}"#,
-        )
-        .unwrap()
-        .with_size(SIZE)
+    let scene = if let Mode::Slice(blend) = mode {
+        let blend = blend.name();
+        let plane = r#"{"normal": [0.4, -0.8, 0.3], "up": [0.2, 0.1, 1]}"#;
+        let slice = format!(r#""slice": {{"plane": {plane}, "slab_mm": 9, "blend": "{blend}"}}"#);
+        SceneFile::parse(format!(r#"{{"mode": "slice", {slice}}}"#).as_bytes()).unwrap().with_size(SIZE)
     } else {
         SceneFile::default().with_preset("bone").with_size(SIZE)
     };
     let request = scene.resolve(volume.grid(), &orbit).unwrap().request;
-    let mut request = if mode == Mode::Slice { request } else { in_mode(mode, request) };
+    let mut request = if matches!(mode, Mode::Slice(_)) { request } else { in_mode(mode, request) };
     request.path_trace.passes = 1;
     request
 }

@@ -218,7 +218,8 @@ async fn what_openapi_lists_is_there_with_these_methods_alone() {
         let at = path.replace("{id}", &stage.id);
         let patch = stage.ask(Request::patch(&at).body(Body::empty()).unwrap()).await; // nothing has that
         assert_eq!(patch.status, 405, "{path}");
-        let allowed: Vec<String> = patch.header("allow").split(',').map(|m| m.trim().to_lowercase()).collect();
+        let allowed: Vec<String> =
+            patch.header("allow").split(',').map(|m| m.trim().to_lowercase()).collect();
         let listed = methods.as_object().unwrap().keys().filter(|key| *key != "parameters");
         for method in listed {
             assert!(allowed.contains(method), "{path} {method}");

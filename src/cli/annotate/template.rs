@@ -80,7 +80,7 @@ struct ApplyArguments {
     #[arg(long, value_name = "SET", default_value = Set::DEFAULT)]
     set: String,
     #[command(flatten)]
-    series: series::Arguments,
+    series: series::SeriesArguments,
     #[command(flatten)]
     who: AuthorArguments,
     /// Print one JSON object
