@@ -1,5 +1,7 @@
 //! Other people's programs: where they are, how they are run, and how their lack is said.
 
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
