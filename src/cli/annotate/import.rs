@@ -142,7 +142,7 @@ fn known_items(log: &Log) -> anyhow::Result<HashMap<ItemId, Versioned>> {
 }
 
 /// The file's name without what its format adds to it.
-fn stem(path: &Path) -> String {
+pub(super) fn stem(path: &Path) -> String {
     let name =
         path.file_name().map_or_else(|| "import".to_owned(), |name| name.to_string_lossy().into_owned());
     let lower = name.to_lowercase();
