@@ -39,7 +39,7 @@ pub(super) fn event(row: &AnyRow) -> Result<Event, StoreError> {
         _ => return Err(odd("kind")),
     };
     let target: Option<i64> = row.try_get(3)?;
-    let item: Option<String> = row.try_get(9)?;
+    let text: Option<String> = row.try_get(9)?;
     Ok(Event {
         seq,
         edit: unsigned(row, 1)?,
@@ -50,7 +50,7 @@ pub(super) fn event(row: &AnyRow) -> Result<Event, StoreError> {
         author: row.try_get(6)?,
         reason: row.try_get(7)?,
         time: row.try_get::<String, _>(8)?.parse().map_err(|_| odd("time"))?,
-        item: item.as_deref().map(|text| self::item(text)).transpose()?,
+        item: text.as_deref().map(item).transpose()?,
     })
 }
 
