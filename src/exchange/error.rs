@@ -3,7 +3,7 @@
 use super::Format;
 use crate::annotation::ItemError;
 use crate::dicom::report::ReportError;
-use crate::dicom::{Defect, SegmentationError};
+use crate::dicom::{Defect, ObjectError, SegmentationError};
 use crate::mesh::files::MeshFileError;
 
 /// Why annotations could not be read from a file, or written to one.
@@ -78,6 +78,9 @@ pub enum ExchangeError {
     /// A segmentation that `dicom` does not write.
     #[error("seg: {0}")]
     Segmentation(#[source] Box<SegmentationError>),
+    /// A structure set that `dicom` refuses.
+    #[error("rtstruct: {0}")]
+    StructureSet(#[source] Box<ObjectError>),
     /// A mesh that `mesh` does not read; the format is in its message.
     #[error("{0}")]
     Mesh(#[source] Box<MeshFileError>),

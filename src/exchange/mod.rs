@@ -30,6 +30,7 @@ pub use loss::LeftOut;
 
 use crate::annotation::{ContentId, FrameOfReference, Item, ItemId};
 use crate::dicom::SeriesReference;
+use crate::formats::{nifti_labels, seg_nrrd};
 use crate::volume::Grid;
 
 /// What a file does not say of its items.
@@ -96,16 +97,10 @@ impl Imported {
 }
 
 impl Format {
-    /// Whether [`read`] takes it.
-    #[must_use]
-    pub const fn can_read(self) -> bool {
-        !matches!(self, Self::RtStruct)
-    }
-
     /// Whether [`write`] makes it.
     #[must_use]
     pub const fn can_write(self) -> bool {
-        !matches!(self, Self::RtStruct | Self::Nifti)
+        !matches!(self, Self::RtStruct)
     }
 }
 
@@ -124,9 +119,7 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
         Format::Seg => objects::read_segmentation(bytes, context),
         Format::SegNrrd | Format::Nifti => regions::read(format, bytes, context),
         Format::Stl | Format::Ply | Format::Obj | Format::Glb => meshes::read(format, bytes, context),
-        Format::RtStruct => {
-            Err(ExchangeError::OneWay { format, action: "read", possible: Format::names(Format::can_read) })
-        }
+        Format::RtStruct => objects::read_structure_set(bytes, context),
     }
 }
 
@@ -147,20 +140,21 @@ pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Resu
             count = held;
             bytes
         }),
-        Format::Seg | Format::SegNrrd => {
+        Format::Seg | Format::SegNrrd | Format::Nifti => {
             let (map, ids, lost) = regions::join(format, &kept, context)?;
             left_out.extend(lost);
             kept.retain(|item| ids.contains(&item.id));
             count = kept.len();
             match format {
                 Format::Seg => objects::write_segmentation(&map, &kept, context),
-                _ => crate::formats::seg_nrrd(&map).map_err(|error| regions::failed(format, &error)),
+                Format::Nifti => nifti_labels(&map).map_err(|error| regions::failed(format, &error)),
+                _ => seg_nrrd(&map).map_err(|error| regions::failed(format, &error)),
             }
         }
         Format::Stl | Format::Ply | Format::Obj | Format::Glb => {
             meshes::write(format, &kept, context, &mut left_out)
         }
-        Format::RtStruct | Format::Nifti => {
+        Format::RtStruct => {
             let possible = Format::names(Format::can_write);
             return Err(ExchangeError::OneWay { format, action: "written", possible });
         }

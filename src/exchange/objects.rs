@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use super::reading::Reading;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext, regions};
 use crate::annotation::{FrameOfReference, Item};
-use crate::dicom::{self, LoadLimits, SegmentMeaning, SegmentationOptions, SeriesReference, report};
+use crate::dicom::{
+    self, LoadLimits, SegmentMeaning, SegmentationOptions, SeriesReference, report, structure_set,
+};
 use crate::volume::LabelMap;
 
 /// Bytes that the voxels of a segmentation may take, two for each.
@@ -24,7 +26,7 @@ pub(super) fn read_report(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imp
     }
     for (order, item) in (0..).zip(found.items) {
         let place = format!("group {}", order + 1);
-        let frame = frame(&place, item.frame_of_reference.clone(), context)?;
+        let frame = frame(Format::Sr, &place, item.frame_of_reference.clone(), context)?;
         let set = context.set.to_owned();
         let item = Item { set, list: context.list.to_owned(), order, frame_of_reference: frame, ..item };
         reading.push(&place, item)?;
@@ -34,6 +36,7 @@ pub(super) fn read_report(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imp
 
 /// A frame of reference that is the series', or the only one that is known.
 fn frame(
+    format: Format,
     place: &str,
     own: Option<FrameOfReference>,
     context: &ReadContext<'_>,
@@ -42,9 +45,30 @@ fn frame(
     if own.is_some() && known.is_some() && own.as_ref() != known {
         let allowed = "that one; read the file without a series to keep its own";
         let place = format!("the frame of reference of {place}");
-        return Err(ExchangeError::value(Format::Sr, place, "another one than the series'", allowed));
+        return Err(ExchangeError::value(format, place, "another one than the series'", allowed));
     }
     Ok(own.or_else(|| known.cloned()))
+}
+
+/// Reads a structure set: contours are curves, in a list for each structure.
+///
+/// # Errors
+/// As [`super::read`]; places are tags and numbers of items.
+pub(super) fn read_structure_set(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
+    let found = structure_set::read(bytes).map_err(|error| ExchangeError::StructureSet(Box::new(error)))?;
+    let (items, left_out) = found.items(context.author)?;
+    let mut reading = Reading::new(Format::RtStruct, context);
+    for warning in found.warnings.iter().chain(&left_out) {
+        reading.warn("", warning);
+    }
+    for (number, item) in (1..).zip(items) {
+        let place = format!("contour {number}");
+        let frame_of_reference = frame(Format::RtStruct, &place, item.frame_of_reference.clone(), context)?;
+        let list = item.list.chars().take(Item::LONGEST_NAME).collect();
+        let set = context.set.to_owned();
+        reading.push(&place, Item { set, list, frame_of_reference, ..item })?;
+    }
+    Ok(reading.finish())
 }
 
 /// Reads a segmentation: its segments are regions.

@@ -45,11 +45,13 @@ fn regions_have_the_voxels_that_others_counted() {
     // Written again, and read: numbered anew, with the same voxels.
     let contents = contents(&[&imported]);
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
-    let written = exchange::write(Format::SegNrrd, &imported.items, &context).unwrap();
-    assert_eq!(written.items, known.len());
-    let back = read(Format::SegNrrd, &written.bytes).unwrap();
-    for (item, back) in imported.items.iter().zip(&back.items) {
-        assert_eq!((&item.name, summary(item).voxels), (&back.name, summary(back).voxels));
+    for format in [Format::SegNrrd, Format::Nifti] {
+        let written = exchange::write(format, &imported.items, &context).unwrap();
+        assert_eq!(written.items, known.len());
+        let back = read(format, &written.bytes).unwrap();
+        for (item, back) in imported.items.iter().zip(&back.items) {
+            assert_eq!((&item.name, summary(item).voxels), (&back.name, summary(back).voxels), "{format}");
+        }
     }
 }
 

@@ -84,3 +84,25 @@ fn regions_become_a_segmentation_of_the_series() {
     let refused = exchange::read(Format::Seg, &written.bytes[..400], &CONTEXT).unwrap_err().to_string();
     assert!(refused.starts_with("seg: "), "{refused}");
 }
+
+#[test]
+fn contours_become_curves_in_lists_of_their_structures() {
+    let Some(folder) = super::common::unpacked("structures of a thigh", "sts-001-thigh") else { return };
+    let bytes = std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap();
+    assert_eq!(Format::of(std::path::Path::new("x"), &bytes), Some(Format::RtStruct));
+    let context = ReadContext { set: "plan", ..CONTEXT };
+    let imported = exchange::read(Format::RtStruct, &bytes, &context).unwrap();
+    assert_eq!(imported.items.len(), 32);
+    for item in &imported.items {
+        assert!(item.set == "plan" && item.author == "ben" && item.list == "GTV_Mass_CT", "{item:?}");
+        assert!(matches!(
+            item.geometry,
+            Some(Geometry::Curve { .. } | Geometry::Point { .. } | Geometry::Line { .. })
+        ));
+    }
+    let refused = exchange::read(Format::RtStruct, &bytes[..300], &CONTEXT).unwrap_err().to_string();
+    assert!(refused.starts_with("rtstruct: "), "{refused}");
+    let alone = WriteContext { contents: &|_| None, grid: None, series: None };
+    let refused = exchange::write(Format::RtStruct, &asymmetric(), &alone).unwrap_err().to_string();
+    assert!(refused.contains("rtstruct cannot be written (can be: mrk.json"), "{refused}");
+}
