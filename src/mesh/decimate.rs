@@ -1,7 +1,7 @@
 //! Fewer triangles: edges collapse where that changes the surface least (meshoptimizer's quadrics).
 //!
-//! The library keeps borders and most of the topology, but may fold a thin tube into an edge of four triangles. A mesh
-//! that was closed must stay so: where it came apart, the corners around are held, and it is done again from the beginning.
+//! The library keeps borders and most of the topology, but may fold a thin part until four triangles have one edge. What was closed
+//! is made a manifold again afterwards (see `mend`).
 
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 
@@ -25,12 +25,9 @@ impl Decimation {
     }
 }
 
-/// Times that a mesh which came apart is begun anew; each holds more corners.
-const MOST_TIMES: usize = 12;
-
 impl TriangleMesh {
-    /// A mesh with fewer triangles, whose corners are among those of this one. A closed one stays closed, a closed 2-manifold
-    /// stays one; where that cannot be had the mesh comes back as it is.
+    /// A mesh with fewer triangles, whose corners are among those of this one, but for a few where it was mended. A closed 2-manifold
+    /// stays one; of others what is there is kept as far as meshoptimizer keeps it. Parts that collapse altogether go, but never all.
     ///
     /// # Errors
     /// When fewer than 4 triangles are asked for, the error is not above 0, or [`TriangleMesh::check`] fails.
@@ -56,52 +53,18 @@ impl TriangleMesh {
             return Ok(self.clone());
         };
         let indices: Vec<u32> = self.triangles.iter().flatten().copied().collect();
-        let before = soundness(self);
-        let mut held = vec![false; self.vertices.len()];
         // Errors of meshoptimizer are f32, and none is larger than this.
         let error = error_mm.min(1e30) as f32;
-        for _ in 0..MOST_TIMES {
-            let left = meshopt::simplify_with_locks(
-                &indices,
-                &places,
-                &held,
-                3 * triangles,
-                error,
-                SimplifyOptions::ErrorAbsolute,
-                None,
-            );
-            let triangles = left.as_chunks::<3>().0.to_vec();
-            let made = Self { vertices: self.vertices.clone(), triangles };
-            let fans = Fans::new(&made);
-            let is_worse = |corner: &usize| {
-                let kind = fans.kind(*corner);
-                kind != Fan::Empty && kind != Fan::Closed && before[*corner] == Fan::Closed
-            };
-            let torn: Vec<usize> = (0..fans.len()).filter(is_worse).collect();
-            if torn.is_empty() && !made.triangles.is_empty() {
-                return Ok(made.compacted());
-            }
-            self.hold(&mut held, &torn);
+        let options = SimplifyOptions::ErrorAbsolute;
+        let left = meshopt::simplify(&indices, &places, 3 * triangles, error, options, None);
+        let mut made = Self { vertices: self.vertices.clone(), triangles: left.as_chunks::<3>().0.to_vec() };
+        let is_manifold = |mesh: &Self| {
+            let fans = Fans::new(mesh);
+            (0..fans.len()).all(|corner| matches!(fans.kind(corner), Fan::Closed | Fan::Empty))
+        };
+        if is_manifold(self) {
+            made.mend();
         }
-        Ok(self.clone())
+        Ok(if made.triangles.is_empty() { self.clone() } else { made.compacted() })
     }
-
-    /// Holds corners and what is around them in this mesh.
-    fn hold(&self, held: &mut [bool], torn: &[usize]) {
-        torn.iter().for_each(|corner| held[*corner] = true);
-        let near: Vec<u32> = self
-            .triangles
-            .iter()
-            .filter(|corners| corners.iter().any(|corner| held[*corner as usize]))
-            .flatten()
-            .copied()
-            .collect();
-        near.into_iter().for_each(|corner| held[corner as usize] = true);
-    }
-}
-
-fn soundness(mesh: &TriangleMesh) -> Vec<Fan> {
-    use rayon::prelude::*;
-    let fans = Fans::new(mesh);
-    (0..fans.len()).into_par_iter().map(|corner| fans.kind(corner)).collect()
 }

@@ -12,6 +12,7 @@ mod decimate;
 mod fans;
 pub mod files;
 mod measure;
+mod mend;
 mod nets;
 mod smooth;
 
