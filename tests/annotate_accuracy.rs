@@ -1,5 +1,4 @@
 //! `relief annotate accuracy` as users run it: the bar of 1 mm, and the files that it writes.
-#![expect(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 mod common;
 

@@ -25,7 +25,8 @@ impl SeriesEntry {
             reasons: Reasons(vec![format!("{name}: {defect}")]),
         })?;
         digests.sort_unstable();
-        Ok(digests.iter().fold(Sha256::new(), |hasher, digest| hasher.chain_update(digest)).finalize().into())
+        let of_all = digests.iter().fold(Sha256::new(), Digest::chain_update);
+        Ok(of_all.finalize().into())
     }
 }
 

@@ -1,6 +1,6 @@
 //! Points that do not lie in the volume that a file is said to belong to.
 
-use crate::annotation::Item;
+use crate::annotation::{Geometry, Item};
 use crate::space::{Patient, Point};
 use crate::volume::Grid;
 
@@ -12,7 +12,7 @@ pub(super) fn warning(items: &[Item], grid: &Grid) -> Option<String> {
         index.into_iter().zip(grid.dims()).all(|(at, count)| (-0.5..=count as f64 - 0.5).contains(&at))
     };
     let points: Vec<Point<Patient>> =
-        items.iter().filter_map(|item| item.geometry.as_ref()).flat_map(|g| g.points()).copied().collect();
+        items.iter().filter_map(|item| item.geometry.as_ref()).flat_map(Geometry::points).copied().collect();
     let outside = points.iter().filter(|point| !inside(**point)).count();
     if outside == 0 {
         return None;
@@ -33,7 +33,6 @@ pub(super) fn warning(items: &[Item], grid: &Grid) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::annotation::Geometry;
 
     #[test]
     fn a_mirror_image_is_recognised() {

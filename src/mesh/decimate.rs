@@ -40,7 +40,7 @@ impl TriangleMesh {
         if triangles < 4 {
             return refuse("triangles", triangles.to_string(), "4 or more: a tetrahedron");
         }
-        if !(error_mm > 0.0) {
+        if error_mm.is_nan() || error_mm <= 0.0 {
             return refuse("error_mm", error_mm.to_string(), "more than 0");
         }
         if self.triangles.len() <= triangles {

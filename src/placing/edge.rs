@@ -70,7 +70,8 @@ pub(super) fn find(
 fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let to_voxel = field.voxel_from_patient.matrix3;
     let gradient = |place: [usize; 3]| to_voxel.transpose() * lattice.differences(place);
-    let (mut steepest, mut others): (Vec<(f64, DVec3)>, Vec<(f64, DVec3)>) = Default::default();
+    let mut steepest: Vec<(f64, DVec3)> = Vec::new();
+    let mut others: Vec<(f64, DVec3)> = Vec::new();
     for (place, index) in lattice.voxels() {
         let here = gradient(place);
         let position = field.patient_from_voxel.transform_point3(index);

@@ -70,7 +70,7 @@ fn settle(field: &Field<'_>, seed: DVec3, sign: f64) -> DVec3 {
         let step = -(hessian.inverse() * (smooth.gradient * sign));
         place += step;
         let off = field.voxel_from_patient.transform_vector3(place - seed);
-        if !(off.abs().max_element() <= 1.0) {
+        if off.is_nan() || off.abs().max_element() > 1.0 {
             return seed;
         }
         if step.length() < 1e-6 {

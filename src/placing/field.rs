@@ -156,7 +156,7 @@ impl Kernel {
 }
 
 /// The Gaussian at whole voxels, from its middle outwards to both sides, adding up to 1.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some voxels")]
+#[expect(clippy::cast_possible_truncation, reason = "some voxels")]
 pub(super) fn taps(sigma: f64) -> Vec<f64> {
     let reach = (REACH * sigma).ceil() as i32;
     let weights: Vec<f64> =

@@ -30,7 +30,7 @@ impl Lattice {
         if count > MOST_VOXELS {
             let most = radius_mm * (MOST_VOXELS / count).cbrt() * 0.95;
             let allowed = format!("at most {most:.1} mm for voxels as fine as these");
-            return Err(out_of_range("radius_mm", radius_mm, &allowed));
+            return Err(out_of_range("radius_mm", &radius_mm, &allowed));
         }
         let whole = field.volume.grid().dims();
         Ok(Some(Self { first, dims, whole, values: smoothed(field, first, dims) }))

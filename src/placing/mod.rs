@@ -132,16 +132,16 @@ pub fn snap(
 ) -> Result<Snapped, SnapError> {
     let Snap { to, radius_mm } = *snap;
     if !at.xyz.is_finite() {
-        return Err(out_of_range("at_mm", at.xyz, "finite numbers, mm"));
+        return Err(out_of_range("at_mm", &at.xyz, "finite numbers, mm"));
     }
     if !Snap::RADII_MM.contains(&radius_mm) {
         let allowed = format!("{} to {} mm", Snap::RADII_MM.start(), Snap::RADII_MM.end());
-        return Err(out_of_range("radius_mm", radius_mm, &allowed));
+        return Err(out_of_range("radius_mm", &radius_mm, &allowed));
     }
     let along = match ray {
         None => None,
         Some(ray) => Some(
-            ray.normalized().ok_or_else(|| out_of_range("ray", ray.xyz, "a direction with some length"))?,
+            ray.normalized().ok_or_else(|| out_of_range("ray", &ray.xyz, "a direction with some length"))?,
         ),
     };
     let along = along.map(|ray| ray.xyz);
@@ -150,7 +150,7 @@ pub fn snap(
         Target::Surface { hu } => {
             if !Snap::LEVELS_HU.contains(&hu) {
                 let allowed = format!("{} to {} HU", Snap::LEVELS_HU.start(), Snap::LEVELS_HU.end());
-                return Err(out_of_range("hu", hu, &allowed));
+                return Err(out_of_range("hu", &hu, &allowed));
             }
             surface::find(&field, at.xyz, along, hu, radius_mm)
         }
@@ -172,6 +172,6 @@ pub fn snap(
     Ok(Snapped { at: place_to, shift: place_to - at, hu, gradient_hu_per_mm })
 }
 
-fn out_of_range(key: &'static str, found: impl ToString, allowed: &str) -> SnapError {
+fn out_of_range(key: &'static str, found: &impl ToString, allowed: &str) -> SnapError {
     SnapError::OutOfRange { key, found: found.to_string(), allowed: allowed.to_owned() }
 }

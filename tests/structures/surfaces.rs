@@ -199,6 +199,26 @@ fn decimation_keeps_surfaces_closed_and_volumes_nearly() {
 }
 
 #[test]
+fn noise_is_decimated_without_coming_apart() {
+    for (seed, percent) in [(1, 25), (2, 40), (3, 60), (4, 85)] {
+        let mesh = surface_nets(&noise([40, 36, 30], percent, seed)).unwrap();
+        for share in [2, 5, 20, 100] {
+            let light = mesh.decimated(Decimation::to(mesh.triangles.len() / share)).unwrap();
+            let measures = light.measures();
+            println!(
+                "{percent} %: {} to {} triangles, {measures:?}",
+                mesh.triangles.len(),
+                light.triangles.len()
+            );
+            assert!(measures.is_manifold && light.check().is_ok(), "{percent} %, 1/{share}: {measures:?}");
+            assert!(light.triangles.len() < mesh.triangles.len());
+            let same = mesh.decimated(Decimation::to(mesh.triangles.len() / share)).unwrap();
+            assert!(same == light);
+        }
+    }
+}
+
+#[test]
 fn open_and_broken_meshes_say_so() {
     let corners = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
     let vertices = corners.map(|[x, y, z]| relief::space::Point::new(x, y, z)).to_vec();

@@ -43,7 +43,7 @@ pub(super) fn read(markup: &Markup, mm: f64) -> Result<(Geometry, bool), NoPlane
     } else if let Some([width, height, _]) = markup.size {
         size = [width, height];
     }
-    let is_made_up = size.iter().any(|side| !(*side > 0.0));
+    let is_made_up = size.iter().any(|side| side.is_nan() || *side <= 0.0);
     if is_made_up {
         // As wide as its points are apart.
         let span = points.iter().flat_map(|a| points.iter().map(|b| a.distance(*b))).fold(0.0, f64::max);
