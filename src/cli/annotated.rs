@@ -30,9 +30,9 @@ pub(super) fn draw_annotations(
         runtime.block_on(read(place, frame, scene)).context("--annotations cannot be read")?;
     let items: Vec<&Item> = listing.items.iter().map(|known| &known.item).collect();
     let shape_of = |geometry: &Geometry| {
-        let (media_type, bytes) = contents.get(geometry.content()?)?;
+        let bytes = contents.get(geometry.content()?)?;
         let label = if let Geometry::Region(region) = geometry { region.label } else { 0 };
-        shape_of_content(media_type, bytes, label)
+        shape_of_content(bytes, label)
             .map_err(|reason| tracing::warn!("an annotation cannot be drawn: {reason}"))
             .ok()
             .map(Arc::<Shape>::new)
@@ -45,7 +45,7 @@ pub(super) fn draw_annotations(
     Ok(())
 }
 
-type Contents = HashMap<ContentId, (String, Vec<u8>)>;
+type Contents = HashMap<ContentId, Vec<u8>>;
 
 async fn read(
     place: &str,
@@ -66,7 +66,7 @@ async fn read(
     let visible = listing.items.iter().filter(|known| known.item.visible);
     for id in visible.filter_map(|known| known.item.geometry.as_ref()?.content()) {
         if !contents.contains_key(id) {
-            contents.insert(id.clone(), log.content(id).await?);
+            contents.insert(id.clone(), log.content(id).await?.1);
         }
     }
     log.close().await;

@@ -22,7 +22,7 @@ use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
 pub use budget::{Planned, SpeedBook};
-pub use drawn::{Drawables, Drawn, Shape, shape_of_content};
+pub use drawn::{Drawables, Drawn, Shape, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use service::{Counts, QueueConfig, RenderService};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};

@@ -7,6 +7,7 @@
 mod annotations;
 mod annotations_drawn;
 mod annotations_live;
+mod annotations_structures;
 mod budget;
 mod dicomweb;
 mod frames;

@@ -22,6 +22,7 @@ mod sets;
 mod shapes;
 mod snap;
 mod snapshot;
+mod structures;
 mod templates;
 mod visible;
 
@@ -31,7 +32,7 @@ use std::sync::{Arc, Mutex};
 use axum::Router;
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::routing::{get, post};
-use tokio::sync::{broadcast, watch};
+use tokio::sync::{Semaphore, broadcast, watch};
 
 use self::shapes::ShapeCache;
 use self::snapshot::Snapshots;
@@ -57,6 +58,8 @@ pub(in crate::server) struct Annotations {
     shapes: ShapeCache,
     /// The place of whoever makes a surface.
     making: tokio::sync::Mutex<()>,
+    /// The place of whoever makes a structure.
+    structures: Arc<Semaphore>,
     /// Edits are made and told one after another: what is told is in the order of the log.
     turn: tokio::sync::Mutex<()>,
     told: broadcast::Sender<Arc<Published>>,
@@ -73,6 +76,7 @@ impl Annotations {
             snapshots: Mutex::default(),
             shapes: ShapeCache::default(),
             making: tokio::sync::Mutex::default(),
+            structures: Arc::new(Semaphore::new(1)),
             turn: tokio::sync::Mutex::default(),
             told: broadcast::Sender::new(BEHIND),
             newest: AtomicU64::new(0),
@@ -147,6 +151,10 @@ pub(super) fn routes() -> Router<Arc<Server>> {
         .route("/v1/volumes/{id}/annotations/undo", post(edit::undo))
         .route("/v1/volumes/{id}/annotations/redo", post(edit::redo))
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
+        .route("/v1/volumes/{id}/annotations/grow", post(structures::grow))
+        .route("/v1/volumes/{id}/annotations/paint", post(structures::paint))
+        .route("/v1/volumes/{id}/annotations/fill", post(structures::fill))
+        .route("/v1/volumes/{id}/annotations/mesh", post(structures::mesh))
         .route("/v1/volumes/{id}/annotations/import", post(files::import))
         .route("/v1/volumes/{id}/annotations/export", get(files::export))
         .route("/v1/volumes/{id}/annotations/snap", post(snap::snap))

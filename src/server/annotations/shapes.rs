@@ -61,9 +61,9 @@ impl Annotations {
         if let Some(known) = self.shape_cache().known.get(key).cloned() {
             return Ok(known);
         }
-        let (media_type, bytes) = self.store.content(&key.0).await?;
+        let (_, bytes) = self.store.content(&key.0).await?;
         let label = key.1;
-        let job = tokio::task::spawn_blocking(move || shape_of_content(&media_type, &bytes, label));
+        let job = tokio::task::spawn_blocking(move || shape_of_content(&bytes, label));
         let made = job.await.map_err(|panic| Problem::internal("making a surface", panic))?;
         if let Err(cause) = &made {
             tracing::warn!(cause, "a region or mesh cannot be drawn");

@@ -1,11 +1,45 @@
-//! From the file of a region or mesh to a surface that can be drawn.
+//! From the file of a region or mesh to voxels, and to a surface that can be drawn.
+
+use std::io::Write;
 
 use super::Shape;
+use crate::formats;
+use crate::mesh::files::{MeshFormat, read};
+use crate::mesh::{Decimation, Smoothing, TriangleMesh, surface_nets};
+use crate::volume::Mask;
 
-/// The surface of a content: of a label map that of one label, of a mesh all of it; decimated to what can be drawn. Blocks.
+/// The surface of a content: of a label map that of one label, of a mesh (label 0) all of it; decimated to what can be drawn.
+/// Blocks.
 ///
 /// # Errors
 /// Why the file gives none, without anything of the file.
-pub fn shape_of_content(_media_type: &str, _bytes: &[u8], _label: u16) -> Result<Shape, String> {
-    Err("surfaces are not read yet".to_owned())
+pub fn shape_of_content(bytes: &[u8], label: u16) -> Result<Shape, String> {
+    let mesh = if label == 0 {
+        read(MeshFormat::Ply, bytes).map_err(|error| error.to_string())?.mesh
+    } else {
+        let mask = region_of_content(bytes, label)?;
+        let mesh = surface_nets(&mask).and_then(|mesh| mesh.smoothed(Smoothing::default()));
+        mesh.map_err(|error| error.to_string())?
+    };
+    let mesh = if mesh.triangles.len() > Shape::MOST_TRIANGLES {
+        mesh.decimated(Decimation::to(Shape::MOST_TRIANGLES)).map_err(|error| error.to_string())?
+    } else {
+        mesh
+    };
+    let TriangleMesh { vertices, triangles } = mesh;
+    Ok(Shape { vertices, triangles })
+}
+
+/// The voxels of one label of a content. Blocks.
+///
+/// # Errors
+/// As [`shape_of_content`].
+pub fn region_of_content(bytes: &[u8], label: u16) -> Result<Mask, String> {
+    // Readers of label maps take files.
+    let mut file = tempfile::NamedTempFile::new().map_err(|error| error.to_string())?;
+    file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| error.to_string())?;
+    let found = formats::read_labels(file.path());
+    let map =
+        found.map_err(|error| error.to_string().replace(&file.path().display().to_string(), "the file"))?.map;
+    Ok(Mask::of_label(&map, label))
 }

@@ -34,7 +34,7 @@ use crate::space::{Patient, Point, Vector};
 use crate::volume::Grid;
 use slice::{Cut, between};
 
-pub use content::shape_of_content;
+pub use content::{region_of_content, shape_of_content};
 
 /// Radius of a point's ball, and width of lines, px.
 const RADIUS_PX: f64 = 6.0;
