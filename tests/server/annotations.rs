@@ -376,10 +376,11 @@ async fn files_of_other_tools_come_and_go() {
     let file = stage.get(&stage.path("annotations/export?format=fcsv&set=s")).await;
     assert_eq!(file.status, 200, "{}", file.text());
     assert_eq!(file.header("content-disposition"), "attachment; filename=\"annotations.fcsv\"");
-    assert_eq!(file.header("relief-left-out"), "1", "a line is no point");
     assert!(file.text().contains("nasion"), "{}", file.text());
     let report = stage.get(&stage.path("annotations/export?format=fcsv&set=s&report=true")).await.json();
-    assert_eq!(report["left_out"].as_array().unwrap().len(), 1, "{report}");
+    let left_out = report["left_out"].as_array().unwrap();
+    assert_eq!(file.header("relief-left-out"), left_out.len().to_string());
+    assert!(left_out.iter().any(|lost| lost["what"].as_str().unwrap().contains("line")), "{report}");
 
     let octets = "application/octet-stream";
     let import = |query: &str, body: Vec<u8>| {
@@ -425,7 +426,7 @@ async fn places_snap_to_what_the_volume_has() {
     let at =
         |key: &str| found[key].as_array().unwrap().iter().map(|mm| mm.as_f64().unwrap()).collect::<Vec<_>>();
     let value = 31.5 + at("at_mm")[0] / 10.0 + at("at_mm")[1] * 0.4 + at("at_mm")[2] * 1.6;
-    assert!((value - 32.5).abs() < 0.01 && (found["hu"].as_f64().unwrap() - 32.5).abs() < 0.01, "{found}");
+    assert!((value - 32.5).abs() < 0.05 && (found["hu"].as_f64().unwrap() - value).abs() < 1e-9, "{found}");
     let length = at("shift_mm").iter().map(|mm| mm * mm).sum::<f64>().sqrt();
     assert!((length - found["distance_mm"].as_f64().unwrap()).abs() < 1e-9 && length > 0.0, "{found}");
     let seen = json!({ "pixel": [32, 32], "scene": { "size_px": [64, 64], "display": { "layout": "color" } },
