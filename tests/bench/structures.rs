@@ -22,6 +22,9 @@ use sha2::{Digest, Sha256};
 /// Triangles of the largest mesh that is decimated.
 const MOST_DECIMATED: usize = 4_000_000;
 
+/// Makes an input of so many voxels across.
+type Maker = fn(usize) -> Input;
+
 struct Input {
     name: &'static str,
     volume: Volume,
@@ -34,7 +37,7 @@ fn main() {
     let value = |key: &str| words.iter().position(|word| word == key).and_then(|at| words.get(at + 1));
     let size = value("--size").map_or(512, |size| size.parse().unwrap());
     let repeat = value("--repeat").map_or(3, |repeat| repeat.parse().unwrap());
-    let makers: [(&str, fn(usize) -> Input); 2] = [("head", head), ("gyroid", gyroid)];
+    let makers: [(&str, Maker); 2] = [("head", head), ("gyroid", gyroid)];
     let wanted = makers.iter().filter(|(name, _)| value("--input").is_none_or(|wanted| wanted == name));
     let reports: Vec<_> = wanted
         .map(|(name, make)| {
