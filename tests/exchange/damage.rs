@@ -122,7 +122,7 @@ fn what_is_unusual_in_markups_is_told() {
     assert_eq!(warned(twice), "1 names are there more than once in a list");
     let nameless = read(Format::MrkJson, points(r#"{"position": [1, 2, 3]}"#)).unwrap();
     assert_eq!(nameless.items[0].name, "file-1");
-    let many = points(&vec![r#"{"position": [1, 2, 3], "positionStatus": "preview"}"#; 5].join(","));
+    let many = points(&[r#"{"position": [1, 2, 3], "positionStatus": "preview"}"#; 5].join(","));
     assert!(warned(many).starts_with("markups[0].controlPoints[0] and 4 more: a point"));
 }
 

@@ -1,5 +1,6 @@
 //! Annotations in the files of other tools: what is written is read again, what others write is read where it lies, and damaged
 //! files are refused with their place.
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![expect(clippy::unwrap_used, reason = "a test ends at what it did not expect")]
 
 #[path = "../common/mod.rs"]

@@ -213,7 +213,7 @@ fn check_markup(items: &[Item], markup: &serde_json::Value, back: &[Item]) {
         Geometry::Line { .. } | Geometry::Angle { .. } => {
             let own = measures(geometry)[0];
             let slicer_s = markup[own.name].as_f64().unwrap();
-            assert!((slicer_s - own.value).abs() < 1e-9, "{} for {own:?}", slicer_s);
+            assert!((slicer_s - own.value).abs() < 1e-9, "{slicer_s} for {own:?}");
         }
         Geometry::Plane { center_mm, normal, axis, size_mm } => {
             let plane = &markup["plane"];

@@ -26,8 +26,7 @@ fn clips(volume: &Volume) -> [(&'static str, Clip); 4] {
     boxed.add_box(Point::from_xyz(center.xyz - arm), Point::from_xyz(center.xyz + arm));
     let mut cut = Clip::default();
     cut.planes.push(ClipPlane { point: center, normal: Vector::new(0.3, -1.0, 0.2) });
-    let mut hollow = Clip::default();
-    hollow.sphere = Some(ClipSphere { center, radius_mm: 45.0 });
+    let hollow = Clip { sphere: Some(ClipSphere { center, radius_mm: 45.0 }), ..Clip::default() };
     [("unclipped", Clip::default()), ("box", boxed), ("plane", cut), ("sphere", hollow)]
 }
 

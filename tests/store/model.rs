@@ -1,4 +1,10 @@
 //! Random edits, undos and redos of several authors, against a model that keeps whole histories in memory.
+#![expect(
+    clippy::type_complexity,
+    clippy::large_enum_variant,
+    clippy::result_large_err,
+    reason = "a model, compared by value"
+)]
 
 use std::collections::BTreeMap;
 
