@@ -14,11 +14,6 @@ fn seen(what: &str) -> Option<&'static Value> {
     let seen = SEEN.get_or_init(|| {
         let (python, chromium) = (python()?, chromium()?);
         common::software_adapter(what)?;
-        let help = Command::new(RELIEF).args(["serve", "--help"]).output().unwrap();
-        if !String::from_utf8_lossy(&help.stdout).contains("--annotations") {
-            eprintln!("SKIPPED: {what} (relief serve keeps no annotations)");
-            return None;
-        }
         let folder = tempfile::tempdir().unwrap();
         let series = folder.path().join("head");
         relief(&["phantom", "--kind", "head", "--size", "128", "--out", series.to_str().unwrap()]);
@@ -33,16 +28,6 @@ fn seen(what: &str) -> Option<&'static Value> {
         eprintln!("SKIPPED: {what} (no Chromium, or RELIEF_PEERS_PYTHON names no Python with playwright)");
     }
     seen.as_ref()
-}
-
-/// What one step saw; `None` after saying aloud that the server has not got what it is about.
-fn step(name: &str) -> Option<&'static Value> {
-    let found = &seen(name)?[name];
-    if let Some(absent) = found["absent"].as_str() {
-        eprintln!("SKIPPED: {name} on the page (this server has no {absent} of annotations)");
-        return None;
-    }
-    Some(found)
 }
 
 fn distance(a: &Value, b: &Value) -> f64 {
@@ -132,10 +117,6 @@ fn the_keyboard_places_at_the_cursor_and_a_snap_tells_its_shift() {
     assert_eq!(keyboard["placed"]["placement"]["device"]["kind"], "keyboard");
     assert_eq!(keyboard["focus"], "axial");
     assert_eq!(keyboard["left"], 3);
-    if keyboard["snapped"].is_null() {
-        eprintln!("SKIPPED: snapping on the page (this server has no snap of annotations)");
-        return;
-    }
     let shift = numbers(&keyboard["snapped"]["placement"]["snapped_mm"]);
     let mm = shift.iter().map(|part| part * part).sum::<f64>().sqrt();
     assert!(mm > 0.01 && mm <= 5.0, "{mm} mm");
@@ -175,7 +156,8 @@ fn two_people_never_overwrite_each_other_unseen() {
 
 #[test]
 fn markups_go_out_and_come_back_and_bad_ones_change_nothing() {
-    let Some(files) = step("files") else { return };
+    let Some(seen) = seen("files on the page") else { return };
+    let files = &seen["files"];
     assert!(files["name"].as_str().unwrap().ends_with(".mrk.json"), "{files}");
     assert!(!files["file"]["markups"].as_array().unwrap().is_empty());
     let points = files["points"].as_array().unwrap();
@@ -191,7 +173,8 @@ fn markups_go_out_and_come_back_and_bad_ones_change_nothing() {
 
 #[test]
 fn a_region_is_grown_with_its_volume_before_and_after_and_a_leak_is_told() {
-    let Some(growing) = step("growing") else { return };
+    let Some(seen) = seen("growing on the page") else { return };
+    let growing = &seen["growing"];
     let region = &growing["region"]["item"]["geometry"];
     assert_eq!(region["kind"], "region");
     let ml = region["volume_ml"].as_f64().unwrap();

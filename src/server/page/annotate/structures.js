@@ -201,6 +201,6 @@ const leakWords = (leaked) => (typeof leaked === "string" ? leaked : "a limit wa
 
 /** What a refusal means for the one who grows: a leak is no failure. */
 function refusalWords(error) {
-  if (error instanceof Problem && error.kind === "leaked") return `It leaks: ${error.message} Narrow the HU range, or raise the limit.`;
+  if (error instanceof Problem && error.kind === "leaked") return `It leaks: ${error.message.replace(/^the region leaked: /, "")}`;
   return error.message;
 }
