@@ -183,8 +183,7 @@ impl<R: BufRead> Journal<R> {
         loop {
             self.line += 1;
             let mut text = String::new();
-            let bounded = self.source.by_ref().take(MAX_LINE_BYTES as u64 + 1);
-            let mut bounded = bounded;
+            let mut bounded = self.source.by_ref().take(MAX_LINE_BYTES as u64 + 1);
             let read = bounded.read_line(&mut text);
             let count = read.map_err(|source| JournalError::Read { line: self.line, source })?;
             if count > MAX_LINE_BYTES {

@@ -35,7 +35,7 @@ pub(super) async fn direct(server: Arc<Server>, view: Arc<View>) {
                 make(&server, &view, *order, blocked_until).await;
                 blocked_until = Instant::now();
             }
-            Next::Failed(problem) => view.fail(view.revision(), &problem),
+            Next::Failed { revision, problem } => view.fail(revision, &problem),
             Next::Full => {
                 view.work.notified().await;
                 blocked_until = Instant::now();

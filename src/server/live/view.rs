@@ -122,8 +122,11 @@ pub(super) struct Order {
 /// What a director does next.
 pub(super) enum Next {
     Render(Box<Order>),
-    /// The picture cannot be made; it is not tried again.
-    Failed(Problem),
+    /// The picture of this revision cannot be made; it is not tried again. By now there may be another revision.
+    Failed {
+        revision: u64,
+        problem: Problem,
+    },
     /// There is a picture to be made, and nobody has room for it.
     Full,
     /// There is nothing to do, until then at most.
@@ -448,7 +451,7 @@ impl Inner {
     fn order(&self, number: u64, is_still: bool) -> Next {
         let request = match self.look.request(&self.state, self.camera) {
             Ok(request) => request,
-            Err(problem) => return Next::Failed(problem),
+            Err(problem) => return Next::Failed { revision: self.revision, problem },
         };
         let message = StateMessage { state: self.record(), volume: self.look.entry.id.clone() };
         let mut shows = Vec::new();
