@@ -48,7 +48,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("naga", &["gpu", "render"]),
     ("dicom_", &["dicom"]),
     ("axum", NETWORK),
-    ("tokio", NETWORK),
+    ("tokio", &["server", "client", "batch", "cli", "store"]),
     ("tokio_tungstenite", NETWORK),
     ("winit", &["client"]),
     ("softbuffer", &["client"]),

@@ -1,3 +1,4 @@
+# Renders N views of every series below a folder with PyVista, as a script of a researcher would.
 """Render N views of every series below a folder with PyVista, off screen, as a researcher's script would.
 
 usage: pyvista_batch.py ROOT OUT VIEWS WIDTH HEIGHT [gpu|smart]

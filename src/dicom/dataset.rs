@@ -22,6 +22,9 @@ pub(super) enum Encoding {
     ExplicitBig,
 }
 
+/// What of each element is kept, by its tag.
+pub(super) type KeepOf = fn(Tag) -> Keep;
+
 /// What to do with an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keep {
@@ -171,7 +174,7 @@ pub(super) fn walk<R: BufRead + Seek>(
     source: &mut R,
     range: (u64, u64),
     encoding: Encoding,
-    keep: fn(Tag) -> Keep,
+    keep: KeepOf,
 ) -> Result<Walked, Defect> {
     walk_within(Bounds::IMAGES, source, range, encoding, keep).map_err(|located| located.defect)
 }
@@ -185,7 +188,7 @@ pub(super) fn walk_within<R: BufRead + Seek>(
     source: &mut R,
     (start, end): (u64, u64),
     encoding: Encoding,
-    keep: fn(Tag) -> Keep,
+    keep: KeepOf,
 ) -> Result<Walked, Located> {
     let mut walker = Walker { source, position: start, end, keep, bounds, trail: Vec::new() };
     let walked = walker.elements(encoding, Some(end), 0);
@@ -214,7 +217,7 @@ struct Walker<'a, R> {
     source: &'a mut R,
     position: u64,
     end: u64,
-    keep: fn(Tag) -> Keep,
+    keep: KeepOf,
     bounds: Bounds,
     /// The kept items around the position: an error leaves them.
     trail: Vec<(Tag, usize)>,

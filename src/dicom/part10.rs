@@ -11,7 +11,7 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_encoding::transfer_syntax::TransferSyntaxIndex;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
-use super::dataset::{self, Bounds, Encoding, Keep, Located, Walked};
+use super::dataset::{self, Bounds, Encoding, Keep, KeepOf, Located, Walked};
 use super::error::Defect;
 use super::source::{Bytes, Reader};
 
@@ -59,14 +59,14 @@ struct Meta {
 
 impl Object {
     /// Walks the data set up to Pixel Data; see [`dataset::walk`].
-    pub(super) fn walk(&self, keep: fn(Tag) -> Keep) -> Result<Walked, Defect> {
+    pub(super) fn walk(&self, keep: KeepOf) -> Result<Walked, Defect> {
         let (mut reader, end) = self.bytes.open()?;
         reader.seek(SeekFrom::Start(self.start))?;
         dataset::walk(&mut reader, (self.start, end), self.syntax.encoding, keep)
     }
 
     /// Walks the data set within other bounds than images have; see [`dataset::walk_within`].
-    pub(super) fn walk_within(&self, bounds: Bounds, keep: fn(Tag) -> Keep) -> Result<Walked, Located> {
+    pub(super) fn walk_within(&self, bounds: Bounds, keep: KeepOf) -> Result<Walked, Located> {
         let at_top = |defect| Located { trail: Vec::new(), defect };
         let (mut reader, end) = self.bytes.open().map_err(at_top)?;
         reader.seek(SeekFrom::Start(self.start)).map_err(|error| at_top(error.into()))?;

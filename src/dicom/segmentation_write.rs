@@ -152,11 +152,11 @@ pub fn write_segmentation(
     put_items(&mut object, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE, vec![planes.shared()]);
     let groups = frames.iter().map(|frame| planes.groups(*frame)).collect();
     put_items(&mut object, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, groups);
-    put_items(
-        &mut object,
-        tags::REFERENCED_SERIES_SEQUENCE,
-        vec![series.referenced_series(tags::REFERENCED_INSTANCE_SEQUENCE)],
-    );
+    // Only where a frame refers to an image of it (PS3.3 C.12.4).
+    if frames.iter().any(|frame| planes.sources[frame.slice].is_some()) {
+        let referenced = series.referenced_series(tags::REFERENCED_INSTANCE_SEQUENCE);
+        put_items(&mut object, tags::REFERENCED_SERIES_SEQUENCE, vec![referenced]);
+    }
     let bits = PrimitiveValue::from(packed(map, &frames));
     object.put_element(DataElement::new(tags::PIXEL_DATA, VR::OB, bits));
     object::file_bytes(object, false).map_err(SegmentationError::Encoding)

@@ -4,7 +4,7 @@
 
 use dicom_core::Tag;
 
-use super::dataset::{Bounds, DataSet, Keep, Located};
+use super::dataset::{Bounds, DataSet, Keep, KeepOf, Located};
 use super::error::{Attribute, Defect};
 use super::part10;
 use super::source::Bytes;
@@ -49,7 +49,7 @@ pub(super) fn read(
     bytes: &[u8],
     most_bytes: usize,
     bounds: Bounds,
-    keep: fn(Tag) -> Keep,
+    keep: KeepOf,
 ) -> Result<DataSet, ObjectError> {
     if bytes.len() > most_bytes {
         return Err(ObjectError::TooLarge { found: bytes.len(), allowed: most_bytes });

@@ -2,7 +2,6 @@
 
 use anyhow::Context;
 use glam::DVec3;
-use nalgebra::Vector3;
 
 use super::Way;
 use crate::camera::{Camera, Orbit, Projection};
@@ -67,14 +66,14 @@ impl Shown {
     }
 
     /// Places it once: `offsets` are those of the tip, for each lever in the order of `ways`.
-    pub(super) fn place(&self, volume: &Volume, offsets: &[Vector3<f64>], radius_mm: f64, ways: &mut [Way]) {
+    pub(super) fn place(&self, volume: &Volume, offsets: &[DVec3], radius_mm: f64, ways: &mut [Way]) {
         for way in ways {
             let offset = match way.lever_mm {
                 lever_mm if lever_mm == super::USUAL_LEVER_MM => offsets[0],
                 _ => offsets[offsets.len() - 1],
             };
             // The beacon's axes are those of the view: a millimetre of the hand is one in the patient.
-            let in_view = Vector::<View>::new(offset.x, offset.y, offset.z);
+            let in_view = Vector::<View>::from_xyz(offset);
             let tip = self.truth + self.frame.camera.patient_from_view() * in_view;
             let placed = if way.way == "ray" { self.pick(tip) } else { Some(tip) };
             let Some(placed) = placed else {

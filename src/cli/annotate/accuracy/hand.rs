@@ -1,7 +1,7 @@
 //! The noise of a resting hand's tip, by the tracking of the experiment.
 
 use anyhow::Context;
-use nalgebra::Vector3;
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::cli::track_experiment::survey;
@@ -37,7 +37,7 @@ pub(super) fn noise(
     levers_mm: &[f64],
     count: usize,
     seed: u64,
-) -> anyhow::Result<Vec<Vec<Vector3<f64>>>> {
+) -> anyhow::Result<Vec<Vec<DVec3>>> {
     let setting = Setting::new(Pinhole::simple(TYPICAL_FOCAL_PX * (1.0 + FOCAL_ERROR)), seed);
     let camera = survey(&setting).context("the simulated survey did not calibrate the camera")?.camera;
     let beacon = Beacon::recommended();
@@ -67,8 +67,12 @@ pub(super) fn noise(
 }
 
 /// How far the last tip is from the mean one: where the user sees the cursor.
-fn off_mean(poses: &[(u64, SensorPose)], lever_mm: f64) -> Vector3<f64> {
-    let tip = |pose: &SensorPose| pose.position + pose.orientation * Vector3::new(0.0, 0.0, lever_mm);
-    let mean = poses.iter().map(|(_, pose)| tip(pose)).sum::<Vector3<f64>>() / poses.len().max(1) as f64;
-    poses.last().map_or_else(Vector3::zeros, |(_, pose)| tip(pose) - mean)
+fn off_mean(poses: &[(u64, SensorPose)], lever_mm: f64) -> DVec3 {
+    let tip = |pose: &SensorPose| {
+        let turned = pose.orientation.to_rotation_matrix();
+        let tip = pose.position + turned.matrix().column(2) * lever_mm;
+        DVec3::new(tip.x, tip.y, tip.z)
+    };
+    let mean = poses.iter().map(|(_, pose)| tip(pose)).sum::<DVec3>() / poses.len().max(1) as f64;
+    poses.last().map_or(DVec3::ZERO, |(_, pose)| tip(pose) - mean)
 }
