@@ -41,6 +41,8 @@ fn request(volume: &Volume, mode: Mode, vertical_fov_deg: f64) -> RenderRequest 
     } else {
         SceneFile::default().with_preset("bone").with_size(SIZE)
     };
+    // A slice has a camera of its own.
+    let orbit = if matches!(mode, Mode::Slice(_)) { Orbit::default() } else { orbit };
     let request = scene.resolve(volume.grid(), &orbit).unwrap().request;
     let mut request = if matches!(mode, Mode::Slice(_)) { request } else { in_mode(mode, request) };
     request.path_trace.passes = 1;

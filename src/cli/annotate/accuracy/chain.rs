@@ -1,12 +1,14 @@
 //! A landmark as a user sees it, and what becomes of a placing: pick, snap, error.
 
+use std::f64::consts::PI;
+
 use anyhow::Context;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::Way;
 use crate::camera::{Camera, Orbit, Projection};
 use crate::placing::{Snap, Target, snap};
-use crate::render::{RenderRequest, RenderedFrame, Renderer, SceneFile};
+use crate::render::{ClipPlane, RenderRequest, RenderedFrame, Renderer, SceneFile};
 use crate::space::{Patient, Point, Vector, View};
 use crate::volume::Volume;
 use crate::volume::phantom::Landmark;
@@ -17,9 +19,12 @@ const HEIGHT_MM: f64 = 120.0;
 const EYE_MM: f64 = 600.0;
 
 /// A view shows a landmark where its picture is no farther from it than this, mm.
-const SEEN_MM: f64 = 3.0;
+const SEEN_MM: f64 = 2.0;
 
-/// Angles between the surface's normal and the viewing ray that are tried, the steepest first.
+/// How far before a landmark the plane is that cuts away what hides it, mm.
+const CUT_MM: f64 = 6.0;
+
+/// Angles between the landmark's own direction and the viewing ray that are tried.
 const TILTS_DEG: [f64; 4] = [10.0, 25.0, 40.0, 55.0];
 
 /// A landmark and the frame in which it is placed.
@@ -30,7 +35,7 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// Turns the head until the landmark is seen, with the preset that shows its tissue.
+    /// Turns the head until the landmark is seen, with the preset that shows its tissue; cuts away what is before it if need be.
     ///
     /// # Errors
     /// When a picture cannot be rendered.
@@ -42,19 +47,22 @@ impl Shown {
         let request = scene.resolve(volume.grid(), &Orbit::default())?.request;
         let side = outward.any_orthonormal_vector();
         let mut best: Option<(f64, RenderedFrame)> = None;
-        for tilt in TILTS_DEG.map(f64::to_radians) {
+        // What lies before it is cut away where nothing else helps.
+        let tilts = [false, true].into_iter().flat_map(|cut| TILTS_DEG.map(|tilt| (cut, tilt.to_radians())));
+        for (cut, tilt) in tilts {
             for turn in 0..6 {
-                let across = glam::DQuat::from_axis_angle(outward, f64::from(turn) * 1.047) * side;
+                let across = DQuat::from_axis_angle(outward, f64::from(turn) * PI / 3.0) * side;
                 let toward_eye = outward * tilt.cos() + across * tilt.sin();
-                let camera = camera(truth, toward_eye)?;
-                let frame = renderer.render(volume, &RenderRequest { camera, ..request.clone() })?;
-                let off =
-                    frame.pick(SIZE_PX.map(|side| side / 2)).map_or(f64::INFINITY, |at| at.distance(truth));
+                let mut seen = RenderRequest { camera: camera(truth, toward_eye)?, ..request.clone() };
+                if cut {
+                    let point = truth + Vector::from_xyz(toward_eye * CUT_MM);
+                    seen.clip.planes.push(ClipPlane { point, normal: Vector::from_xyz(-toward_eye) });
+                }
+                let frame = renderer.render(volume, &seen)?;
+                let middle = frame.pick(SIZE_PX.map(|side| side / 2));
+                let off = middle.map_or(f64::INFINITY, |at| at.distance(truth));
                 if best.as_ref().is_none_or(|(least, _)| off < *least) {
                     best = Some((off, frame));
-                }
-                if off < SEEN_MM {
-                    break;
                 }
             }
             if best.as_ref().is_some_and(|(off, _)| *off < SEEN_MM) {
