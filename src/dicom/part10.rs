@@ -6,12 +6,11 @@
 use std::io::{Read, Seek, SeekFrom};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 use dicom_encoding::transfer_syntax::TransferSyntaxIndex;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
-use super::dataset::{self, Bounds, Encoding, Keep, KeepOf, Located, Walked};
+use super::dataset::{self, Bounds, Encoding, KeepOf, Located, Walked};
 use super::error::Defect;
 use super::source::{Bytes, Reader};
 

@@ -4,7 +4,7 @@
 
 use dicom_core::Tag;
 
-use super::dataset::{Bounds, DataSet, Keep, KeepOf, Located};
+use super::dataset::{Bounds, DataSet, KeepOf, Located};
 use super::error::{Attribute, Defect};
 use super::part10;
 use super::source::Bytes;
