@@ -181,15 +181,20 @@ async fn the_page_is_whole_and_loads_nothing_from_elsewhere() {
             assert_eq!((again.status.as_u16(), again.body.len()), (304, 0), "{known}");
             assert_eq!(again.header("content-security-policy"), policy, "a reload keeps the page's policy");
         }
-        wanted.extend(references(file.text()));
+        wanted.extend(references(&path, file.text()));
     }
     assert!(seen.iter().any(|path| path.ends_with(".css")) && seen.iter().any(|path| path.ends_with(".js")));
 }
 
-/// The files that a page or a script names: values of `src` and `href`, and imports.
-fn references(text: &str) -> Vec<String> {
-    let values = ["src=\"/", "href=\"/", "from \"./"].into_iter().flat_map(|key| text.split(key).skip(1));
-    values.filter_map(|rest| rest.split('"').next()).map(|name| format!("/{name}")).collect()
+/// The files that a page or a script at `path` names: values of `src` and `href` from the root, imports from where it lies.
+fn references(path: &str, text: &str) -> Vec<String> {
+    let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let named = |key: &'static str, base: String| {
+        let names = text.split(key).skip(1).filter_map(|rest| rest.split('"').next());
+        names.map(move |name| format!("{base}/{name}")).collect::<Vec<_>>()
+    };
+    let [sources, links] = ["src=\"/", "href=\"/"].map(|key| named(key, String::new()));
+    [sources, links, named("from \"./", folder.to_owned())].concat()
 }
 
 /// XML namespaces look like addresses and are none.
