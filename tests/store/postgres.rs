@@ -4,6 +4,8 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use relief::store::{Store, StoreError};
@@ -232,19 +234,23 @@ async fn other_schemas_are_refused(server: &Server) {
 async fn what_was_acknowledged_survives_a_crash(server: &mut Server) {
     let store = server.store("crash").await;
     for round in 0..3 {
-        let writing = store.clone();
+        let (writing, is_over) = (store.clone(), Arc::new(AtomicBool::new(false)));
+        let over = Arc::clone(&is_over);
         let writer = tokio::spawn(async move {
             let mut acknowledged = Vec::new();
-            loop {
+            // Between two edits a crash may pass unnoticed: the next one waits for the new server.
+            while !over.load(Ordering::Relaxed) {
                 let item = point(&format!("p{round}"), 0.0);
                 match writing.apply(&edit("anna", vec![create(&item)])).await {
                     Ok(_) => acknowledged.push(item.id),
-                    Err(_) => return acknowledged,
+                    Err(_) => break,
                 }
             }
+            acknowledged
         });
         tokio::time::sleep(Duration::from_millis(300)).await;
         server.crash().await;
+        is_over.store(true, Ordering::Relaxed);
         let acknowledged = writer.await.unwrap();
         assert!(!acknowledged.is_empty());
         for id in acknowledged {
