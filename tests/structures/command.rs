@@ -111,7 +111,8 @@ fn a_region_is_painted_and_painted_over() {
     let second = paint(&["--at", "10,0,0", "--radius-mm", "10", "--erase"]);
     assert_eq!(second["item"]["id"], first["item"]["id"]);
     let less = volume - second["item"]["geometry"]["volume_ml"].as_f64().unwrap();
-    assert!((less / (truth / 8.0) - 1.0).abs() < 0.1, "{less} ml went");
+    // A ball of five voxels across is that of whole voxels.
+    assert!((less / (truth / 8.0) - 1.0).abs() < 0.2, "{less} ml went");
     // Undo brings back what was painted first.
     assert!(annotate(folder, &["undo"]).status.success());
     let listed = json(folder, &["list"]);
@@ -134,6 +135,7 @@ fn curves_on_levels_are_filled() {
             .map(|t| serde_json::json!({ "position": [radius * t.cos(), radius * t.sin(), z] }))
             .collect();
         serde_json::json!({
+            "@schema": "markups-schema-v1.0.3.json#",
             "markups": [{ "type": "ClosedCurve", "coordinateSystem": "LPS", "coordinateUnits": "mm", "controlPoints": points }]
         })
     };
