@@ -1,7 +1,7 @@
 //! Annotations: what people say about places of a patient, and how that came about.
 //!
 //! What it is: [`Item`]s (landmarks, lines, angles, curves, planes, regions, meshes) in patient mm, what follows from their
-//! geometry ([`measure`]), and changes as values: an [`Edit`] asks for some, [`Event`]s tell of those that were made. What it
+//! geometry ([`measures`]), and changes as values: an [`Edit`] asks for some, [`Event`]s tell of those that were made. What it
 //! is not: it keeps nothing (see `store`), reads no files (see `exchange`), draws nothing and knows no voxels.
 //!
 //! Space: patient LPS, mm, of the item's frame of reference. Angles in degrees, areas in mm², volumes in ml.

@@ -1,6 +1,6 @@
 //! Batches: many views of many series, as jobs in a manifest, rendered by as many workers as there are.
 //!
-//! What it is: [`plan`] finds series and writes one [`Job`] for each view of each; [`run`] renders those that are not done. A
+//! What it is: [`plan()`] finds series and writes one [`Job`] for each view of each; [`run()`] renders those that are not done. A
 //! job's key is a hash of what its outputs depend on (the series' bytes, the scene, the products, this version), so that work
 //! done stays done wherever the files lie, and a changed series or scene is another job. What it is not: no queue and no
 //! cluster; workers share nothing but the folder of outputs.

@@ -1,6 +1,6 @@
 //! Annotations in the files of other tools, both ways.
 //!
-//! What it is: [`read`] makes items of a file's bytes, [`write`] makes bytes of items, and both tell what does not fit. What it
+//! What it is: [`read`] makes items of a file's bytes, [`write()`] makes bytes of items, and both tell what does not fit. What it
 //! is not: it opens no files and keeps nothing (see `store`). `ANNOTATIONS.md` has the table of what each format holds.
 //!
 //! Space: patient LPS, mm; formats in RAS are mirrored at the edge. A file is taken whole or refused: an error names its line or
@@ -97,7 +97,7 @@ impl Imported {
 }
 
 impl Format {
-    /// Whether [`write`] makes it.
+    /// Whether [`write()`] makes it.
     #[must_use]
     pub const fn can_write(self) -> bool {
         !matches!(self, Self::RtStruct)

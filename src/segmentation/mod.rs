@@ -1,7 +1,7 @@
 //! Structures from annotations: growing from a seed, filling between contours, painting.
 //!
-//! What it is: [`grow`] takes what is connected to seeds and has values in a range, within limits against leaks; [`fill`] takes
-//! what lies within closed curves on several levels; [`paint`] takes balls in and out. All of them make or change a
+//! What it is: [`grow()`] takes what is connected to seeds and has values in a range, within limits against leaks; [`fill()`] takes
+//! what lies within closed curves on several levels; [`paint()`] takes balls in and out. All of them make or change a
 //! [`Mask`](crate::volume::Mask), which becomes a label map by `Mask::to_labels`. What it is not: no learning and no thresholds for
 //! whole organs; people say where.
 //!

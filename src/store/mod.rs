@@ -1,6 +1,6 @@
 //! The log of annotations: an append-only table of events in SQLite or PostgreSQL, and what follows from it.
 //!
-//! What it is: [`Store`] takes an [`Edit`], makes all of its changes or none, and answers when they are on disk; it takes edits
+//! What it is: [`Store`] takes an [`Edit`](crate::annotation::Edit), makes all of its changes or none, and answers when they are on disk; it takes edits
 //! back and makes them again, author by author; it lists the items that the log amounts to, and keeps the contents (voxels,
 //! triangles), the sets and the templates that items name. What it is not: it knows no HTTP, no voxels and no files of other
 //! programs. Space and units: those of [`annotation`](crate::annotation); the store looks into no geometry.
