@@ -98,6 +98,26 @@ fn a_region_is_grown_and_becomes_a_mesh_and_files() {
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
 }
 
+/// Voxels of the phantom (64 of 4 mm along each side, around the origin) that lie in a ball by half, by counting 16³ points in each.
+fn half_covered(center: [f64; 3], radius: f64) -> usize {
+    let is_in = |voxel: [i32; 3]| {
+        let inside = (0..4096).filter(|point| {
+            let square = |axis: usize| {
+                let part = (point >> (4 * axis)) & 15;
+                let at = 4.0 * f64::from(voxel[axis]) - 128.0 + 0.25 * (f64::from(part) + 0.5);
+                (at - center[axis]).powi(2)
+            };
+            (0..3).map(square).sum::<f64>() <= radius * radius
+        });
+        2 * inside.count() >= 4096
+    };
+    let near = || 26..38; // all that the ball may touch
+    near()
+        .flat_map(|i| near().flat_map(move |j| near().map(move |k| [i, j, k])))
+        .filter(|voxel| is_in(*voxel))
+        .count()
+}
+
 #[test]
 fn a_region_is_painted_and_painted_over() {
     let folder = sphere();
@@ -111,8 +131,11 @@ fn a_region_is_painted_and_painted_over() {
     let second = paint(&["--at", "10,0,0", "--radius-mm", "10", "--erase"]);
     assert_eq!(second["item"]["id"], first["item"]["id"]);
     let less = volume - second["item"]["geometry"]["volume_ml"].as_f64().unwrap();
-    // A ball of five voxels across is that of whole voxels.
-    assert!((less / (truth / 8.0) - 1.0).abs() < 0.2, "{less} ml went");
+    let voxels = half_covered([10.0, 0.0, 0.0], 10.0);
+    assert!(
+        (less - voxels as f64 * 0.064).abs() < 1e-9,
+        "{less} ml went, {voxels} voxels are half in the ball"
+    );
     // Undo brings back what was painted first.
     assert!(annotate(folder, &["undo"]).status.success());
     let listed = json(folder, &["list"]);
