@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use serde_path_to_error::Segment;
 
 use super::{ExchangeError, Format, Imported, ReadContext, outside};
-use crate::annotation::{ContentId, Edit, Geometry, Item, ItemId, Method, Placement, State, Timestamp};
+use crate::annotation::{ContentId, Edit, Geometry, Item, ItemId, Method, Placement, Timestamp};
 use crate::space::{Patient, Point};
 
 /// Largest file of text: a hundred thousand items with all they may have.
@@ -42,22 +42,13 @@ impl<'a> Reading<'a> {
     pub(super) fn item(&self, name: &str, geometry: Option<Geometry>) -> Result<Item, ExchangeError> {
         let placement = Placement { method: Method::Import, device: None, camera: None, snapped_mm: None };
         Ok(Item {
-            id: ItemId::random()?,
             set: self.context.set.to_owned(),
             list: self.context.list.to_owned(),
             order: u32::try_from(self.items.len()).unwrap_or(u32::MAX),
-            name: name.to_owned(),
-            description: String::new(),
-            rgb: None,
-            concept: None,
-            state: if geometry.is_some() { State::Defined } else { State::Missing },
-            geometry,
-            locked: false,
-            visible: true,
             frame_of_reference: self.context.frame_of_reference.cloned(),
-            author: self.context.author.to_owned(),
             created: self.now,
             placement: Some(placement),
+            ..Item::new(name, self.context.author, geometry)?
         })
     }
 
