@@ -62,6 +62,8 @@ fn rules_about_files_find_what_breaks_them() {
     breaks(rule::no_machine_is_named, &[("src/a.rs", &machine)]);
     breaks(rule::no_machine_is_named, &[("scripts/a", "curl https://example.org\n")]);
     keeps(rule::no_machine_is_named, &[("src/a.rs", "//! https://example.org/home/x, ../home/x")]);
+    keeps(rule::no_machine_is_named, &[("scripts/a.yaml", "nats://nats:4222 s3://views http://127.0.0.1:80")]);
+    breaks(rule::no_machine_is_named, &[("scripts/a.yaml", "s3://views, from https://example.org")]);
     breaks(rule::scripts_are_runnable, &[("scripts/a", "#!/bin/sh\ntrue\n")]);
     breaks(rule::scripts_are_runnable, &[("scripts/not-executable", "#!/bin/sh\n# A.\n")]);
     breaks(rule::scripts_are_runnable, &[("scripts/a", "# Names no interpreter.\n")]);
@@ -197,9 +199,11 @@ mod rule {
                 let outside = |c: char| !(c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '}'));
                 line.match_indices(root).any(|(at, _)| line[..at].chars().next_back().is_none_or(outside))
             });
-            // Where packages come from is the machine's configuration, not the project's.
+            // Where packages come from is the machine's configuration, not the project's. Services are no such places.
+            let services = ["nats://", "s3://", "postgres://", "http://127.0.0.1"];
+            let others = services.iter().fold(line.to_owned(), |line, service| line.replace(service, ""));
             let host = (file.path.starts_with("scripts/") || file.path.starts_with(".ci/")).then_some("://");
-            path.or(host.filter(|host| line.contains(host))).map(str::to_owned)
+            path.or(host.filter(|host| others.contains(host))).map(str::to_owned)
         })
     }
 
