@@ -62,7 +62,10 @@ fn rules_about_files_find_what_breaks_them() {
     breaks(rule::no_machine_is_named, &[("src/a.rs", &machine)]);
     breaks(rule::no_machine_is_named, &[("scripts/a", "curl https://example.org\n")]);
     keeps(rule::no_machine_is_named, &[("src/a.rs", "//! https://example.org/home/x, ../home/x")]);
-    keeps(rule::no_machine_is_named, &[("scripts/a.yaml", "nats://nats:4222 s3://views http://127.0.0.1:80")]);
+    keeps(
+        rule::no_machine_is_named,
+        &[("scripts/a.yaml", "nats://nats:4222 s3://views http://127.0.0.1:80")],
+    );
     breaks(rule::no_machine_is_named, &[("scripts/a.yaml", "s3://views, from https://example.org")]);
     breaks(rule::scripts_are_runnable, &[("scripts/a", "#!/bin/sh\ntrue\n")]);
     breaks(rule::scripts_are_runnable, &[("scripts/not-executable", "#!/bin/sh\n# A.\n")]);

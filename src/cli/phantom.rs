@@ -48,6 +48,7 @@ struct Report<'a> {
     kind: &'a str,
     folder: &'a std::path::Path,
     truth: PathBuf,
+    landmarks: Option<PathBuf>,
     labels: Option<PathBuf>,
     slices: usize,
     dims: [usize; 3],
@@ -71,6 +72,9 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     bar.set_message("writing");
     folder.write_slices(&volume, &labels(kind, seed), &advance)?;
     folder.write_file("truth.json", &serde_json::to_vec_pretty(&truth)?)?;
+    if !truth.landmarks.is_empty() {
+        folder.write_file("landmarks.csv", truth.landmark_table().as_bytes())?;
+    }
     let organs = recipe.label_map();
     if let Some(map) = &organs {
         folder.write_file("labels.seg.nrrd", &seg_nrrd(map)?)?;
@@ -81,6 +85,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         kind: kind.name(),
         folder: &out,
         truth: out.join("truth.json"),
+        landmarks: (!truth.landmarks.is_empty()).then(|| out.join("landmarks.csv")),
         labels: organs.map(|_| out.join("labels.seg.nrrd")),
         slices: truth.dims[2],
         dims: truth.dims,
@@ -104,6 +109,9 @@ fn print_text(report: &Report<'_>) {
     say!("Made the {} phantom in {folder} in {:.1} s.", report.kind, report.seconds);
     say!("  {} DICOM slices: {nx} x {ny} x {nz} voxels of {sx:.4} x {sy:.4} x {sz:.4} mm", report.slices);
     say!("  truth.json: its materials, surfaces and landmarks in patient mm");
+    if report.landmarks.is_some() {
+        say!("  landmarks.csv: its landmarks, for relief annotate import");
+    }
     if report.labels.is_some() {
         say!("  labels.seg.nrrd: its organs, for --labels");
     }

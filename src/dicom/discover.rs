@@ -30,7 +30,7 @@ pub struct Skipped {
     pub file: String,
     /// Why it is not used.
     pub reason: String,
-    /// What is wrong with it; `None` for sound objects of another kind, and for sidecars (JSON, label maps):
+    /// What is wrong with it; `None` for sound objects of another kind, and for sidecars (JSON, tables, label maps):
     /// phantoms and other tools put them beside slices, and they are no sign of damage.
     #[serde(skip)]
     pub defect: Option<Defect>,
@@ -87,7 +87,7 @@ impl Skipped {
             Rejection::Unwanted(reason) => Self { file, reason, defect: None },
             Rejection::Defective(defect) => {
                 let is_sidecar =
-                    [".json", ".nrrd", ".nii", ".nii.gz"].iter().any(|ending| file.ends_with(ending));
+                    [".csv", ".json", ".nrrd", ".nii", ".nii.gz"].iter().any(|ending| file.ends_with(ending));
                 let is_sidecar = is_sidecar && matches!(defect, Defect::NotDicom { .. });
                 let reason = defect.to_string();
                 Self { file, reason, defect: (!is_sidecar).then_some(defect) }

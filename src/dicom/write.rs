@@ -51,6 +51,9 @@ pub enum Existing {
     Replace,
 }
 
+/// Files that may lie beside the slices of a series of this writer.
+pub const BESIDE_SLICES: [&str; 3] = ["truth.json", "labels.seg.nrrd", "landmarks.csv"];
+
 /// Why a series could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
@@ -58,7 +61,7 @@ pub enum WriteError {
     #[error("{} is not empty; choose another folder or replace it with --force", .0.display())]
     NotEmpty(PathBuf),
     /// Replacing would delete something that this writer did not make.
-    #[error("{} is not replaced: it holds {found:?}, which is neither a slice nor a truth.json", folder.display())]
+    #[error("{} is not replaced: it holds {found:?}, which is not of a phantom", folder.display())]
     Foreign {
         /// The folder.
         folder: PathBuf,
@@ -236,7 +239,8 @@ fn check_place(place: &Path, existing: Existing) -> Result<(), WriteError> {
             return Err(WriteError::NotEmpty(place.to_owned()));
         }
         let found = entry.file_name().to_string_lossy().into_owned();
-        let ours = found == "truth.json" || (found.starts_with("slice-") && found.ends_with(".dcm"));
+        let ours =
+            BESIDE_SLICES.contains(&&*found) || (found.starts_with("slice-") && found.ends_with(".dcm"));
         if !ours || !entry.file_type().is_ok_and(|kind| kind.is_file()) {
             return Err(WriteError::Foreign { folder: place.to_owned(), found });
         }

@@ -44,6 +44,16 @@ pub struct Truth {
 }
 
 impl Truth {
+    /// The landmarks as a table of points, LPS mm, that Relief and 3D Slicer import.
+    #[must_use]
+    pub fn landmark_table(&self) -> String {
+        let rows = self
+            .landmarks
+            .iter()
+            .map(|Landmark { name, position_mm: [l, p, s], on, .. }| format!("{name},{l},{p},{s},on {on}\n"));
+        std::iter::once("label,l,p,s,description\n".to_owned()).chain(rows).collect()
+    }
+
     /// The landmark of this name.
     #[must_use]
     pub fn landmark(&self, name: &str) -> Option<&Landmark> {
