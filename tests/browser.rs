@@ -1,12 +1,18 @@
 //! The pages for display boxes and for annotations in a browser: pixels on the screen, hands, a Wiimote behind WebHID, a server that dies.
 //!
-//! `browser/kiosk.py` and `browser/annotate.py` drive Chromium with Playwright and say what they saw; here is what it has to be. Runs where
+//! Scripts in `browser/` drive Chromium with Playwright and say what they saw; here, and beside each of them, is what it has to be. Runs where
 //! `RELIEF_PEERS_PYTHON` names a Python with Playwright and Chromium is installed, and says aloud where it does not.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 #[path = "browser/annotate.rs"]
 mod annotate;
 mod common;
+#[path = "browser/hands.rs"]
+mod hands;
+#[path = "browser/readers.rs"]
+mod readers;
+#[path = "browser/views.rs"]
+mod views;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -41,26 +47,38 @@ fn relief(arguments: &[&str]) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// What a script of `browser/` saw of a served head of this size; `None` where there is no browser.
+fn driven(script: &str, what: &str, size: &str, reports: bool) -> Option<Value> {
+    let (python, chromium) = (python()?, chromium()?);
+    common::software_adapter(what)?;
+    let folder = tempfile::tempdir().unwrap();
+    let [series, last] = ["head", "reports.jsonl"].map(|name| folder.path().join(name));
+    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    relief(&["phantom", "--kind", "head", "--size", size, "--out", &text(&series)]);
+    if reports {
+        relief(&["track", "simulate", "--seconds", "3", "--out", &text(&last)]);
+    }
+    let last = if reports { last.as_path() } else { folder.path() };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser").join(script);
+    // Compiled modules would lie beside the sources.
+    let mut command = Command::new(python);
+    command.env("PYTHONDONTWRITEBYTECODE", "1").arg(script).arg(RELIEF).args([&chromium, &series]).arg(last);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some(serde_json::from_slice(&output.stdout).unwrap())
+}
+
+/// Says aloud that a test did not run.
+fn skipped(what: &str) {
+    eprintln!("SKIPPED: {what} (no Chromium, or RELIEF_PEERS_PYTHON names no Python with playwright)");
+}
+
 /// What the browser saw, once for all tests; `None` after saying aloud that there is none.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
-    let seen = SEEN.get_or_init(|| {
-        let (python, chromium) = (python()?, chromium()?);
-        common::software_adapter(what)?;
-        let folder = tempfile::tempdir().unwrap();
-        let [series, reports] = ["head", "reports.jsonl"].map(|name| folder.path().join(name));
-        let text = |path: &Path| path.to_str().unwrap().to_owned();
-        relief(&["phantom", "--kind", "head", "--size", "96", "--out", &text(&series)]);
-        relief(&["track", "simulate", "--seconds", "3", "--out", &text(&reports)]);
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/kiosk.py");
-        let mut command = Command::new(python);
-        command.arg(script).arg(RELIEF).args([&chromium, &series, &reports]);
-        let output = command.output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        Some(serde_json::from_slice(&output.stdout).unwrap())
-    });
+    let seen = SEEN.get_or_init(|| driven("kiosk.py", what, "96", true));
     if seen.is_none() {
-        eprintln!("SKIPPED: {what} (no Chromium, or RELIEF_PEERS_PYTHON names no Python with playwright)");
+        skipped(what);
     }
     seen.as_ref()
 }
@@ -146,6 +164,11 @@ fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     let output = Command::new("node").arg(script).arg(folder.path()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let texts = &seen["bad_texts"];
+    let told: Vec<_> = texts["changed"].as_array().unwrap().iter().collect();
+    assert_eq!((told.len(), &texts["closed"]), (6, &Value::Null), "{seen}");
+    assert!(told[1..5].iter().all(|change| change[1].as_str().unwrap().contains("no message")), "{seen}");
+    assert_eq!(*told[5], serde_json::json!(["live", ""]), "{seen}");
     let bad = &seen["bad_frames"];
     assert_eq!(
         (&bad["acknowledged"], &bad["closed"]),

@@ -20,11 +20,22 @@ const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, media type and content of every file.
-const FILES: [(&str, &str, &str); 54] = [
+const FILES: [(&str, &str, &str); 66] = [
     ("/", HTML, include_str!("page/index.html")),
     ("/style.css", STYLE, include_str!("page/style.css")),
+    ("/stage.css", STYLE, include_str!("page/stage.css")),
+    ("/panel.css", STYLE, include_str!("page/panel.css")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
     ("/app.js", SCRIPT, include_str!("page/app.js")),
+    ("/state.js", SCRIPT, include_str!("page/state.js")),
+    ("/address.js", SCRIPT, include_str!("page/address.js")),
+    ("/keys.js", SCRIPT, include_str!("page/keys.js")),
+    ("/notice.js", SCRIPT, include_str!("page/notice.js")),
+    ("/stage.js", SCRIPT, include_str!("page/stage.js")),
+    ("/picks.js", SCRIPT, include_str!("page/picks.js")),
+    ("/orbit.js", SCRIPT, include_str!("page/orbit.js")),
+    ("/projection.js", SCRIPT, include_str!("page/projection.js")),
+    ("/vectors.js", SCRIPT, include_str!("page/vectors.js")),
     ("/view.js", SCRIPT, include_str!("page/view.js")),
     ("/draw.js", SCRIPT, include_str!("page/draw.js")),
     ("/files.js", SCRIPT, include_str!("page/files.js")),
@@ -57,6 +68,7 @@ const FILES: [(&str, &str, &str); 54] = [
     ("/annotate/guide.css", STYLE, include_str!("page/annotate/guide.css")),
     ("/annotate/guide.js", SCRIPT, include_str!("page/annotate/guide.js")),
     ("/annotate/hand.js", SCRIPT, include_str!("page/annotate/hand.js")),
+    ("/annotate/job.js", SCRIPT, include_str!("page/annotate/job.js")),
     ("/annotate/keys.js", SCRIPT, include_str!("page/annotate/keys.js")),
     ("/annotate/list.css", STYLE, include_str!("page/annotate/list.css")),
     ("/annotate/list.js", SCRIPT, include_str!("page/annotate/list.js")),

@@ -2,26 +2,19 @@
 
 usage: annotate.py RELIEF CHROMIUM SERIES FOLDER
 
-RELIEF serves SERIES and keeps annotations in FOLDER. With RELIEF_PAGE_SHOTS=DIR pictures of the page are kept there.
+RELIEF serves SERIES and keeps annotations in FOLDER.
 """
 
 import json
-import os
 import pathlib
-import signal
-import socket
-import subprocess
 import sys
 import time
-import urllib.parse
-import urllib.request
 
+from pages import Page, Server, launched
 from playwright.sync_api import sync_playwright
 
 RELIEF, CHROMIUM, SERIES, FOLDER = sys.argv[1:5]
 FOLDER = pathlib.Path(FOLDER)
-SHOTS = os.environ.get("RELIEF_PAGE_SHOTS")
-SIZE = {"width": 1280, "height": 720}
 TEMPLATE = {
     "name": "face",
     "items": [
@@ -30,143 +23,6 @@ TEMPLATE = {
         {"name": "Vertex", "description": "The highest point."},
     ],
 }
-
-
-def free_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
-
-
-class Server:
-    """relief serve with or without annotations."""
-
-    def __init__(self, *more):
-        self.process = None
-        self.url = os.environ.get("RELIEF_PAGE_URL")
-        if not self.url:
-            port = free_port()
-            self.url = f"http://127.0.0.1:{port}"
-            command = [RELIEF, "serve", "--series", SERIES, "--listen", f"127.0.0.1:{port}", *more]
-            environment = {**os.environ, "RELIEF_ADAPTER": "software", "RELIEF_LOG": "warn"}
-            self.process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
-        for _ in range(600):
-            try:
-                if urllib.request.urlopen(f"{self.url}/readyz").status == 200:
-                    break
-            except OSError:
-                time.sleep(0.1)
-        else:
-            raise SystemExit("the server is not ready after a minute")
-        self.volume = f"/v1/volumes/{self.get('/v1/volumes')['volumes'][0]['id']}"
-
-    def get(self, path, author="test"):
-        asked = urllib.request.Request(self.url + path, headers={"Relief-Author": author})
-        return json.loads(urllib.request.urlopen(asked).read())
-
-    def annotations(self):
-        return self.get(f"{self.volume}/annotations")
-
-    def item(self, name):
-        """The entry of this name, waited for."""
-        for _ in range(100):
-            for entry in self.annotations()["items"]:
-                if entry["item"]["name"] == name:
-                    return entry
-            time.sleep(0.05)
-        raise SystemExit(f"no item {name!r}")
-
-    def kill(self):
-        if self.process:
-            self.process.send_signal(signal.SIGKILL)
-            self.process.wait()
-
-
-class Page:
-    """One window of the page, as one author."""
-
-    def __init__(self, browser, server, author):
-        self.server = server
-        self.asked = {}
-        self.problems = []
-        self.context = browser.new_context(viewport=SIZE, accept_downloads=True)
-        self.page = self.context.new_page()
-        self.page.on("pageerror", lambda error: self.problems.append(error.message))
-        # The browser itself tells of answers that are no success: a conflict (409), a file that is refused and a leak (422).
-        expected = lambda message: "409" in message.text or "422" in message.text
-        said = lambda message: message.type == "error" and not expected(message)
-        self.page.on("console", lambda message: said(message) and self.problems.append(message.text))
-        self.page.on("request", self.__note)
-        self.page.add_init_script(f"localStorage.setItem('relief-author', {json.dumps(author)})")
-        self.page.goto(f"{server.url}/annotate")
-        self.still()
-
-    def __note(self, request):
-        address = urllib.parse.urlsplit(request.url)
-        query = dict(urllib.parse.parse_qsl(address.query))
-        if address.path.endswith("/slice"):
-            self.asked[query.get("plane", "oblique")] = query
-        elif address.path.endswith("/frame"):
-            self.asked["volume"] = query
-
-    def wait(self, condition, seconds=30):
-        """Asks until an expression is true. Playwright's own way would evaluate text, which the page's policy forbids."""
-        for _ in range(20 * seconds):
-            if self.page.evaluate(condition):
-                return
-            self.page.wait_for_timeout(50)
-        self.shot("stuck")
-        raise SystemExit(f"not within {seconds} s: {condition}; {self.page.inner_text('body')[:800]}")
-
-    def still(self):
-        self.wait("document.querySelectorAll('.pane[data-still=true]').length === 5 && !document.querySelector('.pane .busy.on')", 60)
-        self.page.wait_for_timeout(250)
-        self.wait("document.querySelectorAll('.pane[data-still=true]').length === 5 && !document.querySelector('.pane .busy.on')", 60)
-
-    def box(self, pane):
-        return self.page.locator(f".pane-{pane}").bounding_box()
-
-    def at(self, pane, x, y):
-        """Window coordinates of a place of a pane, whole pixels."""
-        box = self.box(pane)
-        return round(box["x"] + x * box["width"]), round(box["y"] + y * box["height"])
-
-    def click(self, pane, x, y):
-        self.page.mouse.click(*self.at(pane, x, y))
-
-    def asked_pick(self, pane, x, y):
-        """What the server's pick says of the pixel that a click there meets."""
-        box, (left, top) = self.box(pane), self.at(pane, x, y)
-        query = {key: value for key, value in self.asked[pane].items() if key not in ("layout", "profile", "budget_ms")}
-        if pane != "volume":
-            query["mode"] = "slice"
-        size = [int(side) for side in query["size_px"].split(",")]
-        if pane != "volume":
-            # A pick is of the middle of a pixel, a place of a slice exact: smaller pixels bring them together.
-            size = [8 * side for side in size]
-            query["size_px"] = f"{size[0]},{size[1]}"
-        query["u"] = (left + 0.5 - box["x"]) * size[0] / box["width"]
-        query["v"] = (top + 0.5 - box["y"]) * size[1] / box["height"]
-        return self.server.get(f"{self.server.volume}/pick?{urllib.parse.urlencode(query)}")
-
-    def pick(self, pane, x, y):
-        return self.asked_pick(pane, x, y)["patient_mm"]
-
-    def value(self, pane, x, y):
-        return self.asked_pick(pane, x, y)["hu"]
-
-    def key(self, key):
-        self.page.keyboard.press(key)
-
-    def rows(self):
-        return self.page.evaluate("[...document.querySelectorAll('.item')].map((row) => row.getAttribute('aria-label'))")
-
-    def wait_row(self, text):
-        self.wait(f"[...document.querySelectorAll('.item')].some((row) => row.getAttribute('aria-label').includes({json.dumps(text)}))")
-
-    def shot(self, name):
-        if SHOTS:
-            self.page.screenshot(path=f"{SHOTS}/{name}.png")
 
 
 def placing(page, server):
@@ -438,7 +294,7 @@ def growing(page, server):
 
 def without(browser):
     """A server without annotations: looking works, and the page says how to start it with them."""
-    server = Server()
+    server = Server(RELIEF, SERIES)
     page = Page(browser, server, "Ada Berg")
     page.wait("!document.getElementById('off').hidden")
     found = {"said": page.page.inner_text("#off")}
@@ -453,10 +309,10 @@ def without(browser):
 def main():
     steps = sys.argv[5].split(",") if len(sys.argv) > 5 else []
     wanted = lambda step: not steps or step in steps
-    server = Server("--annotations", str(FOLDER / "annotations.db"))
+    server = Server(RELIEF, SERIES, "--annotations", str(FOLDER / "annotations.db"))
     try:
         with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+            browser = launched(playwright, CHROMIUM)
             page = Page(browser, server, "Ada Berg")
             found = {"placing": placing(page, server)}
             for name, step in [("undoing", undoing), ("editing", editing), ("keyboard", keyboard), ("template", template), ("files", files), ("growing", growing)]:

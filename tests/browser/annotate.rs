@@ -1,36 +1,22 @@
 //! The page for annotations: what `browser/annotate.py` saw, and what it has to be.
 
-use std::path::Path;
-use std::process::Command;
 use std::sync::OnceLock;
 
 use serde_json::{Value, json};
 
-use super::{RELIEF, chromium, common, numbers, python, relief};
+use super::{driven, numbers, skipped};
 
 /// What the browser saw, once for all tests; `None` after saying aloud that there is none.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
-    let seen = SEEN.get_or_init(|| {
-        let (python, chromium) = (python()?, chromium()?);
-        common::software_adapter(what)?;
-        let folder = tempfile::tempdir().unwrap();
-        let series = folder.path().join("head");
-        relief(&["phantom", "--kind", "head", "--size", "128", "--out", series.to_str().unwrap()]);
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/annotate.py");
-        let mut command = Command::new(python);
-        command.arg(script).arg(RELIEF).args([chromium.as_path(), &series, folder.path()]);
-        let output = command.output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        Some(serde_json::from_slice(&output.stdout).unwrap())
-    });
+    let seen = SEEN.get_or_init(|| driven("annotate.py", what, "128", false));
     if seen.is_none() {
-        eprintln!("SKIPPED: {what} (no Chromium, or RELIEF_PEERS_PYTHON names no Python with playwright)");
+        skipped(what);
     }
     seen.as_ref()
 }
 
-fn distance(a: &Value, b: &Value) -> f64 {
+pub(super) fn distance(a: &Value, b: &Value) -> f64 {
     numbers(a).iter().zip(numbers(b)).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 

@@ -95,7 +95,7 @@ def wait_still(page, after=0):
 
 
 def view(page):
-    return json.loads(page.evaluate(f"{ROOT}.view"))
+    return page.evaluate("window.kioskView")
 
 
 def exactness(playwright, server):
@@ -135,29 +135,29 @@ def hands(playwright, server):
     wait_still(page, 2)
     found["turned"] = view(page)
     page.mouse.wheel(0, -400)
-    wait_for(page, f"JSON.parse({ROOT}.view).zoom > {found['turned']['zoom'] * 1.2}")
+    wait_for(page, f"window.kioskView.zoom > {found['turned']['zoom'] * 1.2}")
     found["zoomed"] = view(page)
     page.keyboard.press("Control+z")
-    wait_for(page, f"JSON.parse({ROOT}.view).revision > {found['zoomed']['revision']}")
+    wait_for(page, f"window.kioskView.revision > {found['zoomed']['revision']}")
     page.keyboard.press("Home")
-    wait_for(page, f"JSON.parse({ROOT}.view).zoom === {found['home']['zoom']}")
+    wait_for(page, f"window.kioskView.zoom === {found['home']['zoom']}")
     page.keyboard.press("]")
-    wait_for(page, f"JSON.parse({ROOT}.view).preset !== 'bone'")
+    wait_for(page, "window.kioskView.preset !== 'bone'")
     page.keyboard.press("[")
-    wait_for(page, f"JSON.parse({ROOT}.view).preset === 'bone'")
+    wait_for(page, "window.kioskView.preset === 'bone'")
     page.wait_for_timeout(300)
     wait_still(page)
     found["reset"] = view(page)
     # The middle of the left half, on the second line of a pair: its pixel is that of the line above.
     page.mouse.click(480, 541)
-    wait_for(page, f"JSON.parse({ROOT}.view).cursor_mm !== null")
+    wait_for(page, "window.kioskView.cursor_mm !== null")
     found["cursor_mm"] = view(page)["cursor_mm"]
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
     query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&size_px=960,540&u=480.5&v=270.5"
     found["pick"] = json.loads(server.get(f"/v1/volumes/{volume}/pick?{query}"))
     for key in ["ArrowLeft", "Shift+ArrowUp", "+", "PageDown"]:
         page.keyboard.press(key)
-    wait_for(page, f"JSON.parse({ROOT}.view).clip_mm !== null")
+    wait_for(page, "window.kioskView.clip_mm !== null")
     found["before"] = view(page)
     server.kill()
     wait_for(page, f"{ROOT}.connection === 'waiting'")
@@ -165,7 +165,7 @@ def hands(playwright, server):
     server.start()
     wait_for(page, f"{ROOT}.connection === 'live'", 30)
     before = int(page.evaluate(f"{ROOT}.frame"))
-    wait_for(page, f"JSON.parse({ROOT}.view).clip_mm !== null && JSON.parse({ROOT}.view).cursor_mm !== null")
+    wait_for(page, "window.kioskView.clip_mm !== null && window.kioskView.cursor_mm !== null")
     wait_still(page)
     found["after"] = view(page)
     found["frames"] = [before, int(page.evaluate(f"{ROOT}.frame"))]

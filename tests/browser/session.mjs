@@ -86,6 +86,14 @@ function begin() {
   return { session, seen, socket, say, give };
 }
 
+/** Texts that are no messages: told, and what comes after them counts. */
+function badTexts() {
+  const { seen, socket, say } = begin();
+  for (const text of ["{not json", "7", "null", '{"type":3}']) socket.on.message({ data: text });
+  say({ type: "welcome", session: "token-1", role: "presenter", state: { revision: 1 } });
+  return { changed: seen.changed, closed: socket.closed };
+}
+
 async function badFrames() {
   const { seen, socket, say, give } = begin();
   say({ type: "welcome", session: "token-1", role: "presenter", state: { revision: 1 } });
@@ -121,5 +129,5 @@ function tokens() {
   return { copied, left, resumed, ended: again.seen.changed.at(-1)[0], after: stored.get("relief-session") ?? null };
 }
 
-console.log(JSON.stringify({ bad_frames: await badFrames(), no_frame: await noFrame(), tokens: tokens() }));
+console.log(JSON.stringify({ bad_texts: badTexts(), bad_frames: await badFrames(), no_frame: await noFrame(), tokens: tokens() }));
 process.exit(0);

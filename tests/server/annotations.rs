@@ -429,6 +429,16 @@ async fn places_snap_to_what_the_volume_has() {
     assert!((value - 32.5).abs() < 0.05 && (found["hu"].as_f64().unwrap() - value).abs() < 1e-9, "{found}");
     let length = at("shift_mm").iter().map(|mm| mm * mm).sum::<f64>().sqrt();
     assert!((length - found["distance_mm"].as_f64().unwrap()).abs() < 1e-9 && length > 0.0, "{found}");
+    // 0.1 HU are missing: along a line of sight that is y, a quarter of a mm, and nothing along the other axes.
+    let mut along = body.clone();
+    along["ray"] = json!([0.0, -3.0, 0.0]);
+    let met = stage.annotate(Method::POST, "/snap", "", along).await;
+    assert_eq!(met.status, 200, "{}", met.text());
+    let met = met.json();
+    let shift: Vec<f64> =
+        met["shift_mm"].as_array().unwrap().iter().map(|mm| mm.as_f64().unwrap()).collect();
+    assert!(shift[0] == 0.0 && (shift[1] - 0.25).abs() < 0.01 && shift[2] == 0.0, "{met}");
+    assert!(at("shift_mm")[2].abs() > 0.02, "without a line of sight the nearest place: {found}");
     let seen = json!({ "pixel": [32, 32], "scene": { "size_px": [64, 64], "display": { "layout": "color" } },
         "to": "surface", "hu": 30.0, "radius_mm": 20 });
     let seen = stage.annotate(Method::POST, "/snap", "", seen).await;
@@ -438,6 +448,7 @@ async fn places_snap_to_what_the_volume_has() {
         ("hu", Value::Null, "hu"),
         ("radius_mm", json!(99), "radius_mm"),
         ("pixel", json!([1, 1]), "at_mm"),
+        ("ray", json!([0, 0, 0]), "ray"),
     ] {
         let mut wrong = body.clone();
         wrong[key] = value;

@@ -27,6 +27,8 @@ const MOST_BYTES: usize = 1 << 20;
 #[serde(deny_unknown_fields)]
 struct SnapBody {
     at_mm: Option<[f64; 3]>,
+    /// The line of sight through `at_mm`, of any length but zero; both directions of it count.
+    ray: Option<[f64; 3]>,
     /// A pixel of the picture of this scene.
     pixel: Option<[f64; 2]>,
     #[serde(default)]
@@ -48,7 +50,14 @@ pub(super) async fn snap(
     let body: SnapBody = parse(body.to_string().as_bytes())?;
     let wanted = Snap { to: target(&body)?, radius_mm: body.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM) };
     let (at, ray) = match (body.at_mm, body.pixel) {
-        (Some(at_mm), None) => (Point::<Patient>::from_xyz(at_mm.into()), None),
+        (Some(at_mm), None) => {
+            let ray = body.ray.map(|ray| Vector::<Patient>::from_xyz(ray.into()));
+            (Point::<Patient>::from_xyz(at_mm.into()), ray)
+        }
+        (None, Some(_)) if body.ray.is_some() => {
+            let error = refuse("ray", "there", "nothing beside a pixel, whose own line of sight counts");
+            return Err(Problem::out_of_range(&error));
+        }
         (None, Some(pixel)) => {
             let scene = Value::Object(body.scene).to_string();
             let (at, eye) = pick_scene(&server, &entry, scene.as_bytes(), pixel).await?;

@@ -18,9 +18,9 @@ export async function uploadZip(file) {
   return (await request("/v1/volumes", { method: "POST", headers, body: file })).json();
 }
 
-/** Calls back with a file that is chosen with the button or dropped on the stage. */
-export function onFile(stage, button, input, take) {
-  button.addEventListener("click", () => input.click());
+/** Calls back with a file that is chosen with one of the buttons or dropped on the stage. */
+export function onFile(stage, buttons, input, take) {
+  for (const button of buttons) button.addEventListener("click", () => input.click());
   input.addEventListener("change", () => {
     if (input.files[0]) take(input.files[0]);
     input.value = "";

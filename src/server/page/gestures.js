@@ -9,23 +9,26 @@ function fractions(element, event) {
   return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
 }
 
+/** What two fingers do: how much farther apart they are than before, and by how much their middle moved, CSS pixels. */
+export function pinch(before, after) {
+  const apart = ([a, b]) => Math.max(1, Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY));
+  const middle = ([a, b]) => [(a.clientX + b.clientX) / 2, (a.clientY + b.clientY) / 2];
+  const [from, to] = [middle(before), middle(after)];
+  return { ratio: apart(after) / apart(before), by: [to[0] - from[0], to[1] - from[1]], middle: { clientX: to[0], clientY: to[1] } };
+}
+
 /**
- * Calls back with what is done on the stage: `turn(dx, dy)` in CSS pixels, `zoom(ratio, wheel)` with the event of a
- * wheel, `click([x, y])` and
- * `double()`. One finger turns, two zoom.
+ * Calls back with what is done on the stage: `turn(dx, dy)` and `pan(dx, dy)` in CSS pixels, `zoom(ratio, { wheel, at })` with the
+ * event of a wheel or the place between two fingers, `click([x, y])` and `double()`. One finger turns, two zoom and move; with Shift
+ * or the right button a mouse moves, too.
  */
-export function onGestures(stage, divider, { turn, zoom, click, double }) {
+export function onGestures(stage, divider, { turn, pan, zoom, click, double }) {
   const pointers = new Map();
   let travelled = 0;
   let pinched = false;
 
-  const pinchLength = () => {
-    const [a, b] = [...pointers.values()];
-    return Math.max(1, Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY));
-  };
-
   stage.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0 || event.target === divider) return;
+    if (![0, 2].includes(event.button) || event.target === divider || event.target.closest("button, a")) return;
     stage.setPointerCapture(event.pointerId);
     if (pointers.size === 0) [travelled, pinched] = [0, false];
     pointers.set(event.pointerId, event);
@@ -36,22 +39,30 @@ export function onGestures(stage, divider, { turn, zoom, click, double }) {
   stage.addEventListener("pointermove", (event) => {
     const last = pointers.get(event.pointerId);
     if (!last) return;
-    const before = pointers.size === 2 ? pinchLength() : 0;
+    const before = [...pointers.values()];
     pointers.set(event.pointerId, event);
-    if (before) return zoom(pinchLength() / before);
+    if (before.length === 2) {
+      const { ratio, by, middle } = pinch(before, [...pointers.values()]);
+      pan(...by);
+      return zoom(ratio, { at: fractions(stage, middle) });
+    }
     if (pinched) return; // the finger that is left after a pinch means nothing
     const [dx, dy] = [event.clientX - last.clientX, event.clientY - last.clientY];
     travelled += Math.hypot(dx, dy);
-    if (travelled >= CLICK_PIXELS) turn(dx, dy);
+    if (travelled < CLICK_PIXELS) return;
+    if (event.shiftKey || event.buttons & 2) pan(dx, dy);
+    else turn(dx, dy);
   });
 
   const release = (event) => {
     if (!pointers.delete(event.pointerId) || pointers.size) return;
     stage.classList.remove("turning");
-    if (event.type === "pointerup" && !pinched && travelled < CLICK_PIXELS) click(fractions(stage, event));
+    const clicked = event.type === "pointerup" && event.button === 0 && !pinched && travelled < CLICK_PIXELS;
+    if (clicked) click(fractions(stage, event));
   };
   stage.addEventListener("pointerup", release);
   stage.addEventListener("pointercancel", release);
+  stage.addEventListener("contextmenu", (event) => event.preventDefault());
 
   stage.addEventListener("dblclick", (event) => {
     if (event.target !== divider) double();
@@ -60,7 +71,7 @@ export function onGestures(stage, divider, { turn, zoom, click, double }) {
   const byWheel = (event) => {
     event.preventDefault();
     const pixels = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 30 : 1);
-    zoom(Math.exp(-pixels * 0.0015), event);
+    zoom(Math.exp(-pixels * 0.0015), { wheel: event });
   };
   stage.addEventListener("wheel", byWheel, { passive: false });
 }

@@ -39,18 +39,18 @@ export function previewUrl(kind, state, [width, height]) {
 
 /** Shows previews on a canvas that lies over the stage. */
 export class Preview {
-  #kind = "";
   #timer = 0;
   #shown = null;
   #abort = null;
 
-  /** `choices` are the radio buttons; `fail` gets what goes wrong. */
-  constructor(canvas, choices, state, fail) {
+  /** `choices` are the radio buttons, the state's `preview` is theirs; `chosen` is called after one, `fail` gets what goes wrong. */
+  constructor(canvas, choices, state, { chosen, fail }) {
     Object.assign(this, { canvas, state, fail, context: canvas.getContext("2d", { alpha: false }) });
     for (const choice of choices) {
       choice.addEventListener("change", () => {
-        this.#kind = choice.value;
+        state.preview = choice.value;
         this.changed();
+        chosen();
       });
     }
   }
@@ -60,7 +60,7 @@ export class Preview {
     clearTimeout(this.#timer);
     this.#abort?.abort();
     this.#hide();
-    if (this.#kind && this.state.volume) this.#timer = setTimeout(() => this.#fetch(), STILL_MS);
+    if (this.state.preview && this.state.volume) this.#timer = setTimeout(() => this.#fetch(), STILL_MS);
   }
 
   #hide() {
@@ -72,7 +72,7 @@ export class Preview {
   async #fetch() {
     const abort = new AbortController();
     this.#abort = abort;
-    const kind = this.#kind;
+    const kind = this.state.preview;
     try {
       const { clientWidth, clientHeight } = this.canvas.parentElement;
       const answer = await request(previewUrl(kind, this.state, [clientWidth, clientHeight]), {

@@ -2,6 +2,8 @@
 //
 // Positions in DICOM patient coordinates (LPS), mm; windows in HU. It touches only the slice's own controls.
 
+import { clamp } from "./vectors.js";
+
 /** Standard planes as the server shows them: the axis that slices are counted along, and what points right and up. */
 export const PLANES = {
   axial: { axis: 2, right: [1, 0, 0], up: [0, -1, 0] },
@@ -12,11 +14,10 @@ export const PLANES = {
 /** No slice; what one begins with. `at` is the middle of the picture, null the volume's centre. */
 export const NO_SLICE = Object.freeze({ plane: "", at: null, zoom: 1, slab: 0, blend: "mean", center: 40, width: 400 });
 
-const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 const round = (value) => Number(value.toFixed(2));
 
 /** The volume's extent along a direction of the axes, mm. */
-function extent({ bounds_mm: [low, high] }, direction) {
+export function extent({ bounds_mm: [low, high] }, direction) {
   return direction.reduce((sum, part, i) => sum + Math.abs(part) * (high[i] - low[i]), 0);
 }
 
@@ -66,8 +67,13 @@ export function dragged(slice, volume, [dx, dy], aspect) {
   return { ...slice, at };
 }
 
-/** Closer or farther, within reason. */
-export const zoomed = (slice, ratio) => ({ ...slice, zoom: clamp(slice.zoom * ratio, 0.5, 20) });
+/** Closer or farther, within reason; what is seen at a place of the picture (fractions of its size) stays there. */
+export function zoomed(slice, ratio, volume, aspect, [x, y] = [0.5, 0.5]) {
+  const nearer = { ...slice, zoom: clamp(slice.zoom * ratio, 0.5, 20) };
+  const grown = nearer.zoom / slice.zoom - 1;
+  const by = [-(x - 0.5) * aspect * grown, -(y - 0.5) * grown];
+  return by.some(Boolean) ? dragged(nearer, volume, by, aspect) : nearer;
+}
 
 /** In words: plane, position on its axis as a letter and mm, and the slab. */
 export function sliceWords({ plane, at, slab, blend }, volume) {

@@ -5,7 +5,9 @@
 
 import { labelQuery } from "./labels.js";
 import { lightQuery } from "./light.js";
+import { fitOf, orbitQuery } from "./orbit.js";
 import { sliceQuery } from "./slices.js";
+import { clamp } from "./vectors.js";
 
 /** The view that "reset" returns to. A little closer than "all of it": corners of a volume are mostly air. */
 export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1.4 });
@@ -26,26 +28,14 @@ const REFINING_MS = 1500;
 const MOST_TRIES = 8;
 const LONGEST_WAIT_MS = 4000;
 
-const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
-const round = (value, digits) => Number(value.toFixed(digits));
-
-/** Keeps a pose in range: azimuth wraps, elevation ends at the poles. */
-export function normalized({ azimuth, elevation, zoom }) {
-  return {
-    azimuth: ((((azimuth + 180) % 360) + 360) % 360) - 180,
-    elevation: clamp(elevation, -90, 90),
-    zoom: clamp(zoom, 0.2, 40),
-  };
-}
-
 /** The size of a still picture for a stage of CSS pixels. */
 export function stillSize(width, height, ratio) {
   const scale = Math.min(ratio, Math.sqrt(STILL_PIXELS / Math.max(1, width * height)));
   return [width, height].map((side) => Math.max(16, Math.round(side * scale)));
 }
 
-/** Query parameters that say how the volume looks, whatever the size and layout. */
-export function lookQuery(state, aspect, moving = false) {
+/** Query parameters that say how the volume looks, whatever the size and layout; `fit` is what a picture's shape makes of the zoom. */
+export function lookQuery(state, aspect, fit, moving = false) {
   const labels = labelQuery(state);
   if (state.slice.plane) return { ...sliceQuery(state.slice, state.volume, aspect), ...labels };
   const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
@@ -59,19 +49,13 @@ export function lookQuery(state, aspect, moving = false) {
     ...surface,
     ...lightQuery(state, moving),
     depth_rule: state.depthRule,
-    azimuth_deg: round(state.pose.azimuth, 3),
-    elevation_deg: round(state.pose.elevation, 3),
-    vertical_fov_deg: state.fieldOfView,
+    ...orbitQuery(state.pose, state.volume, state.fieldOfView, state.pose.zoom * fit),
   };
 }
 
-/**
- * Query of a picture that fills the stage. The server fits a volume to a picture's height; a picture that is taller
- * than wide has to stand back for it. While moving, it has a budget.
- */
+/** Query of a picture that fills the stage. While moving, it has a budget. */
 export function stageQuery(state, [width, height], layout, { passes, moving = false } = {}) {
-  const zoom = state.slice.plane ? {} : { zoom: round(state.pose.zoom * Math.min(1, width / height), 4) };
-  const look = { ...lookQuery(state, width / height, moving), ...zoom };
+  const look = lookQuery(state, width / height, fitOf([width, height]), moving);
   const query = { ...look, ...budget(moving), size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
   return new URLSearchParams(passes === undefined ? query : { ...query, passes });
 }
@@ -98,8 +82,7 @@ const budget = (moving) => (moving ? { budget_ms: MOVING_MS } : {});
 /** Query of the frame that a display gets; with a budget while moving. */
 export function frameQuery(state, moving = false) {
   // Every layout that is a frame has pictures of 16:9.
-  const query = { ...lookQuery(state, 16 / 9, moving), ...budget(moving), layout: state.layout };
-  if (!state.slice.plane) query.zoom = round(state.pose.zoom, 4);
+  const query = { ...lookQuery(state, 16 / 9, 1, moving), ...budget(moving), layout: state.layout };
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;
   // These layouts carry what lies behind the first layer, which one rule alone gives.
@@ -216,26 +199,4 @@ export class Fetcher {
     await new Promise((resolve) => setTimeout(resolve, wait));
     this.#wanted ??= { ...order, tries };
   }
-}
-
-/** Where a patient position lies in the picture of a camera, as fractions of its width and height; null behind it. */
-export function project(point, { camera, size_px: [width, height] }) {
-  const minus = (a, b) => a.map((value, i) => value - b[i]);
-  const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
-  const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
-  const unit = (a) => a.map((value) => value / Math.hypot(...a));
-  const forward = unit(minus(camera.look_at_mm, camera.eye_mm));
-  const right = unit(cross(forward, camera.up));
-  const up = cross(right, forward);
-  const arm = minus(point, camera.eye_mm);
-  const depth = dot(arm, forward);
-  const { perspective, orthographic } = camera.projection;
-  const half = perspective
-    ? depth * Math.tan((perspective.vertical_fov_deg * Math.PI) / 360)
-    : orthographic.height_mm / 2;
-  if (half <= 0) return null;
-  // The picture's middle at this depth; only a perspective is ever shifted.
-  const [shiftX, shiftY] = (camera.lens_shift ?? [0, 0]).map((mm) => mm * depth);
-  const [x, y] = [dot(arm, right) - shiftX, dot(arm, up) - shiftY];
-  return [0.5 + (x / half) * (height / width) * 0.5, 0.5 - (y / half) * 0.5];
 }

@@ -54,10 +54,10 @@ export class Annotations {
     return { ...(this.author ? { "Relief-Author": encodeURIComponent(this.author) } : {}), ...more };
   }
 
-  async #send(method, part, body, type = "application/json") {
+  async #send(method, part, body, { type = "application/json", signal } = {}) {
     const headers = this.#headers(body === undefined ? {} : { "Content-Type": type });
     const packed = type === "application/json" && body !== undefined ? JSON.stringify(body) : body;
-    const answer = await ask(`${this.path}${part}`, { method, headers, body: packed });
+    const answer = await ask(`${this.path}${part}`, { method, headers, body: packed, signal });
     return answer.status === 204 ? null : answer.json();
   }
 
@@ -93,20 +93,20 @@ export class Annotations {
     return this.#send("POST", "/snap", body);
   }
 
-  grow(body) {
-    return this.#send("POST", "/grow", body);
+  grow(body, signal) {
+    return this.#send("POST", "/grow", body, { signal });
   }
 
-  paint(body) {
-    return this.#send("POST", "/paint", body);
+  paint(body, signal) {
+    return this.#send("POST", "/paint", body, { signal });
   }
 
-  fill(body) {
-    return this.#send("POST", "/fill", body);
+  fill(body, signal) {
+    return this.#send("POST", "/fill", body, { signal });
   }
 
-  mesh(body) {
-    return this.#send("POST", "/mesh", body);
+  mesh(body, signal) {
+    return this.#send("POST", "/mesh", body, { signal });
   }
 
   async content(id, signal) {
@@ -118,7 +118,7 @@ export class Annotations {
     // Items of one file stay together: their list has the file's name without its ending.
     const list = file.name.replace(/\.(mrk\.json|seg\.nrrd|nii\.gz|[^.]+)$/i, "").slice(0, 120);
     const query = new URLSearchParams({ set, ...(list ? { list } : {}), ...(format ? { format } : { name: file.name }) });
-    return this.#send("POST", `/import?${query}`, file, "application/octet-stream");
+    return this.#send("POST", `/import?${query}`, file, { type: "application/octet-stream" });
   }
 
   /** The file as a blob, its name, and how many items it could not hold. */

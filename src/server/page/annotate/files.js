@@ -49,7 +49,7 @@ export class Files {
         const first = events.find(({ item }) => item?.geometry);
         if (first) this.model.jumpTo(first.item.id);
       } catch (error) {
-        this.fail(Object.assign(error, { message: `${file.name}: ${error.message}` }));
+        this.fail(Object.assign(error, { message: `${file.name}: ${error.message.replace(/\.$/, "")}. Nothing was changed.` }));
       }
     }
     if (told.length) this.say(told.join(". "));

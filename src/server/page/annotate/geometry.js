@@ -3,16 +3,9 @@
 // The formulas are those of the server's `annotation` module: a measure that is shown while a point moves is the one that
 // the server gives afterwards.
 
-export const add = (a, b) => a.map((value, i) => value + b[i]);
-export const sub = (a, b) => a.map((value, i) => value - b[i]);
-export const scale = (a, factor) => a.map((value) => value * factor);
-export const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
-export const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
-export const length = (a) => Math.hypot(...a);
-export const unit = (a) => scale(a, 1 / (length(a) || 1));
-export const lerp = (a, b, t) => a.map((value, i) => value + (b[i] - value) * t);
-export const distance = (a, b) => length(sub(a, b));
-export const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+import { add, cross, distance, dot, length, lerp, scale, sub, unit } from "/vectors.js";
+
+export * from "/vectors.js";
 
 /** Straight parts between two points of a smooth curve: to measure, and to draw. */
 const PARTS = 32;
@@ -101,6 +94,34 @@ export function withPoint(geometry, index, at) {
     case "plane": return { ...geometry, center_mm: at };
     default: return { ...geometry, points_mm: replaced(geometry.points_mm) };
   }
+}
+
+/** The fewest points that an item can do with; those of most are what they are. */
+export function fewestPoints(geometry) {
+  if (geometry?.kind !== "curve") return pointsOf(geometry).length;
+  return geometry.closed ? 3 : 2;
+}
+
+/** A curve with one more point, before the one of this index. */
+export function withInserted(curve, index, at) {
+  const points = curve.points_mm;
+  return { ...curve, points_mm: [...points.slice(0, index), at, ...points.slice(index)] };
+}
+
+/** A curve without one of its points; null where it would be none. */
+export function withoutPoint(geometry, index) {
+  const points = pointsOf(geometry);
+  if (geometry?.kind !== "curve" || points.length <= fewestPoints(geometry)) return null;
+  return { ...geometry, points_mm: points.filter((_, i) => i !== index) };
+}
+
+/** A curve as straight parts, each with the index that a point set on it would have. */
+export function partsOf(curve) {
+  const { points_mm: points, closed } = curve;
+  const line = outline(curve);
+  const spans = closed ? points.length : points.length - 1;
+  const each = (line.length - 1) / spans;
+  return line.slice(1).map((to, i) => ({ from: line[i], to, index: Math.min(spans, Math.floor(i / each + 1e-6) + 1) }));
 }
 
 const pathLength = (points) => points.slice(1).reduce((sum, point, i) => sum + distance(point, points[i]), 0);

@@ -1,6 +1,6 @@
 // Editing by grabbing: a point of an item follows the pointer, and the change is made when it is let go.
 
-import { add, distance, dot, measures, pointsOf, scale, sub, withPoint } from "./geometry.js";
+import { add, clamp, distance, dot, lerp, measures, partsOf, pointsOf, scale, sub, withInserted, withPoint } from "./geometry.js";
 import { SliceSight } from "./sight.js";
 
 /** How near a pointer has to be, CSS pixels. */
@@ -9,6 +9,12 @@ const REACH = { mouse: 12, pen: 14, touch: 24 };
 const OFF_MM = 6;
 /** A point this near to what is seen lies on it, and stays on it. */
 const ON_SURFACE_MM = 5;
+
+/** The curve with the point that is pressed between two of its own. */
+function added({ entry, index, point }) {
+  const { item } = entry;
+  return { ...entry, item: { ...item, geometry: withInserted(item.geometry, index, point) } };
+}
 
 export class Grab {
   #held = null;
@@ -41,10 +47,31 @@ export class Grab {
     return best;
   }
 
+  /** The place on the chosen curve's line under a place of a pane's picture: `{ entry, index, point, adds }` of a point to be. */
+  between(pane, at, pointer) {
+    const entry = this.model.entry(this.model.selected);
+    if (!pane.sight || entry?.item.geometry?.kind !== "curve" || entry.item.locked || !entry.item.visible) return null;
+    const reach = 0.7 * (REACH[pointer] ?? REACH.mouse);
+    const pixels = (seen) => seen.at.map((value, i) => value * pane.size[i]);
+    const place = at.map((value, i) => value * pane.size[i]);
+    let best = null;
+    for (const { from, to, index } of partsOf(entry.item.geometry)) {
+      const ends = [from, to].map((point) => pane.sight.project(point));
+      if (ends.some((seen) => !seen || Math.abs(seen.off ?? 0) > OFF_MM)) continue;
+      const [a, b] = ends.map(pixels);
+      const along = sub(b, a);
+      const share = clamp(dot(sub(place, a), along) / (dot(along, along) || 1), 0, 1);
+      const off = distance(place, lerp(a, b, share));
+      if (off <= reach && (!best || off < best.off)) best = { entry, index, point: lerp(from, to, share), off, adds: true };
+    }
+    return best;
+  }
+
   down(pane, at, event) {
-    const found = this.find(pane, at, event.pointerType);
+    const found = this.find(pane, at, event.pointerType) ?? this.between(pane, at, event.pointerType);
     if (!found) return false;
-    const { entry, index, point } = found;
+    const { index, point, adds = false } = found;
+    const entry = adds ? added(found) : found.entry;
     this.model.select(entry.item.id, index);
     if (entry.item.locked) {
       this.say(`“${entry.item.name}” is locked. Unlock it in the list, or press K, to move it.`);
@@ -54,7 +81,8 @@ export class Grab {
     // The finger takes the point where it touched it, not by its middle.
     const slip = at.map((value, i) => value - seen.at[i]);
     const onSurface = !(pane.sight instanceof SliceSight) && this.#liesOnSurface(pane.sight, seen);
-    this.#held = { entry, index, point, seen, slip, onSurface, moved: null, started: at };
+    this.#held = { entry, index, point, seen, slip, onSurface, adds, moved: null, started: at };
+    if (adds) this.#show(this.#held, { mm: point });
     return true;
   }
 
@@ -97,7 +125,8 @@ export class Grab {
       const spot = await this.spot(pane, aim, event);
       if (spot) return spot;
     }
-    return this.snapped({ mm: sight.unproject(aim, seen.depth), method: "pick", camera: sight.record() }, event);
+    const mm = sight.unproject(aim, seen.depth);
+    return this.snapped({ mm, ray: sight.rayTo(mm), method: "pick", camera: sight.record() }, event);
   }
 
   async up(pane, at, event) {
@@ -105,12 +134,14 @@ export class Grab {
     if (!held) return;
     this.#wish = null;
     const still = Math.hypot(...pane.size.map((side, i) => side * (at[i] - held.started[i]))) < 3;
-    const spot = still ? null : await this.#target(held, pane, at, event).catch(() => null);
-    if (!spot || distance(spot.mm, held.point) < 1e-6) return this.cancel();
+    // A point that is added stays where the line was pressed; one that was there has to go somewhere.
+    const there = held.adds ? { mm: held.point } : null;
+    const spot = still ? there : await this.#target(held, pane, at, event).catch(() => there);
+    if (!spot || (!held.adds && distance(spot.mm, held.point) < 1e-6)) return this.cancel();
     if (this.#held !== held) return;
     this.#show(held, spot);
-    const item = { ...held.moved.item, placement: spot.placement };
-    await this.commit({ change: "update", item, version: held.entry.version }, spot);
+    const item = { ...held.moved.item, ...(spot.placement ? { placement: spot.placement } : {}) };
+    await this.commit({ change: "update", item, version: held.entry.version }, spot, held.adds ? "point added" : "moved");
     this.cancel();
   }
 

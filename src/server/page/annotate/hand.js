@@ -4,7 +4,7 @@
 
 import { Grab } from "./grab.js";
 import { Placing, SHAPES } from "./placing.js";
-import { distance, pointsOf, sub, withPoint } from "./geometry.js";
+import { distance, fewestPoints, pointsOf, sub, withPoint, withoutPoint } from "./geometry.js";
 import { request } from "/view.js";
 
 /** How long the cursor has to stand before its value is asked for. */
@@ -22,7 +22,7 @@ export class Hand {
     const parts = {
       spot: (pane, at, event) => this.spot(pane, at, event),
       snapped: (spot, event) => this.snapped(spot, event),
-      commit: (change, spot) => this.#made(change, spot),
+      commit: (change, spot, reason) => this.#made(change, spot, reason),
       say,
     };
     this.placing = new Placing(model, parts);
@@ -60,7 +60,9 @@ export class Hand {
     if (to === "off" || event?.ctrlKey) return spot;
     try {
       const level = to === "surface" ? { hu } : {};
-      const moved = await this.annotations().snap({ at_mm: found.mm, to, radius_mm, ...level });
+      // Along the line of sight, where the place was seen in 3D: what is meant lies under the pointer.
+      const ray = found.ray ? { ray: found.ray } : {};
+      const moved = await this.annotations().snap({ at_mm: found.mm, ...ray, to, radius_mm, ...level });
       const shift = moved.shift_mm ?? sub(moved.at_mm, found.mm);
       return { ...spot, mm: moved.at_mm, hu: moved.hu ?? null, snapped: true, placement: { ...spot.placement, snapped_mm: shift } };
     } catch (error) {
@@ -123,6 +125,7 @@ export class Hand {
       const found = this.grab.find(pane, at, event.pointerType);
       pane.root.classList.toggle("grabs", Boolean(found && !found.entry.item.locked));
       pane.root.classList.toggle("locked", Boolean(found?.entry.item.locked));
+      pane.root.classList.toggle("adds", !found && Boolean(this.grab.between(pane, at, event.pointerType)));
     } else if (this.places && this.placing.points.length) {
       this.placing.preview(pane, at, event);
     } else if (this.structures?.takes(this.model.tool)) {
@@ -168,15 +171,34 @@ export class Hand {
     await this.#made({ change: "update", item, version: entry.version }, spot);
   }
 
-  async #made(change, spot) {
+  /** The point of a curve that is chosen goes, where the curve can do without; false where there is none. */
+  removePoint() {
+    const { tool, selected, handle } = this.model;
+    const entry = this.model.entry(selected);
+    if (tool !== "edit" || entry?.item.geometry?.kind !== "curve") return false;
+    const { item, version } = entry;
+    const geometry = withoutPoint(item.geometry, handle);
+    if (item.locked) this.say(`“${item.name}” is locked. Press K to unlock it.`);
+    else if (!geometry) this.say(`“${item.name}” needs its ${fewestPoints(item.geometry)} points. Delete removes all of it.`);
+    else this.#withoutPoint({ ...item, geometry }, version).catch((error) => this.fail(error));
+    return true;
+  }
+
+  async #withoutPoint(item, version) {
+    if (!(await this.commit([{ change: "update", item, version }], "point removed"))) return;
+    this.model.select(item.id, Math.min(this.model.handle, item.geometry.points_mm.length - 1));
+    this.say(`A point of “${item.name}” is removed.`, { brief: true });
+  }
+
+  async #made(change, spot, reason = change.change === "create" ? "placed" : "moved") {
     const { guide } = this.model;
-    const events = await this.commit([change], change.change === "create" ? "placed" : "moved");
+    const events = await this.commit([change], reason);
     if (!events) return;
     this.look(spot.mm, spot.hu ?? null);
-    this.model.select(change.item.id, 0);
+    this.model.select(change.item.id, this.model.selected === change.item.id ? this.model.handle : 0);
     const shift = spot.snapped ? `, snapped by ${distance(spot.from, spot.mm).toFixed(2)} mm` : "";
-    const word = change.change === "create" || guide ? "placed" : "moved";
-    this.say(`“${change.item.name}” ${word}${shift}.`, { brief: true });
+    const word = guide ? "placed" : reason;
+    this.say(`“${change.item.name}”: ${word}${shift}.`, { brief: true });
     this.model.changed("guide");
   }
 }

@@ -14,7 +14,7 @@ export function onKeys(page) {
     const pane = page.panes.find(({ root }) => root === document.activeElement);
     if (!pane) return false;
     const arrow = ARROWS[event.key];
-    if (arrow) pane.step(...arrow.map((value) => value * (event.shiftKey ? 5 : 1)));
+    if (arrow) pane.step(...arrow.map((value) => value * (event.shiftKey ? 5 : 1)), event.ctrlKey);
     else if (event.key === "PageUp" || event.key === "PageDown") pane.page((event.key === "PageUp" ? 1 : -1) * (event.shiftKey ? 5 : 1));
     else if (event.key === "Enter") Promise.resolve(hand.enter(event.ctrlKey)).catch(page.fail);
     else if (event.key === "+" || event.key === "=") pane.zoom(1.2);
@@ -54,7 +54,7 @@ export function onKeys(page) {
   };
 
   const broken = () => {
-    if (hand.cancel()) return;
+    if (page.job.cancel() || hand.cancel()) return;
     if (!page.log.host.hidden) return page.log.toggle();
     if (model.tool !== "navigate") return model.chooseTool("navigate");
     model.select(null);
@@ -70,9 +70,9 @@ export function onKeys(page) {
       return again ? page.redo() : hand.placing.takeBack() || page.undo();
     }
     if (event.key === "Escape") return inField ? inField.blur() : broken();
-    if (inField || event.metaKey || event.altKey || (event.ctrlKey && event.key !== "Enter")) return;
+    if (inField || event.metaKey || event.altKey || (event.ctrlKey && event.key !== "Enter" && !ARROWS[event.key])) return;
     if (event.key === "Enter" && event.target.closest("button, summary, a")) return;
-    if (event.key === "Backspace" && hand.placing.takeBack()) return event.preventDefault();
+    if (event.key === "Backspace" && (hand.placing.takeBack() || hand.removePoint())) return event.preventDefault();
     if (event.key === "Enter" && hand.placing.points.length && ["curve", "contour"].includes(model.tool) && !event.ctrlKey) {
       event.preventDefault();
       return hand.placing.finish().catch(page.fail);

@@ -10,6 +10,15 @@ const LONGEST_WAIT_MS = 30_000;
 /** The close code of a session that the server does not want. */
 const REFUSED = 1008;
 
+/** A message; null of what is none, which asking makes up for. */
+function read(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return null;
+  }
+}
+
 export class Live {
   #timer = 0;
   #wait = 1000;
@@ -59,9 +68,9 @@ export class Live {
     });
     socket.addEventListener("message", ({ data }) => {
       if (typeof data !== "string") return;
-      const message = JSON.parse(data);
-      if (message.type === "welcome") this.#wait = 1000;
-      if (message.type !== "annotations") return;
+      const message = read(data);
+      if (message?.type === "welcome") this.#wait = 1000;
+      if (message?.type !== "annotations") return;
       this.#told = true;
       this.#ask(message.seq);
     });

@@ -1,10 +1,12 @@
 // The page for annotations: its parts put together, and what they ask of the server.
 
+import { directionsOf } from "/orbit.js";
 import { Refusal, request } from "/view.js";
 import { Annotations, Conflict, newId } from "./api.js";
 import { askAuthor, askConflict, askDetails, askExport, askSet, showHelp } from "./dialogs.js";
 import { Guide } from "./guide.js";
 import { Hand } from "./hand.js";
+import { Job } from "./job.js";
 import { onKeys } from "./keys.js";
 import { List } from "./list.js";
 import { Live } from "./live.js";
@@ -165,6 +167,7 @@ function setOn(on) {
 
 const parts = { annotations: () => annotations, commit, change, remove, details, took, say, fail };
 const hand = new Hand(model, parts);
+const job = new Job($("job"));
 const panesHost = $("panes");
 const paneParts = { model, hand, fail };
 const panes = [
@@ -172,8 +175,8 @@ const panes = [
   ...["axial", "sagittal", "coronal", "oblique"].map((name) => new SlicePane(panesHost, name, paneParts)),
 ];
 const redraw = () => panes.forEach((pane) => pane.draw());
-hand.structures = new Structures(model, { ...parts, spot: (...where) => hand.spot(...where), redraw });
-new Tools(model, { finish: () => hand.placing.finish().catch(fail) });
+hand.structures = new Structures(model, { ...parts, job, spot: (...where) => hand.spot(...where), redraw });
+new Tools(model, { finish: () => hand.placing.finish().catch(fail), removePoint: () => hand.removePoint() });
 const guide = new Guide($("guide"), model, parts);
 hand.structures.advance = () => guide.advance();
 const list = new List($("items"), model, {
@@ -183,7 +186,7 @@ const log = new Log($("log"), $("log-button"), model, parts);
 const files = new Files($("import"), model, { ...parts, named, isOn: () => isOn });
 
 const page = {
-  model, panes, hand, list, guide, log, change, remove, details, fail,
+  model, panes, hand, job, list, guide, log, change, remove, details, fail,
   undo: () => back("undo"),
   redo: () => back("redo"),
   chooseFiles: () => files.choose(),
@@ -213,11 +216,7 @@ model.on("cursor window", () => panes.slice(1).forEach((pane) => pane.refresh(is
 model.on("pose", () => {
   panes[0].refresh(isMoving());
   if (model.oblique.follows) {
-    const { azimuth, elevation } = model.pose;
-    const [a, e] = [azimuth, elevation].map((degrees) => (degrees * Math.PI) / 180);
-    // The direction from the volume to the eye of an orbit, and what is upwards there.
-    const normal = [Math.sin(a) * Math.cos(e), -Math.cos(a) * Math.cos(e), Math.sin(e)];
-    const up = [-Math.sin(a) * Math.sin(e), Math.cos(a) * Math.sin(e), Math.cos(e)];
+    const { toEye: normal, up } = directionsOf(model.pose);
     Object.assign(model.oblique, { normal, up });
     panes[4].refresh(isMoving());
   }

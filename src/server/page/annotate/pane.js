@@ -2,6 +2,7 @@
 //
 // What it shows and where a place in it is belongs to its two kinds, `slice-pane.js` and `volume-pane.js`.
 
+import { pinch } from "/gestures.js";
 import { Fetcher, stillSize } from "/view.js";
 
 /** A press that travels less than this is a click, CSS pixels. */
@@ -155,7 +156,7 @@ export class Pane {
     this.#pointers.set(event.pointerId, event);
     if (this.#pointers.size > 1) {
       this.hand.cancel();
-      this.#gesture = { kind: "pinch", length: this.#pinchLength() };
+      this.#gesture = { kind: "pinch" };
       return;
     }
     const navigates = event.button !== 0 || event.altKey;
@@ -167,12 +168,14 @@ export class Pane {
   #move(event) {
     const last = this.#pointers.get(event.pointerId);
     if (!last) return this.hand.hover(this, this.fractions(event), event);
+    const before = [...this.#pointers.values()];
     this.#pointers.set(event.pointerId, event);
     const gesture = this.#gesture;
     if (gesture?.kind === "pinch") {
-      const now = this.#pinchLength();
-      this.zoom(now / gesture.length);
-      gesture.length = now;
+      if (before.length !== 2) return;
+      const { ratio, by, middle } = pinch(before, [...this.#pointers.values()]);
+      this.pan(by);
+      this.zoom(ratio, this.fractions(middle));
     } else if (gesture?.kind === "hand") {
       this.hand.move(this, this.fractions(event), event);
     } else if (gesture?.kind === "look") {
@@ -180,11 +183,6 @@ export class Pane {
       gesture.travelled += Math.hypot(dx, dy);
       if (gesture.travelled >= CLICK_PIXELS) this.drag([dx, dy], gesture, event);
     }
-  }
-
-  #pinchLength() {
-    const [a, b] = [...this.#pointers.values()];
-    return Math.max(1, Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY));
   }
 
   #up(event) {

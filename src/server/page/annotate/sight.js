@@ -3,7 +3,8 @@
 // Both sights have `project(point)`, giving `at` ([right, down], 0 to 1 inside the picture) and how far the point is from what
 // is shown: `off` from a slice's plane, `depth` from a camera; and `unproject(at)`.
 
-import { add, cross, scale, sub, unit } from "./geometry.js";
+import { Projection } from "/projection.js";
+import { add, cross, scale } from "/vectors.js";
 
 /** A slice: an orthographic picture of a plane. All directions are unit vectors. */
 export class SliceSight {
@@ -32,40 +33,11 @@ export class SliceSight {
   }
 }
 
-/** A camera, as the header `Relief-Camera` tells it; with the depths of what is seen where they are known. */
-export class CameraSight {
+/** A camera, with the depths of what is seen where they are known. */
+export class CameraSight extends Projection {
   constructor(told, depths = null) {
-    const { camera, size_px: [width, height] } = told;
-    Object.assign(this, { told, depths, eye: camera.eye_mm, aspect: width / height });
-    this.forward = unit(sub(camera.look_at_mm, camera.eye_mm));
-    this.right = unit(cross(this.forward, camera.up));
-    this.up = cross(this.right, this.forward);
-    this.tangent = camera.projection.perspective
-      ? Math.tan((camera.projection.perspective.vertical_fov_deg * Math.PI) / 360)
-      : null;
-    this.half = camera.projection.orthographic ? camera.projection.orthographic.height_mm / 2 : null;
-  }
-
-  #half(depth) {
-    return this.tangent === null ? this.half : depth * this.tangent;
-  }
-
-  project([px, py, pz]) {
-    const { eye, forward, right, up } = this;
-    const [x, y, z] = [px - eye[0], py - eye[1], pz - eye[2]];
-    const depth = x * forward[0] + y * forward[1] + z * forward[2];
-    const half = this.#half(depth);
-    if (half <= 0) return null;
-    const across = x * right[0] + y * right[1] + z * right[2];
-    const upward = x * up[0] + y * up[1] + z * up[2];
-    return { at: [0.5 + across / (2 * half * this.aspect), 0.5 - upward / (2 * half)], depth };
-  }
-
-  /** The point at a view depth. */
-  unproject([x, y], depth) {
-    const half = this.#half(depth);
-    const side = add(scale(this.right, (2 * x - 1) * half * this.aspect), scale(this.up, (1 - 2 * y) * half));
-    return add(this.eye, add(scale(this.forward, depth), side));
+    super(told);
+    this.depths = depths;
   }
 
   /** Whether something that is drawn lies before a projected point. */

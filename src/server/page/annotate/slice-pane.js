@@ -1,6 +1,6 @@
 // A slice through the cursor: axial, sagittal, coronal, or an oblique one that follows the 3D view.
 
-import { PLANES } from "/slices.js";
+import { PLANES, extent } from "/slices.js";
 import { across, add, clamp, cross, dot, scale, sub, unit } from "./geometry.js";
 import { crossSvg, itemsSvg } from "./overlay.js";
 import { Pane } from "./pane.js";
@@ -9,7 +9,7 @@ import { SliceSight } from "./sight.js";
 export const PLANE_COLORS = { axial: "#ff7d70", sagittal: "#f2cf5b", coronal: "#7ddc84", oblique: "#b99cff" };
 
 const round = (values, digits = 3) => values.map((value) => Number(value.toFixed(digits)));
-const KEYS = "Arrow keys move the cursor, Page Up and Page Down go through slices, plus and minus zoom, Enter places a point at the cursor.";
+const KEYS = "Arrow keys move the cursor, with Ctrl the picture, Page Up and Page Down go through slices, plus and minus zoom, Enter places a point at the cursor.";
 
 /** Directions of a plane's picture: what points right and up. */
 export function directions(name, model) {
@@ -33,11 +33,9 @@ export class SlicePane extends Pane {
     const { volume, cursor } = this.model;
     const { right, up } = directions(this.name, this.model);
     const normal = cross(right, up);
-    const [low, high] = volume.bounds_mm;
-    const extent = (direction) => direction.reduce((sum, part, i) => sum + Math.abs(part) * (high[i] - low[i]), 0);
     const [width, height] = this.size;
     const aspect = width / height;
-    const whole = Math.max(extent(up), extent(right) / aspect);
+    const whole = Math.max(extent(volume, up), extent(volume, right) / aspect);
     const shift = add(scale(right, this.#pan[0]), scale(up, this.#pan[1]));
     const middle = add(volume.center_mm, shift);
     const center = add(middle, scale(normal, dot(sub(cursor.mm, middle), normal)));
@@ -91,9 +89,14 @@ export class SlicePane extends Pane {
 
   /** The left button takes the cursor along, others move the picture; with Shift the window changes. */
   drag([dx, dy], { button }, event) {
-    const perPixel = this.wanted().height / this.size[1];
     if (event.shiftKey) return this.#windowBy(dx, dy);
     if (button === 0 && !event.altKey) return this.click(this.fractions(event));
+    this.pan([dx, dy]);
+  }
+
+  /** Moves the picture, CSS pixels. */
+  pan([dx, dy]) {
+    const perPixel = this.wanted().height / this.size[1];
     this.#pan = [this.#pan[0] - dx * perPixel, this.#pan[1] + dy * perPixel];
     this.refresh(true);
   }
@@ -137,8 +140,9 @@ export class SlicePane extends Pane {
     this.refresh();
   }
 
-  /** The cursor moved within the plane, by voxels to the right and up. */
-  step(right, up) {
+  /** By the keyboard: the cursor within the plane by voxels to the right and up, or the picture. */
+  step(right, up, moves = false) {
+    if (moves) return this.pan([0.05 * right * this.size[1], -0.05 * up * this.size[1]]);
     const basis = directions(this.name, this.model);
     const step = Math.min(...this.model.volume.spacing_mm);
     const by = add(scale(basis.right, right * step), scale(basis.up, up * step));

@@ -11,9 +11,12 @@ const number = (id) => ($(id).value === "" ? null : Number($(id).value));
 export class Structures {
   #pressed = null;
   #stroke = null;
+  /** Ends the preview that is asked for. */
+  #asking = null;
 
-  constructor(model, { annotations, spot, commit, took, say, fail, redraw }) {
-    Object.assign(this, { model, annotations, spot, commit, took, say, fail, advance: () => {} });
+  /** `job` shows work that takes a while. */
+  constructor(model, { annotations, spot, commit, took, say, fail, redraw, job }) {
+    Object.assign(this, { model, annotations, spot, commit, took, say, fail, job, advance: () => {} });
     this.contents = new Contents(annotations, redraw, fail);
     this.seed = null;
     $("grow-now").addEventListener("click", () => this.grow());
@@ -71,6 +74,7 @@ export class Structures {
     const begun = this.seed !== null || this.#pressed !== null;
     this.seed = null;
     this.#pressed = null;
+    this.#asking?.abort();
     $("grow-now").disabled = true;
     $("grow-state").textContent = "Press on the structure.";
     if (begun) this.model.changed("draft");
@@ -101,15 +105,17 @@ export class Structures {
   async preview() {
     const { seed } = this;
     $("grow-now").disabled = true;
+    this.#asking?.abort();
+    const asking = (this.#asking = new AbortController());
     try {
-      const found = await this.annotations().grow({ ...this.#order(), preview: true });
+      const found = await this.annotations().grow({ ...this.#order(), preview: true }, asking.signal);
       if (seed !== this.seed) return;
       const ml = found.volume_ml ?? found.region?.volume_ml;
       const why = found.leaked ? ` It leaks: ${leakWords(found.leaked)}` : "";
       $("grow-state").textContent = `${ml.toFixed(ml < 10 ? 2 : 1)} ml.${why}`;
       $("grow-now").disabled = Boolean(found.leaked);
     } catch (error) {
-      if (seed !== this.seed) return;
+      if (seed !== this.seed || asking.signal.aborted) return;
       $("grow-state").textContent = refusalWords(error);
     }
   }
@@ -119,7 +125,7 @@ export class Structures {
     $("grow-now").disabled = true;
     $("grow-state").textContent = "Growing …";
     const body = { ...this.#order(), name: this.model.freeName("Region"), set: this.model.set };
-    const made = await this.#made(() => this.annotations().grow(body), "grow-state");
+    const made = await this.#made(`Growing “${body.name}” …`, (signal) => this.annotations().grow(body, signal), "grow-state");
     if (!made) return;
     this.cancel();
     await this.#becomeExpected(made, "region");
@@ -132,14 +138,14 @@ export class Structures {
     const mode = $("paint-mode").value;
     if (!region && mode === "erase") return this.say("Choose the region to erase from in the list first.");
     const what = region ? { region: region.item.id, version: region.version } : { name: this.model.freeName("Region"), set: this.model.set };
-    this.#stroke = (this.#stroke ?? Promise.resolve()).then(() => this.#made(() => this.annotations().paint({ center_mm: mm, radius_mm: number("paint-radius") ?? 5, mode, ...what })));
+    this.#stroke = (this.#stroke ?? Promise.resolve()).then(() => this.#made("Painting …", (signal) => this.annotations().paint({ center_mm: mm, radius_mm: number("paint-radius") ?? 5, mode, ...what }, signal)));
     await this.#stroke;
   }
 
   /** A mesh of a region. */
   async mesh(entry) {
-    this.say(`Making a mesh of “${entry.item.name}” …`, { brief: true });
-    const made = await this.#made(() => this.annotations().mesh({ region: entry.item.id, name: `${entry.item.name} mesh`, set: entry.item.set }));
+    const body = { region: entry.item.id, name: `${entry.item.name} mesh`, set: entry.item.set };
+    const made = await this.#made(`Making a mesh of “${entry.item.name}” …`, (signal) => this.annotations().mesh(body, signal));
     if (made) await this.#becomeExpected(made, "mesh");
   }
 
@@ -157,12 +163,12 @@ export class Structures {
   fill(entries) {
     const [first] = entries;
     const body = { curves: entries.map(({ item }) => item.id), name: this.model.freeName("Region"), set: first.item.set };
-    return this.#made(() => this.annotations().fill(body));
+    return this.#made("Filling between contours …", (signal) => this.annotations().fill(body, signal));
   }
 
-  async #made(ask, stateId = null) {
+  async #made(words, ask, stateId = null) {
     try {
-      const { events } = await ask();
+      const { events } = await this.job.run(words, ask);
       await this.took(events);
       const made = events.at(-1)?.item;
       if (made) this.model.select(made.id);
@@ -170,7 +176,10 @@ export class Structures {
       this.say(ml == null ? "Done." : `“${made.name}”: ${ml.toFixed(2)} ml.`, { brief: true });
       return made;
     } catch (error) {
-      if (stateId) $(stateId).textContent = refusalWords(error);
+      if (error.name === "AbortError") {
+        if (stateId) $(stateId).textContent = "Broken off.";
+        this.say("Broken off: nothing was made.", { brief: true });
+      } else if (stateId) $(stateId).textContent = refusalWords(error);
       else this.fail(error);
       return null;
     }

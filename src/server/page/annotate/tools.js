@@ -1,5 +1,6 @@
 // The tool rail and what belongs to the tool that is chosen: its hint, its fields, the snap.
 
+import { fewestPoints, pointsOf } from "./geometry.js";
 import { element } from "./pane.js";
 
 const $ = (id) => document.getElementById(id);
@@ -7,7 +8,7 @@ const $ = (id) => document.getElementById(id);
 /** Name, key, icon, what it does, and what to do with it. */
 export const TOOLS = [
   ["navigate", "V", "Look", '<path d="M5 3.500 15.500 9l-4.600 1.500L8.500 15z"/>', "Click: the cursor goes there. Drag: turn in 3D, take the cursor along in slices. Nothing is changed."],
-  ["edit", "E", "Edit", '<path d="M7 9V5.200a1.200 1.200 0 0 1 2.400 0V9m0-.800a1.200 1.200 0 0 1 2.400 0V10m0-.600a1.200 1.200 0 0 1 2.400 0v3.100a4 4 0 0 1-4 4h-1c-2 0-3-1.200-4-3L4.500 11.500c.600-.800 1.500-.600 2.500.500V9"/>', "Press on a point and drag it; let go to keep it, Escape to leave it. Locked ones stay."],
+  ["edit", "E", "Edit", '<path d="M7 9V5.200a1.200 1.200 0 0 1 2.400 0V9m0-.800a1.200 1.200 0 0 1 2.400 0V10m0-.600a1.200 1.200 0 0 1 2.400 0v3.100a4 4 0 0 1-4 4h-1c-2 0-3-1.200-4-3L4.500 11.500c.600-.800 1.500-.600 2.500.500V9"/>', "Press on a point and drag it; let go to keep it, Escape to leave it. On the line of the chosen curve a press adds a point."],
   null,
   ["point", "P", "Point", '<circle cx="10" cy="10" r="5"/><circle cx="10" cy="10" r=".8" fill="currentColor"/>', "Press for a preview, let go to set it. Escape breaks off."],
   ["line", "L", "Line", '<path d="M5.500 14.500l9-9"/><circle cx="4.500" cy="15.500" r="1.500"/><circle cx="15.500" cy="4.500" r="1.500"/>', "Set both ends, in any view."],
@@ -23,7 +24,7 @@ export const TOOLS = [
 export const KEY_TOOLS = Object.fromEntries(TOOLS.filter(Boolean).map(([name, key]) => [key.toLowerCase(), name]));
 
 export class Tools {
-  constructor(model, { finish }) {
+  constructor(model, { finish, removePoint }) {
     this.model = model;
     const buttons = TOOLS.map((tool) => {
       if (!tool) return element("hr");
@@ -38,10 +39,13 @@ export class Tools {
     $("tools").addEventListener("keydown", (event) => this.#roam(event));
     $("options").addEventListener("submit", (event) => event.preventDefault());
     $("finish").addEventListener("click", finish);
+    $("remove-point").addEventListener("click", removePoint);
     for (const id of ["snap-to", "snap-radius", "snap-hu"]) $(id).addEventListener("input", () => this.#snap());
     model.on("tool guide", () => this.draw());
+    model.on("tool selection items", () => this.#points());
     this.#snap();
     this.draw();
+    this.#points();
   }
 
   /** A toolbar is one stop of the Tab key; arrows go on from there. */
@@ -60,6 +64,13 @@ export class Tools {
     this.model.snap = { to: $("snap-to").value, radius_mm: radius > 0 ? Math.min(50, radius) : 5, hu };
     for (const part of document.querySelectorAll(".snapping")) part.hidden = this.model.snap.to === "off";
     for (const part of document.querySelectorAll(".of-surface")) part.hidden = this.model.snap.to !== "surface";
+  }
+
+  /** What can be done with the points of what is chosen. */
+  #points() {
+    const item = this.model.entry(this.model.selected)?.item;
+    $("remove-point").hidden = item?.geometry?.kind !== "curve";
+    $("remove-point").disabled = !item || item.locked || pointsOf(item.geometry).length <= fewestPoints(item.geometry);
   }
 
   draw() {

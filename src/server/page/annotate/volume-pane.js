@@ -1,6 +1,7 @@
 // The 3D view: an orbit around the volume, picks in the very picture that is shown, and what is hidden there.
 
-import { normalized, request } from "/view.js";
+import { fitOf, normalized, orbitQuery, shifted, zoomedAt } from "/orbit.js";
+import { request } from "/view.js";
 import { HOME } from "./model.js";
 import { cursorSvg, itemsSvg } from "./overlay.js";
 import { Pane } from "./pane.js";
@@ -8,7 +9,8 @@ import { CameraSight, Depths } from "./sight.js";
 import { PLANE_COLORS } from "./slice-pane.js";
 
 const MOVING_MS = 80;
-const KEYS = "Arrow keys turn, plus and minus zoom, Home resets. Enter places a point at the cursor.";
+const FIELD_OF_VIEW = 22;
+const KEYS = "Arrow keys turn, with Ctrl they move, plus and minus zoom, Home resets. Enter places a point at the cursor.";
 
 export class VolumePane extends Pane {
   constructor(host, parts) {
@@ -18,13 +20,9 @@ export class VolumePane extends Pane {
 
   order(moving) {
     const { model, pixels: size } = this;
-    const { azimuth, elevation, zoom } = model.pose;
     const layout = moving ? "color" : "rgbd";
-    // The server fits a volume to a picture's height; one that is taller than wide stands back for it.
-    const fitted = zoom * Math.min(1, size[0] / size[1]);
-    const look = {
-      preset: model.preset, azimuth_deg: azimuth.toFixed(3), elevation_deg: elevation.toFixed(3), zoom: fitted.toFixed(4), size_px: size.join(","),
-    };
+    const orbit = orbitQuery(model.pose, model.volume, FIELD_OF_VIEW, model.pose.zoom * fitOf(size));
+    const look = { preset: model.preset, ...orbit, size_px: size.join(",") };
     const query = new URLSearchParams({ ...look, layout, profile: "philips-42", ...(moving ? { budget_ms: MOVING_MS } : {}) });
     const accept = moving ? "image/jpeg" : "image/png";
     return { url: `/v1/volumes/${model.volume.id}/frame?${query}`, accept, look, size, layout };
@@ -65,7 +63,8 @@ export class VolumePane extends Pane {
     const query = new URLSearchParams({ ...look, u: inside[0], v: inside[1] });
     const found = await (await request(`/v1/volumes/${this.model.volume.id}/pick?${query}`, { signal })).json();
     if (!found.hit) return null;
-    return { mm: found.patient_mm, hu: found.hu ?? null, depth: found.depth_mm, method: "pick", camera: this.sight.record() };
+    const ray = this.sight.rayTo(found.patient_mm);
+    return { mm: found.patient_mm, hu: found.hu ?? null, depth: found.depth_mm, ray, method: "pick", camera: this.sight.record() };
   }
 
   async click(at) {
@@ -78,7 +77,9 @@ export class VolumePane extends Pane {
     }
   }
 
-  drag([dx, dy]) {
+  /** The left button turns; the right one, or Shift, moves. */
+  drag([dx, dy], { button }, event) {
+    if (button === 2 || event.shiftKey) return this.pan([dx, dy]);
     const { azimuth, elevation, zoom } = this.model.pose;
     const degrees = 180 / this.size[1] / Math.max(1, Math.sqrt(zoom));
     this.turn({ azimuth: azimuth - dx * degrees, elevation: elevation + dy * degrees });
@@ -88,12 +89,20 @@ export class VolumePane extends Pane {
     this.zoom(Math.exp(-pixels * 0.0015));
   }
 
-  zoom(ratio) {
-    this.turn({ zoom: this.model.pose.zoom * ratio });
+  /** Closer; what is seen at a place of the picture stays there where one is given. */
+  zoom(ratio, at = null) {
+    const { pose, volume } = this.model;
+    this.turn(at ? zoomedAt(pose, volume, FIELD_OF_VIEW, this.size, ratio, at) : { zoom: pose.zoom * ratio });
+  }
+
+  /** Moves the picture, CSS pixels. */
+  pan([dx, dy]) {
+    const [, height] = this.size;
+    this.turn(shifted(this.model.pose, this.model.volume, FIELD_OF_VIEW, fitOf(this.size), [dx / height, dy / height]));
   }
 
   home() {
-    this.turn({ ...HOME });
+    this.turn({ ...HOME, shift: null });
   }
 
   turn(change) {
@@ -101,7 +110,9 @@ export class VolumePane extends Pane {
     this.model.changed("pose");
   }
 
-  step(right, up) {
+  /** By the keyboard: turns, or moves the picture. */
+  step(right, up, moves = false) {
+    if (moves) return this.pan([0.05 * right * this.size[1], -0.05 * up * this.size[1]]);
     const { azimuth, elevation } = this.model.pose;
     this.turn({ azimuth: azimuth - 6 * right, elevation: elevation - 6 * up });
   }

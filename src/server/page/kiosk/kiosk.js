@@ -27,6 +27,8 @@ let tested = "";
 const arrivals = [];
 
 const panel = new Panel(canvas, selfTest);
+/** For those who drive the page: the view as it is now. A state comes with every frame, and costs nothing while nobody asks. */
+Object.defineProperty(window, "kioskView", { get: () => view?.state ?? null });
 
 function helloOf() {
   const number = (name) => (parameters.has(name) ? { [name]: Number(parameters.get(name)) } : {});
@@ -54,7 +56,6 @@ const session = new Session(helloOf(), {
     if (message.type === "state") view = { ...view, state: message.state };
     if (message.type === "tracking") tracking = message.state;
     if (message.type === "error") refused(message.problem.detail ?? message.problem.title);
-    if (view?.state) document.documentElement.dataset.view = JSON.stringify(view.state);
     if (tracking) document.documentElement.dataset.tracking = tracking;
     describe();
   },

@@ -79,8 +79,20 @@ export class Session {
       const resume = this.token ? { resume: this.token } : {};
       this.#send({ type: "hello", client: "relief kiosk", accept: ACCEPT, ...this.hello, ...resume });
     });
-    socket.addEventListener("message", ({ data }) => (typeof data === "string" ? this.#hear(JSON.parse(data)) : this.#take(data)));
+    socket.addEventListener("message", ({ data }) => (typeof data === "string" ? this.#read(data) : this.#take(data)));
     socket.addEventListener("close", ({ code, reason }) => this.#closed(code, reason));
+  }
+
+  /** A message that is none is told; the next one may be good. */
+  #read(text) {
+    let message = null;
+    try {
+      message = JSON.parse(text);
+    } catch {
+      // Told below.
+    }
+    if (typeof message?.type !== "string") return this.changed("live", "the server said something that is no message");
+    this.#hear(message);
   }
 
   #hear(message) {

@@ -1,0 +1,63 @@
+// The state in the address: a reload or a link shows the same view. Whatever is not usable there is as it usually is.
+
+import { kept as keptLabels, recalled as recalledLabels } from "./labels.js";
+import { keptLight, recalledLight } from "./light.js";
+import { normalized } from "./orbit.js";
+import { kept as keptSlice, recalled as recalledSlice } from "./slices.js";
+import { $, VIEWS, overlayBoxes, state } from "./state.js";
+import { clamp } from "./vectors.js";
+import { HOME } from "./view.js";
+
+/** What a display is told; kept where it is another than these. */
+const USUAL = { profile: "", factor: 64, offset: 128 };
+
+export function remember() {
+  if (!state.volume) return;
+  const { azimuth, elevation, zoom, shift } = state.pose;
+  const { preset, mode, iso, view, layout, overlays, fieldOfView, preview, depthFilter: filter, depthRule: rule } = state;
+  const kept = { volume: state.volume.id, preset, mode, view, layout, filter, rule, fov: fieldOfView };
+  if (iso !== null) kept.iso = iso;
+  if (overlays.length) kept.overlay = overlays.join(",");
+  if (preview) kept.preview = preview;
+  for (const [key, usual] of Object.entries(USUAL)) if (state[key] !== usual) kept[key] = state[key];
+  const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
+  if (shift) pose.shift = shift.map((mm) => mm.toFixed(1)).join(",");
+  const parts = { ...kept, ...pose, ...keptSlice(state.slice), ...keptLight(state.light), ...keptLabels(state.labels) };
+  history.replaceState(null, "", `#${new URLSearchParams(parts)}`);
+}
+
+/** Takes the state out of the address, of what the menus have; gives the volume that is wanted there, by its id. */
+export function recall(presets) {
+  const kept = new URLSearchParams(location.hash.slice(1));
+  const number = (name, otherwise) => {
+    const value = Number(kept.get(name) ?? NaN);
+    return Number.isFinite(value) ? value : otherwise;
+  };
+  const word = (name, allowed) => (allowed.includes(kept.get(name)) ? kept.get(name) : undefined);
+  const values = (id) => [...$(id).options].map((option) => option.value);
+  const shift = (kept.get("shift") ?? "").split(",").map(Number);
+  const { azimuth, elevation, zoom } = HOME;
+  state.pose = normalized({
+    azimuth: number("az", azimuth),
+    elevation: number("el", elevation),
+    zoom: number("zoom", zoom),
+    shift: kept.has("shift") && shift.length === 3 && shift.every((mm) => Math.abs(mm) < 1e4) ? shift : null,
+  });
+  state.slice = recalledSlice(kept);
+  state.labels = recalledLabels(kept);
+  state.light = recalledLight(kept);
+  state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
+  state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
+  state.mode = word("mode", values("mode")) ?? presets.find(({ name }) => name === state.preset).mode;
+  state.iso = kept.has("iso") ? number("iso", 300) : null;
+  const switched = (kept.get("overlay") ?? "").split(",");
+  state.overlays = overlayBoxes().map((box) => box.value).filter((name) => switched.includes(name));
+  state.view = word("view", VIEWS) ?? "picture";
+  state.layout = word("layout", values("layout")) ?? "wowvx";
+  state.depthFilter = word("filter", values("depth-filter")) ?? "none";
+  state.depthRule = word("rule", values("depth-rule")) ?? "threshold";
+  state.profile = word("profile", values("profile")) ?? USUAL.profile;
+  for (const key of ["factor", "offset"]) state[key] = Math.round(clamp(number(key, USUAL[key]), 0, 255));
+  state.preview = word("preview", [...$("panel").querySelectorAll('input[name="preview"]')].map((input) => input.value)) ?? "";
+  return kept.get("volume");
+}

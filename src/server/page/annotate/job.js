@@ -1,0 +1,54 @@
+// Work that takes a while: what it is and for how long it has gone on, and a way to break it off.
+//
+// The server tells no share of what is done: growing and meshing do not know it beforehand. Whoever leaves ends the work there.
+
+import { element } from "./pane.js";
+
+/** Work that is done sooner is not worth a word. */
+const SOON_MS = 300;
+
+export class Job {
+  #running = [];
+  #timer = 0;
+
+  constructor(host) {
+    this.host = host;
+    this.words = element("span");
+    this.time = element("span", { className: "count" });
+    const bar = element("progress", { ariaLabel: "Working" });
+    const stop = element("button", { type: "button", onclick: () => this.cancel() }, "Cancel ", element("kbd", {}, "Esc"));
+    host.replaceChildren(bar, this.words, this.time, stop);
+  }
+
+  /** Runs `ask` with a signal that ends it; what it gives, or the error that it ends with: an `AbortError` where it was broken off. */
+  async run(words, ask) {
+    const job = { words, since: performance.now(), abort: new AbortController() };
+    this.#running.push(job);
+    this.#tell();
+    try {
+      return await ask(job.abort.signal);
+    } finally {
+      this.#running = this.#running.filter((other) => other !== job);
+      this.#tell();
+    }
+  }
+
+  /** Breaks off the newest; false where there is none. */
+  cancel() {
+    const job = this.#running.pop();
+    job?.abort.abort();
+    this.#tell();
+    return job !== undefined;
+  }
+
+  #tell() {
+    clearTimeout(this.#timer);
+    const job = this.#running.at(-1);
+    const ms = job ? performance.now() - job.since : 0;
+    this.host.hidden = !job || ms < SOON_MS;
+    if (!job) return;
+    if (this.words.textContent !== job.words) this.words.textContent = job.words;
+    this.time.textContent = ms >= 1000 ? `${Math.floor(ms / 1000)} s` : "";
+    this.#timer = setTimeout(() => this.#tell(), ms < SOON_MS ? SOON_MS - ms : 250);
+  }
+}

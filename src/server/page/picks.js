@@ -1,0 +1,75 @@
+// Clicks ask for the patient position under them in the very picture that is shown; a marker stays on its place in the patient.
+
+import { notify, showFailure } from "./notice.js";
+import { Projection } from "./projection.js";
+import { $, state, volumePath } from "./state.js";
+import { request } from "./view.js";
+
+const lps = ([x, y, z]) =>
+  [[x, "L", "R"], [y, "P", "A"], [z, "H", "F"]]
+    .map(([value, positive, negative]) => `${value < 0 ? negative : positive} ${Math.abs(value).toFixed(1)}`)
+    .join(", ");
+
+const wordsOf = (found) => [
+  ["Patient", `${lps(found.patient_mm)} mm`],
+  ["LPS", found.patient_mm.map((value) => value.toFixed(2)).join(", ")],
+  ["View depth", `${found.depth_mm.toFixed(1)} mm`],
+  ...(found.segment ? [["Segment", found.segment.name ?? `label ${found.segment.label}`]] : []),
+];
+
+export class Picks {
+  #pick = null;
+
+  /** `shown` gives the picture that is shown. */
+  constructor(shown) {
+    this.shown = shown;
+  }
+
+  /** Asks what is shown at a point of the stage, in fractions of its width and height. */
+  async at([x, y]) {
+    const picture = this.shown();
+    if (!picture?.query) return;
+    const { query, size } = picture;
+    const at = new URLSearchParams(query);
+    // Of a picture under a budget the whole one is asked: it is on its way already.
+    at.delete("budget_ms");
+    at.set("u", Math.min(size[0] - 0.01, x * size[0]).toFixed(2));
+    at.set("v", Math.min(size[1] - 0.01, y * size[1]).toFixed(2));
+    try {
+      const found = await (await request(`${volumePath("pick")}?${at}`)).json();
+      this.#pick = found.hit ? { patient: found.patient_mm, words: wordsOf(found) } : null;
+      if (!found.hit) notify("Nothing is shown there. Click on the volume itself, or choose a preset that shows more.");
+    } catch (error) {
+      showFailure(error);
+    }
+    this.draw();
+  }
+
+  /** Puts the marker where its place is in the picture that is shown. */
+  draw() {
+    const pick = this.#pick;
+    const picture = this.shown();
+    // A frame is for a display: nothing may lie over it.
+    const overlays = state.view !== "frame";
+    $("picked").hidden = !pick || !overlays;
+    const isSeen = pick && overlays && picture?.camera && picture.kind !== "frame";
+    const at = isSeen ? new Projection(picture.camera).project(pick.patient)?.at : null;
+    const inside = at && at.every((value) => value >= 0 && value <= 1);
+    $("marker").hidden = !inside;
+    if (inside) Object.assign($("marker").style, { left: `${at[0] * 100}%`, top: `${at[1] * 100}%` });
+    if (pick) $("picked").replaceChildren(...pick.words.map(line));
+  }
+
+  forget() {
+    this.#pick = null;
+    this.draw();
+  }
+}
+
+function line([name, value]) {
+  const made = document.createElement("div");
+  const term = document.createElement("b");
+  term.textContent = `${name}  `;
+  made.append(term, value);
+  return made;
+}

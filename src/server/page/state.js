@@ -1,0 +1,47 @@
+// What the main page shows: one state that its parts read and change.
+
+import { ALL_SHOWN } from "./labels.js";
+import { NO_LIGHT } from "./light.js";
+import { NO_SLICE } from "./slices.js";
+import { HOME } from "./view.js";
+
+export const $ = (id) => document.getElementById(id);
+export const DOT = " · ";
+export const VIEWS = ["picture", "depth", "split", "frame"];
+
+export const state = {
+  volume: null,
+  pose: { ...HOME, shift: null },
+  slice: { ...NO_SLICE },
+  preset: "bone",
+  mode: "composite",
+  /** HU of the surface; the server's choice for the preset while null. */
+  iso: null,
+  light: { ...NO_LIGHT },
+  overlays: [],
+  labels: { ...ALL_SHOWN },
+  fieldOfView: 22,
+  view: "picture",
+  layout: "wowvx",
+  profile: "",
+  factor: 64,
+  offset: 128,
+  depthFilter: "none",
+  depthRule: "threshold",
+  /** What a 3D display would show, over the picture: off, or a kind of `preview.js`. */
+  preview: "",
+  split: 0.5,
+};
+
+/** Whether a slice is shown, and not the whole. */
+export const slicing = () => state.slice.plane !== "" && state.volume !== null;
+
+export const volumePath = (part) => `/v1/volumes/${state.volume.id}/${part}`;
+
+/** Marks the radio button of a value. */
+export function choose(name, value) {
+  const input = $("panel").querySelector(`input[name="${name}"][value="${value}"]`);
+  if (input) input.checked = true;
+}
+
+export const overlayBoxes = () => [...$("panel").querySelectorAll('input[name="overlay"]')];

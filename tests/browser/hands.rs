@@ -1,0 +1,192 @@
+//! Structures, curves, snapping, fingers and linked views of the page for annotations: what `browser/hands.py` saw, and what it has to be.
+
+use std::f64::consts::PI;
+use std::sync::OnceLock;
+
+use serde_json::{Value, json};
+
+use super::annotate::distance;
+use super::{driven, numbers, skipped};
+
+/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+fn seen(what: &str) -> Option<&'static Value> {
+    static SEEN: OnceLock<Option<Value>> = OnceLock::new();
+    let seen = SEEN.get_or_init(|| driven("hands.py", what, "128", false));
+    if seen.is_none() {
+        skipped(what);
+    }
+    seen.as_ref()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap())
+}
+
+/// Numbers with commas between them.
+fn triple(value: &Value) -> Vec<f64> {
+    value.as_str().unwrap().split(',').map(|mm| mm.parse().unwrap()).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+fn cross(a: &[f64], b: &[f64]) -> Vec<f64> {
+    (0..3).map(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]).collect()
+}
+
+fn length(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[test]
+fn a_click_in_any_view_moves_the_cursor_in_all() {
+    let Some(seen) = seen("linked views") else { return };
+    assert_eq!(seen["problems"], json!([]));
+    for (view, found) in seen["links"].as_object().unwrap() {
+        let cursor = numbers(&found["cursor"]);
+        let off = distance(&found["cursor"], &found["picked"]);
+        assert!(off < 0.1, "{view}: the cursor is {off} mm from the pick");
+        for (slice, asked) in found["slices"].as_object().unwrap() {
+            let normal = match slice.as_str() {
+                "axial" => vec![0.0, 0.0, 1.0],
+                "sagittal" => vec![1.0, 0.0, 0.0],
+                "coronal" => vec![0.0, 1.0, 0.0],
+                _ => triple(&asked["normal"]),
+            };
+            let off = dot(&normal, &minus(&cursor, &triple(&asked["center_mm"])));
+            assert!(off.abs() < 0.01, "{view}: the {slice} slice passes {off} mm beside the cursor");
+        }
+        // What was clicked is where the lines meet there, or where the mark is.
+        let at = numbers(&found["at"]);
+        let (marked, [width, height]) = match found["meets"].get(view) {
+            None => (numbers(&found["mark"]), [1.0, 1.0]),
+            Some(meets) => (numbers(meets), [number(&meets[2]), number(&meets[3])]),
+        };
+        for (i, side) in [width, height].into_iter().enumerate() {
+            assert!((marked[i] / side - at[i]).abs() < 0.006, "{view}: {marked:?} of {width} x {height}, {at:?}");
+        }
+    }
+}
+
+#[test]
+fn balls_are_painted_and_erased_and_the_erasing_is_taken_back() {
+    let Some(seen) = seen("painting on the page") else { return };
+    let painting = &seen["painting"];
+    let [one, two, erased, undone] = ["one", "two", "erased", "undone"].map(|name| number(&painting[name]));
+    // 12 mm, apart from each other, of voxels of 1.875 mm.
+    let ball = 4.0 / 3.0 * PI * 12f64.powi(3) / 1000.0;
+    assert!((one / ball - 1.0).abs() < 0.03, "{one} ml, the ball has {ball} ml");
+    assert!((two / (2.0 * ball) - 1.0).abs() < 0.03, "{two} ml of two balls");
+    assert!((erased - one).abs() < 1e-9 && (undone - two).abs() < 1e-9, "{painting}");
+}
+
+#[test]
+fn contours_on_three_levels_become_the_region_between_them() {
+    let Some(seen) = seen("filling on the page") else { return };
+    let filling = &seen["filling"];
+    assert_eq!(filling["closed"], json!([true, true, true]));
+    assert_eq!(filling["points"], json!([8, 8, 8]));
+    let heights = numbers(&filling["heights"]);
+    // Ten slices from level to level.
+    for pair in heights.windows(2) {
+        assert!((pair[1] - pair[0] - 10.0 * 1.875).abs() < 0.01, "{heights:?}");
+    }
+    // A cylinder from the first level to the last; half a voxel more or less at each of its ends.
+    let radius = number(&filling["radius_mm"]);
+    let area = PI * radius * radius / 1000.0;
+    let (height, ml) = (heights[2] - heights[0], number(&filling["region"]["volume_ml"]));
+    let [least, most] = [0.97 * area * (height - 1.875), 1.03 * area * (height + 1.875)];
+    assert!((least..=most).contains(&ml), "{ml} ml, a cylinder of this size has {} ml", area * height);
+}
+
+#[test]
+fn points_of_a_curve_are_added_on_its_line_and_removed() {
+    let Some(seen) = seen("points of a curve on the page") else { return };
+    let curve = &seen["curve"];
+    let [made, removed, undone] = ["made", "removed", "undone"].map(|name| curve[name].as_array().unwrap());
+    let added = curve["added"]["points"].as_array().unwrap();
+    assert_eq!((made.len(), added.len()), (3, 4));
+    assert_eq!((&added[0], &added[2], &added[3]), (&made[0], &made[1], &made[2]), "between the first two");
+    let off = distance(&added[1], &curve["added"]["pressed"]);
+    assert!(off < 1.0, "{off} mm from the press, less than a pixel and a half");
+    assert_eq!((removed, undone), (made, made));
+    assert_eq!(curve["least"], 2);
+}
+
+#[test]
+fn a_snap_in_3d_looks_along_the_line_of_sight() {
+    let Some(seen) = seen("snapping along the line of sight") else { return };
+    let sight = &seen["sight"];
+    let shift = numbers(&sight["placement"]["snapped_mm"]);
+    let eye = numbers(&sight["placement"]["camera"]["eye_mm"]);
+    let ray = minus(&numbers(&sight["at_mm"]), &eye);
+    assert!(length(&shift) > 0.01, "{sight}");
+    let across = length(&cross(&shift, &ray)) / length(&ray);
+    assert!(across < 0.01, "moved {} mm, {across} of it across the line of sight", length(&shift));
+    assert!((length(&numbers(&sight["ray"])) - 1.0).abs() < 1e-6, "{sight}");
+    assert_eq!(sight["in_slice"], Value::Null, "in a slice the nearest edge counts");
+}
+
+#[test]
+fn two_fingers_move_and_zoom_what_lies_under_them() {
+    let Some(seen) = seen("two fingers") else { return };
+    let fingers = &seen["fingers"];
+    assert_eq!((&fingers["problems"], &fingers["items"]), (&json!([]), &seen_items(seen)));
+    // The slice: of the height that is seen half is left, and what was between the fingers still is.
+    let axial = &fingers["axial"];
+    let [before, after] = ["before", "after"].map(|name| number(&axial[name]["height_mm"]));
+    assert!((before / after - 2.0).abs() < 1e-3, "{before} mm, {after} mm");
+    let aspect = number(&axial["aspect"]);
+    let under = |name: &str, at: &str| {
+        let (asked, at) = (&axial[name], numbers(&axial[at]));
+        let (center, height) = (triple(&asked["center_mm"]), number(&asked["height_mm"]));
+        // The patient's left is at the right, the back below.
+        [center[0] + (at[0] - 0.5) * aspect * height, center[1] + (at[1] - 0.5) * height]
+    };
+    let [from, to] = [under("before", "from"), under("after", "to")];
+    assert!((from[0] - to[0]).hypot(from[1] - to[1]) < 0.5, "{from:?} was under the fingers, {to:?} is");
+    // 3D: the same in the plane through the point that is looked at.
+    let volume = &fingers["volume"];
+    let (radius, center) = (number(&volume["radius_mm"]), numbers(&volume["center_mm"]));
+    let after = &volume["after"];
+    let [eye, look] = ["eye_mm", "look_at_mm"].map(|name| triple(&after[name]));
+    let back = minus(&eye, &look);
+    let half = 11f64.to_radians();
+    assert!((length(&back) - radius / half.sin()).abs() < 0.01, "the eye stays as far away");
+    let zoom = number(&volume["before"]["zoom"]);
+    let height = 2.0 * length(&back) * (number(&after["vertical_fov_deg"]).to_radians() / 2.0).tan();
+    let whole = 2.0 * radius / half.cos() / zoom;
+    assert!((whole / height - 2.0).abs() < 1e-3, "{whole} mm, {height} mm");
+    let up = triple(&after["up"]);
+    let right = cross(&up, &back.iter().map(|mm| mm / length(&back)).collect::<Vec<_>>());
+    let aspect = number(&volume["aspect"]);
+    let under = |center: &[f64], height: f64, at: &str| -> Vec<f64> {
+        let at = numbers(&volume[at]);
+        let (x, y) = ((at[0] - 0.5) * aspect * height, (0.5 - at[1]) * height);
+        (0..3).map(|i| center[i] + x * right[i] + y * up[i]).collect()
+    };
+    let [from, to] = [under(&center, whole, "from"), under(&look, height, "to")];
+    let off = length(&minus(&from, &to));
+    assert!(off < 0.5, "{off} mm from what was under the fingers");
+}
+
+/// How many items the other steps left: fingers add none.
+fn seen_items(seen: &Value) -> Value {
+    json!(seen["jobs"]["items"][1].as_u64().unwrap() + 1)
+}
+
+#[test]
+fn work_that_hangs_is_told_and_broken_off() {
+    let Some(seen) = seen("long work on the page") else { return };
+    let jobs = &seen["jobs"];
+    let said = jobs["said"].as_str().unwrap();
+    assert!(said.contains("mesh of “Region 1”") && said.contains("1 s") && said.contains("Cancel"), "{said}");
+    assert_eq!(jobs["bar"], -1.0, "nobody knows the share that is done");
+    assert_eq!(jobs["items"][0], jobs["items"][1]);
+    assert_eq!(jobs["mesh"], "mesh", "the next one goes through");
+}

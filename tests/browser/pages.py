@@ -1,0 +1,186 @@
+"""What the tests of the pages have in common: a server, a window of Chromium, and the page for annotations in one.
+
+With RELIEF_PAGE_URL a server that runs is used, with RELIEF_PAGE_FILES=FOLDER the pages' files come from there and not from the
+program, and with RELIEF_PAGE_SHOTS=FOLDER pictures are kept there.
+"""
+
+import json
+import os
+import pathlib
+import re
+import signal
+import socket
+import subprocess
+import time
+import urllib.parse
+import urllib.request
+
+SHOTS = os.environ.get("RELIEF_PAGE_SHOTS")
+FILES = os.environ.get("RELIEF_PAGE_FILES") and pathlib.Path(os.environ["RELIEF_PAGE_FILES"])
+SIZE = {"width": 1280, "height": 720}
+TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+
+
+def page_files():
+    """Addresses of the pages' files and their names in the folder, as the server has them."""
+    listed = FILES.with_suffix(".rs").read_text(encoding="utf-8")
+    return re.findall(r'\("(/[^"]*)", [^,]+, include_str!\("page/([^"]+)"\)\)', listed)
+
+
+def from_disk(path):
+    return lambda route: route.fulfill(body=path.read_bytes(), content_type=TYPES[path.suffix] + "; charset=utf-8")
+
+
+def launched(playwright, chromium):
+    return playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+class Server:
+    """relief serve with or without a series and annotations. With RELIEF_PAGE_URL one that runs already."""
+
+    def __init__(self, relief, series, *more):
+        self.process = None
+        self.url = os.environ.get("RELIEF_PAGE_URL")
+        if not self.url:
+            port = free_port()
+            self.url = f"http://127.0.0.1:{port}"
+            shown = ["--series", series] if series else []
+            command = [relief, "serve", *shown, "--listen", f"127.0.0.1:{port}", *more]
+            environment = {**os.environ, "RELIEF_ADAPTER": "software", "RELIEF_LOG": "warn"}
+            self.process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
+        for _ in range(600):
+            try:
+                # Without a series it is never ready, but answers.
+                if urllib.request.urlopen(self.url + ("/readyz" if series else "/healthz")).status == 200:
+                    break
+            except OSError:
+                time.sleep(0.1)
+        else:
+            raise SystemExit("the server is not ready after a minute")
+        self.volumes = self.get("/v1/volumes")["volumes"]
+        self.volume = f"/v1/volumes/{self.volumes[0]['id']}" if series else None
+
+    def get(self, path, author="test"):
+        asked = urllib.request.Request(self.url + path, headers={"Relief-Author": author})
+        return json.loads(urllib.request.urlopen(asked).read())
+
+    def annotations(self, author="test"):
+        return self.get(f"{self.volume}/annotations", author)
+
+    def item(self, name):
+        """The entry of this name, waited for."""
+        for _ in range(100):
+            for entry in self.annotations()["items"]:
+                if entry["item"]["name"] == name:
+                    return entry
+            time.sleep(0.05)
+        raise SystemExit(f"no item {name!r}")
+
+    def kill(self):
+        if self.process:
+            self.process.send_signal(signal.SIGKILL)
+            self.process.wait()
+
+
+class Window:
+    """One window with one of the pages."""
+
+    def __init__(self, browser, server, path, size=SIZE, author=None, **more):
+        self.server = server
+        self.asked = {}
+        self.problems = []
+        self.context = browser.new_context(viewport=size, accept_downloads=True, **more)
+        self.page = self.context.new_page()
+        if FILES:
+            for address, name in page_files():
+                self.page.route(lambda url, known=address: urllib.parse.urlsplit(url).path == known, from_disk(FILES / name))
+        self.page.on("pageerror", lambda error: self.problems.append(error.message))
+        # The browser itself tells of answers that are no success: a conflict (409), a file that is refused and a leak (422).
+        expected = lambda message: "409" in message.text or "422" in message.text
+        said = lambda message: message.type == "error" and not expected(message)
+        self.page.on("console", lambda message: said(message) and self.problems.append(message.text))
+        self.page.on("request", self.__note)
+        if author:
+            self.page.add_init_script(f"localStorage.setItem('relief-author', {json.dumps(author)})")
+        self.page.goto(server.url + path)
+
+    def __note(self, request):
+        address = urllib.parse.urlsplit(request.url)
+        query = dict(urllib.parse.parse_qsl(address.query))
+        if address.path.endswith("/slice"):
+            self.asked[query.get("plane", "oblique")] = query
+        elif address.path.endswith("/frame"):
+            self.asked["volume"] = query
+
+    def wait(self, condition, seconds=30):
+        """Asks until an expression is true. Playwright's own way would evaluate text, which the page's policy forbids."""
+        for _ in range(20 * seconds):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(50)
+        self.shot("stuck")
+        raise SystemExit(f"not within {seconds} s: {condition}; {self.page.inner_text('body')[:800]}")
+
+    def key(self, key):
+        self.page.keyboard.press(key)
+
+    def shot(self, name):
+        if SHOTS:
+            self.page.screenshot(path=f"{SHOTS}/{name}.png")
+
+
+class Page(Window):
+    """One window of the page for annotations, as one author."""
+
+    def __init__(self, browser, server, author, size=SIZE, **more):
+        super().__init__(browser, server, "/annotate", size, author, **more)
+        self.still()
+
+    def still(self):
+        self.wait("document.querySelectorAll('.pane[data-still=true]').length === 5 && !document.querySelector('.pane .busy.on')", 60)
+        self.page.wait_for_timeout(250)
+        self.wait("document.querySelectorAll('.pane[data-still=true]').length === 5 && !document.querySelector('.pane .busy.on')", 60)
+
+    def box(self, pane):
+        return self.page.locator(f".pane-{pane}").bounding_box()
+
+    def at(self, pane, x, y):
+        """Window coordinates of a place of a pane, whole pixels."""
+        box = self.box(pane)
+        return round(box["x"] + x * box["width"]), round(box["y"] + y * box["height"])
+
+    def click(self, pane, x, y):
+        self.page.mouse.click(*self.at(pane, x, y))
+
+    def asked_pick(self, pane, x, y):
+        """What the server's pick says of the pixel that a click there meets."""
+        box, (left, top) = self.box(pane), self.at(pane, x, y)
+        query = {key: value for key, value in self.asked[pane].items() if key not in ("layout", "profile", "budget_ms")}
+        if pane != "volume":
+            query["mode"] = "slice"
+        size = [int(side) for side in query["size_px"].split(",")]
+        if pane != "volume":
+            # A pick is of the middle of a pixel, a place of a slice exact: smaller pixels bring them together.
+            size = [8 * side for side in size]
+            query["size_px"] = f"{size[0]},{size[1]}"
+        query["u"] = (left + 0.5 - box["x"]) * size[0] / box["width"]
+        query["v"] = (top + 0.5 - box["y"]) * size[1] / box["height"]
+        return self.server.get(f"{self.server.volume}/pick?{urllib.parse.urlencode(query)}")
+
+    def pick(self, pane, x, y):
+        return self.asked_pick(pane, x, y)["patient_mm"]
+
+    def value(self, pane, x, y):
+        return self.asked_pick(pane, x, y)["hu"]
+
+    def rows(self):
+        return self.page.evaluate("[...document.querySelectorAll('.item')].map((row) => row.getAttribute('aria-label'))")
+
+    def wait_row(self, text):
+        self.wait(f"[...document.querySelectorAll('.item')].some((row) => row.getAttribute('aria-label').includes({json.dumps(text)}))")

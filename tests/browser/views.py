@@ -1,0 +1,181 @@
+"""Drives the page of the volume, and looks at all pages on screens large and small; prints what it saw as one JSON object.
+
+usage: views.py RELIEF CHROMIUM SERIES FOLDER [STEP,...]
+"""
+
+import json
+import math
+import pathlib
+import sys
+import urllib.parse
+
+from pages import Page, Server, Window, launched
+from playwright.sync_api import sync_playwright
+
+RELIEF, CHROMIUM, SERIES, FOLDER = sys.argv[1:5]
+SIZES = {"desk": {"width": 1400, "height": 900}, "phone": {"width": 390, "height": 844}}
+ADDRESSES = {"volume": "/", "annotate": "/annotate", "kiosk": "/kiosk?preset=bone", "monitor": "/monitor"}
+#: Roles of the accessibility tree that people use.
+USED = {"button", "link", "checkbox", "radio", "combobox", "slider", "spinbutton", "textbox", "switch", "MenuListPopup", "ColorWell"}
+#: What reaches out of the window, or is cut by it, though it can be used.
+OUTSIDE = """
+[...document.querySelectorAll('button, a, input, select, summary, label')].filter((control) => {
+  const box = control.getBoundingClientRect();
+  const style = getComputedStyle(control);
+  if (box.width < 2 || style.visibility === 'hidden' || control.closest('[hidden], .for-readers')) return false;
+  for (let host = control.parentElement; host; host = host.parentElement) {
+    if (/auto|scroll/.test(getComputedStyle(host).overflowX)) return false;
+  }
+  return box.left < -1 || box.right > innerWidth + 1;
+}).map((control) => control.outerHTML.slice(0, 90))
+"""
+
+
+def settled(page):
+    """The picture of the page of the volume is whole."""
+    page.wait("document.getElementById('timing').innerText.includes('in all') && !document.getElementById('busy').classList.contains('on')", 60)
+    page.page.wait_for_timeout(400)
+    page.wait("!document.getElementById('busy').classList.contains('on')", 60)
+
+
+def kept(page):
+    return dict(urllib.parse.parse_qsl(page.page.evaluate("location.hash.slice(1)")))
+
+
+def address(browser, server):
+    """What is chosen is kept in the address, and comes back from there."""
+    page = Window(browser, server, "/#preset=skin&az=35&el=5&zoom=1.5")
+    settled(page)
+    page.page.check('input[name="preview"][value="anaglyph"]', force=True)
+    page.page.fill("#factor", "100")
+    page.page.check('input[name="overlay"][value="cube"]', force=True)
+    page.wait("!document.getElementById('preview').hidden", 60)
+    page.shot("preview")
+    found = {"kept": kept(page)}
+    page.page.reload()
+    settled(page)
+    page.wait("!document.getElementById('preview').hidden", 60)
+    found["again"] = page.page.evaluate(
+        "({ preview: document.querySelector('input[name=preview]:checked').value, factor: document.getElementById('factor').value,"
+        " cube: document.querySelector('input[value=cube]').checked, preset: document.querySelector('.presets input:checked + img + span').innerText })"
+    )
+    page.page.check('input[name="preview"][value=""]', force=True)
+    page.wait("document.getElementById('preview').hidden")
+    found["off"] = kept(page).get("preview")
+    found["problems"] = page.problems
+    page.context.close()
+    return found
+
+
+def hands(browser, server):
+    """Mouse, fingers and keys move and zoom the volume and a slice; numbers that are typed are no commands."""
+    page = Window(browser, server, "/#preset=bone&az=20&el=10&zoom=1.4", has_touch=True)
+    settled(page)
+    stage = page.page.locator("#stage").bounding_box()
+    middle = [stage["x"] + stage["width"] / 2, stage["y"] + stage["height"] / 2]
+    found = {"stage": [stage["width"], stage["height"]], "center_mm": server.volumes[0]["center_mm"]}
+    volume = server.volumes[0]
+    found["radius_mm"] = math.hypot(*[count * step for count, step in zip(volume["dims"], volume["spacing_mm"])]) / 2
+    page.page.mouse.move(*middle)
+    page.page.mouse.down(button="right")
+    for step in range(1, 6):
+        page.page.mouse.move(middle[0] + 10 * step, middle[1])
+    page.page.mouse.up(button="right")
+    settled(page)
+    found["moved"] = {"kept": kept(page), "asked": dict(page.asked["volume"])}
+    page.key("Home")
+    settled(page)
+    found["home"] = kept(page)
+    page.key("Control+ArrowUp")
+    settled(page)
+    found["by_key"] = kept(page)
+    page.key("Home")
+    client = page.context.new_cdp_session(page.page)
+    for kind, half in [("touchStart", 40), ("touchMove", 60), ("touchMove", 80), ("touchEnd", 80)]:
+        points = [{"x": middle[0] + side * half, "y": middle[1], "id": number} for number, side in enumerate((-1, 1))]
+        client.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [] if kind == "touchEnd" else points})
+    settled(page)
+    found["pinched"] = kept(page)
+    page.page.check('input[name="plane"][value="axial"]', force=True)
+    settled(page)
+    page.page.fill("#slice-center", "")
+    page.page.locator("#slice-center").press_sequentially("55")
+    settled(page)
+    found["typed"] = kept(page)
+    page.key("Escape")
+    found["problems"] = page.problems
+    page.context.close()
+    return found
+
+
+def empty(browser):
+    """A server without a series says what to do, and takes one."""
+    server = Server(RELIEF, None)
+    page = Window(browser, server, "/")
+    page.wait("!document.getElementById('empty').hidden")
+    found = {"said": page.page.inner_text("#empty")}
+    page.shot("empty")
+    page.page.set_input_files("#upload", {"name": "notes.zip", "mimeType": "application/zip", "buffer": b"no zip"})
+    page.wait("document.getElementById('notice').classList.contains('error')")
+    found["refused"] = page.page.inner_text("#notice")
+    found["still"] = page.page.locator("#empty").is_visible()
+    found["problems"] = page.problems
+    page.context.close()
+    server.kill()
+    return found
+
+
+def nameless(page):
+    """Controls without a name in Chromium's own accessibility tree, and how many it has."""
+    client = page.context.new_cdp_session(page.page)
+    nodes = client.send("Accessibility.getFullAXTree")["nodes"]
+    used = [node for node in nodes if not node.get("ignored") and node.get("role", {}).get("value") in USED]
+    without = [node["role"]["value"] for node in used if not node.get("name", {}).get("value", "").strip()]
+    return {"controls": len(used), "without": without}
+
+
+def looks(browser, server):
+    """All pages on a desk and on a phone: nothing reaches out of the window, and every control has a name."""
+    found = {}
+    for size, pixels in SIZES.items():
+        for name, path in ADDRESSES.items():
+            page = Page(browser, server, "Ada Berg", pixels) if name == "annotate" else Window(browser, server, path, pixels)
+            if name == "volume":
+                settled(page)
+            page.page.wait_for_timeout(1500)
+            if name == "kiosk":
+                page.shot(f"{size}-{name}-frame")
+                page.key("m")
+            page.shot(f"{size}-{name}")
+            wide = page.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+            outside = page.page.evaluate(OUTSIDE)
+            found[f"{size} {name}"] = {**nameless(page), "wide": wide, "outside": outside, "problems": page.problems}
+            if name in ("volume", "annotate"):
+                page.page.click("#help-button")
+                page.page.wait_for_timeout(200)
+                page.shot(f"{size}-{name}-help")
+                help_box = page.page.locator("dialog[open]").bounding_box()
+                found[f"{size} {name}"]["help"] = [help_box["x"], help_box["x"] + help_box["width"], help_box["y"], help_box["y"] + help_box["height"]]
+            page.context.close()
+    return found
+
+
+def main():
+    steps = sys.argv[5].split(",") if len(sys.argv) > 5 else []
+    wanted = lambda step: not steps or step in steps
+    server = Server(RELIEF, SERIES, "--annotations", str(pathlib.Path(FOLDER) / "views.db"))
+    try:
+        with sync_playwright() as playwright:
+            browser = launched(playwright, CHROMIUM)
+            found = {}
+            for name, step in [("address", address), ("hands", hands), ("looks", looks)]:
+                if wanted(name):
+                    found[name] = step(browser, server)
+            if wanted("empty"):
+                found["empty"] = empty(browser)
+        print(json.dumps(found))
+    finally:
+        server.kill()
+
+
+main()

@@ -1,0 +1,93 @@
+//! The page of the volume, and all pages on screens large and small: what `browser/views.py` saw, and what it has to be.
+
+use std::sync::OnceLock;
+
+use serde_json::{Value, json};
+
+use super::{driven, numbers, skipped};
+
+/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+fn seen(what: &str) -> Option<&'static Value> {
+    static SEEN: OnceLock<Option<Value>> = OnceLock::new();
+    let seen = SEEN.get_or_init(|| driven("views.py", what, "96", false));
+    if seen.is_none() {
+        skipped(what);
+    }
+    seen.as_ref()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap())
+}
+
+fn triple(value: &Value) -> Vec<f64> {
+    value.as_str().unwrap().split(',').map(|mm| mm.parse().unwrap()).collect()
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+#[test]
+fn what_is_chosen_is_kept_in_the_address() {
+    let Some(seen) = seen("the address of the page") else { return };
+    let address = &seen["address"];
+    assert_eq!(address["problems"], json!([]));
+    let kept = &address["kept"];
+    for (key, value) in [("preview", "anaglyph"), ("factor", "100"), ("overlay", "cube"), ("preset", "skin"), ("az", "35.0")] {
+        assert_eq!(kept[key], value, "{kept}");
+    }
+    assert_eq!(address["again"], json!({ "preview": "anaglyph", "factor": "100", "cube": true, "preset": "skin" }));
+    assert_eq!(address["off"], Value::Null);
+}
+
+#[test]
+fn mouse_fingers_and_keys_move_the_picture_and_typing_is_no_command() {
+    let Some(seen) = seen("hands on the page") else { return };
+    let hands = &seen["hands"];
+    assert_eq!(hands["problems"], json!([]));
+    // 50 pixels to the right: so much of the height that is seen where the camera looks.
+    let (asked, radius) = (&hands["moved"]["asked"], number(&hands["radius_mm"]));
+    let [width, height] = [0, 1].map(|side| number(&hands["stage"][side]));
+    let seen_mm = 2.0 * radius / 11f64.to_radians().cos() / (1.4 * (width / height).min(1.0));
+    let moved = distance(&triple(&asked["look_at_mm"]), &numbers(&hands["center_mm"]));
+    assert!((moved - 50.0 / height * seen_mm).abs() < 0.5, "{moved} mm of {seen_mm} mm");
+    assert!(hands["moved"]["kept"]["shift"].is_string(), "{hands}");
+    assert_eq!(hands["home"].get("shift"), None);
+    let by_key = triple(&hands["by_key"]["shift"]);
+    assert!((distance(&by_key, &[0.0; 3]) - 0.05 * seen_mm).abs() < 0.2, "{by_key:?}");
+    assert_eq!((&hands["pinched"]["zoom"], &hands["pinched"]["preset"]), (&json!("2.80"), &json!("bone")));
+    let typed = &hands["typed"];
+    assert_eq!((&typed["window"], &typed["preset"], &typed["plane"]), (&json!("55,400"), &json!("bone"), &json!("axial")));
+}
+
+#[test]
+fn every_control_has_a_name_and_nothing_reaches_out_of_the_window() {
+    let Some(seen) = seen("all pages on two screens") else { return };
+    let looks = seen["looks"].as_object().unwrap();
+    assert_eq!(looks.len(), 8);
+    for (page, found) in looks {
+        assert_eq!(found["problems"], json!([]), "{page}");
+        assert!(found["controls"].as_u64().unwrap() >= 4, "{page}: {found}");
+        assert_eq!(found["without"], json!([]), "{page}: controls without a name");
+        assert_eq!(found["outside"], json!([]), "{page}: controls beyond the window");
+        let [has, room] = [0, 1].map(|i| number(&found["wide"][i]));
+        assert!(has <= room, "{page}: {has} pixels wide, the window {room}");
+        if let Some(help) = found.get("help") {
+            let help = numbers(help);
+            assert!(help[0] >= 0.0 && help[1] <= room && help[2] >= 0.0, "{page}: help at {help:?}");
+        }
+    }
+}
+
+#[test]
+fn a_server_without_a_series_says_what_to_do() {
+    let Some(seen) = seen("the page without a series") else { return };
+    let empty = &seen["empty"];
+    let said = empty["said"].as_str().unwrap();
+    for words in ["No volume is loaded", "relief serve --series", "relief phantom", "Choose a zip"] {
+        assert!(said.contains(words), "{said}");
+    }
+    assert!(empty["refused"].as_str().unwrap().starts_with("notes.zip: "), "{empty}");
+    assert_eq!(empty["still"], true);
+}
