@@ -68,7 +68,10 @@ fn a_click_in_any_view_moves_the_cursor_in_all() {
             Some(meets) => (numbers(meets), [number(&meets[2]), number(&meets[3])]),
         };
         for (i, side) in [width, height].into_iter().enumerate() {
-            assert!((marked[i] / side - at[i]).abs() < 0.006, "{view}: {marked:?} of {width} x {height}, {at:?}");
+            assert!(
+                (marked[i] / side - at[i]).abs() < 0.006,
+                "{view}: {marked:?} of {width} x {height}, {at:?}"
+            );
         }
     }
 }

@@ -32,7 +32,9 @@ def from_disk(path):
 
 
 def launched(playwright, chromium):
-    return playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
+    # Files that come from elsewhere than the server make it another network's for Chromium, which then wants to be asked.
+    more = ["--disable-features=LocalNetworkAccessChecks"] if FILES else []
+    return playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu", *more])
 
 
 def free_port():

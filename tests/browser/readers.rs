@@ -56,10 +56,16 @@ fn a_dropped_file_is_taken_whole_and_a_bad_one_changes_nothing() {
     // RAS in the file, LPS here.
     let off = distance(&dropping["taken"]["geometry"]["at_mm"], &json!([-12.5, 3.25, 20.75]));
     assert!(off < 1e-6, "{dropping}");
-    assert_eq!((&dropping["taken"]["list"], &dropping["taken"]["author"]), (&json!("ears"), &json!("Fay Wynn")));
+    assert_eq!(
+        (&dropping["taken"]["list"], &dropping["taken"]["author"]),
+        (&json!("ears"), &json!("Fay Wynn"))
+    );
     let cursor: Vec<f64> =
         dropping["cursor"].as_str().unwrap().split(',').map(|mm| mm.parse().unwrap()).collect();
-    assert!(distance(&json!(cursor), &dropping["taken"]["geometry"]["at_mm"]) < 0.01, "the cursor goes there");
+    assert!(
+        distance(&json!(cursor), &dropping["taken"]["geometry"]["at_mm"]) < 0.01,
+        "the cursor goes there"
+    );
     assert!(dropping["said"].as_str().unwrap().contains("ears.mrk.json: 1 item"), "{dropping}");
     let bad = dropping["bad"].as_object().unwrap();
     assert_eq!(bad.len(), 4);

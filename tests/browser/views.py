@@ -16,7 +16,7 @@ RELIEF, CHROMIUM, SERIES, FOLDER = sys.argv[1:5]
 SIZES = {"desk": {"width": 1400, "height": 900}, "phone": {"width": 390, "height": 844}}
 ADDRESSES = {"volume": "/", "annotate": "/annotate", "kiosk": "/kiosk?preset=bone", "monitor": "/monitor"}
 #: Roles of the accessibility tree that people use.
-USED = {"button", "link", "checkbox", "radio", "combobox", "slider", "spinbutton", "textbox", "switch", "MenuListPopup", "ColorWell"}
+USED = {"button", "link", "checkbox", "radio", "combobox", "slider", "spinbutton", "textbox", "switch", "ColorWell"}
 #: What reaches out of the window, or is cut by it, though it can be used.
 OUTSIDE = """
 [...document.querySelectorAll('button, a, input, select, summary, label')].filter((control) => {

@@ -34,10 +34,15 @@ fn what_is_chosen_is_kept_in_the_address() {
     let address = &seen["address"];
     assert_eq!(address["problems"], json!([]));
     let kept = &address["kept"];
-    for (key, value) in [("preview", "anaglyph"), ("factor", "100"), ("overlay", "cube"), ("preset", "skin"), ("az", "35.0")] {
+    for (key, value) in
+        [("preview", "anaglyph"), ("factor", "100"), ("overlay", "cube"), ("preset", "skin"), ("az", "35.0")]
+    {
         assert_eq!(kept[key], value, "{kept}");
     }
-    assert_eq!(address["again"], json!({ "preview": "anaglyph", "factor": "100", "cube": true, "preset": "skin" }));
+    assert_eq!(
+        address["again"],
+        json!({ "preview": "anaglyph", "factor": "100", "cube": true, "preset": "skin" })
+    );
     assert_eq!(address["off"], Value::Null);
 }
 
@@ -58,7 +63,10 @@ fn mouse_fingers_and_keys_move_the_picture_and_typing_is_no_command() {
     assert!((distance(&by_key, &[0.0; 3]) - 0.05 * seen_mm).abs() < 0.2, "{by_key:?}");
     assert_eq!((&hands["pinched"]["zoom"], &hands["pinched"]["preset"]), (&json!("2.80"), &json!("bone")));
     let typed = &hands["typed"];
-    assert_eq!((&typed["window"], &typed["preset"], &typed["plane"]), (&json!("55,400"), &json!("bone"), &json!("axial")));
+    assert_eq!(
+        (&typed["window"], &typed["preset"], &typed["plane"]),
+        (&json!("55,400"), &json!("bone"), &json!("axial"))
+    );
 }
 
 #[test]

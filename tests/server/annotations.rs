@@ -435,8 +435,7 @@ async fn places_snap_to_what_the_volume_has() {
     let met = stage.annotate(Method::POST, "/snap", "", along).await;
     assert_eq!(met.status, 200, "{}", met.text());
     let met = met.json();
-    let shift: Vec<f64> =
-        met["shift_mm"].as_array().unwrap().iter().map(|mm| mm.as_f64().unwrap()).collect();
+    let shift: Vec<f64> = met["shift_mm"].as_array().unwrap().iter().map(|mm| mm.as_f64().unwrap()).collect();
     assert!(shift[0] == 0.0 && (shift[1] - 0.25).abs() < 0.01 && shift[2] == 0.0, "{met}");
     assert!(at("shift_mm")[2].abs() > 0.02, "without a line of sight the nearest place: {found}");
     let seen = json!({ "pixel": [32, 32], "scene": { "size_px": [64, 64], "display": { "layout": "color" } },

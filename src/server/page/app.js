@@ -13,7 +13,7 @@ import { PresetGrid } from "./presets.js";
 import { Preview } from "./preview.js";
 import { PLANES, dragged, onControls, paged, showControls, sliceWords, zoomed } from "./slices.js";
 import { Stage } from "./stage.js";
-import { $, DOT, VIEWS, choose, overlayBoxes, slicing, state, volumePath } from "./state.js";
+import { $, DOT, VIEWS, choose, overlayBoxes, showHelp, slicing, state, volumePath } from "./state.js";
 import { describeSurface, onSurface } from "./surface.js";
 import { HOME, frameQuery, request } from "./view.js";
 
@@ -223,7 +223,7 @@ function showState() {
 
 $("reset").addEventListener("click", reset);
 $("full-screen").addEventListener("click", fullScreen);
-$("help-button").addEventListener("click", () => $("help").showModal());
+$("help-button").addEventListener("click", showHelp);
 
 // ---------------------------------------------------------------- downloads and uploads
 

@@ -1,6 +1,6 @@
 // The main page's keyboard. Arrows belong to a control that has the focus and moves by them.
 
-import { $, slicing, state } from "./state.js";
+import { $, showHelp, slicing, state } from "./state.js";
 
 const SIDES = { a: [0, 0], p: [180, 0], l: [90, 0], r: [-90, 0], s: [0, 90], i: [0, -90] };
 const TURNING = /^(Arrow.*|Home|[+=\-_0])$/;
@@ -36,7 +36,7 @@ export function onKeys(moves) {
       case "m": return moves.nextMode();
       case "v": return moves.nextPlane();
       case "f": return moves.fullScreen();
-      case "?": return $("help").showModal();
+      case "?": return showHelp();
       case "escape": return moves.forget();
     }
   };

@@ -63,6 +63,7 @@ export function shifted(pose, volume, fieldOfView, fit, [dx, dy]) {
   const { height } = measuresOf(volume, pose.zoom * fit, fieldOfView);
   const shift = add(pose.shift ?? [0, 0, 0], add(scale(right, -dx * height), scale(up, dy * height)));
   const far = length(shift) / radiusOf(volume);
+  if (far < 1e-6) return { ...pose, shift: null };
   return { ...pose, shift: far > 1 ? scale(shift, 1 / far) : shift };
 }
 

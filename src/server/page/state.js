@@ -38,6 +38,12 @@ export const slicing = () => state.slice.plane !== "" && state.volume !== null;
 
 export const volumePath = (part) => `/v1/volumes/${state.volume.id}/${part}`;
 
+/** Mouse, touch and keys; read from the beginning, though the focus is on the button at the end. */
+export function showHelp() {
+  $("help").showModal();
+  $("help").scrollTop = 0;
+}
+
 /** Marks the radio button of a value. */
 export function choose(name, value) {
   const input = $("panel").querySelector(`input[name="${name}"][value="${value}"]`);

@@ -16,6 +16,8 @@ export function ask(title, content, buttons, wide = false) {
   box.replaceChildren(form);
   box.returnValue = "";
   if (!box.open) box.showModal();
+  // The focus may be on a button at the end: reading begins at the beginning.
+  box.scrollTop = 0;
   return new Promise((resolve) => {
     box.addEventListener("close", () => {
       const fields = Object.fromEntries(new FormData(form));
