@@ -51,7 +51,7 @@ def painting(page, server):
     page.page.locator("#paint-radius").blur()
 
     def region(version):
-        for _ in range(100):
+        for _ in range(600):
             entry = server.item("Region 1")
             if entry["version"] >= version:
                 page.still()
@@ -163,7 +163,7 @@ def curve(page, server):
 
 
 def wait_count(page, count, wanted):
-    for _ in range(100):
+    for _ in range(600):
         if count() == wanted:
             return
         page.page.wait_for_timeout(50)
@@ -180,10 +180,11 @@ def sight(page, server):
     page.still()
     page.click("volume", 0.45, 0.35)
     item = server.item("Point 1")["item"]
-    found = {"placement": item["placement"], "at_mm": item["geometry"]["at_mm"], "ray": sent[-1].get("ray")}
     page.still()
+    found = {"placement": item["placement"], "at_mm": item["geometry"]["at_mm"], "ray": sent[-1].get("ray")}
     page.click("coronal", 0.35, 0.35)
     server.item("Point 2")
+    page.still()
     found["in_slice"] = sent[-1].get("ray")
     page.page.select_option("#snap-to", "off")
     page.key("v")

@@ -77,7 +77,7 @@ class Server:
 
     def item(self, name):
         """The entry of this name, waited for."""
-        for _ in range(100):
+        for _ in range(600):
             for entry in self.annotations()["items"]:
                 if entry["item"]["name"] == name:
                     return entry
@@ -101,7 +101,7 @@ class Window:
         self.page = self.context.new_page()
         if FILES:
             for address, name in page_files():
-                self.page.route(lambda url, known=address: urllib.parse.urlsplit(url).path == known, from_disk(FILES / name))
+                self.page.route(re.compile(re.escape(server.url + address) + r"(\?.*)?$"), from_disk(FILES / name))
         self.page.on("pageerror", lambda error: self.problems.append(error.message))
         # The browser itself tells of answers that are no success: a conflict (409), a file that is refused and a leak (422).
         expected = lambda message: "409" in message.text or "422" in message.text

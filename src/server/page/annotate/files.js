@@ -12,6 +12,10 @@ export function formatOf(name) {
   return known ?? ENDINGS[lower.split(".").pop()] ?? "";
 }
 
+/** Why a file was refused, for people who drop files and set no parameters. */
+const reasonOf = ({ message }) =>
+  message.replace(/\.$/, "").replace("say it with format=", "rename it so that it ends in .mrk.json, .fcsv, .csv, .mps, .dcm, .nrrd, .nii.gz, .stl, .ply, .obj or .glb");
+
 export class Files {
   constructor(input, model, { annotations, took, say, fail, named, isOn }) {
     Object.assign(this, { input, model, annotations, took, say, fail, named, isOn });
@@ -49,7 +53,7 @@ export class Files {
         const first = events.find(({ item }) => item?.geometry);
         if (first) this.model.jumpTo(first.item.id);
       } catch (error) {
-        this.fail(Object.assign(error, { message: `${file.name}: ${error.message.replace(/\.$/, "")}. Nothing was changed.` }));
+        this.fail(Object.assign(error, { message: `${file.name}: ${reasonOf(error)}. Nothing was changed.` }));
       }
     }
     if (told.length) this.say(told.join(". "));

@@ -31,7 +31,7 @@ let noticeTimer = 0;
 let briefTimer = 0;
 
 /** A sentence for people: above the panes, or, where it is brief, in the line at the bottom. */
-function say(text, { brief = false, error = false } = {}) {
+function say(text, { brief = false, error = false, stays = false } = {}) {
   if (brief) {
     $("brief").textContent = text;
     clearTimeout(briefTimer);
@@ -42,7 +42,7 @@ function say(text, { brief = false, error = false } = {}) {
   $("notice").classList.toggle("error", error);
   $("notice").hidden = false;
   clearTimeout(noticeTimer);
-  noticeTimer = setTimeout(() => ($("notice").hidden = true), error ? 12_000 : 6000);
+  if (!stays) noticeTimer = setTimeout(() => ($("notice").hidden = true), error ? 12_000 : 6000);
 }
 
 /** Tells an error; null tells that things work again. */
@@ -286,7 +286,7 @@ async function start() {
       pageFacts.volumes(volumes, (volume) => show(volume).catch(fail));
       return show(volumes.find(({ id }) => id === wanted) ?? volumes[0]);
     }
-    if (!loading) return say("No volume is loaded. Start the server with --series, or add one on the page at /.", { error: true });
+    if (!loading) return say("No volume is loaded. Start the server with --series, or add one on the page at /, and come back.", { error: true, stays: true });
     say("Loading the series …");
     await new Promise((resolve) => setTimeout(resolve, 700));
   }

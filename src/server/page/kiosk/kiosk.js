@@ -124,7 +124,7 @@ function fillFacts() {
     View: view ? `${view.name}, ${view.role}` : "",
     Layout: `${layout}, ${canvas.width} × ${canvas.height}`,
     Picture: `${size.join(" × ")} of ${full.join(" × ")}, ${lossless ? "lossless" : "JPEG"}`,
-    Rate: `${rate().toFixed(1)} frames/s`,
+    Rate: rate() > 0 ? `${rate().toFixed(1)} frames/s` : "standing still",
     Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
     Preset: view?.state?.preset ?? "",
   };
