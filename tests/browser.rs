@@ -169,6 +169,7 @@ fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     assert_eq!((told.len(), &texts["closed"]), (6, &Value::Null), "{seen}");
     assert!(told[1..5].iter().all(|change| change[1].as_str().unwrap().contains("no message")), "{seen}");
     assert_eq!(*told[5], serde_json::json!(["live", ""]), "{seen}");
+    assert_eq!(seen["too_early"], serde_json::json!({"unavailable": "waiting", "unprocessable": "ended"}));
     let bad = &seen["bad_frames"];
     assert_eq!(
         (&bad["acknowledged"], &bad["closed"]),

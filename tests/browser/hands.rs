@@ -105,8 +105,15 @@ fn contours_on_three_levels_become_the_region_between_them() {
     let slice_ml = PI * radius * radius * 2.4 / 1000.0;
     let (height, ml) = (heights[2] - heights[0], number(&filling["region"]["volume_ml"]));
     let slices = (ml / slice_ml).round();
-    assert!(((height - 2.4) / 2.4..=(height + 4.8) / 2.4).contains(&slices), "{slices} slices between {heights:?}");
-    assert!((ml / (slices * slice_ml) - 0.99).abs() < 0.015, "{ml} ml, {slices} slices have {} ml", slices * slice_ml);
+    assert!(
+        ((height - 2.4) / 2.4..=(height + 4.8) / 2.4).contains(&slices),
+        "{slices} slices between {heights:?}"
+    );
+    assert!(
+        (ml / (slices * slice_ml) - 0.99).abs() < 0.015,
+        "{ml} ml, {slices} slices have {} ml",
+        slices * slice_ml
+    );
 }
 
 #[test]
@@ -119,7 +126,11 @@ fn points_of_a_curve_are_added_on_its_line_and_removed() {
     assert_eq!((&added[0], &added[2], &added[3]), (&made[0], &made[1], &made[2]), "between the first two");
     let off = distance(&added[1], &curve["added"]["pressed"]);
     assert!(off < 1.0, "{off} mm from the press, less than a pixel and a half");
-    assert_eq!((removed, undone), (made, added), "two were removed in all, one after the other, and both came back");
+    assert_eq!(
+        (removed, undone),
+        (made, added),
+        "two were removed in all, one after the other, and both came back"
+    );
     assert_eq!(curve["least"], 2);
 }
 

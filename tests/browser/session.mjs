@@ -94,6 +94,17 @@ function badTexts() {
   return { changed: seen.changed, closed: socket.closed };
 }
 
+/** A server that is not ready yet is asked again; one that refuses is not. */
+function tooEarly() {
+  const refused = (status) => {
+    const { seen, socket, say } = begin();
+    say({ type: "error", fatal: true, problem: { status, detail: "no volume is loaded" } });
+    socket.on.close({ code: 1008, reason: "hello refused" });
+    return seen.changed.at(-1)[0];
+  };
+  return { unavailable: refused(503), unprocessable: refused(422) };
+}
+
 async function badFrames() {
   const { seen, socket, say, give } = begin();
   say({ type: "welcome", session: "token-1", role: "presenter", state: { revision: 1 } });
@@ -129,5 +140,5 @@ function tokens() {
   return { copied, left, resumed, ended: again.seen.changed.at(-1)[0], after: stored.get("relief-session") ?? null };
 }
 
-console.log(JSON.stringify({ bad_texts: badTexts(), bad_frames: await badFrames(), no_frame: await noFrame(), tokens: tokens() }));
+console.log(JSON.stringify({ bad_texts: badTexts(), too_early: tooEarly(), bad_frames: await badFrames(), no_frame: await noFrame(), tokens: tokens() }));
 process.exit(0);

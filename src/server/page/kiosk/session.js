@@ -25,6 +25,8 @@ export class Session {
   #unpacking = false;
   #ended = false;
   #bad = 0;
+  /** Whether the server has said that it cannot do this yet. */
+  #notYet = false;
 
   /**
    * `hello` is the message without `type` and `accept`; `show` gets (image, header), `heard` every message of the server,
@@ -103,6 +105,8 @@ export class Session {
       this.changed("live");
       if (this.#view && message.role === "presenter" && message.state.revision <= 1) this.#restore(message.state);
     }
+    // A server that was just started loads its series: whoever comes too early comes again.
+    this.#notYet = message.type === "error" && message.problem?.status === 503;
     if (message.state?.look_at_mm) this.#view = message.state;
     this.heard(message);
   }
@@ -116,8 +120,10 @@ export class Session {
   #closed(code, reason) {
     this.#newest = null;
     if (this.#ended) return;
-    if (FINAL[code]) return this.end(reason || FINAL[code]);
-    this.changed("waiting", reason);
+    const { [code]: final } = FINAL;
+    if (final && !this.#notYet) return this.end(reason || final);
+    this.changed("waiting", this.#notYet ? "the server is not ready yet" : reason);
+    this.#notYet = false;
     setTimeout(() => this.#connect(), this.#wait);
     this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
   }
