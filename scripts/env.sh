@@ -4,8 +4,8 @@
 #
 # Sets VK_DRIVER_FILES to the pinned software driver, LD_LIBRARY_PATH to the libraries unpacked with it, and
 # RELIEF_PEERS_PYTHON to the Python that has the peers, RELIEF_CWIID to libcwiid, RELIEF_SLICER to a folder for PYTHONPATH with
-# 3D Slicer's core, RELIEF_OHIF to OHIF's reader, RELIEF_DICOM_TOOLS to dsrdump and dciodvfy, RELIEF_NATS_SERVER, RELIEF_MOTO
-# and RELIEF_NGINX to the programs of scripts/setup-services; of scripts/setup-ipopt it sets
+# 3D Slicer's core, RELIEF_OHIF to OHIF's reader, RELIEF_DICOM_TOOLS to dsrdump and dciodvfy, RELIEF_SLURM to Slurm's programs, RELIEF_NATS_SERVER,
+# RELIEF_MOTO and RELIEF_NGINX to those of scripts/setup-services; of scripts/setup-ipopt it sets
 # what building with the feature `ipopt` and running it needs. What is not set up is left out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
 # system's own (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software
 # driver even then.
@@ -55,6 +55,9 @@ if [ -f "$relief_root/.relief/dicom-tools/stamp" ]; then
 fi
 if [ -f "$relief_root/.relief/postgres/stamp" ]; then
     export RELIEF_POSTGRES="$relief_root/.relief/postgres/bin"
+fi
+if [ -f "$relief_root/.relief/slurm/stamp" ]; then
+    export RELIEF_SLURM="$relief_root/.relief/slurm/bin"
 fi
 if [ -f "$relief_root/.relief/services/stamp" ]; then
     export RELIEF_NATS_SERVER="$relief_root/.relief/services/bin/nats-server"

@@ -61,6 +61,20 @@ pub enum PlanError {
         /// What is wrong.
         reason: String,
     },
+    /// The log of annotations gives nothing.
+    #[error("--annotations cannot be read: {0}")]
+    Annotations(String),
+    /// What is drawn cannot be kept beside the manifest.
+    #[error("cannot write into {}: {source}", path.display())]
+    Unwritable {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// There are series, and none of them has a view.
+    #[error("no view of any series: {0}")]
+    NoViews(String),
     /// A view set is none.
     #[error("{0}")]
     Views(String),

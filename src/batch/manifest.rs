@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use super::annotations::KeptAnnotations;
 use super::error::ManifestError;
+use super::product::Product;
 use super::source::SeriesSource;
 use crate::camera::Orbit;
 
@@ -32,24 +34,15 @@ pub struct Job {
     pub orbit: Orbit,
     /// What is written.
     pub products: Vec<Product>,
+    /// What is drawn over it, where a product wants that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub annotations: Option<KeptAnnotations>,
 }
 
 /// SHA-256, in hexadecimal digits, of all that a job's outputs depend on.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct JobKey(pub String);
-
-/// A file that a job writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Product {
-    /// The frame in the scene's layout, PNG.
-    Frame,
-    /// The colour alone, PNG.
-    Color,
-    /// View depth in mm, OpenEXR.
-    Depth,
-}
 
 /// One of so many equal shares of the jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,43 +51,6 @@ pub struct Shard {
     pub index: u32,
     /// How many there are.
     pub count: u32,
-}
-
-impl Product {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Frame, Self::Color, Self::Depth];
-
-    /// Its name in manifests and options.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Frame => "frame",
-            Self::Color => "color",
-            Self::Depth => "depth",
-        }
-    }
-
-    /// What comes behind the view's name in the file's.
-    #[must_use]
-    pub const fn ending(self) -> &'static str {
-        match self {
-            Self::Frame => "frame.png",
-            Self::Color => "color.png",
-            Self::Depth => "depth.exr",
-        }
-    }
-}
-
-impl FromStr for Product {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let names = Self::ALL.map(Self::name).join(", ");
-        Self::ALL
-            .into_iter()
-            .find(|known| known.name() == name)
-            .ok_or_else(|| format!("products are {names}"))
-    }
 }
 
 impl FromStr for Shard {
@@ -126,10 +82,12 @@ impl Job {
         series: SeriesSource,
         (view, group): (String, String),
         (scene, orbit): (Value, Orbit),
-        products: Vec<Product>,
+        (products, annotations): (Vec<Product>, Option<KeptAnnotations>),
     ) -> Self {
-        let job = key_of(&series.sha256, &scene, orbit, &products);
-        Self { job, series, view, group, scene, orbit, products }
+        let job = JobKey(String::new());
+        let mut job = Self { job, series, view, group, scene, orbit, products, annotations };
+        job.job = job.key();
+        job
     }
 
     /// Series and view: the path of its files without their endings, below the folder of outputs.
@@ -138,44 +96,60 @@ impl Job {
         format!("{}/{}", self.series.name, self.view)
     }
 
+    /// The key of what its outputs depend on. JSON objects are written with their keys sorted.
+    fn key(&self) -> JobKey {
+        let mut products: Vec<&str> = self.products.iter().map(|product| product.name()).collect();
+        products.sort_unstable();
+        let mut content = json!({
+            "relief": env!("CARGO_PKG_VERSION"),
+            "series": self.series.sha256,
+            "scene": self.scene,
+            "orbit": self.orbit,
+            "products": products,
+        });
+        if let Some(annotations) = &self.annotations {
+            content["annotations"] = annotations.sha256.clone().into();
+        }
+        JobKey(hex(&Sha256::digest(content.to_string()).into()))
+    }
+
     fn check(&self, line: usize) -> Result<(), ManifestError> {
         let wrong = |reason: String| Err(ManifestError::Line { line, reason });
         let is_name = |name: &str| {
+            // A view's record is NAME.json, and its camera NAME.camera.json.
             let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
-            (1..=100).contains(&name.len()) && name.chars().all(is_good) && !name.starts_with('.')
+            (1..=100).contains(&name.len())
+                && name.chars().all(is_good)
+                && !name.starts_with('.')
+                && !name.ends_with(".camera")
         };
         for (what, name) in [("series.name", &self.series.name), ("view", &self.view)] {
             if !is_name(name) {
                 return wrong(format!("{what} is {name:?}, allowed: 1 to 100 letters, digits, - _ and ."));
             }
         }
-        let hex = &self.series.sha256;
-        if hex.len() != 64 || !hex.bytes().all(|digit| digit.is_ascii_hexdigit()) {
-            return wrong("series.sha256 is no SHA-256 in 64 hexadecimal digits".to_owned());
+        let hashes = [
+            ("series.sha256", Some(&self.series.sha256)),
+            ("annotations.sha256", self.annotations.as_ref().map(|kept| &kept.sha256)),
+        ];
+        for (what, hash) in hashes {
+            if hash.is_some_and(|hex| hex.len() != 64 || !hex.bytes().all(|digit| digit.is_ascii_hexdigit()))
+            {
+                return wrong(format!("{what} is no SHA-256 in 64 hexadecimal digits"));
+            }
         }
         if self.products.is_empty() {
-            return wrong("products is empty, allowed: frame, color, depth".to_owned());
+            return wrong(format!("products is empty, allowed: {}", Product::names()));
         }
-        let expected = key_of(&self.series.sha256, &self.scene, self.orbit, &self.products);
+        if self.annotations.is_none() && self.products.iter().any(|product| product.needs_annotations()) {
+            return wrong("a product draws annotations, and the job has none".to_owned());
+        }
+        let expected = self.key();
         if self.job != expected {
             return Err(ManifestError::Key { line, found: self.job.0.clone(), expected: expected.0 });
         }
         Ok(())
     }
-}
-
-/// The key of what outputs depend on. JSON objects are written with their keys sorted.
-fn key_of(series_sha256: &str, scene: &Value, orbit: Orbit, products: &[Product]) -> JobKey {
-    let mut products: Vec<&str> = products.iter().map(|product| product.name()).collect();
-    products.sort_unstable();
-    let content = json!({
-        "relief": env!("CARGO_PKG_VERSION"),
-        "series": series_sha256,
-        "scene": scene,
-        "orbit": orbit,
-        "products": products,
-    });
-    JobKey(hex(&Sha256::digest(content.to_string()).into()))
 }
 
 pub(super) fn hex(bytes: &[u8; 32]) -> String {

@@ -8,23 +8,41 @@
 //! Outputs appear whole, by renaming; a record beside them, written last, has their hashes. A job whose record and outputs are
 //! there is skipped. Names of files say nothing about patients: a series is called by its hash unless a table names it.
 
+mod annotations;
+mod dataset;
 mod error;
 mod files;
+mod found;
 mod gate;
+mod landmarks;
+mod log;
 mod manifest;
+mod outputs;
 mod plan;
+mod pose;
+mod product;
+mod query;
 mod record;
 mod report;
 mod run;
 mod source;
+mod turntable;
 mod views;
 
+pub use annotations::KeptAnnotations;
 pub use error::{Failure, Lasting, ManifestError, PlanError};
 pub use files::{shared_temporary, write_whole};
-pub use manifest::{Job, JobKey, Product, Shard, read_manifest};
+pub use landmarks::LANDMARK_VIEW_MM;
+pub use log::AnnotationLog;
+pub use manifest::{Job, JobKey, Shard, read_manifest};
+pub use outputs::DEPTH_UNIT_MM;
 pub use plan::{Planned, Request, Root, plan};
+pub use pose::ViewCamera;
+pub use product::{Product, ProductSet};
+pub use query::{Facts, Query};
 pub use record::Record;
 pub use report::write_report;
-pub use run::{Options, Step, Summary, run};
+pub use run::{Options, RunError, Seconds, Step, Summary, run};
 pub use source::SeriesSource;
+pub use turntable::{Film, Films};
 pub use views::{View, ViewSet};

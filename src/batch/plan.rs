@@ -6,12 +6,19 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use super::error::PlanError;
-use super::manifest::{Job, Product, hex};
+use super::found::{Found, Kind};
+use super::landmarks::{camera_views, landmark_views};
+use super::log::AnnotationLog;
+use super::manifest::{Job, hex};
+use super::product::Product;
+use super::query::Query;
 use super::source::{SeriesSource, file_sha256};
-use super::views::ViewSet;
+use super::views::{View, ViewSet};
+use crate::annotation::Item;
 use crate::camera::Orbit;
-use crate::dicom::{self, Strictness};
+use crate::dicom::{self, SeriesEntry, Strictness};
 use crate::formats;
+use crate::volume::Volume;
 
 /// Where to look for series.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,10 +30,14 @@ pub enum Root {
 }
 
 /// What to plan.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Request {
     /// Where the series are.
     pub root: Root,
+    /// Which of them are wanted.
+    pub query: Query,
+    /// The log whose annotations are looked at or drawn.
+    pub annotations: Option<AnnotationLog>,
     /// The views of each.
     pub views: ViewSet,
     /// Keys of the scene that all views share.
@@ -44,6 +55,8 @@ pub struct Planned {
     pub jobs: Vec<Job>,
     /// How many series.
     pub series: usize,
+    /// How many series the query does not want.
+    pub unwanted: usize,
     /// What was looked at and cannot be used: where, and why.
     pub skipped: Vec<(PathBuf, String)>,
 }
@@ -65,41 +78,93 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
         Root::Folder(folder) => (places_in(folder)?, folder),
         Root::Table(table) => (read_table(table)?, table),
     };
-    let (mut series, mut skipped, mut known) = (Vec::new(), Vec::new(), HashSet::new());
+    let mut planned = Planned { jobs: Vec::new(), series: 0, unwanted: 0, skipped: Vec::new() };
+    let (mut known, mut found_any, mut why) = (HashSet::new(), false, String::new());
     for (done, place) in places.iter().enumerate() {
         report(done, places.len());
-        match find(place) {
-            Ok(found) => {
-                for source in found {
-                    if known.insert(source.sha256.clone()) {
-                        series.push(source);
-                    } else {
-                        skipped.push((source.path, "the same files were planned already".to_owned()));
-                    }
+        let found = find(place).unwrap_or_else(|reason| {
+            planned.skipped.push((place.path.clone(), reason));
+            Vec::new()
+        });
+        for found in found {
+            found_any = true;
+            let path = found.source.path.clone();
+            if !known.insert(found.source.sha256.clone()) {
+                planned.skipped.push((path, "the same files were planned already".to_owned()));
+                continue;
+            }
+            if let Err(reason) = found.admit(&request.query) {
+                (planned.unwanted, why) = (planned.unwanted + 1, reason);
+                continue;
+            }
+            match jobs_of(&found, request, &mut planned.skipped)? {
+                Ok(jobs) => {
+                    planned.series += 1;
+                    planned.jobs.extend(jobs);
+                }
+                Err(reason) => {
+                    why.clone_from(&reason);
+                    planned.skipped.push((path, reason));
                 }
             }
-            Err(reason) => skipped.push((place.path.clone(), reason)),
         }
     }
     report(places.len(), places.len());
-    if series.is_empty() {
+    if !found_any {
         return Err(PlanError::NoSeries(root.clone()));
     }
-    let jobs = series.iter().flat_map(|source| jobs_of(source, request)).collect();
-    Ok(Planned { jobs, series: series.len(), skipped })
+    if planned.jobs.is_empty() {
+        return Err(PlanError::NoViews(why));
+    }
+    Ok(planned)
 }
 
-fn jobs_of<'a>(source: &'a SeriesSource, request: &'a Request) -> impl Iterator<Item = Job> + 'a {
-    request.views.0.iter().map(move |view| {
-        let mut scene = request.scene.clone();
-        scene.extend(view.scene.clone());
-        let mut orbit = request.orbit;
-        if let Some([azimuth_deg, elevation_deg]) = view.orbit {
-            orbit = Orbit { azimuth_deg, elevation_deg, ..orbit };
+type Skipped = Vec<(PathBuf, String)>;
+
+/// The jobs of a series, or why it has none. The outer error ends the planning.
+fn jobs_of(
+    found: &Found,
+    request: &Request,
+    skipped: &mut Skipped,
+) -> Result<Result<Vec<Job>, String>, PlanError> {
+    let mut views = request.views.views.clone();
+    let mut kept = None;
+    if let Some(log) = &request.annotations {
+        let views_of = |items: &[&Item], volume: Option<&Volume>| own_views(items, volume, request);
+        let (own, items) = match found.annotated(log, request.views.landmarks, views_of) {
+            Ok(annotated) => annotated,
+            Err(reason) => return Ok(Err(reason)),
+        };
+        views.extend(own);
+        if request.products.iter().any(|product| product.needs_annotations()) {
+            kept = Some(log.keep(&items, &mut |warning| skipped.push((found.source.path.clone(), warning)))?);
         }
-        let names = (view.name.clone(), view.group.clone());
-        Job::new(source.clone(), names, (Value::Object(scene), orbit), request.products.clone())
-    })
+    }
+    if views.is_empty() {
+        return Ok(Err("the log has no annotation of the series to look at".to_owned()));
+    }
+    let job = |view: View| {
+        let mut scene = request.scene.clone();
+        scene.extend(view.scene);
+        let orbit = match view.orbit {
+            Some([azimuth_deg, elevation_deg]) => Orbit { azimuth_deg, elevation_deg, ..request.orbit },
+            None => request.orbit,
+        };
+        let made = (request.products.clone(), kept.clone());
+        Job::new(found.source.clone(), (view.name, view.group), (Value::Object(scene), orbit), made)
+    };
+    Ok(Ok(views.into_iter().map(job).collect()))
+}
+
+fn own_views(items: &[&Item], volume: Option<&Volume>, request: &Request) -> Vec<View> {
+    let mut views = Vec::new();
+    if let Some(volume) = volume.filter(|_| request.views.landmarks) {
+        views.extend(landmark_views(items, volume, &request.orbit));
+    }
+    if request.views.cameras {
+        views.extend(camera_views(items));
+    }
+    views
 }
 
 /// What lies directly in a folder, one place each; the folder itself where files of series lie in it.
@@ -172,26 +237,23 @@ fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
 }
 
 /// The series of a place.
-fn find(place: &Place) -> Result<Vec<SeriesSource>, String> {
+fn find(place: &Place) -> Result<Vec<Found>, String> {
     let source = |uid: Option<String>, sha256: String| {
         let name = place.name.clone().unwrap_or_else(|| format!("series-{}", &sha256[..12]));
         SeriesSource { path: place.path.clone(), uid, name, sha256 }
     };
     if formats::is_known(&place.path) {
         let sha256 = file_sha256(&place.path).map_err(|error| error.to_string())?;
-        return Ok(vec![source(None, sha256)]);
+        return Ok(vec![Found { source: source(None, sha256), kind: Kind::File }]);
     }
     let found =
         dicom::discover(&place.path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
-    let wanted: Vec<_> = found
-        .series
-        .iter()
-        .filter(|entry| place.uid.as_deref().is_none_or(|uid| entry.uid() == uid))
-        .collect();
+    let several = found.series.len() > 1;
+    let is_wanted = |entry: &SeriesEntry| place.uid.as_deref().is_none_or(|uid| entry.uid() == uid);
+    let wanted: Vec<_> = found.series.into_iter().filter(is_wanted).collect();
     if wanted.is_empty() {
         return Err("no CT series".to_owned());
     }
-    let several = found.series.len() > 1;
     if wanted.len() > 1 && place.name.is_some() {
         return Err(format!("{} series are there; name one with series_uid", wanted.len()));
     }
@@ -199,7 +261,8 @@ fn find(place: &Place) -> Result<Vec<SeriesSource>, String> {
         .into_iter()
         .map(|entry| {
             let sha256 = hex(&entry.content_sha256().map_err(|error| error.to_string())?);
-            Ok(source(several.then(|| entry.uid().to_owned()), sha256))
+            let source = source(several.then(|| entry.uid().to_owned()), sha256);
+            Ok(Found { source, kind: Kind::Dicom(entry) })
         })
         .collect()
 }

@@ -7,6 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::files::write_whole;
 use super::manifest::{Job, JobKey, hex};
+use super::product::Product;
 
 /// What a job wrote.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +22,9 @@ pub struct Record {
     pub group: String,
     /// The files beside this record.
     pub outputs: Vec<Written>,
+    /// What the values of `VIEW.labels.png` from 1 on stand for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub structures: Vec<String>,
     /// Time on the adapter and over it, ms.
     pub render_ms: f64,
     /// From the frame to the last byte, ms.
@@ -66,6 +70,12 @@ impl Record {
     /// Writes it into the folder of the job's series.
     pub(super) fn write(&self, job: &Job, folder: &Path) -> std::io::Result<()> {
         write_whole(&folder.join(Self::file_name(job)), &serde_json::to_vec_pretty(self)?)
+    }
+
+    /// The name of one of its files.
+    pub(super) fn output(&self, product: Product) -> Option<&str> {
+        let name = format!("{}.{}", self.view, product.ending());
+        self.outputs.iter().map(|output| output.file.as_str()).find(|file| *file == name)
     }
 
     /// The record that a job of this key left, whatever became of its outputs.

@@ -2,17 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::Cursor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use image::{DynamicImage, ImageReader, Limits, RgbaImage};
+use rayon::prelude::*;
 
+use super::dataset;
 use super::error::Failure;
 use super::files::write_whole;
-use super::manifest::{Job, Product};
+use super::manifest::Job;
+use super::product::Product;
 use super::record::Record;
+use super::turntable::Films;
 use crate::display::{MAX_FRAME_SIDE_PX, encode_png};
 use crate::session::{Thumbnail, contact_sheet};
 
@@ -20,8 +23,6 @@ use crate::session::{Thumbnail, contact_sheet};
 const THUMBNAIL_PX: u32 = 240;
 /// Columns of a contact sheet.
 const SHEET_COLUMNS: usize = 4;
-/// Time between the pictures of a turntable, ms.
-const TURN_MS: u16 = 120;
 /// Longest text of a warning or a reason in the page, characters.
 const LONGEST: usize = 400;
 
@@ -31,36 +32,48 @@ struct Shown {
     small: Option<RgbaImage>,
 }
 
-/// Writes `report.html`, and for each series with colours `contact-sheet.png` and, where it has one, `turntable.png`, an animation.
+/// Writes `report.html`, for each series with colours `contact-sheet.png` and, where it has one, its turntable as films, and the
+/// tables of datasets.
 ///
 /// # Errors
 /// When a file cannot be written.
-pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Path) -> std::io::Result<()> {
+pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Path, films: &Films) -> std::io::Result<()> {
     let mut series: BTreeMap<&str, Vec<Shown>> = BTreeMap::new();
-    for job in jobs {
-        let Some(record) = Record::read(job, out) else { continue };
-        let small = small_picture(job, out);
-        series.entry(&job.series.name).or_default().push(Shown { record, small });
+    let shown: Vec<(&Job, Shown)> = jobs
+        .par_iter()
+        .filter_map(|job| {
+            let record = Record::read(job, out)?;
+            Some((job, Shown { record, small: small_picture(job, out) }))
+        })
+        .collect();
+    for (job, shown) in shown {
+        series.entry(&job.series.name).or_default().push(shown);
     }
-    for (name, shown) in &series {
+    series.par_iter().try_for_each(|(name, shown)| -> std::io::Result<()> {
         let folder = out.join(name);
         if let Some(sheet) = sheet(shown) {
             write_whole(&folder.join("contact-sheet.png"), &sheet)?;
         }
-        if let Some(turntable) = turntable(&folder, shown) {
-            write_whole(&folder.join("turntable.png"), &turntable)?;
-        }
-    }
+        films.write(&folder, &turns(&folder, shown))
+    })?;
+    let records = series.values().flatten().map(|one| &one.record);
+    dataset::write_tables(records, out)?;
     write_whole(&out.join("report.html"), page(jobs.len(), &series, failures).as_bytes())
 }
 
-/// The colour of a job, made small; of a frame its left half.
+/// The colours of group `turntable`.
+fn turns(folder: &Path, shown: &[Shown]) -> Vec<PathBuf> {
+    let turns = shown.iter().filter(|one| one.record.group == "turntable");
+    turns.filter_map(|one| one.record.output(Product::Color)).map(|file| folder.join(file)).collect()
+}
+
+/// The colour of a job, made small, with annotations where it has them; of a frame its left half.
 fn small_picture(job: &Job, out: &Path) -> Option<RgbaImage> {
-    let product =
-        [Product::Color, Product::Frame].into_iter().find(|wanted| job.products.contains(wanted))?;
+    let known = [Product::Annotated, Product::Color, Product::AnnotatedFrame, Product::Frame];
+    let product = known.into_iter().find(|wanted| job.products.contains(wanted))?;
     let path = out.join(format!("{}.{}", job.name(), product.ending()));
     let mut picture = open(&path)?;
-    if product == Product::Frame {
+    if product.is_frame() {
         picture = picture.crop_imm(0, 0, picture.width() / 2, picture.height());
     }
     let (width, height) = (picture.width(), picture.height());
@@ -70,7 +83,7 @@ fn small_picture(job: &Job, out: &Path) -> Option<RgbaImage> {
     Some(picture.thumbnail_exact(THUMBNAIL_PX, height).into_rgba8())
 }
 
-fn open(path: &Path) -> Option<DynamicImage> {
+pub(super) fn open(path: &Path) -> Option<DynamicImage> {
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_FRAME_SIDE_PX);
     limits.max_image_height = Some(MAX_FRAME_SIDE_PX);
@@ -92,42 +105,6 @@ fn sheet(shown: &[Shown]) -> Option<Vec<u8>> {
         .map(|(name, color_rgba)| Thumbnail { name, size_px: [width, height], color_rgba })
         .collect();
     encode_png(&contact_sheet(&thumbnails, SHEET_COLUMNS).ok()?).ok()
-}
-
-/// The views of group `turntable` with their colours, as an animated PNG.
-fn turntable(folder: &Path, shown: &[Shown]) -> Option<Vec<u8>> {
-    let color = |record: &Record| {
-        let ending = Product::Color.ending();
-        record
-            .outputs
-            .iter()
-            .find(|output| output.file.ends_with(ending))
-            .map(|output| folder.join(&output.file))
-    };
-    let turns: Vec<_> = shown
-        .iter()
-        .filter(|one| one.record.group == "turntable")
-        .filter_map(|one| color(&one.record))
-        .collect();
-    let first = open(turns.first()?)?.into_rgb8();
-    let (width, height) = first.dimensions();
-    let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(Cursor::new(&mut file), width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_compression(png::Compression::Fast);
-    encoder.set_animated(u32::try_from(turns.len()).ok().filter(|count| *count > 1)?, 0).ok()?;
-    encoder.set_frame_delay(TURN_MS, 1000).ok()?;
-    let mut writer = encoder.write_header().ok()?;
-    writer.write_image_data(&first).ok()?;
-    for path in &turns[1..] {
-        let turn = open(path)?.into_rgb8();
-        if turn.dimensions() != (width, height) {
-            return None;
-        }
-        writer.write_image_data(&turn).ok()?;
-    }
-    writer.finish().ok()?;
-    Some(file)
 }
 
 const STYLE: &str = "\

@@ -21,24 +21,35 @@ pub struct View {
 }
 
 /// Views to be rendered of every series.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ViewSet(pub Vec<View>);
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ViewSet {
+    /// Those that are alike for all series.
+    pub views: Vec<View>,
+    /// One for each landmark of the series, along its normal.
+    pub landmarks: bool,
+    /// One through each camera by which an annotation of the series was placed.
+    pub cameras: bool,
+}
 
 /// Most views of a turntable: one for each half degree.
 const MOST_TURNS: u32 = 720;
 
 impl ViewSet {
-    /// Reads sets with commas between them: `turntable:N`, `sides`, `planes`, or a file: a JSON array of `{"name", "scene"}`.
+    /// Reads sets with commas between them: `turntable:N`, `sides`, `planes`, `landmarks`, `cameras`, or a file: a JSON array of
+    /// `{"name", "scene"}`.
     ///
     /// # Errors
     /// When one is no such set, the file cannot be read or has no views, or two views have one name.
     pub fn parse(text: &str) -> Result<Self, PlanError> {
-        let mut views = Vec::new();
+        let mut sets = Self::default();
+        let views = &mut sets.views;
         for set in text.split(',').map(str::trim) {
             match set.split_once(':') {
                 Some(("turntable", count)) => views.extend(turntable(count)?),
                 _ if set == "sides" => views.extend(sides()),
                 _ if set == "planes" => views.extend(planes()),
+                _ if set == "landmarks" => sets.landmarks = true,
+                _ if set == "cameras" => sets.cameras = true,
                 _ => views.extend(read(Path::new(set))?),
             }
         }
@@ -47,7 +58,13 @@ impl ViewSet {
                 return Err(PlanError::Views(format!("two views are called {:?}", view.name)));
             }
         }
-        Ok(Self(views))
+        Ok(sets)
+    }
+
+    /// Whether some of the views are those of annotations.
+    #[must_use]
+    pub fn needs_annotations(&self) -> bool {
+        self.landmarks || self.cameras
     }
 }
 
@@ -99,7 +116,7 @@ fn planes() -> Vec<View> {
 /// Views of a file.
 fn read(path: &Path) -> Result<Vec<View>, PlanError> {
     let wrong = |reason: String| PlanError::Views(format!("{}: {reason}", path.display()));
-    let known = "view sets are turntable:N, sides, planes, and files";
+    let known = "view sets are turntable:N, sides, planes, landmarks, cameras, and files";
     let bytes = std::fs::read(path).map_err(|error| wrong(format!("{error}; {known}")))?;
     let file: Value = serde_json::from_slice(&bytes).map_err(|error| wrong(error.to_string()))?;
     let views = file.as_array().filter(|views| !views.is_empty());
@@ -130,7 +147,7 @@ fn read_view(view: &Value) -> Result<View, String> {
     };
     let name = text("name")?;
     let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
-    if name.is_empty() || name.starts_with('.') || !name.chars().all(is_good) {
+    if name.is_empty() || name.starts_with('.') || name.ends_with(".camera") || !name.chars().all(is_good) {
         return Err(format!("name is {name:?}, allowed: letters, digits, - _ and ."));
     }
     let scene = match object.get("scene") {

@@ -8,17 +8,17 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde_json::{Map, Value, json};
+use serde_json::json;
 
 use super::adapter::AdapterArguments;
+use super::batch_plan::{PlanArguments, write_plan};
 use super::memory::{available_bytes, parse_bytes};
-use super::output::{GrowingFile, print_json, say};
+use super::output::{print_json, say};
 use crate::batch::{
-    Failure, Job, JobKey, Lasting, Options, Product, Request, Root, Shard, Step, Summary, ViewSet, plan,
-    read_manifest, run as run_jobs, write_report,
+    Failure, Film, Films, Job, JobKey, Lasting, Options, RunError, Shard, Step, Summary, read_manifest,
+    run as run_jobs, write_report,
 };
-use crate::camera::Orbit;
-use crate::render::SceneFile;
+use crate::render::Renderer;
 
 /// Render many views of many series, as jobs that are done once.
 ///
@@ -31,6 +31,8 @@ Examples:
   relief batch plan --root archive --views turntable:8 --preset bone --out jobs.jsonl
   relief batch run --manifest jobs.jsonl --out views
   relief batch run --manifest jobs.jsonl --out views --shard 0/4     one of four machines
+  relief batch plan --root archive --where 'slices>=40' --views landmarks --annotations head.db --products annotated --out jobs.jsonl
+  relief batch plan --root archive --views turntable:60 --products dataset --size 800x800 --out jobs.jsonl
   relief batch report --manifest jobs.jsonl --out views              pages and sheets after shards
 
 Exit status of run: 0 all done, 1 some jobs failed for good, 75 some failed that may succeed when run again.")]
@@ -44,42 +46,6 @@ enum Command {
     Plan(PlanArguments),
     Run(RunArguments),
     Report(ReportArguments),
-}
-
-/// Write the jobs: one for each view of each series
-#[derive(Debug, clap::Args)]
-struct PlanArguments {
-    /// Folder of series: each folder, zip, .nii, .nii.gz and .nrrd in it is looked at
-    #[arg(long, value_name = "DIR", required_unless_present = "table", conflicts_with = "table")]
-    root: Option<PathBuf>,
-    /// Table of series, CSV with a header line: path, and if wanted series_uid and name (what its outputs are called)
-    #[arg(long, value_name = "FILE.csv")]
-    table: Option<PathBuf>,
-    /// Views with commas between them: turntable:N, sides (six), planes (axial, coronal, sagittal), or a file: a JSON array of
-    /// {"name", "azimuth_deg", "elevation_deg", "scene"}
-    #[arg(long, value_name = "SETS")]
-    views: String,
-    /// Scene that all views share, as JSON
-    #[arg(long, value_name = "FILE")]
-    scene: Option<PathBuf>,
-    /// Preset of colours and light of all views
-    #[arg(long, value_name = "NAME")]
-    preset: Option<String>,
-    /// Width and height of pictures, where the layout does not say
-    #[arg(long, value_name = "WxH", value_parser = super::scene::parse_size)]
-    size: Option<[u32; 2]>,
-    /// 1 fits the whole volume; larger is closer
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
-    zoom: f64,
-    /// What is written of each view: frame (2D plus depth), color, depth (EXR, mm)
-    #[arg(long, value_name = "PRODUCTS", value_delimiter = ',', default_value = "frame,color")]
-    products: Vec<Product>,
-    /// The manifest: a job a line
-    #[arg(long, value_name = "JOBS.jsonl")]
-    out: PathBuf,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
 }
 
 /// Render the jobs that are not done
@@ -101,13 +67,15 @@ struct RunArguments {
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
     #[command(flatten)]
+    films: FilmArguments,
+    #[command(flatten)]
     adapter: AdapterArguments,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
 
-/// Write report.html, contact sheets and turntables of what is done
+/// Write report.html, contact sheets, turntables and tables of datasets of what is done
 #[derive(Debug, clap::Args)]
 struct ReportArguments {
     /// The manifest
@@ -116,6 +84,29 @@ struct ReportArguments {
     /// The folder of outputs
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    films: FilmArguments,
+}
+
+#[derive(Debug, clap::Args)]
+struct FilmArguments {
+    /// Turntables: apng, mp4 (and apng; needs ffmpeg), or auto: apng, and mp4 where ffmpeg is
+    #[arg(long, value_name = "FILM", default_value = "auto")]
+    turntable: Film,
+    /// The ffmpeg to use
+    #[arg(long, value_name = "PATH", env = "RELIEF_FFMPEG", default_value = "ffmpeg")]
+    ffmpeg: PathBuf,
+}
+
+impl FilmArguments {
+    /// What turntables of these jobs will be; says so where they are less than they might be.
+    fn films(&self, jobs: &[Job]) -> anyhow::Result<Films> {
+        let films = Films::new(self.turntable, &self.ffmpeg).map_err(anyhow::Error::msg)?;
+        if films.lacks_ffmpeg && jobs.iter().any(|job| job.group == "turntable") {
+            eprintln!("turntables are animated PNG alone: there is no ffmpeg to make MP4");
+        }
+        Ok(films)
+    }
 }
 
 /// A run that failed in a way that may pass: EX_TEMPFAIL of sysexits.
@@ -129,82 +120,13 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     match arguments.command {
         Command::Plan(arguments) => write_plan(&arguments),
         Command::Run(arguments) => run_manifest(&arguments),
-        Command::Report(ReportArguments { manifest, out }) => {
-            write_report(&read(&manifest)?, &[], &out).context("cannot write the report")?;
+        Command::Report(ReportArguments { manifest, out, films }) => {
+            let jobs = read(&manifest)?;
+            write_report(&jobs, &[], &out, &films.films(&jobs)?).context("cannot write the report")?;
             say!("{}", out.join("report.html").display());
             Ok(ExitCode::SUCCESS)
         }
     }
-}
-
-fn write_plan(arguments: &PlanArguments) -> anyhow::Result<ExitCode> {
-    let root = match (&arguments.root, &arguments.table) {
-        (Some(folder), _) => Root::Folder(folder.clone()),
-        (None, Some(table)) => Root::Table(table.clone()),
-        (None, None) => bail!("give --root or --table"),
-    };
-    let mut products = arguments.products.clone();
-    products.sort_unstable();
-    products.dedup();
-    let orbit = Orbit { zoom: arguments.zoom, ..Orbit::default() };
-    orbit.validate()?;
-    let request = Request {
-        root,
-        views: ViewSet::parse(&arguments.views)?,
-        scene: shared_scene(arguments)?,
-        orbit,
-        products,
-    };
-    let bar = bar("looking for series");
-    let planned = plan(&request, &mut |done, all| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
-    for (path, reason) in &planned.skipped {
-        eprintln!("warning: {}: {reason}", path.display());
-    }
-    let mut manifest = GrowingFile::create(&arguments.out)?;
-    planned.jobs.iter().try_for_each(|job| manifest.line(&serde_json::to_string(job)?))?;
-    manifest.finish()?;
-    if arguments.json {
-        let skipped: Vec<_> =
-            planned.skipped.iter().map(|(path, reason)| json!({ "path": path, "reason": reason })).collect();
-        print_json(&json!({
-            "out": arguments.out, "series": planned.series, "jobs": planned.jobs.len(), "skipped": skipped,
-        }))?;
-    } else {
-        let (jobs, series) = (planned.jobs.len(), planned.series);
-        say!("{}: {jobs} jobs of {series} series", arguments.out.display());
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Keys of the scene that all views share.
-fn shared_scene(arguments: &PlanArguments) -> anyhow::Result<Map<String, Value>> {
-    let mut scene = Map::new();
-    if let Some(path) = &arguments.scene {
-        let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-        let file = SceneFile::parse(&bytes).with_context(|| format!("{} is not a scene", path.display()))?;
-        if file.has_camera() || file.is_slice() {
-            bail!("{} has a view of its own; put it into a file for --views", path.display());
-        }
-        scene = serde_json::from_slice(&bytes)?;
-    }
-    if let Some(preset) = &arguments.preset {
-        scene.insert("transfer".to_owned(), preset.clone().into());
-    }
-    if let Some(size_px) = arguments.size {
-        scene.insert("size_px".to_owned(), size_px.to_vec().into());
-    }
-    if scene.contains_key("budget_ms") {
-        bail!("budget_ms makes pictures depend on the machine; leave it out of a batch");
-    }
-    if scene.contains_key("annotations") {
-        bail!("annotations are in a log that a batch has not; leave them out");
-    }
-    SceneFile::parse(Value::Object(scene.clone()).to_string().as_bytes())?;
-    Ok(scene)
 }
 
 fn read(manifest: &Path) -> anyhow::Result<Vec<Job>> {
@@ -230,31 +152,48 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of bytes")]
     let voxel_bytes = (for_volumes as f64 * VOXEL_SHARE) as u64;
-    let mut renderer = arguments.adapter.open_renderer()?;
-    let mut limits = renderer.volume_limits();
-    limits.memory_bytes = limits.memory_bytes.min(for_volumes - voxel_bytes);
-    renderer.set_volume_limits(limits);
+    let films = arguments.films.films(&jobs)?;
     let options = Options { out: arguments.out.clone(), shard: arguments.shard, only, voxel_bytes };
     let teller = Teller::new(jobs.len());
     let started = Instant::now();
-    let summary = run_jobs(&mut renderer, &jobs, &options, &|step| teller.tell(step))
-        .with_context(|| format!("cannot write into {}", arguments.out.display()))?;
+    let open = || open_renderer(&arguments.adapter, for_volumes - voxel_bytes);
+    let summary =
+        run_jobs(open, &jobs, &options, &|step| teller.tell(step)).map_err(|error| match error {
+            RunError::Out(error) => {
+                anyhow::Error::new(error).context(format!("cannot write into {}", arguments.out.display()))
+            }
+            RunError::Renderer(error) => error,
+        })?;
     teller.bar.finish_and_clear();
     let is_whole = options.shard.is_none() && options.only.is_empty();
     let has_news = summary.done > 0 || !arguments.out.join("report.html").exists();
+    let reporting = Instant::now();
     if is_whole && has_news {
-        write_report(&jobs, &summary.failures, &arguments.out).context("cannot write the report")?;
+        write_report(&jobs, &summary.failures, &arguments.out, &films).context("cannot write the report")?;
     }
-    tell(arguments, &summary, started.elapsed())
+    tell(arguments, &summary, [started, reporting].map(|since| since.elapsed()))
 }
 
-fn tell(arguments: &RunArguments, summary: &Summary, took: Duration) -> anyhow::Result<ExitCode> {
-    let Summary { jobs, done, skipped, loaded, failures } = summary;
+fn open_renderer(adapter: &AdapterArguments, volume_bytes: u64) -> anyhow::Result<Renderer> {
+    let mut renderer = adapter.open_renderer()?;
+    let mut limits = renderer.volume_limits();
+    limits.memory_bytes = limits.memory_bytes.min(volume_bytes);
+    renderer.set_volume_limits(limits);
+    Ok(renderer)
+}
+
+fn tell(
+    arguments: &RunArguments,
+    summary: &Summary,
+    [took, report]: [Duration; 2],
+) -> anyhow::Result<ExitCode> {
+    let Summary { jobs, done, skipped, loaded, failures, seconds } = summary;
     let again = failures.iter().filter(|failure| failure.kind == Lasting::Retryable).count();
     if arguments.json {
         print_json(&json!({
             "out": arguments.out, "jobs": jobs, "done": done, "skipped": skipped, "series_loaded": loaded,
-            "failed": failures, "seconds": took.as_secs_f64(),
+            "failed": failures, "seconds": took.as_secs_f64(), "seconds_of": seconds,
+            "report_seconds": report.as_secs_f64(),
         }))?;
     } else {
         let seconds = took.as_secs_f64();
@@ -273,7 +212,7 @@ fn tell(arguments: &RunArguments, summary: &Summary, took: Duration) -> anyhow::
     })
 }
 
-fn bar(what: &'static str) -> ProgressBar {
+pub(super) fn bar(what: &'static str) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr_with_hz(5));
     let style = ProgressStyle::with_template("{prefix} {bar:40} {pos}/{len} {per_sec}, {eta} left {msg}");
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())).with_prefix(what)

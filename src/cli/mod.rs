@@ -9,6 +9,7 @@ mod annotate;
 mod annotated;
 mod axis;
 mod batch;
+mod batch_plan;
 mod bench;
 mod calibrate;
 mod client;

@@ -75,6 +75,12 @@ impl SeriesEntry {
         self.frames[0].spacing_mm
     }
 
+    /// SliceThickness (0018,0050) of the first slice, or else SpacingBetweenSlices (0018,0088), mm.
+    #[must_use]
+    pub fn thickness_mm(&self) -> Option<f64> {
+        self.frames[0].thickness_mm
+    }
+
     /// One line for a list to choose from.
     #[must_use]
     pub fn summary(&self) -> String {

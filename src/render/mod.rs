@@ -43,7 +43,7 @@ pub use labels::{Edges, Labels, Look};
 pub use light::{Light, Placement};
 pub use lighting::Lighting;
 pub use mode::{Mode, SlabBlend};
-pub use overlay::{CAPITAL, label_height_px, label_stroke_px, lettering};
+pub use overlay::{CAPITAL, draw_overlays, label_height_px, label_stroke_px, lettering};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
 pub use renderer::{Renderer, Skipping, depth_limits};

@@ -4,10 +4,15 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+mod annotated;
 #[path = "../common/mod.rs"]
 mod common;
+mod dataset;
+mod films;
 mod interrupted;
 mod manifests;
+mod query;
+mod slurm;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -72,8 +72,8 @@ fn tables_name_series_and_tell_what_is_wrong_with_them() {
 #[test]
 fn view_sets_are_what_they_say_or_refused() {
     let set = ViewSet::parse("turntable:8,sides,planes").unwrap();
-    assert_eq!(set.0.len(), 8 + 6 + 3);
-    assert_eq!(set.0[3].orbit, Some([135.0, 0.0]));
+    assert_eq!(set.views.len(), 8 + 6 + 3);
+    assert_eq!(set.views[3].orbit, Some([135.0, 0.0]));
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("views.json");
     let read = |text: &str| {
@@ -81,7 +81,7 @@ fn view_sets_are_what_they_say_or_refused() {
         ViewSet::parse(file.to_str().unwrap()).map_err(|error| error.to_string())
     };
     let set = read(r#"[{"name":"a","azimuth_deg":20},{"name":"b","scene":{"mode":"mip"}}]"#).unwrap();
-    assert_eq!((set.0[0].orbit, set.0[1].orbit), (Some([20.0, 0.0]), Some([0.0, 0.0])));
+    assert_eq!((set.views[0].orbit, set.views[1].orbit), (Some([20.0, 0.0]), Some([0.0, 0.0])));
     for (text, says) in [
         ("[]", "allowed: a JSON array"),
         ("[{}]", "view 0: name is \"\""),

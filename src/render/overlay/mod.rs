@@ -53,6 +53,23 @@ pub(super) struct Drawing {
     occluded: f32,
 }
 
+/// Draws a request's overlays over the picture that it makes without them, of a volume on `grid`: the bytes are those of the
+/// picture with them.
+///
+/// # Errors
+/// When an item is out of range, or drawing would take too long: items too many and too large for the picture.
+pub fn draw_overlays(
+    frame: &mut RenderedFrame,
+    request: &RenderRequest,
+    grid: &Grid,
+) -> Result<(), RequestError> {
+    request.overlays.validate()?;
+    if let Some(drawing) = Drawing::new(request, grid)? {
+        drawing.draw(frame);
+    }
+    Ok(())
+}
+
 impl Drawing {
     /// What a request wants drawn over the picture of a volume on `grid`; `None` when that is nothing.
     ///

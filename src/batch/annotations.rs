@@ -1,0 +1,171 @@
+//! Annotations as jobs have them: a file beside the manifest, named by its hash, so that whoever runs jobs needs no log of
+//! annotations, and a manifest means the same tomorrow.
+//!
+//! What is kept is what is drawn: names, colours and geometry in patient LPS mm. Authors, times, descriptions, cameras and frames of
+//! reference stay in the log.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::error::Lasting;
+use super::files::write_whole;
+use super::manifest::hex;
+use super::source::Trouble;
+use crate::annotation::{Geometry, Item};
+use crate::session::{Drawables, Shape};
+use crate::space::Point;
+
+/// A file of annotations: what a job draws.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeptAnnotations {
+    /// Where it is.
+    pub path: PathBuf,
+    /// SHA-256 of its bytes.
+    pub sha256: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    items: Vec<KeptItem>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KeptItem {
+    name: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rgb: Option<[f64; 3]>,
+    geometry: Geometry,
+    /// Of a region or mesh.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    shape: Option<KeptShape>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KeptShape {
+    vertices_mm: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Annotations, read and ready to be drawn.
+#[derive(Debug)]
+pub(super) struct Readied {
+    /// All of them.
+    pub(super) drawables: Drawables,
+    /// Regions and meshes by name, in order.
+    pub(super) structures: Vec<(String, Arc<Shape>)>,
+}
+
+/// Largest file that is read, bytes: a hundred structures of the most triangles.
+const LARGEST: u64 = 512 << 20;
+
+impl KeptAnnotations {
+    /// Writes what is drawn of these items into the folder, unless it is there. `shape_of` gives the triangles of regions and meshes.
+    ///
+    /// # Errors
+    /// When the folder or the file cannot be written.
+    pub(super) fn keep<'a>(
+        items: impl IntoIterator<Item = &'a Item>,
+        mut shape_of: impl FnMut(&Geometry) -> Option<Arc<Shape>>,
+        folder: &Path,
+    ) -> std::io::Result<Self> {
+        let items = items.into_iter().filter_map(|item| {
+            let geometry = item.geometry.clone().filter(|_| item.visible)?;
+            let shape = shape_of(&geometry).map(|shape| KeptShape::of(&shape));
+            Some(KeptItem { name: item.name.clone(), rgb: item.rgb, geometry, shape })
+        });
+        let bytes = serde_json::to_vec(&File { items: items.collect() })?;
+        let sha256 = hex(&Sha256::digest(&bytes).into());
+        let path = folder.join(format!("{sha256}.json"));
+        if !path.exists() {
+            std::fs::create_dir_all(folder)?;
+            write_whole(&path, &bytes)?;
+        }
+        Ok(Self { path, sha256 })
+    }
+
+    /// Reads the file and checks that it is the one that was planned with.
+    pub(super) fn read(&self) -> Result<Readied, Trouble> {
+        let wrong = |reason: &str| {
+            (Lasting::Permanent, format!("the annotations {}: {reason}; plan anew", self.path.display()))
+        };
+        let refused = |error: std::io::Error| {
+            (Lasting::Retryable, format!("cannot read {}: {error}", self.path.display()))
+        };
+        if std::fs::metadata(&self.path).map_err(refused)?.len() > LARGEST {
+            return Err(wrong("larger than any that are planned"));
+        }
+        let bytes = std::fs::read(&self.path).map_err(refused)?;
+        if hex(&Sha256::digest(&bytes).into()) != self.sha256 {
+            return Err(wrong("not those that were planned with"));
+        }
+        let file: File = serde_json::from_slice(&bytes).map_err(|error| wrong(&error.to_string()))?;
+        let (mut items, mut shapes) = (Vec::new(), Vec::new());
+        for KeptItem { name, rgb, geometry, shape } in file.items {
+            let item = Item::new(&name, "batch", Some(geometry));
+            let mut item = item.map_err(|error| (Lasting::Retryable, error.to_string()))?;
+            item.rgb = rgb;
+            item.validate().map_err(|error| wrong(&error.to_string()))?;
+            let shape = shape.map(KeptShape::shape).transpose().map_err(|reason| wrong(&reason))?;
+            items.push(item);
+            shapes.push(shape.map(Arc::new));
+        }
+        let structures = items.iter().zip(&shapes);
+        let structures =
+            structures.filter_map(|(item, shape)| Some((item.name.clone(), shape.clone()?))).collect();
+        // Shapes are asked for in the order of the items, those without content not at all.
+        let mut in_order =
+            items.iter().zip(shapes).filter(|(item, _)| is_structure(item)).map(|(_, shape)| shape);
+        let drawables = Drawables::new(&items, |_| in_order.next().flatten());
+        Ok(Readied { drawables, structures })
+    }
+}
+
+fn is_structure(item: &Item) -> bool {
+    item.geometry.as_ref().is_some_and(|geometry| geometry.content().is_some())
+}
+
+impl KeptShape {
+    fn of(shape: &Shape) -> Self {
+        // A thousandth of a millimetre: far below what a picture shows, and half the file.
+        let rounded = |mm: f64| (mm * 1e3).round() / 1e3;
+        let vertices_mm = shape.vertices.iter().map(|at| at.xyz.to_array().map(rounded)).collect();
+        Self { vertices_mm, triangles: shape.triangles.clone() }
+    }
+
+    fn shape(self) -> Result<Shape, String> {
+        let count = self.vertices_mm.len();
+        if let Some(index) = self.triangles.as_flattened().iter().find(|index| **index as usize >= count) {
+            return Err(format!("a triangle has corner {index} of {count}"));
+        }
+        if !self.vertices_mm.as_flattened().iter().all(|mm| mm.abs() <= Item::FARTHEST_MM) {
+            return Err(format!("a corner is beyond {} mm", Item::FARTHEST_MM));
+        }
+        let vertices = self.vertices_mm.into_iter().map(|[x, y, z]| Point::new(x, y, z)).collect();
+        Ok(Shape { vertices, triangles: self.triangles })
+    }
+}
+
+/// The annotations that were read last: all views of a series have the same.
+#[derive(Debug, Default)]
+pub(super) struct ReadiedLast(Mutex<HashMap<String, Arc<Readied>>>);
+
+impl ReadiedLast {
+    pub(super) fn get(&self, kept: &KeptAnnotations) -> Result<Arc<Readied>, Trouble> {
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = last.get(&kept.sha256) {
+            return Ok(Arc::clone(known));
+        }
+        let readied = Arc::new(kept.read()?);
+        last.clear();
+        last.insert(kept.sha256.clone(), Arc::clone(&readied));
+        Ok(readied)
+    }
+}

@@ -1,0 +1,82 @@
+//! A series that was found: what is known of it, and which annotations are its.
+
+use super::log::AnnotationLog;
+use super::query::{Facts, Query};
+use super::source::SeriesSource;
+use super::views::View;
+use crate::annotation::{FrameOfReference, Item};
+use crate::dicom::{self, LoadLimits, SeriesEntry, Strictness};
+use crate::formats;
+use crate::volume::Volume;
+
+/// A series, not loaded.
+pub(super) struct Found {
+    pub(super) source: SeriesSource,
+    pub(super) kind: Kind,
+}
+
+/// What it is made of.
+pub(super) enum Kind {
+    /// Slices.
+    Dicom(SeriesEntry),
+    /// A file of voxels.
+    File,
+}
+
+impl Found {
+    /// Whether a query wants it.
+    pub(super) fn admit(&self, query: &Query) -> Result<(), String> {
+        if query.is_empty() {
+            return Ok(());
+        }
+        let facts = match &self.kind {
+            Kind::Dicom(entry) => Facts {
+                modality: entry.modality().to_owned(),
+                format: "dicom",
+                dims: entry.dims(),
+                pixel_mm: entry.pixel_spacing_mm(),
+                thickness_mm: entry.thickness_mm(),
+            },
+            Kind::File => Facts::of_grid(self.load()?.grid()),
+        };
+        query.admit(&facts)
+    }
+
+    /// Its annotations in the log, and the views that `views_of` makes of them. Loads the volume only where that is needed: to know
+    /// what its annotations are told from, or for the normals of landmarks.
+    pub(super) fn annotated<'a>(
+        &self,
+        log: &'a AnnotationLog,
+        needs_volume: bool,
+        views_of: impl FnOnce(&[&Item], Option<&Volume>) -> Vec<View>,
+    ) -> Result<(Vec<View>, Vec<&'a Item>), String> {
+        let mut volume = None;
+        let uid = if let Kind::Dicom(entry) = &self.kind { entry.frame_of_reference() } else { None };
+        let items = match uid {
+            Some(uid) => log.items_of(&FrameOfReference::of(Some(uid), "")),
+            None if log.has_items_of_volumes() => {
+                let loaded = volume.insert(self.load()?);
+                log.items_of(&FrameOfReference::of(None, &loaded.content_hash().short()))
+            }
+            None => Vec::new(),
+        };
+        if needs_volume && volume.is_none() && !items.is_empty() {
+            volume = Some(self.load()?);
+        }
+        let views = views_of(&items, volume.as_ref());
+        Ok((views, items))
+    }
+
+    fn load(&self) -> Result<Volume, String> {
+        match &self.kind {
+            Kind::File => formats::read_volume(&self.source.path)
+                .map(|read| read.volume)
+                .map_err(|error| error.to_string()),
+            Kind::Dicom(entry) => {
+                let limits = LoadLimits::default();
+                let loaded = dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
+                loaded.map(|loaded| loaded.volume).map_err(|error| error.to_string())
+            }
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! The bytes of a job's outputs, from the picture as the rays made it: whatever is drawn over it is drawn here, so that one picture
+//! serves plain and annotated outputs, off the thread that renders.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::annotations::Readied;
+use super::error::Lasting;
+use super::pose::ViewCamera;
+use super::product::Product;
+use super::source::Trouble;
+use crate::display::{DisplaySettings, Frame, Layout, Pixels, encode_png};
+use crate::render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, draw_overlays};
+use crate::session::{EncodingError, FileFormat, Product as Picture, encode};
+use crate::volume::Grid;
+
+/// Tenths of a millimetre: what a step of 16-bit depth is.
+pub const DEPTH_UNIT_MM: f64 = 0.1;
+/// Structures that a picture of labels can tell apart.
+const MOST_LABELS: usize = 255;
+
+/// A picture as rays made it, and all that becomes of it.
+pub(super) struct Sight {
+    pub(super) frame: RenderedFrame,
+    /// With the scene's own overlays.
+    pub(super) request: RenderRequest,
+    pub(super) display: DisplaySettings,
+    pub(super) grid: Grid,
+}
+
+/// The outputs of a job, each with its bytes.
+pub(super) struct Outputs {
+    pub(super) files: Vec<(Product, Vec<u8>)>,
+    /// What was left out of them.
+    pub(super) warnings: Vec<String>,
+    /// What the values of the labels from 1 on stand for.
+    pub(super) structures: Vec<String>,
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
+fn permanent(error: impl ToString) -> Trouble {
+    (Lasting::Permanent, error.to_string())
+}
+
+impl Sight {
+    /// Makes all outputs. `annotations` are there where a product wants them.
+    pub(super) fn outputs(
+        &self,
+        products: &[Product],
+        annotations: Option<&Readied>,
+    ) -> Result<Outputs, Trouble> {
+        let mut made = Outputs { files: Vec::new(), warnings: Vec::new(), structures: Vec::new() };
+        let plain = self.drawn(&self.request)?;
+        let mut annotated = None;
+        if let Some(readied) = annotations
+            && products.iter().any(|product| matches!(product, Product::Annotated | Product::AnnotatedFrame))
+        {
+            let mut request = self.request.clone();
+            let drawn = readied.drawables.draw(&mut request, &self.display, &self.grid);
+            if drawn.left_out > 0 {
+                let left_out = drawn.left_out;
+                made.warnings
+                    .push(format!("{left_out} annotations are left out; a picture has no room for more"));
+            }
+            annotated = Some(self.drawn(&request)?);
+        }
+        for product in products {
+            let frame = if product.needs_annotations() { annotated.as_deref() } else { Some(&*plain) };
+            let bytes = match (product, frame) {
+                (Product::Frame | Product::AnnotatedFrame, Some(frame)) => {
+                    encode(frame, &self.display, Picture::Frame, FileFormat::Png).map_err(permanent)?
+                }
+                (Product::Color | Product::Annotated, Some(frame)) => self.color(frame).map_err(permanent)?,
+                (Product::Depth, Some(frame)) => {
+                    encode(frame, &self.display, Picture::Depth, FileFormat::Exr).map_err(permanent)?
+                }
+                (Product::DepthPng, Some(frame)) => depth_png(frame)?,
+                (Product::Camera, Some(frame)) => ViewCamera::of(frame)?.to_json(),
+                (Product::Labels, _) => self.labels(annotations, &mut made)?,
+                (_, None) => return Err(permanent("a product draws annotations, and the job has none")),
+            };
+            made.files.push((*product, bytes));
+        }
+        Ok(made)
+    }
+
+    /// The picture with a request's overlays.
+    fn drawn(&self, request: &RenderRequest) -> Result<Cow<'_, RenderedFrame>, Trouble> {
+        if request.overlays.is_empty() {
+            return Ok(Cow::Borrowed(&self.frame));
+        }
+        let mut frame = self.frame.clone();
+        draw_overlays(&mut frame, request, &self.grid).map_err(permanent)?;
+        Ok(Cow::Owned(frame))
+    }
+
+    fn color(&self, frame: &RenderedFrame) -> Result<Vec<u8>, EncodingError> {
+        let alone = DisplaySettings { layout: Layout::Color, ..self.display.clone() };
+        encode(frame, &alone, Picture::Frame, FileFormat::Png)
+    }
+
+    /// Every structure is drawn alone into an empty picture: where it comes nearer than those before, the pixel is its.
+    fn labels(&self, annotations: Option<&Readied>, made: &mut Outputs) -> Result<Vec<u8>, Trouble> {
+        let structures = annotations.map_or(&[][..], |readied| &readied.structures);
+        if structures.len() > MOST_LABELS {
+            return Err(permanent(format!(
+                "{} structures, allowed: at most {MOST_LABELS} in a picture of labels",
+                structures.len()
+            )));
+        }
+        let mut frame = RenderedFrame { back: None, ..self.frame.clone() };
+        frame.depth_mm.fill(f32::INFINITY);
+        let mut labels = vec![0u8; frame.depth_mm.len()];
+        for (label, (_, shape)) in (1u8..).zip(structures) {
+            let before = frame.depth_mm.clone();
+            let mesh = Mesh {
+                vertices: shape.vertices.clone(),
+                triangles: shape.triangles.clone(),
+                rgb: [1.0; 3],
+                opacity: 1.0,
+            };
+            let items = vec![OverlayItem::Mesh(mesh)];
+            let overlays = Arc::new(Overlays { items, ..Overlays::default() });
+            let request = RenderRequest { overlays, ..self.request.clone() };
+            draw_overlays(&mut frame, &request, &self.grid).map_err(permanent)?;
+            let depths = before.iter().zip(&frame.depth_mm);
+            labels
+                .iter_mut()
+                .zip(depths)
+                .filter(|(_, (before, now))| now < before)
+                .for_each(|(own, _)| *own = label);
+        }
+        made.structures = structures.iter().map(|(name, _)| name.clone()).collect();
+        gray_png(self.frame.size_px, &labels).map_err(permanent)
+    }
+}
+
+/// View depth in units of [`DEPTH_UNIT_MM`]; 0 where nothing is seen.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be in range")]
+fn depth_png(frame: &RenderedFrame) -> Result<Vec<u8>, Trouble> {
+    let mut values = Vec::with_capacity(frame.depth_mm.len());
+    for mm in &frame.depth_mm {
+        let value = (f64::from(*mm) / DEPTH_UNIT_MM).round();
+        match mm.is_finite() {
+            false => values.push(0),
+            true if (1.0..=f64::from(u16::MAX)).contains(&value) => values.push(value as u16),
+            true => {
+                let most = f64::from(u16::MAX) * DEPTH_UNIT_MM;
+                return Err(permanent(format!(
+                    "a depth of {mm} mm does not fit into 16 bits, allowed: {DEPTH_UNIT_MM} to {most:.1} mm; depth (EXR) has no such limit"
+                )));
+            }
+        }
+    }
+    encode_png(&Frame::new(frame.size_px, Pixels::Gray16(values)).map_err(permanent)?).map_err(permanent)
+}
+
+fn gray_png([width, height]: [u32; 2], samples: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_compression(png::Compression::Fast);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(samples)?;
+    writer.finish()?;
+    Ok(file)
+}

@@ -1,0 +1,110 @@
+//! Files that a job writes, by their names in manifests and options.
+
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// A file that a job writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Product {
+    /// The frame in the scene's layout, PNG.
+    Frame,
+    /// The colour alone, PNG.
+    Color,
+    /// View depth in mm, OpenEXR.
+    Depth,
+    /// View depth as 16-bit grey, PNG: tenths of a millimetre, 0 where nothing is seen.
+    DepthPng,
+    /// Intrinsics and pose of the camera and places of the surface that it sees, JSON.
+    Camera,
+    /// The colour with the annotations drawn over it, PNG.
+    Annotated,
+    /// The frame in the scene's layout with the annotations drawn in the same depth, PNG.
+    AnnotatedFrame,
+    /// Which structure of the annotations is nearest in each pixel, whatever of the volume lies before it: 8-bit grey, PNG.
+    Labels,
+}
+
+/// What one word of `--products` asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProductSet(pub Vec<Product>);
+
+impl Product {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Frame,
+        Self::Color,
+        Self::Depth,
+        Self::DepthPng,
+        Self::Camera,
+        Self::Annotated,
+        Self::AnnotatedFrame,
+        Self::Labels,
+    ];
+
+    /// Colour, depth and camera: what those who learn from pictures need.
+    pub const DATASET: [Self; 4] = [Self::Color, Self::Depth, Self::DepthPng, Self::Camera];
+
+    /// Its name in manifests and options.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Frame => "frame",
+            Self::Color => "color",
+            Self::Depth => "depth",
+            Self::DepthPng => "depth-png",
+            Self::Camera => "camera",
+            Self::Annotated => "annotated",
+            Self::AnnotatedFrame => "annotated-frame",
+            Self::Labels => "labels",
+        }
+    }
+
+    /// What comes behind the view's name in the file's.
+    #[must_use]
+    pub const fn ending(self) -> &'static str {
+        match self {
+            Self::Frame => "frame.png",
+            Self::Color => "color.png",
+            Self::Depth => "depth.exr",
+            Self::DepthPng => "depth.png",
+            Self::Camera => "camera.json",
+            Self::Annotated => "annotated.png",
+            Self::AnnotatedFrame => "annotated-frame.png",
+            Self::Labels => "labels.png",
+        }
+    }
+
+    /// Whether it has annotations in it.
+    #[must_use]
+    pub const fn needs_annotations(self) -> bool {
+        matches!(self, Self::Annotated | Self::AnnotatedFrame | Self::Labels)
+    }
+
+    /// Whether the picture has to have the size of its layout.
+    #[must_use]
+    pub const fn is_frame(self) -> bool {
+        matches!(self, Self::Frame | Self::AnnotatedFrame)
+    }
+
+    /// All names, for messages.
+    #[must_use]
+    pub fn names() -> String {
+        Self::ALL.map(Self::name).join(", ")
+    }
+}
+
+impl FromStr for ProductSet {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        if name == "dataset" {
+            return Ok(Self(Product::DATASET.to_vec()));
+        }
+        let found = Product::ALL.into_iter().find(|known| known.name() == name);
+        found.map(|product| Self(vec![product])).ok_or_else(|| {
+            format!("products are {}, and dataset for color,depth,depth-png,camera", Product::names())
+        })
+    }
+}

@@ -1,0 +1,221 @@
+//! Turntables as films: animated PNG by this program, MP4 by ffmpeg where the machine has it.
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::str::FromStr;
+
+use image::RgbImage;
+
+use super::files::{shared_temporary, write_whole};
+use super::report::open;
+
+/// Time between the pictures of a turntable, ms.
+const TURN_MS: u16 = 120;
+/// Encoders of ffmpeg that write what browsers and slides play, the best one first; builds lack some.
+const ENCODERS: [&[&str]; 3] = [
+    &["-c:v", "libx264", "-crf", "16", "-pix_fmt", "yuv420p"],
+    &["-c:v", "libopenh264", "-b:v", "8M", "-pix_fmt", "yuv420p"],
+    &["-c:v", "mpeg4", "-q:v", "2", "-pix_fmt", "yuv420p"],
+];
+/// Longest message of ffmpeg that is shown, bytes.
+const LONGEST: u64 = 2000;
+
+/// What turntables are asked to be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Film {
+    /// Animated PNG, and MP4 where ffmpeg is.
+    #[default]
+    Auto,
+    /// Animated PNG alone.
+    Apng,
+    /// Both; it is an error if there is no ffmpeg.
+    Mp4,
+}
+
+/// What turntables will be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Films {
+    /// The program that makes MP4, where it does.
+    ffmpeg: Option<PathBuf>,
+    /// Whether MP4 was wanted where it could be had, and cannot.
+    pub lacks_ffmpeg: bool,
+}
+
+impl FromStr for Film {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "auto" => Ok(Self::Auto),
+            "apng" => Ok(Self::Apng),
+            "mp4" => Ok(Self::Mp4),
+            _ => Err("turntables are auto, apng or mp4".to_owned()),
+        }
+    }
+}
+
+impl Films {
+    /// Looks for ffmpeg, by its name or path, where it is wanted.
+    ///
+    /// # Errors
+    /// When it has to be there and is not: what to install.
+    pub fn new(film: Film, ffmpeg: &Path) -> Result<Self, String> {
+        if film == Film::Apng {
+            return Ok(Self { ffmpeg: None, lacks_ffmpeg: false });
+        }
+        let mut command = Command::new(ffmpeg);
+        let command =
+            command.arg("-version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        let runs = command.status().is_ok_and(|status| status.success());
+        match (runs, film) {
+            (true, _) => Ok(Self { ffmpeg: Some(ffmpeg.to_owned()), lacks_ffmpeg: false }),
+            (false, Film::Mp4) => Err(format!(
+                "{} does not run, and MP4 needs it: install ffmpeg (Debian, Ubuntu: apt-get install ffmpeg), name it with \
+                 --ffmpeg, or leave out --turntable mp4 for animated PNG",
+                ffmpeg.display()
+            )),
+            (false, _) => Ok(Self { ffmpeg: None, lacks_ffmpeg: true }),
+        }
+    }
+
+    /// Writes `turntable.png` and, with ffmpeg, `turntable.mp4` of these pictures; nothing of fewer than two, or of several sizes.
+    ///
+    /// # Errors
+    /// When a file cannot be written, or ffmpeg fails.
+    pub(super) fn write(&self, folder: &Path, turns: &[PathBuf]) -> std::io::Result<()> {
+        if let Some(file) = apng(turns) {
+            write_whole(&folder.join("turntable.png"), &file)?;
+            if let Some(ffmpeg) = &self.ffmpeg {
+                return mp4(ffmpeg, folder, turns);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Pictures as an animated PNG: their own compressed pixels one after the other, as they are (PNG, third edition, 11.3.6).
+fn apng(turns: &[PathBuf]) -> Option<Vec<u8>> {
+    let count = u32::try_from(turns.len()).ok().filter(|count| *count > 1)?;
+    let first = std::fs::read(&turns[0]).ok()?;
+    let header = chunks(&first).find(|(kind, _)| *kind == *b"IHDR")?.1.to_vec();
+    let mut file = Animation { bytes: SIGNATURE.to_vec(), sequence: 0 };
+    file.chunk(*b"IHDR", &[&header]);
+    file.chunk(*b"acTL", &[&count.to_be_bytes(), &[0; 4]]);
+    for path in turns {
+        let turn = std::fs::read(path).ok()?;
+        if chunks(&turn).next().is_none_or(|(kind, data)| kind != *b"IHDR" || data != header) {
+            return None;
+        }
+        file.control(header.get(..8)?);
+        for (_, pixels) in chunks(&turn).filter(|(kind, _)| *kind == *b"IDAT") {
+            file.pixels(pixels, *path == turns[0]);
+        }
+    }
+    file.chunk(*b"IEND", &[]);
+    Some(file.bytes)
+}
+
+const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// The chunks of a PNG up to its end or its first damage: kinds and data.
+fn chunks(file: &[u8]) -> impl Iterator<Item = ([u8; 4], &[u8])> {
+    let mut rest = file.strip_prefix(SIGNATURE).unwrap_or_default();
+    std::iter::from_fn(move || {
+        let (length, behind) = rest.split_first_chunk()?;
+        let (kind, behind) = behind.split_first_chunk()?;
+        let (data, behind) = behind.split_at_checked(u32::from_be_bytes(*length) as usize)?;
+        rest = behind.get(4..)?; // its checksum
+        Some((*kind, data))
+    })
+}
+
+/// An animated PNG that grows.
+struct Animation {
+    bytes: Vec<u8>,
+    sequence: u32,
+}
+
+impl Animation {
+    fn chunk(&mut self, kind: [u8; 4], parts: &[&[u8]]) {
+        let length: usize = parts.iter().map(|part| part.len()).sum();
+        self.bytes.extend(u32::try_from(length).unwrap_or(u32::MAX).to_be_bytes());
+        let from = self.bytes.len();
+        self.bytes.extend(kind);
+        parts.iter().for_each(|part| self.bytes.extend(*part));
+        let mut checksum = flate2::Crc::new();
+        checksum.update(&self.bytes[from..]);
+        self.bytes.extend(checksum.sum().to_be_bytes());
+    }
+
+    fn numbered(&mut self, kind: [u8; 4], parts: &[&[u8]]) {
+        let sequence = self.sequence.to_be_bytes();
+        self.sequence += 1;
+        self.chunk(kind, &[&[&sequence[..]], parts].concat());
+    }
+
+    /// How the next picture is shown: whole, for so long, in place of the last.
+    fn control(&mut self, size: &[u8]) {
+        let [delay, of] = [TURN_MS, 1000].map(u16::to_be_bytes);
+        self.numbered(*b"fcTL", &[size, &[0; 8], &delay, &of, &[0, 0]]);
+    }
+
+    fn pixels(&mut self, pixels: &[u8], is_first: bool) {
+        if is_first { self.chunk(*b"IDAT", &[pixels]) } else { self.numbered(*b"fdAT", &[pixels]) }
+    }
+}
+
+/// The first encoder that this ffmpeg has makes the film.
+fn mp4(ffmpeg: &Path, folder: &Path, turns: &[PathBuf]) -> std::io::Result<()> {
+    let mut refusal = String::new();
+    for encoder in ENCODERS {
+        let file = shared_temporary().prefix(".relief-").suffix(".mp4").tempfile_in(folder)?;
+        match encode(ffmpeg, encoder, turns, file.path()) {
+            Ok(()) => {
+                file.persist(folder.join("turntable.mp4"))?;
+                return Ok(());
+            }
+            Err(reason) => refusal = reason,
+        }
+    }
+    Err(std::io::Error::other(format!("ffmpeg makes no MP4: {refusal}")))
+}
+
+fn encode(ffmpeg: &Path, encoder: &[&str], turns: &[PathBuf], film: &Path) -> Result<(), String> {
+    let picture = |path: &PathBuf| open(path).map(image::DynamicImage::into_rgb8);
+    let first = turns.first().and_then(picture).ok_or("its pictures cannot be read")?;
+    let size = format!("{}x{}", first.width(), first.height());
+    let rate = format!("1000/{TURN_MS}");
+    let input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-framerate", &rate, "-i", "pipe:0"];
+    // Colours at half the resolution want even sides.
+    let output =
+        ["-an", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-movflags", "+faststart", "-map_metadata", "-1"];
+    let mut child = Command::new(ffmpeg)
+        .args(["-hide_banner", "-loglevel", "error", "-y"])
+        .args(input)
+        .args(output)
+        .args(encoder)
+        .args(["-f", "mp4"])
+        .arg(film)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(|error| error.to_string())?;
+    let (mut stdin, stderr) = (child.stdin.take(), child.stderr.take());
+    let said = std::thread::spawn(move || {
+        let mut said = String::new();
+        let _ = stderr.map(|stderr| stderr.take(LONGEST).read_to_string(&mut said));
+        said
+    });
+    let send = |picture: &RgbImage, stdin: &mut Option<std::process::ChildStdin>| {
+        stdin.as_mut().is_some_and(|stdin| stdin.write_all(picture).is_ok())
+    };
+    // One that does not take pictures has ended, and its status says so.
+    let _ = send(&first, &mut stdin)
+        && turns[1..].iter().all(|path| picture(path).is_some_and(|turn| send(&turn, &mut stdin)));
+    drop(stdin);
+    let status = child.wait().map_err(|error| error.to_string())?;
+    let said = said.join().unwrap_or_default();
+    if status.success() { Ok(()) } else { Err(said.lines().last().unwrap_or("it says nothing").to_owned()) }
+}

@@ -1,0 +1,71 @@
+//! Turntables as films: MP4 where ffmpeg is, and clear words where it is not.
+
+use super::*;
+
+/// An ffmpeg of this machine, or the peers'.
+fn ffmpeg() -> Option<String> {
+    let runs =
+        |path: &str| Command::new(path).arg("-version").output().is_ok_and(|output| output.status.success());
+    if runs("ffmpeg") {
+        return Some("ffmpeg".to_owned());
+    }
+    let python = std::env::var_os("RELIEF_PEERS_PYTHON")?;
+    let found =
+        Command::new(python).args(["-c", "import imageio_ffmpeg as f; print(f.get_ffmpeg_exe())"]).output();
+    let path = String::from_utf8(found.ok()?.stdout).ok()?.trim().to_owned();
+    runs(&path).then_some(path)
+}
+
+#[test]
+fn an_mp4_has_every_turn_and_opencv_plays_it() {
+    if software_adapter("films of batches").is_none() {
+        return;
+    }
+    let (Some(ffmpeg), Some(python)) = (ffmpeg(), std::env::var_os("RELIEF_PEERS_PYTHON")) else {
+        eprintln!("SKIPPED: turntables as MP4 (there is no ffmpeg, or RELIEF_PEERS_PYTHON is not set)");
+        return;
+    };
+    let archive = Archive::of_phantoms(1);
+    let (root, out) = (archive.text("series"), archive.text("jobs.jsonl"));
+    let plan =
+        ["batch", "plan", "--root", &root, "--out", &out, "--views", "turntable:6", "--preset", "bone"];
+    ok(&relief(&[&plan[..], &["--size", "65x49", "--products", "color"]].concat())); // odd sides
+    ok(&archive.run(&["--turntable", "mp4", "--ffmpeg", &ffmpeg]));
+    let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
+    let script = "
+import cv2, sys, numpy, json
+film, worst, count = cv2.VideoCapture(sys.argv[1]), 0, 0
+while True:
+    there, picture = film.read()
+    if not there: break
+    still = cv2.imread(f'{sys.argv[2]}/turntable-{count:03}.color.png')
+    size = picture.shape[1::-1]
+    worst = max(worst, float(numpy.abs(picture[:49, :65].astype(int) - still).mean()))
+    count += 1
+print(json.dumps({'count': count, 'size': size, 'fps': film.get(cv2.CAP_PROP_FPS), 'worst': worst}))";
+    let film = folder.join("turntable.mp4");
+    let played = ok(&Command::new(python).args(["-c", script]).arg(&film).arg(&folder).output().unwrap());
+    assert_eq!((&played["count"], &played["size"]), (&6.into(), &serde_json::json!([66, 50])), "{played}");
+    assert!((played["fps"].as_f64().unwrap() - 25.0 / 3.0).abs() < 0.01, "{played}");
+    assert!(played["worst"].as_f64().unwrap() < 8.0, "the pictures of the turntable: {played}");
+    assert!(folder.join("turntable.png").exists());
+}
+
+#[test]
+fn without_ffmpeg_there_is_the_animated_png_and_a_word() {
+    if software_adapter("films without ffmpeg").is_none() {
+        return;
+    }
+    let archive = Archive::of_phantoms(1);
+    ok(&archive.plan(&["--views", "turntable:2"]));
+    let refused = archive.run(&["--turntable", "mp4", "--ffmpeg", "no-such-ffmpeg"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("apt-get install ffmpeg"));
+    assert!(!archive.path("out").exists(), "nothing is rendered before");
+    let told = archive.run(&["--ffmpeg", "no-such-ffmpeg"]);
+    assert!(String::from_utf8_lossy(&told.stderr).contains("turntables are animated PNG alone"));
+    ok(&told);
+    let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
+    assert!(folder.join("turntable.png").exists() && !folder.join("turntable.mp4").exists());
+    assert!(archive.run(&["--turntable", "gif"]).status.code() == Some(2));
+}

@@ -1,0 +1,66 @@
+//! Queries: which series are wanted, by what is known of them and leads to nobody.
+
+use super::*;
+use relief::batch::{Facts, Query};
+
+fn facts() -> Facts {
+    Facts {
+        modality: "CT".to_owned(),
+        format: "dicom",
+        dims: [512, 256, 40],
+        pixel_mm: [0.7, 0.7],
+        thickness_mm: Some(2.5),
+    }
+}
+
+#[test]
+fn conditions_mean_what_they_say() {
+    for (text, is_wanted) in [
+        ("slices>=40", true),
+        ("slices>40", false),
+        ("slices=40", true),
+        ("slices!=40", false),
+        ("modality=ct,slices<=40,columns=512", true),
+        ("modality=MR", false),
+        ("modality!=MR, rows<256", false),
+        ("pixel_mm<0.71, pixel_mm>0.69", true),
+        ("thickness_mm<=1.25", false),
+        ("format=volume", false),
+    ] {
+        let query: Query = text.parse().unwrap();
+        assert_eq!(query.admit(&facts()).is_ok(), is_wanted, "{text}");
+    }
+    let unknown = Facts { thickness_mm: None, ..facts() };
+    let refused = "thickness_mm>0".parse::<Query>().unwrap().admit(&unknown).unwrap_err();
+    assert_eq!(refused, "its files do not say thickness_mm");
+}
+
+#[test]
+fn what_is_no_condition_is_refused_with_what_is() {
+    for text in [
+        "",
+        "slices",
+        "slices=>4",
+        "slices>many",
+        "slices>inf",
+        "patient=x",
+        "modality>CT",
+        "modality=",
+        "a=b=c",
+    ] {
+        let refused = text.parse::<Query>().unwrap_err();
+        assert!(refused.contains("thickness_mm"), "{text}: {refused}");
+    }
+}
+
+#[test]
+fn a_query_chooses_among_the_series_of_a_folder() {
+    let archive = Archive::of_phantoms(4); // 24 to 30 slices and more
+    let all = ok(&archive.plan(&["--views", "planes"]));
+    let some = ok(&archive.plan(&["--views", "planes", "--where", "modality=CT,columns>=26,columns<30"]));
+    assert_eq!((&all["series"], &some["series"], &some["unwanted"]), (&4.into(), &2.into(), &2.into()));
+    assert_eq!(some["skipped"], serde_json::json!([]), "what is not wanted is no trouble");
+    let none = archive.plan(&["--views", "planes", "--where", "slices>1000"]);
+    assert_eq!(none.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&none.stderr).contains("which --where does not want"));
+}
