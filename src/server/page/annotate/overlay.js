@@ -2,7 +2,7 @@
 //
 // In a slice what is near its plane is drawn full, and what is farther fades until it is gone; in 3D what is hidden is dimmed.
 
-import { add, corners, cross, distance, dot, lerp, length, measureWords, measures as measured, outline, pointsOf, scale, sub, unit } from "./geometry.js";
+import { add, clamp, corners, cross, distance, dot, lerp, length, measureWords, measures as measured, outline, pointsOf, scale, sub, unit } from "./geometry.js";
 import { SliceSight } from "./sight.js";
 import { colorOf } from "./model.js";
 
@@ -99,16 +99,19 @@ class Drawing {
     if (at.strength < 0.3 || !this.isSeen(at) || ((this.texts.length >= MOST_LABELS || this.tries > MOST_TRIES) && !selected)) return;
     this.tries += 1;
     const width = (selected ? 7.2 : 6.5) * words.length;
-    const sides = [[9, -7], [9, 15], [-9 - width, -7], [-9 - width, 15]];
-    const inside = ([dx]) => at.x + dx > 0 && at.x + dx + width < this.width;
-    const tries = [...sides.filter(inside), ...sides.filter((side) => !inside(side))];
+    const [left, right] = [-9 - width, 9];
+    const sides = [-7, 15, -21, 29].flatMap((dy) => [[right, dy], [left, dy]]);
+    const inside = sides.filter(([dx]) => at.x + dx > 0 && at.x + dx + width < this.width);
+    // Too wide for either side: above or below the place, as far along as there is room.
+    const between = clamp(right, 2 - at.x, Math.max(2, this.width - width - 2) - at.x);
+    const tries = inside.length ? inside : [[between, -12], [between, 20]];
     const free = tries.find(([dx, dy]) => !this.boxes.some((box) => overlaps(box, [at.x + dx, at.y + dy - 11, width, 14])));
     if (!free && !selected) return;
     const [dx, dy] = free ?? tries[0];
     this.boxes.push([at.x + dx, at.y + dy - 11, width, 14]);
     const opacity = Math.min(1, at.strength + 0.05).toFixed(2);
     // Widths are a guess: what stands on the left ends there, whatever it is.
-    const [start, anchor] = dx < 0 ? [-9, ' text-anchor="end"'] : [dx, ""];
+    const [start, anchor] = dx === left ? [-9, ' text-anchor="end"'] : [dx, ""];
     this.texts.push(`<text x="${fixed(at.x + start)}"${anchor} y="${fixed(at.y + dy)}" fill="${color}" opacity="${opacity}"${selected ? ' class="chosen"' : ""}>${escaped(words)}</text>`);
   }
 }
