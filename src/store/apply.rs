@@ -2,9 +2,9 @@
 
 use sqlx::{Any, Row, Transaction};
 
-use super::Store;
 use super::error::StoreError;
 use super::rows::{current, item_text, kind_name, signed, unsigned, versioned};
+use super::{Store, watch};
 use crate::annotation::{Change, ContentId, Edit, Event, Item, ItemId, Kind, Timestamp};
 
 /// Events that are being added, all of one edit.
@@ -44,6 +44,7 @@ impl Store {
             .bind(&edit.author)
             .execute(&mut *transaction)
             .await?;
+        self.announce(&mut transaction, watch::EVENT, events.last().map_or(0, |event| event.seq)).await?;
         transaction.commit().await?;
         Ok(events)
     }

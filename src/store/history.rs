@@ -2,10 +2,10 @@
 
 use sqlx::{Any, Row, Transaction};
 
-use super::Store;
 use super::apply::Writing;
 use super::error::StoreError;
 use super::rows::{EVENT, current, event, item, signed, unsigned, versioned};
+use super::{Store, watch};
 use crate::annotation::{Edit, Event, Item, ItemId, Kind};
 
 impl Store {
@@ -56,6 +56,7 @@ impl Store {
             .bind(signed(target))
             .execute(&mut *transaction)
             .await?;
+        self.announce(&mut transaction, watch::EVENT, events.last().map_or(0, |event| event.seq)).await?;
         transaction.commit().await?;
         Ok(events)
     }

@@ -2,7 +2,7 @@
 //!
 //! What it is: [`Store`] takes an [`Edit`](crate::annotation::Edit), makes all of its changes or none, and answers when they are on disk; it takes edits
 //! back and makes them again, author by author; it lists the items that the log amounts to, and keeps the contents (voxels,
-//! triangles), the sets and the templates that items name. What it is not: it knows no HTTP, no voxels and no files of other
+//! triangles), the sets and the templates that items name; [`Watch`] hears of what others change. What it is not: it knows no HTTP, no voxels and no files of other
 //! programs. Space and units: those of [`annotation`](crate::annotation); the store looks into no geometry.
 //!
 //! | table | holds | changes |
@@ -31,17 +31,19 @@ mod place;
 mod query;
 mod rows;
 mod schema;
+mod watch;
 
 use std::time::Duration;
 
 use sqlx::AnyPool;
-use sqlx::any::AnyPoolOptions;
+use sqlx::any::{AnyConnectOptions, AnyPoolOptions};
 use sqlx::{Any, Transaction};
 
 pub use check::Checked;
 pub use error::StoreError;
 pub use named::{Audited, AuditedKind};
 pub use query::{Filter, Listing, LogFilter};
+pub use watch::{Changed, Watch};
 
 use place::{Kind, Place};
 
@@ -54,6 +56,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 #[derive(Clone)]
 pub struct Store {
     kind: Kind,
+    options: AnyConnectOptions,
     write: AnyPool,
     read: AnyPool,
 }
@@ -93,7 +96,7 @@ impl Store {
                 .after_connect(move |connection, _| Box::pin(schema::settle(connection, kind, read_only)));
             options.connect_lazy_with(place.options.clone())
         };
-        Ok(Self { kind, write: pool(1), read: pool(READERS) })
+        Ok(Self { kind, options: place.options.clone(), write: pool(1), read: pool(READERS) })
     }
 
     /// Closes all connections, when the calls that are under way are done. A SQLite log is one file then, without a `-wal` file

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use sqlx::Row;
 
-use super::Store;
 use super::error::StoreError;
 use super::rows::{signed, unsigned};
+use super::{Store, watch};
 use crate::annotation::{Author, Edit, ItemError, Set, Timestamp};
 
 /// Most bytes of a template's text.
@@ -156,10 +156,11 @@ impl Store {
         let mut transaction = self.begin_write().await?;
         let last =
             sqlx::query("SELECT coalesce(max(seq), 0) FROM audit").fetch_one(&mut *transaction).await?;
+        let seq = unsigned(&last, 0)? + 1;
         sqlx::query(
             "INSERT INTO audit (seq, kind, name, author, time, body) VALUES ($1, $2, $3, $4, $5, $6)",
         )
-        .bind(signed(unsigned(&last, 0)? + 1))
+        .bind(signed(seq))
         .bind(kind.word())
         .bind(name)
         .bind(author)
@@ -168,6 +169,7 @@ impl Store {
         .execute(&mut *transaction)
         .await?;
         sqlx::query(upsert).bind(name).bind(body).execute(&mut *transaction).await?;
+        self.announce(&mut transaction, watch::AUDIT, seq).await?;
         Ok(transaction.commit().await?)
     }
 }

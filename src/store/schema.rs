@@ -251,7 +251,10 @@ pub(super) async fn settle(
 }
 
 /// The number that a statement answers with.
-async fn number(connection: &mut AnyConnection, statement: &'static str) -> Result<i64, StoreError> {
+pub(super) async fn number(
+    connection: &mut AnyConnection,
+    statement: &'static str,
+) -> Result<i64, StoreError> {
     let row = sqlx::query(statement).fetch_one(connection).await?;
     // A pragma answers with a small integer, a count with a large one.
     Ok(row.try_get::<i64, _>(0).or_else(|_| row.try_get::<i32, _>(0).map(i64::from))?)

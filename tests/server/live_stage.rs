@@ -47,6 +47,11 @@ impl Running {
         Self::on(Stage::annotated().await).await
     }
 
+    /// One of several servers of a log.
+    pub(crate) async fn following(place: &str) -> Self {
+        Self::on(Stage::following(place).await).await
+    }
+
     async fn on(stage: Stage) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();

@@ -3,6 +3,7 @@
 //! The backend here draws a sphere by its closed form, counts its renders and waits at a gate, so that every answer
 //! can be foreseen and every order of events arranged. No GPU is needed.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 mod annotations;
 mod annotations_drawn;
@@ -10,6 +11,7 @@ mod annotations_live;
 mod annotations_structures;
 mod budget;
 mod dicomweb;
+mod followed;
 mod frames;
 mod labels;
 mod live;
@@ -18,6 +20,8 @@ mod live_plain;
 mod live_stage;
 mod memory;
 mod operation;
+#[path = "../common/postgres.rs"]
+mod postgres_server;
 mod problems;
 mod slices;
 mod sockets;

@@ -207,7 +207,19 @@ impl Stage {
 
     pub(crate) async fn annotated_with(config: Config) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(folder.path().join("log.db").to_str().unwrap()).await.unwrap();
+        let place = folder.path().join("log.db");
+        Self { _folder: Some(folder), ..Self::annotated_at(place.to_str().unwrap(), config).await }
+    }
+
+    /// A server with one volume whose log of annotations is there, and hears of what others write into it.
+    pub(crate) async fn following(place: &str) -> Self {
+        let stage = Self::annotated_at(place, Config::default()).await;
+        stage.server.follow_annotations().await;
+        stage
+    }
+
+    async fn annotated_at(place: &str, config: Config) -> Self {
+        let store = Store::open(place).await.unwrap();
         let empty = Self::built(config, QueueConfig::default(), loader(), Some(store));
         let volume = cube();
         let id = volume.content_hash().short();
@@ -219,7 +231,7 @@ impl Stage {
             reference: None,
             labels: None,
         });
-        Self { id, _folder: Some(folder), ..empty }
+        Self { id, ..empty }
     }
 
     fn built(config: Config, queue: QueueConfig, loader: VolumeLoader, store: Option<Store>) -> Self {

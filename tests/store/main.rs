@@ -8,6 +8,8 @@ mod killed;
 mod made;
 mod model;
 mod postgres;
+#[path = "../common/postgres.rs"]
+mod postgres_server;
 mod speed;
 mod writers;
 

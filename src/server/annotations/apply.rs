@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
+use super::follow::Turn;
 use super::refusal::no_such_item;
 use super::visible::Visible;
 use super::{Annotations, Snapshot};
@@ -17,7 +17,7 @@ use crate::store::LogFilter;
 /// Items whose home is asked for one by one; of more the whole log is read once.
 const FEW: usize = 32;
 /// Events that are read at a time.
-const PAGE: u64 = 5000;
+pub(super) const PAGE: u64 = 5000;
 
 /// Events of an edit, as they are told.
 pub(in crate::server) struct Published {
@@ -61,7 +61,7 @@ impl Annotations {
         changes: Vec<Change>,
     ) -> Result<Vec<(Event, Home)>, Problem> {
         let frame = entry.frame_of_reference();
-        let _turn = self.turn.lock().await;
+        let turn = self.turn().await?;
         let snapshot = self.snapshot(&frame).await?;
         let visible = Visible::new(&snapshot.sets, Some(author));
         let completed =
@@ -75,7 +75,7 @@ impl Annotations {
             Home { frame: Some(frame.clone()), set }
         };
         let homes = events.iter().map(home).collect();
-        Ok(self.tell(events, homes, Arc::clone(&snapshot.sets)))
+        Ok(self.tell_own(turn, events, homes, &snapshot.sets).await)
     }
 
     /// Takes back the author's newest edit, or makes the one again that was taken back last, where it concerns this volume.
@@ -90,7 +90,7 @@ impl Annotations {
         step: Step,
     ) -> Result<Vec<(Event, Home)>, Problem> {
         let frame = entry.frame_of_reference();
-        let _turn = self.turn.lock().await;
+        let turn = self.turn().await?;
         self.expect_here(&frame, author, step).await?;
         let events = match step {
             Step::Undo => self.store.undo(author, reason).await?,
@@ -98,22 +98,27 @@ impl Annotations {
         };
         let homes = self.homes(&events).await?;
         let sets = self.sets().await?;
-        Ok(self.tell(events, homes, sets))
+        Ok(self.tell_own(turn, events, homes, &sets).await)
     }
 
-    fn tell(&self, events: Vec<Event>, homes: Vec<Home>, sets: Arc<[Set]>) -> Vec<(Event, Home)> {
+    /// Tells an edit that was made here, behind what others have made before it.
+    async fn tell_own(
+        &self,
+        mut turn: Turn<'_>,
+        events: Vec<Event>,
+        homes: Vec<Home>,
+        sets: &Arc<[Set]>,
+    ) -> Vec<(Event, Home)> {
         if let Some(frame) = homes.first().and_then(|home| home.frame.clone()) {
             self.follow(&frame, &events);
         }
-        // A set is there as soon as an item names it.
-        if homes.iter().any(|home| !sets.iter().any(|set| set.name == home.set)) {
-            self.read_sets_anew();
-        }
-        let seq = events.last().map_or(0, |event| event.seq);
+        let first = events.first().map_or(0, |event| event.seq);
         let events: Vec<(Event, Home)> = events.into_iter().zip(homes).collect();
-        self.newest.store(seq, Ordering::Relaxed);
-        self.changes.send_modify(|changes| *changes += 1);
-        let _ = self.told.send(Arc::new(Published { seq, events: events.clone(), sets })); // nobody may listen
+        match self.tell_until(&mut turn, first).await {
+            Ok(_) => self.tell(&mut turn, events.clone(), Arc::clone(sets)),
+            // The edit is made: its author hears so, the others as soon as the log can be read.
+            Err(_) => self.behind.notify_one(),
+        }
         events
     }
 

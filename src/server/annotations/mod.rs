@@ -13,6 +13,7 @@ mod author;
 mod drawing;
 mod edit;
 mod files;
+mod follow;
 mod item;
 mod list;
 mod log;
@@ -32,7 +33,7 @@ use std::sync::{Arc, Mutex};
 use axum::Router;
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::routing::{get, post};
-use tokio::sync::{Semaphore, broadcast, watch};
+use tokio::sync::{Notify, Semaphore, broadcast, watch};
 
 use self::shapes::ShapeCache;
 use self::snapshot::Snapshots;
@@ -60,8 +61,10 @@ pub(in crate::server) struct Annotations {
     making: tokio::sync::Mutex<()>,
     /// The place of whoever makes a structure.
     structures: Arc<Semaphore>,
-    /// Edits are made and told one after another: what is told is in the order of the log.
-    turn: tokio::sync::Mutex<()>,
+    /// Edits are made and told one after another: what is told is in the order of the log. See `follow`.
+    turn: tokio::sync::Mutex<Option<u64>>,
+    /// There are events in the log that could not be told yet.
+    behind: Notify,
     told: broadcast::Sender<Arc<Published>>,
     /// The last event that was told.
     newest: AtomicU64,
@@ -78,6 +81,7 @@ impl Annotations {
             making: tokio::sync::Mutex::default(),
             structures: Arc::new(Semaphore::new(1)),
             turn: tokio::sync::Mutex::default(),
+            behind: Notify::new(),
             told: broadcast::Sender::new(BEHIND),
             newest: AtomicU64::new(0),
             changes: watch::Sender::new(0),

@@ -30,7 +30,9 @@ pub(in crate::server) struct Snapshot {
 #[derive(Default)]
 pub(super) struct Snapshots {
     known: HashMap<FrameOfReference, Arc<Snapshot>>,
-    sets: Option<(Arc<[Set]>, Instant)>,
+    sets: Option<Arc<[Set]>>,
+    /// When they were read; `None` when there may be others by now.
+    sets_read: Option<Instant>,
 }
 
 impl Snapshot {
@@ -125,22 +127,32 @@ impl Annotations {
 
     /// All sets, as they were a moment ago.
     pub(super) async fn sets(&self) -> Result<Arc<[Set]>, Problem> {
-        let known = self.snapshots().sets.clone();
-        if let Some((sets, _)) = known.as_ref().filter(|(_, since)| since.elapsed() < SETS_AGE) {
+        let (known, read) = {
+            let snapshots = self.snapshots();
+            (snapshots.sets.clone(), snapshots.sets_read)
+        };
+        if let Some(sets) = known.as_ref().filter(|_| read.is_some_and(|read| read.elapsed() < SETS_AGE)) {
             return Ok(Arc::clone(sets));
         }
         let fresh: Arc<[Set]> = self.store.sets().await?.into();
-        let sets = match known {
-            Some((sets, _)) if *sets == *fresh => sets,
-            _ => fresh,
-        };
-        self.snapshots().sets = Some((Arc::clone(&sets), Instant::now()));
+        let sets = known.filter(|known| **known == *fresh).unwrap_or(fresh);
+        let mut snapshots = self.snapshots();
+        snapshots.sets = Some(Arc::clone(&sets));
+        snapshots.sets_read = Some(Instant::now());
         Ok(sets)
     }
 
     /// There may be other sets than those that were read.
     pub(super) fn read_sets_anew(&self) {
-        self.snapshots().sets = None;
+        self.snapshots().sets_read = None;
+    }
+
+    /// Reads the sets anew; true where they are others than those that were known.
+    pub(super) async fn sets_are_others(&self) -> Result<bool, Problem> {
+        let known = self.snapshots().sets.clone();
+        self.read_sets_anew();
+        let sets = self.sets().await?;
+        Ok(known.is_some_and(|known| !Arc::ptr_eq(&known, &sets)))
     }
 
     /// Sets have changed.

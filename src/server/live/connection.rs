@@ -11,6 +11,7 @@ use axum::http::StatusCode;
 use futures_util::stream::SplitStream;
 use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{broadcast, mpsc};
+use tokio_tungstenite::tungstenite;
 
 use super::pace::USUAL_QUALITY;
 use super::placing::{self, Hand, happen, next, pointer};
@@ -110,7 +111,7 @@ impl Connected {
             let message = match next {
                 Err(_) | Ok(None) => return None,
                 // The only error that says what the other side did wrong and leaves it able to hear so.
-                Ok(Some(Err(error))) if error.to_string().contains("too long") => {
+                Ok(Some(Err(error))) if is_too_large(&error) => {
                     return Some((TOO_LARGE, "a message is too large"));
                 }
                 Ok(Some(Err(_))) => return None,
@@ -386,6 +387,12 @@ impl Connected {
         drop((parts, shot));
         Ok(writer.send(Message::Binary(frame.into())).await)
     }
+}
+
+/// Whether an error says that a message was larger than allowed.
+fn is_too_large(error: &axum::Error) -> bool {
+    let cause = std::error::Error::source(error).and_then(|cause| cause.downcast_ref::<tungstenite::Error>());
+    matches!(cause, Some(tungstenite::Error::Capacity(_)))
 }
 
 /// The next edit; `None` where some were missed. Never ends where there are no annotations.

@@ -385,18 +385,23 @@ impl Inner {
         }
         let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |shot| shot.depth_at(at));
         let seen = seen.map(|shot| Seen { camera: shot.frame.camera, depth: &depth });
-        let (before, camera) = (self.state.clone(), self.camera);
+        // What may be refused after the state has changed: a preset that the look cannot take.
+        let may_choose = matches!(intent, Intent::Preset { .. } | Intent::Reset {} | Intent::Undo {});
+        let before = may_choose.then(|| self.state.clone());
+        let camera = self.camera;
         let applied = self.state.apply(&self.look.stage, t_ns, intent, seen.as_ref()).map_err(refused)?;
         self.method = method_of(intent, self.look.is_slice()).unwrap_or(self.method);
         // A preset takes the place of a transfer function of one's own only where it was chosen, or comes back.
         let is_chosen = matches!(intent, Intent::Preset { .. } | Intent::Reset {})
-            || self.state.preset() != before.preset();
+            || before.as_ref().is_some_and(|before| self.state.preset() != before.preset());
         let is_other = is_chosen && self.state.preset() != self.look.preset.as_deref();
         if is_other {
             match self.look.with_preset(self.state.preset()) {
                 Ok(look) => self.look = look,
                 Err(problem) => {
-                    self.state = before;
+                    if let Some(before) = before {
+                        self.state = before;
+                    }
                     return Err(problem);
                 }
             }

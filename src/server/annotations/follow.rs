@@ -1,0 +1,142 @@
+//! What other servers and programs change in the same log, told here as what is changed here.
+//!
+//! What it is: [`Server::follow_annotations`], a task that hears of changes and reads them, and the one place where events are told: in
+//! the order of the log, each once, whoever made them. What it is not: the hearing itself (see `store`). A word that is missed is made
+//! up for by the next one, since events are always read from the last one on that was told.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use tokio::sync::MutexGuard;
+use tokio::task::JoinHandle;
+
+use super::apply::PAGE;
+use super::{Annotations, Home, Published};
+use crate::annotation::{Event, Set};
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+use crate::store::{Changed, LogFilter};
+
+/// Waits after a failure: the first, and the longest.
+const FIRST_PAUSE: Duration = Duration::from_millis(100);
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
+
+/// The right to tell: the last event of the log that was told; `None` before the log was looked at.
+pub(super) type Turn<'a> = MutexGuard<'a, Option<u64>>;
+
+impl Server {
+    /// Begins to tell live sessions what other programs change in the log of annotations: all that comes after this call, until the
+    /// task is aborted. Where there is no log, there is nothing to do.
+    pub async fn follow_annotations(self: &Arc<Self>) -> JoinHandle<()> {
+        if let Some(annotations) = &self.annotations {
+            // Where the log cannot be read just now, it is told from when it can.
+            drop(annotations.turn().await);
+        }
+        let server = Arc::clone(self);
+        tokio::spawn(async move {
+            if let Some(annotations) = &server.annotations {
+                follow(&server, annotations).await;
+            }
+        })
+    }
+}
+
+async fn follow(server: &Server, annotations: &Annotations) {
+    let mut watch = annotations.store.watch();
+    let mut pause = FIRST_PAUSE;
+    loop {
+        let heard = tokio::select! {
+            heard = watch.changed() => heard.map_err(Problem::from),
+            () = annotations.behind.notified() => Ok(Changed::Anything),
+        };
+        let told = match heard {
+            Ok(changed) => {
+                let told = annotations.catch_up(changed).await;
+                // What was heard is not said again.
+                told.inspect_err(|_| annotations.behind.notify_one())
+            }
+            Err(problem) => Err(problem),
+        };
+        match told {
+            Ok(is_new) => {
+                pause = FIRST_PAUSE;
+                if is_new {
+                    server.live.annotations_changed();
+                }
+            }
+            Err(problem) => {
+                // Once a failure, not once a try.
+                if pause == FIRST_PAUSE {
+                    let cause = problem.cause().unwrap_or("the log cannot be read");
+                    tracing::warn!(cause, "changes of other servers are not heard; trying again");
+                }
+                tokio::time::sleep(pause).await;
+                pause = (pause * 2).min(LONGEST_PAUSE);
+            }
+        }
+    }
+}
+
+impl Annotations {
+    /// Waits for the right to tell.
+    pub(super) async fn turn(&self) -> Result<Turn<'_>, Problem> {
+        let mut turn = self.turn.lock().await;
+        if turn.is_none() {
+            // Whoever listens from now on asks for the whole first.
+            let seq = self.store.seq().await?;
+            *turn = Some(seq);
+            self.newest.store(seq, Ordering::Relaxed);
+        }
+        Ok(turn)
+    }
+
+    /// Tells what others have added since the last event that was told; true where that, or a set, is something new.
+    async fn catch_up(&self, changed: Changed) -> Result<bool, Problem> {
+        let mut turn = self.turn().await?;
+        let other_sets = changed == Changed::Anything && self.sets_are_others().await?;
+        let told = self.tell_until(&mut turn, u64::MAX).await?;
+        if other_sets && !told {
+            self.changes.send_modify(|changes| *changes += 1);
+        }
+        Ok(told || other_sets)
+    }
+
+    /// Tells what is in the log after the last event that was told and before this one; true where that is anything.
+    pub(super) async fn tell_until(&self, turn: &mut Turn<'_>, before: u64) -> Result<bool, Problem> {
+        let mut told = false;
+        loop {
+            let after = turn.unwrap_or(0);
+            let missing = before.saturating_sub(after + 1);
+            if missing == 0 {
+                return Ok(told);
+            }
+            let filter = LogFilter { after, limit: Some(missing.min(PAGE)), ..LogFilter::default() };
+            let events = self.store.log(&filter).await?;
+            if events.is_empty() {
+                return Ok(told);
+            }
+            let homes = self.homes(&events).await?;
+            let sets = self.sets().await?;
+            let found = events.into_iter().zip(homes).collect::<Vec<_>>();
+            // Those of one edit are told together.
+            for edit in found.chunk_by(|(a, _), (b, _)| a.edit == b.edit) {
+                self.tell(turn, edit.to_vec(), Arc::clone(&sets));
+            }
+            told = true;
+        }
+    }
+
+    /// Tells events that follow the last one that was told.
+    pub(super) fn tell(&self, turn: &mut Turn<'_>, events: Vec<(Event, Home)>, sets: Arc<[Set]>) {
+        // A set is there as soon as an item names it.
+        if events.iter().any(|(_, home)| !sets.iter().any(|set| set.name == home.set)) {
+            self.read_sets_anew();
+        }
+        let seq = events.last().map_or(0, |(event, _)| event.seq);
+        **turn = Some(seq);
+        self.newest.store(seq, Ordering::Relaxed);
+        self.changes.send_modify(|changes| *changes += 1);
+        let _ = self.told.send(Arc::new(Published { seq, events, sets })); // nobody may listen
+    }
+}

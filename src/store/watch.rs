@@ -1,0 +1,165 @@
+//! Hearing of changes that others make to the same log.
+//!
+//! What it is: [`Watch`], which says when the log may have changed. What changed is read from the log itself, after the last event that
+//! was seen; so a word that is lost, comes twice or comes late changes nothing. What it is not: it reads no events.
+//!
+//! - **PostgreSQL** tells by itself: whoever writes says `NOTIFY` in the transaction of the events, so it is heard when that is
+//!   committed, and never of what was rolled back. A word holds a number and nothing else. Listening takes a connection of its own; it
+//!   is asked for a sign of life at times, since a network may lose it without a word.
+//! - **SQLite** is asked: `PRAGMA data_version` is another number when another connection has committed something.
+
+use std::time::Duration;
+
+use sqlx::any::AnyConnectOptions;
+use sqlx::pool::PoolOptions;
+use sqlx::postgres::{PgConnectOptions, PgListener};
+use sqlx::{Any, AnyConnection, AssertSqlSafe, ConnectOptions, Executor, Postgres, Transaction};
+use tokio::time::{sleep, timeout};
+
+use super::Store;
+use super::error::StoreError;
+use super::place::Kind;
+use super::schema::number;
+
+/// The channel of PostgreSQL.
+const CHANNEL: &str = "relief_log";
+/// What words say that are of events, and of sets and templates.
+pub(super) const EVENT: &str = "event";
+pub(super) const AUDIT: &str = "audit";
+/// How often SQLite is asked: a person sees a change within a quarter of a second as one that comes at once.
+const ASKING: Duration = Duration::from_millis(250);
+/// How often a connection that listens is asked for a sign of life, and how long that may take.
+const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
+const REPLY: Duration = Duration::from_secs(5);
+
+/// What may have changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Changed {
+    /// There are events; sets and templates are as they were, but for sets that the events name.
+    Events,
+    /// Anything.
+    Anything,
+}
+
+/// See the module.
+pub struct Watch {
+    kind: Kind,
+    options: AnyConnectOptions,
+    source: Option<Source>,
+}
+
+enum Source {
+    Postgres(PgListener),
+    /// A connection that only asks, and what it was answered last.
+    Sqlite(AnyConnection, i64),
+}
+
+impl std::fmt::Debug for Watch {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Watch({:?})", self.kind) // its address may have a password
+    }
+}
+
+impl Store {
+    /// Hears of changes from the first call of [`Watch::changed`] on.
+    #[must_use]
+    pub fn watch(&self) -> Watch {
+        Watch { kind: self.kind, options: self.options.clone(), source: None }
+    }
+
+    /// Says to all who listen, when the transaction is committed, what it adds to.
+    pub(super) async fn announce(
+        &self,
+        transaction: &mut Transaction<'static, Any>,
+        what: &'static str,
+        seq: u64,
+    ) -> Result<(), StoreError> {
+        if self.kind == Kind::Postgres {
+            let notify = AssertSqlSafe(format!("NOTIFY {CHANNEL}, '{what} {seq}'"));
+            (&mut **transaction).execute(notify).await?;
+        }
+        Ok(())
+    }
+}
+
+impl Watch {
+    /// Waits until the log may have changed since the last call. The first call, and the first one after an error, returns as soon as
+    /// changes can be heard of: whatever came before is in the log by then.
+    ///
+    /// A call that is dropped before it is done loses nothing.
+    ///
+    /// # Errors
+    /// When the connection cannot be made, or broke. The next call makes another one.
+    pub async fn changed(&mut self) -> Result<Changed, StoreError> {
+        let Some(source) = &mut self.source else {
+            self.source = Some(Source::open(self.kind, &self.options).await?);
+            return Ok(Changed::Anything);
+        };
+        let heard = match source {
+            Source::Postgres(listener) => heard(listener).await,
+            Source::Sqlite(connection, version) => asked(connection, version).await,
+        };
+        if heard.is_err() {
+            self.source = None;
+        }
+        heard
+    }
+}
+
+impl Source {
+    async fn open(kind: Kind, options: &AnyConnectOptions) -> Result<Self, StoreError> {
+        match kind {
+            Kind::Sqlite => {
+                let mut connection = options.connect().await?;
+                let version = version(&mut connection).await?;
+                Ok(Self::Sqlite(connection, version))
+            }
+            Kind::Postgres => {
+                let options = PgConnectOptions::from_url(&options.database_url)?.disable_statement_logging();
+                let pool =
+                    PoolOptions::<Postgres>::new().max_connections(1).max_lifetime(None).idle_timeout(None);
+                let mut listener = PgListener::connect_with(&pool.connect_with(options).await?).await?;
+                listener.ignore_pool_close_event(true);
+                // A connection that was lost is an error here: the next call makes another one, and the log is read.
+                listener.eager_reconnect(false);
+                listener.listen(CHANNEL).await?;
+                Ok(Self::Postgres(listener))
+            }
+        }
+    }
+}
+
+async fn heard(listener: &mut PgListener) -> Result<Changed, StoreError> {
+    let lost = |why: &str| StoreError::Unreachable(why.to_owned());
+    loop {
+        match timeout(SIGN_OF_LIFE, listener.try_recv()).await {
+            Ok(Ok(Some(first))) => {
+                // One look at the log is for all that came together.
+                let rest = std::iter::from_fn(|| listener.next_buffered());
+                let words: Vec<_> = std::iter::once(first).chain(rest).collect();
+                let only_events = words.iter().all(|word| word.payload().starts_with(EVENT));
+                return Ok(if only_events { Changed::Events } else { Changed::Anything });
+            }
+            Ok(Ok(None)) => return Err(lost("the connection that listens was lost")),
+            Ok(Err(error)) => return Err(error.into()),
+            Err(_) => {
+                let reply = timeout(REPLY, (&mut *listener).execute("SELECT 1")).await;
+                reply.map_err(|_| lost("the connection that listens is silent"))??;
+            }
+        }
+    }
+}
+
+async fn asked(connection: &mut AnyConnection, known: &mut i64) -> Result<Changed, StoreError> {
+    loop {
+        sleep(ASKING).await;
+        let version = version(connection).await?;
+        if std::mem::replace(known, version) != version {
+            return Ok(Changed::Anything);
+        }
+    }
+}
+
+async fn version(connection: &mut AnyConnection) -> Result<i64, StoreError> {
+    number(connection, "PRAGMA data_version").await
+}

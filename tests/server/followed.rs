@@ -1,0 +1,169 @@
+//! Two servers of one log: what is done at one is told, listed and drawn at the other. With SQLite, and with PostgreSQL.
+
+use std::time::{Duration, Instant};
+
+use axum::http::Method;
+use serde_json::{Value, json};
+use sqlx::Executor;
+
+use crate::annotations::point;
+use crate::live_stage::{Client, PATIENCE, Running, intent};
+use crate::postgres_server::Server as Postgres;
+use crate::stage::Stage;
+
+/// The next message with events.
+async fn told(client: &mut Client) -> Value {
+    loop {
+        let message = client.event("annotations").await;
+        if message["events"].as_array().is_some_and(|events| !events.is_empty()) {
+            return message;
+        }
+    }
+}
+
+/// The entity tag of a picture with annotations.
+async fn tag(stage: &Stage) -> String {
+    stage.get(&stage.path("frame?layout=color&annotations=true")).await.header("etag").to_owned()
+}
+
+/// Waits until something is so.
+async fn until(what: &str, mut is_so: impl AsyncFnMut() -> bool) {
+    let since = Instant::now();
+    while !is_so().await {
+        assert!(since.elapsed() < PATIENCE, "{what}");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+}
+
+/// Two servers of one log.
+async fn pair(place: &str) -> [Running; 2] {
+    [Running::following(place).await, Running::following(place).await]
+}
+
+async fn what_is_done_at_one_server_is_seen_at_the_other(place: &str) {
+    let [a, b] = pair(place).await;
+    let (mut anna, _) =
+        a.hello(json!({ "view": "theatre", "author": "anna", "settings": { "annotations": true } })).await;
+    let (mut ben, _) = b.hello(json!({ "author": "ben", "settings": { "annotations": true } })).await;
+    anna.still(0).await;
+    // Made there, and drawn here in a picture of its own.
+    let ids = b.stage.create("ben", json!([point("nasion", [1.0, 2.0, 3.0])])).await;
+    let messages = [told(&mut anna).await, told(&mut ben).await];
+    assert_eq!(messages[0]["events"], messages[1]["events"]);
+    let event = &messages[0]["events"][0];
+    assert_eq!((&event["author"], &event["set"]), (&json!("ben"), &json!("default")));
+    assert!(event["item"].get("frame_of_reference").is_none(), "{event}");
+    until("the live picture has the new landmark", async || {
+        a.stage.gate.labels().contains(&"nasion".to_owned())
+    })
+    .await;
+    // The other way, by hand.
+    anna.send(&intent(1, json!({ "intent": "cursor", "point_mm": [4.0, 0.0, 0.0] }))).await;
+    anna.send(&intent(2, json!({ "intent": "place", "phase": "preview" }))).await;
+    anna.send(&intent(3, json!({ "intent": "place", "phase": "commit" }))).await;
+    assert_eq!(told(&mut ben).await["events"][0]["author"], "anna");
+    told(&mut anna).await;
+    // Frames by request: tags agree, change with what the other server wrote, and answer 304 at both.
+    let before = tag(&a.stage).await;
+    assert_eq!(before, tag(&b.stage).await);
+    let version = json!({ "changes": [{ "change": "delete", "id": ids[0], "version": 1 }] });
+    b.stage.annotate(Method::POST, "", "ben", version).await;
+    let after = tag(&a.stage).await;
+    assert_ne!(before, after);
+    for stage in [&a.stage, &b.stage] {
+        let path = stage.path("frame?layout=color&annotations=true");
+        assert_eq!(stage.get_with(&path, &[("if-none-match", &after)]).await.status, 304);
+        assert_eq!(stage.get_with(&path, &[("if-none-match", &before)]).await.status, 200);
+    }
+    let gone = told(&mut anna).await["events"][0].clone();
+    assert_eq!((&gone["kind"], &gone["item"], &gone["set"]), (&json!("do"), &Value::Null, &json!("default")));
+    b.stage.annotate(Method::POST, "/undo", "ben", json!({})).await;
+    let undone = told(&mut anna).await["events"][0].clone();
+    assert_eq!((&undone["kind"], &undone["item"]["name"]), (&json!("undo"), &json!("nasion")));
+    assert_eq!(tag(&a.stage).await, before, "the very picture from before");
+    // A set that becomes blinded there is blinded here.
+    let blinded = json!({ "reader": "ben", "blinded": true });
+    b.stage.annotate(Method::PUT, "/sets/default", "ben", blinded).await;
+    until("the set is hidden", async || {
+        let list = a.stage.annotate(Method::GET, "", "cleo", Value::Null).await.json();
+        list["items"].as_array().unwrap().iter().all(|known| known["item"]["name"] != "nasion")
+    })
+    .await;
+    until("the live picture lets go of it", async || !a.stage.gate.labels().contains(&"nasion".to_owned()))
+        .await;
+}
+
+async fn edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(place: &str) {
+    const EACH: u64 = 25;
+    let pair = pair(place).await;
+    let mut clients = Vec::new();
+    for running in &pair {
+        clients.push(running.hello(json!({ "author": "cleo", "settings": { "annotations": true } })).await.0);
+    }
+    let write = |running: usize| {
+        let stage = &pair[running].stage;
+        async move {
+            for i in 0..EACH {
+                stage.create("anna", json!([point(&format!("{running}-{i}"), [0.0; 3])])).await;
+            }
+        }
+    };
+    tokio::join!(write(0), write(1));
+    for client in &mut clients {
+        let mut seen = Vec::new();
+        while seen.len() < 2 * EACH as usize {
+            let message = told(client).await;
+            assert_ne!(message["more"], true, "nothing is left out");
+            let events = message["events"].as_array().unwrap();
+            seen.extend(events.iter().map(|event| event["seq"].as_u64().unwrap()));
+        }
+        let expected: Vec<u64> = (1..=2 * EACH).collect();
+        assert_eq!(seen, expected);
+    }
+}
+
+/// The listening connections are cut, then the whole server; what was written meanwhile is told all the same.
+async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &mut Postgres, name: &str) {
+    let [a, b] = pair(&postgres.url(name)).await;
+    let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
+    let cut = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE query LIKE 'LISTEN%'";
+    let mut admin = postgres.admin(name).await;
+    let mut deaf = 0;
+    until("both servers listen", async || {
+        deaf += admin.execute(cut).await.unwrap().rows_affected();
+        deaf >= 2
+    })
+    .await;
+    b.stage.create("ben", json!([point("while deaf", [0.0; 3])])).await;
+    assert_eq!(told(&mut anna).await["events"][0]["item"]["name"], "while deaf");
+    drop(admin);
+    postgres.crash().await;
+    // Right after the crash a connection of the pool may still be one to the server that is gone.
+    let created = json!({ "changes": [{ "change": "create", "item": point("after the crash", [0.0; 3]) }] });
+    until("the log can be written again", async || {
+        b.stage.annotate(Method::POST, "", "ben", created.clone()).await.status == 201
+    })
+    .await;
+    assert_eq!(told(&mut anna).await["events"][0]["item"]["name"], "after the crash");
+}
+
+#[tokio::test]
+async fn a_second_server_of_a_file_sees_and_tells_what_the_first_one_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    what_is_done_at_one_server_is_seen_at_the_other(&place("seen.db")).await;
+    edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(&place("order.db")).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_second_server_of_a_database_sees_and_tells_what_the_first_one_does() {
+    let Some(mut postgres) = Postgres::start("events of two servers of one PostgreSQL database").await else {
+        return;
+    };
+    for name in ["seen", "order", "deaf"] {
+        postgres.database(name).await;
+    }
+    what_is_done_at_one_server_is_seen_at_the_other(&postgres.url("seen")).await;
+    edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(&postgres.url("order")).await;
+    what_was_written_while_nobody_could_hear_is_told_afterwards(&mut postgres, "deaf").await;
+}
