@@ -61,6 +61,11 @@ fn rules_about_files_find_what_breaks_them() {
     keeps(rule::nothing_unfinished_is_left, &[("scripts/a", "mktemp XXXXXX")]);
     breaks(rule::no_machine_is_named, &[("src/a.rs", &machine)]);
     breaks(rule::no_machine_is_named, &[("scripts/a", "curl https://example.org\n")]);
+    breaks(rule::no_machine_is_named, &[("scripts/a", "x=postgres://a:b@db.example.org:5432/x\n")]);
+    keeps(
+        rule::no_machine_is_named,
+        &[("scripts/a", "curl http://127.0.0.1:80/ http://relief postgres://a@$host/b\n")],
+    );
     keeps(rule::no_machine_is_named, &[("src/a.rs", "//! https://example.org/home/x, ../home/x")]);
     keeps(
         rule::no_machine_is_named,
@@ -203,10 +208,18 @@ mod rule {
                 line.match_indices(root).any(|(at, _)| line[..at].chars().next_back().is_none_or(outside))
             });
             // Where packages come from is the machine's configuration, not the project's. Services are no such places.
-            let services = ["nats://", "s3://", "postgres://", "http://127.0.0.1"];
-            let others = services.iter().fold(line.to_owned(), |line, service| line.replace(service, ""));
-            let host = (file.path.starts_with("scripts/") || file.path.starts_with(".ci/")).then_some("://");
-            path.or(host.filter(|host| others.contains(host))).map(str::to_owned)
+            let is_script = file.path.starts_with("scripts/") || file.path.starts_with(".ci/");
+            path.or_else(|| is_script.then(|| outside_host(line)).flatten()).map(str::to_owned)
+        })
+    }
+
+    /// The host of an address that is neither this machine, nor a service's name in a network of its own, nor a variable.
+    fn outside_host(line: &str) -> Option<&str> {
+        line.match_indices("://").find_map(|(at, mark)| {
+            let rest = &line[at + mark.len()..];
+            let authority = rest.split(|c: char| c.is_whitespace() || "/\"'`\\)".contains(c)).next()?;
+            let host = authority.rsplit('@').next()?.split(':').next()?;
+            (host.contains('.') && !host.starts_with("127.") && host != "0.0.0.0").then_some(host)
         })
     }
 

@@ -2,13 +2,17 @@
 //!
 //! The address is printed as soon as it answers; series load behind it, and `/readyz` says when frames can be had.
 
+use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use anyhow::{Context, bail};
+use futures_util::FutureExt;
+use sha2::{Digest, Sha256};
+use tokio::net::TcpSocket;
 use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
@@ -28,6 +32,8 @@ use crate::store::Store;
 
 /// How long live sessions may take to say farewell.
 const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
+/// Connections that may wait to be accepted.
+const BACKLOG: u32 = 1024;
 
 /// Serve frames over HTTP, with a web page that shows them.
 #[derive(Debug, clap::Args)]
@@ -37,6 +43,7 @@ Examples:
   relief serve --series abdomen --labels organs.seg.nrrd
   relief serve --series head --annotations head.db
   relief serve --series chest --series head --listen 127.0.0.1:0
+  relief serve --series head --annotations postgres://relief@db/relief --listen-when-loaded   one of several servers
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
 There is no authentication. Another address than loopback is for trusted networks, or behind a proxy that has it.")]
@@ -55,6 +62,9 @@ pub(super) struct Arguments {
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
+    /// Listen only when all series are loaded: a proxy before several servers sends requests to the others until then
+    #[arg(long)]
+    listen_when_loaded: bool,
     /// Serve requests to this name too (they say it in Host); a loopback address serves loopback names alone
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
@@ -129,24 +139,31 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
 
 /// Binds, loads and serves until a signal, or until a series turns out to be unusable.
 async fn serve(arguments: Arguments, server: Arc<Server>, limits: VolumeLimits) -> anyhow::Result<ExitCode> {
-    let Arguments { series, labels, options, listen, .. } = arguments;
+    let Arguments { series, labels, options, listen, listen_when_loaded, .. } = arguments;
     let labels = labels.into_iter().map(Some).chain(std::iter::repeat(None));
     let series = series.into_iter().zip(labels).collect();
-    let listener = tokio::net::TcpListener::bind(listen).await;
-    let listener = listener.with_context(|| format!("cannot listen on {listen}"))?;
+    let socket = bound(listen).with_context(|| format!("cannot listen on {listen}"))?;
+    let mut signal = Box::pin(stop_signal()?); // before anybody can know that it runs
+    let mut failed = load_behind(series, (options, limits), Arc::clone(&server))?.fuse();
+    if listen_when_loaded {
+        tokio::select! {
+            () = &mut signal => return Ok(ExitCode::SUCCESS),
+            failed = &mut failed => if let Ok(error) = failed { return Err(error) },
+        }
+    }
+    let follower = server.follow_annotations().await;
+    let listener = socket.listen(BACKLOG).with_context(|| format!("cannot listen on {listen}"))?;
     let address = listener.local_addr()?;
-    let signal = stop_signal()?; // before anybody can know that it runs
     say!("listening on http://{}/", reachable(address));
     if !address.ip().is_loopback() {
         eprintln!("warning: {address} can be reached from other machines, and there is no authentication");
     }
-    let failed = load_behind(series, (options, limits), Arc::clone(&server))?;
     let mut failure = None;
     let sessions = Arc::clone(&server);
     let stop = async {
         tokio::select! {
-            () = signal => eprintln!("stopping: finishing what is being answered"),
-            Ok(error) = failed => failure = Some(error),
+            () = &mut signal => eprintln!("stopping: finishing what is being answered"),
+            Ok(error) = &mut failed => failure = Some(error),
         }
         sessions.close_sessions(SESSIONS_PATIENCE).await;
     };
@@ -154,7 +171,19 @@ async fn serve(arguments: Arguments, server: Arc<Server>, limits: VolumeLimits) 
     if drained == Drained::CutOff {
         eprintln!("warning: some requests were cut off");
     }
+    follower.abort();
+    let _ = follower.await; // it has a connection to the log, which is closed next
     failure.map_or(Ok(ExitCode::SUCCESS), Err)
+}
+
+/// A socket with its address, at which nobody is heard before it listens.
+fn bound(address: SocketAddr) -> std::io::Result<TcpSocket> {
+    let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+    // As for any listener on Unix: the address of a server that was stopped is free at once.
+    #[cfg(unix)]
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    Ok(socket)
 }
 
 /// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when all went well.
@@ -250,14 +279,25 @@ fn labels_loader() -> LabelsLoader {
     })
 }
 
-/// Tells two builds of one version apart: a frame cached from the one is not a frame of the other.
+/// Tells two builds of one version apart: a frame cached from the one is not a frame of the other. By the program's content, so that
+/// servers of one build agree on every machine.
 fn build() -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    let program = std::env::current_exe().and_then(std::fs::metadata).ok();
-    let changed = program.as_ref().and_then(|file| file.modified().ok());
-    let nanos =
-        changed.and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok()).map_or(0, |t| t.as_nanos());
-    format!("{version}-{nanos}")
+    let digest = std::env::current_exe().and_then(|path| sha256(&path));
+    let digits = digest.map(|digest| digest[..8].iter().map(|byte| format!("{byte:02x}")).collect());
+    // A program that cannot be read any more is told apart by its start.
+    let digits: String = digits.unwrap_or_else(|_| format!("{:?}", std::time::SystemTime::now()));
+    format!("{}-{digits}", env!("CARGO_PKG_VERSION"))
+}
+
+fn sha256(path: &Path) -> std::io::Result<[u8; 32]> {
+    let mut file = std::fs::File::open(path)?;
+    let (mut hash, mut part) = (Sha256::new(), vec![0; 1 << 20]);
+    loop {
+        match file.read(&mut part)? {
+            0 => return Ok(hash.finalize().into()),
+            bytes => hash.update(&part[..bytes]),
+        }
+    }
 }
 
 /// An address that a browser on this machine can open.

@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use tokio_tungstenite::tungstenite::http::Uri;
 
+use crate::live::{Hello, check_view_name};
+
 /// A server: `http://HOST:PORT`, `ws://HOST:PORT`, or `HOST:PORT`; a path before `/v1` is kept, for proxies that have one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServerAddress {
@@ -64,11 +66,19 @@ impl ServerAddress {
         (self.host.trim_start_matches('[').trim_end_matches(']'), self.port)
     }
 
-    /// The address of live sessions.
+    /// The address of a live session. It names view and volume for a proxy before several servers, which cannot read the hello; a
+    /// server of its own takes no notice.
     #[must_use]
-    pub fn session_url(&self) -> String {
+    pub fn session_url(&self, hello: &Hello) -> String {
         let Self { host, port, base } = self;
-        format!("ws://{host}:{port}{base}/v1/session")
+        // Names that are none are left for the server to refuse.
+        let named =
+            [("view", &hello.view), ("volume", &hello.volume)].into_iter().filter_map(|(key, name)| {
+                name.as_ref().filter(|name| check_view_name(name).is_ok()).map(|name| format!("{key}={name}"))
+            });
+        let query = named.collect::<Vec<_>>().join("&");
+        let mark = if query.is_empty() { "" } else { "?" };
+        format!("ws://{host}:{port}{base}/v1/session{mark}{query}")
     }
 }
 
@@ -92,9 +102,23 @@ mod tests {
             ("HTTP://localhost", "ws://localhost:80/v1/session"),
             ("http://[::1]:8080", "ws://[::1]:8080/v1/session"),
         ] {
-            assert_eq!(text.parse::<ServerAddress>().unwrap().session_url(), url, "{text}");
+            let address = text.parse::<ServerAddress>().unwrap();
+            assert_eq!(address.session_url(&Hello::default()), url, "{text}");
         }
         assert_eq!("http://[::1]:8080".parse::<ServerAddress>().unwrap().target(), ("::1", 8080));
+    }
+
+    #[test]
+    fn a_proxy_can_tell_sessions_apart_by_their_address() {
+        let address: ServerAddress = "localhost:8080".parse().unwrap();
+        let url = |view: Option<&str>, volume: Option<&str>| {
+            let [view, volume] = [view, volume].map(|name| name.map(str::to_owned));
+            let url = address.session_url(&Hello { view, volume, ..Hello::default() });
+            url.strip_prefix("ws://localhost:8080/v1/session").unwrap().to_owned()
+        };
+        assert_eq!(url(Some("theatre-1"), Some("0a1b")), "?view=theatre-1&volume=0a1b");
+        assert_eq!(url(None, Some("0a1b")), "?volume=0a1b");
+        assert_eq!(url(Some("a b&c"), None), "");
     }
 
     #[test]

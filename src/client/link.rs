@@ -153,7 +153,7 @@ impl Session<'_> {
     async fn attempt(&self, was_connected: &mut bool) -> Result<(), ClientError> {
         let hello = self.hello();
         let (socket, welcome) = tokio::select! {
-            opened = socket::open(&self.options.server, &hello) => opened?,
+            opened = socket::open(&self.options.server, &self.options.hello, &hello) => opened?,
             () = self.handle.stopped() => return Ok(()),
         };
         *was_connected = true;

@@ -29,13 +29,15 @@ const WELCOME: Duration = Duration::from_secs(30);
 
 pub(super) type Socket = WebSocketStream<TcpStream>;
 
-/// Connects and says hello; gives the socket after `welcome`.
+/// Connects and says hello; gives the socket after `welcome`. `first` is the hello that the session began with: by its names a proxy
+/// finds the server of several that has the session.
 pub(super) async fn open(
     server: &ServerAddress,
+    first: &Hello,
     hello: &Hello,
 ) -> Result<(Socket, Box<Welcome>), ClientError> {
     let stream = reach(server).await?;
-    let mut socket = upgrade(server, stream).await?;
+    let mut socket = upgrade(server, first, stream).await?;
     let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
     let text = ClientMessage::Hello(Box::new(hello.clone())).to_text();
     socket.send(Message::text(text)).await.map_err(|error| lost(error.to_string()))?;
@@ -54,9 +56,10 @@ async fn reach(server: &ServerAddress) -> Result<TcpStream, ClientError> {
     Ok(stream)
 }
 
-async fn upgrade(server: &ServerAddress, stream: TcpStream) -> Result<Socket, ClientError> {
+async fn upgrade(server: &ServerAddress, first: &Hello, stream: TcpStream) -> Result<Socket, ClientError> {
     let not_relief = |reason: String| ClientError::NotRelief { server: server.clone(), reason };
-    let uri: Uri = server.session_url().parse().map_err(|_| not_relief("its address is none".to_owned()))?;
+    let uri: Uri =
+        server.session_url(first).parse().map_err(|_| not_relief("its address is none".to_owned()))?;
     let request = ClientRequestBuilder::new(uri).with_sub_protocol(SUBPROTOCOL);
     let config = WebSocketConfig::default()
         .max_message_size(Some(MAX_FRAME_BYTES))

@@ -43,7 +43,7 @@ pub(super) async fn stall(server: ServerAddress, mut hello: Hello, at: usize, st
     let mut was_connected = false;
     let stalling = async {
         loop {
-            match socket::open(&server, &hello).await {
+            match socket::open(&server, &hello, &hello).await {
                 Ok((socket, welcome)) => {
                     was_connected = true;
                     hello.resume = Some(welcome.session.clone());

@@ -57,6 +57,7 @@ export class Live {
     if (this.#ended) return;
     const url = new URL("/v1/session", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+    url.searchParams.set("volume", this.volume.id); // for a proxy before several servers
     const socket = new WebSocket(url, "relief.v1");
     socket.binaryType = "arraybuffer";
     this.#socket = socket;

@@ -73,6 +73,8 @@ export class Session {
     this.changed("connecting");
     const url = new URL("/v1/session", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+    // For a proxy before several servers, which cannot read the hello: whoever shares a view has to meet at one of them.
+    for (const key of ["view", "volume"]) if (this.hello[key]) url.searchParams.set(key, this.hello[key]);
     const socket = new WebSocket(url, "relief.v1");
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
