@@ -1,12 +1,17 @@
 //! `relief bench`: how fast this machine renders a scene, against what its driver could do.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use anyhow::bail;
+
 use super::adapter::AdapterArguments;
+use super::capacity::{self, CapacityArguments};
+use super::memory::process_mib;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
-use super::source::SeriesArguments;
+use super::source::{SeriesArguments, SeriesOptions};
 use crate::render::{Clip, ClipPlane, RenderError, RenderRequest, RenderedFrame, Renderer, Skipping};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -19,10 +24,19 @@ use crate::volume::Volume;
 #[command(after_help = "\
 Examples:
   relief bench --series head --preset bone
+  relief bench --capacity                        how many viewers and views per hour this machine carries
   relief bench --series chest --scene scene.json --frames 20 --json")]
 pub(super) struct Arguments {
+    /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or .nrrd
+    #[arg(long, value_name = "PATH", required_unless_present = "capacity")]
+    series: Option<PathBuf>,
+    /// Segments of the series: a label map as .nii, .nii.gz, .nrrd or .seg.nrrd, or a DICOM segmentation
+    #[arg(long, value_name = "FILE", requires = "series")]
+    labels: Option<PathBuf>,
     #[command(flatten)]
-    series: SeriesArguments,
+    options: SeriesOptions,
+    #[command(flatten)]
+    capacity: CapacityArguments,
     #[command(flatten)]
     scene: SceneArguments,
     #[command(flatten)]
@@ -68,7 +82,16 @@ struct Report {
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, scene, adapter, frames, orbit_deg, no_skipping, json } = arguments;
+    let Arguments { series, labels, options, capacity, scene, adapter, frames, orbit_deg, no_skipping, json } =
+        arguments;
+    let series = series.map(|series| SeriesArguments { series, labels, options });
+    if capacity.capacity {
+        let frames = frames as usize;
+        let order =
+            capacity::Order { series: series.as_ref(), scene: &scene, adapter: &adapter, frames, json };
+        return capacity::run(&capacity, &order);
+    }
+    let Some(series) = series else { bail!("there is no --series") };
     let scene_file = scene.read()?;
     let start = Instant::now();
     let (loaded, (mut renderer, open_ms)) = series.load_after(|dims| {
@@ -127,14 +150,14 @@ impl Bench<'_> {
         let start = Instant::now();
         let first = self.render(&turntable.frame(request, -1))?;
         let first_frame_ms = milliseconds(start);
-        let rss_before = memory_mib("VmRSS:");
+        let rss_before = process_mib("VmRSS:");
         let (mut times, mut overlay_times) = (Vec::new(), Vec::new());
         for request in turntable.measured(request) {
             let start = Instant::now();
             overlay_times.push(self.render(&request)?.timings.overlay_ms);
             times.push(milliseconds(start));
         }
-        let rss_growth_mib = memory_mib("VmRSS:").zip(rss_before).map(|(after, before)| after - before);
+        let rss_growth_mib = process_mib("VmRSS:").zip(rss_before).map(|(after, before)| after - before);
         times.sort_by(f64::total_cmp);
         overlay_times.sort_by(f64::total_cmp);
         let [median_ms, overlay_ms] = [&times, &overlay_times].map(|sorted| sorted[sorted.len() / 2]);
@@ -160,7 +183,7 @@ impl Bench<'_> {
             first_frame_ms,
             transfer_change_ms,
             clip_change_ms,
-            peak_rss_mib: memory_mib("VmHWM:"),
+            peak_rss_mib: process_mib("VmHWM:"),
             rss_growth_mib,
         })
     }
@@ -207,14 +230,6 @@ const COUNTED_FRAMES: u32 = 20;
 
 /// Transfer functions and clip planes that are tried.
 const CHANGES: u32 = 5;
-
-/// A line of this process' memory, in MiB, where the system says: `VmHWM:` for the most it has held, `VmRSS:` for now.
-fn memory_mib(field: &str) -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with(field))?;
-    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib / 1024.0)
-}
 
 fn milliseconds(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3

@@ -12,6 +12,7 @@ mod batch;
 mod batch_plan;
 mod bench;
 mod calibrate;
+mod capacity;
 mod client;
 mod client_remote;
 mod client_replay;

@@ -11,6 +11,8 @@
 use crate::render::{Mode, RenderRequest};
 use crate::volume::{ContentHash, Grid};
 
+/// What live sessions give a picture of a view that moves, ms: with encoding beside it, 20 a second.
+pub const INTERACTIVE_MS: f64 = 36.0;
 /// What a ray costs beside its samples, in nominal ones: its set-up, its depth, its place in the read-back.
 const RAY_SAMPLES: f64 = 64.0;
 /// What a light path costs, in nominal samples.

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use crate::volume::{ContentHash, Volume};
 
-pub use budget::{Planned, SpeedBook};
+pub use budget::{INTERACTIVE_MS, Planned, SpeedBook};
 pub use drawn::{Drawables, Drawn, Shape, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use service::{Counts, QueueConfig, RenderService};

@@ -14,10 +14,8 @@ use crate::render::RenderRequest;
 use crate::server::problem::Problem;
 use crate::server::resident::with_voxels;
 use crate::server::state::Server;
-use crate::session::{Drawables, Origin, Rendered, ServiceError};
+use crate::session::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError};
 
-/// Rendering of a picture while the view moves, ms: with encoding beside it, 20 a second.
-const BUDGET_MS: f64 = 36.0;
 /// Before a full queue is asked again.
 const BUSY: Duration = Duration::from_millis(10);
 /// Least side of a picture that is made smaller.
@@ -160,7 +158,7 @@ fn moving(server: &Server, order: &Order) -> RenderRequest {
     // Shadows of lights that go with the eye would be filled anew for every picture.
     request.illumination.shadows = 0.0;
     let budget_ms = match order.quality {
-        Quality::Auto => BUDGET_MS,
+        Quality::Auto => INTERACTIVE_MS,
         Quality::Budget { budget_ms } => budget_ms,
     };
     let mut planned = server.service.plan(order.entry.hash, &order.entry.grid, &request, budget_ms).request;

@@ -1,0 +1,95 @@
+//! `relief bench --capacity`: how many viewers this machine carries, and what more of them would need.
+
+mod measure;
+mod plan;
+mod print;
+
+use std::process::ExitCode;
+
+use serde::Serialize;
+
+use self::measure::{Measured, measure};
+use self::plan::{Carried, GROUPS, Habits, Needed};
+use super::adapter::AdapterArguments;
+use super::memory::process_mib;
+use super::output::{print_json, say};
+use super::scene::SceneArguments;
+use super::source::SeriesArguments;
+use crate::volume::phantom::{Kind, Recipe};
+
+/// What to measure for, and how to say it.
+#[derive(Debug, clap::Args)]
+pub(super) struct CapacityArguments {
+    /// Measure how many viewers and views per hour this machine carries, of a procedural head where no --series is given
+    #[arg(long)]
+    pub(super) capacity: bool,
+    /// Frames per second that a viewer is to have while moving the view
+    #[arg(long, value_name = "FPS", default_value_t = 20.0, value_parser = positive, requires = "capacity")]
+    viewer_fps: f64,
+    /// Share of the time in which a viewer moves the view, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = share, requires = "capacity")]
+    moving_share: f64,
+    /// Print the tables of CAPACITY.md
+    #[arg(long, requires = "capacity", conflicts_with = "json")]
+    pub(super) markdown: bool,
+}
+
+/// The JSON form, documented in the README.
+#[derive(Debug, Serialize)]
+struct Report {
+    measured: Measured,
+    habits: Habits,
+    carried: Carried,
+    /// Of 1 to 10,000 viewers; empty where this machine does not carry one.
+    needed: Vec<Needed>,
+}
+
+/// What is measured with.
+pub(super) struct Order<'a> {
+    /// A procedural head where there is none.
+    pub(super) series: Option<&'a SeriesArguments>,
+    pub(super) scene: &'a SceneArguments,
+    pub(super) adapter: &'a AdapterArguments,
+    /// Frames of full size that are measured.
+    pub(super) frames: usize,
+    pub(super) json: bool,
+}
+
+pub(super) fn run(arguments: &CapacityArguments, order: &Order<'_>) -> anyhow::Result<ExitCode> {
+    let &CapacityArguments { viewer_fps, moving_share, markdown, .. } = arguments;
+    let scene_file = order.scene.read()?;
+    let renderer = order.adapter.open_renderer()?;
+    let base_mib = process_mib("VmRSS:");
+    let (volume, labels) = match order.series {
+        Some(series) => {
+            let (loaded, ()) =
+                series.load_after(|dims| Ok(renderer.volume_limits().plan(dims).map(drop)?))?;
+            let labels = series.load_labels(loaded.volume.grid())?;
+            (loaded.volume, labels)
+        }
+        None => (Recipe::new(Kind::Head).make().volume, None),
+    };
+    let scene = scene_file.resolve_labelled(volume.grid(), &order.scene.orbit(), labels.as_ref())?;
+    scene.expect_no_annotations()?;
+    let measured = measure(renderer, &volume, &scene, order.frames, base_mib)?;
+    let habits = Habits { viewer_fps, moving_share, ..Habits::default() };
+    let rates = measured.rates();
+    let needed = GROUPS.into_iter().filter_map(|viewers| rates.needed(&habits, viewers)).collect();
+    let report = Report { carried: rates.carried(&habits), measured, habits, needed };
+    if order.json {
+        print_json(&report)?;
+    } else {
+        say!("{}", if markdown { print::markdown(&report) } else { print::text(&report) });
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let parsed = text.parse::<f64>().ok().filter(|number| (0.1..=1000.0).contains(number));
+    parsed.ok_or_else(|| "a rate is 0.1 to 1000 frames per second".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let parsed = text.parse::<f64>().ok().filter(|number| (0.001..=1.0).contains(number));
+    parsed.ok_or_else(|| "a share is 0.001 to 1".to_owned())
+}
