@@ -203,11 +203,13 @@ fn encode(ffmpeg: &Path, encoder: &[&str], turns: &[PathBuf], film: &Path) -> Re
         .spawn()
         .map_err(|error| error.to_string())?;
     let (mut stdin, stderr) = (child.stdin.take(), child.stderr.take());
-    let said = std::thread::spawn(move || {
+    let listen = move || {
         let mut said = String::new();
         let _ = stderr.map(|stderr| stderr.take(LONGEST).read_to_string(&mut said));
         said
-    });
+    };
+    let said = std::thread::Builder::new().name("ffmpeg's words".to_owned()).spawn(listen);
+    let said = said.map_err(|error| error.to_string())?;
     let send = |picture: &RgbImage, stdin: &mut Option<std::process::ChildStdin>| {
         stdin.as_mut().is_some_and(|stdin| stdin.write_all(picture).is_ok())
     };

@@ -84,12 +84,19 @@ type Storage = (VoxelFormat, f32);
 fn texel((format, scale): Storage, gradient: Vec3, hu: i16) -> Texel {
     match format {
         VoxelFormat::Norm16 => {
-            #[expect(clippy::cast_possible_truncation, reason = "at most the largest value of 16 bits")]
-            let norm = |x: f32| (x * (f32::from(i16::MAX) / scale)).round() as i16;
+            let norm = |x: f32| rounded(x * (f32::from(i16::MAX) / scale));
             [norm(gradient.x), norm(gradient.y), norm(gradient.z), hu].map(i16::cast_unsigned)
         }
         VoxelFormat::Half => gradient.extend(f32::from(hu)).to_array().map(|x| f16::from_f32(x).to_bits()),
     }
+}
+
+/// As `f32::round`, which is a call where processors of 2003 have to do: a fifth of the time of all gradients.
+#[expect(clippy::cast_possible_truncation, reason = "at most the largest value of 16 bits")]
+fn rounded(x: f32) -> i16 {
+    let whole = x as i32;
+    let rest = x - whole as f32;
+    (whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)) as i16
 }
 
 fn fill(gpu: &Gpu, volume: &Volume, storage: Storage, texture: &wgpu::Texture) {
@@ -159,6 +166,17 @@ mod tests {
         let step = scale / 32767.0;
         assert!((x * step - 30.0).abs() <= step && (z * step + 8.0).abs() <= step && step < 0.01);
         assert_eq!((y, hu), (0.0, 10.0));
+    }
+
+    #[test]
+    fn rounding_is_that_of_the_standard_library() {
+        let near_halves = (-32767..=32766).flat_map(|n| {
+            let half = n as f32 + 0.5;
+            [half.next_down(), half, half.next_up(), n as f32]
+        });
+        for x in near_halves.filter(|x| x.abs() <= 32767.0) {
+            assert_eq!(f32::from(rounded(x)), x.round(), "{x}");
+        }
     }
 
     #[test]
