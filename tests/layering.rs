@@ -57,6 +57,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ("nalgebra", &["tracking", "annotation"]),
     ("statrs", &["annotation"]),
     ("ipopt", &["tracking"]),
+    ("async_nats", &["batch"]),
+    ("object_store", &["batch"]),
     ("anyhow", &["cli"]),
     ("clap", &["cli"]),
     ("quick_xml", &["transfer", "formats", "exchange"]),

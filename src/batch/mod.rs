@@ -9,6 +9,8 @@
 //! there is skipped. Names of files say nothing about patients: a series is called by its hash unless a table names it.
 
 mod annotations;
+#[cfg(feature = "cluster")]
+mod bucket;
 mod dataset;
 mod error;
 mod files;
@@ -22,14 +24,19 @@ mod plan;
 mod pose;
 mod product;
 mod query;
+#[cfg(feature = "cluster")]
+pub mod queue;
 mod record;
 mod report;
 mod run;
+mod sink;
 mod source;
 mod turntable;
 mod views;
 
 pub use annotations::KeptAnnotations;
+#[cfg(feature = "cluster")]
+pub use bucket::Bucket;
 pub use error::{Failure, Lasting, ManifestError, PlanError};
 pub use files::{shared_temporary, write_whole};
 pub use landmarks::LANDMARK_VIEW_MM;
@@ -43,6 +50,7 @@ pub use query::{Facts, Query};
 pub use record::Record;
 pub use report::write_report;
 pub use run::{Options, RunError, Seconds, Step, Summary, run};
+pub use sink::{Sink, SinkName};
 pub use source::SeriesSource;
 pub use turntable::{Film, Films};
 pub use views::{View, ViewSet};

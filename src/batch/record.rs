@@ -1,13 +1,11 @@
 //! Records: what a job wrote, beside what it wrote. Written last, so a job with a record is done.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::files::write_whole;
 use super::manifest::{Job, JobKey, hex};
 use super::product::Product;
+use super::sink::Sink;
 
 /// What a job wrote.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,27 +47,29 @@ pub struct Written {
 /// Largest record that is read, bytes.
 const LARGEST: u64 = 1 << 20;
 
+/// SHA-256 in hexadecimal digits.
+pub(super) fn sha256_of(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes).into())
+}
+
 impl Written {
     pub(super) fn new(file: String, bytes: &[u8]) -> Self {
-        Self { file, sha256: hex(&Sha256::digest(bytes).into()), bytes: bytes.len() as u64 }
-    }
-
-    /// Whether the file is there and has these bytes.
-    fn is_there(&self, folder: &Path) -> bool {
-        let path = folder.join(&self.file);
-        let has_length = std::fs::metadata(&path).is_ok_and(|found| found.len() == self.bytes);
-        has_length && super::source::file_sha256(&path).is_ok_and(|found| found == self.sha256)
+        Self { file, sha256: sha256_of(bytes), bytes: bytes.len() as u64 }
     }
 }
 
 impl Record {
     fn file_name(job: &Job) -> String {
-        format!("{}.json", job.view)
+        format!("{}.json", job.name())
     }
 
-    /// Writes it into the folder of the job's series.
-    pub(super) fn write(&self, job: &Job, folder: &Path) -> std::io::Result<()> {
-        write_whole(&folder.join(Self::file_name(job)), &serde_json::to_vec_pretty(self)?)
+    /// Writes it, unless another worker has recorded this very job as done meanwhile.
+    pub(super) fn write(&self, job: &Job, sink: &Sink) -> std::io::Result<()> {
+        let (name, bytes) = (Self::file_name(job), serde_json::to_vec_pretty(self)?);
+        if sink.put_new(&name, &bytes)? || Self::of_done(job, sink).is_some() {
+            return Ok(());
+        }
+        sink.put(&name, &bytes)
     }
 
     /// The name of one of its files.
@@ -80,21 +80,17 @@ impl Record {
 
     /// The record that a job of this key left, whatever became of its outputs.
     #[must_use]
-    pub fn read(job: &Job, out: &Path) -> Option<Self> {
-        let path = out.join(&job.series.name).join(Self::file_name(job));
-        if std::fs::metadata(&path).ok()?.len() > LARGEST {
-            return None;
-        }
-        let record: Self = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    pub fn read(job: &Job, sink: &Sink) -> Option<Self> {
+        let record: Self = serde_json::from_slice(&sink.read(&Self::file_name(job), LARGEST)?).ok()?;
         (record.job == job.job).then_some(record)
     }
 
     /// The record of a job that is done: its key is this one, and all that it wrote is there unaltered.
     #[must_use]
-    pub fn of_done(job: &Job, out: &Path) -> Option<Self> {
-        let folder = out.join(&job.series.name);
-        let record = Self::read(job, out)?;
+    pub fn of_done(job: &Job, sink: &Sink) -> Option<Self> {
+        let record = Self::read(job, sink)?;
         let is_whole = record.outputs.len() == job.products.len();
-        (is_whole && record.outputs.iter().all(|output| output.is_there(&folder))).then_some(record)
+        let is_there = |output: &Written| sink.holds(&format!("{}/{}", job.series.name, output.file), output);
+        (is_whole && record.outputs.iter().all(is_there)).then_some(record)
     }
 }

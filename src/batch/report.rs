@@ -15,6 +15,7 @@ use super::files::write_whole;
 use super::manifest::Job;
 use super::product::Product;
 use super::record::Record;
+use super::sink::Sink;
 use super::turntable::Films;
 use crate::display::{MAX_FRAME_SIDE_PX, encode_png};
 use crate::session::{Thumbnail, contact_sheet};
@@ -39,10 +40,11 @@ struct Shown {
 /// When a file cannot be written.
 pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Path, films: &Films) -> std::io::Result<()> {
     let mut series: BTreeMap<&str, Vec<Shown>> = BTreeMap::new();
+    let sink = Sink::Folder(out.to_owned());
     let shown: Vec<(&Job, Shown)> = jobs
         .par_iter()
         .filter_map(|job| {
-            let record = Record::read(job, out)?;
+            let record = Record::read(job, &sink)?;
             Some((job, Shown { record, small: small_picture(job, out) }))
         })
         .collect();

@@ -2,7 +2,6 @@
 
 use std::borrow::Borrow;
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -11,11 +10,11 @@ use rayon::prelude::*;
 
 use super::annotations::{Readied, ReadiedLast};
 use super::error::{Failure, Lasting};
-use super::files::write_whole;
 use super::gate::Gate;
 use super::manifest::{Job, JobKey, Shard};
 use super::outputs::{Outputs, Sight};
 use super::record::{Record, Written};
+use super::sink::Sink;
 use super::source::{Loaded, SeriesSource, Trouble};
 use crate::gpu::GpuError;
 use crate::render::{Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
@@ -24,8 +23,8 @@ use crate::volume::Volume;
 /// What to run and how.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The folder of outputs.
-    pub out: PathBuf,
+    /// Where outputs go.
+    pub out: Sink,
     /// A share of the jobs.
     pub shard: Option<Shard>,
     /// These jobs alone; all where it is empty.
@@ -84,7 +83,7 @@ pub struct Seconds {
 /// Why a run did not begin.
 #[derive(Debug)]
 pub enum RunError<E> {
-    /// The folder of outputs cannot be made.
+    /// The folder of outputs cannot be made, or the bucket not be reached.
     Out(std::io::Error),
     /// There is no renderer.
     Renderer(E),
@@ -104,7 +103,7 @@ struct Finished<J> {
 
 /// What all threads of a run see.
 pub(super) struct Shared<'a> {
-    out: &'a Path,
+    sink: &'a Sink,
     report: &'a (dyn Fn(Step<'_>) + Sync),
     annotations: ReadiedLast,
     summary: Mutex<Summary>,
@@ -114,16 +113,15 @@ pub(super) struct Shared<'a> {
 /// `report` hears of each, from several threads.
 ///
 /// # Errors
-/// When the folder of outputs cannot be made, or the renderer not be opened.
+/// When the folder of outputs cannot be made, the bucket not be reached, or the renderer not be opened.
 pub fn run<E>(
     open: impl FnOnce() -> Result<Renderer, E>,
     jobs: &[Job],
     options: &Options,
     report: &(dyn Fn(Step<'_>) + Sync),
 ) -> Result<Summary, RunError<E>> {
-    std::fs::create_dir_all(&options.out).map_err(RunError::Out)?;
-    let (annotations, summary) = (ReadiedLast::default(), Mutex::default());
-    let shared = Shared { out: &options.out, report, annotations, summary };
+    options.out.prepare().map_err(RunError::Out)?;
+    let shared = Shared::new(&options.out, report);
     let started = Instant::now();
     let pending = pending(jobs, options, &shared);
     shared.change(|summary| summary.seconds.looking = started.elapsed().as_secs_f64());
@@ -132,7 +130,7 @@ pub fn run<E>(
         let groups = pending.chunk_by(|a, b| a.series == b.series).map(<[&Job]>::to_vec);
         render_groups(&mut renderer, groups, &Gate::new(options.voxel_bytes), &shared);
     }
-    Ok(shared.summary.into_inner().unwrap_or_else(PoisonError::into_inner))
+    Ok(shared.into_summary())
 }
 
 /// Renders groups of jobs of one series each as they come, until no more come. While one is rendered the next is loaded and the
@@ -310,17 +308,15 @@ fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &S
 fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &Shared<'_>) -> Result<Record, Trouble> {
     let Finished { job, sight, warnings } = picture;
     let (job, started) = (job.borrow(), Instant::now());
-    let folder = shared.out.join(&job.series.name);
     let refused =
         |error: std::io::Error| (Lasting::Retryable, format!("cannot write {}: {error}", job.name()));
-    std::fs::create_dir_all(&folder).map_err(refused)?;
     let readied: Option<Arc<Readied>> =
         job.annotations.as_ref().map(|kept| shared.annotations.get(kept)).transpose()?;
     let made: Outputs = sight.outputs(&job.products, readied.as_deref())?;
     let mut outputs = Vec::new();
     for (product, bytes) in &made.files {
         let name = format!("{}.{}", job.view, product.ending());
-        write_whole(&folder.join(&name), bytes).map_err(refused)?;
+        shared.sink.put(&format!("{}/{name}", job.series.name), bytes).map_err(refused)?;
         outputs.push(Written::new(name, bytes));
     }
     let timings = sight.frame.timings;
@@ -336,12 +332,20 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &Shared<'_>) -> Result<R
         size_px: sight.frame.size_px,
         warnings: warnings.iter().chain(&made.warnings).cloned().collect(),
     };
-    record.write(job, &folder).map_err(refused)?;
+    record.write(job, shared.sink).map_err(refused)?;
     Ok(record)
 }
 
-impl Shared<'_> {
-    fn change(&self, change: impl FnOnce(&mut Summary)) {
+impl<'a> Shared<'a> {
+    pub(super) fn new(sink: &'a Sink, report: &'a (dyn Fn(Step<'_>) + Sync)) -> Self {
+        Self { sink, report, annotations: ReadiedLast::default(), summary: Mutex::default() }
+    }
+
+    pub(super) fn into_summary(self) -> Summary {
+        self.summary.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn change(&self, change: impl FnOnce(&mut Summary)) {
         change(&mut self.summary.lock().unwrap_or_else(PoisonError::into_inner));
     }
 

@@ -51,11 +51,30 @@ pub(super) fn file_sha256(path: &Path) -> std::io::Result<String> {
 }
 
 impl SeriesSource {
-    /// Loads it, within what the gate allows, when there is room.
+    /// Loads it, within what the gate allows, when there is room. A reason goes where others read it, so it names no file: what
+    /// series lie in may be called after patients.
     pub(super) fn load<'a>(&self, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
-        if formats::is_known(&self.path) {
-            return self.load_file(gate);
+        let is_file = formats::is_known(&self.path);
+        let loaded = if is_file { self.load_file(gate) } else { self.load_series(gate) };
+        loaded.map_err(|(kind, reason)| (kind, self.without_path(reason)))
+    }
+
+    fn without_path(&self, reason: String) -> String {
+        let path = self.path.display().to_string();
+        if path.is_empty() {
+            return reason;
         }
+        let mut parts = reason.split(&path);
+        let mut told = parts.next().unwrap_or_default().to_owned();
+        for part in parts {
+            // Up to what is said of the file.
+            told.push_str("its files");
+            told.push_str(part.find(": ").map_or("", |end| &part[end..]));
+        }
+        told
+    }
+
+    fn load_series<'a>(&self, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
         let found = dicom::discover(&self.path, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
         let entry = found.select(self.uid.as_deref()).map_err(of_dicom)?;
         self.expect(&hex(&entry.content_sha256().map_err(of_dicom)?))?;
@@ -124,4 +143,22 @@ fn of_dicom(error: dicom::Error) -> Trouble {
         other => other.to_string(),
     };
     (kind, reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_name_no_file() {
+        let (name, sha256) = ("a".to_owned(), String::new());
+        let source = SeriesSource { path: "/archive/DOE^JOHN".into(), uid: None, name, sha256 };
+        for (reason, told) in [
+            ("cannot read /archive/DOE^JOHN/JOHN 1.dcm: gone", "cannot read its files: gone"),
+            ("no series in /archive/DOE^JOHN", "no series in its files"),
+            ("too large", "too large"),
+        ] {
+            assert_eq!(source.without_path(reason.to_owned()), told);
+        }
+    }
 }

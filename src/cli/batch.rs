@@ -15,8 +15,8 @@ use super::batch_plan::{PlanArguments, write_plan};
 use super::memory::{available_bytes, parse_bytes};
 use super::output::{print_json, say};
 use crate::batch::{
-    Failure, Film, Films, Job, JobKey, Lasting, Options, RunError, Shard, Step, Summary, read_manifest,
-    run as run_jobs, write_report,
+    Failure, Film, Films, Job, JobKey, Lasting, Options, RunError, Shard, Sink, SinkName, Step, Summary,
+    read_manifest, run as run_jobs, write_report,
 };
 use crate::render::Renderer;
 
@@ -34,8 +34,12 @@ Examples:
   relief batch plan --root archive --where 'slices>=40' --views landmarks --annotations head.db --products annotated --out jobs.jsonl
   relief batch plan --root archive --views turntable:60 --products dataset --size 800x800 --out jobs.jsonl
   relief batch report --manifest jobs.jsonl --out views              pages and sheets after shards
+  relief batch run --manifest jobs.jsonl --out s3://bucket/views     into a bucket; AWS_... have credentials and endpoint
+  relief batch submit --manifest jobs.jsonl --nats nats://HOST:4222  into a queue, for any number of
+  relief batch work --nats nats://HOST:4222 --out s3://bucket/views  workers
 
-Exit status of run: 0 all done, 1 some jobs failed for good, 75 some failed that may succeed when run again.")]
+Exit status of run: 0 all done, 1 some jobs failed for good, 75 some failed that may succeed when run again.
+Exit status of work: 0 when it was told to stop or nothing is left, 75 when it had better be started anew.")]
 pub(super) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -46,6 +50,10 @@ enum Command {
     Plan(PlanArguments),
     Run(RunArguments),
     Report(ReportArguments),
+    #[cfg(feature = "cluster")]
+    Submit(super::batch_queue::SubmitArguments),
+    #[cfg(feature = "cluster")]
+    Work(super::batch_queue::WorkArguments),
 }
 
 /// Render the jobs that are not done
@@ -54,9 +62,11 @@ struct RunArguments {
     /// The manifest
     #[arg(long, value_name = "JOBS.jsonl")]
     manifest: PathBuf,
-    /// The folder of outputs
+    /// Where outputs go: a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: SinkName,
+    #[command(flatten)]
+    bucket: BucketArguments,
     /// One of N equal shares, from 0: all views of a series are in one
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
@@ -73,6 +83,33 @@ struct RunArguments {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+}
+
+/// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION.
+#[derive(Debug, clap::Args)]
+pub(super) struct BucketArguments {
+    /// Address of the S3 service of s3://BUCKET, where it is not AWS: https://HOST; AWS_ENDPOINT_URL says it, too
+    #[arg(long, value_name = "URL")]
+    s3_endpoint: Option<String>,
+}
+
+impl BucketArguments {
+    /// Where outputs go, by its name.
+    pub(super) fn open(&self, name: &SinkName) -> anyhow::Result<Sink> {
+        match name {
+            SinkName::Folder(folder) => Ok(Sink::Folder(folder.clone())),
+            #[cfg(feature = "cluster")]
+            SinkName::Bucket { bucket, prefix } => {
+                let opened = crate::batch::Bucket::open(bucket, prefix, self.s3_endpoint.as_deref());
+                let opened = opened.with_context(|| format!("cannot use {name}"))?;
+                Ok(Sink::Bucket(std::sync::Arc::new(opened)))
+            }
+            #[cfg(not(feature = "cluster"))]
+            SinkName::Bucket { .. } => {
+                bail!("this program was built without the feature `cluster`: no {name}")
+            }
+        }
+    }
 }
 
 /// Write report.html, contact sheets, turntables and tables of datasets of what is done
@@ -110,7 +147,7 @@ impl FilmArguments {
 }
 
 /// A run that failed in a way that may pass: EX_TEMPFAIL of sysexits.
-const TRY_AGAIN: u8 = 75;
+pub(super) const TRY_AGAIN: u8 = 75;
 /// Share of the memory for voxels that are not on the adapter: theirs there take five times as much, with gradients.
 const VOXEL_SHARE: f64 = 0.25;
 /// What the program and a software adapter take beside volumes.
@@ -122,14 +159,33 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Run(arguments) => run_manifest(&arguments),
         Command::Report(ReportArguments { manifest, out, films }) => {
             let jobs = read(&manifest)?;
-            write_report(&jobs, &[], &out, &films.films(&jobs)?).context("cannot write the report")?;
+            let films = films.films(&jobs)?;
+            write_report(&jobs, &setbacks(&jobs, &out), &out, &films).context("cannot write the report")?;
             say!("{}", out.join("report.html").display());
             Ok(ExitCode::SUCCESS)
         }
+        #[cfg(feature = "cluster")]
+        Command::Submit(arguments) => super::batch_queue::submit(&arguments),
+        #[cfg(feature = "cluster")]
+        Command::Work(arguments) => super::batch_queue::run_worker(&arguments),
     }
 }
 
-fn read(manifest: &Path) -> anyhow::Result<Vec<Job>> {
+/// What workers of a queue have not done of these jobs, and why.
+#[cfg(feature = "cluster")]
+fn setbacks(jobs: &[Job], out: &Path) -> Vec<Failure> {
+    use crate::batch::{Record, queue::Setback};
+    let sink = Sink::Folder(out.to_owned());
+    let open = jobs.iter().filter(|job| Record::read(job, &sink).is_none());
+    open.filter_map(|job| Setback::read(job, &sink)).map(|setback| setback.failure).collect()
+}
+
+#[cfg(not(feature = "cluster"))]
+fn setbacks(_: &[Job], _: &Path) -> Vec<Failure> {
+    Vec::new()
+}
+
+pub(super) fn read(manifest: &Path) -> anyhow::Result<Vec<Job>> {
     let file =
         std::fs::File::open(manifest).with_context(|| format!("cannot read {}", manifest.display()))?;
     read_manifest(BufReader::new(file)).with_context(|| format!("{} is no manifest", manifest.display()))
@@ -141,45 +197,62 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if let Some(unknown) = only.iter().find(|key| !jobs.iter().any(|job| job.job == **key)) {
         bail!("no job of {} has the key {}", arguments.manifest.display(), unknown.0);
     }
-    let memory = arguments.memory.or_else(|| available_bytes().map(|bytes| bytes / 2)).unwrap_or(4 << 30);
-    let Some(for_volumes) = memory.checked_sub(BESIDE_BYTES).filter(|bytes| *bytes >= BESIDE_BYTES / 2)
-    else {
-        bail!(
-            "--memory is {} MiB, allowed: {} MiB and more",
-            memory >> 20,
-            (BESIDE_BYTES + BESIDE_BYTES / 2) >> 20
-        );
-    };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of bytes")]
-    let voxel_bytes = (for_volumes as f64 * VOXEL_SHARE) as u64;
+    let share = MemoryShare::of(arguments.memory)?;
     let films = arguments.films.films(&jobs)?;
-    let options = Options { out: arguments.out.clone(), shard: arguments.shard, only, voxel_bytes };
+    let out = arguments.bucket.open(&arguments.out)?;
+    let options = Options { out, shard: arguments.shard, only, voxel_bytes: share.voxels };
     let teller = Teller::new(jobs.len());
     let started = Instant::now();
-    let open = || open_renderer(&arguments.adapter, for_volumes - voxel_bytes);
+    let open = || share.open_renderer(&arguments.adapter);
     let summary =
         run_jobs(open, &jobs, &options, &|step| teller.tell(step)).map_err(|error| match error {
             RunError::Out(error) => {
-                anyhow::Error::new(error).context(format!("cannot write into {}", arguments.out.display()))
+                anyhow::Error::new(error).context(format!("cannot write into {}", arguments.out))
             }
             RunError::Renderer(error) => error,
         })?;
     teller.bar.finish_and_clear();
     let is_whole = options.shard.is_none() && options.only.is_empty();
-    let has_news = summary.done > 0 || !arguments.out.join("report.html").exists();
     let reporting = Instant::now();
-    if is_whole && has_news {
-        write_report(&jobs, &summary.failures, &arguments.out, &films).context("cannot write the report")?;
+    // Of a bucket there is no report: it is made of files.
+    if let Some(folder) = options.out.folder().filter(|_| is_whole)
+        && (summary.done > 0 || !folder.join("report.html").exists())
+    {
+        write_report(&jobs, &summary.failures, folder, &films).context("cannot write the report")?;
     }
     tell(arguments, &summary, [started, reporting].map(|since| since.elapsed()))
 }
 
-fn open_renderer(adapter: &AdapterArguments, volume_bytes: u64) -> anyhow::Result<Renderer> {
-    let mut renderer = adapter.open_renderer()?;
-    let mut limits = renderer.volume_limits();
-    limits.memory_bytes = limits.memory_bytes.min(volume_bytes);
-    renderer.set_volume_limits(limits);
-    Ok(renderer)
+/// Bytes for volumes: their voxels in memory, and what an adapter has of them.
+pub(super) struct MemoryShare {
+    pub(super) voxels: u64,
+    adapter: u64,
+}
+
+impl MemoryShare {
+    /// Shares out an amount of memory; half of what is available where none is given.
+    pub(super) fn of(memory: Option<u64>) -> anyhow::Result<Self> {
+        let memory = memory.or_else(|| available_bytes().map(|bytes| bytes / 2)).unwrap_or(4 << 30);
+        let Some(for_volumes) = memory.checked_sub(BESIDE_BYTES).filter(|bytes| *bytes >= BESIDE_BYTES / 2)
+        else {
+            bail!(
+                "--memory is {} MiB, allowed: {} MiB and more",
+                memory >> 20,
+                (BESIDE_BYTES + BESIDE_BYTES / 2) >> 20
+            );
+        };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of bytes")]
+        let voxels = (for_volumes as f64 * VOXEL_SHARE) as u64;
+        Ok(Self { voxels, adapter: for_volumes - voxels })
+    }
+
+    pub(super) fn open_renderer(&self, adapter: &AdapterArguments) -> anyhow::Result<Renderer> {
+        let mut renderer = adapter.open_renderer()?;
+        let mut limits = renderer.volume_limits();
+        limits.memory_bytes = limits.memory_bytes.min(self.adapter);
+        renderer.set_volume_limits(limits);
+        Ok(renderer)
+    }
 }
 
 fn tell(
@@ -191,7 +264,7 @@ fn tell(
     let again = failures.iter().filter(|failure| failure.kind == Lasting::Retryable).count();
     if arguments.json {
         print_json(&json!({
-            "out": arguments.out, "jobs": jobs, "done": done, "skipped": skipped, "series_loaded": loaded,
+            "out": arguments.out.to_string(), "jobs": jobs, "done": done, "skipped": skipped, "series_loaded": loaded,
             "failed": failures, "seconds": took.as_secs_f64(), "seconds_of": seconds,
             "report_seconds": report.as_secs_f64(),
         }))?;

@@ -10,6 +10,8 @@ mod annotated;
 mod axis;
 mod batch;
 mod batch_plan;
+#[cfg(feature = "cluster")]
+mod batch_queue;
 mod bench;
 mod calibrate;
 mod capacity;

@@ -5,6 +5,8 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 mod annotated;
+#[cfg(feature = "cluster")]
+mod buckets;
 #[path = "../common/mod.rs"]
 mod common;
 mod dataset;
@@ -12,6 +14,10 @@ mod films;
 mod interrupted;
 mod manifests;
 mod query;
+#[cfg(feature = "cluster")]
+mod queue;
+#[cfg(feature = "cluster")]
+mod services;
 mod slurm;
 
 use std::collections::BTreeMap;

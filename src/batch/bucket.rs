@@ -1,0 +1,151 @@
+//! A bucket of an S3 service: outputs as objects.
+//!
+//! A put is whole or absent by itself. Every object carries the SHA-256 of its bytes, which the service checks when it takes
+//! them and keeps as metadata, so that an output that is there is known again without reading it.
+//!
+//! Called from threads without an executor, as rendering and writing are; never from inside one.
+
+use std::io::{Error, ErrorKind};
+use std::time::Duration;
+
+use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, Checksum};
+use object_store::path::Path;
+use object_store::{
+    Attribute, Attributes, GetOptions, GetResult, ObjectStore, ObjectStoreExt, PutMode, PutOptions,
+    RetryConfig,
+};
+use tokio::runtime::Runtime;
+
+use super::record::{Written, sha256_of};
+
+/// The metadata that says what an object's bytes are.
+const SHA256: Attribute = Attribute::Metadata(std::borrow::Cow::Borrowed("sha256"));
+/// How long a request is tried: what fails longer fails the job, which can be run again.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A bucket, and what the names of all objects in it begin with.
+#[derive(Debug)]
+pub struct Bucket {
+    store: AmazonS3,
+    prefix: Path,
+    runtime: Runtime,
+}
+
+impl Bucket {
+    /// Opens a bucket with the credentials, the region and the endpoint that the environment has in `AWS_...`; `endpoint` goes
+    /// before the environment's. Nothing is sent yet.
+    ///
+    /// # Errors
+    /// When these contradict each other, or an endpoint is no URL.
+    pub fn open(bucket: &str, prefix: &str, endpoint: Option<&str>) -> std::io::Result<Self> {
+        // Of those that are installed already, any is as good.
+        let _ = async_nats::rustls::crypto::ring::default_provider().install_default();
+        let mut builder = AmazonS3Builder::from_env()
+            .with_bucket_name(bucket)
+            .with_checksum_algorithm(Checksum::SHA256)
+            .with_retry(RetryConfig { retry_timeout: PATIENCE, ..RetryConfig::default() });
+        if let Some(endpoint) = endpoint {
+            builder = builder.with_config(AmazonS3ConfigKey::S3Endpoint, endpoint);
+        }
+        let chosen = [AmazonS3ConfigKey::S3Endpoint, AmazonS3ConfigKey::Endpoint];
+        let chosen = chosen.iter().find_map(|key| builder.get_config_value(key));
+        // Without TLS only where it was written down.
+        builder = builder.with_allow_http(chosen.is_some_and(|endpoint| endpoint.starts_with("http://")));
+        let store = builder.build().map_err(Error::other)?;
+        let prefix = Path::parse(prefix).map_err(Error::other)?;
+        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+        Ok(Self { store, prefix, runtime })
+    }
+
+    fn path(&self, name: &str) -> Path {
+        name.split('/').fold(self.prefix.clone(), Path::join)
+    }
+
+    /// Asks for an object that need not be there. Who may only write is told that access is denied: that will do.
+    pub(super) fn check(&self) -> std::io::Result<()> {
+        let Err(error) = self.runtime.block_on(self.store.get(&self.path("report.html"))) else {
+            return Ok(());
+        };
+        let says = |code: &str| format!("{error:?}").contains(code);
+        match &error {
+            object_store::Error::NotFound { .. } if !says("NoSuchBucket") => Ok(()),
+            object_store::Error::PermissionDenied { .. } if says("AccessDenied") => Ok(()),
+            _ => Err(told(error)),
+        }
+    }
+
+    pub(super) fn put(&self, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+        self.put_as(PutMode::Overwrite, name, bytes).map_err(told)
+    }
+
+    /// With `If-None-Match: *`: of several that write at once one does.
+    pub(super) fn put_new(&self, name: &str, bytes: &[u8]) -> std::io::Result<bool> {
+        match self.put_as(PutMode::Create, name, bytes) {
+            Ok(()) => Ok(true),
+            Err(object_store::Error::AlreadyExists { .. }) => Ok(false),
+            Err(error) => Err(told(error)),
+        }
+    }
+
+    fn put_as(&self, mode: PutMode, name: &str, bytes: &[u8]) -> Result<(), object_store::Error> {
+        let mut attributes = Attributes::new();
+        attributes.insert(SHA256, sha256_of(bytes).into());
+        attributes.insert(Attribute::ContentType, content_type(name).into());
+        let options = PutOptions { mode, attributes, ..PutOptions::default() };
+        let path = self.path(name);
+        let put = self.store.put_opts(&path, bytes.to_vec().into(), options);
+        self.runtime.block_on(put).map(|_| ())
+    }
+
+    pub(super) fn read(&self, name: &str, largest: u64) -> Option<Vec<u8>> {
+        self.runtime.block_on(async {
+            let found = self.store.get(&self.path(name)).await.ok()?;
+            if found.meta.size > largest {
+                return None;
+            }
+            Some(found.bytes().await.ok()?.to_vec())
+        })
+    }
+
+    /// By what the object's metadata says; one that has none, because another program put it there, is read.
+    pub(super) fn holds(&self, name: &str, written: &Written) -> bool {
+        let options = GetOptions { head: true, ..GetOptions::default() };
+        let head = self.runtime.block_on(self.store.get_opts(&self.path(name), options));
+        let Ok(GetResult { meta, attributes, .. }) = head else { return false };
+        if meta.size != written.bytes {
+            return false;
+        }
+        match attributes.get(&SHA256) {
+            Some(found) => found.as_ref() == written.sha256,
+            None => self.read(name, written.bytes).is_some_and(|bytes| sha256_of(&bytes) == written.sha256),
+        }
+    }
+
+    pub(super) fn remove(&self, name: &str) -> std::io::Result<()> {
+        match self.runtime.block_on(self.store.delete(&self.path(name))) {
+            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+            Err(error) => Err(told(error)),
+        }
+    }
+}
+
+fn told(error: object_store::Error) -> Error {
+    let kind = match &error {
+        object_store::Error::NotFound { .. } => ErrorKind::NotFound,
+        object_store::Error::PermissionDenied { .. } | object_store::Error::Unauthenticated { .. } => {
+            ErrorKind::PermissionDenied
+        }
+        _ => ErrorKind::Other,
+    };
+    Error::new(kind, error)
+}
+
+fn content_type(name: &str) -> &'static str {
+    match name.rsplit_once('.').map(|(_, ending)| ending) {
+        Some("png") => "image/png",
+        Some("json") => "application/json",
+        Some("exr") => "image/x-exr",
+        Some("html") => "text/html; charset=utf-8",
+        _ => "application/octet-stream",
+    }
+}

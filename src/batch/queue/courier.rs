@@ -1,0 +1,314 @@
+//! The courier between a queue and a worker: brings jobs, says that they are in good hands, takes back what became of them.
+//!
+//! It runs inside an executor while the worker loads, renders and writes on threads of its own.
+
+use std::collections::{HashMap, VecDeque};
+use std::future::Future;
+use std::pin::{Pin, pin};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use async_nats::jetstream::consumer::{Consumer, pull};
+use async_nats::jetstream::message::Acker;
+use async_nats::jetstream::{AckKind, Message};
+use futures_util::StreamExt;
+use tokio::sync::mpsc::{Receiver, Sender};
+use tokio::task::JoinSet;
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+
+use super::work::Ended;
+use super::{Queue, QueueError};
+use crate::batch::manifest::{Job, JobKey, read_manifest};
+
+/// How long the queue is asked to wait for a job.
+const POLL: Duration = Duration::from_secs(2);
+/// Beyond that an answer of the queue does not come any more.
+const NO_ANSWER: Duration = Duration::from_secs(12);
+/// A worker that has said nothing for so long is stuck: its jobs go to another one.
+const STUCK: Duration = Duration::from_secs(900);
+/// Pauses between tries to tell the queue what became of a job; it gives the job to another worker otherwise.
+const PAUSES_S: [u64; 5] = [1, 2, 4, 8, 16];
+/// How long the last words may take when the worker leaves.
+const FAREWELL: Duration = Duration::from_secs(15);
+
+/// A job that was taken from the queue.
+#[derive(Debug)]
+pub(super) struct Taken {
+    pub(super) job: Job,
+    /// The number of its message in the stream.
+    pub(super) message: u64,
+    /// How often it was given to a worker, this time included.
+    pub(super) delivered: i64,
+}
+
+/// What the worker says.
+#[derive(Debug)]
+pub(super) enum Word {
+    /// What became of a job.
+    Of(JobKey, Verdict),
+    /// This worker had better not go on.
+    Unfit,
+}
+
+/// What became of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Its outputs are there.
+    Done,
+    /// It cannot be done.
+    Never,
+    /// It may be done after a pause.
+    Later(Duration),
+    /// It was not begun.
+    Back,
+}
+
+/// What asking the queue for jobs has given.
+enum Fetched {
+    Messages(Vec<Message>),
+    /// None, and whether there is nothing left to do either, by any worker.
+    Nothing {
+        is_over: bool,
+    },
+    /// The consumer was not there any more, or no connection was; here it is again.
+    Again(Box<Consumer<pull::Config>>),
+    Lost(String),
+}
+
+/// Brings jobs and takes words.
+pub(super) struct Courier {
+    queue: Queue,
+    consumer: Consumer<pull::Config>,
+    ack_wait: Duration,
+    take: usize,
+    idle_exit: Option<Duration>,
+    words: Receiver<Word>,
+    stopping: Arc<AtomicBool>,
+    /// Jobs of this worker whose fate the queue does not know.
+    held: HashMap<JobKey, Acker>,
+    /// Those of them that the worker has not got yet.
+    waiting: VecDeque<Taken>,
+    settling: JoinSet<()>,
+    last_word: Instant,
+    idle_since: Instant,
+    is_lost: bool,
+}
+
+impl Courier {
+    /// Opens the stream and its consumer, which are made where they are not there.
+    pub(super) async fn new(
+        queue: &Queue,
+        (ack_wait, take, idle_exit): (Duration, usize, Option<Duration>),
+        words: Receiver<Word>,
+        stopping: Arc<AtomicBool>,
+    ) -> Result<Self, QueueError> {
+        let consumer = queue.consumer(ack_wait).await?;
+        Ok(Self {
+            queue: queue.clone(),
+            // The first worker has said it for all.
+            ack_wait: consumer.cached_info().config.ack_wait,
+            consumer,
+            take,
+            idle_exit,
+            words,
+            stopping,
+            held: HashMap::new(),
+            waiting: VecDeque::new(),
+            settling: JoinSet::new(),
+            last_word: Instant::now(),
+            idle_since: Instant::now(),
+            is_lost: false,
+        })
+    }
+
+    /// Feeds the worker until `stop` is done, there is nothing left to do, or the worker says that it is unfit.
+    pub(super) async fn run(mut self, feed: Sender<Taken>, stop: impl Future<Output = ()>) -> Ended {
+        let mut stop = pin!(stop);
+        let mut beat = interval(self.ack_wait / 3);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut fetching: Option<Pin<Box<dyn Future<Output = Fetched> + Send>>> = None;
+        let ended = loop {
+            if self.waiting.is_empty() && fetching.is_none() {
+                let (queue, consumer) = (self.queue.clone(), self.consumer.clone());
+                fetching = Some(Box::pin(fetch(queue, consumer, self.take, self.ack_wait)));
+            }
+            tokio::select! {
+                () = &mut stop => break Ended::Stopped,
+                word = self.words.recv() => match word {
+                    Some(Word::Of(job, verdict)) => self.settle(&job, verdict),
+                    Some(Word::Unfit) => break Ended::Unfit,
+                    None => break Ended::Stopped,
+                },
+                _ = beat.tick() => self.beat().await,
+                room = feed.reserve(), if !self.waiting.is_empty() => {
+                    if let (Ok(room), Some(taken)) = (room, self.waiting.pop_front()) {
+                        room.send(taken);
+                    }
+                }
+                fetched = wait(&mut fetching) => {
+                    fetching = None;
+                    if self.receive(fetched) {
+                        break Ended::Idle;
+                    }
+                }
+            }
+        };
+        drop((fetching, feed));
+        self.leave(beat).await;
+        ended
+    }
+
+    /// Hears what the queue has given; whether there is nothing left to wait for.
+    fn receive(&mut self, fetched: Fetched) -> bool {
+        if let Fetched::Lost(reason) = &fetched {
+            if !std::mem::replace(&mut self.is_lost, true) {
+                tracing::warn!("the queue gives no jobs: {reason}; it is asked again");
+            }
+            return false;
+        }
+        self.is_lost = false;
+        match fetched {
+            Fetched::Messages(messages) => messages.into_iter().for_each(|message| self.take(message)),
+            Fetched::Again(consumer) => self.consumer = *consumer,
+            Fetched::Nothing { is_over: true } if self.held.is_empty() => {
+                return self.idle_exit.is_some_and(|patience| self.idle_since.elapsed() >= patience);
+            }
+            _ => {}
+        }
+        self.idle_since = Instant::now();
+        false
+    }
+
+    fn take(&mut self, message: Message) {
+        let (number, delivered) = match message.info() {
+            Ok(info) => (info.stream_sequence, info.delivered),
+            Err(_) => return, // no message of a stream
+        };
+        let (message, acker) = message.split();
+        let job = match read_manifest(&message.payload[..]) {
+            Ok(jobs) if jobs.len() == 1 => jobs.into_iter().next(),
+            other => {
+                let reason = other.err().map_or("there is none in it".to_owned(), |error| error.to_string());
+                tracing::warn!("message {number} of the queue is no job and is taken out: {reason}");
+                None
+            }
+        };
+        let Some(job) = job else {
+            self.tell(acker, AckKind::Term);
+            return;
+        };
+        if self.held.is_empty() {
+            self.last_word = Instant::now();
+        }
+        // One that comes again while it is here, because signs of life were lost on the way, is not begun twice.
+        if self.held.insert(job.job.clone(), acker).is_none() {
+            self.waiting.push_back(Taken { job, message: number, delivered });
+        }
+    }
+
+    /// Tells the queue what became of a job.
+    fn settle(&mut self, job: &JobKey, verdict: Verdict) {
+        self.last_word = Instant::now();
+        let Some(acker) = self.held.remove(job) else { return };
+        let kind = match verdict {
+            Verdict::Done => AckKind::Ack,
+            Verdict::Never => AckKind::Term,
+            Verdict::Later(pause) => AckKind::Nak(Some(pause)),
+            Verdict::Back => AckKind::Nak(None),
+        };
+        self.tell(acker, kind);
+    }
+
+    /// Says it until the queue has heard.
+    fn tell(&mut self, acker: Acker, kind: AckKind) {
+        while self.settling.try_join_next().is_some() {}
+        self.settling.spawn(async move {
+            for pause in PAUSES_S {
+                if acker.double_ack_with(kind).await.is_ok() {
+                    return;
+                }
+                sleep(Duration::from_secs(pause)).await;
+            }
+            tracing::debug!("the queue does not hear what became of a job, and gives it to another worker");
+        });
+    }
+
+    /// Says of every job that it is in good hands.
+    async fn beat(&self) {
+        if self.last_word.elapsed() > STUCK {
+            return; // the queue may give them to another worker
+        }
+        for acker in self.held.values() {
+            // Where there is no connection, the next beat is as good.
+            let _ = timeout(Duration::from_millis(200), acker.ack_with(AckKind::Progress)).await;
+        }
+    }
+
+    /// Gives back what was not begun, and waits for what is being done.
+    async fn leave(mut self, mut beat: tokio::time::Interval) {
+        self.stopping.store(true, Ordering::Relaxed);
+        for Taken { job, .. } in std::mem::take(&mut self.waiting) {
+            self.settle(&job.job, Verdict::Back);
+        }
+        loop {
+            tokio::select! {
+                word = self.words.recv() => match word {
+                    Some(Word::Of(job, verdict)) => self.settle(&job, verdict),
+                    Some(Word::Unfit) => {}
+                    None => break,
+                },
+                _ = beat.tick() => self.beat().await,
+            }
+        }
+        let _ = timeout(FAREWELL, async { while self.settling.join_next().await.is_some() {} }).await;
+    }
+}
+
+async fn wait(fetching: &mut Option<Pin<Box<dyn Future<Output = Fetched> + Send>>>) -> Fetched {
+    match fetching {
+        Some(fetching) => fetching.await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Asks for jobs: as many as there are, at most `take`; where there are none, for one, and waits a little for it.
+async fn fetch(queue: Queue, consumer: Consumer<pull::Config>, take: usize, ack_wait: Duration) -> Fetched {
+    let asked = timeout(NO_ANSWER, async {
+        let there = collect(consumer.fetch().max_messages(take).messages().await?).await?;
+        if !there.is_empty() {
+            return Ok((there, false));
+        }
+        let one = collect(consumer.batch().max_messages(1).expires(POLL).messages().await?).await?;
+        if !one.is_empty() {
+            return Ok((one, false));
+        }
+        let info = consumer.get_info().await?;
+        Ok::<_, async_nats::Error>((one, info.num_pending == 0 && info.num_ack_pending == 0))
+    });
+    let reason = match asked.await {
+        Ok(Ok((messages, is_over))) if messages.is_empty() => return Fetched::Nothing { is_over },
+        Ok(Ok((messages, _))) => return Fetched::Messages(messages),
+        Ok(Err(error)) => error.to_string(),
+        Err(_) => "it does not answer".to_owned(),
+    };
+    sleep(Duration::from_secs(1)).await;
+    match timeout(NO_ANSWER, queue.consumer(ack_wait)).await {
+        Ok(Ok(consumer)) => Fetched::Again(Box::new(consumer)),
+        Ok(Err(error)) => Fetched::Lost(error.to_string()),
+        Err(_) => Fetched::Lost(reason),
+    }
+}
+
+/// All messages of one answer. What came before an error is not given away.
+async fn collect(mut batch: pull::Batch) -> Result<Vec<Message>, async_nats::Error> {
+    let mut messages = Vec::new();
+    while let Some(message) = batch.next().await {
+        match message {
+            Ok(message) => messages.push(message),
+            Err(error) if messages.is_empty() => return Err(error),
+            Err(_) => break,
+        }
+    }
+    Ok(messages)
+}

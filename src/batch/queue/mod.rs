@@ -1,0 +1,123 @@
+//! A work queue: jobs in a stream of NATS JetStream, taken by as many workers as there are.
+//!
+//! What it is: [`Queue::submit`] puts jobs into a stream, each under a subject of its own key, so that a job that waits there is
+//! never there twice; [`work()`] takes jobs through one durable consumer that all workers share. A job leaves the stream when a
+//! worker says that its outputs are there, or that it can never be done. A worker that holds jobs says so again and again; those
+//! of one that is not heard of are given to another. What it is not: no scheduler, and no queue of our own making.
+//!
+//! Jobs may come twice, for a worker may die after its last write and before its word. That harms nothing: outputs that are
+//! there are not made again, and those that are made at the same time have the same bytes.
+
+mod connect;
+mod courier;
+mod setback;
+mod submit;
+mod work;
+
+use std::time::Duration;
+
+use async_nats::jetstream::consumer::{AckPolicy, pull};
+use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType, Stream};
+
+pub use connect::{Access, Queue};
+pub use setback::Setback;
+pub use submit::Submitted;
+pub use work::{Ended, WorkOptions, Worked, work};
+
+/// The consumer that all workers of a stream share.
+const CONSUMER: &str = "workers";
+/// Jobs that all workers together may hold.
+const MOST_HELD: i64 = 100_000;
+/// How long the id of a message is remembered: no longer than it takes to send it twice by mistake. A job that waits is known by
+/// its subject, and one that is done may be submitted again.
+const REMEMBERED: Duration = Duration::from_secs(1);
+
+/// What goes wrong with a queue.
+#[derive(Debug, thiserror::Error)]
+pub enum QueueError {
+    /// A stream cannot have this name.
+    #[error("{0:?} is no name of a stream; allowed: 1 to 100 letters, digits, - and _")]
+    Name(String),
+    /// Credentials cannot be read.
+    #[error("cannot read {what}: {source}")]
+    Credentials {
+        /// Which ones; never what they say.
+        what: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// There is no connection.
+    #[error("cannot connect to the NATS server: {0}")]
+    Connect(String),
+    /// The server has no JetStream, or refuses.
+    #[error("the NATS server refuses: {0}; it needs JetStream (nats-server -js), and the right to use it")]
+    Refused(String),
+    /// A stream is there, and is for something else.
+    #[error("the stream {name} is there and is none of jobs: {reason}; take another name with --stream")]
+    Foreign {
+        /// Its name.
+        name: String,
+        /// What is different.
+        reason: &'static str,
+    },
+    /// A job was not taken.
+    #[error("the queue does not take the job {name}: {reason}")]
+    NotTaken {
+        /// Series and view.
+        name: String,
+        /// Why.
+        reason: String,
+    },
+    /// An executor or a thread cannot be started, or the outputs' place is not there.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+impl Queue {
+    /// The stream of jobs; made where it is not there.
+    async fn stream(&self) -> Result<Stream, QueueError> {
+        let config = Config {
+            name: self.stream.clone(),
+            description: Some("views to render: relief batch".to_owned()),
+            subjects: vec![format!("{}.*", self.stream)],
+            retention: RetentionPolicy::WorkQueue,
+            storage: StorageType::File,
+            // A job that waits is not taken again.
+            max_messages_per_subject: 1,
+            discard: DiscardPolicy::New,
+            discard_new_per_subject: true,
+            duplicate_window: REMEMBERED,
+            ..Config::default()
+        };
+        let found = self.context.get_or_create_stream(config).await;
+        let stream = found.map_err(|error| QueueError::Refused(error.to_string()))?;
+        let config = &stream.cached_info().config;
+        let foreign = |reason| Err(QueueError::Foreign { name: self.stream.clone(), reason });
+        if config.retention != RetentionPolicy::WorkQueue {
+            return foreign("it is no work queue");
+        }
+        if config.subjects != [format!("{}.*", self.stream)] {
+            return foreign("it has other subjects");
+        }
+        Ok(stream)
+    }
+
+    /// The consumer of the stream that all workers share; the first one says how long a job may go unheard of.
+    async fn consumer(
+        &self,
+        ack_wait: Duration,
+    ) -> Result<async_nats::jetstream::consumer::Consumer<pull::Config>, QueueError> {
+        let config = pull::Config {
+            durable_name: Some(CONSUMER.to_owned()),
+            ack_policy: AckPolicy::Explicit,
+            ack_wait,
+            // Workers count tries themselves: a message that the server has given up on would stay for ever, and unseen.
+            max_deliver: -1,
+            max_ack_pending: MOST_HELD,
+            ..pull::Config::default()
+        };
+        let stream = self.stream().await?;
+        let found = stream.get_or_create_consumer(CONSUMER, config).await;
+        found.map_err(|error| QueueError::Refused(error.to_string()))
+    }
+}

@@ -1,0 +1,44 @@
+//! Setbacks: what is known of a job that a worker began and did not finish, beside its outputs.
+
+use serde::{Deserialize, Serialize};
+
+use crate::batch::error::Failure;
+use crate::batch::manifest::Job;
+use crate::batch::sink::Sink;
+
+/// A job that was begun and is not done: it failed, or a worker that was killed had it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Setback {
+    /// The job, why it is not done, and whether trying again may help.
+    #[serde(flatten)]
+    pub failure: Failure,
+    /// How often it was begun.
+    pub tries: u32,
+    /// The message that it came with: submitted again, it is begun anew.
+    pub message: u64,
+}
+
+/// Largest setback that is read, bytes.
+const LARGEST: u64 = 1 << 20;
+
+impl Setback {
+    fn file_name(name: &str) -> String {
+        format!("{name}.failed.json")
+    }
+
+    /// The setback of this very job, if it has one.
+    #[must_use]
+    pub fn read(job: &Job, sink: &Sink) -> Option<Self> {
+        let found: Self = serde_json::from_slice(&sink.read(&Self::file_name(&job.name()), LARGEST)?).ok()?;
+        (found.failure.job == job.job.0).then_some(found)
+    }
+
+    pub(super) fn write(&self, sink: &Sink) -> std::io::Result<()> {
+        sink.put(&Self::file_name(&self.failure.name), &serde_json::to_vec_pretty(self)?)
+    }
+
+    /// Removes that of a job by its series and view.
+    pub(super) fn remove(name: &str, sink: &Sink) -> std::io::Result<()> {
+        sink.remove(&Self::file_name(name))
+    }
+}

@@ -1,0 +1,280 @@
+//! Working: jobs of a queue through the pipeline of [`run`](crate::batch::run), and what became of them back to it.
+
+use std::collections::HashMap;
+use std::future::Future;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::runtime::Runtime;
+use tokio::sync::mpsc::{Receiver, Sender, channel};
+
+use super::courier::{Courier, Taken, Verdict, Word};
+use super::setback::Setback;
+use super::{Queue, QueueError};
+use crate::batch::error::{Failure, Lasting};
+use crate::batch::gate::Gate;
+use crate::batch::manifest::{Job, JobKey};
+use crate::batch::record::Record;
+use crate::batch::run::{Shared, Step, render_groups};
+use crate::batch::sink::Sink;
+use crate::render::Renderer;
+
+/// How a worker works.
+#[derive(Clone, Debug)]
+pub struct WorkOptions {
+    /// Where outputs go.
+    pub out: Sink,
+    /// Bytes of voxels in memory: of the series that is rendered and of the next one.
+    pub voxel_bytes: u64,
+    /// After so long without a sign of life the jobs of a worker are given to another; the first worker of a stream says it
+    /// for all.
+    pub ack_wait: Duration,
+    /// How often a job is begun before it is given up.
+    pub tries: u32,
+    /// Jobs that are taken at a time: those of one series lie side by side and share its volume.
+    pub take: usize,
+    /// Leave when nobody has had anything to do for so long.
+    pub idle_exit: Option<Duration>,
+}
+
+/// Why a worker left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// There was nothing left to do.
+    Idle,
+    /// It was told to.
+    Stopped,
+    /// Several jobs in a row failed in ways that may be its own: others, or it when started anew, may do better.
+    Unfit,
+}
+
+/// What a worker did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Worked {
+    /// Rendered.
+    pub done: usize,
+    /// Done before, by another worker or another run.
+    pub skipped: usize,
+    /// Given up for good.
+    pub failed: usize,
+    /// Failed, and left to be tried again.
+    pub put_off: usize,
+    /// Taken and given back when the worker left.
+    pub handed_back: usize,
+    /// Series that were loaded.
+    pub loaded: usize,
+    /// Why it left.
+    pub ended: Ended,
+}
+
+/// Words that may wait for the courier, who is never busy for long.
+const WORDS: usize = 64;
+/// Failures in a row, all of a kind that may pass, after which a worker leaves.
+const UNFIT: u32 = 5;
+/// Pauses before a job is tried again: the first one, and the longest.
+const PAUSES: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(300)];
+
+/// Takes jobs from the queue and renders them, until `stop` is done or there is no need for it any more. `report` hears of each
+/// job, from several threads. `runtime` has the queue's connection; must be called from outside of it.
+///
+/// # Errors
+/// When the stream or the place of the outputs cannot be opened. Later ones are waited out.
+pub fn work(
+    renderer: &mut Renderer,
+    (runtime, queue): (&Runtime, &Queue),
+    options: &WorkOptions,
+    stop: impl Future<Output = ()> + Send + 'static,
+    report: &(dyn Fn(Step<'_>) + Sync),
+) -> Result<Worked, QueueError> {
+    options.out.prepare()?;
+    let (feed, jobs) = channel(1);
+    let (words, heard) = channel(WORDS);
+    let stopping = Arc::new(AtomicBool::new(false));
+    let how = (options.ack_wait, options.take, options.idle_exit);
+    let courier = Courier::new(queue, how, heard, Arc::clone(&stopping));
+    let courier = runtime.block_on(courier)?;
+    let courier = runtime.spawn(courier.run(feed, stop));
+    let bench = Bench {
+        sink: &options.out,
+        limit: options.tries,
+        words,
+        stopping,
+        begun: Mutex::default(),
+        in_a_row: AtomicU32::new(0),
+        counts: Mutex::default(),
+        report,
+    };
+    let hear = |step: Step<'_>| bench.hear(step);
+    let shared = Shared::new(&options.out, &hear);
+    let source = Source { jobs, bench: &bench, shared: &shared };
+    render_groups(renderer, source, &Gate::new(options.voxel_bytes), &shared);
+    let counts = *lock(&bench.counts);
+    let summary = shared.into_summary();
+    drop(bench); // the courier waits for words no longer
+    let ended = runtime.block_on(courier).map_err(std::io::Error::other)?;
+    let Counts { skipped, failed, put_off, handed_back } = counts;
+    Ok(Worked { done: summary.done, skipped, failed, put_off, handed_back, loaded: summary.loaded, ended })
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    skipped: usize,
+    failed: usize,
+    put_off: usize,
+    handed_back: usize,
+}
+
+/// What the worker's threads know of its jobs.
+struct Bench<'a> {
+    sink: &'a Sink,
+    limit: u32,
+    words: Sender<Word>,
+    stopping: Arc<AtomicBool>,
+    begun: Mutex<HashMap<JobKey, Begun>>,
+    in_a_row: AtomicU32,
+    counts: Mutex<Counts>,
+    report: &'a (dyn Fn(Step<'_>) + Sync),
+}
+
+/// A job that is being done.
+#[derive(Clone, Copy, Debug, Default)]
+struct Begun {
+    message: u64,
+    /// How often it was begun, this time included.
+    tries: u32,
+}
+
+/// The jobs of the queue, one by one, without those that are done.
+struct Source<'a> {
+    jobs: Receiver<Taken>,
+    bench: &'a Bench<'a>,
+    shared: &'a Shared<'a>,
+}
+
+impl Iterator for Source<'_> {
+    type Item = Vec<Job>;
+
+    fn next(&mut self) -> Option<Vec<Job>> {
+        loop {
+            let taken = self.jobs.blocking_recv()?;
+            // A worker may live long: what failed is beside the outputs and not kept here.
+            self.shared.change(|summary| summary.failures.clear());
+            if self.bench.begin(&taken) {
+                return Some(vec![taken.job]);
+            }
+        }
+    }
+}
+
+impl Bench<'_> {
+    fn say(&self, job: &JobKey, verdict: Verdict) {
+        // Nobody hears it only when the courier is gone, and then the queue gives the job to another worker.
+        let _ = self.words.blocking_send(Word::Of(job.clone(), verdict));
+    }
+
+    /// Whether a job is to be done now. Leaves a trace of one that came before: should it be this worker's end, too, then the
+    /// next one knows how often it was begun.
+    fn begin(&self, Taken { job, message, delivered }: &Taken) -> bool {
+        if self.stopping.load(Ordering::Relaxed) {
+            lock(&self.counts).handed_back += 1;
+            self.say(&job.job, Verdict::Back);
+            return false;
+        }
+        if Record::of_done(job, self.sink).is_some() {
+            lock(&self.counts).skipped += 1;
+            (self.report)(Step::Skipped(job));
+            self.say(&job.job, Verdict::Done);
+            return false;
+        }
+        let before = if *delivered > 1 {
+            let known = Setback::read(job, self.sink).filter(|known| known.message == *message);
+            known.map_or(1, |known| known.tries)
+        } else {
+            0
+        };
+        let begun = Begun { message: *message, tries: before.saturating_add(1) };
+        lock(&self.begun).insert(job.job.clone(), begun);
+        if before == 0 {
+            return true;
+        }
+        let mut failure = Failure {
+            job: job.job.0.clone(),
+            name: job.name(),
+            kind: Lasting::Retryable,
+            reason: "a worker began it, and nothing was heard of either since".to_owned(),
+        };
+        if before >= self.limit {
+            failure.reason = format!("it was begun {before} times, and never was a worker done with it");
+            failure.kind = Lasting::Permanent;
+            self.fail(&failure);
+            return false;
+        }
+        let setback = Setback { failure, tries: begun.tries, message: *message };
+        if let Err(error) = setback.write(self.sink) {
+            self.fail(&Failure { reason: format!("cannot write: {error}"), ..setback.failure });
+            return false;
+        }
+        true
+    }
+
+    /// What the pipeline reports.
+    fn hear(&self, step: Step<'_>) {
+        match step {
+            Step::Done(job, _) => {
+                self.in_a_row.store(0, Ordering::Relaxed);
+                lock(&self.begun).remove(&job.job);
+                if let Err(error) = Setback::remove(&job.name(), self.sink) {
+                    tracing::debug!("a setback stays beside the outputs: {error}");
+                }
+                (self.report)(step);
+                self.say(&job.job, Verdict::Done);
+            }
+            Step::Failed(failure) => self.fail(failure),
+            Step::Skipped(_) => (self.report)(step),
+        }
+    }
+
+    fn fail(&self, failure: &Failure) {
+        let job = JobKey(failure.job.clone());
+        let Begun { message, tries } = lock(&self.begun).remove(&job).unwrap_or_default();
+        let setback = Setback { failure: failure.clone(), tries, message };
+        let is_recorded = setback.write(self.sink).is_ok();
+        let is_over = failure.kind == Lasting::Permanent || tries >= self.limit;
+        // What cannot be recorded must not be lost.
+        let verdict =
+            if is_over && is_recorded { Verdict::Never } else { Verdict::Later(pause_after(tries)) };
+        {
+            let mut counts = lock(&self.counts);
+            *(if verdict == Verdict::Never { &mut counts.failed } else { &mut counts.put_off }) += 1;
+        }
+        (self.report)(Step::Failed(failure));
+        self.say(&job, verdict);
+        if failure.kind == Lasting::Permanent {
+            self.in_a_row.store(0, Ordering::Relaxed);
+        } else if self.in_a_row.fetch_add(1, Ordering::Relaxed) + 1 == UNFIT {
+            let _ = self.words.blocking_send(Word::Unfit);
+        }
+    }
+}
+
+fn pause_after(tries: u32) -> Duration {
+    let [first, longest] = PAUSES;
+    first.saturating_mul(2_u32.saturating_pow(tries.saturating_sub(1))).min(longest)
+}
+
+/// Numbers and a map are whole after a panic elsewhere, too.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_grow_up_to_the_longest() {
+        let pauses = [1, 2, 3, 7, 8, u32::MAX].map(|tries| pause_after(tries).as_secs());
+        assert_eq!(pauses, [5, 10, 20, 300, 300, 300]);
+    }
+}
