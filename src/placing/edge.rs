@@ -5,10 +5,10 @@
 
 use glam::DVec3;
 
-use super::SnapError;
 use super::climb::{Foothold, climb};
 use super::field::{Field, Smooth};
 use super::lattice::Lattice;
+use super::{Search, SnapError};
 
 /// Gradients below this are none, HU per mm.
 const LEAST_HU_PER_MM: f64 = 1.0;
@@ -23,7 +23,10 @@ const MOST_CLIMBED: usize = 3;
 /// Cosine between the gradient where a line to an edge begins and that at the edge.
 const MOST_TURNED: f64 = 0.3;
 
-/// Steps along a line, parts of the Gaussian's width, and how often the maximum between them is closed in on.
+/// How far before and behind an edge the magnitude is less, parts of the Gaussian's width.
+const BESIDE: f64 = 0.15;
+
+/// Steps along a line, parts of the Gaussian's width, and how often a zero between them is closed in on.
 const STEP: f64 = 0.4;
 const CLOSER: usize = 24;
 
@@ -31,12 +34,8 @@ const CLOSER: usize = 24;
 ///
 /// # Errors
 /// When the ball holds too many voxels.
-pub(super) fn find(
-    field: &Field<'_>,
-    at: DVec3,
-    ray: Option<DVec3>,
-    radius_mm: f64,
-) -> Result<Option<DVec3>, SnapError> {
+pub(super) fn find(field: &Field<'_>, search: &Search) -> Result<Option<DVec3>, SnapError> {
+    let Search { at, ray, radius_mm } = *search;
     let nearness = |place: DVec3| 1.0 - place.distance_squared(at) / (radius_mm * radius_mm);
     if let Some(ray) = ray {
         return Ok(along_ray(field, at, ray, radius_mm));
@@ -45,7 +44,9 @@ pub(super) fn find(
     let project = |place: DVec3| {
         let on = ridge(field, place)?;
         let gradient = field.smooth(on).gradient;
-        let score = gradient.length() * nearness(on);
+        // Outside of the ball steepness is worth nothing: whoever climbs comes in first.
+        let near = nearness(on);
+        let score = if near > 0.0 { gradient.length() * near } else { near };
         let counts = gradient.length() >= LEAST_HU_PER_MM && field.value(on).is_some();
         counts.then_some(Foothold { at: on, normal: gradient.normalize(), score })
     };
@@ -102,37 +103,56 @@ fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) 
 }
 
 /// From near an edge along the gradient to the edge: where the magnitude is a maximum along the gradient that is there.
+///
+/// There its change along the gradient is zero. Whether that is a maximum is asked of the magnitude itself, a little before and behind:
+/// where the gradient turns on the way, the change may go through zero from below to above at a maximum.
 fn ridge(field: &Field<'_>, place: DVec3) -> Option<DVec3> {
     let normal = field.smooth(place).gradient.try_normalize()?;
     let rise = |at: DVec3| {
         let Smooth { gradient, hessian } = field.smooth(at);
         gradient.dot(hessian * gradient) * gradient.dot(normal).signum()
     };
-    let offs = maxima(place, normal, 2.0 * field.sigma_mm, field.sigma_mm, rise);
-    // Where the gradient turns across the line the sign changes too.
     let is_edge = |off: &f64| {
-        let gradient = field.smooth(place + normal * *off).gradient;
-        gradient.dot(normal).abs() > MOST_TURNED * gradient.length()
+        let at = place + normal * *off;
+        let gradient = field.smooth(at).gradient;
+        let magnitude = gradient.length();
+        let Some(along) = gradient.try_normalize() else { return false };
+        // Where the gradient turns across the line the sign changes too.
+        let turns = along.dot(normal).abs() <= MOST_TURNED;
+        let beside = along * (BESIDE * field.sigma_mm);
+        let is_top = || {
+            [beside, -beside]
+                .into_iter()
+                .all(|beside| field.smooth(at + beside).gradient.length() < magnitude)
+        };
+        !turns && is_top()
     };
-    let nearest = offs.into_iter().filter(is_edge).min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
-    Some(place + normal * nearest)
+    let offs = zeros(place, normal, 2.0 * field.sigma_mm, field.sigma_mm, rise);
+    let offs = offs.into_iter().map(|(off, _)| off).filter(is_edge);
+    offs.min_by(|a, b| a.abs().total_cmp(&b.abs())).map(|nearest| place + normal * nearest)
 }
 
-/// Offsets along a line, within a reach, where what rises by `rise` has local maxima.
+/// Offsets along a line, within a reach, where `rise` is zero, and whether it falls there.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred steps")]
-fn maxima(from: DVec3, along: DVec3, reach_mm: f64, sigma_mm: f64, rise: impl Fn(DVec3) -> f64) -> Vec<f64> {
+fn zeros(
+    from: DVec3,
+    along: DVec3,
+    reach_mm: f64,
+    sigma_mm: f64,
+    rise: impl Fn(DVec3) -> f64,
+) -> Vec<(f64, bool)> {
     let steps = (reach_mm / (STEP * sigma_mm)).ceil().max(2.0);
     let step = reach_mm / steps;
-    let rise = |off: f64| rise(from + along * off);
-    let rises: Vec<f64> = (0..=2 * steps as usize).map(|i| rise((i as f64 - steps) * step)).collect();
-    let tops = (1..rises.len()).filter(|&i| rises[i - 1] > 0.0 && rises[i] <= 0.0);
-    let closed_in = tops.map(|i| {
+    let rises = |off: f64| rise(from + along * off) > 0.0;
+    let signs: Vec<bool> = (0..=2 * steps as usize).map(|i| rises((i as f64 - steps) * step)).collect();
+    let changes = (1..signs.len()).filter(|&i| signs[i - 1] != signs[i]);
+    let closed_in = changes.map(|i| {
         let (mut low, mut high) = ((i as f64 - 1.0 - steps) * step, (i as f64 - steps) * step);
         for _ in 0..CLOSER {
             let middle = f64::midpoint(low, high);
-            if rise(middle) > 0.0 { low = middle } else { high = middle }
+            if rises(middle) == signs[i - 1] { low = middle } else { high = middle }
         }
-        f64::midpoint(low, high)
+        (f64::midpoint(low, high), signs[i - 1])
     });
     closed_in.collect()
 }
@@ -143,8 +163,8 @@ fn along_ray(field: &Field<'_>, at: DVec3, ray: DVec3, radius_mm: f64) -> Option
         let Smooth { gradient, hessian } = field.smooth(place);
         gradient.dot(hessian * ray)
     };
-    let offs = maxima(at, ray, radius_mm, field.sigma_mm, rise).into_iter();
-    let edges = offs.filter_map(|off| {
+    let offs = zeros(at, ray, radius_mm, field.sigma_mm, rise).into_iter();
+    let edges = offs.filter(|(_, falls)| *falls).filter_map(|(off, _)| {
         let place = at + ray * off;
         let magnitude = field.smooth(place).gradient.length();
         let counts = magnitude >= LEAST_HU_PER_MM && field.value(place).is_some();

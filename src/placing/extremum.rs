@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::SnapError;
 use super::field::Field;
 use super::lattice::Lattice;
+use super::{Search, SnapError};
 
 /// What stands out by less than this is none, HU.
 const LEAST_HU: f64 = 1.0;
@@ -22,12 +22,8 @@ const MOST_SEEDS: usize = 256;
 ///
 /// # Errors
 /// When the ball holds too many voxels.
-pub(super) fn find(
-    field: &Field<'_>,
-    at: DVec3,
-    sign: f64,
-    radius_mm: f64,
-) -> Result<Option<DVec3>, SnapError> {
+pub(super) fn find(field: &Field<'_>, search: &Search, sign: f64) -> Result<Option<DVec3>, SnapError> {
+    let Search { at, radius_mm, .. } = *search;
     let Some(lattice) = Lattice::around(field, at, radius_mm)? else { return Ok(None) };
     // One more voxel around the ball: what lies between voxels may be inside.
     let reach_mm = radius_mm + field.volume.grid().spacing_mm().into_iter().fold(0.0, f64::max);

@@ -54,6 +54,43 @@ impl<'a> Field<'a> {
         }
     }
 
+    /// The first and the last voxel along each axis of the box around a ball, and `more` voxels to each side; `None` where it is
+    /// outside of the volume.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
+    pub(super) fn voxels_around(&self, at: DVec3, radius_mm: f64, more: f64) -> Option<[[usize; 2]; 3]> {
+        let middle = self.voxel_from_patient.transform_point3(at).to_array();
+        // Rows: how an index grows with each patient coordinate.
+        let rows = self.voxel_from_patient.matrix3.transpose();
+        let halves = [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.length() * radius_mm + more);
+        let mut ends = [[0; 2]; 3];
+        for (axis, &count) in self.volume.grid().dims().iter().enumerate() {
+            let last = count as f64 - 1.0;
+            let (low, high) = ((middle[axis] - halves[axis]).floor(), (middle[axis] + halves[axis]).ceil());
+            if high < 0.0 || low > last {
+                return None;
+            }
+            ends[axis] = [low.max(0.0) as usize, high.min(last) as usize];
+        }
+        Some(ends)
+    }
+
+    /// The values of the voxels whose centres lie in a ball, HU.
+    pub(super) fn voxels_within(&self, at: DVec3, radius_mm: f64) -> Vec<i16> {
+        let Some([xs, ys, zs]) = self.voxels_around(at, radius_mm, 0.0) else { return Vec::new() };
+        let mut values = Vec::new();
+        for k in zs[0]..=zs[1] {
+            for j in ys[0]..=ys[1] {
+                for i in xs[0]..=xs[1] {
+                    let center = DVec3::new(i as f64, j as f64, k as f64);
+                    if self.patient_from_voxel.transform_point3(center).distance(at) <= radius_mm {
+                        values.push(self.volume.hu([i, j, k]));
+                    }
+                }
+            }
+        }
+        values
+    }
+
     /// The trilinear value at a patient place, HU; beyond the outermost voxel centres it stays; `None` outside the volume's box.
     pub(super) fn value(&self, place: DVec3) -> Option<f64> {
         let index = self.voxel_from_patient.transform_point3(place).to_array();

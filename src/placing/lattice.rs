@@ -25,7 +25,8 @@ impl Lattice {
     /// # Errors
     /// When it holds too many.
     pub(super) fn around(field: &Field<'_>, at: DVec3, radius_mm: f64) -> Result<Option<Self>, SnapError> {
-        let Some((first, dims)) = voxels_of(field, at, radius_mm) else { return Ok(None) };
+        let Some(ends) = field.voxels_around(at, radius_mm, 2.0) else { return Ok(None) };
+        let (first, dims) = (ends.map(|[low, _]| low), ends.map(|[low, high]| high + 1 - low));
         let count: f64 = dims.iter().map(|&count| count as f64).product();
         if count > MOST_VOXELS {
             let most = radius_mm * (MOST_VOXELS / count).cbrt() * 0.95;
@@ -97,27 +98,6 @@ impl Lattice {
         };
         DVec3::new(along(0), along(1), along(2))
     }
-}
-
-/// First voxel and dimensions of the box around a ball, within the volume.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
-fn voxels_of(field: &Field<'_>, at: DVec3, radius_mm: f64) -> Option<([usize; 3], [usize; 3])> {
-    let middle = field.voxel_from_patient.transform_point3(at).to_array();
-    // Rows: how an index grows with each patient coordinate.
-    let rows = field.voxel_from_patient.matrix3.transpose();
-    let halves = [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.length() * radius_mm + 2.0);
-    let counts = field.volume.grid().dims();
-    let (mut first, mut dims) = ([0; 3], [0; 3]);
-    for axis in 0..3 {
-        let last = counts[axis] as f64 - 1.0;
-        let (low, high) = ((middle[axis] - halves[axis]).floor(), (middle[axis] + halves[axis]).ceil());
-        if high < 0.0 || low > last {
-            return None;
-        }
-        first[axis] = low.max(0.0) as usize;
-        dims[axis] = high.min(last) as usize + 1 - first[axis];
-    }
-    Some((first, dims))
 }
 
 /// One axis after the other: x over all rows that are needed, then y, then z.

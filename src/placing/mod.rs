@@ -5,7 +5,7 @@
 //!
 //! | to | with a ray | without |
 //! |---|---|---|
-//! | surface | its nearest crossing along the ray | its nearest point |
+//! | surface, boundary | its nearest crossing along the ray | its nearest point |
 //! | gradient | the steepest edge along the ray | the nearest point of the steepest edge around |
 //! | minimum, maximum | the nearest local one around | the same |
 //!
@@ -19,9 +19,11 @@ mod edge;
 mod extremum;
 mod field;
 mod lattice;
+mod level;
 mod surface;
 
 use field::Field;
+use glam::DVec3;
 
 use crate::space::{Patient, Point, Vector};
 use crate::volume::Volume;
@@ -34,6 +36,9 @@ pub enum Target {
         /// The level, HU: -32768 to 32767.
         hu: f64,
     },
+    /// Where the values cross the level halfway between the two kinds of matter that are around (N. Otsu, "A threshold selection method
+    /// from gray-level histograms", 1979).
+    Boundary,
     /// Where the gradient is steepest along its own direction. Of several such edges the one with the largest magnitude times
     /// 1 - (distance/radius)² counts; the place is the nearest on it.
     Gradient,
@@ -45,16 +50,17 @@ pub enum Target {
 
 impl Target {
     /// The names of targets, in the order of the enumeration.
-    pub const NAMES: [&str; 4] = ["surface", "gradient", "minimum", "maximum"];
+    pub const NAMES: [&str; 5] = ["surface", "boundary", "gradient", "minimum", "maximum"];
 
     /// The name of this target.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Surface { .. } => Self::NAMES[0],
-            Self::Gradient => Self::NAMES[1],
-            Self::Minimum => Self::NAMES[2],
-            Self::Maximum => Self::NAMES[3],
+            Self::Boundary => Self::NAMES[1],
+            Self::Gradient => Self::NAMES[2],
+            Self::Minimum => Self::NAMES[3],
+            Self::Maximum => Self::NAMES[4],
         }
     }
 }
@@ -113,6 +119,17 @@ pub enum SnapError {
     },
 }
 
+/// Where something is looked for.
+#[derive(Clone, Copy, Debug)]
+struct Search {
+    /// Around this place, patient mm.
+    at: DVec3,
+    /// Along this direction, of unit length, to both sides; anywhere in the ball where there is none.
+    ray: Option<DVec3>,
+    /// So far, mm.
+    radius_mm: f64,
+}
+
 /// The trilinear value at a place, HU; `None` outside the volume.
 #[must_use]
 pub fn value_at(volume: &Volume, at: Point<Patient>) -> Option<f64> {
@@ -144,7 +161,7 @@ pub fn snap(
             ray.normalized().ok_or_else(|| out_of_range("ray", &ray.xyz, "a direction with some length"))?,
         ),
     };
-    let along = along.map(|ray| ray.xyz);
+    let search = Search { at: at.xyz, ray: along.map(|ray| ray.xyz), radius_mm };
     let field = Field::new(volume);
     let found = match to {
         Target::Surface { hu } => {
@@ -152,16 +169,18 @@ pub fn snap(
                 let allowed = format!("{} to {} HU", Snap::LEVELS_HU.start(), Snap::LEVELS_HU.end());
                 return Err(out_of_range("hu", &hu, &allowed));
             }
-            surface::find(&field, at.xyz, along, hu, radius_mm)
+            surface::find(&field, &search, hu)
         }
-        Target::Gradient => edge::find(&field, at.xyz, along, radius_mm)?,
-        Target::Minimum => extremum::find(&field, at.xyz, -1.0, radius_mm)?,
-        Target::Maximum => extremum::find(&field, at.xyz, 1.0, radius_mm)?,
+        Target::Boundary => level::around(&field, &search).and_then(|hu| surface::find(&field, &search, hu)),
+        Target::Gradient => edge::find(&field, &search)?,
+        Target::Minimum => extremum::find(&field, &search, -1.0)?,
+        Target::Maximum => extremum::find(&field, &search, 1.0)?,
     };
     let settled = found.and_then(|place| Some((place, field.value(place)?)));
     let Some((place, hu)) = settled else {
         let what = match to {
             Target::Surface { hu } => format!("surface of {hu} HU"),
+            Target::Boundary => "boundary between two kinds of matter".to_owned(),
             Target::Gradient => "edge".to_owned(),
             Target::Minimum | Target::Maximum => format!("local {}", to.name()),
         };

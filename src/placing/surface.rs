@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::Search;
 use super::climb::{Foothold, climb};
 use super::field::Field;
 
@@ -17,14 +18,9 @@ const HALVINGS: usize = 30;
 /// First places that are followed to the surface.
 const MOST_SEEDS: usize = 24;
 
-/// The place on the surface of `hu` that is nearest to `at`.
-pub(super) fn find(
-    field: &Field<'_>,
-    at: DVec3,
-    ray: Option<DVec3>,
-    hu: f64,
-    radius_mm: f64,
-) -> Option<DVec3> {
+/// The place on the surface of `hu` that is nearest.
+pub(super) fn find(field: &Field<'_>, search: &Search, hu: f64) -> Option<DVec3> {
+    let Search { at, ray, radius_mm } = *search;
     let level = hu + OFF_HU;
     match ray {
         Some(ray) => crossing(field, at, ray, level, radius_mm).map(|off| at + ray * off),
@@ -85,18 +81,9 @@ fn nearest(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Option<D
 }
 
 /// The middles of the cells nearest to `at` that the surface goes through.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
 fn seeds(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Vec<DVec3> {
-    let rows = field.voxel_from_patient.matrix3.transpose();
-    let halves = [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.length() * radius_mm + 1.0);
-    let middle = field.voxel_from_patient.transform_point3(at).to_array();
-    let dims = field.volume.grid().dims();
-    let ranges: [std::ops::Range<usize>; 3] = std::array::from_fn(|axis| {
-        let last = dims[axis] as f64 - 1.0;
-        let low = (middle[axis] - halves[axis]).floor().clamp(0.0, last) as usize;
-        let high = (middle[axis] + halves[axis]).ceil().clamp(0.0, last) as usize;
-        low..high.max(low + 1)
-    });
+    let Some(ends) = field.voxels_around(at, radius_mm, 1.0) else { return Vec::new() };
+    let ranges = ends.map(|[low, high]| low..high.max(low + 1));
     let axes = field.patient_from_voxel.matrix3;
     let diagonal_mm = (axes.x_axis.length() + axes.y_axis.length() + axes.z_axis.length()) / 2.0;
     let mut found: Vec<(f64, DVec3)> = Vec::new();

@@ -186,13 +186,9 @@ fn edges_are_the_steepest_and_nearest_on_them() {
                 }
                 Err(error) => {
                     assert!(matches!(error, SnapError::NotFound { .. }));
-                    // At the rim of the ball an edge is worth nothing; a scrap of an edge of less than 1 mm² may be missed, which
-                    // is a known weakness on noise (seed 3 has one of 94 HU/mm), not shown to be harmless.
-                    let missed = edges.iter().filter(|(place, _)| nearness(*place) > 0.15).count();
-                    assert!(
-                        missed as f64 * 0.2 * 0.2 < 1.0,
-                        "{seed}, {from}: {missed} places of an edge were missed"
-                    );
+                    // At the very rim of the ball an edge is worth nothing.
+                    let missed = edges.iter().find(|(place, _)| nearness(*place) > 0.15);
+                    assert!(missed.is_none(), "{seed}, {from}: {missed:?} was missed");
                 }
             }
         }
