@@ -13,6 +13,7 @@ mod extra;
 mod fcsv;
 mod format;
 mod loss;
+mod merge;
 mod meshes;
 mod mps;
 mod mrk_json;
@@ -27,8 +28,9 @@ mod written_json;
 pub use error::ExchangeError;
 pub use format::{Format, UnknownFormat};
 pub use loss::LeftOut;
+pub use merge::{Merged, Present};
 
-use crate::annotation::{ContentId, FrameOfReference, Item, ItemId};
+use crate::annotation::{ContentId, FrameOfReference, Item};
 use crate::dicom::SeriesReference;
 use crate::formats::{nifti_labels, seg_nrrd};
 use crate::volume::Grid;
@@ -81,19 +83,6 @@ pub struct Written {
     pub items: usize,
     /// What it cannot hold.
     pub left_out: Vec<LeftOut>,
-}
-
-impl Imported {
-    /// The same items under new ids, as they must have beside those that were exported.
-    ///
-    /// # Errors
-    /// When this machine gives no random numbers.
-    pub fn with_new_ids(mut self) -> Result<Self, ExchangeError> {
-        for item in &mut self.items {
-            item.id = ItemId::random()?;
-        }
-        Ok(self)
-    }
 }
 
 impl Format {

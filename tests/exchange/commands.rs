@@ -198,10 +198,51 @@ fn what_was_edited_elsewhere_changes_what_it_was() {
         }
         assert_eq!(now, expected, "everything else of it is as it was");
     }
-    let copied = bench.json(&["import", &saved]);
-    assert_eq!(copied["created"], 4);
-    let warning = copied["files"][0]["warnings"].to_string();
-    assert!(warning.contains("4 items were exported from this log: they are copies now"), "{warning}");
+}
+
+/// What is there already stays as it is, and that is said; copies are made where somebody asks for them.
+#[test]
+fn nothing_comes_in_twice_by_itself() {
+    let bench = Bench::new();
+    let markups = bench.file("skull.mrk.json", write(Format::MrkJson, &everything()).unwrap().bytes);
+    bench.json(&["import", &markups]);
+    let before = bench.items();
+    let counts =
+        |report: &Value| ["created", "updated", "unchanged", "skipped"].map(|key| report[key].clone());
+    // Formats with ids, and those without: the same list, names and places.
+    for format in [Format::MrkJson, Format::Csv, Format::Fcsv] {
+        let out = bench.path(&format!("skull.{format}")).display().to_string();
+        bench.json(&["export", "--format", &format.to_string(), "--out", &out, "--list", "skull"]);
+        let again = bench.json(&["import", &out]);
+        let held = again["files"][0]["items"].as_u64().unwrap();
+        assert!(held > 0);
+        // Tables and lists have not every letter of a text: what differs by that is there all the same.
+        let differ = again["skipped"].as_u64().unwrap();
+        assert!(differ <= u64::from(format != Format::MrkJson), "{format}: {again}");
+        assert_eq!(counts(&again), [0, 0, held - differ, differ].map(Value::from), "{format}");
+        let said = again["files"][0]["warnings"].to_string();
+        let told = format!("{held} items are there already and stay as they are, {differ} of them");
+        assert!(said.contains(&told), "{said}");
+        assert_eq!(bench.items(), before, "{format}");
+    }
+    // One was moved elsewhere: it is left, and told.
+    let out = bench.path("skull.mrk.json").display().to_string();
+    bench.json(&["export", "--format", "mrk.json", "--out", &out, "--list", "skull"]);
+    let mut file: Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
+    file["markups"][0]["controlPoints"][0]["position"] = serde_json::json!([9.0, 8.0, 7.0]);
+    let moved = bench.file("moved.mrk.json", file.to_string());
+    let again = bench.json(&["import", &moved]);
+    assert_eq!((&again["created"], &again["skipped"]), (&0.into(), &1.into()), "{again}");
+    let said = again["files"][0]["warnings"].to_string();
+    assert!(said.contains("1 of them other than in the file; --update changes those"), "{said}");
+    assert_eq!(bench.items(), before);
+    let copied = bench.json(&["import", &moved, "--duplicate"]);
+    let held = copied["files"][0]["items"].as_u64().unwrap();
+    assert_eq!(counts(&copied), [held, 0, 0, 0].map(Value::from));
+    let said = copied["files"][0]["warnings"].to_string();
+    assert!(said.contains("are there twice now"), "{said}");
+    assert_eq!(bench.items().len() as u64, before.len() as u64 + held);
+    assert_eq!(bench.run(&["import", &moved, "--duplicate", "--update"]).status.code(), Some(2));
 }
 
 #[test]

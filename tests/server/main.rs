@@ -8,6 +8,7 @@
 mod annotations;
 mod annotations_drawn;
 mod annotations_live;
+mod annotations_objects;
 mod annotations_structures;
 mod budget;
 mod dicomweb;
@@ -18,6 +19,9 @@ mod live;
 mod live_flow;
 mod live_plain;
 mod live_stage;
+#[path = "../dicom_objects/made.rs"]
+#[allow(dead_code, reason = "other tests use the rest of it")]
+mod made;
 mod memory;
 mod operation;
 #[path = "../common/postgres.rs"]
@@ -27,4 +31,7 @@ mod slices;
 mod sockets;
 mod stage;
 mod thumbnails;
+#[path = "../dicom_objects/tools.rs"]
+#[allow(dead_code, reason = "other tests use the rest of it")]
+mod tools;
 mod uploads;

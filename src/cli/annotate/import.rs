@@ -1,6 +1,5 @@
 //! `relief annotate import`: files of other tools into the log, as one edit.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -9,8 +8,8 @@ use serde::Serialize;
 
 use super::super::output::{print_json, say};
 use super::{ByArguments, Log, LogArguments, series, table};
-use crate::annotation::{Change, Edit, Geometry, Item, ItemId, Set, Versioned};
-use crate::exchange::{self, Format, Imported, ReadContext};
+use crate::annotation::{Change, Edit, Item, ItemId, Set, Versioned};
+use crate::exchange::{self, Format, Imported, Merged, Present, ReadContext};
 use crate::store::Filter;
 
 /// The largest file that is opened.
@@ -23,8 +22,9 @@ All files together are one edit, which undo takes back: one that is damaged chan
 beginning say what it is. ANNOTATIONS.md has what each format holds.
 
 With --series, items belong to that series, and points outside of its volume are warned of, with a hint where they are a mirror
-image (RAS for LPS). Items come in under new ids. With --update, those that were exported from this log change the items that they
-were, in name, description, place, lock and visibility.
+image (RAS for LPS). Items that are in the log already, by their ids or by list, name and place, stay as they are, and the answer says
+how many. With --update those that differ are changed in name, description, place, lock and visibility; with --duplicate all come in
+again under new ids.
 
 Examples:
   relief annotate --db ann.db import skull.mrk.json --series head --author anna
@@ -47,9 +47,12 @@ pub(super) struct Arguments {
     list: Option<String>,
     #[command(flatten)]
     by: ByArguments,
-    /// Change the items that a file was made of, instead of making new ones
+    /// Change the items that a file was made of, where they differ
     #[arg(long)]
     update: bool,
+    /// Make new items of those that are there already, too
+    #[arg(long, conflicts_with = "update")]
+    duplicate: bool,
     /// Read and tell, and change nothing
     #[arg(long)]
     dry_run: bool,
@@ -64,6 +67,8 @@ struct Report {
     created: usize,
     updated: usize,
     unchanged: usize,
+    /// There already and different, and left as they are.
+    skipped: usize,
     dry_run: bool,
     items: Vec<ItemReport>,
 }
@@ -113,15 +118,18 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
         all.contents.extend(read.contents);
     }
     let open = if arguments.dry_run { existing(log)? } else { Some(log.open()?) };
-    let known = open.as_ref().map_or_else(|| Ok(HashMap::new()), known_items)?;
-    let (changes, unchanged, copies) = changes(all.items, known, arguments.update)?;
-    if let (1.., Some(file)) = (copies, files.last_mut()) {
-        let note = format!(
-            "{copies} items were exported from this log: they are copies now; --update changes those that are there instead"
-        );
+    let known = open.as_ref().map_or_else(|| Ok(Vec::new()), known_items)?;
+    let present = match (arguments.update, arguments.duplicate) {
+        (true, _) => Present::Update,
+        (_, true) => Present::Duplicate,
+        _ => Present::Keep,
+    };
+    let merged = Merged::of(all.items, known, present)?;
+    if let (Some(note), Some(file)) = (merged.note("--update", "--duplicate"), files.last_mut()) {
         file.warnings.push(note);
     }
-    let report = Report::new(files, &changes, unchanged, arguments.dry_run);
+    let report = Report::new(files, &merged, arguments.dry_run);
+    let changes = merged.changes;
     if let (Some(log), false, false) = (&open, arguments.dry_run, changes.is_empty()) {
         for (_, media_type, bytes) in &all.contents {
             log.wait(log.store().put_content(media_type, bytes))?;
@@ -136,9 +144,9 @@ fn existing(log: &LogArguments) -> anyhow::Result<Option<Log>> {
     if log.is_there() { log.open_existing().map(Some) } else { Ok(None) }
 }
 
-fn known_items(log: &Log) -> anyhow::Result<HashMap<ItemId, Versioned>> {
+fn known_items(log: &Log) -> anyhow::Result<Vec<Versioned>> {
     let listing = log.wait(log.store().list(&Filter::default()))?;
-    Ok(listing.items.into_iter().map(|found| (found.item.id, found)).collect())
+    Ok(listing.items)
 }
 
 /// The file's name without what its format adds to it.
@@ -166,67 +174,9 @@ fn read(
     Ok((format, exchange::read(format, &bytes, context)?))
 }
 
-/// What is to change; how many items are as they were; how many are copies of items that are there.
-fn changes(
-    items: Vec<Item>,
-    mut known: HashMap<ItemId, Versioned>,
-    update: bool,
-) -> anyhow::Result<(Vec<Change>, usize, usize)> {
-    let (mut changes, mut unchanged, mut copies) = (Vec::new(), 0, 0);
-    for mut item in items {
-        match known.remove(&item.id) {
-            Some(found) if update => {
-                let merged = merged(&found.item, item);
-                if merged == found.item {
-                    unchanged += 1;
-                } else {
-                    changes.push(Change::Update { item: Box::new(merged), version: found.version });
-                }
-            }
-            found => {
-                copies += usize::from(found.is_some());
-                item.id = ItemId::random()?; // an id that was ever used is never used again
-                changes.push(Change::Create { item: Box::new(item) });
-            }
-        }
-    }
-    Ok((changes, unchanged, copies))
-}
-
-/// An item with what every format says of it taken from a file: the rest is as it was.
-fn merged(current: &Item, read: Item) -> Item {
-    let mut geometry = read.geometry;
-    // Files of other tools say neither whether a curve is smooth, nor the last digits of what did not move.
-    if let (Some(Geometry::Curve { smooth, .. }), Some(Geometry::Curve { smooth: was, .. })) =
-        (&mut geometry, &current.geometry)
-    {
-        *smooth = *was;
-    }
-    if let (Some(new), Some(old)) = (&geometry, &current.geometry)
-        && has_not_moved(new, old)
-    {
-        geometry = current.geometry.clone();
-    }
-    Item {
-        name: read.name,
-        description: read.description,
-        state: if geometry.is_none() && current.geometry.is_none() { current.state } else { read.state },
-        geometry,
-        locked: read.locked,
-        visible: read.visible,
-        ..current.clone()
-    }
-}
-
-fn has_not_moved(new: &Geometry, old: &Geometry) -> bool {
-    let (a, b) = (new.points(), old.points());
-    let is_near = a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.distance(*b) < 1e-6);
-    let is_plane = matches!(new, Geometry::Plane { .. });
-    new.kind() == old.kind() && !a.is_empty() && is_near && !is_plane
-}
-
 impl Report {
-    fn new(files: Vec<FileReport>, changes: &[Change], unchanged: usize, dry_run: bool) -> Self {
+    fn new(files: Vec<FileReport>, merged: &Merged, dry_run: bool) -> Self {
+        let Merged { changes, unchanged, skipped, .. } = merged;
         let is_new = |change: &&Change| matches!(change, Change::Create { .. });
         let created = changes.iter().filter(is_new).count();
         let items = changes.iter().filter_map(|change| match change {
@@ -239,7 +189,8 @@ impl Report {
             }),
             Change::Delete { .. } => None,
         });
-        Self { created, updated: changes.len() - created, unchanged, dry_run, items: items.collect(), files }
+        let (updated, items) = (changes.len() - created, items.collect());
+        Self { created, updated, unchanged: *unchanged, skipped: *skipped, dry_run, items, files }
     }
 
     fn show(&self, json: bool) -> anyhow::Result<ExitCode> {
@@ -254,9 +205,9 @@ impl Report {
         }
         let line = |file: &FileReport| [file.items.to_string(), file.format.to_owned(), file.file.clone()];
         table::print(["items", "format", "file"], &self.files.iter().map(line).collect::<Vec<_>>());
-        let Self { created, updated, unchanged, .. } = self;
+        let Self { created, updated, unchanged, skipped, .. } = self;
         let would = if self.dry_run { "would be " } else { "" };
-        say!("{created} {would}created, {updated} {would}updated, {unchanged} unchanged");
+        say!("{created} {would}created, {updated} {would}updated, {unchanged} unchanged, {skipped} skipped");
         Ok(ExitCode::SUCCESS)
     }
 }

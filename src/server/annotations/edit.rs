@@ -4,16 +4,16 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use axum::routing::{self, MethodRouter};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::apply::{Home, Step};
+use super::apply::Step;
+use super::asked::{Asked, Sent, created, events_json};
 use super::refusal::invalid;
-use super::{Asked, outward_event};
-use crate::annotation::{Edit, Event, ItemId, Timestamp};
+use crate::annotation::{Edit, ItemId, Timestamp};
 use crate::server::guard::{expect_content_type, read_body};
 use crate::server::problem::Problem;
 use crate::server::state::Server;
@@ -21,16 +21,7 @@ use crate::server::state::Server;
 /// Largest edit: 10,000 items with all they may have but long curves.
 pub(super) const MOST_BYTES: usize = 16 << 20;
 
-type Shared = State<Arc<Server>>;
-
-pub(super) async fn post(
-    State(server): Shared,
-    Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
-    let mut wanted = read_json(&server, &headers, body, MOST_BYTES).await?;
+pub(super) async fn post(asked: Asked, Sent(mut wanted): Sent<MOST_BYTES>) -> Result<Response, Problem> {
     let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
     let author = asked.author(of_body)?;
     wanted["author"] = author.as_str().into();
@@ -42,27 +33,12 @@ pub(super) async fn post(
     let edit: Edit = serde_path_to_error::deserialize(wanted).map_err(|error| malformed(&error, ""))?;
     edit.validate().map_err(|error| invalid(&error))?;
     let Edit { reason, changes, .. } = edit;
-    let events = asked.annotations.apply(&asked.entry, &author, &reason, changes).await?;
-    server.live.annotations_changed();
-    Ok((StatusCode::CREATED, Json(json!({ "events": events_json(&events) }))).into_response())
+    asked.edit(&author, &reason, changes).await.map(|events| created(&events))
 }
 
-pub(super) async fn undo(
-    state: Shared,
-    path: Path<String>,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Json<Value>, Problem> {
-    step(state, path, headers, body, Step::Undo).await
-}
-
-pub(super) async fn redo(
-    state: Shared,
-    path: Path<String>,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Json<Value>, Problem> {
-    step(state, path, headers, body, Step::Redo).await
+/// A step of an author through the own edits.
+pub(super) fn steps(step: Step) -> MethodRouter<Arc<Server>> {
+    routing::post(move |asked: Asked, headers: HeaderMap, body: Body| take(asked, headers, body, step))
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -72,15 +48,8 @@ struct StepBody {
     reason: String,
 }
 
-async fn step(
-    State(server): Shared,
-    Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
-    step: Step,
-) -> Result<Json<Value>, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
-    let body = read_body(body, 64 << 10, server.config.body_timeout).await?;
+async fn take(asked: Asked, headers: HeaderMap, body: Body, step: Step) -> Result<Json<Value>, Problem> {
+    let body = read_body(body, 64 << 10, asked.server.config.body_timeout).await?;
     let StepBody { author, reason } = if body.is_empty() {
         StepBody::default()
     } else {
@@ -89,7 +58,7 @@ async fn step(
     };
     let author = asked.author(author)?;
     let events = asked.annotations.step(&asked.entry, &author, &reason, step).await?;
-    server.live.annotations_changed();
+    asked.server.live.annotations_changed();
     Ok(Json(json!({ "events": events_json(&events) })))
 }
 
@@ -104,33 +73,6 @@ pub(super) fn fill(item: &mut Value, author: &str) -> Result<(), Problem> {
         item.insert("id".to_owned(), json!(id));
     }
     Ok(())
-}
-
-/// Events as clients get them.
-pub(super) fn events_json(events: &[(Event, Home)]) -> Value {
-    events.iter().map(|(event, home)| outward_event(event, &home.set)).collect()
-}
-
-/// A body of JSON.
-pub(super) async fn read_json(
-    server: &Server,
-    headers: &HeaderMap,
-    body: Body,
-    limit: usize,
-) -> Result<Value, Problem> {
-    expect_content_type(headers, "application/json")?;
-    let length =
-        headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<usize>().ok());
-    if length.is_some_and(|length| length > limit) {
-        return Err(crate::server::guard::too_large(limit as u64));
-    }
-    let body = read_body(body, limit, server.config.body_timeout).await?;
-    let value: Value = parse(&body)?;
-    if value.is_object() {
-        return Ok(value);
-    }
-    Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-json", "the body is no JSON object")
-        .with("path", "."))
 }
 
 pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {

@@ -9,20 +9,19 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{Path, State};
+use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::json;
 
-use super::edit::events_json;
+use super::asked::events_json;
 use super::{Annotations, Asked, Visible, query};
-use crate::annotation::{Change, ContentId, Item, Set, Shown};
-use crate::exchange::{self, ExchangeError, Format, Imported, ReadContext, WriteContext};
+use crate::annotation::{ContentId, Item, Set, Shown, Versioned};
+use crate::exchange::{self, ExchangeError, Format, Imported, Merged, Present, ReadContext, WriteContext};
 use crate::server::blocking::on_blocking_thread;
 use crate::server::guard::{expect_content_type, read_body};
 use crate::server::problem::Problem;
-use crate::server::state::Server;
 use crate::store::Filter;
 
 /// A content never changes.
@@ -32,14 +31,10 @@ const MOST_BYTES: usize = 256 << 20;
 
 static LEFT_OUT: HeaderName = HeaderName::from_static("relief-left-out");
 
-type Shared = State<Arc<Server>>;
-
 pub(super) async fn content(
-    State(server): Shared,
-    Path((id, sha256)): Path<(String, String)>,
-    headers: HeaderMap,
+    asked: Asked,
+    Path((_, sha256)): Path<(String, String)>,
 ) -> Result<Response, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
     let content = ContentId::try_from(sha256)
         .map_err(|reason| Problem::new(StatusCode::NOT_FOUND, "no-such-content", reason))?;
     let (media_type, bytes) = asked.annotations.store.content(&content).await?;
@@ -62,26 +57,37 @@ struct ImportQuery {
     list: Option<String>,
     reason: String,
     author: Option<String>,
+    /// What becomes of items that are there already; they stay as they are where neither is said.
+    update: bool,
+    duplicate: bool,
 }
 
 pub(super) async fn import(
-    State(server): Shared,
-    Path(id): Path<String>,
+    asked: Asked,
     uri: Uri,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
-    let ImportQuery { format, name, set, list, reason, author } = query(&uri)?;
+    let ImportQuery { format, name, set, list, reason, author, update, duplicate } = query(&uri)?;
+    let present = match (update, duplicate) {
+        (false, false) => Present::Keep,
+        (true, false) => Present::Update,
+        (false, true) => Present::Duplicate,
+        (true, true) => {
+            let detail = "update and duplicate exclude one another";
+            return Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", detail)
+                .with("path", "duplicate"));
+        }
+    };
     let author = asked.author(author)?;
     let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());
     Set::check_name(&set).map_err(|error| super::refusal::invalid(&error))?;
     let format = format.map(|format| parse_format(&format)).transpose()?;
     expect_content_type(&headers, "application/octet-stream")?;
-    let turn = Arc::clone(&server.upload)
+    let turn = Arc::clone(&asked.server.upload)
         .try_acquire_owned()
         .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let bytes = read_body(body, MOST_BYTES, server.config.body_timeout).await?;
+    let bytes = read_body(body, MOST_BYTES, asked.server.config.body_timeout).await?;
     let (entry, by) = (Arc::clone(&asked.entry), author.clone());
     let job = move || {
         let name = name.unwrap_or_default();
@@ -99,23 +105,35 @@ pub(super) async fn import(
             grid: Some(&entry.grid),
             series: entry.reference.as_deref(),
         };
-        let read = exchange::read(format, &bytes, &context).and_then(Imported::with_new_ids);
+        let read = exchange::read(format, &bytes, &context);
         read.map_err(|error| refused(&error, "unreadable-annotations"))
     };
-    let Imported { items, contents, warnings } =
+    let Imported { items, contents, mut warnings } =
         on_blocking_thread(turn, "reading annotations", job).await??;
     if items.is_empty() {
         let detail = "the file has no annotations";
         return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail)
             .with("warnings", warnings));
     }
+    // What the author cannot see is not there.
+    let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
+    let visible = Visible::new(&snapshot.sets, Some(&author));
+    let known = snapshot.items.iter().filter(|known| visible.sees(&known.item.set));
+    let known = known.map(|known| Versioned::clone(known)).collect();
+    let merged = Merged::of(items, known, present)
+        .map_err(|error| Problem::internal("comparing with what is there", error))?;
+    warnings.extend(merged.note("update=true", "duplicate=true"));
+    let (unchanged, skipped) = (merged.unchanged, merged.skipped);
+    let counts = json!({ "unchanged": unchanged, "skipped": skipped });
+    if merged.changes.is_empty() {
+        let answer = json!({ "events": [], "warnings": warnings, "there": counts });
+        return Ok(Json(answer).into_response());
+    }
     for (_, media_type, bytes) in &contents {
         asked.annotations.store.put_content(media_type, bytes).await?;
     }
-    let changes = items.into_iter().map(|item| Change::Create { item: Box::new(item) }).collect();
-    let events = asked.annotations.apply(&asked.entry, &author, &reason, changes).await?;
-    server.live.annotations_changed();
-    let answer = json!({ "events": events_json(&events), "warnings": warnings });
+    let events = asked.edit(&author, &reason, merged.changes).await?;
+    let answer = json!({ "events": events_json(&events), "warnings": warnings, "there": counts });
     Ok((StatusCode::CREATED, Json(answer)).into_response())
 }
 
@@ -128,19 +146,14 @@ struct ExportQuery {
     report: bool,
 }
 
-pub(super) async fn export(
-    State(server): Shared,
-    Path(id): Path<String>,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
+pub(super) async fn export(asked: Asked, uri: Uri) -> Result<Response, Problem> {
     let ExportQuery { format, set, author: by, report } = query(&uri)?;
-    let asked = Asked::by_query(&server, &id, &headers, by)?;
+    let asked = asked.or_by(by)?;
     let shown = set.as_deref().map_or(Ok(Shown::All), super::list::chosen)?;
     let format = parse_format(format.as_deref().unwrap_or_default())?;
     let items = visible_items(&asked, &shown).await?;
     let contents = contents_of(&asked.annotations, &items).await?;
-    let place = Arc::clone(&server.encoders).acquire_owned().await;
+    let place = Arc::clone(&asked.server.encoders).acquire_owned().await;
     let place = place.map_err(|closed| Problem::internal("writing annotations", closed))?;
     let entry = Arc::clone(&asked.entry);
     let job = move || {

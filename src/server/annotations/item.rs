@@ -4,22 +4,20 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{Path, State};
+use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::edit::{MOST_BYTES, events_json, fill, read_json};
+use super::asked::{events_json, read_json};
+use super::edit::{MOST_BYTES, fill};
 use super::outward::outward_versioned;
 use super::refusal::{invalid, no_such_item};
 use super::{Asked, Visible, query};
 use crate::annotation::{Change, Item, ItemId, Versioned};
 use crate::server::negotiate::knows_tag;
 use crate::server::problem::Problem;
-use crate::server::state::Server;
-
-type Shared = State<Arc<Server>>;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -29,12 +27,12 @@ struct ItemQuery {
 }
 
 pub(super) async fn show(
-    State(server): Shared,
-    Path((id, item)): Path<(String, String)>,
+    asked: Asked,
+    Path((_, item)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let asked = Asked::by_query(&server, &id, &headers, query::<ItemQuery>(&uri)?.author)?;
+    let asked = asked.or_by(query::<ItemQuery>(&uri)?.author)?;
     let known = find(&asked, asked.author.as_deref(), &item).await?;
     let tag = format!("\"{}\"", known.version);
     if knows_tag(&headers, &tag) {
@@ -44,17 +42,16 @@ pub(super) async fn show(
 }
 
 pub(super) async fn put(
-    State(server): Shared,
-    Path((id, item)): Path<(String, String)>,
+    asked: Asked,
+    Path((_, item)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
     let ItemQuery { author, reason } = query(&uri)?;
     let condition = Condition::of(&headers)?;
     let mut item_id = Value::from(item.as_str());
-    let mut wanted = read_json(&server, &headers, body, MOST_BYTES).await?;
+    let mut wanted = read_json(&asked.server, &headers, body, MOST_BYTES).await?;
     let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
     let author = asked.author(author.or(of_body))?;
     if let Some(found) = wanted.get("id").filter(|found| **found != item_id) {
@@ -72,8 +69,7 @@ pub(super) async fn put(
         serde_path_to_error::deserialize(wanted).map_err(|error| super::edit::malformed(&error, ""))?;
     wanted.validate().map_err(|error| invalid(&error))?;
     let change = Change::Update { item: Box::new(wanted), version };
-    let events = asked.annotations.apply(&asked.entry, &author, &reason, vec![change]).await?;
-    server.live.annotations_changed();
+    let events = asked.edit(&author, &reason, vec![change]).await?;
     let made = events
         .last()
         .and_then(|(event, _)| Some(Versioned { version: event.version, item: event.item.clone()? }));
@@ -84,12 +80,11 @@ pub(super) async fn put(
 }
 
 pub(super) async fn delete(
-    State(server): Shared,
-    Path((id, item)): Path<(String, String)>,
+    asked: Asked,
+    Path((_, item)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
     let ItemQuery { author, reason } = query(&uri)?;
     let condition = Condition::of(&headers)?;
     let author = asked.author(author)?;
@@ -99,8 +94,7 @@ pub(super) async fn delete(
     }
     let version = condition.version(known.as_ref().ok())?;
     let change = Change::Delete { id: parse(&item)?, version };
-    let events = asked.annotations.apply(&asked.entry, &author, &reason, vec![change]).await?;
-    server.live.annotations_changed();
+    let events = asked.edit(&author, &reason, vec![change]).await?;
     Ok(Json(json!({ "events": events_json(&events) })).into_response())
 }
 

@@ -1,9 +1,7 @@
 //! `GET /v1/volumes/{id}/annotations`: what there is, as whoever asks may see it.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
@@ -14,7 +12,6 @@ use super::{Asked, Visible, query};
 use crate::annotation::{Completeness, Item, Measure, Set, Shown, State as Presence, measures};
 use crate::server::negotiate::knows_tag;
 use crate::server::problem::Problem;
-use crate::server::state::Server;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -58,15 +55,10 @@ struct Listing<'a> {
     templates: Vec<String>,
 }
 
-pub(super) async fn list(
-    State(server): State<Arc<Server>>,
-    Path(id): Path<String>,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
+pub(super) async fn list(asked: Asked, uri: Uri, headers: HeaderMap) -> Result<Response, Problem> {
     let ListQuery { set, author } = query(&uri)?;
     let shown = set.as_deref().map_or(Ok(Shown::All), chosen)?;
-    let asked = Asked::by_query(&server, &id, &headers, author)?;
+    let asked = asked.or_by(author)?;
     let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
     let visible = Visible::new(&snapshot.sets, asked.author.as_deref());
     let sets: Vec<&Set> = visible.sets().filter(|set| shown.has(&set.name)).collect();

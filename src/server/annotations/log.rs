@@ -1,16 +1,12 @@
 //! `GET /v1/volumes/{id}/annotations/log`: every change of the volume's items that whoever asks may see, the oldest first.
 
-use std::sync::Arc;
-
 use axum::Json;
-use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::http::{StatusCode, Uri};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::{Asked, Visible, outward_event, query};
 use crate::server::problem::Problem;
-use crate::server::state::Server;
 use crate::store::LogFilter;
 
 /// Events of an answer: usually, and at most.
@@ -27,12 +23,7 @@ struct LogQuery {
     author: Option<String>,
 }
 
-pub(super) async fn log(
-    State(server): State<Arc<Server>>,
-    Path(id): Path<String>,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Json<Value>, Problem> {
+pub(super) async fn log(asked: Asked, uri: Uri) -> Result<Json<Value>, Problem> {
     let LogQuery { after, limit, author } = query(&uri)?;
     let limit = limit.unwrap_or(USUAL);
     if !(1..=MOST).contains(&limit) {
@@ -41,7 +32,7 @@ pub(super) async fn log(
             Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail).with("path", "limit")
         );
     }
-    let asked = Asked::by_query(&server, &id, &headers, author)?;
+    let asked = asked.or_by(author)?;
     let (store, frame) = (&asked.annotations.store, asked.entry.frame_of_reference());
     let sets = asked.annotations.sets().await?;
     let visible = Visible::new(&sets, asked.author.as_deref());

@@ -9,6 +9,7 @@
 //! asked of a volume concerns the items of its frame of reference alone. Patient mm.
 
 mod apply;
+mod asked;
 mod author;
 mod drawing;
 mod edit;
@@ -17,6 +18,7 @@ mod follow;
 mod item;
 mod list;
 mod log;
+mod order;
 mod outward;
 mod refusal;
 mod sets;
@@ -31,21 +33,22 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use axum::Router;
-use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::http::{StatusCode, Uri};
 use axum::routing::{get, post};
 use tokio::sync::{Notify, Semaphore, broadcast, watch};
 
+use self::asked::{Asked, Sent};
 use self::shapes::ShapeCache;
 use self::snapshot::Snapshots;
 use super::problem::Problem;
 use super::state::Server;
-use super::volumes::Entry;
 use crate::store::Store;
 
 pub(super) use apply::{Home, Published, Step};
 pub(super) use author::{author_of, missing as missing_author};
 pub(super) use drawing::draw;
 pub(super) use outward::outward_event;
+pub(super) use snap::{snap_in, target};
 pub(super) use snapshot::Snapshot;
 pub(super) use visible::Visible;
 
@@ -115,45 +118,12 @@ pub(super) fn of(server: &Server) -> Result<&Arc<Annotations>, Problem> {
     })
 }
 
-/// Who asks what of which volume.
-struct Asked {
-    annotations: Arc<Annotations>,
-    entry: Arc<Entry>,
-    author: Option<String>,
-}
-
-impl Asked {
-    fn new(server: &Server, id: &str, headers: &HeaderMap) -> Result<Self, Problem> {
-        let annotations = Arc::clone(of(server)?);
-        Ok(Self { annotations, entry: server.volumes.find(id)?, author: author_of(headers)? })
-    }
-
-    /// As [`Asked::new`]; the author may stand in the query, for those who can set no header.
-    fn by_query(
-        server: &Server,
-        id: &str,
-        headers: &HeaderMap,
-        author: Option<String>,
-    ) -> Result<Self, Problem> {
-        let asked = Self::new(server, id, headers)?;
-        author.as_deref().map_or(Ok(()), author::check)?;
-        Ok(Self { author: asked.author.or(author), ..asked })
-    }
-
-    /// The author of a change: the header's, or else the body's.
-    fn author(&self, of_body: Option<String>) -> Result<String, Problem> {
-        let author = self.author.clone().or(of_body).ok_or_else(author::missing)?;
-        author::check(&author)?;
-        Ok(author)
-    }
-}
-
 /// The routes under a volume.
 pub(super) fn routes() -> Router<Arc<Server>> {
     Router::new()
         .route("/v1/volumes/{id}/annotations", get(list::list).post(edit::post))
-        .route("/v1/volumes/{id}/annotations/undo", post(edit::undo))
-        .route("/v1/volumes/{id}/annotations/redo", post(edit::redo))
+        .route("/v1/volumes/{id}/annotations/undo", edit::steps(Step::Undo))
+        .route("/v1/volumes/{id}/annotations/redo", edit::steps(Step::Redo))
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
         .route("/v1/volumes/{id}/annotations/grow", post(structures::grow))
         .route("/v1/volumes/{id}/annotations/paint", post(structures::paint))

@@ -1,22 +1,18 @@
 //! Sets: whose they are, and whether they are blinded.
 
-use std::sync::Arc;
-
 use axum::Json;
-use axum::body::Body;
-use axum::extract::{Path, State};
-use axum::http::HeaderMap;
+use axum::extract::Path;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::Asked;
-use super::edit::{parse, read_json};
+use super::edit::parse;
 use super::refusal::invalid;
+use super::{Asked, Sent};
 use crate::annotation::Set;
 use crate::server::problem::Problem;
-use crate::server::state::Server;
 
-type Shared = State<Arc<Server>>;
+/// Largest description of a set.
+const MOST_BYTES: usize = 64 << 10;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -29,11 +25,9 @@ struct SetBody {
 }
 
 pub(super) async fn show(
-    State(server): Shared,
-    Path((id, name)): Path<(String, String)>,
-    headers: HeaderMap,
+    asked: Asked,
+    Path((_, name)): Path<(String, String)>,
 ) -> Result<Json<Value>, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
     Set::check_name(&name).map_err(|error| invalid(&error))?;
     let sets = asked.annotations.sets().await?;
     let known = sets.iter().find(|set| set.name == name).cloned();
@@ -42,14 +36,11 @@ pub(super) async fn show(
 }
 
 pub(super) async fn put(
-    State(server): Shared,
-    Path((id, name)): Path<(String, String)>,
-    headers: HeaderMap,
-    body: Body,
+    asked: Asked,
+    Path((_, name)): Path<(String, String)>,
+    Sent(body): Sent<MOST_BYTES>,
 ) -> Result<Json<Value>, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
     Set::check_name(&name).map_err(|error| invalid(&error))?;
-    let body = read_json(&server, &headers, body, 64 << 10).await?;
     let SetBody { name: said, reader, blinded, template, author } = parse(body.to_string().as_bytes())?;
     if let Some(said) = said.filter(|said| *said != name) {
         let error = crate::annotation::ItemError::new("name", &format!("{said:?}"), "what the path says");
@@ -59,6 +50,6 @@ pub(super) async fn put(
     let set = Set { name, reader, blinded, template };
     asked.annotations.store.put_set(&set, &author).await?;
     asked.annotations.forget_sets();
-    server.live.annotations_changed();
+    asked.server.live.annotations_changed();
     Ok(Json(json!(set)))
 }

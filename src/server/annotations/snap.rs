@@ -3,14 +3,12 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::body::Body;
-use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::StatusCode;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use super::edit::{parse, read_json};
-use super::of;
+use super::edit::parse;
+use super::{Asked, Sent};
 use crate::placing::{Snap, SnapError, Snapped, Target, snap as snapped};
 use crate::render::RequestError;
 use crate::server::blocking::on_blocking_thread;
@@ -18,6 +16,7 @@ use crate::server::frame::pick_scene;
 use crate::server::problem::Problem;
 use crate::server::resident::with_voxels;
 use crate::server::state::Server;
+use crate::server::volumes::Entry;
 use crate::space::{Patient, Point, Vector};
 
 /// Largest body: a scene with all it may have.
@@ -38,17 +37,11 @@ struct SnapBody {
     radius_mm: Option<f64>,
 }
 
-pub(super) async fn snap(
-    State(server): State<Arc<Server>>,
-    Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Json<Value>, Problem> {
-    of(&server)?;
-    let entry = server.volumes.find(&id)?;
-    let body = read_json(&server, &headers, body, MOST_BYTES).await?;
+pub(super) async fn snap(asked: Asked, Sent(body): Sent<MOST_BYTES>) -> Result<Json<Value>, Problem> {
+    let Asked { server, entry, .. } = asked;
     let body: SnapBody = parse(body.to_string().as_bytes())?;
-    let wanted = Snap { to: target(&body)?, radius_mm: body.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM) };
+    let wanted =
+        Snap { to: target(&body.to, body.hu)?, radius_mm: body.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM) };
     let (at, ray) = match (body.at_mm, body.pixel) {
         (Some(at_mm), None) => {
             let ray = body.ray.map(|ray| Vector::<Patient>::from_xyz(ray.into()));
@@ -73,10 +66,7 @@ pub(super) async fn snap(
             return Err(Problem::out_of_range(&error));
         }
     };
-    let volume = with_voxels(&server, &entry).await?;
-    let place = Arc::clone(&server.encoders).acquire_owned().await;
-    let place = place.map_err(|closed| Problem::internal("snapping", closed))?;
-    let found = on_blocking_thread(place, "snapping", move || snapped(&volume, at, ray, &wanted)).await?;
+    let found = snap_in(&server, &entry, (at, ray), wanted).await?;
     found.map(|found| Json(answer(at, &found))).map_err(|error| refused(&error))
 }
 
@@ -91,15 +81,20 @@ fn answer(from: Point<Patient>, found: &Snapped) -> Value {
     })
 }
 
-fn target(body: &SnapBody) -> Result<Target, Problem> {
-    let to = body.to.as_str();
-    let target = match (to, body.hu) {
+/// A target by its name.
+///
+/// # Errors
+/// When there is none of that name, or a level is missing or has no meaning.
+pub(in crate::server) fn target(to: &str, hu: Option<f64>) -> Result<Target, Problem> {
+    let target = match (to, hu) {
         ("surface", Some(hu)) => Target::Surface { hu },
+        ("boundary", None) => Target::Boundary,
         ("gradient", None) => Target::Gradient,
         ("minimum", None) => Target::Minimum,
         ("maximum", None) => Target::Maximum,
         ("surface", None) => {
-            return Err(Problem::out_of_range(&refuse("hu", "missing", "the level of the surface, HU")));
+            let allowed = "the level of the surface, HU, or to boundary";
+            return Err(Problem::out_of_range(&refuse("hu", "missing", allowed)));
         }
         (name, Some(_)) if Target::NAMES.contains(&name) => {
             return Err(Problem::out_of_range(&refuse(
@@ -111,6 +106,19 @@ fn target(body: &SnapBody) -> Result<Target, Problem> {
         _ => return Err(Problem::out_of_range(&refuse("to", &format!("{to:?}"), &Target::NAMES.join(", ")))),
     };
     Ok(target)
+}
+
+/// Snaps on a blocking thread, in turn with the encoders.
+pub(in crate::server) async fn snap_in(
+    server: &Arc<Server>,
+    entry: &Arc<Entry>,
+    (at, ray): (Point<Patient>, Option<Vector<Patient>>),
+    wanted: Snap,
+) -> Result<Result<Snapped, SnapError>, Problem> {
+    let volume = with_voxels(server, entry).await?;
+    let place = Arc::clone(&server.encoders).acquire_owned().await;
+    let place = place.map_err(|closed| Problem::internal("snapping", closed))?;
+    on_blocking_thread(place, "snapping", move || snapped(&volume, at, ray, &wanted)).await
 }
 
 fn refuse(path: &str, found: &str, allowed: &str) -> RequestError {

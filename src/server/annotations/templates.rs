@@ -1,26 +1,20 @@
 //! Templates: what is expected of a patient, kept for all volumes, and applied to a set of one.
 
-use std::sync::Arc;
-
 use axum::Json;
-use axum::body::Body;
-use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode, Uri, header};
+use axum::extract::Path;
+use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::edit::{events_json, read_json};
+use super::asked::created;
 use super::refusal::invalid;
-use super::{Annotations, Asked, query};
+use super::{Annotations, Asked, Sent, query};
 use crate::annotation::{Change, Item, ItemError, Set, Template, TemplateError};
 use crate::server::problem::Problem;
-use crate::server::state::Server;
 
 /// Largest template.
 const MOST_BYTES: usize = 1 << 20;
-
-type Shared = State<Arc<Server>>;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -37,32 +31,22 @@ impl Annotations {
     }
 }
 
-pub(super) async fn names(
-    State(server): Shared,
-    Path(id): Path<String>,
-    headers: HeaderMap,
-) -> Result<Json<Value>, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
+pub(super) async fn names(asked: Asked) -> Result<Json<Value>, Problem> {
     Ok(Json(json!({ "templates": asked.annotations.store.templates().await? })))
 }
 
 pub(super) async fn show(
-    State(server): Shared,
-    Path((id, name)): Path<(String, String)>,
-    headers: HeaderMap,
+    asked: Asked,
+    Path((_, name)): Path<(String, String)>,
 ) -> Result<Json<Value>, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
     Ok(Json(json!(asked.annotations.template(&name).await?)))
 }
 
 pub(super) async fn put(
-    State(server): Shared,
-    Path((id, name)): Path<(String, String)>,
-    headers: HeaderMap,
-    body: Body,
+    asked: Asked,
+    Path((_, name)): Path<(String, String)>,
+    Sent(mut body): Sent<MOST_BYTES>,
 ) -> Result<Json<Value>, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
-    let mut body = read_json(&server, &headers, body, MOST_BYTES).await?;
     let of_body = body.as_object_mut().and_then(|body| body.remove("author"));
     let author = asked.author(of_body.as_ref().and_then(Value::as_str).map(str::to_owned))?;
     let said = body.as_object_mut().and_then(|body| body.insert("name".to_owned(), name.as_str().into()));
@@ -76,12 +60,10 @@ pub(super) async fn put(
 
 /// Makes the items that a set does not have.
 pub(super) async fn apply(
-    State(server): Shared,
-    Path((id, name)): Path<(String, String)>,
+    asked: Asked,
+    Path((_, name)): Path<(String, String)>,
     uri: Uri,
-    headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let asked = Asked::new(&server, &id, &headers)?;
     let ApplyQuery { set, author } = query(&uri)?;
     let author = asked.author(author)?;
     let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());
@@ -98,10 +80,9 @@ pub(super) async fn apply(
     }
     let changes = missing.into_iter().map(|item| Change::Create { item: Box::new(item) }).collect();
     let reason = format!("template {name}");
-    let events = asked.annotations.apply(&asked.entry, &author, &reason, changes).await?;
-    server.live.annotations_changed();
+    let events = asked.edit(&author, &reason, changes).await?;
     let location = [(header::LOCATION, format!("/v1/volumes/{}/annotations?set={set}", asked.entry.id))];
-    Ok((StatusCode::CREATED, location, Json(json!({ "events": events_json(&events) }))).into_response())
+    Ok((location, created(&events)).into_response())
 }
 
 fn refused(error: &TemplateError) -> Problem {

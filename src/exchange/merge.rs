@@ -1,0 +1,149 @@
+//! Items of a file beside those that are there: what is new, what was changed elsewhere, and what is there already.
+
+use std::collections::HashMap;
+
+use super::ExchangeError;
+use crate::annotation::{Change, Geometry, Item, ItemId, Versioned};
+
+/// Points nearer than this have not moved: files have 32 bits at worst, mm.
+const SAME_MM: f64 = 1e-4;
+
+/// What becomes of items that are there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Present {
+    /// They stay as they are.
+    Keep,
+    /// They become what the file says of them.
+    Update,
+    /// The file's come in beside them, under new ids.
+    Duplicate,
+}
+
+/// What is to be done about a file's items.
+#[derive(Clone, Debug)]
+pub struct Merged {
+    /// What is to change, for one edit; may be nothing.
+    pub changes: Vec<Change>,
+    /// Items that are there as the file has them.
+    pub unchanged: usize,
+    /// Items that are there and differ, and stay as they are.
+    pub skipped: usize,
+    /// Items that are there, and come in once more.
+    pub copies: usize,
+}
+
+impl Merged {
+    /// Compares the items of a file with those that are there. They are known by their ids; those of formats without ids, or of another
+    /// log, by set, list, name and place.
+    ///
+    /// # Errors
+    /// When this machine gives no random numbers.
+    pub fn of(items: Vec<Item>, known: Vec<Versioned>, present: Present) -> Result<Self, ExchangeError> {
+        let mut known = Known::of(known);
+        let mut merged = Self { changes: Vec::new(), unchanged: 0, skipped: 0, copies: 0 };
+        for mut item in items {
+            let found = known.take(&item);
+            let (found, read) = match (found, present) {
+                (Some(found), Present::Keep | Present::Update) => (found, item),
+                (found, _) => {
+                    merged.copies += usize::from(found.is_some());
+                    item.id = ItemId::random()?; // an id that was ever used is never used again
+                    merged.changes.push(Change::Create { item: Box::new(item) });
+                    continue;
+                }
+            };
+            let updated = updated(&found.item, read);
+            if updated == found.item {
+                merged.unchanged += 1;
+            } else if present == Present::Update {
+                merged.changes.push(Change::Update { item: Box::new(updated), version: found.version });
+            } else {
+                merged.skipped += 1;
+            }
+        }
+        Ok(merged)
+    }
+
+    /// What somebody has to be told of items that were there, and how to have it otherwise.
+    #[must_use]
+    pub fn note(&self, update: &str, duplicate: &str) -> Option<String> {
+        let Self { unchanged, skipped, copies, .. } = self;
+        if *copies > 0 {
+            return Some(format!("{copies} items were there already, and are there twice now"));
+        }
+        (*skipped > 0 || (*unchanged > 0 && self.changes.is_empty())).then(|| {
+            format!(
+                "{} items are there already and stay as they are, {skipped} of them other than in the file; {update} changes \
+                 those, {duplicate} makes new items",
+                unchanged + skipped
+            )
+        })
+    }
+}
+
+/// The items that are there and were not met yet.
+struct Known {
+    by_id: HashMap<ItemId, Versioned>,
+    by_name: HashMap<[String; 3], Vec<ItemId>>,
+}
+
+impl Known {
+    fn of(known: Vec<Versioned>) -> Self {
+        let mut by_name: HashMap<[String; 3], Vec<ItemId>> = HashMap::new();
+        for found in &known {
+            by_name.entry(named(&found.item)).or_default().push(found.item.id);
+        }
+        Self { by_id: known.into_iter().map(|found| (found.item.id, found)).collect(), by_name }
+    }
+
+    fn take(&mut self, item: &Item) -> Option<Versioned> {
+        if let Some(found) = self.by_id.remove(&item.id) {
+            return Some(found);
+        }
+        let ids = self.by_name.get(&named(item))?;
+        let is_same = |id: &&ItemId| {
+            self.by_id.get(*id).is_some_and(|found| match (&item.geometry, &found.item.geometry) {
+                (Some(new), Some(old)) => new == old || has_not_moved(new, old),
+                (new, old) => new.is_none() && old.is_none(),
+            })
+        };
+        let id = ids.iter().find(is_same).copied()?;
+        self.by_id.remove(&id)
+    }
+}
+
+fn named(item: &Item) -> [String; 3] {
+    [item.set.clone(), item.list.clone(), item.name.clone()]
+}
+
+/// An item with what every format says of it taken from a file: the rest is as it was.
+fn updated(current: &Item, read: Item) -> Item {
+    let mut geometry = read.geometry;
+    // Files of other tools say neither whether a curve is smooth, nor the last digits of what did not move.
+    if let (Some(Geometry::Curve { smooth, .. }), Some(Geometry::Curve { smooth: was, .. })) =
+        (&mut geometry, &current.geometry)
+    {
+        *smooth = *was;
+    }
+    if let (Some(new), Some(old)) = (&geometry, &current.geometry)
+        && has_not_moved(new, old)
+    {
+        geometry = current.geometry.clone();
+    }
+    Item {
+        name: read.name,
+        description: read.description,
+        state: if geometry.is_none() && current.geometry.is_none() { current.state } else { read.state },
+        geometry,
+        locked: read.locked,
+        visible: read.visible,
+        ..current.clone()
+    }
+}
+
+fn has_not_moved(new: &Geometry, old: &Geometry) -> bool {
+    let (a, b) = (new.points(), old.points());
+    let is_near = a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.distance(*b) < SAME_MM);
+    let is_plane = matches!(new, Geometry::Plane { .. });
+    new.kind() == old.kind() && !a.is_empty() && is_near && !is_plane
+}

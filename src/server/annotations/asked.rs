@@ -1,0 +1,114 @@
+//! What all requests about annotations begin with, who asks what of which volume, and how all edits end.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+
+use super::apply::Home;
+use super::author::{self, author_of};
+use super::edit::parse;
+use super::{Annotations, of, outward_event};
+use crate::annotation::{Change, Event};
+use crate::server::guard::{expect_content_type, read_body, too_large};
+use crate::server::problem::Problem;
+use crate::server::state::Server;
+use crate::server::volumes::Entry;
+
+/// Who asks what of which volume: the path's `id`, and the header `Relief-Author`.
+pub(super) struct Asked {
+    pub(super) server: Arc<Server>,
+    pub(super) annotations: Arc<Annotations>,
+    pub(super) entry: Arc<Entry>,
+    pub(super) author: Option<String>,
+}
+
+impl FromRequestParts<Arc<Server>> for Asked {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, server: &Arc<Server>) -> Result<Self, Problem> {
+        let annotations = Arc::clone(of(server)?);
+        let path = RawPathParams::from_request_parts(parts, server).await;
+        let path = path.map_err(|error| {
+            Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error.body_text())
+        })?;
+        let id = path.iter().find(|(name, _)| *name == "id").map_or("", |(_, id)| id);
+        let (entry, author) = (server.volumes.find(id)?, author_of(&parts.headers)?);
+        Ok(Self { server: Arc::clone(server), annotations, entry, author })
+    }
+}
+
+impl Asked {
+    /// The same; the author may stand in the query, for those who can set no header.
+    pub(super) fn or_by(self, author: Option<String>) -> Result<Self, Problem> {
+        author.as_deref().map_or(Ok(()), author::check)?;
+        Ok(Self { author: self.author.or(author), ..self })
+    }
+
+    /// The author of a change: the header's, or else the body's.
+    pub(super) fn author(&self, of_body: Option<String>) -> Result<String, Problem> {
+        let author = self.author.clone().or(of_body).ok_or_else(author::missing)?;
+        author::check(&author)?;
+        Ok(author)
+    }
+
+    /// Makes an edit, and tells whoever looks.
+    pub(super) async fn edit(
+        &self,
+        author: &str,
+        reason: &str,
+        changes: Vec<Change>,
+    ) -> Result<Vec<(Event, Home)>, Problem> {
+        let events = self.annotations.apply(&self.entry, author, reason, changes).await?;
+        self.server.live.annotations_changed();
+        Ok(events)
+    }
+}
+
+/// A body that is one JSON object, of at most so many bytes.
+pub(super) struct Sent<const MOST_BYTES: usize>(pub(super) Value);
+
+impl<const MOST_BYTES: usize> FromRequest<Arc<Server>> for Sent<MOST_BYTES> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, server: &Arc<Server>) -> Result<Self, Problem> {
+        let (parts, body) = request.into_parts();
+        read_json(server, &parts.headers, body, MOST_BYTES).await.map(Self)
+    }
+}
+
+/// A body of JSON.
+pub(super) async fn read_json(
+    server: &Server,
+    headers: &HeaderMap,
+    body: axum::body::Body,
+    limit: usize,
+) -> Result<Value, Problem> {
+    expect_content_type(headers, "application/json")?;
+    let length =
+        headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<usize>().ok());
+    if length.is_some_and(|length| length > limit) {
+        return Err(too_large(limit as u64));
+    }
+    let body = read_body(body, limit, server.config.body_timeout).await?;
+    let value: Value = parse(&body)?;
+    if value.is_object() {
+        return Ok(value);
+    }
+    Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-json", "the body is no JSON object")
+        .with("path", "."))
+}
+
+/// Events as clients get them.
+pub(super) fn events_json(events: &[(Event, Home)]) -> Value {
+    events.iter().map(|(event, home)| outward_event(event, &home.set)).collect()
+}
+
+/// The answer to an edit that made something.
+pub(super) fn created(events: &[(Event, Home)]) -> Response {
+    (StatusCode::CREATED, Json(json!({ "events": events_json(events) }))).into_response()
+}

@@ -1,0 +1,151 @@
+//! What making a structure takes whatever it is: who asks for it, the turn to work, and the edit that keeps it.
+//!
+//! The work is done on blocking threads, one structure at a time, as it takes all cores. It ends within a moment, or after the step it
+//! is at, when the client leaves or the deadline comes: the request's future is dropped then.
+
+use std::sync::Arc;
+
+use axum::http::StatusCode;
+use axum::response::Response;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+
+use super::Visible;
+use super::asked::{Asked, Sent, created};
+use super::edit::parse;
+use super::refusal::{invalid, no_such_item};
+use crate::annotation::{
+    Change, Geometry, Item, ItemId, Method, Placement, RegionSummary, Set, State, Versioned,
+};
+use crate::formats::seg_nrrd;
+use crate::server::blocking::{Waiting, while_awaited};
+use crate::server::problem::Problem;
+use crate::session::region_of_content;
+use crate::volume::{Mask, Segment};
+
+/// Largest body.
+pub(super) const MOST_BYTES: usize = 256 << 10;
+/// Media type of a region's content.
+const REGION: &str = "application/x-seg-nrrd";
+/// The label of a region in its content.
+const LABEL: u16 = 1;
+
+/// What a body may say besides what is to be made.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Credit {
+    name: Option<String>,
+    set: Option<String>,
+    author: Option<String>,
+    reason: String,
+}
+
+impl Credit {
+    const KEYS: [&str; 4] = ["name", "set", "author", "reason"];
+}
+
+/// Who makes what into which set.
+pub(super) struct Order {
+    pub(super) asked: Asked,
+    author: String,
+    reason: String,
+    pub(super) name: String,
+    set: String,
+}
+
+impl Order {
+    /// The order of a body, and what else is in it.
+    ///
+    /// # Errors
+    /// When a part of the body is malformed or unknown, or the names are none.
+    pub(super) fn read<T: DeserializeOwned>(
+        asked: Asked,
+        Sent(mut body): Sent<MOST_BYTES>,
+        usual_name: &str,
+    ) -> Result<(Self, T), Problem> {
+        let mut credit = Map::new();
+        if let Some(body) = body.as_object_mut() {
+            credit.extend(Credit::KEYS.iter().filter_map(|key| body.remove_entry(*key)));
+        }
+        let what = parse(body.to_string().as_bytes())?;
+        let Credit { name, set, author, reason } = parse(Value::Object(credit).to_string().as_bytes())?;
+        let author = asked.author(author)?;
+        let name = name.unwrap_or_else(|| usual_name.to_owned());
+        let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());
+        // Before the work.
+        let item = Item { set: set.clone(), ..item(&name, &author)? };
+        item.validate().map_err(|error| invalid(&error))?;
+        Ok((Self { asked, author, reason, name, set }, what))
+    }
+
+    /// Makes an item of a geometry.
+    pub(super) async fn create(self, geometry: Geometry) -> Result<Response, Problem> {
+        let placement = Placement { method: Method::Computed, device: None, camera: None, snapped_mm: None };
+        let item = Item {
+            set: self.set.clone(),
+            state: State::Defined,
+            geometry: Some(geometry),
+            placement: Some(placement),
+            ..item(&self.name, &self.author)?
+        };
+        self.change(Change::Create { item: Box::new(item) }).await
+    }
+
+    pub(super) async fn change(self, change: Change) -> Result<Response, Problem> {
+        let events = self.asked.edit(&self.author, &self.reason, vec![change]).await?;
+        Ok(created(&events))
+    }
+
+    /// An item that the author sees.
+    pub(super) async fn find(&self, id: ItemId) -> Result<Arc<Versioned>, Problem> {
+        let snapshot = self.asked.annotations.snapshot(&self.asked.entry.frame_of_reference()).await?;
+        let visible = Visible::new(&snapshot.sets, Some(&self.author));
+        let known = snapshot.get(id).filter(|known| visible.sees(&known.item.set));
+        known.cloned().ok_or_else(|| no_such_item(&id))
+    }
+
+    /// Does the work that takes all cores, in its turn. It is told when nobody waits for it any more.
+    pub(super) async fn work<T: Send + 'static>(
+        &self,
+        what: &str,
+        job: impl FnOnce(&Waiting) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let place = Arc::clone(&self.asked.annotations.structures).acquire_owned().await;
+        let place = place.map_err(|closed| Problem::internal(what, closed))?;
+        while_awaited(place, what, job).await
+    }
+
+    /// Keeps the voxels of a region.
+    pub(super) async fn keep(&self, mask: Mask, rgb: Option<[f64; 3]>) -> Result<Geometry, Problem> {
+        let (voxels, volume_ml) = (mask.voxels(), mask.volume_ml());
+        if voxels == 0 {
+            let detail = "the region would have no voxel";
+            return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail));
+        }
+        let segment = Segment::new(LABEL, Some(&self.name), rgb);
+        let job = move |_: &Waiting| {
+            seg_nrrd(&mask.to_labels(segment)).map_err(|error| Problem::internal("writing a region", error))
+        };
+        let bytes = self.work("writing a region", job).await?;
+        let content = self.asked.annotations.store.put_content(REGION, &bytes).await?;
+        Ok(Geometry::Region(RegionSummary { content, label: LABEL, voxels, volume_ml }))
+    }
+
+    /// The voxels of a region.
+    pub(super) async fn voxels(&self, region: &RegionSummary) -> Result<Mask, Problem> {
+        let (_, bytes) = self.asked.annotations.store.content(&region.content).await?;
+        let label = region.label;
+        let job =
+            move |_: &Waiting| region_of_content(&bytes, label).map_err(|reason| unusable("region", &reason));
+        self.work("reading a region", job).await
+    }
+}
+
+fn item(name: &str, author: &str) -> Result<Item, Problem> {
+    Item::new(name, author, None).map_err(|error| Problem::internal("drawing a random id", error))
+}
+
+pub(super) fn unusable(path: &str, reason: &impl std::fmt::Display) -> Problem {
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unusable", reason).with("path", path)
+}
