@@ -27,6 +27,8 @@ pub struct Applied {
 pub enum Event {
     /// Something is to be set down here; until then it follows the cursor.
     Placing(Point<Patient>),
+    /// As placing; or what is here is to be taken hold of, if anything is.
+    Taking(Point<Patient>),
     /// Something was set down here.
     Placed(Point<Patient>),
     /// It was not.
@@ -190,10 +192,11 @@ impl ViewState {
         let was_placing = self.placing;
         let event = match phase {
             PlacePhase::Preview => Some(Event::Placing(self.cursor.ok_or(IntentError::NoCursor)?)),
+            PlacePhase::Take => Some(Event::Taking(self.cursor.ok_or(IntentError::NoCursor)?)),
             PlacePhase::Commit => Some(Event::Placed(self.cursor.ok_or(IntentError::NoCursor)?)),
             PlacePhase::Cancel => was_placing.then_some(Event::PlacingCancelled),
         };
-        self.placing = phase == PlacePhase::Preview;
+        self.placing = matches!(phase, PlacePhase::Preview | PlacePhase::Take);
         Ok(self.applied(self.placing != was_placing, event))
     }
 

@@ -2,6 +2,9 @@
 //!
 //! Buttons and poses come by themselves ([`Gestures::hold`], [`Gestures::track`]): a pose that nobody wants any more may be
 //! dropped, its buttons may not. What is late is left out by its time. Poses alone never move a view: B does, while it is held.
+//!
+//! A tracked hand at rest is millimetres off from one report to the next. While A is held the cursor follows the hand's mean, and goes
+//! a part of its way ([`HandOptions::precise_gain`]): noise shrinks by as much, and whoever looks at the cursor steers it finer.
 
 use glam::{DQuat, DVec3};
 
@@ -35,6 +38,13 @@ enum Grip {
     Moving,
 }
 
+/// A cursor that is led with care: from where it was when A was pressed, by what the hand's mean has moved since.
+#[derive(Clone, Copy, Debug)]
+struct Precise {
+    cursor: DVec3,
+    mean: DVec3,
+}
+
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Gestures {
@@ -50,6 +60,9 @@ pub struct Gestures {
     center: Option<DVec3>,
     /// The hand, while it is tracked.
     hand: Option<Hand>,
+    /// The mean of its places, the newer counting more.
+    mean: Option<DVec3>,
+    precise: Option<Precise>,
     grip: Grip,
     /// Whether a grab was sent that no release has followed.
     grabbed: bool,
@@ -76,6 +89,8 @@ impl Gestures {
             counted_ns: None,
             center: None,
             hand: None,
+            mean: None,
+            precise: None,
             grip: Grip::Open,
             grabbed: false,
             placing: false,
@@ -117,9 +132,13 @@ impl Gestures {
         if pressed(Buttons::A)
             && let Some(hand) = self.hand
         {
-            self.point(hand, &mut intents);
+            let mean = self.mean.unwrap_or(hand.place);
+            let rests = mean.distance(hand.place) <= self.options.dead_zone_mm * self.options.gain;
+            let cursor = if rests { mean } else { hand.place };
+            self.precise = Some(Precise { cursor, mean });
+            self.point(cursor, &mut intents);
             self.placing = true;
-            intents.push(Intent::Place { phase: PlacePhase::Preview });
+            intents.push(Intent::Place { phase: PlacePhase::Take });
         }
         if released(Buttons::A) {
             self.finish_placing(PlacePhase::Commit, &mut intents);
@@ -151,8 +170,9 @@ impl Gestures {
             Order::Newer => {}
         }
         self.count(sample.t_ns, &mut intents);
-        self.tracked_ns = Some(sample.t_ns);
+        let since = self.tracked_ns.replace(sample.t_ns).map_or(0, |then| sample.t_ns.saturating_sub(then));
         self.hand = self.seen(sample);
+        self.mean = self.hand.map(|hand| self.mean_with(hand.place, since));
         match self.hand {
             Some(hand) => self.follow(hand, &mut intents),
             None => {
@@ -201,13 +221,20 @@ impl Gestures {
             Grip::Moving => {
                 let (position_mm, orientation_xyzw) = (hand.place.to_array(), hand.orientation.to_array());
                 intents.push(Intent::Move { position_mm, orientation_xyzw });
-                self.point(hand, intents); // after it: what is held stays under the cursor
+                self.point(hand.place, intents); // after it: what is held stays under the cursor
+                self.precise = self.precise.map(|_| Precise { cursor: hand.place, ..self.led_by(hand) });
             }
             Grip::Open | Grip::Resting(_) => {
-                let rests =
-                    |at: DVec3| at.distance(hand.place) <= self.options.cursor_rest_mm * self.options.gain;
-                if !self.cursor.is_some_and(rests) {
-                    self.point(hand, intents);
+                let (wanted, share) = match self.precise {
+                    Some(Precise { cursor, mean }) => {
+                        let led = self.led_by(hand).mean - mean;
+                        (cursor + led * self.options.precise_gain, self.options.precise_gain)
+                    }
+                    None => (hand.place, 1.0),
+                };
+                let zone = self.options.cursor_rest_mm * self.options.gain * share;
+                if !self.cursor.is_some_and(|at| at.distance(wanted) <= zone) {
+                    self.point(wanted, intents);
                 }
             }
         }
@@ -228,7 +255,7 @@ impl Gestures {
 
     /// Takes hold of what is under the tip.
     fn grab(&mut self, hand: Hand, intents: &mut Vec<Intent>) {
-        self.point(hand, intents);
+        self.point(hand.place, intents);
         self.grabbed = true;
         intents.push(Intent::Grab {
             position_mm: hand.place.to_array(),
@@ -238,11 +265,23 @@ impl Gestures {
         });
     }
 
-    fn point(&mut self, hand: Hand, intents: &mut Vec<Intent>) {
-        self.cursor = Some(hand.place);
+    /// The mean with a newer place.
+    fn mean_with(&self, place: DVec3, since_ns: u64) -> DVec3 {
+        let share = -(-(since_ns as f64) * 1e-9 / self.options.steady_s).exp_m1();
+        // Without a time of its own the mean is the newest place.
+        self.mean.map_or(place, |mean| if share.is_nan() { place } else { mean.lerp(place, share) })
+    }
+
+    /// A cursor that is led from here.
+    fn led_by(&self, hand: Hand) -> Precise {
+        Precise { cursor: hand.place, mean: self.mean.unwrap_or(hand.place) }
+    }
+
+    fn point(&mut self, place: DVec3, intents: &mut Vec<Intent>) {
+        self.cursor = Some(place);
         intents.push(Intent::Cursor {
             at_px: None,
-            at_view_mm: Some(hand.place.to_array()),
+            at_view_mm: Some(place.to_array()),
             by_view_mm: None,
             point_mm: None,
         });
@@ -256,6 +295,7 @@ impl Gestures {
     }
 
     fn finish_placing(&mut self, phase: PlacePhase, intents: &mut Vec<Intent>) {
+        self.precise = None;
         if std::mem::take(&mut self.placing) {
             intents.push(Intent::Place { phase });
         }
@@ -270,7 +310,7 @@ impl Gestures {
 
     /// The next tip is the focal point, unless another place is.
     fn recenter(&mut self) {
-        (self.center, self.cursor) = (None, None);
+        (self.center, self.cursor, self.mean, self.precise) = (None, None, None, None);
         self.loosen();
     }
 

@@ -55,6 +55,11 @@ pub struct HandOptions {
     pub dead_zone_mm: f64,
     /// The cursor rests until the hand has moved by this, mm: 0 to 50.
     pub cursor_rest_mm: f64,
+    /// While A is held the cursor goes so much of the hand's way, as a share: 0.02 to 1.
+    pub precise_gain: f64,
+    /// And it follows the mean of the hand over about this time, s: 0 to 2. Where the hand rests as A is pressed (within
+    /// `dead_zone_mm` of that mean), the cursor goes to the mean.
+    pub steady_s: f64,
     /// How much closer one comes in a second of +, as a factor: 1.01 to 100.
     pub zoom_per_s: f64,
     /// How far the clip plane goes in a second of the cross, mm: 0.1 to 2000.
@@ -73,6 +78,8 @@ impl Default for HandOptions {
             dead_zone_deg: 1.0,
             dead_zone_mm: 10.0,
             cursor_rest_mm: 0.5,
+            precise_gain: 0.25,
+            steady_s: 0.3,
             zoom_per_s: 2.0,
             clip_mm_per_s: 60.0,
         }
@@ -94,6 +101,8 @@ impl HandOptions {
         within("dead_zone_deg", self.dead_zone_deg, &(0.0..=20.0))?;
         within("dead_zone_mm", self.dead_zone_mm, &(0.0..=50.0))?;
         within("cursor_rest_mm", self.cursor_rest_mm, &(0.0..=50.0))?;
+        within("precise_gain", self.precise_gain, &(0.02..=1.0))?;
+        within("steady_s", self.steady_s, &(0.0..=2.0))?;
         within("zoom_per_s", self.zoom_per_s, &(1.01..=100.0))?;
         within("clip_mm_per_s", self.clip_mm_per_s, &(0.1..=2000.0))
     }

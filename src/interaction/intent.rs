@@ -154,6 +154,8 @@ pub enum Pivot {
 pub enum PlacePhase {
     /// It shows where it would be, and follows the cursor.
     Preview,
+    /// The same; but a point of an annotation that is under the cursor is taken hold of instead, and goes with the cursor.
+    Take,
     /// There.
     Commit,
     /// Nowhere.
@@ -343,6 +345,7 @@ mod tests {
             r#"{"intent":"cursor","at_px":[480.5,270.5]}"#,
             r#"{"intent":"cursor","point_mm":[1.0,2.0,3.0]}"#,
             r#"{"intent":"place","phase":"commit"}"#,
+            r#"{"intent":"place","phase":"take"}"#,
             r#"{"intent":"undo"}"#,
             r#"{"intent":"next_label"}"#,
             r#"{"intent":"reset"}"#,

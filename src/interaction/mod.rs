@@ -23,6 +23,7 @@
 //! | preset | `preset` | cross left, right | | | 1 to 9 | cross left, right |
 //! | cursor | `cursor` | the tip | pointer | tap | | |
 //! | place | `place` | A: press previews, release commits | Ctrl + click | long press | Enter | A |
+//! | move what is placed | `place` | A near it: it goes with the tip to where A is released | | | | |
 //! | undo | `undo` | 1 | | | Ctrl + Z | B |
 //! | next label | `next_label` | 2 | | | L | Y |
 //! | home | `reset` | home | double click | | Home, 0 | start |

@@ -168,14 +168,23 @@ impl ViewState {
             (false, true) => [1.0, 0.55, 0.1],
             (false, false) => [1.0, 0.9, 0.2],
         };
-        let radius_px = (f64::from(stage.size_px[1]) / 90.0).clamp(2.0, 64.0);
-        self.cursor.map(|at| CursorMark { at, radius_px, rgb })
+        self.cursor.map(|at| CursorMark { at, radius_px: cursor_px(stage), rgb })
     }
 
     /// The preset; `None` where the volume is shown otherwise.
     #[must_use]
     pub fn preset(&self) -> Option<&str> {
         self.aspect.preset.as_deref()
+    }
+
+    /// How far a point may be from the cursor that is taken hold of: the cursor's ball and half as much again, where the focal point is,
+    /// mm.
+    ///
+    /// # Errors
+    /// As [`ViewState::camera`].
+    pub fn reach_mm(&self, stage: &Stage) -> Result<f64, CameraError> {
+        let px_mm = self.aspect.height_mm(stage)? / f64::from(stage.size_px[1]);
+        Ok(1.5 * cursor_px(stage) * px_mm)
     }
 
     /// Whether a hand holds the volume.
@@ -271,6 +280,11 @@ impl Aspect {
     pub(super) fn in_patient(&self, place: Vector<View>) -> Point<Patient> {
         self.look_at + Vector::from_xyz(self.patient_from_view * place.xyz)
     }
+}
+
+/// Radius of the cursor, pixels of the picture's full size.
+fn cursor_px(stage: &Stage) -> f64 {
+    (f64::from(stage.size_px[1]) / 90.0).clamp(2.0, 64.0)
 }
 
 /// `patient_from_view` of an orbit's angles.

@@ -206,7 +206,7 @@ fn a_places_and_leaving_tracking_cancels() {
     assert!(remote.hold(5, Buttons::default()).is_empty());
     remote.at(10, start(), level());
     remote.hold(20, Buttons::A);
-    assert!(matches!(remote.events[..], [Event::Placing(at)] if at == remote.cursor()));
+    assert!(matches!(remote.events[..], [Event::Taking(at)] if at == remote.cursor()));
     remote.at(30, start() + DVec3::Y * 8.0, level());
     assert!(matches!(remote.events[..], [_, .., Event::Placing(at)] if at == remote.cursor()));
     remote.hold(40, Buttons::default());
@@ -218,6 +218,44 @@ fn a_places_and_leaving_tracking_cancels() {
     remote.at(70, start(), level());
     remote.hold(80, Buttons::default());
     assert_eq!(remote.events.len(), count, "the release of a cancelled press means nothing");
+}
+
+/// While A is held the cursor goes a part of the way of the hand's mean, from the mean of where the hand was.
+#[test]
+fn a_leads_the_cursor_with_care() {
+    let options = HandOptions { precise_gain: 0.25, steady_s: 0.2, dead_zone_mm: 10.0, ..exact() };
+    let mut remote = Remote::new(options);
+    // A hand that shakes by 4 mm to both sides of its place, 100 times a second, has its mean there.
+    let shaken = |ms: u64| start() + DVec3::X * if (ms / 10).is_multiple_of(2) { 4.0 } else { -4.0 };
+    let home = tip(shaken(0), level());
+    for ms in (0..3000).step_by(10) {
+        remote.at(ms, shaken(ms), level());
+    }
+    let loose = remote.session.in_view(remote.cursor());
+    assert!((loose.x - (tip(shaken(2990), level()) - home).x).abs() < 1e-9, "without A it is the tip");
+    remote.hold(3000, Buttons::A);
+    let rest = tip(start(), level()) - home;
+    assert!((remote.session.in_view(remote.cursor()) - rest).length() < 0.15, "the mean of a hand at rest");
+    // 12 mm up, and time for the mean to come after.
+    let pressed = remote.session.in_view(remote.cursor());
+    let mut most: f64 = 0.0;
+    for ms in (3010..6000).step_by(10) {
+        remote.at(ms, shaken(ms) + DVec3::Y * 12.0, level());
+        if ms > 5000 {
+            most = most.max((remote.session.in_view(remote.cursor()) - pressed - DVec3::Y * 3.0).length());
+        }
+    }
+    assert!(most < 0.06, "a quarter of the way, and of a quarter of the shaking: {most} mm off");
+    remote.hold(6000, Buttons::default());
+    assert!(matches!(remote.events.last(), Some(Event::Placed(_))));
+    remote.at(6010, shaken(6010), level());
+    let loose = remote.session.in_view(remote.cursor());
+    assert_near(loose, tip(shaken(6010), level()) - home, 1e-9, "the tip again");
+    // A hand on its way sets down where it is, not where it was.
+    remote.at(6020, start() + DVec3::Y * 60.0, level());
+    remote.hold(6030, Buttons::A);
+    let there = tip(start() + DVec3::Y * 60.0, level()) - home;
+    assert_near(remote.session.in_view(remote.cursor()), there, 1e-9, "on its way");
 }
 
 /// Held buttons count by time, whatever the number of reports, and a gap in the reports counts as 0.1 s at most.
@@ -305,7 +343,7 @@ fn buttons_of_dropped_poses_count() {
     {
         remote.hold(ms, buttons);
     }
-    assert!(matches!(remote.events[..], [Event::Placing(_), Event::Placed(_)]), "{:?}", remote.events);
+    assert!(matches!(remote.events[..], [Event::Taking(_), Event::Placed(_)]), "{:?}", remote.events);
 }
 
 #[test]

@@ -192,6 +192,109 @@ async fn a_tracked_hand_leaves_its_pose_in_the_record() {
     assert_eq!(item["placement"]["method"], "tip");
 }
 
+/// The next event and the next message about what is placed next, in whatever order they come.
+async fn made(client: &mut Client) -> (Value, Value) {
+    let (mut event, mut next) = (Value::Null, Value::Null);
+    while event.is_null() || next.is_null() {
+        let message = client.event("annotations").await;
+        if message["next"].is_object() {
+            next = message["next"].clone();
+        } else {
+            event = message["events"][0].clone();
+        }
+    }
+    (event, next)
+}
+
+fn lead(seq: u64, at_mm: [f64; 3]) -> Value {
+    intent(seq, json!({ "intent": "cursor", "point_mm": at_mm }))
+}
+
+fn phase(seq: u64, phase: &str) -> Value {
+    intent(seq, json!({ "intent": "place", "phase": phase }))
+}
+
+#[tokio::test]
+async fn a_landmark_is_taken_hold_of_and_moved() {
+    let running = Running::annotated().await;
+    let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
+    assert_eq!(next(&mut anna).await["name"], "1");
+    place(&mut anna, 1, [1.0, 2.0, 3.0]).await;
+    let (event, after) = made(&mut anna).await;
+    let item = event["item"].clone();
+    assert_eq!(after["name"], "2");
+    // Somewhat beside it: it keeps its distance from the cursor.
+    anna.send(&lead(10, [1.5, 2.0, 3.0])).await;
+    anna.send(&phase(11, "take")).await;
+    let held = next(&mut anna).await;
+    assert_eq!((&held["id"], &held["name"], &held["set"]), (&item["id"], &json!("1"), &json!("s")));
+    // The picture shows it going along.
+    anna.send(&lead(12, [11.5, 2.0, 3.0])).await;
+    anna.still(12).await;
+    let labels = running.stage.gate.labels();
+    let count = labels.iter().filter(|label| *label == "1").count();
+    assert_eq!(count, 2, "where it was and where it is: {labels:?}");
+    anna.send(&phase(13, "commit")).await;
+    let (event, after) = made(&mut anna).await;
+    assert_eq!((&event["id"], &event["version"], &event["author"]), (&item["id"], &json!(2), &json!("anna")));
+    assert_eq!(event["item"]["geometry"], json!({ "kind": "point", "at_mm": [11.0, 2.0, 3.0] }));
+    assert_eq!(after["name"], "2", "then the next again");
+    anna.send(&intent(14, json!({ "intent": "undo" }))).await;
+    let (event, _) = made(&mut anna).await;
+    assert_eq!(event["item"]["geometry"]["at_mm"], json!([1.0, 2.0, 3.0]), "as it was");
+    // Cancelled, or not moved at all: nothing happens.
+    for (seq, end) in [(20, "cancel"), (30, "commit")] {
+        anna.send(&lead(seq, [1.0, 2.0, 3.0])).await;
+        anna.send(&phase(seq + 1, "take")).await;
+        assert_eq!(next(&mut anna).await["id"], item["id"]);
+        anna.send(&phase(seq + 2, end)).await;
+        assert_eq!(next(&mut anna).await["name"], "2", "{end}");
+    }
+    // Far from everything something new is set down.
+    anna.send(&lead(40, [-20.0, 0.0, 0.0])).await;
+    anna.send(&phase(41, "take")).await;
+    assert_eq!(next(&mut anna).await["id"], Value::Null);
+    anna.send(&phase(42, "commit")).await;
+    let (event, _) = made(&mut anna).await;
+    assert_eq!((&event["version"], &event["item"]["name"]), (&json!(1), &json!("2")));
+    assert_eq!(event["seq"], 4, "place, move, undo, place");
+}
+
+#[tokio::test]
+async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
+    let running = Running::annotated().await;
+    let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
+    let (mut ben, _) = running.hello(annotating("other", "ben", "s")).await;
+    place(&mut anna, 1, [1.0, 2.0, 3.0]).await;
+    let item = told(&mut ben).await["events"][0]["item"].clone();
+    for (client, to) in [(&mut anna, [9.0, 2.0, 3.0]), (&mut ben, [1.0, 9.0, 3.0])] {
+        client.send(&lead(10, [1.0, 2.0, 3.0])).await;
+        client.send(&phase(11, "take")).await;
+        while next(client).await["id"] != item["id"] {}
+        client.send(&lead(12, to)).await;
+    }
+    anna.send(&phase(13, "commit")).await;
+    let (moved, _) = made(&mut anna).await;
+    assert_eq!((&moved["version"], &moved["item"]["geometry"]["at_mm"][0]), (&json!(2), &json!(9.0)));
+    ben.send(&phase(13, "commit")).await;
+    let refused = ben.event("error").await;
+    assert_eq!(refused["problem"]["status"], 409, "{refused}");
+    // Locked, it cannot be taken hold of.
+    let mut locked = moved["item"].clone();
+    locked["locked"] = true.into();
+    let path = running.stage.path(&format!("annotations/{}", locked["id"].as_str().unwrap()));
+    let request = axum::http::Request::put(path)
+        .header("content-type", "application/json")
+        .header("relief-author", "anna")
+        .header("if-match", "\"2\"")
+        .body(axum::body::Body::from(locked.to_string()));
+    let done = running.stage.ask(request.unwrap()).await;
+    assert_eq!(done.status, 200, "{}", done.text());
+    anna.send(&lead(20, [9.0, 2.0, 3.0])).await;
+    anna.send(&phase(21, "take")).await;
+    assert_eq!(next(&mut anna).await["id"], Value::Null, "something new");
+}
+
 #[tokio::test]
 async fn an_edit_too_large_for_a_message_says_so() {
     let running = Running::annotated().await;

@@ -96,7 +96,7 @@ impl Input {
         let clip = |steps: f64| Intent::Clip { by_mm: Some(steps * CLIP_STEP_MM), to_mm: None };
         let preset = |step| Intent::Preset { name: None, step: Some(step) };
         if *key == Key::Named(NamedKey::Space) {
-            let phase = if state == ElementState::Pressed { PlacePhase::Preview } else { PlacePhase::Commit };
+            let phase = if state == ElementState::Pressed { PlacePhase::Take } else { PlacePhase::Commit };
             return (!repeat).then_some(Meaning::Intent(Intent::Place { phase }));
         }
         if state == ElementState::Released {

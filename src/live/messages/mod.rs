@@ -20,7 +20,7 @@ pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RemotePose, Report};
 pub use server::{
     AnnotationsMessage, ErrorMessage, NextLabel, Peers, ServerMessage, StateMessage, TrackingMessage, Welcome,
 };
-pub use settings::{Quality, Settings};
+pub use settings::{Quality, Settings, SnapTarget, SnapTo};
 
 /// Most bytes of a message of either side that is text.
 pub const MAX_TEXT_BYTES: usize = 64 << 10;

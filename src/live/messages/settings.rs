@@ -36,6 +36,54 @@ pub struct Settings {
     /// What B lets the hand do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grab_mode: Option<GrabMode>,
+    /// What landmarks are moved to as they are set down: `false`, or a target.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub snap: Option<SnapTo>,
+}
+
+/// What landmarks are moved to as they are set down.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SnapTo {
+    /// Nothing: they stay under the cursor.
+    Nothing,
+    /// The nearest of a kind.
+    Target(SnapTarget),
+}
+
+/// A kind of place, as `POST /v1/volumes/{id}/annotations/snap` takes it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SnapTarget {
+    /// Its name.
+    pub to: String,
+    /// The level of a surface, HU.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hu: Option<f64>,
+    /// How far at most, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius_mm: Option<f64>,
+}
+
+impl Serialize for SnapTo {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Nothing => serializer.serialize_bool(false),
+            Self::Target(target) => target.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for SnapTo {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        use serde::de::Error;
+        match Value::deserialize(deserializer)? {
+            Value::Bool(false) => Ok(Self::Nothing),
+            object @ Value::Object(_) => {
+                SnapTarget::deserialize(object).map(Self::Target).map_err(D::Error::custom)
+            }
+            _ => Err(D::Error::custom("expected false or {\"to\": a kind of place}")),
+        }
+    }
 }
 
 /// What a picture may cost while the view moves.

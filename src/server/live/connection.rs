@@ -22,7 +22,8 @@ use super::socket::{
     End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error,
     expect_annotations, malformed, text,
 };
-use super::view::{Happened, Wished, lock};
+use super::view::lock;
+use super::wished::{Happened, Wished};
 use crate::interaction::Intent;
 use crate::live::{
     AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind,
@@ -73,17 +74,18 @@ impl Connected {
         if *self.session.connection.borrow() == self.number {
             let intents = lock(&self.session.remote).end();
             let _ = self.session.view.wish(None, &intents, 0, now); // letting go is never refused
+            placing::abandon(&self.session.task, &self.session.view);
         }
         self.session.lose(self.number, now);
     }
 
     /// What this session places next, where its view draws annotations.
     pub(super) async fn say_next(&self, outbox: &Outbox) {
-        let Session { author, label, view, role, .. } = &*self.session;
+        let Session { author, task, view, role, .. } = &*self.session;
         if author.is_none() || *role == Role::Watcher || view.shown().is_nothing() {
             return;
         }
-        let hand = Hand { author: author.as_deref(), label, device: pointer() };
+        let hand = Hand { author: author.as_deref(), task, device: pointer() };
         if let Ok(message) = next(&self.server, view, &hand).await {
             let _ = outbox.try_send(placing::text(message));
         }
@@ -147,12 +149,12 @@ impl Connected {
         if happened.is_empty() && !is_shown {
             return Ok(());
         }
-        let Session { author, label, view, .. } = &*self.session;
+        let Session { author, task, view, .. } = &*self.session;
         let device = match message {
             ClientMessage::Pose(_) | ClientMessage::Report(_) => lock(&self.session.remote).device(),
             _ => pointer(),
         };
-        let hand = Hand { author: author.as_deref(), label, device };
+        let hand = Hand { author: author.as_deref(), task, device };
         let mut message = None;
         for happened in happened {
             message = Some(happen(&self.server, view, &hand, happened).await?);

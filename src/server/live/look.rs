@@ -8,15 +8,18 @@ use std::sync::Arc;
 use axum::http::StatusCode;
 use serde_json::{Map, Value};
 
+use super::wished::Carried;
 use crate::annotation::Shown;
 use crate::camera::{Camera, Orbit};
 use crate::display::DisplaySettings;
 use crate::interaction::{Home, Stage, ViewState};
-use crate::live::{LiveLayout, Quality, Settings};
+use crate::live::{LiveLayout, Quality, Settings, SnapTo};
+use crate::placing::Snap;
 use crate::render::{
     Clip, ClipPlane, Landmark, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
     SceneFile, depth_limits,
 };
+use crate::server::annotations::target;
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
 use crate::session::Drawables;
@@ -48,6 +51,8 @@ pub(super) struct Look {
     pub(super) shown: Shown,
     pub(super) shown_to: Option<String>,
     drawables: Drawables,
+    /// What landmarks are moved to as they are set down.
+    pub(super) snap: Option<Snap>,
     /// Resolved, with some camera.
     base: Arc<Scene>,
 }
@@ -65,8 +70,20 @@ impl Look {
         let quality = Quality::Auto;
         let (shown, shown_to, drawables) = (Shown::Nothing, None, Drawables::default());
         let size_px = None;
-        let plain =
-            Self { entry, stage, quality, preset, patch, display, size_px, shown, shown_to, drawables, base };
+        let plain = Self {
+            entry,
+            stage,
+            quality,
+            preset,
+            patch,
+            display,
+            size_px,
+            shown,
+            shown_to,
+            drawables,
+            snap: None,
+            base,
+        };
         plain.with(settings, None, author)
     }
 
@@ -85,6 +102,19 @@ impl Look {
             next.shown = shown.clone();
             next.shown_to = author.map(str::to_owned);
             next.drawables = Drawables::default();
+        }
+        match &settings.snap {
+            None => {}
+            Some(SnapTo::Nothing) => next.snap = None,
+            Some(SnapTo::Target(wanted)) => {
+                let radius_mm = wanted.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM);
+                if !Snap::RADII_MM.contains(&radius_mm) {
+                    let (least, most) = (Snap::RADII_MM.start(), Snap::RADII_MM.end());
+                    let detail = format!("snap.radius_mm is {radius_mm}, allowed: {least} to {most}");
+                    return Err(malformed(detail, "snap.radius_mm"));
+                }
+                next.snap = Some(Snap { to: target(&wanted.to, wanted.hu)?, radius_mm });
+            }
         }
         if let Some(entry) = entry {
             if entry.id != next.entry.id {
@@ -179,6 +209,7 @@ impl Look {
         &self,
         state: &ViewState,
         camera: Option<Camera>,
+        carried: Option<&Carried>,
     ) -> Result<RenderRequest, Problem> {
         let mut request = self.base.request.clone();
         if !matches!(request.mode, Mode::Slice(_)) {
@@ -193,6 +224,10 @@ impl Look {
         if let Some(mark) = state.cursor_mark(&self.stage) {
             let mut overlays = Overlays::clone(&request.overlays);
             let (radius, rgb) = (Radius::Px(mark.radius_px), mark.rgb);
+            if let Some(Carried { name, off }) = carried {
+                let (at, label) = (mark.at + *off, Some(name.clone()));
+                overlays.items.push(OverlayItem::Landmark(Landmark { at, radius, rgb, label }));
+            }
             overlays.items.push(OverlayItem::Landmark(Landmark { at: mark.at, radius, rgb, label: None }));
             request.overlays = Arc::new(overlays);
         }

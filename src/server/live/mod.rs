@@ -16,6 +16,7 @@ mod shot;
 mod slot;
 mod socket;
 mod view;
+mod wished;
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -2,24 +2,27 @@
 //!
 //! The next missing item of the set, in its order, gets the place; where none is missing, a new point with the next free number.
 //! Each session has its own place in that order, so that two people may work through one list, and may go on past what they
-//! cannot find.
+//! cannot find. A point that is there already can be taken hold of and moved instead.
 
 use std::collections::{BTreeSet, HashSet};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use serde_json::Value;
 
-use super::view::{Happened, View, lock};
+use super::view::{View, lock};
+use super::wished::{Carried, Happened};
 use crate::annotation::{
     CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
     Shown, State, Versioned,
 };
 use crate::camera::{Camera, Projection};
 use crate::live::{AnnotationsMessage, NextLabel, ServerMessage};
-use crate::server::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of};
+use crate::server::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of, snap_in};
 use crate::server::problem::Problem;
 use crate::server::state::Server;
-use crate::space::{Patient, Point};
+use crate::server::volumes::Entry;
+use crate::space::{Patient, Point, Vector};
 
 /// Why an item came to be where it is, in the log.
 const REASON: &str = "live session";
@@ -27,10 +30,35 @@ const REASON: &str = "live session";
 /// Who places, and where in the list.
 pub(super) struct Hand<'a> {
     pub(super) author: Option<&'a str>,
-    /// The item that is next; the first missing one where there is none.
-    pub(super) label: &'a std::sync::Mutex<Option<ItemId>>,
+    pub(super) task: &'a Mutex<Task>,
     /// What is held in the hand.
     pub(super) device: Device,
+}
+
+/// What a hand is at.
+#[derive(Clone, Default)]
+pub(super) struct Task {
+    /// The item that is next; the first missing one where there is none.
+    label: Option<ItemId>,
+    /// The point that is moved.
+    moved: Option<Moved>,
+}
+
+/// A point of an item, as it was taken hold of.
+#[derive(Clone)]
+struct Moved {
+    known: Arc<Versioned>,
+    /// Which of its points.
+    index: usize,
+    /// From the cursor to the point.
+    off: Vector<Patient>,
+}
+
+impl Moved {
+    /// Where it was.
+    fn at(&self) -> Option<Point<Patient>> {
+        self.known.item.geometry.as_ref()?.points().get(self.index).copied()
+    }
 }
 
 /// Does what happened in a view, and says what is next.
@@ -46,27 +74,42 @@ pub(super) async fn happen(
     let annotations = of(server)?;
     let author = hand.author.ok_or_else(missing_author)?;
     let (entry, shown) = (view.entry(), view.shown());
+    let by = By { annotations, entry: &entry, shown: &shown, author };
     match happened {
+        Happened::Taking { at, reach_mm } => {
+            let moved = by.nearest(at, reach_mm).await?;
+            let carried = moved
+                .as_ref()
+                .map(|Moved { known, off, .. }| Carried { name: known.item.name.clone(), off: *off });
+            lock(hand.task).moved = moved;
+            view.carry(carried, Instant::now());
+            return next(server, view, hand).await; // nothing has changed yet
+        }
+        Happened::Cancelled => {
+            abandon(hand.task, view);
+            return next(server, view, hand).await;
+        }
         Happened::Placed { at, camera, method } => {
-            let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
-            let list = List::of(annotations, &snapshot, &shown, author).await;
-            let placement = Placement {
-                method,
-                device: Some(hand.device.clone()),
-                camera: Some(record(&camera)),
-                snapped_mm: None,
-            };
-            let target = list.target(*lock(hand.label));
-            let change = list.placed(target, author, at, placement)?;
-            annotations.apply(&entry, author, REASON, vec![change]).await?;
-            // On to what comes after it.
-            *lock(hand.label) = target.and_then(|target| list.following(target.item.id));
+            let moved = let_go(hand.task, view);
+            let wanted = moved.as_ref().map_or(at, |moved| at + moved.off);
+            let is_still = moved.as_ref().is_some_and(|moved| moved.at() == Some(wanted));
+            if is_still {
+                return next(server, view, hand).await; // a point that was taken hold of and not moved
+            }
+            let ray = (method == Method::Pick).then(|| wanted - camera.eye());
+            let (to, snapped_mm) = snapped(server, view, (wanted, ray)).await?;
+            let (device, camera) = (Some(hand.device.clone()), Some(record(&camera)));
+            let placement = Placement { method, device, camera, snapped_mm };
+            match moved {
+                Some(moved) => by.move_to(&moved, to, placement).await?,
+                None => by.place(hand, to, placement).await?,
+            }
         }
         Happened::NextLabel => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
             let list = List::of(annotations, &snapshot, &shown, author).await;
-            let mut label = lock(hand.label);
-            *label = list.target(*label).and_then(|target| list.following(target.item.id));
+            let mut task = lock(hand.task);
+            task.label = list.target(task.label).and_then(|target| list.following(target.item.id));
         }
         Happened::Undo => {
             annotations.step(&entry, author, REASON, Step::Undo).await?;
@@ -89,13 +132,100 @@ pub(super) async fn next(
     let snapshot = annotations.snapshot(&view.entry().frame_of_reference()).await?;
     let (author, shown) = (hand.author.unwrap_or_default(), view.shown());
     let list = List::of(annotations, &snapshot, &shown, author).await;
-    let target = list.target(*lock(hand.label));
-    let next = NextLabel {
-        set: list.set.to_owned(),
-        name: target.map_or_else(|| list.number(), |target| target.item.name.clone()),
-        id: target.map(|target| target.item.id.to_string()),
+    let task = lock(hand.task).clone();
+    let of = |known: &Versioned| NextLabel {
+        set: known.item.set.clone(),
+        name: known.item.name.clone(),
+        id: Some(known.item.id.to_string()),
+    };
+    let next = match (&task.moved, list.target(task.label)) {
+        (Some(moved), _) => of(&moved.known),
+        (None, Some(target)) => of(target),
+        (None, None) => NextLabel { set: list.set.to_owned(), name: list.number(), id: None },
     };
     Ok(AnnotationsMessage { seq: snapshot.seq, events: Vec::new(), more: false, next: Some(next) })
+}
+
+/// Where something is set down in a view that snaps, and by how much it was moved; where nothing of the kind is near, it stays.
+async fn snapped(
+    server: &Arc<Server>,
+    view: &View,
+    (at, ray): (Point<Patient>, Option<Vector<Patient>>),
+) -> Result<(Point<Patient>, Option<[f64; 3]>), Problem> {
+    let Some(wanted) = view.snap() else { return Ok((at, None)) };
+    let found = snap_in(server, &view.entry(), (at, ray), wanted).await?;
+    Ok(found.map_or((at, None), |found| (found.at, Some(found.shift.xyz.to_array()))))
+}
+
+/// Lets go of what is moved where it was, if anything is.
+pub(super) fn abandon(task: &Mutex<Task>, view: &View) {
+    drop(let_go(task, view));
+}
+
+/// Lets go of what is moved, if anything is.
+fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
+    let moved = lock(task).moved.take();
+    if moved.is_some() {
+        view.carry(None, Instant::now());
+    }
+    moved
+}
+
+/// Who changes what is drawn of a volume.
+struct By<'a> {
+    annotations: &'a Annotations,
+    entry: &'a Entry,
+    shown: &'a Shown,
+    author: &'a str,
+}
+
+impl By<'_> {
+    /// The point that is drawn nearest to a place, within a reach, of an item that the author may change.
+    async fn nearest(&self, at: Point<Patient>, reach_mm: f64) -> Result<Option<Moved>, Problem> {
+        let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
+        let visible = Visible::new(&snapshot.sets, Some(self.author));
+        let may = |item: &Item| {
+            let is_drawn = item.visible && self.shown.has(&item.set);
+            is_drawn && !item.locked && visible.expect_writable(&item.set).is_ok()
+        };
+        let mut nearest: Option<(f64, Moved)> = None;
+        for known in snapshot.items.iter().filter(|known| may(&known.item)) {
+            let points = known.item.geometry.as_ref().map_or(&[][..], Geometry::points);
+            for (index, point) in points.iter().enumerate() {
+                let distance = point.distance(at);
+                if distance <= nearest.as_ref().map_or(reach_mm, |(least, _)| *least) {
+                    nearest = Some((distance, Moved { known: Arc::clone(known), index, off: *point - at }));
+                }
+            }
+        }
+        Ok(nearest.map(|(_, moved)| moved))
+    }
+
+    /// Moves a point.
+    async fn move_to(&self, moved: &Moved, to: Point<Patient>, placement: Placement) -> Result<(), Problem> {
+        let Moved { known, index, .. } = moved;
+        let mut item = known.item.clone();
+        if let Some(point) = item.geometry.as_mut().and_then(|geometry| geometry.points_mut().get_mut(*index))
+        {
+            *point = to;
+        }
+        item.placement = Some(placement);
+        // As it was when it was taken hold of: what somebody else has made of it since is not overwritten.
+        let change = Change::Update { item: Box::new(item), version: known.version };
+        self.annotations.apply(self.entry, self.author, REASON, vec![change]).await.map(drop)
+    }
+
+    /// Sets the next landmark down.
+    async fn place(&self, hand: &Hand<'_>, at: Point<Patient>, placement: Placement) -> Result<(), Problem> {
+        let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
+        let list = List::of(self.annotations, &snapshot, self.shown, self.author).await;
+        let target = list.target(lock(hand.task).label);
+        let change = list.placed(target, self.author, at, placement)?;
+        self.annotations.apply(self.entry, self.author, REASON, vec![change]).await?;
+        // On to what comes after it.
+        lock(hand.task).label = target.and_then(|target| list.following(target.item.id));
+        Ok(())
+    }
 }
 
 /// The set into which somebody places.

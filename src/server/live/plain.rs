@@ -224,8 +224,8 @@ pub(in crate::server) async fn intent(
     let mut answer = json!({ "state": view.record(), "volume": view.entry().id });
     if !happened.is_empty() {
         let author = author_of(&headers)?;
-        let label = std::sync::Mutex::new(None);
-        let hand = Hand { author: author.as_deref(), label: &label, device: pointer() };
+        let task = std::sync::Mutex::default();
+        let hand = Hand { author: author.as_deref(), task: &task, device: pointer() };
         for happened in happened {
             answer["next"] = json!(happen(&server, &view, &hand, happened).await?.next);
         }

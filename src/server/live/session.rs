@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
+use super::placing::Task;
 use super::remote::Remote;
 use super::view::{View, lock};
-use crate::annotation::ItemId;
 use crate::live::Role;
 
 /// Whoever knows the token may go on with it.
@@ -19,8 +19,8 @@ pub(super) struct Session {
     pub(super) remote: Mutex<Remote>,
     /// Who works here.
     pub(super) author: Option<String>,
-    /// The missing item that is placed next.
-    pub(super) label: Mutex<Option<ItemId>>,
+    /// What the hand is at: the missing item that is placed next, and the one that it moves.
+    pub(super) task: Mutex<Task>,
     /// Counts the connections; all but the newest end.
     pub(super) connection: watch::Sender<u64>,
     /// Since when it has no connection.
@@ -42,8 +42,8 @@ impl Session {
         remote: Remote,
     ) -> Arc<Self> {
         let (connection, lost) = (watch::Sender::new(1), Mutex::new(None));
-        let (remote, label) = (Mutex::new(remote), Mutex::new(None));
-        Arc::new(Self { token, view, role, remote, author, label, connection, lost })
+        let (remote, task) = (Mutex::new(remote), Mutex::default());
+        Arc::new(Self { token, view, role, remote, author, task, connection, lost })
     }
 
     /// The connection of this number is gone; nothing where a newer one goes on.

@@ -14,16 +14,17 @@ use super::look::Look;
 use super::placing::method_of;
 use super::shot::{Echo, Shot};
 use super::slot::Slot;
+use super::wished::{Carried, Happened, Wanted, Wished};
 use crate::annotation::{Method, Shown};
 use crate::camera::Camera;
 use crate::display::DisplaySettings;
 use crate::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
 use crate::live::{ErrorMessage, Peers, Quality, Role, ServerMessage, Settings, StateMessage};
+use crate::placing::Snap;
 use crate::render::RenderRequest;
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
 use crate::session::Drawables;
-use crate::space::{Patient, Point};
 use crate::units::ViewDepth;
 
 /// A change that comes after so long follows no other.
@@ -66,32 +67,10 @@ struct Inner {
     failed: Option<u64>,
     /// How the cursor came to its place, last.
     method: Method,
+    /// What goes with the cursor, while something is moved.
+    carried: Option<Carried>,
     /// At which count of changes the annotations were read that are drawn; `None` where they have to be.
     drawn_at: Option<u64>,
-}
-
-/// What a wish means beyond the view, while annotations are drawn.
-pub(super) enum Happened {
-    /// Something was set down here.
-    Placed { at: Point<Patient>, camera: Camera, method: Method },
-    /// The next label is wanted.
-    NextLabel,
-    /// The author's last edit is to be taken back.
-    Undo,
-}
-
-/// What came of wishes.
-pub(super) struct Wished {
-    /// Whether no picture showed the message before this one.
-    pub(super) unseen: bool,
-    pub(super) happened: Vec<Happened>,
-}
-
-/// The annotations that a view wants to draw.
-pub(super) struct Wanted {
-    pub(super) entry: Arc<Entry>,
-    pub(super) shown: Shown,
-    pub(super) author: Option<String>,
 }
 
 #[derive(Clone, Copy)]
@@ -158,6 +137,7 @@ impl View {
             number: 0,
             failed: None,
             method: Method::Tip,
+            carried: None,
             drawn_at: None,
         };
         Self {
@@ -217,6 +197,22 @@ impl View {
     /// Somebody is about to look: not to be forgotten now.
     pub(super) fn touch(&self) {
         self.lock().idle_since = Instant::now();
+    }
+
+    /// What landmarks are moved to as they are set down.
+    pub(super) fn snap(&self) -> Option<Snap> {
+        self.lock().look.snap
+    }
+
+    /// What goes with the cursor from now on.
+    pub(super) fn carry(&self, carried: Option<Carried>, now: Instant) {
+        let mut inner = self.lock();
+        if carried.is_some() || inner.carried.is_some() {
+            inner.carried = carried;
+            inner.changed(now);
+        }
+        drop(inner);
+        self.work.notify_one();
     }
 
     /// Whether nobody has looked for so long.
@@ -305,7 +301,7 @@ impl View {
         let mut inner = self.lock();
         if is_other {
             inner.state = ViewState::home(&look.stage);
-            inner.camera = None;
+            (inner.camera, inner.carried) = (None, None);
         }
         if is_other || settings.annotations.is_some() {
             inner.drawn_at = None;
@@ -416,6 +412,11 @@ impl Inner {
                 let camera = self.look.own_camera().or(camera).map_or_else(own, Ok)?;
                 Some(Happened::Placed { at, camera, method: self.method })
             }
+            Some(Event::Taking(at)) => {
+                let reach_mm = self.state.reach_mm(&self.look.stage).map_err(refused)?;
+                Some(Happened::Taking { at, reach_mm })
+            }
+            Some(Event::PlacingCancelled) => Some(Happened::Cancelled),
             Some(Event::NextLabel) => Some(Happened::NextLabel),
             _ => None,
         };
@@ -454,7 +455,7 @@ impl Inner {
     }
 
     fn order(&self, number: u64, is_still: bool) -> Next {
-        let request = match self.look.request(&self.state, self.camera) {
+        let request = match self.look.request(&self.state, self.camera, self.carried.as_ref()) {
             Ok(request) => request,
             Err(problem) => return Next::Failed { revision: self.revision, problem },
         };

@@ -1,0 +1,44 @@
+//! What wishes mean beyond the view that they are made in, and what the view itself wants.
+
+use std::sync::Arc;
+
+use crate::annotation::{Method, Shown};
+use crate::camera::Camera;
+use crate::server::volumes::Entry;
+use crate::space::{Patient, Point, Vector};
+
+/// What a wish means beyond the view, while annotations are drawn.
+pub(super) enum Happened {
+    /// What is here, if anything is, is to be taken hold of.
+    Taking { at: Point<Patient>, reach_mm: f64 },
+    /// What was taken hold of is let go where it was.
+    Cancelled,
+    /// Something was set down here.
+    Placed { at: Point<Patient>, camera: Camera, method: Method },
+    /// The next label is wanted.
+    NextLabel,
+    /// The author's last edit is to be taken back.
+    Undo,
+}
+
+/// A point of an annotation that goes with the cursor.
+#[derive(Clone)]
+pub(super) struct Carried {
+    pub(super) name: String,
+    /// From the cursor to the point: it does not jump under the cursor.
+    pub(super) off: Vector<Patient>,
+}
+
+/// What came of wishes.
+pub(super) struct Wished {
+    /// Whether no picture showed the message before this one.
+    pub(super) unseen: bool,
+    pub(super) happened: Vec<Happened>,
+}
+
+/// The annotations that a view wants to draw.
+pub(super) struct Wanted {
+    pub(super) entry: Arc<Entry>,
+    pub(super) shown: Shown,
+    pub(super) author: Option<String>,
+}
