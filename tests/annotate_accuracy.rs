@@ -7,7 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 
 #[test]
-fn landmarks_are_placed_within_a_millimetre_where_the_lever_is_long_and_snapped() {
+fn landmarks_are_placed_within_a_millimetre_as_installed_with_snapping() {
     if common::software_adapter("the accuracy of placing").is_none() {
         return;
     }
@@ -17,11 +17,11 @@ fn landmarks_are_placed_within_a_millimetre_where_the_lever_is_long_and_snapped(
     let done = Command::new(env!("CARGO_BIN_EXE_relief")).args(arguments).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let report: Value = serde_json::from_slice(&done.stdout).unwrap();
-    assert_eq!(report["landmarks"], 20);
+    assert_eq!((&report["landmarks"], &report["tremor_g"]), (&20.into(), &0.01.into()));
     let ways = report["ways"].as_array().unwrap();
-    let median = |way: &str, lever: f64, snap: &str| {
+    let median = |way: &str, mapping: &str, snap: &str| {
         let found =
-            ways.iter().find(|one| one["way"] == way && one["lever_mm"] == lever && one["snap"] == snap);
+            ways.iter().find(|one| one["way"] == way && one["mapping"] == mapping && one["snap"] == snap);
         let found = found.unwrap();
         assert!(
             found["errors_mm"].as_array().unwrap().len() >= 54,
@@ -30,10 +30,18 @@ fn landmarks_are_placed_within_a_millimetre_where_the_lever_is_long_and_snapped(
         found["median_mm"].as_f64().unwrap()
     };
     for way in ["ray", "tip"] {
-        let (raw, snapped) = (median(way, 1200.0, "none"), median(way, 1200.0, "surface"));
-        println!("{way}: {raw:.2} mm, snapped {snapped:.2} mm");
-        assert!(snapped < 1.0, "{way}: {snapped} mm");
-        assert!(median(way, 150.0, "surface") > snapped, "a short lever is no steadier");
+        for mapping in ["direct", "lever", "default"] {
+            let [raw, boundary, gradient] =
+                ["none", "boundary", "gradient"].map(|snap| median(way, mapping, snap));
+            println!(
+                "{way}, {mapping}: {raw:.2} mm, on the boundary {boundary:.2} mm, on the edge {gradient:.2} mm"
+            );
+        }
+    }
+    for snap in ["boundary", "gradient"] {
+        let snapped = median("tip", "default", snap);
+        assert!(snapped < 1.0, "{snap}: {snapped} mm");
+        assert!(median("tip", "direct", snap) > snapped, "A held is steadier");
     }
     for file in ["accuracy.svg", "accuracy.png"] {
         assert!(folder.path().join(file).metadata().unwrap().len() > 5000, "{file}");

@@ -1,43 +1,129 @@
-//! The noise of a resting hand's tip, by the tracking of the experiment.
+//! A user in simulation: a hand that trembles and drifts, tracked as in the experiment, and eyes that lead the cursor to a place.
+//!
+//! The tracker and the gestures are the product's own; what is made up is the hand and the user. Where no source is named, a figure is an
+//! assumption. View axes, which are the beacon's: mm.
+
+use std::f64::consts::TAU;
 
 use anyhow::Context;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::cli::track_experiment::survey;
+use crate::interaction::{Gestures, HandOptions, HandPose, HandSample, Intent, PlacePhase};
 use crate::tracking::Beacon;
 use crate::tracking::experiment::Setting;
 use crate::tracking::pose::SensorPose;
+use crate::tracking::report::Buttons;
 use crate::tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
 use crate::tracking::simulate::{Delivery, Hand, Path, Simulation};
-use crate::tracking::tracker::{Options, Tracker};
-
-/// How long a hand rests before it places something, seconds, and the part of it in which the user sees where the cursor is.
-const RESTS_S: f64 = 2.0;
-const SEES_S: f64 = 1.0;
+use crate::tracking::solve::random::Random;
+use crate::tracking::tracker::{Options, Tracker, TrackingState};
 
 /// By how much the focal length differs from a typical one, as the experiment has it.
 const FOCAL_ERROR: f64 = 0.03;
 
-/// A hand that does not move.
-struct Resting(SensorPose);
+/// Postural tremor of a hand: a peak of about 7 Hz, and what is physiologic up to 12.
+const TREMOR_HZ: [f64; 5] = [7.0, 8.3, 9.4, 10.6, 12.0];
+/// From the wrist, about which a hand trembles, to where its acceleration is measured, mm.
+const HAND_MM: f64 = 100.0;
+/// What a hand in the air drifts beside that: rms of each coordinate, mm, and of each angle, degrees.
+const DRIFT_HZ: [f64; 3] = [0.3, 0.7, 1.6];
+const DRIFT_MM: f64 = 0.5;
+const DRIFT_DEG: f64 = 0.1;
 
-impl Path for Resting {
-    fn at(&self, _seconds: f64) -> SensorPose {
-        self.0
+/// The user looks so often, at the mean of what was shown between these times before, s: pictures come late, and eyes take time.
+const LOOKS_S: f64 = 0.3;
+const SEES_S: [f64; 2] = [0.3, 0.1];
+/// How well the user sees how far the cursor is off (standard deviation), mm: a pixel across, twice that in depth.
+const SIGHT_MM: [f64; 3] = [0.25, 0.25, 0.5];
+/// The part of that by which the user moves the hand, for how long, and how well.
+const CORRECTS: f64 = 0.7;
+const MOVES_S: f64 = 0.25;
+const CLUMSY: f64 = 0.1;
+/// The cursor begins so far off, mm at most along each axis.
+const FROM_MM: f64 = 30.0;
+
+/// A is pressed when the cursor looks this near, but not before, and in any case then; and let go.
+const PRESS_MM: f64 = 2.0;
+const PRESS_S: [f64; 2] = [1.5, 3.5];
+const LET_GO_MM: f64 = 0.5;
+const LET_GO_S: [f64; 2] = [1.0, 3.0];
+
+/// The hand and its tremor, and how far from the beacon.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placer {
+    pub(super) distance_mm: f64,
+    /// Peak acceleration of the tremor, standard gravities.
+    pub(super) tremor_g: f64,
+    pub(super) seed: u64,
+}
+
+/// One of the movements that a hand does not want.
+struct Wave {
+    /// 0 to 2: a shift along an axis, mm; 3 to 5: a turn about it, radians.
+    axis: usize,
+    hertz: f64,
+    amplitude: f64,
+    phase: f64,
+}
+
+/// A hand that wants to rest.
+struct Unsteady {
+    rest: SensorPose,
+    waves: Vec<Wave>,
+}
+
+impl Unsteady {
+    fn new(rest: SensorPose, tremor_g: f64, random: &mut Random) -> Self {
+        let mut waves = Vec::new();
+        for axis in 0..6 {
+            for hertz in TREMOR_HZ {
+                // Together as strong as one wave of that peak.
+                let mm_s2 = tremor_g * 9806.65 / (TREMOR_HZ.len() as f64).sqrt();
+                let shift_mm = mm_s2 / (TAU * hertz).powi(2);
+                let amplitude = if axis < 3 { shift_mm } else { shift_mm / HAND_MM };
+                waves.push(Wave { axis, hertz, amplitude, phase: random.between(0.0, TAU) });
+            }
+            for hertz in DRIFT_HZ {
+                let rms = if axis < 3 { DRIFT_MM } else { DRIFT_DEG.to_radians() };
+                let amplitude = rms * (2.0 / DRIFT_HZ.len() as f64).sqrt();
+                waves.push(Wave { axis, hertz, amplitude, phase: random.between(0.0, TAU) });
+            }
+        }
+        Self { rest, waves }
     }
 }
 
-/// For each of `count` placings, and each lever: how far the tip is from where the user brought it, mm along the beacon's axes.
+impl Path for Unsteady {
+    fn at(&self, seconds: f64) -> SensorPose {
+        let mut off = [0.0; 6];
+        for Wave { axis, hertz, amplitude, phase } in &self.waves {
+            off[*axis] += amplitude * (TAU * hertz * seconds + phase).sin();
+        }
+        let SensorPose { mut position, orientation } = self.rest;
+        let mut turn = position;
+        for axis in 0..3 {
+            position[axis] += off[axis];
+            turn[axis] = off[3 + axis];
+        }
+        SensorPose { position, orientation: orientation.append_axisangle_linearized(&turn) }
+    }
+}
+
+/// What the tracker says of a hand, while nobody leads it.
+type Tracked = Vec<(u64, TrackingState, Option<SensorPose>)>;
+
+/// For each of `count` placings, and each mapping: how far from the place that was meant the cursor was set down, mm along view axes.
 ///
 /// # Errors
 /// When the survey does not calibrate the camera, or a hand is not tracked.
-pub(super) fn noise(
-    distance_mm: f64,
-    levers_mm: &[f64],
+pub(super) fn place(
+    placer: Placer,
+    mappings: &[HandOptions],
     count: usize,
-    seed: u64,
 ) -> anyhow::Result<Vec<Vec<DVec3>>> {
+    let Placer { distance_mm, tremor_g, seed } = placer;
     let setting = Setting::new(Pinhole::simple(TYPICAL_FOCAL_PX * (1.0 + FOCAL_ERROR)), seed);
     let camera = survey(&setting).context("the simulated survey did not calibrate the camera")?.camera;
     let beacon = Beacon::recommended();
@@ -45,34 +131,136 @@ pub(super) fn noise(
     (0..count)
         .into_par_iter()
         .map(|number| {
+            let own = seed ^ (number as u64 + 1) << 24;
             // Somewhere on the way of a hand that moves about.
-            let resting = Resting(hand.at(number as f64 * 1.37));
+            let rest = hand.at(number as f64 * 1.37);
             let simulation = Simulation {
                 camera: setting.camera,
                 sensing: setting.sensing,
                 delivery: Delivery::RADIO,
-                ..Simulation::new(beacon.clone(), seed ^ (number as u64 + 1) << 24)
+                ..Simulation::new(beacon.clone(), own)
             };
             let mut tracker = Tracker::new(camera, beacon.clone(), Options::default());
-            let mut poses = Vec::new();
-            for made in simulation.record(&resting, RESTS_S) {
-                let sample = tracker.push(made.t_ns, &made.report);
-                poses.extend(sample.and_then(|sample| Some((sample.t_ns, sample.pose?))));
+            let path = Unsteady::new(rest, tremor_g, &mut Random::new(own));
+            let seconds = PRESS_S[1] + LET_GO_S[1] + 1.0;
+            let mut tracked = Tracked::new();
+            for made in simulation.record(&path, seconds) {
+                tracked.extend(
+                    tracker
+                        .push(made.t_ns, &made.report)
+                        .map(|sample| (sample.t_ns, sample.state, sample.pose)),
+                );
             }
-            let last = poses.last().map(|(t_ns, _)| *t_ns).context("a resting hand was not tracked")?;
-            poses.retain(|(t_ns, _)| (last - t_ns) as f64 * 1e-9 <= SEES_S);
-            Ok(levers_mm.iter().map(|lever_mm| off_mean(&poses, *lever_mm)).collect())
+            mappings.iter().map(|mapping| User::new(mapping, own)?.place(&tracked)).collect()
         })
         .collect()
 }
 
-/// How far the last tip is from the mean one: where the user sees the cursor.
-fn off_mean(poses: &[(u64, SensorPose)], lever_mm: f64) -> DVec3 {
-    let tip = |pose: &SensorPose| {
-        let turned = pose.orientation.to_rotation_matrix();
-        let tip = pose.position + turned.matrix().column(2) * lever_mm;
-        DVec3::new(tip.x, tip.y, tip.z)
-    };
-    let mean = poses.iter().map(|(_, pose)| tip(pose)).sum::<DVec3>() / poses.len().max(1) as f64;
-    poses.last().map_or(DVec3::ZERO, |(_, pose)| tip(pose) - mean)
+/// Somebody who looks at the cursor and leads it.
+struct User<'a> {
+    mapping: &'a HandOptions,
+    gestures: Gestures,
+    random: Random,
+    /// Where the cursor is to be.
+    wanted: DVec3,
+    /// The cursor, and when it was there, s.
+    shown: Vec<(f64, DVec3)>,
+    cursor: DVec3,
+    /// The hand's way: from where to where, since when.
+    way: (DVec3, DVec3, f64),
+    looked_s: f64,
+    /// Since when A is held.
+    pressed_s: Option<f64>,
+}
+
+impl<'a> User<'a> {
+    fn new(mapping: &'a HandOptions, seed: u64) -> anyhow::Result<Self> {
+        let mut random = Random::new(seed ^ 0x5eed);
+        let wanted = DVec3::from(std::array::from_fn(|_| random.between(-FROM_MM, FROM_MM)));
+        Ok(Self {
+            mapping,
+            gestures: Gestures::new(mapping.clone())?,
+            random,
+            wanted,
+            shown: Vec::new(),
+            cursor: DVec3::ZERO,
+            way: (DVec3::ZERO, DVec3::ZERO, 0.0),
+            looked_s: 0.0,
+            pressed_s: None,
+        })
+    }
+
+    /// How far off the cursor is when it is set down.
+    fn place(mut self, tracked: &Tracked) -> anyhow::Result<DVec3> {
+        let first = tracked.first().context("a hand was not seen")?.0;
+        for (t_ns, state, pose) in tracked {
+            let now = (t_ns - first) as f64 * 1e-9;
+            // The hand goes where the user leads it; a few millimetres change nothing of how well it is tracked.
+            let led = self.hand(now);
+            let pose = pose.and_then(|pose| {
+                let position = DVec3::from_array(pose.position.into()) + led;
+                HandPose::new(position.to_array(), pose.orientation_xyzw()).ok()
+            });
+            let intents = self.gestures.track(&HandSample { t_ns: *t_ns, state: *state, pose });
+            self.follow(&intents);
+            self.shown.push((now, self.cursor));
+            if now - self.looked_s < LOOKS_S {
+                continue;
+            }
+            self.looked_s = now;
+            let Some(off) = self.look(now) else { continue };
+            let is_due = |since: f64, [least, most]: [f64; 2], near: f64| {
+                now - since >= least && (off.length() <= near || now - since >= most)
+            };
+            let buttons = match self.pressed_s {
+                None if is_due(0.0, PRESS_S, PRESS_MM) => Some(Buttons::A),
+                Some(since) if is_due(since, LET_GO_S, LET_GO_MM) => Some(Buttons::default()),
+                _ => None,
+            };
+            let Some(buttons) = buttons else {
+                self.correct(now, off);
+                continue;
+            };
+            let intents = self.gestures.hold(*t_ns, buttons);
+            self.follow(&intents);
+            if intents.contains(&Intent::Place { phase: PlacePhase::Commit }) {
+                return Ok(self.cursor - self.wanted);
+            }
+            self.pressed_s = Some(now);
+        }
+        anyhow::bail!("a simulated hand was lost before it placed anything")
+    }
+
+    fn follow(&mut self, intents: &[Intent]) {
+        for intent in intents {
+            if let Intent::Cursor { at_view_mm: Some(at), .. } = intent {
+                self.cursor = DVec3::from_array(*at);
+            }
+        }
+    }
+
+    /// Where the hand has been led by now: smoothly from place to place.
+    fn hand(&self, now: f64) -> DVec3 {
+        let (from, to, since) = self.way;
+        let share = ((now - since) / MOVES_S).clamp(0.0, 1.0);
+        from.lerp(to, share * share * (3.0 - 2.0 * share))
+    }
+
+    /// How far the cursor seems to be from where it is to be.
+    fn look(&mut self, now: f64) -> Option<DVec3> {
+        let seen = |at: f64| (now - SEES_S[0]..=now - SEES_S[1]).contains(&at);
+        let places: Vec<DVec3> =
+            self.shown.iter().filter(|(at, _)| seen(*at)).map(|(_, place)| *place).collect();
+        let mean = places.iter().sum::<DVec3>() / places.len() as f64;
+        let blur = DVec3::from(SIGHT_MM.map(|sight| sight * self.random.normal()));
+        (!places.is_empty()).then(|| self.wanted - mean + blur)
+    }
+
+    fn correct(&mut self, now: f64, off: DVec3) {
+        let share = if self.pressed_s.is_some() { self.mapping.precise_gain } else { 1.0 };
+        let move_by = off * (CORRECTS / (self.mapping.gain * share));
+        let clumsy = DVec3::from([0; 3].map(|_| self.random.normal())) * (CLUMSY * move_by.length());
+        let from = self.hand(now);
+        self.way = (from, from + move_by + clumsy, now);
+    }
 }

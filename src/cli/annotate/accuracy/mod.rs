@@ -11,22 +11,29 @@ use anyhow::Context;
 
 use crate::cli::adapter::AdapterArguments;
 use crate::cli::output::{print_json, say, write_whole};
+use crate::interaction::HandOptions;
 use crate::volume::phantom::{Kind, Recipe};
 
 /// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they are missed.
 ///
 /// The remote is tracked as in `relief track experiment`: half a pixel of noise, whole pixels, a camera that was calibrated from a
-/// survey, the usual filter. The hand rests; the cursor is where the user wants it on average, and what is left is its noise at the
-/// moment of placing.
+/// survey, the usual filter. The hand trembles and drifts; the user looks at the cursor, leads it to the landmark, presses A, corrects,
+/// and lets go. Errors are distances from the landmark itself.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Ways: `ray` picks the frame's pixel under the cursor; `tip` sets the landmark down at the cursor in free space. A lever is
-how far the tip is before the remote's camera (`tip_mm`): the noise of a pose turns about the beacon, so a lever as long as the
-distance to the beacon is the steadiest. Snapping goes along the viewing ray: to the tissue's surface, or to the steepest edge.
+Ways: `tip` sets the landmark down at the cursor in free space, and snapping goes to the nearest boundary or edge; `ray` picks what the
+frame shows under the cursor, and snapping goes along the viewing ray. Each landmark is looked at from the nearest of the six standard
+views in which it is seen, or else from the nearest. A boundary's level is the program's own, from the voxels around.
+
+Mappings: `default` is what a session begins with (while A is held, a quarter of the way of the hand's mean); `direct` is the same
+without that; `lever` is direct with a tip as far before the remote as the beacon is.
+
+The tremor's acceleration is the most common one of 97 people's hands (M. Wade, M. Gresty and L. Findley, Arch Neurol 39, 1982: a peak of
+0.01 g, from 0.0015 to 0.035 g). Drift, eyes and skill are assumptions.
 
 Examples:
   relief annotate accuracy
-  relief annotate accuracy --distance-mm 1500 --json
+  relief annotate accuracy --distance-mm 1500 --tremor-g 0.035 --json
   relief annotate accuracy --out results                  accuracy.svg and accuracy.png")]
 pub(super) struct Arguments {
     /// From the beacon to the remote
@@ -36,8 +43,11 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
     /// How far snapping may move a landmark
-    #[arg(long, value_name = "MM", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=20))]
+    #[arg(long, value_name = "MM", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=20))]
     radius_mm: u32,
+    /// Peak acceleration of the hand's tremor, standard gravities
+    #[arg(long, value_name = "G", default_value_t = 0.01, value_parser = gravities)]
+    tremor_g: f64,
     /// Voxels across the phantom
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(64..=512))]
     size: u32,
@@ -61,6 +71,9 @@ struct Report {
     landmarks: usize,
     repeats: u32,
     radius_mm: f64,
+    tremor_g: f64,
+    /// Landmarks that no standard view shows.
+    hidden: usize,
     ways: Vec<Way>,
 }
 
@@ -69,9 +82,11 @@ struct Report {
 struct Way {
     /// `ray` or `tip`.
     way: &'static str,
+    /// `direct`, `lever` or `default`.
+    mapping: &'static str,
     /// From the remote's camera to the tip, mm.
     lever_mm: f64,
-    /// `none`, `surface` or `gradient`.
+    /// `none`, `boundary` or `gradient`.
     snap: &'static str,
     median_mm: f64,
     p95_mm: f64,
@@ -81,8 +96,17 @@ struct Way {
     errors_mm: Vec<f64>,
 }
 
-/// The lever that views begin with, mm.
-const USUAL_LEVER_MM: f64 = 150.0;
+fn gravities(text: &str) -> Result<f64, String> {
+    let gravities: f64 = text.parse().map_err(|error| format!("{error}"))?;
+    if (0.0..=0.2).contains(&gravities) { Ok(gravities) } else { Err("allowed: 0 to 0.2".to_owned()) }
+}
+
+/// What a hand's movements mean, by name.
+fn mappings(distance_mm: f64) -> [(&'static str, HandOptions); 3] {
+    let direct = HandOptions { precise_gain: 1.0, steady_s: 0.0, ..HandOptions::default() };
+    let lever = HandOptions { tip_mm: distance_mm, ..direct.clone() };
+    [("direct", direct), ("lever", lever), ("default", HandOptions::default())]
+}
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let recipe = Recipe::new(Kind::Head).with_size(arguments.size as usize)?;
@@ -91,29 +115,47 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let distance_mm = f64::from(arguments.distance_mm);
     let radius_mm = f64::from(arguments.radius_mm);
     let count = phantom.truth.landmarks.len() * arguments.repeats as usize;
-    let levers = [USUAL_LEVER_MM, distance_mm];
-    let noise = hand::noise(distance_mm, &levers, count, arguments.seed)?;
+    let (names, options): (Vec<_>, Vec<_>) = mappings(distance_mm).into_iter().unzip();
+    let placer = hand::Placer { distance_mm, tremor_g: arguments.tremor_g, seed: arguments.seed };
+    let offsets = hand::place(placer, &options, count)?;
     let mut ways: Vec<Way> = Vec::new();
     for way in ["ray", "tip"] {
-        for lever_mm in levers {
-            for snap in ["none", "surface", "gradient"] {
+        for (mapping, options) in names.iter().zip(&options) {
+            for snap in ["none", "boundary", "gradient"] {
                 let (median_mm, p95_mm, max_mm) = (f64::NAN, f64::NAN, f64::NAN);
                 let errors_mm = Vec::with_capacity(count);
-                ways.push(Way { way, lever_mm, snap, median_mm, p95_mm, max_mm, missed: 0, errors_mm });
+                let lever_mm = options.tip_mm;
+                ways.push(Way {
+                    way,
+                    mapping,
+                    lever_mm,
+                    snap,
+                    median_mm,
+                    p95_mm,
+                    max_mm,
+                    missed: 0,
+                    errors_mm,
+                });
             }
         }
     }
+    let mut hidden = 0;
     for (at, landmark) in phantom.truth.landmarks.iter().enumerate() {
-        let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark)
+        let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark, arguments.seed ^ at as u64)
             .with_context(|| format!("cannot show {}", landmark.name))?;
+        hidden += usize::from(!shown.is_seen);
         for repeat in 0..arguments.repeats as usize {
-            let offsets = &noise[at * arguments.repeats as usize + repeat];
-            shown.place(&phantom.volume, offsets, radius_mm, &mut ways);
+            let offsets = &offsets[at * arguments.repeats as usize + repeat];
+            for way in &mut ways {
+                let mapping = names.iter().position(|name| *name == way.mapping).unwrap_or_default();
+                shown.place(&phantom.volume, offsets[mapping], radius_mm, way);
+            }
         }
     }
     ways.iter_mut().for_each(Way::summarise);
     let landmarks = phantom.truth.landmarks.len();
-    let report = Report { distance_mm, landmarks, repeats: arguments.repeats, radius_mm, ways };
+    let (repeats, tremor_g) = (arguments.repeats, arguments.tremor_g);
+    let report = Report { distance_mm, landmarks, repeats, radius_mm, tremor_g, hidden, ways };
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let drawing = plot::draw(&report);
@@ -139,16 +181,15 @@ impl Way {
 }
 
 fn print(report: &Report) {
+    let Report { distance_mm, landmarks, repeats, radius_mm, tremor_g, hidden, ways } = report;
     say!(
-        "{} landmarks of the head, {} times each, with a remote {:.0} mm before the beacon; snapping within {} mm.\n",
-        report.landmarks,
-        report.repeats,
-        report.distance_mm,
-        report.radius_mm
+        "{landmarks} landmarks of the head, {repeats} times each, with a remote {distance_mm:.0} mm before the beacon; a tremor of {tremor_g} g;"
     );
+    say!("snapping within {radius_mm} mm; {hidden} landmarks are hidden in all six standard views.\n");
     say!(
-        "{:6}{:>10}  {:10}{:>10}{:>10}{:>10}{:>8}",
+        "{:6}{:10}{:>10}  {:10}{:>10}{:>10}{:>10}{:>8}",
         "way",
+        "mapping",
         "lever",
         "snap",
         "median",
@@ -156,10 +197,11 @@ fn print(report: &Report) {
         "most",
         "missed"
     );
-    for way in &report.ways {
+    for way in ways {
         say!(
-            "{:6}{:>7.0} mm  {:10}{:>7.2} mm{:>7.2} mm{:>7.2} mm{:>8}",
+            "{:6}{:10}{:>7.0} mm  {:10}{:>7.2} mm{:>7.2} mm{:>7.2} mm{:>8}",
             way.way,
+            way.mapping,
             way.lever_mm,
             way.snap,
             way.median_mm,

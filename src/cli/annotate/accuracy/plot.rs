@@ -3,7 +3,7 @@
 use super::Report;
 use crate::cli::drawing::{Anchor, Color, Drawing, Pen};
 
-const SIZE: [u16; 2] = [760, 470];
+const SIZE: [u16; 2] = [760, 640];
 const LEFT: f64 = 230.0;
 const RIGHT: f64 = 730.0;
 const TOP: f64 = 60.0;
@@ -34,7 +34,7 @@ pub(super) fn draw(report: &Report) -> Drawing {
     for (row, way) in report.ways.iter().enumerate() {
         let y = TOP + ROW * (row as f64 + 0.5);
         let color = if way.way == "ray" { [70, 120, 190] } else { [90, 150, 90] };
-        let name = format!("{}, {:.0} mm, {}", way.way, way.lever_mm, way.snap);
+        let name = format!("{}, {}, {}", way.way, way.mapping, way.snap);
         drawing.text([LEFT - 12.0, y + 4.0], Anchor::End, 9.0, INK, &name);
         for (number, error) in way.errors_mm.iter().enumerate() {
             // Apart from one another, the same each time.
