@@ -11,6 +11,7 @@ mod classification;
 mod depth_rule;
 mod enlarge;
 mod error;
+mod fingerprint;
 mod frame;
 mod gradients;
 mod illumination;

@@ -3,7 +3,6 @@
 //! The order of things: volume, media type, scene, its budget of time, then the `ETag`, and only then the render queue. Encoding runs on
 //! blocking threads. A client that leaves drops its handler, and with it the order.
 
-use std::fmt::Debug;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -207,7 +206,7 @@ pub(super) async fn answer(
     (method, product, media): (Method, Product, FileFormat),
 ) -> Result<Response, Problem> {
     let quality = within_budget(server, entry, &mut scene);
-    let tag = entity_tag(server, entry, &scene, &(product, media));
+    let tag = entity_tag(server, entry, &scene, &format!("{} {}", product.name(), media.media_type()));
     let display = scene.display.clone();
     let job = move |frame: &RenderedFrame| encode(frame, &display, product, media);
     let answered = answer_as(server, entry, &scene, headers, (method, media, &tag), job).await?;
@@ -333,13 +332,16 @@ fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
 
 /// A name for the bytes that this order gives: everything that decides them goes into the hash.
 ///
-/// The scene enters by its derived `Debug` form: that has every field there is or will be, and writes numbers with
-/// all their digits. It may change with a build, and so may frames; the identity has the build.
-///
-/// `form` is how the picture is written.
-pub(super) fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, form: &impl Debug) -> String {
-    let order = format!("{}\n{scene:?}\n{form:?}", server.config.identity);
-    let hash = Sha256::new().chain_update(entry.hash.0).chain_update(order).finalize();
+/// The scene enters by forms that are the same in every process ([`crate::render::RenderRequest::stable_bytes`], JSON), so that
+/// servers of one build before adapters of one kind agree, and one may answer for another. `form` is how the picture is written.
+pub(super) fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, form: &str) -> String {
+    let Scene { request, display, budget_ms, annotations } = scene;
+    let around = json!([server.config.identity, form, display, budget_ms, annotations]).to_string();
+    let hash = Sha256::new()
+        .chain_update(entry.hash.0)
+        .chain_update(around)
+        .chain_update(request.stable_bytes())
+        .finalize();
     let digits: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
     // Weak: another adapter of the same name may round a pixel another way.
     format!("W/\"{digits}\"")

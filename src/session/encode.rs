@@ -53,6 +53,15 @@ impl FileFormat {
 }
 
 impl Product {
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Frame => "frame",
+            Self::Depth => "depth",
+        }
+    }
+
     /// The formats that it can be written in, the preferred one first.
     #[must_use]
     pub const fn formats(self) -> &'static [FileFormat] {

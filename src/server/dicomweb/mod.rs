@@ -71,7 +71,7 @@ async fn rendered(
     }
     let media = negotiate(&accept, &PICTURES)?;
     let quality = parameters.quality.unwrap_or(USUAL_QUALITY);
-    let tag = entity_tag(server, &entry, &scene, &(media, quality));
+    let tag = entity_tag(server, &entry, &scene, &format!("rendered {} {quality}", media.media_type()));
     let display = scene.display.clone();
     let job = move |frame: &crate::render::RenderedFrame| match media {
         FileFormat::Jpeg => Ok(encode_jpeg(frame.size_px, &frame.color_rgba, quality)?),
