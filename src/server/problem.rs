@@ -54,6 +54,11 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, kind, detail)
     }
 
+    /// Whether the same may go well later: something here failed, and nothing was wrong with what was asked for.
+    pub(super) fn is_passing(&self) -> bool {
+        self.status.is_server_error()
+    }
+
     /// A value that may not be so.
     pub(super) fn out_of_range(error: &RequestError) -> Self {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)

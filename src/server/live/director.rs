@@ -33,7 +33,7 @@ pub(super) async fn direct(server: Arc<Server>, view: Arc<View>) {
                 make(&server, &view, *order, blocked_until).await;
                 blocked_until = Instant::now();
             }
-            Next::Failed { revision, problem } => view.fail(revision, &problem),
+            Next::Failed { revision, problem } => view.fail(revision, &problem, Instant::now()),
             Next::Full => {
                 view.work.notified().await;
                 blocked_until = Instant::now();
@@ -94,11 +94,11 @@ async fn make(server: &Arc<Server>, view: &View, order: Order, blocked_until: In
             };
             match shot(&order, &rendered, rendering, waiting) {
                 Ok(shot) => view.publish(Arc::new(shot)),
-                Err(problem) => view.fail(revision, &problem),
+                Err(problem) => view.fail(revision, &problem, Instant::now()),
             }
         }
         Ok(None) => {}
-        Err(problem) => view.fail(revision, &problem),
+        Err(problem) => view.fail(revision, &problem, Instant::now()),
     }
 }
 
@@ -122,26 +122,25 @@ fn shot(order: &Order, rendered: &Rendered, rendering: Duration, waiting: Durati
     })
 }
 
-/// The picture; `None` where it made way for a newer one.
+/// The picture; `None` where it made way for a newer one, or nobody looks any more.
 async fn render(server: &Arc<Server>, view: &View, order: &Order) -> Result<Option<Rendered>, Problem> {
     let request = if order.is_still { order.request.clone() } else { moving(server, order) };
     let volume = with_voxels(server, &order.entry).await?;
     let mut ticket = loop {
         match server.service.render(&volume, request.clone()) {
             Ok(ticket) => break ticket,
+            Err(ServiceError::Busy(_)) if !view.is_watched() => return Ok(None),
             Err(ServiceError::Busy(_)) => tokio::time::sleep(BUSY).await,
             Err(error) => return Err(error.into()),
         }
     };
     drop(volume);
     let outcome = loop {
-        if !order.is_still {
-            break ticket.await;
-        }
         tokio::select! {
             outcome = &mut ticket => break outcome,
             () = view.work.notified() => {
-                if view.revision() != order.revision {
+                let is_overtaken = order.is_still && view.revision() != order.revision;
+                if is_overtaken || !view.is_watched() {
                     return Ok(None); // dropping the ticket ends it
                 }
             }

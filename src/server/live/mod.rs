@@ -7,6 +7,7 @@
 mod connection;
 mod director;
 mod look;
+mod motion;
 mod pace;
 mod placing;
 mod plain;

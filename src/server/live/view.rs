@@ -11,6 +11,7 @@ use serde_json::Value;
 use tokio::sync::{Notify, watch};
 
 use super::look::Look;
+use super::motion::{Failure, Motion};
 use super::placing::method_of;
 use super::shot::{Echo, Shot};
 use super::slot::Slot;
@@ -26,11 +27,6 @@ use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
 use crate::session::Drawables;
 use crate::units::ViewDepth;
-
-/// A change that comes after so long follows no other.
-const STANDS_ALONE: Duration = Duration::from_millis(250);
-/// A view is still after so long, however slowly changes come.
-const LONGEST_STILL: Duration = Duration::from_millis(150);
 
 /// See the module.
 pub(super) struct View {
@@ -53,18 +49,16 @@ struct Inner {
     camera: Option<Camera>,
     /// Counts everything that changes the picture.
     revision: u64,
-    /// Arrival of the newest change.
-    arrived: Instant,
-    /// Mean time between changes that follow one another; 0 for one that stands alone.
-    rhythm: Duration,
+    motion: Motion,
     slots: Vec<Arc<Slot>>,
     /// Since when nobody looks.
     idle_since: Instant,
     published: Option<Published>,
     /// Number of the newest picture ever.
     number: u64,
-    /// What could not be rendered is not tried again.
-    failed: Option<u64>,
+    /// How long the newest best picture of this look took to render.
+    still_took: Option<Duration>,
+    failed: Option<Failure>,
     /// How the cursor came to its place, last.
     method: Method,
     /// What goes with the cursor, while something is moved.
@@ -101,7 +95,7 @@ pub(super) struct Order {
 /// What a director does next.
 pub(super) enum Next {
     Render(Box<Order>),
-    /// The picture of this revision cannot be made; it is not tried again. By now there may be another revision.
+    /// The picture of this revision cannot be made. By now there may be another revision.
     Failed {
         revision: u64,
         problem: Problem,
@@ -129,12 +123,12 @@ impl View {
             state,
             camera: None,
             revision: 1,
-            arrived: now,
-            rhythm: Duration::ZERO,
+            motion: Motion::new(now),
             slots: Vec::new(),
             idle_since: now,
             published: None,
             number: 0,
+            still_took: None,
             failed: None,
             method: Method::Tip,
             carried: None,
@@ -192,6 +186,11 @@ impl View {
         let presenters = presenters.count();
         let peers = Peers { presenters, watchers: inner.slots.len() - presenters };
         self.peers.send_if_modified(|known| std::mem::replace(known, peers) != peers);
+    }
+
+    /// Whether anybody looks.
+    pub(super) fn is_watched(&self) -> bool {
+        !self.lock().slots.is_empty()
     }
 
     /// Somebody is about to look: not to be forgotten now.
@@ -308,6 +307,7 @@ impl View {
         }
         let preset = look.preset.clone();
         inner.look = look;
+        inner.still_took = None;
         if let Some(name) = preset {
             let intent = Intent::Preset { name: Some(name), step: None };
             let Inner { state, look, .. } = &mut *inner;
@@ -326,18 +326,27 @@ impl View {
 
     /// Makes a picture the newest.
     pub(super) fn publish(&self, shot: Arc<Shot>) {
-        let Shot { number, revision, is_still, .. } = *shot;
+        let Shot { number, revision, is_still, rendering, .. } = *shot;
         let mut inner = self.lock();
+        if is_still && !rendering.is_zero() {
+            inner.still_took = Some(rendering);
+        }
         inner.published = Some(Published { number, revision, is_still });
         inner.number = number;
         drop(inner);
         self.shots.send_replace(Some(shot));
     }
 
-    /// Tells everybody that a revision cannot be rendered.
-    pub(super) fn fail(&self, revision: u64, problem: &Problem) {
-        self.lock().failed = Some(revision);
-        self.tell(problem);
+    /// Tells everybody that a revision cannot be rendered, once. It is tried again where that may go well, and otherwise when
+    /// something changes.
+    pub(super) fn fail(&self, revision: u64, problem: &Problem, now: Instant) {
+        let mut inner = self.lock();
+        let failure = Failure::new(inner.failed, revision, problem.is_passing(), now);
+        inner.failed = Some(failure);
+        drop(inner);
+        if failure.times == 1 {
+            self.tell(problem);
+        }
     }
 
     /// Tells everybody that something failed.
@@ -355,10 +364,8 @@ impl View {
 
 impl Inner {
     fn changed(&mut self, now: Instant) {
-        let gap = now.saturating_duration_since(self.arrived);
-        self.rhythm = if gap > STANDS_ALONE { Duration::ZERO } else { (self.rhythm * 3 + gap) / 4 };
+        self.motion.changed(now);
         self.revision += 1;
-        self.arrived = now;
     }
 
     fn record(&self) -> ViewRecord {
@@ -428,25 +435,23 @@ impl Inner {
             let end = self.idle_since + patience.linger;
             return if now >= end { Next::End } else { Next::Idle(Some(end)) };
         }
-        if self.failed == Some(self.revision) {
-            return Next::Idle(None);
+        if let Some(failure) = self.failed.filter(|failure| failure.holds(self.revision, now)) {
+            return Next::Idle(failure.again);
         }
         let current = self.published.filter(|published| published.revision == self.revision);
-        // A hand that is heard slowly is not still between two messages.
-        let still_after =
-            patience.still_after.max(self.rhythm * 5 / 2).min(LONGEST_STILL.max(patience.still_after));
-        let still_at = self.arrived + still_after;
+        let still_at = self.motion.still_at(patience.still_after);
         let is_still = match current {
             // Something at once, the best there is after it.
-            None => false,
+            None if !self.motion.comes_to_rest(now, still_at, self.still_took) => false,
             Some(published) if published.is_still => return Next::Idle(None),
-            Some(_) if now < still_at => return Next::Idle(Some(still_at)),
-            Some(_) => true,
+            _ if now < still_at => return Next::Idle(Some(still_at)),
+            _ => true,
         };
         let newest = self.published.map_or(0, |published| published.number);
         let is_hungry = |slot: &Arc<Slot>| {
             let flow = slot.flow();
-            flow.has_room() && flow.taken == newest
+            // By the time that the best picture is made, there is room for it with whoever keeps up.
+            flow.taken == newest && (is_still || flow.has_room())
         };
         if !self.slots.iter().any(is_hungry) {
             return Next::Full;
@@ -478,7 +483,7 @@ impl Inner {
             number,
             revision: self.revision,
             is_still,
-            arrived: self.arrived,
+            arrived: self.motion.arrived,
             shows,
             state: ServerMessage::State(message).to_text().into(),
             quality: self.look.quality,
