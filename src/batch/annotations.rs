@@ -137,7 +137,7 @@ impl KeptShape {
         // A thousandth of a millimetre: far below what a picture shows, and half the file.
         let rounded = |mm: f64| (mm * 1e3).round() / 1e3;
         let vertices_mm = shape.vertices.iter().map(|at| at.xyz.to_array().map(rounded)).collect();
-        Self { vertices_mm, triangles: shape.triangles.clone() }
+        Self { vertices_mm, triangles: shape.triangles.to_vec() }
     }
 
     fn shape(self) -> Result<Shape, String> {
@@ -149,7 +149,7 @@ impl KeptShape {
             return Err(format!("a corner is beyond {} mm", Item::FARTHEST_MM));
         }
         let vertices = self.vertices_mm.into_iter().map(|[x, y, z]| Point::new(x, y, z)).collect();
-        Ok(Shape { vertices, triangles: self.triangles })
+        Ok(Shape { vertices, triangles: self.triangles.into() })
     }
 }
 

@@ -63,7 +63,7 @@ impl Gate {
     pub(crate) fn labels(&self) -> Vec<String> {
         let last = self.last.lock().unwrap();
         let label = |item: &OverlayItem| match item {
-            OverlayItem::Landmark(landmark) => landmark.label.clone(),
+            OverlayItem::Landmark(landmark) => landmark.label.as_deref().map(str::to_owned),
             _ => None,
         };
         last.as_ref().map(|last| last.overlays.items.iter().filter_map(label).collect()).unwrap_or_default()

@@ -2,12 +2,13 @@
 
 use glam::DVec3;
 
+use super::ball::Ball;
 use super::instruments::{orientation_cube, scale_bar};
 use super::item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 use super::labels::{self, Label};
 use super::layers::Rank;
 use super::lens::{Lens, NEAR_MM};
-use super::shape::{Ball, Primitive, Shape, Stroke, Triangle};
+use super::shape::{Primitive, Shape, Stroke, Triangle};
 use super::text::{Style, Typesetter, usual_height_px};
 use crate::annotation::catmull_rom;
 use crate::volume::Grid;
@@ -113,7 +114,7 @@ impl<'a> Builder<'a> {
 
     fn mesh(&mut self, mesh: &Mesh) {
         let places: Vec<DVec3> = mesh.vertices.iter().map(|&vertex| self.lens.place(vertex)).collect();
-        for &corners in &mesh.triangles {
+        for &corners in &*mesh.triangles {
             let [a, b, c] = corners.map(|corner| places[corner as usize]);
             let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
             let kept = Lens::clip_triangle([a, b, c]);

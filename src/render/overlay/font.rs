@@ -35,7 +35,14 @@ pub(super) struct Glyph {
 pub(super) fn glyph(character: char) -> &'static Glyph {
     static FONT: LazyLock<BTreeMap<char, Glyph>> = LazyLock::new(font);
     static MISSING: LazyLock<Glyph> = LazyLock::new(|| Glyph::new("0,0 0,12 7,12 7,0 0,0"));
-    FONT.get(&character).unwrap_or(&MISSING)
+    /// Those that are asked for most, at their places.
+    static ASCII: LazyLock<[&Glyph; 128]> = LazyLock::new(|| {
+        std::array::from_fn(|code| u8::try_from(code).map_or(&*MISSING, |code| find(char::from(code))))
+    });
+    fn find(character: char) -> &'static Glyph {
+        FONT.get(&character).unwrap_or(&MISSING)
+    }
+    ASCII.get(character as usize).copied().unwrap_or_else(|| find(character))
 }
 
 /// A line of text as strokes: from its first ink at x = 0, its baseline at y = 0, in the units of the font; and how far

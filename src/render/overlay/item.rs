@@ -2,6 +2,8 @@
 //!
 //! These are the values of a request. How they become pixels is in the modules beside; their JSON is in `scene`.
 
+use std::sync::Arc;
+
 use super::text::HEIGHTS_PX;
 use crate::render::request::RequestError;
 use crate::space::{Patient, Point};
@@ -27,7 +29,7 @@ pub struct Overlays {
     pub occluded: f64,
 }
 
-/// One thing in patient space.
+/// One thing in patient space. Cheap to clone: lists are shared.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OverlayItem {
     /// A ball.
@@ -52,7 +54,7 @@ pub struct Landmark {
     /// Display-referred sRGB, 0..1.
     pub rgb: [f64; 3],
     /// Its name, written beside it where there is room.
-    pub label: Option<String>,
+    pub label: Option<Arc<str>>,
 }
 
 /// The size of a ball.
@@ -79,7 +81,7 @@ pub struct Line {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     /// Two or more; three or more where it is closed.
-    pub points: Vec<Point<Patient>>,
+    pub points: Arc<[Point<Patient>]>,
     /// Whether the last point is joined to the first.
     pub closed: bool,
     /// Whether it is a centripetal Catmull-Rom spline through the points, instead of straight between them.
@@ -94,9 +96,9 @@ pub struct Curve {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
     /// Corners.
-    pub vertices: Vec<Point<Patient>>,
+    pub vertices: Arc<[Point<Patient>]>,
     /// Three indices of corners each.
-    pub triangles: Vec<[u32; 3]>,
+    pub triangles: Arc<[[u32; 3]]>,
     /// Display-referred sRGB, 0..1.
     pub rgb: [f64; 3],
     /// 0.05..1. From a half on the mesh writes depth.
@@ -169,12 +171,10 @@ impl Overlays {
     #[must_use]
     pub fn size_bytes(&self) -> usize {
         let inner = |item: &OverlayItem| match item {
-            OverlayItem::Curve(curve) => size_of_val(curve.points.as_slice()),
-            OverlayItem::Mesh(mesh) => {
-                size_of_val(mesh.vertices.as_slice()) + size_of_val(mesh.triangles.as_slice())
-            }
+            OverlayItem::Curve(curve) => size_of_val(&*curve.points),
+            OverlayItem::Mesh(mesh) => size_of_val(&*mesh.vertices) + size_of_val(&*mesh.triangles),
             OverlayItem::Text(text) => text.text.len(),
-            OverlayItem::Landmark(landmark) => landmark.label.as_ref().map_or(0, String::len),
+            OverlayItem::Landmark(landmark) => landmark.label.as_ref().map_or(0, |label| label.len()),
             OverlayItem::Line(_) => 0,
         };
         size_of_val(self.items.as_slice()) + self.items.iter().map(inner).sum::<usize>()
@@ -334,7 +334,7 @@ impl Path {
     }
 
     fn within(self, key: &str, value: f64, range: [f64; 2]) -> Result<(), RequestError> {
-        within(&self.key(key), value, range)
+        if is_within(value, range) { Ok(()) } else { within(&self.key(key), value, range) }
     }
 
     fn line(self, key: &str, text: &str) -> Result<(), RequestError> {
@@ -377,8 +377,12 @@ fn at_index(error: RequestError, index: usize) -> RequestError {
     RequestError { path: format!("{}[{index}]", error.path), ..error }
 }
 
+fn is_within(value: f64, [low, high]: [f64; 2]) -> bool {
+    (low..=high).contains(&value)
+}
+
 fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), RequestError> {
-    let inside = (low..=high).contains(&value);
+    let inside = is_within(value, [low, high]);
     inside.then_some(()).ok_or_else(|| RequestError::new(path, &value, &format!("{low} to {high}")))
 }
 

@@ -1,7 +1,13 @@
 //! Labels of landmarks: beside the ball, joined to it by a leader, at its depth, where no other label is.
 //!
 //! The nearest landmarks choose first. Each tries eight sides at three distances; one that finds no free place within
-//! the picture is left out, its ball stays. Other labelled balls are covered only where there is no place beside them. Pixels of the picture; depth is view depth in mm.
+//! the picture is left out, its ball stays. Other labelled balls are covered only where there is no place beside them. So a picture
+//! has as many labels as can be read in it, the nearest ones, whatever the number of landmarks; it is full when a thousand in a row
+//! found no place.
+//!
+//! Pixels of the picture; depth is view depth in mm.
+
+use std::ops::Range;
 
 use glam::{BVec2, DVec2};
 
@@ -19,6 +25,9 @@ const GAPS: [f64; 3] = [0.55, 1.4, 2.8];
 /// Sides, the preferred one first: right, left, the corners, above, below.
 const SIDES: [(f64, f64); 8] =
     [(1.0, 0.0), (-1.0, 0.0), (0.7, -0.7), (0.7, 0.7), (-0.7, -0.7), (-0.7, 0.7), (0.0, -1.0), (0.0, 1.0)];
+
+/// A picture is full when so many labels in a row found no place: the ones behind are not tried.
+const FULL_AFTER: usize = 1000;
 
 const TEXT_RGB: [f64; 3] = [1.0; 3];
 
@@ -45,18 +54,26 @@ pub(super) fn set(
     if labels.is_empty() {
         return;
     }
-    let mut taken = Taken::new(lens.size_px);
+    let mut taken = Taken::new(lens.size_px, Label::size_px("", height_px).y);
     for primitive in out.iter().filter(|primitive| primitive.rank == Rank::Instrument) {
         let [left, top, right, bottom] = primitive.bounds();
-        taken.mark([DVec2::new(left, top), DVec2::new(right, bottom)], TAKEN);
+        taken.labels.mark(&taken.cells_of([DVec2::new(left, top), DVec2::new(right, bottom)]));
     }
     for label in &labels {
-        taken.mark([label.middle - label.radius_px, label.middle + label.radius_px], BALL);
+        taken.balls.mark(&taken.cells_of([label.middle - label.radius_px, label.middle + label.radius_px]));
     }
     labels.sort_by(|a, b| a.depth_mm.total_cmp(&b.depth_mm));
+    let mut in_vain = 0;
     for label in &labels {
-        let Some(place) = label.place(height_px, &taken) else { continue };
-        taken.mark(place.corners(), TAKEN);
+        let Some(place) = label.place(height_px, &taken) else {
+            in_vain += 1;
+            if in_vain == FULL_AFTER {
+                break;
+            }
+            continue;
+        };
+        in_vain = 0;
+        taken.labels.mark(&taken.cells_of(place.corners()));
         let shown_mm = depths_mm.map(|[near, far]| label.depth_mm.clamp(near, far));
         label.leader(&place, (f64::from(height_px), shown_mm), lens, out);
         let style = Style { height_px, rgb: TEXT_RGB, rank: Rank::Scene, shown_mm };
@@ -79,11 +96,16 @@ impl Place {
 }
 
 impl Label<'_> {
+    /// Width and height of a label's box.
+    fn size_px(text: &str, height_px: u32) -> DVec2 {
+        // Rims and descenders reach beyond the line.
+        Typesetter::size_px(text, height_px) + DVec2::new(0.4, 1.0) * f64::from(height_px)
+    }
+
     /// The first free place in the order of distances and sides.
     fn place(&self, height_px: u32, taken: &Taken) -> Option<Place> {
         let height = f64::from(height_px);
-        // Rims and descenders reach beyond the line.
-        let half = (Typesetter::size_px(self.text, height_px) + DVec2::new(0.4, 1.0) * height) / 2.0;
+        let half = Self::size_px(self.text, height_px) / 2.0;
         let sides = GAPS.into_iter().flat_map(|gap| SIDES.map(|(x, y)| (DVec2::new(x, y), gap)));
         let mut places = sides.map(|(side, gap)| {
             let near = self.middle + side * (self.radius_px + gap * height);
@@ -94,12 +116,12 @@ impl Label<'_> {
         // The first free one, or else the first that covers nothing but balls.
         let mut over_balls = None;
         let free = places.find_map(|place| match taken.most_in(place.corners())? {
-            FREE => Some(place),
-            BALL => {
+            Has::Nothing => Some(place),
+            Has::Balls => {
                 over_balls.get_or_insert(place);
                 None
             }
-            _ => None,
+            Has::Labels => None,
         });
         free.or(over_balls)
     }
@@ -126,55 +148,109 @@ impl Label<'_> {
     }
 }
 
-/// What a part of a picture has: nothing, a labelled ball, or something that no label may cover.
-const FREE: u8 = 0;
-const BALL: u8 = 1;
-const TAKEN: u8 = 2;
+/// What a part of a picture has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Has {
+    Nothing,
+    /// Labelled balls.
+    Balls,
+    /// Something that no label may cover.
+    Labels,
+}
 
 /// What the parts of a picture have.
 struct Taken {
-    cells: Vec<u8>,
+    balls: Marks,
+    labels: Marks,
     columns: u32,
     rows: u32,
     size_px: DVec2,
 }
 
-impl Taken {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's size")]
-    fn new(size_px: DVec2) -> Self {
-        let [columns, rows] = (size_px / CELL_PX).ceil().to_array().map(|count| count as u32);
-        Self { cells: vec![FREE; columns as usize * rows as usize], columns, rows, size_px }
+/// Which parts of a picture are marked: a bit for each, in rows of whole words.
+struct Marks {
+    cells: Vec<u64>,
+    /// For each cell whether it or one of those below it is marked, as many as every label is high: one look for most of a label.
+    below: Vec<u64>,
+    /// Words of a row.
+    stride: usize,
+    /// Rows that `below` stands for.
+    reach: usize,
+}
+
+/// A box of cells.
+struct Cells {
+    words: Range<usize>,
+    columns: Range<usize>,
+    rows: Range<usize>,
+}
+
+impl Cells {
+    /// The bits that count in a word of each row.
+    fn bits(&self, word: usize) -> u64 {
+        let Range { start, end } = self.columns;
+        (u64::MAX << start.saturating_sub(word * 64)) & (u64::MAX >> (64 - (end - word * 64).min(64)))
+    }
+}
+
+impl Marks {
+    fn new(stride: usize, rows: usize, reach: usize) -> Self {
+        let none = vec![0; stride * rows];
+        Self { cells: none.clone(), below: none, stride, reach }
     }
 
-    /// The cells that a box touches, row by row.
-    fn cells_of(&self, [low, high]: [DVec2; 2]) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
-        let [left, right] = pixels(low.x / CELL_PX, high.x / CELL_PX, [0, self.columns]);
-        let [top, bottom] = pixels(low.y / CELL_PX, high.y / CELL_PX, [0, self.rows]);
-        let columns = self.columns as usize;
-        (top as usize..bottom as usize)
-            .map(move |row| row * columns + left as usize..row * columns + right as usize)
-    }
-
-    fn mark(&mut self, corners: [DVec2; 2], what: u8) {
-        for range in self.cells_of(corners) {
-            self.cells[range].iter_mut().for_each(|cell| *cell = what.max(*cell));
+    fn mark(&mut self, cells: &Cells) {
+        let Range { start, end } = cells.rows.clone();
+        for word in cells.words.clone() {
+            let bits = cells.bits(word);
+            (start..end).for_each(|row| self.cells[row * self.stride + word] |= bits);
+            let above = start.saturating_sub(self.reach - 1);
+            (above..end).for_each(|row| self.below[row * self.stride + word] |= bits);
         }
     }
 
-    /// The most of what a box touches; `None` where it does not lie within the picture.
-    fn most_in(&self, corners: [DVec2; 2]) -> Option<u8> {
+    /// Whether any of these cells is marked: at least as many rows as `below` stands for.
+    fn are_in(&self, cells: &Cells) -> bool {
+        let Range { start, end } = cells.rows.clone();
+        cells.words.clone().any(|word| {
+            let bits = cells.bits(word);
+            let is_marked = |cells: &[u64], row: usize| cells[row * self.stride + word] & bits != 0;
+            is_marked(&self.below, start) || (start + self.reach..end).any(|row| is_marked(&self.cells, row))
+        })
+    }
+}
+
+impl Taken {
+    /// A picture for labels of this height, px.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's size")]
+    fn new(size_px: DVec2, label_px: f64) -> Self {
+        let [columns, rows] = (size_px / CELL_PX).ceil().to_array().map(|count| count as u32);
+        let marks = || {
+            Marks::new(columns.div_ceil(64) as usize, rows as usize, ((label_px / CELL_PX) as usize).max(1))
+        };
+        Self { balls: marks(), labels: marks(), columns, rows, size_px }
+    }
+
+    /// The cells that a box touches.
+    fn cells_of(&self, [low, high]: [DVec2; 2]) -> Cells {
+        let [left, right] =
+            pixels(low.x / CELL_PX, high.x / CELL_PX, [0, self.columns]).map(|at| at as usize);
+        let [top, bottom] = pixels(low.y / CELL_PX, high.y / CELL_PX, [0, self.rows]).map(|at| at as usize);
+        Cells { words: left / 64..right.div_ceil(64), columns: left..right, rows: top..bottom }
+    }
+
+    /// The most of what a label's box touches; `None` where it does not lie within the picture.
+    fn most_in(&self, corners: [DVec2; 2]) -> Option<Has> {
         let [low, high] = corners;
         if low.min_element() < 0.0 || !high.cmple(self.size_px).all() {
             return None;
         }
-        let mut most = FREE;
-        for range in self.cells_of(corners) {
-            most = self.cells[range].iter().copied().fold(most, u8::max);
-            if most == TAKEN {
-                break;
-            }
-        }
-        Some(most)
+        let cells = self.cells_of(corners);
+        Some(match () {
+            () if self.labels.are_in(&cells) => Has::Labels,
+            () if self.balls.are_in(&cells) => Has::Balls,
+            () => Has::Nothing,
+        })
     }
 }
 

@@ -22,9 +22,15 @@ const MOST_FRAGMENTS: usize = 32;
 
 /// The sample points of a pixel from its corner: each has a row and a column of sixteenths for itself, so that upright
 /// and level edges have 16 steps too.
-pub(super) fn sample_points() -> [DVec2; 16] {
-    std::array::from_fn(|i| DVec2::new(i as f64 + 0.5, (i * 5 % 16) as f64 + 0.5) / 16.0)
-}
+pub(super) const SAMPLE_POINTS: [DVec2; 16] = {
+    let mut points = [DVec2::ZERO; 16];
+    let mut i = 0;
+    while i < 16 {
+        points[i] = DVec2::new((i as f64 + 0.5) / 16.0, ((i * 5 % 16) as f64 + 0.5) / 16.0);
+        i += 1;
+    }
+    points
+};
 
 /// What stands before what, whatever the depths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,6 +63,11 @@ impl Fragment {
         self.points == FULL && self.opacity >= 1.0
     }
 
+    /// The depth from which on it hides what is of the scene.
+    fn wall_mm(&self) -> f32 {
+        if self.rank == Rank::Instrument { f32::NEG_INFINITY } else { self.depth_mm }
+    }
+
     /// Whether the volume is before it.
     fn is_hidden_by(&self, volume_mm: f32) -> bool {
         self.rank == Rank::Scene && self.depth_mm > volume_mm
@@ -79,11 +90,41 @@ impl Fragment {
     }
 }
 
-/// Memory of a band, used again for the next one.
+/// No fragment.
+const NONE: u32 = u32::MAX;
+
+/// What a band has of a pixel.
+#[derive(Clone, Copy, Debug)]
+struct Pixel {
+    /// Its nearest fragment; [`NONE`] where there is none.
+    first: u32,
+    /// How many there are.
+    count: u32,
+    /// Depth from which on nothing is seen, since a fragment hides all behind it: no end where none does.
+    wall_mm: f32,
+}
+
+impl Pixel {
+    const EMPTY: Self = Self { first: NONE, count: 0, wall_mm: f32::INFINITY };
+}
+
+/// A fragment and the one behind it.
+#[derive(Clone, Copy, Debug)]
+struct Linked {
+    fragment: Fragment,
+    next: u32,
+}
+
+/// Memory of a band, used again for the next one. Fragments of all pixels lie side by side, in the order in which they came.
 #[derive(Default)]
 pub(super) struct Scratch {
-    pixels: Vec<Vec<Fragment>>,
+    pixels: Vec<Pixel>,
+    linked: Vec<Linked>,
     touched: Vec<usize>,
+    /// One pixel's fragments, in their order.
+    list: Vec<Fragment>,
+    /// Sample points of a row.
+    pub(super) points: Vec<u16>,
 }
 
 /// Rows of a picture that are drawn together.
@@ -91,63 +132,121 @@ pub(super) struct Band<'a> {
     /// The first row, and the one after the last.
     pub(super) rows: [u32; 2],
     pub(super) width: u32,
-    pub(super) color_rgba: &'a mut [[u8; 4]],
-    pub(super) depth_mm: &'a mut [f32],
+    color_rgba: &'a mut [[u8; 4]],
+    depth_mm: &'a mut [f32],
     pub(super) scratch: &'a mut Scratch,
 }
 
-impl Band<'_> {
-    /// Puts a fragment into a pixel of this band.
-    pub(super) fn add(&mut self, column: u32, row: u32, fragment: Fragment) {
-        let at = ((row - self.rows[0]) * self.width + column) as usize;
-        let Scratch { pixels, touched } = &mut *self.scratch;
-        if pixels.len() < self.color_rgba.len() {
-            pixels.resize_with(self.color_rgba.len(), Vec::new);
+impl<'a> Band<'a> {
+    /// The rows from one on up to before another, with their pixels.
+    pub(super) fn new(
+        (rows, width): ([u32; 2], u32),
+        (color_rgba, depth_mm): (&'a mut [[u8; 4]], &'a mut [f32]),
+        scratch: &'a mut Scratch,
+    ) -> Self {
+        if scratch.pixels.len() < color_rgba.len() {
+            scratch.pixels.resize(color_rgba.len(), Pixel::EMPTY);
         }
-        let list = &mut pixels[at];
-        if list.is_empty() {
-            touched.push(at);
-        }
-        insert(list, fragment);
+        Self { rows, width, color_rgba, depth_mm, scratch }
     }
 
-    /// Whether a fragment of this rank, as near as this or farther, would be hidden by others of its pixel, whatever it is.
-    pub(super) fn is_hidden(&self, column: u32, row: u32, key: (Rank, f32)) -> bool {
-        let at = ((row - self.rows[0]) * self.width + column) as usize;
-        let last = self.scratch.pixels.get(at).and_then(|list| list.last());
-        last.is_some_and(|last| last.hides_all_behind() && last.key() <= key)
+    fn place(&self, column: u32, row: u32) -> usize {
+        ((row - self.rows[0]) * self.width + column) as usize
+    }
+
+    /// Puts a fragment into a pixel of this band.
+    pub(super) fn add(&mut self, column: u32, row: u32, fragment: Fragment) {
+        let at = self.place(column, row);
+        self.scratch.insert(at, fragment);
+    }
+
+    /// Whether a fragment of this rank, as near as this or farther, would be hidden by others in all of these columns of a row.
+    pub(super) fn are_hidden(&self, row: u32, [first, end]: [u32; 2], (rank, mm): (Rank, f32)) -> bool {
+        let pixels = &self.scratch.pixels[self.place(first, row)..self.place(end, row)];
+        rank == Rank::Scene && pixels.iter().all(|pixel| pixel.wall_mm <= mm)
     }
 
     /// Turns what was added into colour and depth. What lies behind the volume has `occluded` of its opacity.
     pub(super) fn resolve(&mut self, occluded: f32) {
-        let Scratch { pixels, touched } = &mut *self.scratch;
+        let Scratch { pixels, linked, touched, list, .. } = &mut *self.scratch;
         for at in touched.drain(..) {
-            let list = &mut pixels[at];
+            let mut next = std::mem::replace(&mut pixels[at], Pixel::EMPTY).first;
+            if let Some(Linked { fragment, .. }) = linked.get(next as usize)
+                && fragment.hides_all_behind()
+                && !fragment.is_hidden_by(self.depth_mm[at])
+            {
+                // What the sums of `blend` come to.
+                let [r, g, b] = fragment.rgb.map(byte);
+                self.color_rgba[at] = [r, g, b, 255];
+                self.depth_mm[at] = fragment.shown_mm;
+                continue;
+            }
+            list.clear();
+            while let Some(link) = linked.get(next as usize) {
+                list.push(link.fragment);
+                next = link.next;
+            }
             let volume_mm = self.depth_mm[at];
             let split = list.partition_point(|fragment| !fragment.is_hidden_by(volume_mm));
             let (front, hidden) = list.split_at(split);
             self.color_rgba[at] = blend(front, hidden, occluded, self.color_rgba[at]);
             self.depth_mm[at] = depth_of(front).unwrap_or(volume_mm);
-            list.clear();
         }
+        linked.clear();
     }
 }
 
-/// Puts a fragment behind all that are not behind it. Equal ones stay in the order in which they came.
-fn insert(list: &mut Vec<Fragment>, fragment: Fragment) {
-    let at = list.partition_point(|known| known.key() <= fragment.key());
-    if list[..at].last().is_some_and(Fragment::hides_all_behind) {
-        return;
+impl Scratch {
+    /// Puts a fragment behind all that are not behind it. Equal ones stay in the order in which they came.
+    fn insert(&mut self, at: usize, fragment: Fragment) {
+        let (pixel, linked) = (&mut self.pixels[at], &mut self.linked);
+        if pixel.first == NONE {
+            self.touched.push(at);
+        }
+        let (mut before, mut next, mut passed) = (NONE, pixel.first, 0);
+        while let Some(link) = linked.get(next as usize)
+            && link.fragment.key() <= fragment.key()
+        {
+            (before, next) = (next, link.next);
+            passed += 1;
+        }
+        if linked.get(before as usize).is_some_and(|link| link.fragment.hides_all_behind()) {
+            return;
+        }
+        pixel.count += 1;
+        if fragment.hides_all_behind() {
+            (next, pixel.count) = (NONE, passed + 1);
+            pixel.wall_mm = fragment.wall_mm();
+        }
+        let Ok(new) = u32::try_from(linked.len()) else { return };
+        linked.push(Linked { fragment, next });
+        match linked.get_mut(before as usize) {
+            Some(link) => link.next = new,
+            None => pixel.first = new,
+        }
+        if pixel.count as usize > MOST_FRAGMENTS {
+            self.merge_last(at);
+        }
     }
-    if fragment.hides_all_behind() {
-        list.truncate(at);
-    }
-    list.insert(at, fragment);
-    if list.len() > MOST_FRAGMENTS
-        && let Some(last) = list.pop()
-        && let Some(before) = list.last_mut()
-    {
-        *before = before.merged(&last);
+
+    /// Makes one of the two farthest fragments of a pixel.
+    fn merge_last(&mut self, at: usize) {
+        let (pixel, linked) = (&mut self.pixels[at], &mut self.linked);
+        let mut place = pixel.first as usize;
+        while let Some(Linked { next, .. }) = linked.get(place).copied()
+            && let Some(last) = linked.get(next as usize).copied()
+        {
+            if last.next != NONE {
+                place = next as usize;
+                continue;
+            }
+            let merged = linked[place].fragment.merged(&last.fragment);
+            linked[place] = Linked { fragment: merged, next: NONE };
+            pixel.count -= 1;
+            if merged.hides_all_behind() {
+                pixel.wall_mm = merged.wall_mm();
+            }
+        }
     }
 }
 
@@ -155,12 +254,8 @@ fn insert(list: &mut Vec<Fragment>, fragment: Fragment) {
 ///
 /// Hidden fragments hide one another as if they were seen alone; the share is of what is then seen of them all.
 fn blend(front: &[Fragment], hidden: &[Fragment], occluded: f32, [r, g, b, coverage]: [u8; 4]) -> [u8; 4] {
-    if let [only, ..] = front
-        && only.hides_all_behind()
-    {
-        // What the sums below come to.
-        let [r, g, b] = only.rgb.map(byte);
-        return [r, g, b, 255];
+    if front.iter().chain(hidden).all(|fragment| fragment.opacity >= 1.0) {
+        return blend_opaque(front, hidden, occluded, [r, g, b, coverage]);
     }
     let mut rgb = [0.0; 3];
     let mut passing = [1.0f32; 16];
@@ -174,6 +269,34 @@ fn blend(front: &[Fragment], hidden: &[Fragment], occluded: f32, [r, g, b, cover
     }
     let of_volume = |(front, hidden): (&f32, &f32)| front * (1.0 - occluded * (1.0 - hidden)) / POINTS;
     let rest: f32 = passing.iter().zip(&passing_hidden).map(of_volume).sum();
+    over_volume(rgb, rest, [r, g, b, coverage])
+}
+
+/// The same where every fragment is opaque, so that a sample point is that of one: counting bits comes to the same numbers.
+fn blend_opaque(front: &[Fragment], hidden: &[Fragment], occluded: f32, volume: [u8; 4]) -> [u8; 4] {
+    let mut rgb = [0.0; 3];
+    let mut open = FULL;
+    for fragment in front {
+        add(&mut rgb, fragment, (fragment.points & open).count_ones() as f32 / POINTS);
+        open &= !fragment.points;
+    }
+    let mut open_hidden = FULL;
+    for fragment in hidden {
+        let share = (fragment.points & open_hidden & open).count_ones() as f32 / POINTS;
+        add(&mut rgb, fragment, share * occluded);
+        open_hidden &= !fragment.points;
+    }
+    let [bare, dimmed] = [0.0, 1.0].map(|hidden: f32| (1.0 - occluded * hidden) / POINTS);
+    let of_point = |i: u32| match (open >> i & 1, open_hidden >> i & 1) {
+        (0, _) => 0.0,
+        (_, 0) => dimmed,
+        _ => bare,
+    };
+    over_volume(rgb, (0..16).map(of_point).sum(), volume)
+}
+
+/// What fragments have in a pixel, and the rest of it, which is the volume's picture.
+fn over_volume(rgb: [f32; 3], rest: f32, [r, g, b, coverage]: [u8; 4]) -> [u8; 4] {
     let volume = [r, g, b].map(f32::from);
     let [r, g, b] = std::array::from_fn(|i| byte(rgb[i] + rest * volume[i]));
     [r, g, b, byte(255.0 - rest * (255.0 - f32::from(coverage)))]
@@ -229,13 +352,7 @@ mod tests {
     fn resolved(fragments: &[Fragment], volume: ([u8; 4], f32), occluded: f32) -> ([u8; 4], f32) {
         let mut scratch = Scratch::default();
         let (mut color, mut depth) = ([volume.0], [volume.1]);
-        let mut band = Band {
-            rows: [0, 1],
-            width: 1,
-            color_rgba: &mut color,
-            depth_mm: &mut depth,
-            scratch: &mut scratch,
-        };
+        let mut band = Band::new(([0, 1], 1), (&mut color, &mut depth), &mut scratch);
         for &one in fragments {
             band.add(0, 0, one);
         }
@@ -299,8 +416,8 @@ mod tests {
             (0..1000u16).map(|i| fragment(RED, 0.01, f32::from(i * 7 % 1000), FULL)).collect();
         let (color, _) = resolved(&layers, ([0, 0, 0, 0], f32::INFINITY), 0.25);
         assert_eq!(color, [255, 0, 0, 255]);
-        let mut list = Vec::new();
-        layers.iter().for_each(|one| insert(&mut list, *one));
-        assert_eq!(list.len(), MOST_FRAGMENTS);
+        let mut scratch = Scratch { pixels: vec![Pixel::EMPTY], ..Scratch::default() };
+        layers.iter().for_each(|one| scratch.insert(0, *one));
+        assert_eq!(scratch.pixels[0].count as usize, MOST_FRAGMENTS);
     }
 }

@@ -60,6 +60,11 @@ impl Lens {
         DVec2::new(ndc.x, -ndc.y) * self.half_extent + self.shift
     }
 
+    /// Pixels to 1 of [`Lens::across`], to the right and downwards.
+    pub(super) fn px_across(&self) -> DVec2 {
+        DVec2::new(self.size_px.x, -self.size_px.y) / (2.0 * self.half_extent)
+    }
+
     /// Length of a pixel's side at a depth, mm.
     pub(super) fn mm_per_px(&self, depth_mm: f64) -> f64 {
         2.0 * self.half_extent.y / self.size_px.y * self.spread(depth_mm)

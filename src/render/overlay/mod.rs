@@ -11,6 +11,7 @@
 //!
 //! Spaces: items are in patient mm, primitives in view space and pixels (see `lens`); depth is view depth in mm.
 
+mod ball;
 mod build;
 mod font;
 mod instruments;
@@ -25,7 +26,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use self::layers::{Band, Scratch};
+use self::layers::{Band, Rank, Scratch};
 use self::lens::Lens;
 use self::shape::{Primitive, Shape, pixels};
 use super::frame::RenderedFrame;
@@ -114,7 +115,7 @@ impl Drawing {
             #[expect(clippy::cast_possible_truncation, reason = "a picture's rows are u32")]
             let first = i as u32 * BAND_ROWS;
             let rows = [first, (first + BAND_ROWS).min(height)];
-            let mut band = Band { rows, width, color_rgba, depth_mm, scratch: &mut scratch };
+            let mut band = Band::new((rows, width), (color_rgba, depth_mm), &mut scratch);
             for &member in members {
                 self.primitives[member as usize].draw(&self.lens, &mut band);
             }
@@ -144,7 +145,11 @@ impl Drawing {
         let primitive = |member: &u32| &self.primitives[*member as usize];
         let mut keyed: Vec<(f32, u32)> =
             members.iter().map(|member| (primitive(member).nearest_mm(), *member)).collect();
-        if members.iter().all(|member| !matches!(primitive(member).shape, Shape::Triangle(_))) {
+        let is_mesh = |member: &u32| {
+            let Primitive { shape, rank, .. } = primitive(member);
+            matches!(shape, Shape::Triangle(_)) && *rank == Rank::Scene
+        };
+        if !members.iter().any(is_mesh) {
             keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
             members.iter_mut().zip(keyed).for_each(|(member, (_, sorted))| *member = sorted);
         }

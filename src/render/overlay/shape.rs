@@ -1,4 +1,4 @@
-//! Primitives and the pixels that they cover: balls, strokes, triangles and glyphs, already in view and in pixels.
+//! Primitives and the pixels that they cover: balls (see `ball`), strokes, triangles and glyphs, already in view and in pixels.
 //!
 //! Each is drawn row by row. Coverage is counted at the sample points of `layers`; a pixel's depth and shade are those
 //! at its centre, or at the primitive's nearest part where the centre is outside. Shade is of a headlight: the share
@@ -6,8 +6,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::layers::{Band, FULL, Fragment, Rank, sample_points};
-use super::lens::{Lens, NEAR_MM};
+use super::ball::Ball;
+use super::layers::{Band, FULL, Fragment, Rank, SAMPLE_POINTS};
+use super::lens::Lens;
 use super::text::Stamp;
 
 /// Share of light that does not depend on the slope of a surface.
@@ -15,9 +16,6 @@ const AMBIENT: f64 = 0.35;
 
 /// From a pixel's centre to its corner, px.
 pub(super) const HALF_DIAGONAL: f64 = 0.708;
-
-/// A ball of this radius or more, px, is wider than a pixel's diagonal everywhere.
-const WIDE_PX: f64 = 2.0;
 
 /// Something to draw.
 #[derive(Clone, Debug)]
@@ -41,10 +39,10 @@ pub(super) enum Shape {
 }
 
 /// What a shape has in one pixel: sample points, view depth in mm, and share of its colour.
-struct Cover {
-    points: u16,
-    depth_mm: f64,
-    light: f64,
+pub(super) struct Cover {
+    pub(super) points: u16,
+    pub(super) depth_mm: f64,
+    pub(super) light: f64,
 }
 
 impl Primitive {
@@ -68,47 +66,50 @@ impl Primitive {
 
     /// Draws what lies in the band.
     pub(super) fn draw(&self, lens: &Lens, band: &mut Band<'_>) {
-        if let Shape::Ball(ball) = &self.shape {
-            return self.draw_ball(ball, lens, band);
+        match &self.shape {
+            Shape::Ball(ball) => ball.draw(self, lens, band),
+            Shape::Stamp(stamp) => self.draw_stamp(stamp, band),
+            Shape::Stroke(stroke) => {
+                self.draw_pixels(band, |row| stroke.span(row), |corner| stroke.cover(lens, corner));
+            }
+            Shape::Triangle(triangle) => {
+                self.draw_pixels(band, |row| triangle.span(row), |corner| triangle.cover(lens, corner));
+            }
         }
+    }
+
+    /// Draws what lies in the band, pixel by pixel: where a shape may be in a row, and what it has in the pixel with this upper
+    /// left corner.
+    fn draw_pixels(
+        &self,
+        band: &mut Band<'_>,
+        span: impl Fn(f64) -> [f64; 2],
+        cover: impl Fn(DVec2) -> Option<Cover>,
+    ) {
         let [_, top, _, bottom] = self.bounds();
         let [first, end] = pixels(top, bottom, band.rows);
         for row in first..end {
-            let [left, right] = self.span(row);
+            let [left, right] = span(f64::from(row));
             let [first, end] = pixels(left, right, [0, band.width]);
             for column in first..end {
-                if let Some(cover) = self.cover(lens, DVec2::new(f64::from(column), f64::from(row))) {
+                if let Some(cover) = cover(DVec2::new(f64::from(column), f64::from(row))) {
                     band.add(column, row, self.fragment(&cover));
                 }
             }
         }
     }
 
-    /// As [`Primitive::draw`] for a ball: corners that pixels share are looked at once, and only pixels where something may be seen.
-    fn draw_ball(&self, ball: &Ball, lens: &Lens, band: &mut Band<'_>) {
-        let [left, top, right, bottom] = ball.bounds;
+    /// As [`Primitive::draw`] for a glyph, row by row of its picture.
+    fn draw_stamp(&self, stamp: &Stamp, band: &mut Band<'_>) {
+        let [left, top, right, bottom] = stamp.bounds();
         let ([first, end], [from, to]) =
             (pixels(top, bottom, band.rows), pixels(left, right, [0, band.width]));
-        let inside = |row: u32| {
-            let is_inside = move |column: u32| ball.is_inside(lens, DVec2::new(column.into(), row.into()));
-            (from..to + 1).map(is_inside)
-        };
         let nearest = (self.rank, self.nearest_mm());
-        let mut above: Vec<bool> = Vec::with_capacity((to - from) as usize + 1);
-        let mut below: Vec<bool> = inside(first).collect();
+        let fragment = self.fragment(&Cover { points: 0, depth_mm: stamp.depth_mm, light: 1.0 });
         for row in first..end {
-            std::mem::swap(&mut above, &mut below);
-            below.clear();
-            below.extend(inside(row + 1));
-            for column in from..to {
-                let at = (column - from) as usize;
-                let corners = [above[at], above[at + 1], below[at], below[at + 1]];
-                let corner = DVec2::new(column.into(), row.into());
-                if band.is_hidden(column, row, nearest) || ball.is_beside(corner, corners) {
-                    continue;
-                }
-                if let Some(cover) = ball.cover(lens, corner, corners == [true; 4]) {
-                    band.add(column, row, self.fragment(&cover));
+            for (column, &points) in (from..to).zip(stamp.points(row, from)) {
+                if points != 0 && !band.are_hidden(row, [column, column + 1], nearest) {
+                    band.add(column, row, Fragment { points, ..fragment });
                 }
             }
         }
@@ -118,41 +119,16 @@ impl Primitive {
     #[expect(clippy::cast_possible_truncation, reason = "depths are kept as f32")]
     pub(super) fn nearest_mm(&self) -> f32 {
         match &self.shape {
+            _ if self.rank == Rank::Instrument => f32::NEG_INFINITY,
             // A little less, against rounding.
-            Shape::Ball(ball) => (ball.center.z - ball.radius_mm - 1e-3) as f32,
+            Shape::Ball(ball) => (ball.nearest_mm() - 1e-3) as f32,
             Shape::Stamp(stamp) => stamp.depth_mm as f32,
             Shape::Stroke(_) | Shape::Triangle(_) => f32::NEG_INFINITY,
         }
     }
 
-    /// From where to where the shape may be in a row.
-    fn span(&self, row: u32) -> [f64; 2] {
-        match &self.shape {
-            Shape::Ball(ball) => [ball.bounds[0], ball.bounds[2]],
-            Shape::Stroke(stroke) => stroke.span(f64::from(row)),
-            Shape::Triangle(triangle) => triangle.span(f64::from(row)),
-            Shape::Stamp(stamp) => {
-                let [left, _, right, _] = stamp.bounds();
-                [left, right]
-            }
-        }
-    }
-
-    /// What the shape has in the pixel with this upper left corner.
-    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
-        match &self.shape {
-            Shape::Ball(ball) => ball.cover(lens, corner, false),
-            Shape::Stroke(stroke) => stroke.cover(lens, corner),
-            Shape::Triangle(triangle) => triangle.cover(lens, corner),
-            Shape::Stamp(stamp) => {
-                let points = stamp.points(corner);
-                (points != 0).then_some(Cover { points, depth_mm: stamp.depth_mm, light: 1.0 })
-            }
-        }
-    }
-
     #[expect(clippy::cast_possible_truncation, reason = "colours and depths are kept as f32")]
-    fn fragment(&self, cover: &Cover) -> Fragment {
+    pub(super) fn fragment(&self, cover: &Cover) -> Fragment {
         Fragment {
             rgb: self.rgb.map(|channel| channel * cover.light as f32),
             opacity: self.opacity,
@@ -165,93 +141,33 @@ impl Primitive {
 }
 
 /// Whole pixels that a stretch touches, within limits.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
 pub(super) fn pixels(low: f64, high: f64, [first, end]: [u32; 2]) -> [u32; 2] {
-    let clamp = |value: f64| value.clamp(f64::from(first), f64::from(end)) as u32;
-    [clamp(low.floor()), clamp(high.ceil())]
+    let clamp = |value: f64| value.clamp(f64::from(first), f64::from(end));
+    [whole(clamp(low)), whole_up(clamp(high))]
 }
 
-fn light(facing: f64) -> f64 {
+/// The whole part of a number of pixels. The standard library's roundings are calls on x86-64.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a picture before")]
+pub(super) fn whole(px: f64) -> u32 {
+    px as u32
+}
+
+/// The next whole number of pixels.
+pub(super) fn whole_up(px: f64) -> u32 {
+    whole(px) + u32::from(f64::from(whole(px)) < px)
+}
+
+pub(super) fn light(facing: f64) -> f64 {
     AMBIENT + (1.0 - AMBIENT) * facing
 }
 
 /// The sample points of the pixel at `corner` for which `is_inside` holds.
 fn points_where(corner: DVec2, is_inside: impl Fn(DVec2) -> bool) -> u16 {
     let mut points = 0;
-    for (i, point) in sample_points().into_iter().enumerate() {
+    for (i, point) in SAMPLE_POINTS.into_iter().enumerate() {
         points |= u16::from(is_inside(corner + point)) << i;
     }
     points
-}
-
-/// A ball: its outline is exact in both projections.
-#[derive(Clone, Debug)]
-pub(super) struct Ball {
-    center: DVec3,
-    radius_mm: f64,
-    bounds: [f64; 4],
-    /// Whether the outline is wider than a pixel's diagonal everywhere.
-    is_wide: bool,
-}
-
-impl Ball {
-    /// A ball around a place in view; `None` where it is not wholly before the near plane.
-    pub(super) fn new(lens: &Lens, center: DVec3, radius_mm: f64) -> Option<Self> {
-        if center.z - radius_mm < NEAR_MM {
-            return None;
-        }
-        let low_high = |across: f64| {
-            if !lens.is_perspective {
-                return [across - radius_mm, across + radius_mm];
-            }
-            // Tangents from the eye to a circle, in the plane of one picture axis and the viewing direction.
-            let square = center.z * center.z - radius_mm * radius_mm;
-            let reach = radius_mm * (across * across + square).sqrt();
-            [(across * center.z - reach) / square, (across * center.z + reach) / square]
-        };
-        let ([left, right], [bottom, top]) = (low_high(center.x), low_high(center.y));
-        let pixel = |x: f64, y: f64| lens.pixel(DVec3::new(x, y, 1.0));
-        let (first, last) = (pixel(left, top), pixel(right, bottom));
-        let is_wide = radius_mm > WIDE_PX * lens.mm_per_px(center.z);
-        Some(Self { center, radius_mm, bounds: [first.x, first.y, last.x, last.y], is_wide })
-    }
-
-    /// A positive number where the ray of a pixel meets the ball, and what the depth is computed from.
-    fn discriminant(&self, across: DVec2, is_perspective: bool) -> (f64, f64, f64) {
-        if !is_perspective {
-            let off = self.radius_mm * self.radius_mm - across.distance_squared(self.center.truncate());
-            return (off, self.center.z, 1.0);
-        }
-        let ray = across.extend(1.0);
-        let (square, along) = (ray.length_squared(), ray.dot(self.center));
-        let power = self.center.length_squared() - self.radius_mm * self.radius_mm;
-        (along * along - square * power, along, square)
-    }
-
-    fn is_inside(&self, lens: &Lens, pixel: DVec2) -> bool {
-        self.discriminant(lens.across(pixel), lens.is_perspective).0 >= 0.0
-    }
-
-    /// Whether nothing of the ball is in a pixel, as far as its corners tell. A convex outline that is everywhere wider than a pixel
-    /// comes into one without its corners only where it has its leftmost, rightmost, highest or lowest point.
-    fn is_beside(&self, corner: DVec2, corners: [bool; 4]) -> bool {
-        let [left, top, right, bottom] = self.bounds;
-        let (low, high) = (corner - 1e-6, corner + (1.0 + 1e-6));
-        let is_extreme = high.x >= right || low.x <= left || high.y >= bottom || low.y <= top;
-        self.is_wide && corners == [false; 4] && !is_extreme
-    }
-
-    /// `is_full` where all corners of the pixel are known to be inside: the outline is convex.
-    fn cover(&self, lens: &Lens, corner: DVec2, is_full: bool) -> Option<Cover> {
-        let points = if is_full { FULL } else { points_where(corner, |pixel| self.is_inside(lens, pixel)) };
-        if points == 0 {
-            return None;
-        }
-        let (discriminant, along, square) = self.discriminant(lens.across(corner + 0.5), lens.is_perspective);
-        let root = discriminant.max(0.0).sqrt();
-        let facing = (root / (self.radius_mm * square.sqrt())).min(1.0);
-        Some(Cover { points, depth_mm: (along - root) / square, light: light(facing) })
-    }
 }
 
 /// A straight line of constant width with round ends. It is as thick as wide: its depth is half its width nearer than

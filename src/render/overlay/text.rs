@@ -5,12 +5,12 @@
 //! their depth keep it in one piece.
 
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use glam::DVec2;
 
 use super::font::{CAPITAL, glyph};
-use super::layers::{FULL, Rank, sample_points};
+use super::layers::{FULL, Rank, SAMPLE_POINTS};
 use super::shape::{HALF_DIAGONAL, Primitive, Shape};
 
 /// Where nothing says how high capitals are: this share of the picture's height, within limits, px.
@@ -77,10 +77,19 @@ pub(super) struct Style {
     pub(super) shown_mm: Option<f64>,
 }
 
+/// Pictures of glyphs, by character and height.
+type Bitmaps = HashMap<(char, u32), Arc<Bitmap>>;
+
+/// Pictures of glyphs that earlier drawings needed. Each is made of its key alone, so it does not matter who made it.
+static KNOWN: LazyLock<Mutex<Bitmaps>> = LazyLock::new(Mutex::default);
+
+/// So many are kept: those of a few heights of texts, 14 MB at the most.
+const MOST_KNOWN: usize = 256;
+
 /// The glyphs' pictures that one drawing needs.
 #[derive(Debug, Default)]
 pub(super) struct Typesetter {
-    known: HashMap<(char, u32), Arc<Bitmap>>,
+    known: Bitmaps,
 }
 
 impl Stamp {
@@ -90,19 +99,17 @@ impl Stamp {
         [x, y, x + f64::from(self.bitmap.width), y + rows as f64]
     }
 
-    /// The sample points that it covers in the pixel at this corner.
-    #[expect(clippy::cast_possible_truncation, reason = "a pixel of a picture")]
-    pub(super) fn points(&self, corner: DVec2) -> u16 {
-        let at = [corner.x, corner.y].map(|c| c as i64);
+    /// The sample points that it covers in a row of pixels from a column on, both within its bounds.
+    pub(super) fn points(&self, row: u32, column: u32) -> &[u16] {
         let Bitmap { left, top, width, ink, rim } = &*self.bitmap;
-        let column = at[0] - i64::from(self.pen[0] + left);
-        let row = at[1] - i64::from(self.pen[1] + top);
-        let (Ok(column), Ok(row)) = (u32::try_from(column), usize::try_from(row)) else { return 0 };
-        if column >= *width {
-            return 0;
-        }
+        let place = |at: u32, first: i32| usize::try_from(i64::from(at) - i64::from(first)).ok();
+        let place = place(row, self.pen[1] + top).zip(place(column, self.pen[0] + left));
         let points = if self.is_ink { ink } else { rim };
-        points.get(row * *width as usize + column as usize).copied().unwrap_or(0)
+        let of_row = place.and_then(|(row, column)| {
+            let width = *width as usize;
+            points.get(row * width..(row + 1) * width)?.get(column..)
+        });
+        of_row.unwrap_or_default()
     }
 }
 
@@ -148,8 +155,15 @@ impl Typesetter {
     }
 
     fn bitmap(&mut self, character: char, height_px: u32) -> Arc<Bitmap> {
-        let made = self.known.entry((character, height_px));
-        Arc::clone(made.or_insert_with(|| Arc::new(Bitmap::new(character, height_px))))
+        let key = (character, height_px);
+        let made = self.known.entry(key).or_insert_with(|| {
+            let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+            if known.len() >= MOST_KNOWN && !known.contains_key(&key) {
+                known.clear();
+            }
+            Arc::clone(known.entry(key).or_insert_with(|| Arc::new(Bitmap::new(character, height_px))))
+        });
+        Arc::clone(made)
     }
 }
 
@@ -200,7 +214,7 @@ fn covered(segments: &[[DVec2; 2]], corner: DVec2, reach: f64) -> u16 {
             return FULL;
         }
         if distance - HALF_DIAGONAL <= reach {
-            for (i, point) in sample_points().into_iter().enumerate() {
+            for (i, point) in SAMPLE_POINTS.into_iter().enumerate() {
                 points |= u16::from(self::distance(*ends, corner + point) <= reach) << i;
             }
         }

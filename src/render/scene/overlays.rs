@@ -149,7 +149,7 @@ impl ItemFile {
             }
             Self::Mesh(MeshFile { vertices_mm, triangles, rgb, opacity }) => OverlayItem::Mesh(Mesh {
                 vertices: vertices_mm.into_iter().map(point).collect(),
-                triangles,
+                triangles: triangles.into(),
                 rgb: rgb.unwrap_or(MESH_RGB),
                 opacity: opacity.unwrap_or(1.0),
             }),
@@ -172,6 +172,7 @@ impl LandmarkFile {
                 return Err(RequestError::new(&path, &px, "nothing beside radius_mm"));
             }
         };
+        let label = label.map(Into::into);
         Ok(Landmark { at: point(at_mm), radius, rgb: rgb.unwrap_or(LANDMARK_RGB), label })
     }
 }

@@ -225,7 +225,7 @@ impl Look {
             let mut overlays = Overlays::clone(&request.overlays);
             let (radius, rgb) = (Radius::Px(mark.radius_px), mark.rgb);
             if let Some(Carried { name, off }) = carried {
-                let (at, label) = (mark.at + *off, Some(name.clone()));
+                let (at, label) = (mark.at + *off, Some(name.as_str().into()));
                 overlays.items.push(OverlayItem::Landmark(Landmark { at, radius, rgb, label }));
             }
             overlays.items.push(OverlayItem::Landmark(Landmark { at: mark.at, radius, rgb, label: None }));

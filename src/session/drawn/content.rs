@@ -27,7 +27,7 @@ pub fn shape_of_content(bytes: &[u8], label: u16) -> Result<Shape, String> {
         mesh
     };
     let TriangleMesh { vertices, triangles } = mesh;
-    Ok(Shape { vertices, triangles })
+    Ok(Shape { vertices: vertices.into(), triangles: triangles.into() })
 }
 
 /// The voxels of one label of a content. Blocks.

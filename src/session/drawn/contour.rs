@@ -15,7 +15,7 @@ pub(super) fn contours(shape: &Shape, cut: &Cut) -> Vec<Vec<Point<Patient>>> {
     let is_before = |corner: u32| distances[corner as usize] >= 0.0;
     let mut neighbours: HashMap<Edge, Vec<Edge>> = HashMap::new();
     let mut edges: Vec<Edge> = Vec::new(); // in the order of triangles: the same outlines every time
-    for &[a, b, c] in &shape.triangles {
+    for &[a, b, c] in &*shape.triangles {
         let crossed =
             [[a, b], [b, c], [c, a]].into_iter().filter(|[from, to]| is_before(*from) != is_before(*to));
         let crossed: Vec<Edge> = crossed.map(|[from, to]| [from.min(to), from.max(to)]).collect();

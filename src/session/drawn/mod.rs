@@ -46,13 +46,13 @@ const OPACITY: f64 = 0.6;
 /// Straight parts between two points of a smooth curve in a slice.
 const PARTS: usize = 16;
 
-/// Triangles in patient mm.
+/// Triangles in patient mm. Cheap to clone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
     /// Corners.
-    pub vertices: Vec<Point<Patient>>,
+    pub vertices: Arc<[Point<Patient>]>,
     /// Three indices of corners each.
-    pub triangles: Vec<[u32; 3]>,
+    pub triangles: Arc<[[u32; 3]]>,
 }
 
 impl Shape {
@@ -64,9 +64,11 @@ impl Shape {
 /// One item, ready to be drawn.
 #[derive(Clone, Debug)]
 struct Drawable {
-    label: String,
+    label: Arc<str>,
     rgb: [f64; 3],
     geometry: Geometry,
+    /// The points of a curve, and the corners of a plane.
+    points: Arc<[Point<Patient>]>,
     shape: Option<Arc<Shape>>,
 }
 
@@ -101,7 +103,13 @@ impl Drawables {
                 _ => None,
             };
             let rgb = item.rgb.unwrap_or_else(|| usual_rgb(&geometry));
-            Some(Drawable { label: label(&item.name, &geometry), rgb, geometry, shape })
+            let label = label(&item.name, &geometry).into();
+            let points = match &geometry {
+                Geometry::Curve { points_mm, .. } => points_mm.as_slice().into(),
+                Geometry::Plane { .. } => corners(&geometry).into(),
+                _ => [].into(),
+            };
+            Some(Drawable { label, rgb, geometry, points, shape })
         };
         Self { items: items.into_iter().filter_map(drawable).collect() }
     }
@@ -121,16 +129,18 @@ impl Drawables {
         let mut overlays = Overlays::clone(&request.overlays);
         let cut = matches!(request.mode, Mode::Slice(_)).then(|| Cut::of(request));
         let mut drawn = Drawn::default();
+        let mut parts = Vec::new();
         for item in self.items.iter() {
-            let parts = match &cut {
-                Some(cut) => item.in_slice(cut),
-                None => item.in_view(request.camera.eye()),
-            };
+            match &cut {
+                Some(cut) => item.in_slice(cut, &mut parts),
+                None => item.in_view(request.camera.eye(), &mut parts),
+            }
             if room.take(&parts) {
                 drawn.drawn += 1;
-                overlays.items.extend(parts);
+                overlays.items.append(&mut parts);
             } else {
                 drawn.left_out += 1;
+                parts.clear();
             }
         }
         if overlays.label_depths_mm.is_none() {
@@ -146,63 +156,64 @@ impl Drawables {
 }
 
 impl Drawable {
-    /// The item in space, for an eye there.
-    fn in_view(&self, eye: Point<Patient>) -> Vec<OverlayItem> {
+    /// Adds the item in space, for an eye there.
+    fn in_view(&self, eye: Point<Patient>, parts: &mut Vec<OverlayItem>) {
         match &self.geometry {
-            Geometry::Point { at_mm } => vec![self.ball(*at_mm, RADIUS_PX)],
+            Geometry::Point { at_mm } => parts.push(self.ball(*at_mm, RADIUS_PX)),
             Geometry::Line { ends_mm: [a, b] } => {
-                vec![self.line([*a, *b]), self.anchor(between(*a, *b, 0.5))]
+                parts.extend([self.line([*a, *b]), self.anchor(between(*a, *b, 0.5))]);
             }
             Geometry::Angle { points_mm: [a, corner, b] } => {
-                vec![self.line([*a, *corner]), self.line([*corner, *b]), self.anchor(*corner)]
+                parts.extend([self.line([*a, *corner]), self.line([*corner, *b]), self.anchor(*corner)]);
             }
-            Geometry::Curve { points_mm, closed, smooth } => {
-                let anchor = points_mm.get(points_mm.len() / 2).map(|&middle| self.anchor(middle));
-                let points = points_mm.clone();
+            Geometry::Curve { closed, smooth, .. } => {
+                let points = Arc::clone(&self.points);
+                let anchor = points.get(points.len() / 2).map(|&middle| self.anchor(middle));
                 let (closed, smooth) = (*closed, *smooth);
                 let curve = Curve { points, closed, smooth, width_px: WIDTH_PX, rgb: self.rgb };
-                [OverlayItem::Curve(curve)].into_iter().chain(anchor).collect()
+                parts.extend([OverlayItem::Curve(curve)].into_iter().chain(anchor));
             }
             Geometry::Plane { .. } => {
-                let corners = self.corners();
-                let anchor = corners.first().map(|&corner| self.anchor(corner));
-                let curve =
-                    Curve { points: corners, closed: true, smooth: false, width_px: WIDTH_PX, rgb: self.rgb };
-                [OverlayItem::Curve(curve)].into_iter().chain(anchor).collect()
+                let points = Arc::clone(&self.points);
+                let anchor = points.first().map(|&corner| self.anchor(corner));
+                let curve = Curve { points, closed: true, smooth: false, width_px: WIDTH_PX, rgb: self.rgb };
+                parts.extend([OverlayItem::Curve(curve)].into_iter().chain(anchor));
             }
             Geometry::Region(_) | Geometry::Mesh(_) => {
-                let Some(shape) = self.shape.as_deref() else { return Vec::new() };
-                let Shape { vertices, triangles } = shape.clone();
+                let Some(Shape { vertices, triangles }) = self.shape.as_deref().cloned() else { return };
                 // Where the surface is nearest to the eye: nothing of it hides its name.
                 let distance = |point: &Point<Patient>| point.distance(eye);
                 let nearest = vertices.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
                 let anchor = nearest.map(|&nearest| self.anchor(nearest));
                 let mesh = Mesh { vertices, triangles, rgb: self.rgb, opacity: OPACITY };
-                [OverlayItem::Mesh(mesh)].into_iter().chain(anchor).collect()
+                parts.extend([OverlayItem::Mesh(mesh)].into_iter().chain(anchor));
             }
         }
     }
 
-    /// What a slice shows of the item, in its plane.
-    fn in_slice(&self, cut: &Cut) -> Vec<OverlayItem> {
+    /// Adds what a slice shows of the item, in its plane.
+    fn in_slice(&self, cut: &Cut, parts: &mut Vec<OverlayItem>) {
         let lines: Vec<Vec<Point<Patient>>> = match &self.geometry {
             Geometry::Point { at_mm } => {
-                return cut.near(*at_mm).map(|at| self.ball(at, RADIUS_PX)).into_iter().collect();
+                parts.extend(cut.near(*at_mm).map(|at| self.ball(at, RADIUS_PX)));
+                return;
             }
             Geometry::Region(_) | Geometry::Mesh(_) => {
                 self.shape.as_deref().map(|shape| contour::contours(shape, cut)).unwrap_or_default()
             }
-            geometry => cut.lines(&polyline(geometry, || self.corners())),
+            geometry => cut.lines(&polyline(geometry, &self.points)),
         };
         let anchor = lines.iter().max_by_key(|line| line.len()).and_then(|line| line.get(line.len() / 2));
         let anchor = anchor.map(|&at| self.anchor(at));
-        let curve =
-            |points| Curve { points, closed: false, smooth: false, width_px: WIDTH_PX, rgb: self.rgb };
-        lines.into_iter().map(curve).map(OverlayItem::Curve).chain(anchor).collect()
+        let curve = |points: Vec<_>| {
+            let points = points.into();
+            Curve { points, closed: false, smooth: false, width_px: WIDTH_PX, rgb: self.rgb }
+        };
+        parts.extend(lines.into_iter().map(curve).map(OverlayItem::Curve).chain(anchor));
     }
 
     fn ball(&self, at: Point<Patient>, radius_px: f64) -> OverlayItem {
-        let label = Some(self.label.clone());
+        let label = Some(Arc::clone(&self.label));
         OverlayItem::Landmark(Landmark { at, radius: Radius::Px(radius_px), rgb: self.rgb, label })
     }
 
@@ -214,22 +225,22 @@ impl Drawable {
     fn line(&self, ends: [Point<Patient>; 2]) -> OverlayItem {
         OverlayItem::Line(Line { ends, width_px: WIDTH_PX, rgb: self.rgb })
     }
-
-    /// The corners of a plane in order; none of others.
-    fn corners(&self) -> Vec<Point<Patient>> {
-        let Geometry::Plane { center_mm, normal, axis, size_mm: [width, height] } = &self.geometry else {
-            return Vec::new();
-        };
-        let [normal, axis] = [normal, axis].map(|xyz| Vector::<Patient>::from_xyz((*xyz).into()));
-        let up = normal.cross(axis);
-        [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-            .map(|(x, y)| *center_mm + axis * (x * width) + up * (y * height))
-            .to_vec()
-    }
 }
 
-/// The lines of an item that is made of lines, each through its points.
-fn polyline(geometry: &Geometry, corners: impl Fn() -> Vec<Point<Patient>>) -> Vec<Point<Patient>> {
+/// The corners of a plane in order; none of others.
+fn corners(geometry: &Geometry) -> Vec<Point<Patient>> {
+    let Geometry::Plane { center_mm, normal, axis, size_mm: [width, height] } = geometry else {
+        return Vec::new();
+    };
+    let [normal, axis] = [normal, axis].map(|xyz| Vector::<Patient>::from_xyz((*xyz).into()));
+    let up = normal.cross(axis);
+    [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+        .map(|(x, y)| *center_mm + axis * (x * width) + up * (y * height))
+        .to_vec()
+}
+
+/// The line of an item that is made of lines, through its points; `corners` are those of a plane.
+fn polyline(geometry: &Geometry, corners: &[Point<Patient>]) -> Vec<Point<Patient>> {
     match geometry {
         Geometry::Curve { points_mm, closed, smooth } => {
             let mut line: Vec<_> = points_mm.iter().map(|point| point.xyz).collect();
@@ -240,11 +251,7 @@ fn polyline(geometry: &Geometry, corners: impl Fn() -> Vec<Point<Patient>>) -> V
             }
             line.into_iter().map(Point::from_xyz).collect()
         }
-        Geometry::Plane { .. } => {
-            let corners = corners();
-            let first = corners.first().copied();
-            corners.into_iter().chain(first).collect()
-        }
+        Geometry::Plane { .. } => corners.iter().chain(corners.first()).copied().collect(),
         geometry => geometry.points().to_vec(),
     }
 }

@@ -48,12 +48,12 @@ fn drawn(items: &[Item], scene: &Scene) -> (RenderRequest, Drawn) {
 }
 
 fn labels(request: &RenderRequest) -> Vec<&str> {
-    let of = |item: &OverlayItem| match item {
-        OverlayItem::Landmark(landmark) => landmark.label.clone(),
+    let items = request.overlays.items.iter();
+    let labels = items.filter_map(|item| match item {
+        OverlayItem::Landmark(landmark) => landmark.label.as_deref(),
         _ => None,
-    };
-    let labels: Vec<String> = request.overlays.items.iter().filter_map(of).collect();
-    labels.into_iter().map(|label| &*label.leak()).collect()
+    });
+    labels.collect()
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn a_slice_shows_what_is_near_and_outlines_of_what_it_cuts() {
         })
         .collect();
     assert_eq!(curves.len(), 2, "the line, and one outline of the cube");
-    for point in curves.iter().flat_map(|curve| &curve.points) {
+    for point in curves.iter().flat_map(|curve| curve.points.iter()) {
         let before = (*point - Point::new(0.0, 0.0, 0.5)).dot(eye_from_plane);
         assert!((0.0..0.02).contains(&before), "{point:?} lies in the plane");
     }
@@ -120,7 +120,7 @@ fn what_has_no_room_is_counted() {
         .map(|i| item(&format!("m{i}"), mesh()))
         .chain([item("p", Geometry::Point { at_mm: Point::new(0.0, 0.0, 0.0) })])
         .collect();
-    let large = Shape { vertices: cube(30.0).vertices.repeat(2000), triangles: cube(30.0).triangles };
+    let large = Shape { vertices: cube(30.0).vertices.repeat(2000).into(), triangles: cube(30.0).triangles };
     let drawables = Drawables::new(&items, |_| Some(Arc::new(large.clone())));
     let scene = scene("{}");
     let mut request = scene.request.clone();
