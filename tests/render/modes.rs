@@ -8,16 +8,16 @@ fn text(path: &str) -> String {
 }
 
 #[test]
-fn every_mode_is_on_the_page_in_the_api_and_in_the_readme() {
+fn every_mode_is_on_the_page_in_the_api_and_in_the_documents() {
     let api: serde_json::Value = serde_json::from_str(&text("src/server/openapi.json")).unwrap();
     let names = serde_json::json!(Mode::ALL.map(Mode::name));
     assert_eq!(api["components"]["parameters"]["mode"]["schema"]["enum"], names, "the query");
     let bodies = &api["components"]["schemas"]["Scene"]["properties"];
     assert_eq!(bodies["mode"]["enum"], names, "the body");
-    let (page, readme) = (text("src/server/page/index.html"), text("README.md"));
+    let (page, table) = (text("src/server/page/index.html"), text("RENDERING.md"));
     let cli = text("src/cli/scene.rs");
     for name in Mode::ALL.map(Mode::name) {
-        assert!(readme.contains(&format!("| `{name}` |")), "{name} is not in the table of README.md");
+        assert!(table.contains(&format!("| `{name}` |")), "{name} is not in the table of RENDERING.md");
         assert!(cli.contains(name), "{name} is not in the help of --mode");
     }
     for name in Mode::RAYS.map(Mode::name) {

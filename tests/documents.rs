@@ -1,0 +1,67 @@
+//! Links between the documents of the root lead somewhere.
+//!
+//! Headings are named as the usual renderers of Markdown do it: small letters, spaces as hyphens, no punctuation.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Every Markdown file of the root, by name.
+fn documents(root: &Path) -> BTreeMap<String, String> {
+    let entries = std::fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path());
+    let documents = entries.filter(|path| path.extension().is_some_and(|ending| ending == "md"));
+    let read = |path: PathBuf| {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        (name, std::fs::read_to_string(path).unwrap())
+    };
+    documents.map(read).collect()
+}
+
+/// The text without its blocks of code.
+fn prose(text: &str) -> impl Iterator<Item = &str> {
+    let mut is_code = false;
+    text.lines().filter(move |line| {
+        let is_fence = line.starts_with("```");
+        is_code ^= is_fence;
+        !is_code && !is_fence
+    })
+}
+
+fn anchors(text: &str) -> Vec<String> {
+    let headings = prose(text).filter(|line| line.starts_with('#'));
+    let name = |line: &str| -> String {
+        let title = line.trim_start_matches('#').trim().to_lowercase();
+        let kept = title.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+        kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+    };
+    headings.map(name).collect()
+}
+
+/// The targets of links and pictures, `](target)`.
+fn targets(text: &str) -> Vec<&str> {
+    let links = prose(text).flat_map(|line| line.split("](").skip(1));
+    links.filter_map(|rest| rest.split_once(')').map(|(target, _)| target)).collect()
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let documents = documents(root);
+    let mut broken = Vec::new();
+    let mut count = 0;
+    for (name, text) in &documents {
+        for target in targets(text).into_iter().filter(|target| !target.starts_with("http")) {
+            count += 1;
+            let (file, anchor) = target.split_once('#').map_or((target, None), |(f, a)| (f, Some(a)));
+            let file = if file.is_empty() { name } else { file };
+            let is_there = root.join(file).exists();
+            let found = anchor.is_none_or(|anchor| {
+                documents.get(file).is_some_and(|text| anchors(text).iter().any(|name| name == anchor))
+            });
+            if !is_there || !found {
+                broken.push(format!("{name}: {target}"));
+            }
+        }
+    }
+    assert!(count > 30, "links were found: {count}");
+    assert_eq!(broken, Vec::<String>::new());
+}
