@@ -244,7 +244,7 @@ proptest! {
     }
 }
 
-/// The definitions in numpy, written from the README's words; the 3x3 median by VTK as well, border left out.
+/// The definitions in numpy, written from DEPTH.md's words; the 3x3 median by VTK as well, border left out.
 const PEERS: &str = r"
 import sys
 import numpy as np
@@ -334,7 +334,7 @@ fn numpy_and_vtk_have_the_same_numbers() {
     }
 }
 
-/// Not a test of speed: it prints what a frame of 960x540 costs, so that the README's numbers can be had again.
+/// Not a test of speed: it prints what a frame of 960x540 costs, so that DEPTH.md's numbers can be had again.
 #[test]
 fn a_frame_of_a_display_is_filtered_in_one_go() {
     let size = [960, 540];

@@ -2,7 +2,7 @@
 //!
 //! Asks cargo for the packages that are built on this machine, tests and build scripts included, and reads
 //! their licence expressions (SPDX). Packages of other systems are judged where they are built. IPOPT itself, a library that
-//! the feature `ipopt` links dynamically, is no package: it is under the Eclipse Public License 2.0, as the README says.
+//! the feature `ipopt` links dynamically, is no package: it is under the Eclipse Public License 2.0, as TRACKING.md says.
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 /// Licences that ask for no more than their own text to be kept. IJG is that of the JPEG group, Unicode-3.0

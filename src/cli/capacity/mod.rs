@@ -34,7 +34,7 @@ pub(super) struct CapacityArguments {
     pub(super) markdown: bool,
 }
 
-/// The JSON form, documented in the README.
+/// The JSON form, documented in CAPACITY.md.
 #[derive(Debug, Serialize)]
 struct Report {
     measured: Measured,
