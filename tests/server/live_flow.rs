@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use relief::live::Parts;
+use relief::server::LiveConfig;
 use serde_json::{Value, json};
 
 use crate::live_stage::{PATIENCE, Running, intent, orbit};
@@ -137,7 +138,9 @@ async fn motion_that_does_not_rest_starves_no_frame() {
 
 #[tokio::test]
 async fn the_picture_of_a_still_view_makes_way_when_it_moves() {
-    let running = Running::new().await;
+    // The gate has to be closed before the view is still.
+    let live = LiveConfig { still_after: Duration::from_millis(400), ..LiveConfig::default() };
+    let running = Running::with(live).await;
     let (mut client, _) = running.hello(json!({ "settings": hurried() })).await;
     client.still(0).await;
     client.send(&orbit(1, 10.0)).await;

@@ -28,8 +28,9 @@ use axum::http::StatusCode;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 use self::look::Look;
+use self::motion::Patience;
 use self::session::Sessions;
-use self::view::{Patience, View, lock};
+use self::view::{View, lock};
 use super::problem::Problem;
 use super::state::Server;
 use crate::tracking::Beacon;

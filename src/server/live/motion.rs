@@ -18,6 +18,13 @@ const QUICK_STILL: Duration = Duration::from_millis(500);
 const FIRST_RETRY: Duration = Duration::from_millis(250);
 const LONGEST_RETRY: Duration = Duration::from_secs(30);
 
+/// How long after the last change a view is still, and how long it is kept while nobody looks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patience {
+    pub(super) still_after: Duration,
+    pub(super) linger: Duration,
+}
+
 /// The changes of a view.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {

@@ -11,7 +11,7 @@ use serde_json::Value;
 use tokio::sync::{Notify, watch};
 
 use super::look::Look;
-use super::motion::{Failure, Motion};
+use super::motion::{Failure, Motion, Patience};
 use super::placing::method_of;
 use super::shot::{Echo, Shot};
 use super::slot::Slot;
@@ -106,13 +106,6 @@ pub(super) enum Next {
     Idle(Option<Instant>),
     /// Nobody has looked for so long that nobody will.
     End,
-}
-
-/// How long after the last change a view is still, and how long it is kept while nobody looks.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Patience {
-    pub(super) still_after: Duration,
-    pub(super) linger: Duration,
 }
 
 impl View {
