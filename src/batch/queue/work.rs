@@ -1,4 +1,4 @@
-//! Working: jobs of a queue through the pipeline of [`run`](crate::batch::run), and what became of them back to it.
+//! Working: jobs of a queue through the pipeline of [`run`](mod@crate::batch::run), and what became of them back to it.
 
 use std::collections::HashMap;
 use std::future::Future;
