@@ -35,7 +35,8 @@ fn seeded(db: &Path) {
     let at = |x| Point::new(x, 2.0, -3.5);
     let item = |name: &str, geometry| Item::new(name, "anna", Some(geometry)).unwrap();
     let point = item("nasion", Geometry::Point { at_mm: at(1.0) });
-    let line = Item { locked: true, ..item("width", Geometry::Line { ends_mm: [at(0.0), at(12.0)] }) };
+    let line =
+        Item { order: 1, locked: true, ..item("width", Geometry::Line { ends_mm: [at(0.0), at(12.0)] }) };
     let create = |item: &Item| Change::Create { item: Box::new(item.clone()) };
     let edit = |author: &str, reason: &str, changes| Edit {
         author: author.to_owned(),
