@@ -57,18 +57,20 @@ fn a_head_comes_with_its_organs_and_landmarks_and_can_be_replaced() {
     let [import, series, list, json] = ["import", "--series", "list", "--json"].map(std::ffi::OsStr::new);
     annotate(&[import, table.as_os_str(), series, out.as_os_str(), json]);
     let listed = annotate(&[list, json]);
-    let found: Vec<(&str, [f64; 3])> = listed["items"]
+    let mut found: Vec<(&str, [f64; 3])> = listed["items"]
         .as_array()
         .unwrap()
         .iter()
         .map(|item| {
-            let at = &item["geometry"]["at_mm"];
-            (item["name"].as_str().unwrap(), [0, 1, 2].map(|axis| at[axis].as_f64().unwrap()))
+            let at = &item["item"]["geometry"]["at_mm"];
+            (item["item"]["name"].as_str().unwrap(), [0, 1, 2].map(|axis| at[axis].as_f64().unwrap()))
         })
         .collect();
-    let expected: Vec<(&str, [f64; 3])> =
+    let mut expected: Vec<(&str, [f64; 3])> =
         truth.landmarks.iter().map(|landmark| (&*landmark.name, landmark.position_mm)).collect();
     assert_eq!(expected.len(), 20);
+    found.sort_by_key(|(name, _)| *name);
+    expected.sort_by_key(|(name, _)| *name);
     assert_eq!(found, expected);
 
     assert!(relief(&["--size", "24", "--force"], &out).status.success(), "its own files are replaced");
