@@ -83,6 +83,15 @@ fn seen(what: &str) -> Option<&'static Value> {
     seen.as_ref()
 }
 
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap())
+}
+
+/// Numbers with commas between them.
+fn triple(value: &Value) -> Vec<f64> {
+    value.as_str().unwrap().split(',').map(|mm| mm.parse().unwrap()).collect()
+}
+
 fn numbers(value: &Value) -> Vec<f64> {
     common::numbers(value)
 }

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use serde_json::{Value, json};
 
 use super::annotate::distance;
-use super::{driven, numbers, skipped};
+use super::{driven, number, numbers, skipped, triple};
 
 /// What the browser saw, once for all tests; `None` after saying aloud that there is none.
 fn seen(what: &str) -> Option<&'static Value> {
@@ -16,15 +16,6 @@ fn seen(what: &str) -> Option<&'static Value> {
         skipped(what);
     }
     seen.as_ref()
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap())
-}
-
-/// Numbers with commas between them.
-fn triple(value: &Value) -> Vec<f64> {
-    value.as_str().unwrap().split(',').map(|mm| mm.parse().unwrap()).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
