@@ -38,8 +38,7 @@ impl Bucket {
     /// # Errors
     /// When these contradict each other, or an endpoint is no URL.
     pub fn open(bucket: &str, prefix: &str, endpoint: Option<&str>) -> std::io::Result<Self> {
-        // Of those that are installed already, any is as good.
-        let _ = async_nats::rustls::crypto::ring::default_provider().install_default();
+        super::install_cryptography();
         let mut builder = AmazonS3Builder::from_env()
             .with_bucket_name(bucket)
             .with_checksum_algorithm(Checksum::SHA256)

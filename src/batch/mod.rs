@@ -3,7 +3,7 @@
 //! What it is: [`plan()`] finds series and writes one [`Job`] for each view of each; [`run()`] renders those that are not done. A
 //! job's key is a hash of what its outputs depend on (the series' bytes, the scene, the products, this version), so that work
 //! done stays done wherever the files lie, and a changed series or scene is another job. What it is not: no queue and no
-//! cluster; workers share nothing but the folder of outputs.
+//! cluster of our own; with the feature `cluster`, `queue` speaks to NATS and `bucket` to S3. Workers share nothing but the outputs.
 //!
 //! Outputs appear whole, by renaming; a record beside them, written last, has their hashes. A job whose record and outputs are
 //! there is skipped. Names of files say nothing about patients: a series is called by its hash unless a table names it.
@@ -54,3 +54,9 @@ pub use sink::{Sink, SinkName};
 pub use source::SeriesSource;
 pub use turntable::{Film, Films};
 pub use views::{View, ViewSet};
+
+/// Gives TLS its cryptography, for queue and bucket. Where one is installed already, it is as good.
+#[cfg(feature = "cluster")]
+fn install_cryptography() {
+    let _ = async_nats::rustls::crypto::ring::default_provider().install_default();
+}

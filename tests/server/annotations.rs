@@ -430,7 +430,7 @@ async fn files_of_other_tools_come_and_go() {
 #[tokio::test]
 async fn places_snap_to_what_the_volume_has() {
     let stage = Stage::annotated().await;
-    // The cube's values rise by 1 along x, 4 along y and 16 along z, each 10 mm: 30 HU is a plane.
+    // The cube's values rise by 1 along x, 4 along y and 16 along z, each 10 mm: each HU is a plane. Surfaces are 1/64 HU off theirs.
     let body = json!({ "at_mm": [1.0, 2.0, 0.0], "to": "surface", "hu": 32.5, "radius_mm": 10 });
     let found = stage.annotate(Method::POST, "/snap", "", body.clone()).await;
     assert_eq!(found.status, 200, "{}", found.text());
@@ -438,7 +438,10 @@ async fn places_snap_to_what_the_volume_has() {
     let at =
         |key: &str| found[key].as_array().unwrap().iter().map(|mm| mm.as_f64().unwrap()).collect::<Vec<_>>();
     let value = 31.5 + at("at_mm")[0] / 10.0 + at("at_mm")[1] * 0.4 + at("at_mm")[2] * 1.6;
-    assert!((value - 32.5).abs() < 0.05 && (found["hu"].as_f64().unwrap() - value).abs() < 1e-9, "{found}");
+    assert!(
+        (value - 32.5 - 1.0 / 64.0).abs() < 0.01 && (found["hu"].as_f64().unwrap() - value).abs() < 1e-9,
+        "{found}"
+    );
     let length = at("shift_mm").iter().map(|mm| mm * mm).sum::<f64>().sqrt();
     assert!((length - found["distance_mm"].as_f64().unwrap()).abs() < 1e-9 && length > 0.0, "{found}");
     // 0.1 HU are missing, and 1/64 by which surfaces are off whole HU: along a line of sight that is y, 0.289 mm.

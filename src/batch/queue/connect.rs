@@ -47,8 +47,7 @@ impl Queue {
         if !(1..=100).contains(&stream.len()) || !stream.chars().all(is_good) {
             return Err(QueueError::Name(stream.to_owned()));
         }
-        // Of those that are installed already, any is as good.
-        let _ = async_nats::rustls::crypto::ring::default_provider().install_default();
+        crate::batch::install_cryptography();
         let mut options = options(access).await?;
         let mut servers = Vec::new();
         for url in access.url.split(',') {
