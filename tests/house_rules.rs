@@ -61,6 +61,7 @@ fn rules_about_files_find_what_breaks_them() {
     keeps(rule::nothing_unfinished_is_left, &[("scripts/a", "mktemp XXXXXX")]);
     breaks(rule::no_machine_is_named, &[("src/a.rs", &machine)]);
     breaks(rule::no_machine_is_named, &[("scripts/a", "curl https://example.org\n")]);
+    breaks(rule::no_machine_is_named, &[("scripts/a", "curl http://buildhost/x\n")]);
     breaks(rule::no_machine_is_named, &[("scripts/a", "x=postgres://a:b@db.example.org:5432/x\n")]);
     keeps(
         rule::no_machine_is_named,
@@ -213,13 +214,19 @@ mod rule {
         })
     }
 
+    /// Placeholders, and services in a network of their own.
+    const OWN_HOSTS: [&str; 6] = ["HOST", "localhost", "0.0.0.0", "relief", "nats", "postgres"];
+
     /// The host of an address that is neither this machine, nor a service's name in a network of its own, nor a variable.
     fn outside_host(line: &str) -> Option<&str> {
         line.match_indices("://").find_map(|(at, mark)| {
             let rest = &line[at + mark.len()..];
-            let authority = rest.split(|c: char| c.is_whitespace() || "/\"'`\\)".contains(c)).next()?;
+            let authority = rest.split(|c: char| c.is_whitespace() || "/\"'`\\);".contains(c)).next()?;
             let host = authority.rsplit('@').next()?.split(':').next()?;
-            (host.contains('.') && !host.starts_with("127.") && host != "0.0.0.0").then_some(host)
+            let is_loopback = host.parse::<std::net::Ipv4Addr>().is_ok_and(|host| host.is_loopback());
+            let is_own = host.is_empty() || host.starts_with(['$', '%', '}']) || OWN_HOSTS.contains(&host);
+            let is_bucket = line[..at].ends_with("s3");
+            (!is_own && !is_loopback && !is_bucket).then_some(host)
         })
     }
 

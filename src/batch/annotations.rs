@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::error::Lasting;
-use super::files::write_whole;
+use super::files::{read_at_most, write_whole};
 use super::manifest::hex;
 use super::source::Trouble;
 use crate::annotation::{Geometry, Item};
@@ -82,6 +82,11 @@ impl KeptAnnotations {
             Some(KeptItem { name: item.name.clone(), rgb: item.rgb, geometry, shape })
         });
         let bytes = serde_json::to_vec(&File { items: items.collect() })?;
+        if bytes.len() as u64 > LARGEST {
+            let reason =
+                format!("the annotations of a series take {} bytes, allowed: {LARGEST}", bytes.len());
+            return Err(std::io::Error::other(reason));
+        }
         let sha256 = hex(&Sha256::digest(&bytes).into());
         let path = folder.join(format!("{sha256}.json"));
         if !path.exists() {
@@ -99,10 +104,8 @@ impl KeptAnnotations {
         let refused = |error: std::io::Error| {
             (Lasting::Retryable, format!("cannot read {}: {error}", self.path.display()))
         };
-        if std::fs::metadata(&self.path).map_err(refused)?.len() > LARGEST {
-            return Err(wrong("larger than any that are planned"));
-        }
-        let bytes = std::fs::read(&self.path).map_err(refused)?;
+        let bytes = read_at_most(&self.path, LARGEST).map_err(refused)?;
+        let bytes = bytes.ok_or_else(|| wrong("larger than any that are planned, or no file"))?;
         if hex(&Sha256::digest(&bytes).into()) != self.sha256 {
             return Err(wrong("not those that were planned with"));
         }

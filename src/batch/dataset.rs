@@ -15,7 +15,7 @@ use std::path::Path;
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 
-use super::files::write_whole;
+use super::files::{read_at_most, write_whole};
 use super::pose::ViewCamera;
 use super::product::Product;
 use super::record::Record;
@@ -61,10 +61,7 @@ pub(super) fn write_tables<'a>(records: impl Iterator<Item = &'a Record>, out: &
 
 fn read(record: &Record, out: &Path) -> Option<ViewCamera> {
     let path = out.join(&record.series).join(record.output(Product::Camera)?);
-    if std::fs::metadata(&path).ok()?.len() > LARGEST {
-        return None;
-    }
-    serde_json::from_slice(&std::fs::read(path).ok()?).ok()
+    serde_json::from_slice(&read_at_most(&path, LARGEST).ok()??).ok()
 }
 
 fn line(Shot { record, camera }: &Shot<'_>) -> Value {

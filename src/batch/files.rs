@@ -1,6 +1,6 @@
 //! Files that appear whole or not at all.
 
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 
 /// Writes a file so that it appears whole or not at all: a temporary beside it, synced, then renamed.
@@ -26,4 +26,17 @@ pub fn shared_temporary() -> tempfile::Builder<'static, 'static> {
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     builder
+}
+
+/// Reads a file that is expected to be small; `None` where it is larger, or no plain file.
+///
+/// # Errors
+/// When the file system refuses.
+pub(super) fn read_at_most(path: &Path, largest: u64) -> std::io::Result<Option<Vec<u8>>> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Ok(None); // a device or a pipe may have no end
+    }
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)?.take(largest.saturating_add(1)).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= largest).then_some(bytes))
 }

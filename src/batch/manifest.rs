@@ -75,6 +75,20 @@ impl Shard {
     }
 }
 
+/// What series and views may be called.
+pub(super) const NAMES: &str = "1 to 100 letters, digits, - _ and ., none that other files beside have";
+
+/// Whether a series or a view may be called so. A view's record is NAME.json, its camera NAME.camera.json, its setback
+/// NAME.failed.json; beside them a dataset has transforms.json.
+pub(super) fn is_name(name: &str) -> bool {
+    let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
+    (1..=100).contains(&name.len())
+        && name.chars().all(is_good)
+        && !name.starts_with('.')
+        && name != "transforms"
+        && ![".camera", ".failed"].iter().any(|ending| name.ends_with(ending))
+}
+
 impl Job {
     /// A job with the key of its content.
     #[must_use]
@@ -115,17 +129,9 @@ impl Job {
 
     fn check(&self, line: usize) -> Result<(), ManifestError> {
         let wrong = |reason: String| Err(ManifestError::Line { line, reason });
-        let is_name = |name: &str| {
-            // A view's record is NAME.json, and its camera NAME.camera.json.
-            let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
-            (1..=100).contains(&name.len())
-                && name.chars().all(is_good)
-                && !name.starts_with('.')
-                && !name.ends_with(".camera")
-        };
         for (what, name) in [("series.name", &self.series.name), ("view", &self.view)] {
             if !is_name(name) {
-                return wrong(format!("{what} is {name:?}, allowed: 1 to 100 letters, digits, - _ and ."));
+                return wrong(format!("{what} is {name:?}, allowed: {NAMES}"));
             }
         }
         let hashes = [

@@ -9,7 +9,7 @@ use super::error::PlanError;
 use super::found::{Found, Kind};
 use super::landmarks::{camera_views, landmark_views};
 use super::log::AnnotationLog;
-use super::manifest::{Job, hex};
+use super::manifest::{Job, NAMES, hex, is_name};
 use super::product::Product;
 use super::query::Query;
 use super::source::{SeriesSource, file_sha256};
@@ -223,12 +223,8 @@ fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
             if let Some(first) = names.insert(name.clone(), line) {
                 return Err(wrong(line, format!("name {name:?} is that of line {first}, too")));
             }
-            let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
-            if name.len() > 100 || name.starts_with('.') || !name.chars().all(is_good) {
-                return Err(wrong(
-                    line,
-                    format!("name is {name:?}, allowed: up to 100 letters, digits, - _ and ."),
-                ));
+            if !is_name(name) {
+                return Err(wrong(line, format!("name is {name:?}, allowed: {NAMES}")));
             }
         }
         places.push(Place { path: folder.join(path), uid: cell("series_uid"), name });

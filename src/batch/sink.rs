@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 #[cfg(feature = "cluster")]
 use super::bucket::Bucket;
-use super::files::write_whole;
+use super::files::{read_at_most, write_whole};
 use super::record::Written;
 use super::source::file_sha256;
 
@@ -115,11 +115,7 @@ impl Sink {
     /// Reads an output; `None` where there is none, or one larger than this many bytes.
     pub(super) fn read(&self, name: &str, largest: u64) -> Option<Vec<u8>> {
         match self {
-            Self::Folder(folder) => {
-                let path = folder.join(name);
-                let is_small = std::fs::metadata(&path).is_ok_and(|found| found.len() <= largest);
-                is_small.then(|| std::fs::read(path).ok()).flatten()
-            }
+            Self::Folder(folder) => read_at_most(&folder.join(name), largest).ok().flatten(),
             #[cfg(feature = "cluster")]
             Self::Bucket(bucket) => bucket.read(name, largest),
         }

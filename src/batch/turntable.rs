@@ -214,10 +214,22 @@ fn encode(ffmpeg: &Path, encoder: &[&str], turns: &[PathBuf], film: &Path) -> Re
         stdin.as_mut().is_some_and(|stdin| stdin.write_all(picture).is_ok())
     };
     // One that does not take pictures has ended, and its status says so.
-    let _ = send(&first, &mut stdin)
-        && turns[1..].iter().all(|path| picture(path).is_some_and(|turn| send(&turn, &mut stdin)));
+    let mut is_taken = send(&first, &mut stdin);
+    let mut is_whole = true;
+    for path in &turns[1..] {
+        if !is_taken || !is_whole {
+            break;
+        }
+        match picture(path) {
+            Some(turn) => is_taken = send(&turn, &mut stdin),
+            None => is_whole = false,
+        }
+    }
     drop(stdin);
     let status = child.wait().map_err(|error| error.to_string())?;
     let said = said.join().unwrap_or_default();
+    if !is_whole {
+        return Err("a picture of it cannot be read".to_owned());
+    }
     if status.success() { Ok(()) } else { Err(said.lines().last().unwrap_or("it says nothing").to_owned()) }
 }

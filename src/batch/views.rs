@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::error::PlanError;
+use super::manifest::{NAMES, is_name};
 use crate::render::SceneFile;
 
 /// A view by its name, and what it adds to the scene that all views share.
@@ -146,9 +147,8 @@ fn read_view(view: &Value) -> Result<View, String> {
         Some(number) => number.as_f64().map(Some).ok_or(format!("{key} is {number}, allowed: degrees")),
     };
     let name = text("name")?;
-    let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
-    if name.is_empty() || name.starts_with('.') || name.ends_with(".camera") || !name.chars().all(is_good) {
-        return Err(format!("name is {name:?}, allowed: letters, digits, - _ and ."));
+    if !is_name(&name) {
+        return Err(format!("name is {name:?}, allowed: {NAMES}"));
     }
     let scene = match object.get("scene") {
         None => Map::new(),

@@ -1,6 +1,6 @@
 //! Items of a file beside those that are there: what is new, what was changed elsewhere, and what is there already.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 
 use super::ExchangeError;
 use crate::annotation::{Change, Geometry, Item, ItemId, Versioned};
@@ -69,29 +69,38 @@ impl Merged {
     pub fn note(&self, update: &str, duplicate: &str) -> Option<String> {
         let Self { unchanged, skipped, copies, .. } = self;
         if *copies > 0 {
-            return Some(format!("{copies} items were there already, and are there twice now"));
+            return Some(format!("{copies} items were there already, and come in once more"));
         }
-        (*skipped > 0 || (*unchanged > 0 && self.changes.is_empty())).then(|| {
-            format!(
-                "{} items are there already and stay as they are, {skipped} of them other than in the file; {update} changes \
-                 those, {duplicate} makes new items",
-                unchanged + skipped
-            )
-        })
+        if *skipped == 0 {
+            let is_all = *unchanged > 0 && self.changes.is_empty();
+            return is_all.then(|| {
+                format!(
+                    "{unchanged} items are there already, as the file has them; {duplicate} makes new ones"
+                )
+            });
+        }
+        Some(format!(
+            "{} items are there already and stay as they are, {skipped} of them other than in the file; {update} changes \
+             those, {duplicate} makes new items",
+            unchanged + skipped
+        ))
     }
 }
+
+/// Items of one name among which the same place is looked for: a file of nothing else must not take the square of its length.
+const MOST_NAMESAKES: usize = 1000;
 
 /// The items that are there and were not met yet.
 struct Known {
     by_id: HashMap<ItemId, Versioned>,
-    by_name: HashMap<[String; 3], Vec<ItemId>>,
+    by_name: HashMap<[String; 3], VecDeque<ItemId>>,
 }
 
 impl Known {
     fn of(known: Vec<Versioned>) -> Self {
-        let mut by_name: HashMap<[String; 3], Vec<ItemId>> = HashMap::new();
+        let mut by_name: HashMap<[String; 3], VecDeque<ItemId>> = HashMap::new();
         for found in &known {
-            by_name.entry(named(&found.item)).or_default().push(found.item.id);
+            by_name.entry(named(&found.item)).or_default().push_back(found.item.id);
         }
         Self { by_id: known.into_iter().map(|found| (found.item.id, found)).collect(), by_name }
     }
@@ -100,15 +109,15 @@ impl Known {
         if let Some(found) = self.by_id.remove(&item.id) {
             return Some(found);
         }
-        let ids = self.by_name.get(&named(item))?;
-        let is_same = |id: &&ItemId| {
-            self.by_id.get(*id).is_some_and(|found| match (&item.geometry, &found.item.geometry) {
+        let ids = self.by_name.get_mut(&named(item))?;
+        let is_same = |id: &ItemId| {
+            self.by_id.get(id).is_some_and(|found| match (&item.geometry, &found.item.geometry) {
                 (Some(new), Some(old)) => new == old || has_not_moved(new, old),
                 (new, old) => new.is_none() && old.is_none(),
             })
         };
-        let id = ids.iter().find(is_same).copied()?;
-        self.by_id.remove(&id)
+        let index = ids.iter().take(MOST_NAMESAKES).position(is_same)?;
+        self.by_id.remove(&ids.remove(index)?)
     }
 }
 

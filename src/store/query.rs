@@ -109,7 +109,8 @@ impl Store {
         }
         transaction.commit().await?;
         let lines: Vec<&str> = parts.iter().flat_map(|part| part.split(LINE)).collect();
-        let mut items: Vec<Versioned> = lines.into_par_iter().map(read).collect::<Result<_, _>>()?;
+        let mut items: Vec<Versioned> =
+            lines.into_par_iter().with_min_len(FEWEST).map(read).collect::<Result<_, _>>()?;
         if let Some(sets) = &filter.sets {
             items.retain(|found| sets.contains(&found.item.set));
         }
@@ -158,6 +159,9 @@ impl Store {
 /// So many items come from the database as one text, a line each: rows cost more than reading them. The longest items, of 10,000
 /// points each, make 600 MB of it, within what databases can put into a text.
 const PART: u64 = 1000;
+
+/// Fewer items are read by the thread that asks, which would wait for others longer than it reads.
+const FEWEST: usize = 256;
 
 /// Between lines; JSON on one line has none.
 const LINE: char = '\n';

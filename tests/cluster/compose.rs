@@ -67,8 +67,11 @@ fn the_compose_file_is_yaml_whose_parts_fit_together() {
         }
         let dockerfile = service["build"]["dockerfile"].as_str();
         assert!(dockerfile.is_none_or(|path| root().join(path).exists()), "{name}: {dockerfile:?}");
-        for on in service["depends_on"].as_array().into_iter().flatten() {
-            assert!(services.contains_key(on.as_str().unwrap()), "{name}: {on}");
+        let on = &service["depends_on"];
+        let listed = on.as_array().into_iter().flatten().map(|on| on.as_str().unwrap());
+        let awaited = on.as_object().into_iter().flatten().map(|(on, _)| on.as_str());
+        for on in listed.chain(awaited) {
+            assert!(services.contains_key(on), "{name}: {on}");
         }
     }
 }

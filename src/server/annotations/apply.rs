@@ -12,7 +12,7 @@ use crate::annotation::{
 };
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
-use crate::store::LogFilter;
+use crate::store::{LogFilter, StoreError};
 
 /// Items whose home is asked for one by one; of more the whole log is read once.
 const FEW: usize = 32;
@@ -63,6 +63,7 @@ impl Annotations {
         let frame = entry.frame_of_reference();
         let turn = self.turn().await?;
         let snapshot = self.snapshot(&frame).await?;
+        self.expect_none_elsewhere(&snapshot, &changes).await?;
         let visible = Visible::new(&snapshot.sets, Some(author));
         let completed =
             changes.into_iter().map(|change| complete(change, (&snapshot, &visible), (author, &frame)));
@@ -76,6 +77,23 @@ impl Annotations {
         };
         let homes = events.iter().map(home).collect();
         Ok(self.tell_own(turn, events, homes, &snapshot.sets).await)
+    }
+
+    /// Refuses to change items of other volumes: a change here would bring them into this one.
+    async fn expect_none_elsewhere(&self, snapshot: &Snapshot, changes: &[Change]) -> Result<(), Problem> {
+        let changed = changes.iter().filter_map(|change| match change {
+            Change::Create { .. } => None,
+            Change::Update { item, .. } => Some(item.id),
+            Change::Delete { id, .. } => Some(*id),
+        });
+        for id in changed.filter(|id| snapshot.get(*id).is_none()) {
+            match self.store.item(id).await {
+                Ok(_) => return Err(no_such_item(&id)),
+                Err(StoreError::NotFound { .. }) => {} // gone: the store answers with both versions
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
     }
 
     /// Takes back the author's newest edit, or makes the one again that was taken back last, where it concerns this volume.

@@ -120,7 +120,10 @@ pub(super) async fn import(
     let visible = Visible::new(&snapshot.sets, Some(&author));
     let known = snapshot.items.iter().filter(|known| visible.sees(&known.item.set));
     let known = known.map(|known| Versioned::clone(known)).collect();
-    let merged = Merged::of(items, known, present)
+    let job = move || Merged::of(items, known, present);
+    let merged = tokio::task::spawn_blocking(job)
+        .await
+        .map_err(|error| Problem::internal("comparing with what is there", error))?
         .map_err(|error| Problem::internal("comparing with what is there", error))?;
     warnings.extend(merged.note("update=true", "duplicate=true"));
     let (unchanged, skipped) = (merged.unchanged, merged.skipped);

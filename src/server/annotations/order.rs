@@ -99,10 +99,19 @@ impl Order {
 
     /// An item that the author sees.
     pub(super) async fn find(&self, id: ItemId) -> Result<Arc<Versioned>, Problem> {
+        let mut found = self.find_all(&[id]).await?;
+        found.pop().ok_or_else(|| no_such_item(&id))
+    }
+
+    /// Items that the author sees, in this order.
+    pub(super) async fn find_all(&self, ids: &[ItemId]) -> Result<Vec<Arc<Versioned>>, Problem> {
         let snapshot = self.asked.annotations.snapshot(&self.asked.entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, Some(&self.author));
-        let known = snapshot.get(id).filter(|known| visible.sees(&known.item.set));
-        known.cloned().ok_or_else(|| no_such_item(&id))
+        let known = |id: &ItemId| {
+            let known = snapshot.get(*id).filter(|known| visible.sees(&known.item.set));
+            known.cloned().ok_or_else(|| no_such_item(id))
+        };
+        ids.iter().map(known).collect()
     }
 
     /// Does the work that takes all cores, in its turn. It is told when nobody waits for it any more.

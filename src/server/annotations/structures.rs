@@ -2,6 +2,9 @@
 //!
 //! What is made is a content in the store, and an edit by whoever asked (see `order`).
 
+use std::collections::HashSet;
+use std::sync::Arc;
+
 use axum::Json;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -11,7 +14,7 @@ use serde_json::json;
 use super::order::{MOST_BYTES, Order, unusable};
 use super::refusal::invalid;
 use super::{Asked, Sent};
-use crate::annotation::{Change, Geometry, Item, ItemError, ItemId, MeshSummary};
+use crate::annotation::{Change, Geometry, Item, ItemError, ItemId, MeshSummary, Versioned};
 use crate::mesh::files::{MeshFormat, write as written};
 use crate::mesh::{Decimation, MeshError, Smoothing, surface_nets};
 use crate::segmentation::{
@@ -22,6 +25,9 @@ use crate::server::problem::Problem;
 use crate::server::resident::with_voxels;
 use crate::space::{Patient, Point};
 use crate::volume::Mask;
+
+/// Most curves between which one region is filled.
+const MOST_CURVES: usize = 1000;
 
 /// Media type of a mesh's content.
 const MESH: &str = "model/ply";
@@ -120,18 +126,26 @@ pub(super) async fn paint(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Respon
 
 pub(super) async fn fill(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Response, Problem> {
     let (order, FillBody { curves }) = Order::read(asked, body, "Region")?;
-    let mut contours = Vec::new();
-    for id in curves {
-        let known = order.find(id).await?;
-        let contour = known.item.geometry.as_ref().and_then(Contour::of);
-        let refuse = || {
-            let error = ItemError::new("curves", &id.to_string(), "closed curves");
-            invalid(&error)
-        };
-        contours.push(contour.ok_or_else(refuse)?);
+    let refuse = |found: &dyn std::fmt::Display, allowed: &str| {
+        invalid(&ItemError::new("curves", &found.to_string(), allowed))
+    };
+    if curves.len() > MOST_CURVES {
+        return Err(refuse(&curves.len(), &format!("up to {MOST_CURVES} curves")));
     }
+    let mut met = HashSet::new();
+    if let Some(twice) = curves.iter().find(|id| !met.insert(**id)) {
+        return Err(refuse(twice, "each curve once"));
+    }
+    let known = order.find_all(&curves).await?;
     let grid = order.asked.entry.grid.clone();
-    let job = move |_: &Waiting| filled(&grid, &contours).map_err(|error| unusable("curves", &error));
+    let job = move |_: &Waiting| {
+        let contour = |known: &Arc<Versioned>| {
+            let contour = known.item.geometry.as_ref().and_then(Contour::of);
+            contour.ok_or_else(|| refuse(&known.item.id, "closed curves"))
+        };
+        let contours = known.iter().map(contour).collect::<Result<Vec<_>, _>>()?;
+        filled(&grid, &contours).map_err(|error| unusable("curves", &error))
+    };
     let mask = order.work("filling curves", job).await?;
     let geometry = order.keep(mask, None).await?;
     order.create(geometry).await

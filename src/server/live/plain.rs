@@ -20,7 +20,7 @@ use super::slot::Slot;
 use super::view::View;
 use super::{Live, Look, no_such_view};
 use crate::display::encode_png;
-use crate::interaction::Intent;
+use crate::interaction::{Intent, PlacePhase};
 use crate::live::{ColorFormat, DepthFormat, MAX_TEXT_BYTES, Role, Settings, check_view_name};
 use crate::server::annotations::author_of;
 use crate::server::blocking::on_blocking_thread;
@@ -207,6 +207,11 @@ pub(in crate::server) async fn intent(
     let intent = Intent::from_json(&body).map_err(|error| {
         Problem::new(StatusCode::BAD_REQUEST, "malformed-intent", error).with("path", "intent")
     })?;
+    // Nothing is held from one request to the next: what would be taken hold of is shown.
+    let intent = match intent {
+        Intent::Place { phase: PlacePhase::Take } => Intent::Place { phase: PlacePhase::Preview },
+        other => other,
+    };
     let now = Instant::now();
     let entry = volume.map(|id| server.volumes.find(&id)).transpose()?;
     let view = if let Some(view) = server.live.find(&name) {

@@ -126,7 +126,10 @@ export class Structures {
     $("grow-state").textContent = "Growing …";
     const body = { ...this.#order(), name: this.model.freeName("Region"), set: this.model.set };
     const made = await this.#made(`Growing “${body.name}” …`, (signal) => this.annotations().grow(body, signal), "grow-state");
-    if (!made) return;
+    if (!made) {
+      $("grow-now").disabled = this.seed === null;
+      return;
+    }
     this.cancel();
     await this.#becomeExpected(made, "region");
   }
