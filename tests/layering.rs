@@ -55,7 +55,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("tower", NETWORK),
     ("tower_http", NETWORK),
     ("nalgebra", &["tracking", "annotation"]),
-    ("statrs", &["annotation"]),
+    ("statrs", &["annotation", "cli"]),
     ("ipopt", &["tracking"]),
     ("async_nats", &["batch"]),
     ("object_store", &["batch"]),

@@ -10,15 +10,14 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
 
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 
-use super::files::{read_at_most, write_whole};
 use super::pose::ViewCamera;
 use super::product::Product;
 use super::record::Record;
+use super::sink::Sink;
 
 /// Largest camera file that is read, bytes.
 const LARGEST: u64 = 1 << 20;
@@ -33,7 +32,7 @@ struct Shot<'a> {
 ///
 /// # Errors
 /// When a file cannot be written.
-pub(super) fn write_tables<'a>(records: impl Iterator<Item = &'a Record>, out: &Path) -> std::io::Result<()> {
+pub(super) fn write_tables<'a>(records: impl Iterator<Item = &'a Record>, out: &Sink) -> std::io::Result<()> {
     let mut series: BTreeMap<&str, Vec<Shot<'a>>> = BTreeMap::new();
     for record in records {
         if let Some(camera) = read(record, out) {
@@ -45,23 +44,20 @@ pub(super) fn write_tables<'a>(records: impl Iterator<Item = &'a Record>, out: &
     }
     let mut lines = String::new();
     for (name, shots) in &series {
-        let folder = out.join(name);
-        write_whole(&folder.join("transforms.json"), transforms(shots).to_string().as_bytes())?;
-        let model = folder.join("sparse").join("0");
-        std::fs::create_dir_all(&model)?;
+        out.put(&format!("{name}/transforms.json"), transforms(shots).to_string())?;
         for (file, text) in colmap(shots) {
-            write_whole(&model.join(file), text.as_bytes())?;
+            out.put(&format!("{name}/sparse/0/{file}"), text)?;
         }
         shots.iter().for_each(|shot| {
             let _ = writeln!(lines, "{}", line(shot));
         });
     }
-    write_whole(&out.join("dataset.jsonl"), lines.as_bytes())
+    out.put("dataset.jsonl", lines)
 }
 
-fn read(record: &Record, out: &Path) -> Option<ViewCamera> {
-    let path = out.join(&record.series).join(record.output(Product::Camera)?);
-    serde_json::from_slice(&read_at_most(&path, LARGEST).ok()??).ok()
+fn read(record: &Record, out: &Sink) -> Option<ViewCamera> {
+    let name = format!("{}/{}", record.series, record.output(Product::Camera)?);
+    serde_json::from_slice(&out.read(&name, LARGEST).ok()??).ok()
 }
 
 fn line(Shot { record, camera }: &Shot<'_>) -> Value {

@@ -79,8 +79,22 @@ pub enum PlanError {
     #[error("{0}")]
     Views(String),
     /// There is no series under the root.
-    #[error("no CT series under {}", .0.display())]
-    NoSeries(PathBuf),
+    #[error("no CT series under {}{}", path.display(), listed(skipped))]
+    NoSeries {
+        /// The root.
+        path: PathBuf,
+        /// What was looked at, and why it is none.
+        skipped: Vec<(PathBuf, String)>,
+    },
+}
+
+/// The first of those that were skipped, a line each.
+fn listed(skipped: &[(PathBuf, String)]) -> String {
+    const MOST: usize = 3;
+    let lines = skipped.iter().take(MOST).map(|(path, reason)| format!("\n  {}: {reason}", path.display()));
+    let more = skipped.len().saturating_sub(MOST);
+    let rest = if more > 0 { format!("\n  and {more} more") } else { String::new() };
+    lines.collect::<String>() + &rest
 }
 
 /// Whether trying again may help.

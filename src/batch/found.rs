@@ -1,5 +1,6 @@
 //! A series that was found: what is known of it, and which annotations are its.
 
+use super::copies::Local;
 use super::log::AnnotationLog;
 use super::query::{Facts, Query};
 use super::source::SeriesSource;
@@ -12,6 +13,8 @@ use crate::volume::Volume;
 /// A series, not loaded.
 pub(super) struct Found {
     pub(super) source: SeriesSource,
+    /// Its files on this machine.
+    pub(super) local: Local,
     pub(super) kind: Kind,
 }
 
@@ -37,7 +40,10 @@ impl Found {
                 pixel_mm: entry.pixel_spacing_mm(),
                 thickness_mm: entry.thickness_mm(),
             },
-            Kind::File => Facts::of_grid(self.load()?.grid()),
+            Kind::File => {
+                let grid = formats::read_grid(self.local.path()).map_err(|error| error.to_string())?;
+                Facts::of_grid(&grid)
+            }
         };
         query.admit(&facts)
     }
@@ -69,7 +75,7 @@ impl Found {
 
     fn load(&self) -> Result<Volume, String> {
         match &self.kind {
-            Kind::File => formats::read_volume(&self.source.path)
+            Kind::File => formats::read_volume(self.local.path())
                 .map(|read| read.volume)
                 .map_err(|error| error.to_string()),
             Kind::Dicom(entry) => {

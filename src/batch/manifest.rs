@@ -124,6 +124,9 @@ impl Job {
         if let Some(annotations) = &self.annotations {
             content["annotations"] = annotations.sha256.clone().into();
         }
+        if let Some(labels) = &self.series.labels {
+            content["labels"] = labels.sha256.clone().into();
+        }
         JobKey(hex(&Sha256::digest(content.to_string()).into()))
     }
 
@@ -136,6 +139,7 @@ impl Job {
         }
         let hashes = [
             ("series.sha256", Some(&self.series.sha256)),
+            ("series.labels.sha256", self.series.labels.as_ref().map(|labels| &labels.sha256)),
             ("annotations.sha256", self.annotations.as_ref().map(|kept| &kept.sha256)),
         ];
         for (what, hash) in hashes {

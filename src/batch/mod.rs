@@ -11,12 +11,14 @@
 mod annotations;
 #[cfg(feature = "cluster")]
 mod bucket;
+mod copies;
 mod dataset;
 mod error;
 mod files;
 mod found;
 mod gate;
 mod landmarks;
+mod location;
 mod log;
 mod manifest;
 mod outputs;
@@ -37,9 +39,11 @@ mod views;
 pub use annotations::KeptAnnotations;
 #[cfg(feature = "cluster")]
 pub use bucket::Bucket;
+pub use copies::{Copies, CopiesOptions, Local};
 pub use error::{Failure, Lasting, ManifestError, PlanError};
 pub use files::{shared_temporary, write_whole};
 pub use landmarks::LANDMARK_VIEW_MM;
+pub use location::Location;
 pub use log::AnnotationLog;
 pub use manifest::{Job, JobKey, Shard, read_manifest};
 pub use outputs::DEPTH_UNIT_MM;
@@ -48,10 +52,10 @@ pub use pose::ViewCamera;
 pub use product::{Product, ProductSet};
 pub use query::{Facts, Query};
 pub use record::Record;
-pub use report::write_report;
+pub use report::{REPORT, write_report};
 pub use run::{Options, RunError, Seconds, Step, Summary, run};
-pub use sink::{Sink, SinkName};
-pub use source::SeriesSource;
+pub use sink::Sink;
+pub use source::{LabelsSource, SeriesSource};
 pub use turntable::{Film, Films};
 pub use views::{View, ViewSet};
 

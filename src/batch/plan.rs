@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
+use super::copies::{Copies, Local};
 use super::error::PlanError;
 use super::found::{Found, Kind};
 use super::landmarks::{camera_views, landmark_views};
+use super::location::Location;
 use super::log::AnnotationLog;
 use super::manifest::{Job, NAMES, hex, is_name};
 use super::product::Product;
 use super::query::Query;
-use super::source::{SeriesSource, file_sha256};
+use super::source::{LabelsSource, SeriesSource, file_sha256};
 use super::views::{View, ViewSet};
 use crate::annotation::Item;
 use crate::camera::Orbit;
@@ -23,9 +25,10 @@ use crate::volume::Volume;
 /// Where to look for series.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Root {
-    /// A folder: every folder, zip and volume file in it.
+    /// A folder, or a prefix of a bucket: every folder, zip and volume file in it.
     Folder(PathBuf),
-    /// A table with a header line and columns `path` and, if wanted, `series_uid` and `name`. Paths are told from the table.
+    /// A table with a header line and columns `path` and, if wanted, `series_uid`, `name` and `labels`. Paths are told from the table, but
+    /// those in buckets.
     Table(PathBuf),
 }
 
@@ -34,6 +37,8 @@ pub enum Root {
 pub struct Request {
     /// Where the series are.
     pub root: Root,
+    /// The label map of each, where the table names none: `{}` stands for the series' path, of a file without its ending.
+    pub labels: Option<String>,
     /// Which of them are wanted.
     pub query: Query,
     /// The log whose annotations are looked at or drawn.
@@ -46,6 +51,8 @@ pub struct Request {
     pub orbit: Orbit,
     /// What is written of each view.
     pub products: Vec<Product>,
+    /// What of series in buckets is here.
+    pub copies: Copies,
 }
 
 /// Jobs, and what gave none.
@@ -61,11 +68,17 @@ pub struct Planned {
     pub skipped: Vec<(PathBuf, String)>,
 }
 
+/// Columns of a table.
+const COLUMNS: [&str; 4] = ["path", "series_uid", "name", "labels"];
+/// Endings of files that are a series each.
+pub(super) const SERIES_ENDINGS: [&str; 4] = [".zip", ".nii", ".nii.gz", ".nrrd"];
+
 /// One place to look at.
 struct Place {
     path: PathBuf,
     uid: Option<String>,
     name: Option<String>,
+    labels: Option<PathBuf>,
 }
 
 /// Finds the series and makes the jobs. Reads every byte of every series, for its hash. `report` is given how many places were
@@ -74,15 +87,21 @@ struct Place {
 /// # Errors
 /// When the root cannot be read or has no series at all; a place without a usable series is among those skipped.
 pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<Planned, PlanError> {
-    let (places, root) = match &request.root {
-        Root::Folder(folder) => (places_in(folder)?, folder),
+    let (mut places, root) = match &request.root {
+        Root::Folder(folder) => (places_in(folder, &request.copies)?, folder),
         Root::Table(table) => (read_table(table)?, table),
     };
+    if let Some(pattern) = &request.labels {
+        places.iter_mut().for_each(|place| place.find_labels(pattern));
+        // Label maps beside series are files of voxels, too.
+        let labels: HashSet<PathBuf> = places.iter().filter_map(|place| place.labels.clone()).collect();
+        places.retain(|place| !labels.contains(&place.path));
+    }
     let mut planned = Planned { jobs: Vec::new(), series: 0, unwanted: 0, skipped: Vec::new() };
     let (mut known, mut found_any, mut why) = (HashSet::new(), false, String::new());
     for (done, place) in places.iter().enumerate() {
         report(done, places.len());
-        let found = find(place).unwrap_or_else(|reason| {
+        let found = find(place, &request.copies).unwrap_or_else(|reason| {
             planned.skipped.push((place.path.clone(), reason));
             Vec::new()
         });
@@ -111,7 +130,7 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
     }
     report(places.len(), places.len());
     if !found_any {
-        return Err(PlanError::NoSeries(root.clone()));
+        return Err(PlanError::NoSeries { path: root.clone(), skipped: planned.skipped });
     }
     if planned.jobs.is_empty() {
         return Err(PlanError::NoViews(why));
@@ -168,9 +187,12 @@ fn own_views(items: &[&Item], volume: Option<&Volume>, request: &Request) -> Vec
 }
 
 /// What lies directly in a folder, one place each; the folder itself where files of series lie in it.
-fn places_in(root: &Path) -> Result<Vec<Place>, PlanError> {
+fn places_in(root: &Path, copies: &Copies) -> Result<Vec<Place>, PlanError> {
     let unreadable = |source| PlanError::Unreadable { path: root.to_owned(), source };
-    let place = |path: PathBuf| Place { path, uid: None, name: None };
+    let place = |path: PathBuf| Place { path, uid: None, name: None, labels: None };
+    if Location::is_bucket(root) {
+        return Ok(copies.places(root).map_err(unreadable)?.into_iter().map(place).collect());
+    }
     let (mut places, mut has_loose) = (Vec::new(), false);
     for entry in std::fs::read_dir(root).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
@@ -203,8 +225,8 @@ fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
     };
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(table).map_err(of_csv)?;
     let columns = reader.headers().map_err(of_csv)?.clone();
-    if let Some(column) = columns.iter().find(|column| !["path", "series_uid", "name"].contains(column)) {
-        return Err(wrong(1, format!("unknown column {column:?}, allowed: path, series_uid, name")));
+    if let Some(column) = columns.iter().find(|column| !COLUMNS.contains(column)) {
+        return Err(wrong(1, format!("unknown column {column:?}, allowed: {}", COLUMNS.join(", "))));
     }
     if !columns.iter().any(|column| column == "path") {
         return Err(wrong(1, "there is no column path".to_owned()));
@@ -227,23 +249,52 @@ fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
                 return Err(wrong(line, format!("name is {name:?}, allowed: {NAMES}")));
             }
         }
-        places.push(Place { path: folder.join(path), uid: cell("series_uid"), name });
+        let told = |path: String| match PathBuf::from(path) {
+            path if Location::is_bucket(&path) => path,
+            path => folder.join(path),
+        };
+        places.push(Place {
+            path: told(path),
+            uid: cell("series_uid"),
+            name,
+            labels: cell("labels").map(told),
+        });
     }
     Ok(places)
 }
 
+impl Place {
+    fn find_labels(&mut self, pattern: &str) {
+        let path = self.path.to_string_lossy();
+        let name = path.to_ascii_lowercase();
+        let ending = SERIES_ENDINGS.iter().find(|ending| name.ends_with(**ending));
+        let stem = &path[..path.len() - ending.map_or(0, |ending| ending.len())];
+        let labels = PathBuf::from(pattern.replace("{}", stem));
+        self.labels.get_or_insert(labels);
+    }
+}
+
+fn find_labels(path: &Path, copies: &Copies) -> Result<LabelsSource, String> {
+    let sha256 = copies.local(path).and_then(|local| file_sha256(local.path()));
+    let sha256 =
+        sha256.map_err(|error| format!("its label map {} cannot be read: {error}", path.display()))?;
+    Ok(LabelsSource { path: path.to_owned(), sha256 })
+}
+
 /// The series of a place.
-fn find(place: &Place) -> Result<Vec<Found>, String> {
+fn find(place: &Place, copies: &Copies) -> Result<Vec<Found>, String> {
+    let local: Local = copies.local(&place.path).map_err(|error| error.to_string())?;
+    let labels = place.labels.as_deref().map(|path| find_labels(path, copies)).transpose()?;
     let source = |uid: Option<String>, sha256: String| {
         let name = place.name.clone().unwrap_or_else(|| format!("series-{}", &sha256[..12]));
-        SeriesSource { path: place.path.clone(), uid, name, sha256 }
+        SeriesSource { path: place.path.clone(), uid, name, sha256, labels: labels.clone() }
     };
-    if formats::is_known(&place.path) {
-        let sha256 = file_sha256(&place.path).map_err(|error| error.to_string())?;
-        return Ok(vec![Found { source: source(None, sha256), kind: Kind::File }]);
+    if formats::is_known(local.path()) {
+        let sha256 = file_sha256(local.path()).map_err(|error| error.to_string())?;
+        return Ok(vec![Found { source: source(None, sha256), local, kind: Kind::File }]);
     }
     let found =
-        dicom::discover(&place.path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+        dicom::discover(local.path(), Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
     let several = found.series.len() > 1;
     let is_wanted = |entry: &SeriesEntry| place.uid.as_deref().is_none_or(|uid| entry.uid() == uid);
     let wanted: Vec<_> = found.series.into_iter().filter(is_wanted).collect();
@@ -258,7 +309,7 @@ fn find(place: &Place) -> Result<Vec<Found>, String> {
         .map(|entry| {
             let sha256 = hex(&entry.content_sha256().map_err(|error| error.to_string())?);
             let source = source(several.then(|| entry.uid().to_owned()), sha256);
-            Ok(Found { source, kind: Kind::Dicom(entry) })
+            Ok(Found { source, local: local.clone(), kind: Kind::Dicom(entry) })
         })
         .collect()
 }

@@ -1,5 +1,6 @@
 //! Records: what a job wrote, beside what it wrote. Written last, so a job with a record is done.
 
+use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -65,11 +66,11 @@ impl Record {
 
     /// Writes it, unless another worker has recorded this very job as done meanwhile.
     pub(super) fn write(&self, job: &Job, sink: &Sink) -> std::io::Result<()> {
-        let (name, bytes) = (Self::file_name(job), serde_json::to_vec_pretty(self)?);
-        if sink.put_new(&name, &bytes)? || Self::of_done(job, sink).is_some() {
+        let (name, bytes) = (Self::file_name(job), Bytes::from(serde_json::to_vec_pretty(self)?));
+        if sink.put_new(&name, bytes.clone())? || Self::of_done(job, sink).is_some() {
             return Ok(());
         }
-        sink.put(&name, &bytes)
+        sink.put(&name, bytes)
     }
 
     /// The name of one of its files.
@@ -79,16 +80,19 @@ impl Record {
     }
 
     /// The record that a job of this key left, whatever became of its outputs.
-    #[must_use]
-    pub fn read(job: &Job, sink: &Sink) -> Option<Self> {
-        let record: Self = serde_json::from_slice(&sink.read(&Self::file_name(job), LARGEST)?).ok()?;
-        (record.job == job.job).then_some(record)
+    ///
+    /// # Errors
+    /// When the place of the outputs does not answer, or refuses.
+    pub fn read(job: &Job, sink: &Sink) -> std::io::Result<Option<Self>> {
+        let Some(bytes) = sink.read(&Self::file_name(job), LARGEST)? else { return Ok(None) };
+        let record: Option<Self> = serde_json::from_slice(&bytes).ok();
+        Ok(record.filter(|record| record.job == job.job))
     }
 
     /// The record of a job that is done: its key is this one, and all that it wrote is there unaltered.
     #[must_use]
     pub fn of_done(job: &Job, sink: &Sink) -> Option<Self> {
-        let record = Self::read(job, sink)?;
+        let record = Self::read(job, sink).ok().flatten()?;
         let is_whole = record.outputs.len() == job.products.len();
         let is_there = |output: &Written| sink.holds(&format!("{}/{}", job.series.name, output.file), output);
         (is_whole && record.outputs.iter().all(is_there)).then_some(record)

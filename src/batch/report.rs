@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::io::Cursor;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 use super::dataset;
 use super::error::Failure;
-use super::files::write_whole;
 use super::manifest::Job;
 use super::product::Product;
 use super::record::Record;
@@ -24,6 +23,8 @@ use crate::session::{Thumbnail, contact_sheet};
 const THUMBNAIL_PX: u32 = 240;
 /// Columns of a contact sheet.
 const SHEET_COLUMNS: usize = 4;
+/// Largest picture that is read, bytes.
+pub(super) const LARGEST_PICTURE: u64 = 1 << 30;
 /// Longest text of a warning or a reason in the page, characters.
 const LONGEST: usize = 400;
 
@@ -33,48 +34,46 @@ struct Shown {
     small: Option<RgbaImage>,
 }
 
+/// Name of the page.
+pub const REPORT: &str = "report.html";
+
 /// Writes `report.html`, for each series with colours `contact-sheet.png` and, where it has one, its turntable as films, and the
-/// tables of datasets.
+/// tables of datasets: beside the outputs, in a folder or a bucket.
 ///
 /// # Errors
-/// When a file cannot be written.
-pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Path, films: &Films) -> std::io::Result<()> {
+/// When records cannot be asked for, or a file cannot be written.
+pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Sink, films: &Films) -> std::io::Result<()> {
+    let shown = |job| {
+        let Some(record) = Record::read(job, out)? else { return Ok(None) };
+        Ok(Some((job, Shown { record, small: small_picture(job, out) })))
+    };
+    let shown: std::io::Result<Vec<Option<(&Job, Shown)>>> = jobs.par_iter().map(shown).collect();
     let mut series: BTreeMap<&str, Vec<Shown>> = BTreeMap::new();
-    let sink = Sink::Folder(out.to_owned());
-    let shown: Vec<(&Job, Shown)> = jobs
-        .par_iter()
-        .filter_map(|job| {
-            let record = Record::read(job, &sink)?;
-            Some((job, Shown { record, small: small_picture(job, out) }))
-        })
-        .collect();
-    for (job, shown) in shown {
+    for (job, shown) in shown?.into_iter().flatten() {
         series.entry(&job.series.name).or_default().push(shown);
     }
     series.par_iter().try_for_each(|(name, shown)| -> std::io::Result<()> {
-        let folder = out.join(name);
         if let Some(sheet) = sheet(shown) {
-            write_whole(&folder.join("contact-sheet.png"), &sheet)?;
+            out.put(&format!("{name}/contact-sheet.png"), sheet)?;
         }
-        films.write(&folder, &turns(&folder, shown))
+        films.write(out, name, &turns(name, shown))
     })?;
     let records = series.values().flatten().map(|one| &one.record);
     dataset::write_tables(records, out)?;
-    write_whole(&out.join("report.html"), page(jobs.len(), &series, failures).as_bytes())
+    out.put(REPORT, page(jobs.len(), &series, failures))
 }
 
 /// The colours of group `turntable`.
-fn turns(folder: &Path, shown: &[Shown]) -> Vec<PathBuf> {
+fn turns(series: &str, shown: &[Shown]) -> Vec<String> {
     let turns = shown.iter().filter(|one| one.record.group == "turntable");
-    turns.filter_map(|one| one.record.output(Product::Color)).map(|file| folder.join(file)).collect()
+    turns.filter_map(|one| one.record.output(Product::Color)).map(|file| format!("{series}/{file}")).collect()
 }
 
 /// The colour of a job, made small, with annotations where it has them; of a frame its left half.
-fn small_picture(job: &Job, out: &Path) -> Option<RgbaImage> {
+fn small_picture(job: &Job, out: &Sink) -> Option<RgbaImage> {
     let known = [Product::Annotated, Product::Color, Product::AnnotatedFrame, Product::Frame];
     let product = known.into_iter().find(|wanted| job.products.contains(wanted))?;
-    let path = out.join(format!("{}.{}", job.name(), product.ending()));
-    let mut picture = open(&path)?;
+    let mut picture = open(out, &format!("{}.{}", job.name(), product.ending()))?;
     if product.is_frame() {
         picture = picture.crop_imm(0, 0, picture.width() / 2, picture.height());
     }
@@ -85,11 +84,13 @@ fn small_picture(job: &Job, out: &Path) -> Option<RgbaImage> {
     Some(picture.thumbnail_exact(THUMBNAIL_PX, height).into_rgba8())
 }
 
-pub(super) fn open(path: &Path) -> Option<DynamicImage> {
+/// A picture among the outputs; `None` where there is none that can be read.
+pub(super) fn open(out: &Sink, name: &str) -> Option<DynamicImage> {
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_FRAME_SIDE_PX);
     limits.max_image_height = Some(MAX_FRAME_SIDE_PX);
-    let mut reader = ImageReader::open(path).ok()?;
+    let file = Cursor::new(out.read(name, LARGEST_PICTURE).ok()??);
+    let mut reader = ImageReader::new(file).with_guessed_format().ok()?;
     reader.limits(limits);
     reader.decode().ok()
 }

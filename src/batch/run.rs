@@ -4,11 +4,12 @@ use std::borrow::Borrow;
 use std::collections::HashSet;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
 use super::annotations::{Readied, ReadiedLast};
+use super::copies::Copies;
 use super::error::{Failure, Lasting};
 use super::gate::Gate;
 use super::manifest::{Job, JobKey, Shard};
@@ -18,7 +19,6 @@ use super::sink::Sink;
 use super::source::{Loaded, SeriesSource, Trouble};
 use crate::gpu::GpuError;
 use crate::render::{Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
-use crate::volume::Volume;
 
 /// What to run and how.
 #[derive(Clone, Debug)]
@@ -31,6 +31,8 @@ pub struct Options {
     pub only: Vec<JobKey>,
     /// Bytes of voxels in memory: of the series that is rendered and of the next one.
     pub voxel_bytes: u64,
+    /// What of series in buckets is here.
+    pub copies: Copies,
 }
 
 /// What has just happened to a job.
@@ -89,6 +91,8 @@ pub enum RunError<E> {
     Renderer(E),
 }
 
+/// How long a series that is broken for good is taken for that.
+const BROKEN_FOR: Duration = Duration::from_secs(10);
 /// Pictures that wait to be written: more would only hold memory.
 const WRITES_WAITING: usize = 2;
 /// Most threads that draw, encode and write.
@@ -128,7 +132,8 @@ pub fn run<E>(
     if !pending.is_empty() {
         let mut renderer = open().map_err(RunError::Renderer)?;
         let groups = pending.chunk_by(|a, b| a.series == b.series).map(<[&Job]>::to_vec);
-        render_groups(&mut renderer, groups, &Gate::new(options.voxel_bytes), &shared);
+        let from = (&options.copies, &Gate::new(options.voxel_bytes));
+        render_groups(&mut renderer, groups, from, &shared);
     }
     Ok(shared.into_summary())
 }
@@ -138,7 +143,7 @@ pub fn run<E>(
 pub(super) fn render_groups<J: Borrow<Job> + Send>(
     renderer: &mut Renderer,
     groups: impl Iterator<Item = Vec<J>> + Send,
-    gate: &Gate,
+    from: (&Copies, &Gate),
     shared: &Shared<'_>,
 ) {
     let writers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(MOST_WRITERS);
@@ -147,7 +152,7 @@ pub(super) fn render_groups<J: Borrow<Job> + Send>(
     let (finished, pictures) = sync_channel(WRITES_WAITING);
     let pictures = &Mutex::new(pictures);
     std::thread::scope(|scope| {
-        scope.spawn(move || load_all(groups, gate, &loaded, shared));
+        scope.spawn(move || load_all(groups, from, &loaded, shared));
         for _ in 0..writers {
             scope.spawn(move || write_all::<J>(pictures, shared));
         }
@@ -177,32 +182,50 @@ fn pending<'a>(jobs: &'a [Job], options: &Options, shared: &Shared<'_>) -> Vec<&
 
 type Series<'a, J> = (Vec<J>, Result<Arc<Loaded<'a>>, Trouble>);
 
+/// The series that was asked for last, and what came of it.
+struct Last<'a> {
+    source: SeriesSource,
+    series: Result<Arc<Loaded<'a>>, Trouble>,
+    at: Instant,
+}
+
+impl Last<'_> {
+    /// Whether what came of it holds for another job. A series that is broken for good is not read again for each of its views; but
+    /// it may be mended while a worker lives.
+    fn holds_for(&self, wanted: &SeriesSource) -> bool {
+        let holds = match &self.series {
+            Ok(_) => true,
+            Err((kind, _)) => *kind == Lasting::Permanent && self.at.elapsed() < BROKEN_FOR,
+        };
+        holds && self.source == *wanted
+    }
+}
+
 fn load_all<'a, J: Borrow<Job>>(
     groups: impl Iterator<Item = Vec<J>>,
-    gate: &'a Gate,
+    (copies, gate): (&Copies, &'a Gate),
     loaded: &SyncSender<Series<'a, J>>,
     shared: &Shared<'_>,
 ) {
-    let mut last: Option<(SeriesSource, Arc<Loaded<'a>>)> = None;
+    let mut last: Option<Last<'a>> = None;
     for group in groups {
         let Some(wanted) = group.first().map(|job| job.borrow().series.clone()) else { continue };
-        let series = match last.take() {
-            Some((source, volume)) if source == wanted => Ok(volume),
+        if !last.as_ref().is_some_and(|last| last.holds_for(&wanted)) {
             // What the last one held is given back first: the next one may need it.
-            other => {
-                drop(other);
-                let started = Instant::now();
-                let volume = wanted.load(gate).map(Arc::new);
-                // The renderer asks for it: known here, it need not wait for it there.
-                let _ = volume.as_ref().map(|loaded| loaded.volume.content_hash());
-                shared.change(|summary| {
-                    summary.loaded += usize::from(volume.is_ok());
-                    summary.seconds.loading += started.elapsed().as_secs_f64();
-                });
-                volume
-            }
-        };
-        last = series.as_ref().ok().map(|volume| (wanted, Arc::clone(volume)));
+            last = None;
+        }
+        let Last { series, .. } = last.get_or_insert_with(|| {
+            let started = Instant::now();
+            let series = wanted.load(gate, copies).map(Arc::new);
+            // The renderer asks for it: known here, it need not wait for it there.
+            let _ = series.as_ref().map(|loaded| loaded.volume.content_hash());
+            shared.change(|summary| {
+                summary.loaded += usize::from(series.is_ok());
+                summary.seconds.loading += started.elapsed().as_secs_f64();
+            });
+            Last { source: wanted, series, at: Instant::now() }
+        });
+        let series = series.clone();
         if loaded.send((group, series)).is_err() {
             return; // nobody renders any more
         }
@@ -246,7 +269,7 @@ fn render_series<J: Borrow<Job>>(
     shared: &Shared<'_>,
 ) -> bool {
     for job in jobs {
-        match render(renderer, &loaded.volume, job.borrow()) {
+        match render(renderer, loaded, job.borrow()) {
             Ok(sight) => {
                 let (timings, waiting) = (sight.frame.timings, Instant::now());
                 let picture = Finished { job, sight, warnings: loaded.warnings.clone() };
@@ -266,10 +289,11 @@ fn render_series<J: Borrow<Job>>(
 }
 
 /// The picture as rays make it, without what is drawn over it.
-fn render(renderer: &mut Renderer, volume: &Volume, job: &Job) -> Result<Sight, Trouble> {
+fn render(renderer: &mut Renderer, loaded: &Loaded<'_>, job: &Job) -> Result<Sight, Trouble> {
+    let (volume, labels) = (&loaded.volume, loaded.labels.as_ref());
     let permanent = |error: SceneError| (Lasting::Permanent, error.to_string());
     let file = SceneFile::parse(job.scene.to_string().as_bytes()).map_err(permanent)?;
-    let scene: Scene = file.resolve(volume.grid(), &job.orbit).map_err(permanent)?;
+    let scene: Scene = file.resolve_labelled(volume.grid(), &job.orbit, labels).map_err(permanent)?;
     scene.expect_no_annotations().map_err(permanent)?;
     if job.products.iter().any(|product| product.is_frame()) {
         scene.expect_size_of_layout().map_err(permanent)?;
@@ -314,10 +338,11 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &Shared<'_>) -> Result<R
         job.annotations.as_ref().map(|kept| shared.annotations.get(kept)).transpose()?;
     let made: Outputs = sight.outputs(&job.products, readied.as_deref())?;
     let mut outputs = Vec::new();
-    for (product, bytes) in &made.files {
+    for (product, bytes) in made.files {
         let name = format!("{}.{}", job.view, product.ending());
-        shared.sink.put(&format!("{}/{name}", job.series.name), bytes).map_err(refused)?;
-        outputs.push(Written::new(name, bytes));
+        let (path, written) = (format!("{}/{name}", job.series.name), Written::new(name, &bytes));
+        shared.sink.put_written(&path, bytes, &written).map_err(refused)?;
+        outputs.push(written);
     }
     let timings = sight.frame.timings;
     let record = Record {
@@ -353,5 +378,47 @@ impl<'a> Shared<'a> {
         let failure = Failure { job: job.job.0.clone(), name: job.name(), kind, reason };
         (self.report)(Step::Failed(&failure));
         self.change(|summary| summary.failures.push(failure));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::batch::{CopiesOptions, Product};
+    use crate::camera::Orbit;
+
+    #[test]
+    fn a_series_that_is_broken_for_good_is_not_read_again_for_each_of_its_views() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = |name: &str| {
+            let (path, name) = (folder.path().join(name), name.to_owned());
+            SeriesSource { path, uid: None, name, sha256: "0".repeat(64), labels: None }
+        };
+        let job = |series: &str, view: &str| {
+            let what = (serde_json::json!({}), Orbit::default());
+            let (view, products) = ((view.to_owned(), String::new()), vec![Product::Color]);
+            vec![Job::new(source(series), view, what, (products, None))]
+        };
+        // Read again, it would be another error: the folder is there by then.
+        let mut groups = vec![job("b", "one"), job("a", "two"), job("a", "one")];
+        let path = folder.path().join("a");
+        let groups = std::iter::from_fn(|| {
+            let group = groups.pop()?;
+            if group[0].view == "two" {
+                std::fs::create_dir(&path).unwrap();
+            }
+            Some(group)
+        });
+        let copies = Copies::new(CopiesOptions { folder: None, bytes: 0, endpoint: None });
+        let (sink, gate) = (Sink::Folder(folder.path().join("out")), Gate::new(1 << 20));
+        let shared = Shared::new(&sink, &|_| ());
+        let (send, series) = sync_channel(3);
+        load_all(groups, (&copies, &gate), &send, &shared);
+        drop(send);
+        let reasons: Vec<Trouble> = series.iter().map(|(_, loaded)| loaded.unwrap_err()).collect();
+        assert_eq!(reasons[0], reasons[1]);
+        assert_eq!(reasons.len(), 3);
+        let again = source("a").load(&gate, &copies).unwrap_err();
+        assert!(again.0 == Lasting::Permanent && again != reasons[0], "{again:?}");
     }
 }

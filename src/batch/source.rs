@@ -1,21 +1,24 @@
 //! A series of a job: found again where it was planned, checked to be the same, loaded.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::copies::Copies;
 use super::error::Lasting;
 use super::gate::{Gate, Held};
 use super::manifest::hex;
 use crate::dicom::{self, LoadLimits, SeriesEntry, Strictness};
 use crate::formats;
-use crate::volume::Volume;
+use crate::session::load_labels;
+use crate::volume::{LabelMap, Volume};
 
 /// Where a series is and what it is.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeriesSource {
-    /// A folder, file, DICOMDIR or zip; or a volume as `.nii`, `.nii.gz` or `.nrrd`.
+    /// A folder, file, DICOMDIR or zip; or a volume as `.nii`, `.nii.gz` or `.nrrd`. Of this machine, or in a bucket: `s3://BUCKET/KEY`.
     pub path: PathBuf,
     /// Its UID, where the path holds several series.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -24,14 +27,30 @@ pub struct SeriesSource {
     pub name: String,
     /// SHA-256 of its files.
     pub sha256: String,
+    /// The label map that its scenes know segments by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels: Option<LabelsSource>,
+}
+
+/// Where a label map is and what it is.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LabelsSource {
+    /// A NIfTI, NRRD or DICOM segmentation. Of this machine, or in a bucket.
+    pub path: PathBuf,
+    /// SHA-256 of the file.
+    pub sha256: String,
 }
 
 /// A volume with the bytes that it holds of a gate.
+#[derive(Debug)]
 pub(super) struct Loaded<'a> {
     pub(super) volume: Volume,
+    /// On its grid.
+    pub(super) labels: Option<Arc<LabelMap>>,
     /// Warnings of its reading.
     pub(super) warnings: Vec<String>,
-    _held: Held<'a>,
+    held: Held<'a>,
 }
 
 /// Why a series was not loaded.
@@ -51,56 +70,51 @@ pub(super) fn file_sha256(path: &Path) -> std::io::Result<String> {
 }
 
 impl SeriesSource {
-    /// Loads it, within what the gate allows, when there is room. A reason goes where others read it, so it names no file: what
-    /// series lie in may be called after patients.
-    pub(super) fn load<'a>(&self, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
-        let is_file = formats::is_known(&self.path);
-        let loaded = if is_file { self.load_file(gate) } else { self.load_series(gate) };
-        loaded.map_err(|(kind, reason)| (kind, self.without_path(reason)))
+    /// Loads it, within what the gate allows, when there is room; out of a bucket by way of a copy. A reason goes where others
+    /// read it, so it names no file: what series lie in may be called after patients.
+    pub(super) fn load<'a>(&self, gate: &'a Gate, copies: &Copies) -> Result<Loaded<'a>, Trouble> {
+        let local = match copies.local(&self.path) {
+            Ok(local) => local,
+            Err(error) => return Err((lasting(&error), error.to_string())),
+        };
+        let path = local.path();
+        let is_file = formats::is_known(path);
+        let loaded = if is_file { self.load_file(path, gate) } else { self.load_series(path, gate) };
+        let mut loaded = loaded.map_err(|(kind, reason)| (kind, without_path(path, &reason)))?;
+        if let Some(labels) = &self.labels {
+            labels.load(copies, gate, &mut loaded)?;
+        }
+        let bytes = size_of_val(loaded.volume.voxels_hu()) as u64;
+        loaded.held.shrink(bytes + loaded.labels.as_ref().map_or(0, |map| labels_bytes(map)));
+        Ok(loaded)
     }
 
-    fn without_path(&self, reason: String) -> String {
-        let path = self.path.display().to_string();
-        if path.is_empty() {
-            return reason;
-        }
-        let mut parts = reason.split(&path);
-        let mut told = parts.next().unwrap_or_default().to_owned();
-        for part in parts {
-            // Up to what is said of the file.
-            told.push_str("its files");
-            told.push_str(part.find(": ").map_or("", |end| &part[end..]));
-        }
-        told
-    }
-
-    fn load_series<'a>(&self, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
-        let found = dicom::discover(&self.path, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
+    fn load_series<'a>(&self, path: &Path, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
+        let found = dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
         let entry = found.select(self.uid.as_deref()).map_err(of_dicom)?;
         self.expect(&hex(&entry.content_sha256().map_err(of_dicom)?))?;
-        let bytes = needed_bytes(entry);
+        // A label map has at most as many bytes as the voxels.
+        let bytes = needed_bytes(entry).saturating_mul(1 + u64::from(self.labels.is_some()));
         if bytes > gate.limit() {
             return Err(too_large(bytes, gate.limit()));
         }
-        let mut held = gate.hold(bytes);
+        let held = gate.hold(bytes);
         let limits = LoadLimits { voxel_bytes: gate.limit() };
         let loaded = dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
-        held.shrink(size_of_val(loaded.volume.voxels_hu()) as u64);
         let warnings = found.warnings().into_iter().chain(loaded.warnings);
         let warnings = warnings.map(|warning| warning.message).collect();
-        Ok(Loaded { volume: loaded.volume, warnings, _held: held })
+        Ok(Loaded { volume: loaded.volume, labels: None, warnings, held })
     }
 
-    fn load_file<'a>(&self, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
-        let sha256 = file_sha256(&self.path).map_err(|error| (Lasting::Retryable, error.to_string()))?;
+    fn load_file<'a>(&self, path: &Path, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
+        let sha256 = file_sha256(path).map_err(|error| (Lasting::Retryable, error.to_string()))?;
         self.expect(&sha256)?;
         // How large it is, is known when it is read.
-        let mut held = gate.hold(gate.limit());
+        let held = gate.hold(gate.limit());
         let limits = formats::Limits { voxels: gate.limit() / size_of::<i16>() as u64 };
-        let read = formats::read_volume_within(limits, &self.path)
+        let read = formats::read_volume_within(limits, path)
             .map_err(|error| (Lasting::Permanent, error.to_string()))?;
-        held.shrink(size_of_val(read.volume.voxels_hu()) as u64);
-        Ok(Loaded { volume: read.volume, warnings: read.warnings, _held: held })
+        Ok(Loaded { volume: read.volume, labels: None, warnings: read.warnings, held })
     }
 
     fn expect(&self, found: &str) -> Result<(), Trouble> {
@@ -111,6 +125,54 @@ impl SeriesSource {
             Lasting::Permanent,
             "the series' files are not those that were planned with; plan anew".to_owned(),
         ))
+    }
+}
+
+impl LabelsSource {
+    /// Loads it onto the grid of what was loaded, within the bytes that are held.
+    fn load(&self, copies: &Copies, gate: &Gate, loaded: &mut Loaded<'_>) -> Result<(), Trouble> {
+        let of_file = |error: std::io::Error| (lasting(&error), format!("its label map: {error}"));
+        let local = copies.local(&self.path).map_err(of_file)?;
+        let path = local.path();
+        if file_sha256(path).map_err(of_file)? != self.sha256 {
+            let reason = "the series' label map is not the one that was planned with; plan anew";
+            return Err((Lasting::Permanent, reason.to_owned()));
+        }
+        let most_voxels = gate.limit() / size_of::<u16>() as u64;
+        let labels = load_labels(path, most_voxels, loaded.volume.grid()).map_err(|error| {
+            (Lasting::Permanent, format!("its label map: {}", without_path(path, &error.to_string())))
+        })?;
+        loaded.warnings.extend(labels.warnings);
+        loaded.labels = Some(labels.map);
+        Ok(())
+    }
+}
+
+fn labels_bytes(map: &LabelMap) -> u64 {
+    (map.grid().voxel_count() * size_of::<u16>()) as u64
+}
+
+/// What is said of a path's files, without what they are called.
+fn without_path(path: &Path, reason: &str) -> String {
+    let path = path.display().to_string();
+    if path.is_empty() {
+        return reason.to_owned();
+    }
+    let mut parts = reason.split(&path);
+    let mut told = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        // Up to what is said of the file.
+        told.push_str("its files");
+        told.push_str(part.find(": ").map_or("", |end| &part[end..]));
+    }
+    told
+}
+
+/// What is not there, or asked for wrongly, is so the next time, too.
+fn lasting(error: &std::io::Error) -> Lasting {
+    match error.kind() {
+        std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput => Lasting::Permanent,
+        _ => Lasting::Retryable,
     }
 }
 
@@ -151,14 +213,13 @@ mod tests {
 
     #[test]
     fn reasons_name_no_file() {
-        let (name, sha256) = ("a".to_owned(), String::new());
-        let source = SeriesSource { path: "/archive/DOE^JOHN".into(), uid: None, name, sha256 };
+        let path = Path::new("/archive/DOE^JOHN");
         for (reason, told) in [
             ("cannot read /archive/DOE^JOHN/JOHN 1.dcm: gone", "cannot read its files: gone"),
             ("no series in /archive/DOE^JOHN", "no series in its files"),
             ("too large", "too large"),
         ] {
-            assert_eq!(source.without_path(reason.to_owned()), told);
+            assert_eq!(without_path(path, reason), told);
         }
     }
 }

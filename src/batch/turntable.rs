@@ -7,8 +7,8 @@ use std::str::FromStr;
 
 use image::RgbImage;
 
-use super::files::{shared_temporary, write_whole};
-use super::report::open;
+use super::report::{LARGEST_PICTURE, open};
+use super::sink::Sink;
 
 /// Time between the pictures of a turntable, ms.
 const TURN_MS: u16 = 120;
@@ -79,15 +79,16 @@ impl Films {
         }
     }
 
-    /// Writes `turntable.png` and, with ffmpeg, `turntable.mp4` of these pictures; nothing of fewer than two, or of several sizes.
+    /// Writes `turntable.png` and, with ffmpeg, `turntable.mp4` of these outputs of a series; nothing of fewer than two, or of several
+    /// sizes.
     ///
     /// # Errors
     /// When a file cannot be written, or ffmpeg fails.
-    pub(super) fn write(&self, folder: &Path, turns: &[PathBuf]) -> std::io::Result<()> {
-        if let Some(file) = apng(turns) {
-            write_whole(&folder.join("turntable.png"), &file)?;
+    pub(super) fn write(&self, out: &Sink, series: &str, turns: &[String]) -> std::io::Result<()> {
+        if let Some(file) = apng(out, turns) {
+            out.put(&format!("{series}/turntable.png"), file)?;
             if let Some(ffmpeg) = &self.ffmpeg {
-                return mp4(ffmpeg, folder, turns);
+                return out.put(&format!("{series}/turntable.mp4"), mp4(ffmpeg, out, turns)?);
             }
         }
         Ok(())
@@ -95,21 +96,24 @@ impl Films {
 }
 
 /// Pictures as an animated PNG: their own compressed pixels one after the other, as they are (PNG, third edition, 11.3.6).
-fn apng(turns: &[PathBuf]) -> Option<Vec<u8>> {
+fn apng(out: &Sink, turns: &[String]) -> Option<Vec<u8>> {
     let count = u32::try_from(turns.len()).ok().filter(|count| *count > 1)?;
-    let first = std::fs::read(&turns[0]).ok()?;
-    let header = chunks(&first).find(|(kind, _)| *kind == *b"IHDR")?.1.to_vec();
+    let read = |name: &String| out.read(name, LARGEST_PICTURE).ok().flatten();
     let mut file = Animation { bytes: SIGNATURE.to_vec(), sequence: 0 };
-    file.chunk(*b"IHDR", &[&header]);
-    file.chunk(*b"acTL", &[&count.to_be_bytes(), &[0; 4]]);
-    for path in turns {
-        let turn = std::fs::read(path).ok()?;
-        if chunks(&turn).next().is_none_or(|(kind, data)| kind != *b"IHDR" || data != header) {
+    let mut header = Vec::new();
+    for name in turns {
+        let turn = read(name)?;
+        let (_, own) = chunks(&turn).next().filter(|(kind, _)| *kind == *b"IHDR")?;
+        if header.is_empty() {
+            header = own.to_vec();
+            file.chunk(*b"IHDR", &[&header]);
+            file.chunk(*b"acTL", &[&count.to_be_bytes(), &[0; 4]]);
+        } else if own != header {
             return None;
         }
         file.control(header.get(..8)?);
         for (_, pixels) in chunks(&turn).filter(|(kind, _)| *kind == *b"IDAT") {
-            file.pixels(pixels, *path == turns[0]);
+            file.pixels(pixels, *name == turns[0]);
         }
     }
     file.chunk(*b"IEND", &[]);
@@ -166,23 +170,25 @@ impl Animation {
 }
 
 /// The first encoder that this ffmpeg has makes the film.
-fn mp4(ffmpeg: &Path, folder: &Path, turns: &[PathBuf]) -> std::io::Result<()> {
+fn mp4(ffmpeg: &Path, out: &Sink, turns: &[String]) -> std::io::Result<Vec<u8>> {
     let mut refusal = String::new();
     for encoder in ENCODERS {
-        let file = shared_temporary().prefix(".relief-").suffix(".mp4").tempfile_in(folder)?;
-        match encode(ffmpeg, encoder, turns, file.path()) {
-            Ok(()) => {
-                file.persist(folder.join("turntable.mp4"))?;
-                return Ok(());
-            }
+        let file = tempfile::Builder::new().prefix("relief-").suffix(".mp4").tempfile()?;
+        match encode(ffmpeg, encoder, (out, turns), file.path()) {
+            Ok(()) => return std::fs::read(file.path()),
             Err(reason) => refusal = reason,
         }
     }
     Err(std::io::Error::other(format!("ffmpeg makes no MP4: {refusal}")))
 }
 
-fn encode(ffmpeg: &Path, encoder: &[&str], turns: &[PathBuf], film: &Path) -> Result<(), String> {
-    let picture = |path: &PathBuf| open(path).map(image::DynamicImage::into_rgb8);
+fn encode(
+    ffmpeg: &Path,
+    encoder: &[&str],
+    (out, turns): (&Sink, &[String]),
+    film: &Path,
+) -> Result<(), String> {
+    let picture = |name: &String| open(out, name).map(image::DynamicImage::into_rgb8);
     let first = turns.first().and_then(picture).ok_or("its pictures cannot be read")?;
     let size = format!("{}x{}", first.width(), first.height());
     let rate = format!("1000/{TURN_MS}");
@@ -216,11 +222,11 @@ fn encode(ffmpeg: &Path, encoder: &[&str], turns: &[PathBuf], film: &Path) -> Re
     // One that does not take pictures has ended, and its status says so.
     let mut is_taken = send(&first, &mut stdin);
     let mut is_whole = true;
-    for path in &turns[1..] {
+    for name in &turns[1..] {
         if !is_taken || !is_whole {
             break;
         }
-        match picture(path) {
+        match picture(name) {
             Some(turn) => is_taken = send(&turn, &mut stdin),
             None => is_whole = false,
         }

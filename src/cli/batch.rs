@@ -12,11 +12,12 @@ use serde_json::json;
 
 use super::adapter::AdapterArguments;
 use super::batch_plan::{PlanArguments, write_plan};
+use super::bucket::{BucketArguments, CopiesArguments};
 use super::memory::{available_bytes, parse_bytes};
 use super::output::{print_json, say};
 use crate::batch::{
-    Failure, Film, Films, Job, JobKey, Lasting, Options, RunError, Shard, Sink, SinkName, Step, Summary,
-    read_manifest, run as run_jobs, write_report,
+    Failure, Film, Films, Job, JobKey, Lasting, Location, Options, REPORT, RunError, Shard, Sink, Step,
+    Summary, read_manifest, run as run_jobs, write_report,
 };
 use crate::render::Renderer;
 
@@ -35,6 +36,7 @@ Examples:
   relief batch plan --root archive --views turntable:60 --products dataset --size 800x800 --out jobs.jsonl
   relief batch report --manifest jobs.jsonl --out views              pages and sheets after shards
   relief batch run --manifest jobs.jsonl --out s3://bucket/views     into a bucket; AWS_... have credentials and endpoint
+  relief batch plan --root s3://bucket/archive --views sides --out jobs.jsonl    of series in a bucket
   relief batch submit --manifest jobs.jsonl --nats nats://HOST:4222  into a queue, for any number of
   relief batch work --nats nats://HOST:4222 --out s3://bucket/views  workers
 
@@ -64,9 +66,9 @@ struct RunArguments {
     manifest: PathBuf,
     /// Where outputs go: a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
-    out: SinkName,
+    out: Location,
     #[command(flatten)]
-    bucket: BucketArguments,
+    copies: CopiesArguments,
     /// One of N equal shares, from 0: all views of a series are in one
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
@@ -85,42 +87,17 @@ struct RunArguments {
     json: bool,
 }
 
-/// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION.
-#[derive(Debug, clap::Args)]
-pub(super) struct BucketArguments {
-    /// Address of the S3 service of s3://BUCKET, where it is not AWS: https://HOST; AWS_ENDPOINT_URL says it, too
-    #[arg(long, value_name = "URL")]
-    s3_endpoint: Option<String>,
-}
-
-impl BucketArguments {
-    /// Where outputs go, by its name.
-    pub(super) fn open(&self, name: &SinkName) -> anyhow::Result<Sink> {
-        match name {
-            SinkName::Folder(folder) => Ok(Sink::Folder(folder.clone())),
-            #[cfg(feature = "cluster")]
-            SinkName::Bucket { bucket, prefix } => {
-                let opened = crate::batch::Bucket::open(bucket, prefix, self.s3_endpoint.as_deref());
-                let opened = opened.with_context(|| format!("cannot use {name}"))?;
-                Ok(Sink::Bucket(std::sync::Arc::new(opened)))
-            }
-            #[cfg(not(feature = "cluster"))]
-            SinkName::Bucket { .. } => {
-                bail!("this program was built without the feature `cluster`: no {name}")
-            }
-        }
-    }
-}
-
 /// Write report.html, contact sheets, turntables and tables of datasets of what is done
 #[derive(Debug, clap::Args)]
 struct ReportArguments {
     /// The manifest
     #[arg(long, value_name = "JOBS.jsonl")]
     manifest: PathBuf,
-    /// The folder of outputs
+    /// Where the outputs are, and the report goes: a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Location,
+    #[command(flatten)]
+    bucket: BucketArguments,
     #[command(flatten)]
     films: FilmArguments,
 }
@@ -157,13 +134,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     match arguments.command {
         Command::Plan(arguments) => write_plan(&arguments),
         Command::Run(arguments) => run_manifest(&arguments),
-        Command::Report(ReportArguments { manifest, out, films }) => {
-            let jobs = read(&manifest)?;
-            let films = films.films(&jobs)?;
-            write_report(&jobs, &setbacks(&jobs, &out), &out, &films).context("cannot write the report")?;
-            say!("{}", out.join("report.html").display());
-            Ok(ExitCode::SUCCESS)
-        }
+        Command::Report(arguments) => report(&arguments),
         #[cfg(feature = "cluster")]
         Command::Submit(arguments) => super::batch_queue::submit(&arguments),
         #[cfg(feature = "cluster")]
@@ -171,17 +142,30 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     }
 }
 
+fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) -> anyhow::Result<ExitCode> {
+    let jobs = read(manifest)?;
+    let films = films.films(&jobs)?;
+    let sink = bucket.open(out)?;
+    write_report(&jobs, &setbacks(&jobs, &sink), &sink, &films)
+        .with_context(|| format!("cannot write the report of {out}"))?;
+    match out {
+        Location::Local(folder) => say!("{}", folder.join(REPORT).display()),
+        Location::Bucket { .. } => say!("{out}/{REPORT}"),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
 /// What workers of a queue have not done of these jobs, and why.
 #[cfg(feature = "cluster")]
-fn setbacks(jobs: &[Job], out: &Path) -> Vec<Failure> {
+fn setbacks(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
     use crate::batch::{Record, queue::Setback};
-    let sink = Sink::Folder(out.to_owned());
-    let open = jobs.iter().filter(|job| Record::read(job, &sink).is_none());
-    open.filter_map(|job| Setback::read(job, &sink)).map(|setback| setback.failure).collect()
+    // What cannot be asked for is told where the report asks for it.
+    let open = jobs.iter().filter(|job| matches!(Record::read(job, sink), Ok(None)));
+    open.filter_map(|job| Setback::read(job, sink)).map(|setback| setback.failure).collect()
 }
 
 #[cfg(not(feature = "cluster"))]
-fn setbacks(_: &[Job], _: &Path) -> Vec<Failure> {
+fn setbacks(_: &[Job], _: &Sink) -> Vec<Failure> {
     Vec::new()
 }
 
@@ -199,8 +183,9 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     }
     let share = MemoryShare::of(arguments.memory)?;
     let films = arguments.films.films(&jobs)?;
-    let out = arguments.bucket.open(&arguments.out)?;
-    let options = Options { out, shard: arguments.shard, only, voxel_bytes: share.voxels };
+    let out = arguments.copies.bucket.open(&arguments.out)?;
+    let copies = arguments.copies.copies();
+    let options = Options { out, shard: arguments.shard, only, voxel_bytes: share.voxels, copies };
     let teller = Teller::new(jobs.len());
     let started = Instant::now();
     let open = || share.open_renderer(&arguments.adapter);
@@ -214,11 +199,8 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     teller.bar.finish_and_clear();
     let is_whole = options.shard.is_none() && options.only.is_empty();
     let reporting = Instant::now();
-    // Of a bucket there is no report: it is made of files.
-    if let Some(folder) = options.out.folder().filter(|_| is_whole)
-        && (summary.done > 0 || !folder.join("report.html").exists())
-    {
-        write_report(&jobs, &summary.failures, folder, &films).context("cannot write the report")?;
+    if is_whole && (summary.done > 0 || !options.out.has(REPORT)) {
+        write_report(&jobs, &summary.failures, &options.out, &films).context("cannot write the report")?;
     }
     tell(arguments, &summary, [started, reporting].map(|since| since.elapsed()))
 }

@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 use serde_json::{Map, Value, json};
 
 use super::batch::bar;
+use super::bucket::CopiesArguments;
 use super::output::{GrowingFile, print_json, say};
 use crate::annotation::Shown;
 use crate::batch::{AnnotationLog, Product, ProductSet, Query, Request, Root, ViewSet, plan};
@@ -16,12 +17,18 @@ use crate::render::SceneFile;
 /// Write the jobs: one for each view of each series
 #[derive(Debug, clap::Args)]
 pub(super) struct PlanArguments {
-    /// Folder of series: each folder, zip, .nii, .nii.gz and .nrrd in it is looked at
+    /// Folder of series, or s3://BUCKET/PREFIX: each folder, zip, .nii, .nii.gz and .nrrd in it is looked at
     #[arg(long, value_name = "DIR", required_unless_present = "table", conflicts_with = "table")]
     root: Option<PathBuf>,
-    /// Table of series, CSV with a header line: path, and if wanted series_uid and name (what its outputs are called)
+    /// Table of series, CSV with a header line: path, and if wanted series_uid, name (what its outputs are called) and labels
     #[arg(long, value_name = "FILE.csv")]
     table: Option<PathBuf>,
+    #[command(flatten)]
+    copies: CopiesArguments,
+    /// Label map of each series: {} stands for the series' path, of a file without its ending, such as '{}/labels.seg.nrrd' or
+    /// '{}.labels.nii.gz'; a table may name them in a column labels
+    #[arg(long, value_name = "PATTERN", value_parser = parse_pattern)]
+    labels: Option<String>,
     /// Series that are wanted, such as modality=CT,slices>=40: modality, format (dicom, volume), slices, columns, rows, pixel_mm,
     /// thickness_mm, with = != < <= > >=
     #[arg(long = "where", value_name = "CONDITIONS")]
@@ -78,7 +85,9 @@ pub(super) fn write_plan(arguments: &PlanArguments) -> anyhow::Result<ExitCode> 
     expect_perspective(&views, &products)?;
     let annotations = arguments.annotations.as_deref().map(|place| open_log(place, arguments)).transpose()?;
     let query = arguments.query.clone().unwrap_or_default();
-    let request = Request { root, query, annotations, views, scene, orbit, products };
+    let copies = arguments.copies.copies();
+    let labels = arguments.labels.clone();
+    let request = Request { root, labels, query, annotations, views, scene, orbit, products, copies };
     let bar = bar("looking for series");
     let planned = plan(&request, &mut |done, all| {
         bar.set_length(all as u64);
@@ -106,6 +115,13 @@ pub(super) fn write_plan(arguments: &PlanArguments) -> anyhow::Result<ExitCode> 
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn parse_pattern(text: &str) -> Result<String, String> {
+    match text.matches("{}").count() {
+        1 => Ok(text.to_owned()),
+        _ => Err("a pattern has {} once, for the series' path, such as '{}/labels.seg.nrrd'".to_owned()),
+    }
 }
 
 fn open_log(place: &str, arguments: &PlanArguments) -> anyhow::Result<AnnotationLog> {

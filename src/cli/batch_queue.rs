@@ -8,11 +8,12 @@ use anyhow::Context;
 use serde_json::json;
 
 use super::adapter::AdapterArguments;
-use super::batch::{BucketArguments, MemoryShare, TRY_AGAIN, read};
+use super::batch::{MemoryShare, TRY_AGAIN, read};
+use super::bucket::CopiesArguments;
 use super::memory::parse_bytes;
 use super::output::{print_json, say};
 use crate::batch::queue::{Access, Ended, Queue, WorkOptions, Worked, work};
-use crate::batch::{SinkName, Step};
+use crate::batch::{Location, Step};
 
 /// The queue, and how to get in.
 #[derive(Debug, clap::Args)]
@@ -54,9 +55,9 @@ pub(super) struct WorkArguments {
     queue: QueueArguments,
     /// Where outputs go: a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
-    out: SinkName,
+    out: Location,
     #[command(flatten)]
-    bucket: BucketArguments,
+    copies: CopiesArguments,
     /// Leave when nobody has had anything to do for so long; a worker waits for jobs otherwise
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     idle_exit: Option<u32>,
@@ -127,7 +128,8 @@ pub(super) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
     let share = MemoryShare::of(arguments.memory)?;
     let mut renderer = share.open_renderer(&arguments.adapter)?;
     let options = WorkOptions {
-        out: arguments.bucket.open(&arguments.out)?,
+        out: arguments.copies.bucket.open(&arguments.out)?,
+        copies: arguments.copies.copies(),
         voxel_bytes: share.voxels,
         ack_wait: Duration::from_secs(arguments.ack_wait.into()),
         tries: arguments.tries,

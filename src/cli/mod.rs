@@ -13,6 +13,7 @@ mod batch_plan;
 #[cfg(feature = "cluster")]
 mod batch_queue;
 mod bench;
+mod bucket;
 mod calibrate;
 mod capacity;
 mod client;
@@ -36,6 +37,7 @@ mod preview;
 mod render;
 mod scene;
 mod serve;
+mod serve_load;
 mod slice;
 mod source;
 mod track;

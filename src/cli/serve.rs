@@ -9,17 +9,19 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use futures_util::FutureExt;
 use sha2::{Digest, Sha256};
 use tokio::net::TcpSocket;
 use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
+use super::bucket::CopiesArguments;
 use super::labels;
 use super::memory::parse_bytes;
 use super::output::say;
-use super::source::{self, SeriesOptions};
+use super::serve_load::{load_behind, places, served};
+use super::source::SeriesOptions;
 use super::track::{read_beacon, read_camera};
 use crate::dicom::{self, LoadLimits, Strictness};
 use crate::render::VolumeLimits;
@@ -43,12 +45,14 @@ Examples:
   relief serve --series abdomen --labels organs.seg.nrrd
   relief serve --series head --annotations head.db
   relief serve --series chest --series head --listen 127.0.0.1:0
+  relief serve --series s3://archive/ct --cache /var/cache/relief     series of a bucket; AWS_... have credentials and endpoint
   relief serve --series head --annotations postgres://relief@db/relief --listen-when-loaded   one of several servers
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
 There is no authentication. Another address than loopback is for trusted networks, or behind a proxy that has it.")]
 pub(super) struct Arguments {
-    /// CT series to serve: a folder, a file, a DICOMDIR or a zip; may be given several times
+    /// CT series to serve: a folder, a file, a DICOMDIR or a zip; or s3://BUCKET/PREFIX: each folder, zip, .nii and .nrrd below it; may
+    /// be given several times
     #[arg(long, value_name = "PATH")]
     series: Vec<PathBuf>,
     /// Label map of the series in the same place: of the first --series, of the second, ...
@@ -56,6 +60,8 @@ pub(super) struct Arguments {
     labels: Vec<PathBuf>,
     #[command(flatten)]
     options: SeriesOptions,
+    #[command(flatten)]
+    copies: CopiesArguments,
     /// Log of annotations: a file, sqlite:FILE or postgres://USER@HOST/DATABASE; made where there is none
     #[arg(long, value_name = "PLACE", env = "RELIEF_ANNOTATIONS", hide_env_values = true)]
     annotations: Option<String>,
@@ -102,14 +108,8 @@ enum Uploads {
 }
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    for path in arguments.series.iter().chain(&arguments.labels) {
-        // Told before anything is opened: a typo should not cost a wait.
-        std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
-    }
-    if arguments.labels.len() > arguments.series.len() {
-        let [labels, series] = [&arguments.labels, &arguments.series].map(Vec::len);
-        bail!("{labels} --labels for {series} --series; give each label map behind its series");
-    }
+    let copies = arguments.copies.copies();
+    let places = places(&arguments.series, &arguments.labels, &copies)?;
     let renderer = arguments.adapter.open_renderer()?;
     let limits = renderer.volume_limits();
     let adapter = renderer.gpu().description().to_string();
@@ -126,8 +126,9 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         server = server.annotating(log.clone());
     }
     let server = Arc::new(server.reading_labels(labels_loader()));
-    server.expect_volumes(arguments.series.len());
-    let outcome = runtime.block_on(serve(arguments, server, limits));
+    server.expect_volumes(places.len());
+    let load = |server| load_behind(places, copies.clone(), (arguments.options.clone(), limits), server);
+    let outcome = runtime.block_on(serve((arguments.listen, arguments.listen_when_loaded), server, load));
     service.shut_down();
     if let Some(log) = log {
         runtime.block_on(log.close());
@@ -138,13 +139,14 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
 }
 
 /// Binds, loads and serves until a signal, or until a series turns out to be unusable.
-async fn serve(arguments: Arguments, server: Arc<Server>, limits: VolumeLimits) -> anyhow::Result<ExitCode> {
-    let Arguments { series, labels, options, listen, listen_when_loaded, .. } = arguments;
-    let labels = labels.into_iter().map(Some).chain(std::iter::repeat(None));
-    let series = series.into_iter().zip(labels).collect();
+async fn serve(
+    (listen, listen_when_loaded): (SocketAddr, bool),
+    server: Arc<Server>,
+    load: impl FnOnce(Arc<Server>) -> anyhow::Result<oneshot::Receiver<anyhow::Error>>,
+) -> anyhow::Result<ExitCode> {
     let socket = bound(listen).with_context(|| format!("cannot listen on {listen}"))?;
     let mut signal = Box::pin(stop_signal()?); // before anybody can know that it runs
-    let mut failed = load_behind(series, (options, limits), Arc::clone(&server))?.fuse();
+    let mut failed = load(Arc::clone(&server))?.fuse();
     if listen_when_loaded {
         tokio::select! {
             () = &mut signal => return Ok(ExitCode::SUCCESS),
@@ -184,54 +186,6 @@ fn bound(address: SocketAddr) -> std::io::Result<TcpSocket> {
     socket.set_reuseaddr(true)?;
     socket.bind(address)?;
     Ok(socket)
-}
-
-/// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when all went well.
-fn load_behind(
-    paths: Vec<(PathBuf, Option<PathBuf>)>,
-    (options, limits): (SeriesOptions, VolumeLimits),
-    server: Arc<Server>,
-) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
-    let (report, failed) = oneshot::channel();
-    std::thread::Builder::new().name("relief-load".into()).spawn(move || {
-        for (path, labels) in paths {
-            if let Err(error) = load_one(&path, labels.as_deref(), &options, limits, &server) {
-                let _ = report.send(error.context(format!("cannot serve {}", path.display())));
-                return;
-            }
-        }
-    })?;
-    Ok(failed)
-}
-
-/// Loads a series and its label map, with room made before and a way to read it again.
-fn load_one(
-    path: &Path,
-    labels: Option<&Path>,
-    options: &SeriesOptions,
-    limits: VolumeLimits,
-    server: &Server,
-) -> anyhow::Result<()> {
-    let (loaded, _) = source::load_after(path, options, |dims| {
-        limits.plan(dims)?;
-        let bytes = dims.iter().fold(size_of::<i16>() as u64, |bytes, &n| bytes.saturating_mul(n as u64));
-        Ok(server.make_room(bytes)?)
-    })?;
-    let (path, options) = (path.to_owned(), options.clone());
-    let read = move || {
-        // What failed may name files, and those patients: not for the log.
-        let again = source::load(&path, &options).map_err(|_| "its files cannot be read any more".to_owned());
-        again.map(|loaded| loaded.volume)
-    };
-    let served = served(loaded);
-    let labels = labels.map(|labels| labels::load(labels, served.volume.grid())).transpose()?;
-    server.add_series(LoadedVolume { labels, ..served }, Arc::new(read))?;
-    Ok(())
-}
-
-fn served(loaded: dicom::Loaded) -> LoadedVolume {
-    let dicom::Loaded { volume, warnings, identity, reference, .. } = loaded;
-    LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), reference, labels: None }
 }
 
 fn config(arguments: &Arguments, adapter: &str) -> anyhow::Result<Config> {

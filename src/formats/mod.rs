@@ -24,7 +24,7 @@ pub use nifti_write::nifti_labels;
 pub use segmentation::ReadLabels;
 pub use write::seg_nrrd;
 
-use crate::volume::Volume;
+use crate::volume::{Grid, Volume};
 use bytes::Source;
 use header::{Described, Header};
 
@@ -75,6 +75,16 @@ pub fn read_labels_within(limits: Limits, path: &Path) -> Result<ReadLabels, For
     let Described { header, segments } = header::read(&mut source)?;
     header.check(limits)?;
     segmentation::read(&mut source, &header, segments)
+}
+
+/// Reads where the voxels of a volume lie, and none of them.
+///
+/// # Errors
+/// When the file cannot be read, is of no known format or larger than allowed, or does not say where its voxels lie.
+pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
+    let Described { header, .. } = header::read(&mut Source::open(path)?)?;
+    header.check(Limits::default())?;
+    Ok(header.grid)
 }
 
 /// Reads a volume in HU, within the default [`Limits`].

@@ -136,6 +136,11 @@ impl Server {
         self.volumes.expect(count);
     }
 
+    /// Says that this many of those that were expected do not come.
+    pub fn expect_fewer_volumes(&self, count: usize) {
+        self.volumes.expect_fewer(count);
+    }
+
     /// Adds a volume of the operator's own; it cannot be removed over HTTP, and its voxels stay.
     ///
     /// # Panics

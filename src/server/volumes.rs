@@ -161,6 +161,11 @@ impl Volumes {
         self.write().expected += count;
     }
 
+    pub(super) fn expect_fewer(&self, count: usize) {
+        let mut inner = self.write();
+        inner.expected = inner.expected.saturating_sub(count);
+    }
+
     pub(super) fn add_own(&self, loaded: LoadedVolume, reader: Option<VolumeReader>) -> Result<(), NoRoom> {
         let entry = Entry::new(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
         let mut inner = self.write();

@@ -1,4 +1,4 @@
-//! Outputs in a bucket of a stand-in for S3: the bytes that a folder has.
+//! Outputs and series in a bucket of a stand-in for S3: what a folder has.
 
 use super::services::{Bucket, Nats};
 use super::*;
@@ -27,7 +27,9 @@ fn a_bucket_gets_what_a_folder_gets_and_done_is_done() {
     bucket.download(&archive.path("fetched"));
     let made = files(&archive.path("fetched"));
     assert!(made.keys().all(|name| name.starts_with("a/b/")), "{:?}", made.keys());
-    assert_eq!(made.len(), 12, "a picture and a record each");
+    let of_jobs =
+        made.keys().filter(|name| !name.ends_with("contact-sheet.png") && !name.ends_with("report.html"));
+    assert_eq!(of_jobs.count(), 12, "a picture and a record each");
     assert!(pictures(&archive.path("fetched/a/b")) == reference);
 
     let again = ok(&with_bucket(&bucket, &run));
@@ -92,4 +94,228 @@ fn buckets_that_cannot_be_used_are_told_before_anything_is_rendered() {
         let said = String::from_utf8_lossy(&ran.stderr);
         assert!(ran.status.code() == Some(status) && said.contains(reason), "{said}");
     }
+}
+
+#[test]
+fn a_report_of_a_bucket_is_in_the_bucket_and_the_same_as_of_a_folder() {
+    let what = "reports of buckets";
+    if software_adapter(what).is_none() {
+        return;
+    }
+    let Some(bucket) = Bucket::start(what) else { return };
+    let archive = Archive::of_phantoms(2);
+    ok(&archive.plan(&["--views", "turntable:4", "--products", "color,depth-png,camera"]));
+    ok(&archive.run_into("out", &["--turntable", "apng"]));
+    let mut reference = files(&archive.path("out"));
+    // As shards leave it: pictures and records, and nothing of all of them.
+    let of_all = |name: &str| {
+        ["report.html", "contact-sheet.png", "turntable.png", "transforms.json", "dataset.jsonl"]
+            .iter()
+            .any(|ending| name.ends_with(ending))
+            || name.contains("/sparse/")
+    };
+    let (first, gone) = (archive.jobs().remove(0), "the fourth view");
+    let gone_name = format!("{}/turntable-003", first["series"]["name"].as_str().unwrap());
+    for (name, bytes) in &reference {
+        if !of_all(name) && !name.starts_with(&gone_name) {
+            let path = archive.path("bare").join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, bytes).unwrap();
+        }
+    }
+    bucket.upload(&archive.path("bare"), "made/");
+    let manifest = archive.text("jobs.jsonl");
+    let report = |out: &str| {
+        let run = ["batch", "report", "--manifest", &manifest, "--out", out, "--turntable", "apng"];
+        with_bucket(&bucket, &run)
+    };
+    let told = report("s3://views/made");
+    ok(&told);
+    assert_eq!(String::from_utf8_lossy(&told.stdout).trim(), "s3://views/made/report.html");
+    ok(&report(&archive.text("bare")));
+    bucket.download(&archive.path("fetched"));
+    let fetched = files(&archive.path("fetched/made"));
+    assert!(fetched == files(&archive.path("bare")), "{:?}", fetched.keys());
+    let page = String::from_utf8(fetched["report.html"].clone()).unwrap();
+    assert!(page.contains("7 of 8 views of 2 series"), "without {gone}");
+    // The series that is whole has what a run has written of it.
+    reference.retain(|name, _| of_all(name) && name.contains('/') && !name.starts_with(&gone_name[..12]));
+    assert!(reference.len() >= 6 && reference.iter().all(|(name, bytes)| fetched[name] == *bytes));
+    let missing = report("s3://missing/made");
+    let said = String::from_utf8_lossy(&missing.stderr);
+    assert!(
+        missing.status.code() == Some(1) && said.contains("cannot write the report of s3://missing"),
+        "{said}"
+    );
+}
+
+/// Bytes of the series of an archive: of the largest, and of all.
+fn sizes(archive: &Archive) -> (u64, u64) {
+    let mut each = BTreeMap::new();
+    for (name, bytes) in files(&archive.path("series")) {
+        *each.entry(name.split('/').next().unwrap().to_owned()).or_insert(0) += bytes.len() as u64;
+    }
+    (*each.values().max().unwrap(), each.values().sum())
+}
+
+#[test]
+fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
+    let what = "series in buckets";
+    if software_adapter(what).is_none() {
+        return;
+    }
+    let Some(bucket) = Bucket::start(what) else { return };
+    let archive = Archive::of_phantoms(3);
+    ok(&archive.plan(&["--views", "planes"]));
+    ok(&archive.run_into("reference", &[]));
+    bucket.upload(&archive.path("series"), "archive/ct/");
+    let (largest, all) = sizes(&archive);
+    let (manifest, cache) = (archive.text("remote.jsonl"), archive.text("cache"));
+    let bound = (largest + 1).to_string();
+    assert!(all > largest + 1, "not all of them have room");
+    let copies = ["--cache", &cache, "--cache-bytes", &bound];
+    let plan = ["batch", "plan", "--root", "s3://views/archive/ct/", "--out", &manifest, "--preset", "bone"];
+    let more = ["--size", "64x48", "--products", "color", "--views", "planes", "--json"];
+    let planned = with_bucket(&bucket, &[&plan[..], &more, &copies].concat());
+    assert_eq!(ok(&planned)["series"], 3, "{}", String::from_utf8_lossy(&planned.stderr));
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    let keys = |text: &str| -> Vec<String> {
+        let jobs = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        jobs.map(|job| job["job"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(keys(&text), keys(&std::fs::read_to_string(archive.path("jobs.jsonl")).unwrap()));
+    assert!(text.contains("s3://views/archive/ct/DOE^JOHN 0"), "{text}");
+
+    // Fetched, whatever was left in the folder by a program that was killed; and within its bound.
+    let remnant = archive.path("cache/.relief-copy-killed");
+    std::fs::create_dir_all(remnant.join("files")).unwrap();
+    std::fs::write(remnant.join("contents.json"), b"").unwrap();
+    let run = |out: &str, more: &[&str]| {
+        let out = archive.text(out);
+        let run = ["batch", "run", "--manifest", &manifest, "--out", &out, "--json"];
+        with_bucket(&bucket, &[&run[..], more].concat())
+    };
+    let ran = run("out", &copies);
+    assert_eq!(ok(&ran)["done"], 9);
+    assert!(pictures(&archive.path("out")) == pictures(&archive.path("reference")));
+    assert!(!remnant.exists());
+    let kept = files(&archive.path("cache"));
+    let held: u64 =
+        kept.iter().filter(|(name, _)| name.contains("/files/")).map(|(_, b)| b.len() as u64).sum();
+    assert!(held > 0 && held <= largest + 1, "{held} bytes of {largest}");
+    assert!(
+        kept.keys().all(|name| !name.contains("DOE")),
+        "names may be those of patients: {:?}",
+        kept.keys()
+    );
+}
+
+#[test]
+fn copies_and_objects_that_were_altered_are_not_taken_for_what_they_were() {
+    let what = "altered copies of series in buckets";
+    if software_adapter(what).is_none() {
+        return;
+    }
+    let Some(bucket) = Bucket::start(what) else { return };
+    let archive = Archive::of_phantoms(2);
+    bucket.upload(&archive.path("series"), "archive/ct/");
+    let (manifest, cache) = (archive.text("remote.jsonl"), archive.text("cache"));
+    let plan = ["batch", "plan", "--root", "s3://views/archive/ct", "--out", &manifest, "--preset", "bone"];
+    let more = ["--size", "64x48", "--products", "color", "--views", "planes", "--cache", &cache];
+    ok(&with_bucket(&bucket, &[&plan[..], &more].concat()));
+    let run = |out: &str, more: &[&str]| {
+        let out = archive.text(out);
+        let run = ["batch", "run", "--manifest", &manifest, "--out", &out, "--json", "--cache", &cache];
+        with_bucket(&bucket, &[&run[..], more].concat())
+    };
+    ok(&run("reference", &[]));
+    let kept = files(&archive.path("cache"));
+
+    // A copy that was altered is fetched again.
+    let file = kept.keys().find(|name| name.ends_with("files/000003.dcm")).unwrap();
+    let mut bytes = kept[file].clone();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(archive.path("cache").join(file), bytes).unwrap();
+    let mended = run("again", &[]);
+    assert_eq!(ok(&mended)["done"], 6);
+    assert!(String::from_utf8_lossy(&mended.stderr).contains("was altered, and is fetched again"));
+    assert!(pictures(&archive.path("again")) == pictures(&archive.path("reference")));
+    assert!(files(&archive.path("cache"))[file] == kept[file]);
+
+    // One that was altered in the bucket is another, and refused for good; what has no room is, too.
+    let alter = "
+key = s3.list_objects_v2(Bucket='views', Prefix='archive/ct/DOE^JOHN 1/')['Contents'][0]['Key']
+s3.put_object(Bucket='views', Key=key, Body=b'x' * 1000)";
+    bucket.python(alter, &[]);
+    let refused = failed(&run("altered", &["--cache-bytes", "1000"]));
+    assert!(refused.contains("copies of series may have 1000; allow more with --cache-bytes"), "{refused}");
+    assert!(refused.contains(" bytes, and") && !refused.contains("DOE"), "{refused}");
+    let refused = failed(&run("altered", &[]));
+    assert_eq!(refused.matches("not those that were planned with").count(), 3, "{refused}");
+}
+
+/// What the failures of a run say; none of it names a series' folder.
+fn failed(output: &Output) -> String {
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(!said.contains("DOE"), "{said}");
+    said
+}
+
+#[test]
+fn buckets_without_series_are_told_without_secrets() {
+    let what = "buckets without series";
+    let Some(bucket) = Bucket::start(what) else { return };
+    let archive = Archive::of_phantoms(1);
+    bucket.python("s3.put_object(Bucket='views', Key='notes/DOE/readme.md', Body=b'nothing')", &[]);
+    let plan = |root: &str, endpoint: Option<&str>, more: &[&str]| {
+        let out = archive.text("none.jsonl");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+        command.args(["batch", "plan", "--root", root, "--views", "planes", "--out", &out]).args(more);
+        command.envs(bucket.environment()).env("NO_PROXY", "*").env("RELIEF_LOG", "trace");
+        command.env("AWS_SECRET_ACCESS_KEY", "s3cret-key").env("AWS_SESSION_TOKEN", "s3cret-token");
+        endpoint.map(|endpoint| command.env("AWS_ENDPOINT_URL", endpoint));
+        let output = command.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!said.contains("s3cret"), "{said}");
+        assert!(output.status.code() == Some(1) && !archive.path("none.jsonl").exists(), "{said}");
+        said
+    };
+    let denying = refusing_service();
+    for (root, endpoint, reason) in [
+        ("s3://missing/ct", None, "cannot read s3://missing/ct: there is no such bucket"),
+        (
+            "s3://views/empty",
+            None,
+            "cannot read s3://views/empty: there is nothing to read below this prefix",
+        ),
+        ("s3://views/ct", Some(&*denying), "cannot read s3://views/ct: access is denied"),
+        ("s3://views/notes", None, "no CT series under s3://views/notes"),
+        ("s3://Views", None, "is no name of a bucket"),
+    ] {
+        let said = plan(root, endpoint, &[]);
+        assert!(said.contains(reason), "{root}: {said}");
+    }
+    bucket.upload(&archive.path("series"), "ct/");
+    let (_, all) = sizes(&archive);
+    let said = plan("s3://views/ct", None, &["--cache-bytes", "1KiB"]);
+    let reason = format!("its objects have {all} bytes, and copies of series may have 1024");
+    assert!(said.contains(&reason), "{said}");
+}
+
+/// The address of a service that denies everything.
+fn refusing_service() -> String {
+    use std::io::{Read, Write};
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("http://{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let _ = stream.read(&mut [0; 8192]);
+            let body = "<Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>";
+            let head = "HTTP/1.1 403 Forbidden\r\nContent-Type: application/xml\r\nConnection: close";
+            let _ = write!(stream, "{head}\r\nContent-Length: {}\r\n\r\n{body}", body.len());
+        }
+    });
+    address
 }

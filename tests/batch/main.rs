@@ -4,6 +4,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+#[cfg(feature = "cluster")]
+mod access;
 mod annotated;
 #[cfg(feature = "cluster")]
 mod buckets;
@@ -12,6 +14,7 @@ mod common;
 mod dataset;
 mod films;
 mod interrupted;
+mod labels;
 mod manifests;
 mod query;
 #[cfg(feature = "cluster")]

@@ -64,3 +64,17 @@ fn a_query_chooses_among_the_series_of_a_folder() {
     assert_eq!(none.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&none.stderr).contains("which --where does not want"));
 }
+
+/// Its voxels are not even there: where they lie is said by the header.
+#[test]
+fn a_query_reads_no_voxels_of_a_volume_file() {
+    let archive = Archive { folder: tempfile::tempdir().unwrap() };
+    std::fs::create_dir(archive.path("series")).unwrap();
+    let header = "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 10 20 50\n\
+                  space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\nencoding: raw\nendian: little\n\n";
+    std::fs::write(archive.path("series/volume.nrrd"), header).unwrap();
+    let planned = ok(&archive.plan(&["--views", "planes", "--where", "slices>=40,rows=20,columns<=10"]));
+    assert_eq!((&planned["series"], &planned["unwanted"]), (&1.into(), &0.into()), "{planned}");
+    let unwanted = archive.plan(&["--views", "planes", "--where", "slices>50"]);
+    assert!(String::from_utf8_lossy(&unwanted.stderr).contains("slices is 50, which --where does not want"));
+}

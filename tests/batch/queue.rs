@@ -14,6 +14,11 @@ struct Worker {
 
 impl Worker {
     fn start(archive: &Archive, nats: &Nats, out: &str, more: &[&str]) -> Self {
+        Self::telling(archive, nats, out, more, "warn")
+    }
+
+    /// One that tells more of what it does.
+    fn telling(archive: &Archive, nats: &Nats, out: &str, more: &[&str], log: &str) -> Self {
         static NUMBER: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let errors = archive.path(&format!("worker-{number}.log"));
@@ -21,6 +26,7 @@ impl Worker {
             .args(["batch", "work", "--nats", &nats.url(), "--out", out, "--json"])
             .args(more)
             .env("RELIEF_ADAPTER", "software")
+            .env("RELIEF_LOG", log)
             .stdout(Stdio::piped())
             .stderr(std::fs::File::create(&errors).unwrap())
             .spawn()
@@ -188,6 +194,58 @@ fn what_may_pass_is_tried_again_and_given_up_at_last() {
     assert_eq!((&setback["kind"], &setback["tries"]), (&"retryable".into(), &2.into()), "{setback}");
 }
 
+/// The first job is rendered for minutes, and whoever has it is killed.
+#[test]
+fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
+    let what = "jobs of queues that kill their workers";
+    if software_adapter(what).is_none() {
+        return;
+    }
+    let Some(nats) = Nats::start(what, &[]) else { return };
+    let archive = Archive::of_phantoms(2);
+    let views = archive.text("views.json");
+    let endless = r#"{"name": "endless", "scene": {"mode": "mean", "size_px": [2048, 2048], "sample_distance_mm": 0.01}}"#;
+    std::fs::write(
+        &views,
+        format!(r#"[{endless}, {{"name": "one"}}, {{"name": "two", "azimuth_deg": 90}}]"#),
+    )
+    .unwrap();
+    ok(&archive.plan(&["--views", &views]));
+    let manifest = std::fs::read_to_string(archive.path("jobs.jsonl")).unwrap();
+    let lines: Vec<&str> = manifest.lines().collect();
+    let name = archive.jobs()[0]["series"]["name"].as_str().unwrap().to_owned();
+    assert_eq!(archive.jobs()[3]["view"], "endless");
+    std::fs::write(archive.path("jobs.jsonl"), [&lines[..3], &lines[4..]].concat().join("\n")).unwrap();
+    assert_eq!(submitted(&archive, &nats), (5, 0));
+    let out = archive.text("out");
+    let more = ["--ack-wait", "1", "--tries", "2", "--take", "5", "--idle-exit", "1"];
+    let setback = archive.path(&format!("out/{name}/endless.failed.json"));
+    let tries = || {
+        let told: Value = serde_json::from_slice(&std::fs::read(&setback).ok()?).unwrap();
+        Some((told["kind"].as_str().unwrap().to_owned(), told["tries"].as_u64().unwrap()))
+    };
+    // The first time leaves no trace: it was one of several.
+    for traced in [None, Some(1), Some(2)] {
+        let mut worker = Worker::telling(&archive, &nats, &out, &more, "relief=debug");
+        let begun = format!("begun: {name}/endless");
+        let started = Instant::now();
+        while !std::fs::read_to_string(&worker.errors).unwrap().contains(&begun) {
+            assert!(started.elapsed() < Duration::from_secs(60), "{traced:?}: not begun");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        worker.process.kill().unwrap();
+        worker.process.wait().unwrap();
+        assert_eq!(tries(), traced.map(|tries| ("retryable".to_owned(), tries)));
+    }
+    let (worked, errors) = Worker::start(&archive, &nats, &out, &more).end();
+    assert_eq!((&worked["failed"], &worked["put_off"]), (&1.into(), &0.into()), "{worked}: {errors}");
+    assert_eq!(tries(), Some(("permanent".to_owned(), 2)));
+    assert!(errors.contains("never was a worker done with it"), "{errors}");
+    assert_eq!(pictures(&archive.path("out")).len(), 4, "all others are done");
+    let failed = files(&archive.path("out")).into_keys().filter(|name| name.ends_with(".failed.json"));
+    assert_eq!(failed.count(), 1);
+}
+
 #[test]
 fn a_server_that_is_killed_and_started_anew_is_found_again() {
     let what = "queues whose server is killed";
@@ -233,10 +291,10 @@ fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
     let done = worked["done"].as_u64().unwrap();
     assert_eq!(pictures(&archive.path("out")).len() as u64, done, "what was begun is whole");
     assert!(done < 90, "it was stopped in the middle");
-    // What it gave back is there at once, long before anybody is given up.
+    // What it gave back is there at once, long before anybody is given up; and it was not begun, however often it comes.
     let started = Instant::now();
-    let next = Worker::start(&archive, &nats, &out, &["--idle-exit", "1"]).end().0;
-    assert_eq!(next["done"].as_u64().unwrap(), 90 - done, "{next}");
+    let next = Worker::start(&archive, &nats, &out, &["--idle-exit", "1", "--tries", "1"]).end().0;
+    assert_eq!((next["done"].as_u64().unwrap(), &next["failed"]), (90 - done, &0.into()), "{next}");
     assert!(started.elapsed() < Duration::from_secs(120));
 }
 

@@ -132,6 +132,16 @@ impl Bucket {
         assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
     }
 
+    /// All files below a folder as objects, by their names behind the prefix.
+    pub(crate) fn upload(&self, folder: &Path, prefix: &str) {
+        let line = "
+for root, _, names in os.walk(sys.argv[1]):
+    for name in names:
+        path = os.path.join(root, name)
+        s3.upload_file(path, 'views', sys.argv[2] + os.path.relpath(path, sys.argv[1]))";
+        self.python(line, &[folder.to_str().unwrap(), prefix]);
+    }
+
     /// All objects into a folder, by their names.
     pub(crate) fn download(&self, folder: &Path) {
         let line = "

@@ -6,9 +6,15 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(target_os = "linux")]
 
+#[cfg(feature = "cluster")]
+mod buckets;
 mod capacity;
 #[path = "../common/mod.rs"]
 mod common;
 mod compose;
 mod failure;
+#[cfg(feature = "cluster")]
+#[path = "../batch/services.rs"]
+#[allow(dead_code, reason = "shared with the tests of batches")]
+mod services;
 mod stage;

@@ -99,15 +99,7 @@ fn server(url: &str) -> Option<(ServerAddr, Option<Secret>)> {
 
 /// A text of an address without its percent signs.
 fn decoded(text: &str) -> String {
-    let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
-    while let [first, others @ ..] = rest {
-        let code =
-            others.get(..2).filter(|_| *first == b'%').and_then(|digits| std::str::from_utf8(digits).ok());
-        let byte = code.and_then(|digits| u8::from_str_radix(digits, 16).ok());
-        bytes.push(byte.unwrap_or(*first));
-        rest = if byte.is_some() { &others[2..] } else { others };
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
+    percent_encoding::percent_decode_str(text).decode_utf8_lossy().into_owned()
 }
 
 async fn options(access: &Access) -> Result<ConnectOptions, QueueError> {
@@ -172,6 +164,6 @@ mod tests {
             assert_eq!((found.as_url_str(), secret), (expected, name), "{url}");
         }
         assert!(server("http://host").is_none() && server(":::").is_none());
-        assert_eq!(decoded("%4%zz%"), "%4%zz%");
+        assert_eq!(decoded("%4%zz%+4%"), "%4%zz%+4%");
     }
 }

@@ -26,7 +26,7 @@ const POLL: Duration = Duration::from_secs(2);
 /// Beyond that an answer of the queue does not come any more.
 const NO_ANSWER: Duration = Duration::from_secs(12);
 /// A worker that has said nothing for so long is stuck: its jobs go to another one.
-const STUCK: Duration = Duration::from_secs(900);
+pub(super) const STUCK: Duration = Duration::from_secs(900);
 /// Pauses between tries to tell the queue what became of a job; it gives the job to another worker otherwise.
 const PAUSES_S: [u64; 5] = [1, 2, 4, 8, 16];
 /// How long the last words may take when the worker leaves.

@@ -29,12 +29,13 @@ impl Setback {
     /// The setback of this very job, if it has one.
     #[must_use]
     pub fn read(job: &Job, sink: &Sink) -> Option<Self> {
-        let found: Self = serde_json::from_slice(&sink.read(&Self::file_name(&job.name()), LARGEST)?).ok()?;
+        let bytes = sink.read(&Self::file_name(&job.name()), LARGEST).ok().flatten()?;
+        let found: Self = serde_json::from_slice(&bytes).ok()?;
         (found.failure.job == job.job.0).then_some(found)
     }
 
     pub(super) fn write(&self, sink: &Sink) -> std::io::Result<()> {
-        sink.put(&Self::file_name(&self.failure.name), &serde_json::to_vec_pretty(self)?)
+        sink.put(&Self::file_name(&self.failure.name), serde_json::to_vec_pretty(self)?)
     }
 
     /// Removes that of a job by its series and view.

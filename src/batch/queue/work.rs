@@ -3,15 +3,16 @@
 use std::collections::HashMap;
 use std::future::Future;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
-use super::courier::{Courier, Taken, Verdict, Word};
+use super::courier::{Courier, STUCK, Taken, Verdict, Word};
 use super::setback::Setback;
 use super::{Queue, QueueError};
+use crate::batch::copies::Copies;
 use crate::batch::error::{Failure, Lasting};
 use crate::batch::gate::Gate;
 use crate::batch::manifest::{Job, JobKey};
@@ -25,12 +26,15 @@ use crate::render::Renderer;
 pub struct WorkOptions {
     /// Where outputs go.
     pub out: Sink,
+    /// What of series in buckets is here.
+    pub copies: Copies,
     /// Bytes of voxels in memory: of the series that is rendered and of the next one.
     pub voxel_bytes: u64,
     /// After so long without a sign of life the jobs of a worker are given to another; the first worker of a stream says it
     /// for all.
     pub ack_wait: Duration,
-    /// How often a job is begun before it is given up.
+    /// How often a job is begun before it is given up. A first time, when a worker was killed that had several, leaves no trace and
+    /// does not count.
     pub tries: u32,
     /// Jobs that are taken at a time: those of one series lie side by side and share its volume.
     pub take: usize,
@@ -101,14 +105,15 @@ pub fn work(
         words,
         stopping,
         begun: Mutex::default(),
+        ended: Condvar::new(),
         in_a_row: AtomicU32::new(0),
         counts: Mutex::default(),
         report,
     };
     let hear = |step: Step<'_>| bench.hear(step);
     let shared = Shared::new(&options.out, &hear);
-    let source = Source { jobs, bench: &bench, shared: &shared };
-    render_groups(renderer, source, &Gate::new(options.voxel_bytes), &shared);
+    let source = Source { jobs, bench: &bench, shared: &shared, is_alone: false };
+    render_groups(renderer, source, (&options.copies, &Gate::new(options.voxel_bytes)), &shared);
     let counts = *lock(&bench.counts);
     let summary = shared.into_summary();
     drop(bench); // the courier waits for words no longer
@@ -132,6 +137,8 @@ struct Bench<'a> {
     words: Sender<Word>,
     stopping: Arc<AtomicBool>,
     begun: Mutex<HashMap<JobKey, Begun>>,
+    /// One of them ended.
+    ended: Condvar,
     in_a_row: AtomicU32,
     counts: Mutex<Counts>,
     report: &'a (dyn Fn(Step<'_>) + Sync),
@@ -150,6 +157,8 @@ struct Source<'a> {
     jobs: Receiver<Taken>,
     bench: &'a Bench<'a>,
     shared: &'a Shared<'a>,
+    /// Whether the last one came again: it may be one that kills workers, and is done alone, so that the blame is its own.
+    is_alone: bool,
 }
 
 impl Iterator for Source<'_> {
@@ -158,9 +167,14 @@ impl Iterator for Source<'_> {
     fn next(&mut self) -> Option<Vec<Job>> {
         loop {
             let taken = self.jobs.blocking_recv()?;
+            let comes_again = taken.delivered > 1;
+            if std::mem::replace(&mut self.is_alone, comes_again) || comes_again {
+                self.bench.await_all();
+            }
             // A worker may live long: what failed is beside the outputs and not kept here.
             self.shared.change(|summary| summary.failures.clear());
             if self.bench.begin(&taken) {
+                tracing::debug!("begun: {}", taken.job.name());
                 return Some(vec![taken.job]);
             }
         }
@@ -171,6 +185,19 @@ impl Bench<'_> {
     fn say(&self, job: &JobKey, verdict: Verdict) {
         // Nobody hears it only when the courier is gone, and then the queue gives the job to another worker.
         let _ = self.words.blocking_send(Word::Of(job.clone(), verdict));
+    }
+
+    /// Waits until no job is being done; no longer than for one that is stuck.
+    fn await_all(&self) {
+        let waited = self.ended.wait_timeout_while(lock(&self.begun), STUCK, |begun| !begun.is_empty());
+        drop(waited.unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// A job is done, or not to be done by this worker.
+    fn end(&self, job: &JobKey) -> Begun {
+        let begun = lock(&self.begun).remove(job).unwrap_or_default();
+        self.ended.notify_all();
+        begun
     }
 
     /// Whether a job is to be done now. Leaves a trace of one that came before: should it be this worker's end, too, then the
@@ -187,15 +214,12 @@ impl Bench<'_> {
             self.say(&job.job, Verdict::Done);
             return false;
         }
-        let before = if *delivered > 1 {
-            let known = Setback::read(job, self.sink).filter(|known| known.message == *message);
-            known.map_or(1, |known| known.tries)
-        } else {
-            0
-        };
+        // One that was handed back, or lay behind one that killed its worker, comes again, too: it was begun if it left a trace.
+        let traced = || Setback::read(job, self.sink).filter(|known| known.message == *message);
+        let before = (*delivered > 1).then(traced).flatten().map_or(0, |known| known.tries);
         let begun = Begun { message: *message, tries: before.saturating_add(1) };
         lock(&self.begun).insert(job.job.clone(), begun);
-        if before == 0 {
+        if *delivered <= 1 {
             return true;
         }
         let mut failure = Failure {
@@ -205,8 +229,10 @@ impl Bench<'_> {
             reason: "a worker began it, and nothing was heard of either since".to_owned(),
         };
         if before >= self.limit {
-            failure.reason = format!("it was begun {before} times, and never was a worker done with it");
+            failure.reason =
+                format!("it was begun {before} times or more, and never was a worker done with it");
             failure.kind = Lasting::Permanent;
+            lock(&self.begun).insert(job.job.clone(), Begun { tries: before, ..begun });
             self.fail(&failure);
             return false;
         }
@@ -223,7 +249,7 @@ impl Bench<'_> {
         match step {
             Step::Done(job, _) => {
                 self.in_a_row.store(0, Ordering::Relaxed);
-                lock(&self.begun).remove(&job.job);
+                self.end(&job.job);
                 if let Err(error) = Setback::remove(&job.name(), self.sink) {
                     tracing::debug!("a setback stays beside the outputs: {error}");
                 }
@@ -237,7 +263,7 @@ impl Bench<'_> {
 
     fn fail(&self, failure: &Failure) {
         let job = JobKey(failure.job.clone());
-        let Begun { message, tries } = lock(&self.begun).remove(&job).unwrap_or_default();
+        let Begun { message, tries } = self.end(&job);
         let setback = Setback { failure: failure.clone(), tries, message };
         let is_recorded = setback.write(self.sink).is_ok();
         let is_over = failure.kind == Lasting::Permanent || tries >= self.limit;

@@ -4,6 +4,7 @@
 //! rendered small enough for that; each stretch ends in one lossless picture of full size. Viewers move independently of one another.
 
 use serde::Serialize;
+use statrs::function::beta::beta_reg;
 
 /// Groups of viewers that are planned for.
 pub(super) const GROUPS: [u64; 5] = [1, 10, 100, 1_000, 10_000];
@@ -193,15 +194,8 @@ fn more_than(viewers: u64, share: f64, most: u64) -> f64 {
     if share >= 1.0 {
         return 1.0;
     }
-    // In logarithms: for thousands of viewers the first terms are smaller than any f64.
-    let odds = (share / (1.0 - share)).ln();
-    let mut term = viewers as f64 * (1.0 - share).ln();
-    let mut up_to = 0.0;
-    for moving in 0..=most {
-        up_to += term.exp();
-        term += odds + ((viewers - moving) as f64 / (moving + 1) as f64).ln();
-    }
-    (1.0 - up_to).max(0.0)
+    // With the regularized incomplete beta function: P(X > k) = I_p(k + 1, n - k) (DLMF 8.17.5).
+    beta_reg((most + 1) as f64, (viewers - most) as f64, share)
 }
 
 /// The fewest that more move than with no more than this probability.

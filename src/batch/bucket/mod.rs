@@ -1,13 +1,16 @@
-//! A bucket of an S3 service: outputs as objects.
+//! A bucket of an S3 service: outputs as objects, and series that lie there (see `read`).
 //!
 //! A put is whole or absent by itself. Every object carries the SHA-256 of its bytes, which the service checks when it takes
 //! them and keeps as metadata, so that an output that is there is known again without reading it.
 //!
 //! Called from threads without an executor, as rendering and writing are; never from inside one.
 
+mod read;
+
 use std::io::{Error, ErrorKind};
 use std::time::Duration;
 
+use bytes::Bytes;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, Checksum};
 use object_store::path::Path;
 use object_store::{
@@ -17,6 +20,7 @@ use object_store::{
 use tokio::runtime::Runtime;
 
 use super::record::{Written, sha256_of};
+pub(super) use read::Object;
 
 /// The metadata that says what an object's bytes are.
 const SHA256: Attribute = Attribute::Metadata(std::borrow::Cow::Borrowed("sha256"));
@@ -73,50 +77,72 @@ impl Bucket {
         }
     }
 
-    pub(super) fn put(&self, name: &str, bytes: &[u8]) -> std::io::Result<()> {
-        self.put_as(PutMode::Overwrite, name, bytes).map_err(told)
+    /// Writes an object; its hash is computed where it is not known.
+    pub(super) fn put(&self, name: &str, bytes: Bytes, sha256: Option<&str>) -> std::io::Result<()> {
+        self.put_as(PutMode::Overwrite, name, bytes, sha256).map_err(told)
     }
 
     /// With `If-None-Match: *`: of several that write at once one does.
-    pub(super) fn put_new(&self, name: &str, bytes: &[u8]) -> std::io::Result<bool> {
-        match self.put_as(PutMode::Create, name, bytes) {
+    pub(super) fn put_new(&self, name: &str, bytes: Bytes) -> std::io::Result<bool> {
+        match self.put_as(PutMode::Create, name, bytes, None) {
             Ok(()) => Ok(true),
             Err(object_store::Error::AlreadyExists { .. }) => Ok(false),
             Err(error) => Err(told(error)),
         }
     }
 
-    fn put_as(&self, mode: PutMode, name: &str, bytes: &[u8]) -> Result<(), object_store::Error> {
+    fn put_as(
+        &self,
+        mode: PutMode,
+        name: &str,
+        bytes: Bytes,
+        sha256: Option<&str>,
+    ) -> Result<(), object_store::Error> {
+        let sha256 = sha256.map_or_else(|| sha256_of(&bytes), str::to_owned);
         let mut attributes = Attributes::new();
-        attributes.insert(SHA256, sha256_of(bytes).into());
+        attributes.insert(SHA256, sha256.into());
         attributes.insert(Attribute::ContentType, content_type(name).into());
         let options = PutOptions { mode, attributes, ..PutOptions::default() };
         let path = self.path(name);
-        let put = self.store.put_opts(&path, bytes.to_vec().into(), options);
+        let put = self.store.put_opts(&path, bytes.into(), options);
         self.runtime.block_on(put).map(|_| ())
     }
 
-    pub(super) fn read(&self, name: &str, largest: u64) -> Option<Vec<u8>> {
-        self.runtime.block_on(async {
-            let found = self.store.get(&self.path(name)).await.ok()?;
+    pub(super) fn read(&self, name: &str, largest: u64) -> std::io::Result<Option<Vec<u8>>> {
+        let read = self.runtime.block_on(async {
+            let found = self.store.get(&self.path(name)).await?;
             if found.meta.size > largest {
-                return None;
+                return Ok(None);
             }
-            Some(found.bytes().await.ok()?.to_vec())
-        })
+            found.bytes().await.map(|bytes| Some(bytes.to_vec()))
+        });
+        match read {
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            read => read.map_err(told),
+        }
+    }
+
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.head(&self.path(name)).is_ok()
+    }
+
+    fn head(&self, path: &Path) -> Result<GetResult, object_store::Error> {
+        let options = GetOptions { head: true, ..GetOptions::default() };
+        self.runtime.block_on(self.store.get_opts(path, options))
     }
 
     /// By what the object's metadata says; one that has none, because another program put it there, is read.
     pub(super) fn holds(&self, name: &str, written: &Written) -> bool {
-        let options = GetOptions { head: true, ..GetOptions::default() };
-        let head = self.runtime.block_on(self.store.get_opts(&self.path(name), options));
-        let Ok(GetResult { meta, attributes, .. }) = head else { return false };
+        let Ok(GetResult { meta, attributes, .. }) = self.head(&self.path(name)) else { return false };
         if meta.size != written.bytes {
             return false;
         }
         match attributes.get(&SHA256) {
             Some(found) => found.as_ref() == written.sha256,
-            None => self.read(name, written.bytes).is_some_and(|bytes| sha256_of(&bytes) == written.sha256),
+            None => {
+                let read = self.read(name, written.bytes).ok().flatten();
+                read.is_some_and(|bytes| sha256_of(&bytes) == written.sha256)
+            }
         }
     }
 
@@ -142,7 +168,9 @@ fn told(error: object_store::Error) -> Error {
 fn content_type(name: &str) -> &'static str {
     match name.rsplit_once('.').map(|(_, ending)| ending) {
         Some("png") => "image/png",
+        Some("mp4") => "video/mp4",
         Some("json") => "application/json",
+        Some("jsonl" | "txt") => "text/plain; charset=utf-8",
         Some("exr") => "image/x-exr",
         Some("html") => "text/html; charset=utf-8",
         _ => "application/octet-stream",

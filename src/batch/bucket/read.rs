@@ -1,0 +1,171 @@
+//! Series in a bucket: what lies below a prefix, and its bytes into files.
+//!
+//! What objects are called may name patients: no error says it.
+
+use std::io::{Error, ErrorKind};
+use std::ops::Range;
+use std::path::PathBuf;
+
+use futures_util::{StreamExt, TryStreamExt, stream};
+use object_store::path::Path;
+use object_store::{GetOptions, GetRange, ObjectMeta, ObjectStore};
+use sha2::{Digest, Sha256};
+use tokio::io::AsyncWriteExt;
+
+use super::{Bucket, SHA256};
+use crate::batch::manifest::hex;
+
+/// An object that was listed: its name, size and tag.
+pub(in crate::batch) type Object = ObjectMeta;
+
+/// What lies directly below a prefix.
+pub(in crate::batch) struct Below {
+    /// Longer prefixes.
+    pub(in crate::batch) folders: Vec<String>,
+    /// Those that are not empty.
+    pub(in crate::batch) objects: Vec<Object>,
+}
+
+/// Most objects of one series: as many as a folder may have files.
+const MOST_OBJECTS: usize = 200_000;
+/// Bytes that one request asks for: no object has to come within a request's time.
+const PART: u64 = 8 << 20;
+/// Objects that are fetched at a time.
+const AT_ONCE: usize = 8;
+/// Longest text of an error of the service, characters.
+const LONGEST: usize = 200;
+
+impl Bucket {
+    /// What lies directly below a prefix, in the order of names.
+    pub(in crate::batch) fn directly_below(&self, prefix: &str) -> std::io::Result<Below> {
+        let prefix = parse(prefix)?;
+        let found = self.runtime.block_on(self.store.list_with_delimiter(Some(&prefix)));
+        let found = found.map_err(without_names)?;
+        let folders = found.common_prefixes.iter().map(Path::to_string).collect();
+        let objects = found.objects.into_iter().filter(|object| object.size > 0).collect();
+        Ok(Below { folders, objects })
+    }
+
+    /// All objects below a prefix that are not empty, at any depth, or the one that is called so. In the order of names.
+    pub(in crate::batch) fn all_below(&self, prefix: &str) -> std::io::Result<Vec<Object>> {
+        let prefix = parse(prefix)?;
+        let found: Vec<Object> = self.runtime.block_on(
+            self.store.list(Some(&prefix)).take(MOST_OBJECTS + 1).map_err(without_names).try_collect(),
+        )?;
+        if found.len() > MOST_OBJECTS {
+            let reason =
+                format!("more than {MOST_OBJECTS} objects; choose a prefix that is nearer to the series");
+            return Err(Error::new(ErrorKind::InvalidInput, reason));
+        }
+        let mut found: Vec<Object> = found.into_iter().filter(|object| object.size > 0).collect();
+        if found.is_empty() && !prefix.as_ref().is_empty() {
+            match self.head(&prefix) {
+                Ok(one) => found.push(one.meta),
+                Err(object_store::Error::NotFound { .. }) => {}
+                Err(error) => return Err(without_names(error)),
+            }
+        }
+        found.sort_by(|a, b| a.location.cmp(&b.location));
+        Ok(found)
+    }
+
+    /// The first bytes of an object, at most so many.
+    pub(in crate::batch) fn beginning(&self, object: &Object, bytes: u64) -> std::io::Result<Vec<u8>> {
+        let part = self.part(object, 0..object.size.min(bytes));
+        self.runtime.block_on(part).map(|(bytes, _)| bytes)
+    }
+
+    /// Fetches objects into new files; the SHA-256 of each. An object that is no longer the one that was listed is an error.
+    pub(in crate::batch) fn fetch(&self, objects: &[(Object, PathBuf)]) -> std::io::Result<Vec<String>> {
+        let each = stream::iter(objects).map(|(object, path)| self.fetch_one(object, path));
+        self.runtime.block_on(each.buffered(AT_ONCE).try_collect())
+    }
+
+    async fn fetch_one(&self, object: &Object, path: &std::path::Path) -> std::io::Result<String> {
+        let mut file = tokio::fs::File::create_new(path).await?;
+        let (mut hasher, mut said, mut at) = (Sha256::new(), None, 0);
+        while at < object.size {
+            let to = object.size.min(at + PART);
+            let (bytes, told) = self.part(object, at..to).await?;
+            hasher.update(&bytes);
+            file.write_all(&bytes).await?;
+            (said, at) = (told, to);
+        }
+        file.flush().await?;
+        let found = hex(&hasher.finalize().into());
+        match said {
+            Some(said) if said != found => Err(Error::other("an object is not what its metadata says it is")),
+            _ => Ok(found),
+        }
+    }
+
+    /// A part of an object, neither less nor more than was asked for, and what its metadata says is the hash of the whole.
+    async fn part(&self, object: &Object, range: Range<u64>) -> std::io::Result<(Vec<u8>, Option<String>)> {
+        let wanted = usize::try_from(range.end - range.start).map_err(Error::other)?;
+        let options = GetOptions {
+            if_match: object.e_tag.clone(),
+            range: Some(GetRange::Bounded(range)),
+            ..GetOptions::default()
+        };
+        let found = self.store.get_opts(&object.location, options).await.map_err(without_names)?;
+        let said = found.attributes.get(&SHA256).map(|sha256| sha256.to_string());
+        let (mut bytes, mut chunks) = (Vec::with_capacity(wanted), found.into_stream());
+        while let Some(chunk) = chunks.next().await {
+            let chunk = chunk.map_err(without_names)?;
+            if bytes.len() + chunk.len() > wanted {
+                return Err(Error::other("the service sends more of an object than it has"));
+            }
+            bytes.extend_from_slice(&chunk);
+        }
+        if bytes.len() < wanted {
+            return Err(Error::other("the service sends less of an object than it has"));
+        }
+        Ok((bytes, said))
+    }
+}
+
+fn parse(prefix: &str) -> std::io::Result<Path> {
+    Path::parse(prefix).map_err(|_| unusable_name())
+}
+
+fn unusable_name() -> Error {
+    let reason =
+        "a part of a name in a bucket is empty, . or .., or has control characters, and such are not read";
+    Error::new(ErrorKind::InvalidInput, reason)
+}
+
+/// What went wrong, without what objects are called.
+fn without_names(error: object_store::Error) -> Error {
+    use object_store::Error as E;
+    let (denied, no_bucket) = ("access is denied", "there is no such bucket");
+    let told = Error::new;
+    match &error {
+        E::NotFound { .. } if format!("{error:?}").contains("NoSuchBucket") => {
+            return told(ErrorKind::NotFound, no_bucket);
+        }
+        E::NotFound { .. } => return told(ErrorKind::NotFound, "an object is gone"),
+        E::PermissionDenied { .. } | E::Unauthenticated { .. } => {
+            return told(ErrorKind::PermissionDenied, denied);
+        }
+        E::Precondition { .. } => return Error::other("an object was altered while it was read"),
+        _ => {}
+    }
+    let mut cause: &(dyn std::error::Error + 'static) = &error;
+    while let Some(source) = cause.source() {
+        cause = source;
+    }
+    if cause.is::<object_store::path::Error>() {
+        return unusable_name();
+    }
+    // Listings have no errors of their own kinds.
+    let cause = cause.to_string();
+    if cause.contains("NoSuchBucket") {
+        return told(ErrorKind::NotFound, no_bucket);
+    }
+    if ["403 Forbidden", "401 Unauthorized"].iter().any(|status| cause.contains(status)) {
+        return told(ErrorKind::PermissionDenied, denied);
+    }
+    // What a service says as XML has names in it.
+    let said: String = cause.split('<').next().unwrap_or_default().chars().take(LONGEST).collect();
+    Error::other(format!("the service fails: {}", said.trim_end_matches([' ', ':'])))
+}

@@ -1,0 +1,95 @@
+//! Where series are and where outputs go, as options and manifests say it: a path of this machine, or `s3://BUCKET/PREFIX`.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// A place on this machine or in a bucket.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Location {
+    /// A file or a folder.
+    Local(PathBuf),
+    /// A bucket of an S3 service, and what the names of all objects in it begin with; that may be empty.
+    Bucket {
+        /// Its name.
+        bucket: String,
+        /// Without a slash at its ends.
+        prefix: String,
+    },
+}
+
+const SCHEME: &str = "s3://";
+
+impl Location {
+    /// What a path says: one that begins with `s3://` is in a bucket.
+    ///
+    /// # Errors
+    /// When it begins so and names no bucket.
+    pub fn of(path: &Path) -> Result<Self, String> {
+        match path.to_str().filter(|text| text.starts_with(SCHEME)) {
+            Some(text) => text.parse(),
+            None => Ok(Self::Local(path.to_owned())),
+        }
+    }
+
+    /// Whether a path says that it is in a bucket.
+    #[must_use]
+    pub fn is_bucket(path: &Path) -> bool {
+        path.to_str().is_some_and(|text| text.starts_with(SCHEME))
+    }
+}
+
+impl FromStr for Location {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some(rest) = text.strip_prefix(SCHEME) else {
+            return if text.is_empty() {
+                Err("allowed: a folder".to_owned())
+            } else {
+                Ok(Self::Local(text.into()))
+            };
+        };
+        let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
+        let is_good =
+            |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "-.".contains(letter);
+        if !(3..=63).contains(&bucket.len()) || !bucket.chars().all(is_good) {
+            return Err(format!(
+                "{bucket:?} is no name of a bucket; write s3://BUCKET or s3://BUCKET/PREFIX"
+            ));
+        }
+        Ok(Self::Bucket { bucket: bucket.to_owned(), prefix: prefix.trim_matches('/').to_owned() })
+    }
+}
+
+impl std::fmt::Display for Location {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Local(path) => path.display().fmt(f),
+            Self::Bucket { bucket, prefix } if prefix.is_empty() => write!(f, "{SCHEME}{bucket}"),
+            Self::Bucket { bucket, prefix } => write!(f, "{SCHEME}{bucket}/{prefix}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn locations_are_paths_or_buckets() {
+        let bucket =
+            |bucket: &str, prefix: &str| Location::Bucket { bucket: bucket.into(), prefix: prefix.into() };
+        for (text, expected, again) in [
+            ("views", Location::Local("views".into()), "views"),
+            ("s3://ct-views", bucket("ct-views", ""), "s3://ct-views"),
+            ("s3://ct.views/a/b/", bucket("ct.views", "a/b"), "s3://ct.views/a/b"),
+        ] {
+            let location: Location = text.parse().unwrap();
+            assert_eq!((&location, location.to_string().as_str()), (&expected, again));
+            assert_eq!(Location::of(Path::new(text)), Ok(expected));
+        }
+        for text in ["", "s3://", "s3:///a", "s3://Views/a", "s3://user:key@views"] {
+            assert!(text.parse::<Location>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Label maps from files, brought to the grid of the volume that they are of.
+//!
+//! What it is: the one way in which `relief render`, servers and batches read a label map. A file is told by what it begins with:
+//! NIfTI, NRRD, or else a DICOM segmentation. Errors name no path: who asks knows it, and what is said may go to others.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::dicom::{self, LoadLimits};
+use crate::formats::{self, FormatError, Limits};
+use crate::volume::{Grid, LabelMap};
+
+/// A label map on the grid of a volume.
+#[derive(Clone, Debug)]
+pub struct PlacedLabels {
+    /// Its hash is known: requests are compared by it.
+    pub map: Arc<LabelMap>,
+    /// What was unusual, in sentences.
+    pub warnings: Vec<String>,
+}
+
+/// Why a label map cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum LabelsError {
+    /// The file cannot be opened.
+    #[error("it cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
+    /// There is a folder.
+    #[error("it is a folder, expected a file")]
+    Folder,
+    /// A NIfTI or NRRD that is none of labels.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// Neither of these, and no segmentation.
+    #[error("neither NIfTI nor NRRD, and no usable DICOM segmentation: {0}")]
+    Segmentation(#[from] dicom::Defect),
+    /// Nothing of it lies in the volume.
+    #[error(
+        "the label map lies elsewhere: it spans {map} and the volume {volume} (patient LPS); are they of the same scan?"
+    )]
+    Elsewhere {
+        /// From and to, mm.
+        map: String,
+        /// From and to, mm.
+        volume: String,
+    },
+}
+
+/// Share of the labelled space that lies in the volume below which a map may well be of another series.
+const DOUBTFUL_SHARE: f64 = 0.5;
+
+/// Reads a label map of at most so many voxels onto the grid of a volume.
+///
+/// # Errors
+/// When the file cannot be read or used, or no label of it lies in the volume.
+pub fn load_labels(path: &Path, most_voxels: u64, grid: &Grid) -> Result<PlacedLabels, LabelsError> {
+    let (map, mut warnings) = read(path, most_voxels)?;
+    let map = if map.grid() == grid { map } else { placed(&map, grid, &mut warnings)? };
+    let _ = map.content_hash(); // not when the first request waits
+    Ok(PlacedLabels { map: Arc::new(map), warnings })
+}
+
+fn read(path: &Path, most_voxels: u64) -> Result<(LabelMap, Vec<String>), LabelsError> {
+    std::fs::File::open(path)?;
+    if path.is_dir() {
+        return Err(LabelsError::Folder);
+    }
+    if formats::is_known(path) {
+        let found = formats::read_labels_within(Limits { voxels: most_voxels }, path)?;
+        return Ok((found.map, found.warnings));
+    }
+    let limits = LoadLimits { voxel_bytes: most_voxels.saturating_mul(size_of::<u16>() as u64) };
+    let found = dicom::load_segmentation(limits, path)?;
+    Ok((found.map, found.warnings))
+}
+
+fn placed(map: &LabelMap, grid: &Grid, warnings: &mut Vec<String>) -> Result<LabelMap, LabelsError> {
+    let placed = map.resampled(grid);
+    let space = |map: &LabelMap| map.labelled_voxels() as f64 * map.voxel_mm3();
+    let share = space(&placed) / space(map).max(f64::MIN_POSITIVE);
+    if map.labelled_voxels() > 0 && placed.labelled_voxels() == 0 {
+        let span = |grid: &Grid| {
+            let bounds = grid.bounds();
+            format!("{:.0} to {:.0} mm", bounds.min.xyz, bounds.max.xyz)
+        };
+        return Err(LabelsError::Elsewhere { map: span(map.grid()), volume: span(grid) });
+    }
+    if share < DOUBTFUL_SHARE {
+        warnings.push(format!(
+            "only {:.0} % of what is labelled lies in the volume; is the label map of this scan?",
+            100.0 * share
+        ));
+    }
+    Ok(placed)
+}
