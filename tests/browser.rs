@@ -141,6 +141,19 @@ fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
 }
 
 #[test]
+fn a_kiosk_of_a_volume_that_is_not_there_yet_says_so_and_shows_it_when_it_comes() {
+    let Some(seen) = seen("a kiosk that comes early") else { return };
+    let early = &seen["early"];
+    assert_eq!(early["connection"], "waiting", "{early}");
+    assert!(early["said"].as_str().unwrap().contains("does not have this volume yet"), "{early}");
+    // Tries are farther and farther apart: after 100 ms, 200, 400, 800, 1600, and then every 2 s.
+    let tries = early["tries"].as_u64().unwrap();
+    assert!((4..=8).contains(&tries), "{tries} in 4 s");
+    assert_eq!((&early["later"], &early["different"]), (&"live".into(), &0.into()), "{early}");
+    assert_eq!(early["problems"], serde_json::json!([]));
+}
+
+#[test]
 fn a_wiimote_behind_webhid_is_brought_up_and_tracked() {
     let Some(seen) = seen("a Wiimote behind WebHID") else { return };
     let wiimote = &seen["wiimote"];
@@ -178,7 +191,10 @@ fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     assert_eq!((told.len(), &texts["closed"]), (6, &Value::Null), "{seen}");
     assert!(told[1..5].iter().all(|change| change[1].as_str().unwrap().contains("no message")), "{seen}");
     assert_eq!(*told[5], serde_json::json!(["live", ""]), "{seen}");
-    assert_eq!(seen["too_early"], serde_json::json!({"unavailable": "waiting", "unprocessable": "ended"}));
+    let early = serde_json::json!(
+        {"unavailable": "waiting", "missing": "waiting", "preset": "ended", "unprocessable": "ended"}
+    );
+    assert_eq!(seen["too_early"], early);
     let bad = &seen["bad_frames"];
     assert_eq!(
         (&bad["acknowledged"], &bad["closed"]),

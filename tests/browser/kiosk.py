@@ -13,8 +13,10 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.request
+import zipfile
 
 import numpy
 from PIL import Image
@@ -175,6 +177,50 @@ def hands(playwright, server):
     return found
 
 
+def zipped(folder):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name in sorted(os.listdir(folder)):
+            archive.write(os.path.join(folder, name), name)
+    return file.getvalue()
+
+
+def early(playwright, server):
+    """A volume that is asked for before the server has it."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = [RELIEF, "phantom", "--kind", "sphere", "--size", "32", "--out", folder + "/ball"]
+        subprocess.run(made, check=True, stdout=subprocess.DEVNULL)
+        ball = zipped(folder + "/ball")
+
+    def ask(path, method, data=None):
+        request = urllib.request.Request(server.url + path, data, {"Content-Type": "application/zip"}, method=method)
+        return urllib.request.urlopen(request).read()
+
+    volume = json.loads(ask("/v1/volumes", "POST", ball))["id"]
+    ask(f"/v1/volumes/{volume}", "DELETE")
+    opened = browser(playwright)
+    page = opened.new_page(viewport=FRAME, screen=FRAME)
+    problems, tries = [], []
+    page.on("pageerror", lambda error: problems.append(error.message))
+    page.on("websocket", lambda socket: tries.append(socket.url))
+    page.goto(f"{server.url}/kiosk?preset=bone&volume={volume}")
+    wait_for(page, f"{ROOT}.connection === 'waiting'")
+    page.wait_for_timeout(4000)
+    found = {"tries": len(tries)}
+    # Between two tries the page says that it connects.
+    wait_for(page, f"{ROOT}.connection === 'waiting'")
+    found |= {"connection": page.evaluate(f"{ROOT}.connection"), "said": page.inner_text("#state")}
+    ask("/v1/volumes", "POST", ball)
+    wait_still(page)
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&layout=wowvx"
+    served, shot = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}")), pixels(page.screenshot())
+    different = int((shot != served).any(axis=2).sum())
+    found |= {"later": page.evaluate(f"{ROOT}.connection"), "different": different, "problems": problems}
+    opened.close()
+    ask(f"/v1/volumes/{volume}", "DELETE")
+    return found
+
+
 STUB = """
 (() => {
   const reports = %s;
@@ -230,6 +276,7 @@ def main():
     try:
         with sync_playwright() as playwright:
             found = {"exact": exactness(playwright, server)}
+            found["early"] = early(playwright, server)
             found["hands"] = hands(playwright, server)
             found["wiimote"] = wiimote(playwright, server)
         print(json.dumps(found))

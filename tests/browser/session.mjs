@@ -96,13 +96,18 @@ function badTexts() {
 
 /** A server that is not ready yet is asked again; one that refuses is not. */
 function tooEarly() {
-  const refused = (status) => {
+  const refused = (status, type) => {
     const { seen, socket, say } = begin();
-    say({ type: "error", fatal: true, problem: { status, detail: "no volume is loaded" } });
+    say({ type: "error", fatal: true, problem: { status, type: `urn:relief:problem:${type}`, detail: "no volume is loaded" } });
     socket.on.close({ code: 1008, reason: "hello refused" });
     return seen.changed.at(-1)[0];
   };
-  return { unavailable: refused(503), unprocessable: refused(422) };
+  return {
+    unavailable: refused(503, "no-volume"),
+    missing: refused(404, "no-such-volume"),
+    preset: refused(404, "no-such-preset"),
+    unprocessable: refused(422, "out-of-range"),
+  };
 }
 
 async function badFrames() {

@@ -14,6 +14,13 @@ const MOST_BAD = 20;
 /** Close codes after which connecting again would end the same way. */
 const FINAL = { 1008: "the server refuses this session", 4001: "this session goes on in another window", 4002: "the volume was removed" };
 
+/** Why a refusal is none for good: a server that was just started loads its series, and one of them may be what is waited for. */
+function whyNotYet({ type, problem }) {
+  if (type !== "error") return "";
+  if (problem?.status === 503) return "the server is not ready yet";
+  return problem?.type === "urn:relief:problem:no-such-volume" ? "the server does not have this volume yet" : "";
+}
+
 export const nowNs = () => Math.round((performance.timeOrigin + performance.now()) * 1e6);
 
 export class Session {
@@ -25,8 +32,8 @@ export class Session {
   #unpacking = false;
   #ended = false;
   #bad = 0;
-  /** Whether the server has said that it cannot do this yet. */
-  #notYet = false;
+  /** Why the server cannot do this yet, where it has said so. */
+  #notYet = "";
 
   /**
    * `hello` is the message without `type` and `accept`; `show` gets (image, header), `heard` every message of the server,
@@ -107,8 +114,7 @@ export class Session {
       this.changed("live");
       if (this.#view && message.role === "presenter" && message.state.revision <= 1) this.#restore(message.state);
     }
-    // A server that was just started loads its series: whoever comes too early comes again.
-    this.#notYet = message.type === "error" && message.problem?.status === 503;
+    this.#notYet = whyNotYet(message);
     if (message.state?.look_at_mm) this.#view = message.state;
     this.heard(message);
   }
@@ -124,8 +130,8 @@ export class Session {
     if (this.#ended) return;
     const { [code]: final } = FINAL;
     if (final && !this.#notYet) return this.end(reason || final);
-    this.changed("waiting", this.#notYet ? "the server is not ready yet" : reason);
-    this.#notYet = false;
+    this.changed("waiting", this.#notYet || reason);
+    this.#notYet = "";
     setTimeout(() => this.#connect(), this.#wait);
     this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
   }
