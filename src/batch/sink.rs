@@ -46,6 +46,7 @@ impl Sink {
     }
 
     /// As [`Sink::put`], of bytes whose hash is known.
+    #[cfg_attr(not(feature = "cluster"), expect(unused_variables, reason = "folders keep no hashes"))]
     pub(super) fn put_written(&self, name: &str, bytes: Vec<u8>, written: &Written) -> std::io::Result<()> {
         match self {
             Self::Folder(folder) => put_in(folder, name, &bytes),

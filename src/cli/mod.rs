@@ -110,7 +110,7 @@ pub fn main() -> ExitCode {
         Command::Preview(arguments) => preview::run(&arguments),
         Command::Presets(arguments) => presets::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments),
-        Command::Serve(arguments) => serve::run(arguments),
+        Command::Serve(arguments) => serve::run(&arguments),
         Command::Client(arguments) => client::run(&arguments),
         Command::Track(arguments) => track::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -107,7 +107,7 @@ enum Uploads {
     Off,
 }
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let copies = arguments.copies.copies();
     let places = places(&arguments.series, &arguments.labels, &copies)?;
     let renderer = arguments.adapter.open_renderer()?;
@@ -115,7 +115,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let adapter = renderer.gpu().description().to_string();
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(renderer, queue)?);
-    let config = config(&arguments, &adapter)?;
+    let config = config(arguments, &adapter)?;
     let mut server = Server::new(Arc::clone(&service), upload_loader(limits), config);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let log = match &arguments.annotations {

@@ -308,7 +308,7 @@ fn refusing_service() -> String {
     use std::io::{Read, Write};
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("http://{}", listener.local_addr().unwrap());
-    std::thread::spawn(move || {
+    let serve = move || {
         for stream in listener.incoming() {
             let mut stream = stream.unwrap();
             let _ = stream.read(&mut [0; 8192]);
@@ -316,6 +316,34 @@ fn refusing_service() -> String {
             let head = "HTTP/1.1 403 Forbidden\r\nContent-Type: application/xml\r\nConnection: close";
             let _ = write!(stream, "{head}\r\nContent-Length: {}\r\n\r\n{body}", body.len());
         }
-    });
+    };
+    std::thread::Builder::new().name("denies".to_owned()).spawn(serve).unwrap();
     address
+}
+
+/// Whoever has the manifest needs no folder at all: series and label maps come out of the bucket, to a worker of a queue as well.
+#[test]
+fn label_maps_in_a_bucket_are_drawn_by_workers_as_those_of_a_folder() {
+    let what = "label maps in buckets";
+    if software_adapter(what).is_none() {
+        return;
+    }
+    let (Some(bucket), Some(nats)) = (Bucket::start(what), Nats::start(what, &[])) else { return };
+    let archive = Archive { folder: tempfile::tempdir().unwrap() };
+    ok(&relief(&["phantom", "--kind", "head", "--size", "48", "--out", &archive.text("series/head")]));
+    bucket.upload(&archive.path("series"), "ct/");
+    let labels = ["--views", "sides", "--labels", "{}/labels.seg.nrrd"];
+    ok(&archive.plan(&labels));
+    ok(&archive.run_into("reference", &[]));
+    let manifest = archive.text("remote.jsonl");
+    let plan = ["batch", "plan", "--root", "s3://views/ct", "--out", &manifest, "--preset", "bone"];
+    ok(&with_bucket(&bucket, &[&plan[..], &["--size", "64x48", "--products", "color"], &labels].concat()));
+    std::fs::remove_dir_all(archive.path("series")).unwrap();
+    let url = nats.url();
+    ok(&relief(&["batch", "submit", "--nats", &url, "--manifest", &manifest]));
+    let out = archive.text("out");
+    let work = ["batch", "work", "--nats", &url, "--out", &out, "--idle-exit", "1", "--json"];
+    let worked = ok(&with_bucket(&bucket, &work));
+    assert_eq!((&worked["done"], &worked["series_loaded"]), (&6.into(), &1.into()), "{worked}");
+    assert!(pictures(&archive.path("out")) == pictures(&archive.path("reference")));
 }

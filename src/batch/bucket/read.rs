@@ -135,6 +135,7 @@ fn unusable_name() -> Error {
 }
 
 /// What went wrong, without what objects are called.
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 fn without_names(error: object_store::Error) -> Error {
     use object_store::Error as E;
     let (denied, no_bucket) = ("access is denied", "there is no such bucket");
