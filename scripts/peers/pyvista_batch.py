@@ -1,10 +1,11 @@
 # Renders N views of every series below a folder with PyVista, as a script of a researcher would.
 """Render N views of every series below a folder with PyVista, off screen, as a researcher's script would.
 
-usage: pyvista_batch.py ROOT OUT VIEWS WIDTH HEIGHT [gpu|smart]
+usage: pyvista_batch.py ROOT OUT VIEWS WIDTH HEIGHT PRESETS.json PRESET [gpu|smart]
 
-One PNG a view: composite volume rendering with shading, a turntable from the front, samples of 1 mm. Prints the views and the
-seconds as JSON. The volume goes to the mapper once a series.
+One PNG a view: composite volume rendering with shading, a turntable from the front, samples of 1 mm, in the colours, opacities and
+light of a preset as `relief presets --json` prints them. Prints the views and the seconds as JSON. The volume goes to the mapper
+once a series.
 """
 import json
 import math
@@ -17,7 +18,29 @@ import pyvista
 import SimpleITK
 
 root, out, views, width, height = sys.argv[1], sys.argv[2], *map(int, sys.argv[3:6])
-mapper = sys.argv[6] if len(sys.argv) > 6 else "gpu"
+with open(sys.argv[6], encoding="utf-8") as file:
+    look = next(preset for preset in json.load(file)["presets"] if preset["name"] == sys.argv[7])
+mapper = sys.argv[8] if len(sys.argv) > 8 else "gpu"
+
+
+def dress(prop):
+    """Gives a volume's property the preset's transfer function and light."""
+    prop.GetRGBTransferFunction(0).RemoveAllPoints()
+    prop.GetScalarOpacity(0).RemoveAllPoints()
+    for point in look["transfer"]["points"]:
+        red, green, blue, opacity = point["rgba"]
+        prop.GetRGBTransferFunction(0).AddRGBPoint(point["hu"], red, green, blue)
+        prop.GetScalarOpacity(0).AddPoint(point["hu"], opacity)
+    prop.SetScalarOpacityUnitDistance(look["transfer"]["opacity_unit_mm"])
+    prop.SetInterpolationTypeToLinear()
+    light = look["shading"]
+    prop.ShadeOn()
+    prop.SetAmbient(light["ambient"])
+    prop.SetDiffuse(light["diffuse"])
+    prop.SetSpecular(light["specular"])
+    prop.SetSpecularPower(light["shininess"])
+
+
 pyvista.OFF_SCREEN = True
 os.makedirs(out, exist_ok=True)
 started, done = time.time(), 0
@@ -29,12 +52,11 @@ for name in sorted(os.listdir(root)):
     hu = SimpleITK.GetArrayFromImage(image).astype(np.int16)
     grid = pyvista.ImageData(dimensions=image.GetSize(), spacing=image.GetSpacing())
     grid.point_data["hu"] = hu.ravel()
-    plotter = pyvista.Plotter(off_screen=True, window_size=[width, height])
+    plotter = pyvista.Plotter(off_screen=True, window_size=[width, height], lighting="none")
+    plotter.add_light(pyvista.Light(light_type="headlight"))
     plotter.background_color = "black"
-    volume = plotter.add_volume(
-        grid, scalars="hu", clim=[-1000, 2000], mapper=mapper, shade=True, show_scalar_bar=False,
-        opacity=[0, 0, 0, 0.1, 0.6, 0.9], opacity_unit_distance=1.0,
-    )
+    volume = plotter.add_volume(grid, scalars="hu", mapper=mapper, show_scalar_bar=False)
+    dress(volume.prop)
     volume.mapper.SetAutoAdjustSampleDistances(0)
     volume.mapper.SetSampleDistance(1.0)
     centre = np.array(grid.center)
