@@ -8,6 +8,9 @@ override MODE: u32 = 0u;
 override SHADED: bool = true;
 // One fetch for value and gradient of every sample, where most are visible; else gradients of visible ones alone.
 override FETCH_TOGETHER: bool = false;
+// Drivers in software cut a dispatch into as many runs of tiles as there are cores, and wait for the last one: rows of tiles are
+// dealt out in turn, so that what is to be seen is shared out evenly.
+override RUNS: u32 = 1u;
 // Writes the number of volume samples in place of the depth, for measuring.
 override COUNT_SAMPLES: bool = false;
 
@@ -42,8 +45,13 @@ struct Hit {
 }
 
 @compute @workgroup_size(8, 8)
-fn raycast(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) index: u32) {
-    let id = tile.xy * 8u + place_in_tile(index) + vec2<u32>(0u, frame.first_row);
+fn raycast(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let tile = vec2<u32>(group.x, row_dealt_out(group.y, groups.y));
+    let id = tile * 8u + place_in_tile(index) + vec2<u32>(frame.first_column, frame.first_row);
     if any(id >= frame.size_px) {
         return;
     }
@@ -71,6 +79,18 @@ fn write_hit(at: u32, ray: Ray, hit: Hit) {
     } else {
         depth_out[at] = select(view_depth(ray, hit.t), MISS, hit.t >= MISS);
     }
+}
+
+// Row number `turn` of so many: the first run has rows 0, RUNS, 2 RUNS and so on, the next one begins with row 1.
+fn row_dealt_out(turn: u32, rows: u32) -> u32 {
+    let whole = rows / RUNS;
+    // So many runs have one row more.
+    let longer = rows % RUNS;
+    let ahead = longer * (whole + 1u);
+    if turn < ahead {
+        return turn % (whole + 1u) * RUNS + turn / (whole + 1u);
+    }
+    return (turn - ahead) % whole * RUNS + longer + (turn - ahead) / whole;
 }
 
 // Pixels of a tile in blocks of 4x2: eight invocations that run as one vector follow rays that lie close together.

@@ -44,7 +44,7 @@ struct Cut {
 
 @compute @workgroup_size(8, 8)
 fn slice(@builtin(global_invocation_id) place: vec3<u32>) {
-    let id = place.xy + vec2<u32>(0u, frame.first_row);
+    let id = place.xy + vec2<u32>(frame.first_column, frame.first_row);
     if any(id >= frame.size_px) {
         return;
     }

@@ -16,7 +16,7 @@ struct Frame {
     sample_distance_mm: f32,
     // Texture coordinates per voxel, 1 / dims.
     texture_per_voxel: vec3<f32>,
-    // The first row of pixels of this dispatch: a picture may be made in bands.
+    // The first row of pixels of this dispatch: a picture may be made in bands, and where nothing can be seen in part.
     first_row: u32,
     // Half the picture: at 1 mm before the eye (perspective) or everywhere (orthographic), mm.
     half_extent: vec2<f32>,
@@ -56,6 +56,8 @@ struct Frame {
     surface_count: u32,
     // HU/mm of a component of 1 of precomputed gradients.
     gradient_scale: f32,
+    // The first column of pixels of this dispatch.
+    first_column: u32,
     // Where the middle of a perspective's picture is off the viewing axis, at 1 mm before the eye, mm; right and up.
     lens_shift: vec2<f32>,
     // Isosurfaces, rising: the value that a ray has to pass (HU), four to a vector; colour and opacity of a crossing.

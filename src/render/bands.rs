@@ -7,6 +7,7 @@ use std::mem::offset_of;
 
 use super::error::RenderError;
 use super::pipelines::WORKGROUP_SIDE;
+use super::region::Region;
 use super::uniform::FrameUniform;
 use super::watch::Watch;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
@@ -57,20 +58,21 @@ impl Bands {
         Self { pixels: self.pixels.min(pixels), ..self }
     }
 
-    /// The bands of a picture, from the top.
-    fn cut(self, [width, height]: [u32; 2]) -> impl Iterator<Item = Band> {
+    /// The bands of a region, from the top.
+    fn cut(self, Region { first: [_, top], size: [width, height] }: Region) -> impl Iterator<Item = Band> {
         let tile_rows = (self.pixels / (width.max(1) * WORKGROUP_SIDE)).max(1);
         let rows = tile_rows.saturating_mul(WORKGROUP_SIDE).min(height.max(1));
         (0..height)
             .step_by(rows as usize)
-            .map(move |first_row| Band { first_row, rows: rows.min(height - first_row) })
+            .map(move |row| Band { first_row: top + row, rows: rows.min(height - row) })
     }
 }
 
 /// What all bands of a picture have in common.
 pub(super) struct Dispatch<'a> {
     pub(super) gpu: &'a Gpu,
-    pub(super) size_px: [u32; 2],
+    /// What is made of the picture.
+    pub(super) region: Region,
     pub(super) bands: Bands,
     /// The stage's `Frame`, but for the row that a band begins at.
     pub(super) uniform: &'a wgpu::Buffer,
@@ -91,8 +93,11 @@ impl Dispatch<'_> {
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
         let mut before: Option<SubmissionIndex> = None;
-        for band in self.bands.cut(self.size_px) {
-            let is_last = band.first_row + band.rows == self.size_px[1];
+        let Region { first: [first_column, top], size: [_, height] } = self.region;
+        let at = offset_of!(FrameUniform, first_column) as u64;
+        self.gpu.queue.write_buffer(self.uniform, at, bytemuck::bytes_of(&first_column));
+        for band in self.bands.cut(self.region) {
+            let is_last = band.first_row + band.rows == top + height;
             let submitted = self.submit_band(band, |encoder| {
                 if is_last {
                     finish(encoder);
@@ -123,7 +128,7 @@ impl Dispatch<'_> {
             for (index, group) in (0..).zip(self.groups) {
                 pass.set_bind_group(index, *group, &[]);
             }
-            let [x, y] = [self.size_px[0], band.rows].map(|side| side.div_ceil(WORKGROUP_SIDE));
+            let [x, y] = [self.region.size[0], band.rows].map(|side| side.div_ceil(WORKGROUP_SIDE));
             pass.dispatch_workgroups(x, y, 1);
         }
         finish(&mut encoder);
@@ -146,7 +151,7 @@ mod tests {
             (1 << 16, [8192, 2048], (0..256).map(|i| i * 8).collect()),
             (u32::MAX, [1, 1], vec![0]),
         ] {
-            let bands: Vec<Band> = Bands::of_pixels(pixels).cut(size_px).collect();
+            let bands: Vec<Band> = Bands::of_pixels(pixels).cut(Region::whole(size_px)).collect();
             assert_eq!(
                 bands.iter().map(|band| band.first_row).collect::<Vec<_>>(),
                 first_rows,
@@ -164,6 +169,10 @@ mod tests {
         assert_eq!(bands.for_rays(6500.0).pixels, 10_000);
         assert_eq!(bands.for_rays(f64::INFINITY).pixels, 0);
         assert_eq!(Bands::of_pixels(u32::MAX).for_rays(1e9).pixels, u32::MAX);
-        assert_eq!(bands.for_rays(f64::INFINITY).cut([960, 540]).count(), 68, "a row of tiles each");
+        assert_eq!(
+            bands.for_rays(f64::INFINITY).cut(Region::whole([960, 540])).count(),
+            68,
+            "a row of tiles each"
+        );
     }
 }

@@ -25,6 +25,7 @@ mod overlay;
 mod pathtrace;
 mod pipelines;
 pub mod reference;
+mod region;
 mod renderer;
 mod request;
 mod scene;

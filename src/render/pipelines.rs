@@ -142,7 +142,7 @@ impl PipelineKey {
     }
 
     /// Values of the shader's `override` constants.
-    fn constants(self, format: VoxelFormat) -> Vec<(&'static str, f64)> {
+    fn constants(self, format: VoxelFormat, runs: usize) -> Vec<(&'static str, f64)> {
         let flag = |on: bool| f64::from(u8::from(on));
         vec![
             ("MODE", self.mode.constant()),
@@ -161,6 +161,7 @@ impl PipelineKey {
             ("PRECOMPUTED_GRADIENTS", flag(self.variant.precomputed_gradients)),
             ("COUNT_SAMPLES", flag(self.variant.output == Output::SampleCount)),
             ("HU_SCALE", format.hu_scale()),
+            ("RUNS", runs as f64),
         ]
     }
 }
@@ -172,6 +173,8 @@ pub(super) struct Pipelines {
     pub(super) lighting_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
     format: VoxelFormat,
+    /// Runs of tiles that the driver cuts a dispatch into.
+    runs: usize,
     compiled: HashMap<PipelineKey, wgpu::ComputePipeline>,
 }
 
@@ -189,7 +192,19 @@ impl Pipelines {
             immediate_size: 0,
         });
         scope.close()?;
-        Ok(Self { module, bind_group_layout, lighting_layout, layout, format, compiled: HashMap::new() })
+        let runs = match gpu.description().kind {
+            AdapterKind::Software => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+            _ => 1,
+        };
+        Ok(Self {
+            module,
+            bind_group_layout,
+            lighting_layout,
+            layout,
+            format,
+            runs,
+            compiled: HashMap::new(),
+        })
     }
 
     /// The pipeline of this key.
@@ -202,7 +217,7 @@ impl Pipelines {
                 module: &self.module,
                 entry_point: Some("raycast"),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &key.constants(self.format),
+                    constants: &key.constants(self.format, self.runs),
                     ..Default::default()
                 },
                 cache: None,

@@ -13,6 +13,7 @@ use super::mode::Mode;
 use super::overlay::Drawing;
 use super::pathtrace::{Order, PathTracer};
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant};
+use super::region::Region;
 use super::request::{RenderRequest, RequestError};
 use super::slices::SlicePipelines;
 use super::store::{MemoryUse, Store, VolumeLimits};
@@ -53,6 +54,8 @@ pub struct Renderer {
 /// Where the rays of a picture of some size write.
 struct Target {
     pixels: usize,
+    /// What was cast of the last picture.
+    region: Region,
     color: Readback,
     depth: Readback,
 }
@@ -245,7 +248,11 @@ impl Renderer {
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
         let (start, upload_ms) = self.cast(volume, request, (skipping, Output::Depth), watch)?;
-        let pixels = |bytes: &[u8]| bytemuck::cast_slice(bytes).to_vec();
+        let region = self.target.as_ref().expect("cast has made one").region;
+        let (size_px, empty) = (request.size_px, background(request));
+        let pixels = |bytes: &[u8]| region.spread(bytemuck::cast_slice(bytes), size_px, empty, |pixel| pixel);
+        let depths =
+            |bytes: &[u8]| region.spread(bytemuck::cast_slice(bytes), size_px, f32::INFINITY, depth_mm_of);
         let mut color_rgba: Vec<[u8; 4]> = self.read(|target| &target.color, pixels)?;
         let mut depth_mm = self.read(|target| &target.depth, depths)?;
         // Layers come one after the other, the first one first.
@@ -277,7 +284,11 @@ impl Renderer {
     ) -> Result<u64, RenderError> {
         let how = (skipping, Output::SampleCount);
         self.cast(volume, request, how, &mut Watch::new(&mut |_| ControlFlow::Continue(())))?;
-        let sum = |bytes: &[u8]| bytemuck::cast_slice::<u8, f32>(bytes).iter().map(|&n| f64::from(n)).sum();
+        let region = self.target.as_ref().expect("cast has made one").region;
+        let sum = |bytes: &[u8]| {
+            let counts = region.spread(bytemuck::cast_slice(bytes), request.size_px, 0.0, |count: f32| count);
+            counts.into_iter().map(f64::from).sum()
+        };
         let total: f64 = self.read(|target| &target.depth, sum)?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of whole counts")]
         Ok(total as u64)
@@ -359,7 +370,7 @@ impl Renderer {
         let color = Readback::new(&self.gpu, "colour", bytes);
         let depth = Readback::new(&self.gpu, "depth", bytes);
         scope.close()?;
-        self.target = Some(Target { pixels, color, depth });
+        self.target = Some(Target { pixels, region: Region::whole(request.size_px), color, depth });
         Ok(())
     }
 
@@ -372,6 +383,11 @@ impl Renderer {
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
         let appearance = self.store.appearance();
+        let region = match (request.mode, skipping) {
+            (Mode::Slice(_), _) | (_, Skipping::Off) => Region::whole(request.size_px),
+            _ => Region::of(request, volume.grid(), appearance),
+        };
+        self.target.as_mut().expect("made before").region = region;
         let target = self.target.as_ref().expect("made before");
         let uniform = FrameUniform::new(request, volume, appearance, skipping);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
@@ -390,7 +406,7 @@ impl Renderer {
         scope.close()?;
         let dispatch = Dispatch {
             gpu: &self.gpu,
-            size_px: request.size_px,
+            region,
             bands: self.bands.for_rays(request.samples_of_ray(volume.grid())),
             uniform: &self.uniform,
             pipeline: &pipeline,
@@ -441,9 +457,15 @@ fn layers(request: &RenderRequest) -> usize {
 }
 
 /// The shader cannot write an infinity portably; it writes the largest power of two for a miss.
-fn depths(bytes: &[u8]) -> Vec<f32> {
-    let depth = |&mm: &f32| if mm > 1e38 { f32::INFINITY } else { mm };
-    bytemuck::cast_slice::<u8, f32>(bytes).iter().map(depth).collect()
+fn depth_mm_of(written: f32) -> f32 {
+    if written > 1e38 { f32::INFINITY } else { written }
+}
+
+/// The pixel of a ray that hits nothing, as shaders round it.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 255.5")]
+fn background(request: &RenderRequest) -> [u8; 4] {
+    let [red, green, blue] = request.background_rgb.map(|c| (c.clamp(0.0, 1.0) as f32 * 255.0 + 0.5) as u8);
+    [red, green, blue, 0]
 }
 
 /// The depth limits of a picture, view depth in mm: the volume's bounding sphere around the focal point, along the

@@ -11,8 +11,9 @@ use super::store::VolumePlan;
 use super::surface::Surface;
 use super::tables::{TableSet, Tables};
 use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
+use crate::space::{Patient, Point, Voxel};
 use crate::transfer::{TransferFunction, TransferTable};
-use crate::volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Volume};
+use crate::volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, Volume};
 
 /// Bytes handed to the queue at once: staging memory stays small beside the volume.
 pub(super) const SLAB_BYTES: usize = 16 << 20;
@@ -130,6 +131,8 @@ pub(super) struct Appearance {
     pub(super) bricks: BrickLayout,
     /// Four bricks a word.
     pub(super) distances: wgpu::Buffer,
+    /// The first and the last brick along each axis that may show something; none where nothing does.
+    visible_bricks: Option<[[usize; 3]; 2]>,
     pub(super) bytes: u64,
     /// HU/mm of a component of 1 of the volume's gradients.
     pub(super) gradient_scale: f32,
@@ -166,6 +169,7 @@ impl Appearance {
             table_buffer,
             bricks,
             distances,
+            visible_bricks: map.visible_bounds(),
             bytes,
             gradient_scale: volume.gradients.scale,
             mostly_visible,
@@ -175,6 +179,28 @@ impl Appearance {
     /// Whether it was made for this volume.
     pub(super) fn is_of(&self, volume: ContentHash) -> bool {
         self.volume == volume
+    }
+
+    /// The corners of a box about all that may be visible; none where nothing is. A pre-integrated sample reaches into the
+    /// bricks beside its own.
+    pub(super) fn visible_corners(&self, grid: &Grid) -> Option<[Point<Patient>; 8]> {
+        let BrickLayout { edge, dims } = self.bricks;
+        let beside = usize::from(self.classification == Classification::PreIntegrated);
+        self.visible_bricks.map(|[first, last]| {
+            std::array::from_fn(|corner| {
+                let at = |axis: usize| {
+                    let (low, high) = (first[axis].saturating_sub(beside), last[axis] + beside + 1);
+                    // The outermost bricks take in the outer halves of the outermost voxels.
+                    match corner >> axis & 1 {
+                        0 if low == 0 => -0.5,
+                        0 => (low * edge) as f64,
+                        _ if high >= dims[axis] => grid.dims()[axis] as f64 - 0.5,
+                        _ => (high * edge) as f64,
+                    }
+                };
+                grid.patient_from_voxel() * Point::<Voxel>::new(at(0), at(1), at(2))
+            })
+        })
     }
 
     pub(super) fn fits(&self, volume: ContentHash, request: &RenderRequest) -> bool {

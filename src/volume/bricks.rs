@@ -26,6 +26,24 @@ pub struct DistanceMap {
     pub distances: Vec<u8>,
 }
 
+impl DistanceMap {
+    /// The first and the last brick along each axis that shows something; `None` where none does.
+    #[must_use]
+    pub fn visible_bounds(&self) -> Option<[[usize; 3]; 2]> {
+        let mut bounds: Option<[[usize; 3]; 2]> = None;
+        let [nx, ny, _] = self.dims;
+        for (row, distances) in self.distances.chunks_exact(nx).enumerate() {
+            let Some(first) = distances.iter().position(|&distance| distance == 0) else { continue };
+            let last = distances.iter().rposition(|&distance| distance == 0).unwrap_or(first);
+            let (j, k) = (row % ny, row / ny);
+            let [low, high] = bounds.unwrap_or([[first, j, k], [last, j, k]]);
+            bounds =
+                Some([[low[0].min(first), low[1].min(j), low[2]], [high[0].max(last), high[1].max(j), k]]);
+        }
+        bounds
+    }
+}
+
 impl BrickRanges {
     /// The ranges of bricks of `edge` voxels.
     ///
@@ -178,6 +196,19 @@ mod tests {
             let nearest = occupied.iter().copied().filter_map(|o| chebyshev(&o)).min();
             assert_eq!(Some(i32::from(distance)), nearest, "{cell:?}");
         }
+    }
+
+    #[test]
+    fn bounds_hold_all_that_is_visible_and_no_more() {
+        let map =
+            |distances: [u8; 24]| DistanceMap { edge: 4, dims: [4, 3, 2], distances: distances.to_vec() };
+        let mut distances = [9; 24];
+        assert_eq!(map(distances).visible_bounds(), None);
+        distances[12 + 4 + 2] = 0; // (2, 1, 1)
+        assert_eq!(map(distances).visible_bounds(), Some([[2, 1, 1], [2, 1, 1]]));
+        distances[8 + 1] = 0; // (1, 2, 0)
+        distances[12 + 3] = 0; // (3, 0, 1)
+        assert_eq!(map(distances).visible_bounds(), Some([[1, 0, 0], [3, 2, 1]]));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::uniform::PathUniform;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::render::bands::{Bands, Dispatch};
 use crate::render::error::RenderError;
+use crate::render::region::Region;
 use crate::render::renderer::{Skipping, depth_limits};
 use crate::render::request::{RenderRequest, RequestError};
 use crate::render::uniform::FrameUniform;
@@ -85,7 +86,7 @@ impl PathTracer {
         let Order { gpu, on_gpu, request, .. } = order;
         if !self.medium.as_ref().is_some_and(|medium| medium.fits(on_gpu.hash, request)) {
             self.medium = None; // frees the old one first
-            self.medium = Some(Medium::upload(gpu, on_gpu, request)?);
+            self.medium = Some(Medium::upload(gpu, order.volume, on_gpu, request)?);
         }
         let mut sums = match self.sums.take() {
             Some(sums) if sums.can_become(on_gpu.hash, request) => sums,
@@ -107,13 +108,13 @@ impl PathTracer {
         let Order { gpu, volume, request, bands, .. } = order;
         let medium = self.medium.as_ref().expect("uploaded before");
         let near_mm = depth_limits(&request.camera, volume.grid()).near_mm;
-        let mut uniform = PathUniform::new(request, near_mm, &medium.table, order.appearance.bricks.edge);
+        let mut uniform = PathUniform::new(request, near_mm, &medium.table, medium.brick_edge);
         let frame = FrameUniform::new(request, volume, order.appearance, Skipping::On);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         let groups = self.bind(order, medium, sums);
         let dispatch = Dispatch {
             gpu,
-            size_px: request.size_px,
+            region: Region::whole(request.size_px),
             bands,
             uniform: &self.frame,
             pipeline: &self.stage.pipeline,
