@@ -22,8 +22,8 @@ pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KI
 pub use messages::{
     Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Formats, Hello,
     IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, Peers, Pose,
-    PoseKind, Quality, RemotePose, Report, Role, ServerMessage, Settings, SnapTarget, SnapTo, StateMessage,
-    TrackingMessage, Welcome, check_view_name,
+    PoseKind, Quality, RemotePose, Report, Role, ServerMessage, Settings, SnapTarget, SnapTo, SnappedPlace,
+    StateMessage, TrackingMessage, Welcome, check_view_name,
 };
 
 /// The WebSocket subprotocol.

@@ -2,6 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
+use super::{SnapError, out_of_range};
 use crate::volume::Volume;
 
 /// Width of the Gaussian along each voxel axis: the geometric mean of the voxel's sides, but within these limits, voxels. Above
@@ -10,6 +11,38 @@ const SIGMA_VOXELS: [f64; 2] = [0.8, 3.0];
 
 /// The Gaussian is cut off so many widths from its middle.
 const REACH: f64 = 4.0;
+
+/// Most voxels of a neighbourhood: a ball of 20 mm in voxels of 0.25 mm.
+const MOST_VOXELS: f64 = 4_500_000.0;
+
+/// Values that a voxel may have: those of 16 bits.
+const VALUES: usize = 1 << 16;
+
+/// Refuses neighbourhoods of too many voxels, with the radius that would do.
+///
+/// # Errors
+/// See above.
+pub(super) fn expect_few_voxels(dims: [usize; 3], radius_mm: f64) -> Result<(), SnapError> {
+    let count: f64 = dims.iter().map(|&count| count as f64).product();
+    if count <= MOST_VOXELS {
+        return Ok(());
+    }
+    let most = radius_mm * (MOST_VOXELS / count).cbrt() * 0.95;
+    let allowed = format!("at most {most:.1} mm for voxels as fine as these");
+    Err(out_of_range("radius_mm", &radius_mm, &allowed))
+}
+
+/// How often each value occurs: whole HU, as voxels have them, so that nothing is lost.
+#[derive(Debug, Default)]
+pub(super) struct Histogram(Vec<u32>);
+
+impl Histogram {
+    /// The values that occur, rising, HU, with how often each does.
+    pub(super) fn values(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let counted = (i16::MIN..=i16::MAX).zip(&self.0).filter(|(_, count)| **count > 0);
+        counted.map(|(hu, &count)| (f64::from(hu), f64::from(count)))
+    }
+}
 
 /// A volume's voxels to be asked for anywhere.
 pub(super) struct Field<'a> {
@@ -74,21 +107,27 @@ impl<'a> Field<'a> {
         Some(ends)
     }
 
-    /// The values of the voxels whose centres lie in a ball, HU.
-    pub(super) fn voxels_within(&self, at: DVec3, radius_mm: f64) -> Vec<i16> {
-        let Some([xs, ys, zs]) = self.voxels_around(at, radius_mm, 0.0) else { return Vec::new() };
-        let mut values = Vec::new();
+    /// How often each value occurs among the voxels whose centres lie in a ball: from the first value on, HU, one HU a place.
+    ///
+    /// # Errors
+    /// When the box around the ball holds too many voxels.
+    pub(super) fn histogram_within(&self, at: DVec3, radius_mm: f64) -> Result<Histogram, SnapError> {
+        let Some([xs, ys, zs]) = self.voxels_around(at, radius_mm, 0.0) else {
+            return Ok(Histogram::default());
+        };
+        expect_few_voxels([xs, ys, zs].map(|[low, high]| high + 1 - low), radius_mm)?;
+        let mut counts = vec![0u32; VALUES];
         for k in zs[0]..=zs[1] {
             for j in ys[0]..=ys[1] {
                 for i in xs[0]..=xs[1] {
                     let center = DVec3::new(i as f64, j as f64, k as f64);
                     if self.patient_from_voxel.transform_point3(center).distance(at) <= radius_mm {
-                        values.push(self.volume.hu([i, j, k]));
+                        counts[usize::from(self.volume.hu([i, j, k]).abs_diff(i16::MIN))] += 1;
                     }
                 }
             }
         }
-        values
+        Ok(Histogram(counts))
     }
 
     /// The trilinear value at a patient place, HU; beyond the outermost voxel centres it stays; `None` outside the volume's box.

@@ -2,11 +2,8 @@
 
 use glam::DVec3;
 
-use super::field::{Field, taps};
-use super::{SnapError, out_of_range};
-
-/// Most voxels of a neighbourhood: a ball of 20 mm in voxels of 0.25 mm.
-const MOST_VOXELS: f64 = 4_500_000.0;
+use super::SnapError;
+use super::field::{Field, expect_few_voxels, taps};
 
 /// A box of voxels around a ball, with two more voxels on each side where there are any.
 pub(super) struct Lattice {
@@ -27,12 +24,7 @@ impl Lattice {
     pub(super) fn around(field: &Field<'_>, at: DVec3, radius_mm: f64) -> Result<Option<Self>, SnapError> {
         let Some(ends) = field.voxels_around(at, radius_mm, 2.0) else { return Ok(None) };
         let (first, dims) = (ends.map(|[low, _]| low), ends.map(|[low, high]| high + 1 - low));
-        let count: f64 = dims.iter().map(|&count| count as f64).product();
-        if count > MOST_VOXELS {
-            let most = radius_mm * (MOST_VOXELS / count).cbrt() * 0.95;
-            let allowed = format!("at most {most:.1} mm for voxels as fine as these");
-            return Err(out_of_range("radius_mm", &radius_mm, &allowed));
-        }
+        expect_few_voxels(dims, radius_mm)?;
         let whole = field.volume.grid().dims();
         Ok(Some(Self { first, dims, whole, values: smoothed(field, first, dims) }))
     }

@@ -1,34 +1,39 @@
 //! The level between two kinds of matter around a place, by the voxels alone.
 
-use super::Search;
 use super::field::Field;
+use super::{Search, SnapError};
 
 /// The part of the variance that lies between the two classes, at least. Values that are all of one kind and noisy have 0.64 (a normal
 /// distribution cut in its middle), two kinds far apart more than 0.9.
 const LEAST_BETWEEN: f64 = 0.75;
 
 /// Fewer voxels tell nothing.
-const FEWEST: usize = 16;
+const FEWEST: f64 = 16.0;
 
 /// The level at which a surface between two kinds of matter is: halfway between the means of the two classes into which the voxels of the
-/// ball fall best (Otsu's threshold), HU. `None` where they are of one kind, or hardly any.
-pub(super) fn around(field: &Field<'_>, search: &Search) -> Option<f64> {
-    let mut values = field.voxels_within(search.at, search.radius_mm);
-    if values.len() < FEWEST {
-        return None;
+/// ball fall best (Otsu's threshold), HU. `None` where they are of one kind, or hardly any. Voxels are counted by their whole HU, which is
+/// what they have: nothing is rounded, and memory does not grow with the ball.
+///
+/// # Errors
+/// When the ball holds too many voxels.
+pub(super) fn around(field: &Field<'_>, search: &Search) -> Result<Option<f64>, SnapError> {
+    let histogram = field.histogram_within(search.at, search.radius_mm)?;
+    let sum_of =
+        |term: &dyn Fn(f64) -> f64| histogram.values().map(|(hu, times)| times * term(hu)).sum::<f64>();
+    let count = sum_of(&|_| 1.0);
+    if count < FEWEST {
+        return Ok(None);
     }
-    values.sort_unstable();
-    let count = values.len() as f64;
-    let mean = values.iter().map(|hu| f64::from(*hu)).sum::<f64>() / count;
-    let variance = values.iter().map(|hu| (f64::from(*hu) - mean).powi(2)).sum::<f64>() / count;
-    let total = mean * count;
+    let total = sum_of(&|hu| hu);
+    let mean = total / count;
+    let variance = sum_of(&|hu| (hu - mean).powi(2)) / count;
     let (mut below, mut sum) = (0.0, 0.0);
     let mut best: Option<(f64, f64)> = None;
-    for pair in values.windows(2) {
-        below += 1.0;
-        sum += f64::from(pair[0]);
-        if pair[0] == pair[1] {
-            continue; // no level is between equal values
+    for (hu, times) in histogram.values() {
+        below += times;
+        sum += times * hu;
+        if below == count {
+            break; // no level is above the highest value
         }
         let (low, high) = (sum / below, (total - sum) / (count - below));
         let between = below * (count - below) / (count * count) * (high - low).powi(2);
@@ -36,5 +41,5 @@ pub(super) fn around(field: &Field<'_>, search: &Search) -> Option<f64> {
             best = Some((between, f64::midpoint(low, high)));
         }
     }
-    best.filter(|(between, _)| *between >= LEAST_BETWEEN * variance).map(|(_, level)| level)
+    Ok(best.filter(|(between, _)| *between >= LEAST_BETWEEN * variance).map(|(_, level)| level))
 }

@@ -169,9 +169,12 @@ pub fn snap(
                 let allowed = format!("{} to {} HU", Snap::LEVELS_HU.start(), Snap::LEVELS_HU.end());
                 return Err(out_of_range("hu", &hu, &allowed));
             }
-            surface::find(&field, &search, hu)
+            surface::find(&field, &search, hu)?
         }
-        Target::Boundary => level::around(&field, &search).and_then(|hu| surface::find(&field, &search, hu)),
+        Target::Boundary => match level::around(&field, &search)? {
+            Some(hu) => surface::find(&field, &search, hu)?,
+            None => None,
+        },
         Target::Gradient => edge::find(&field, &search)?,
         Target::Minimum => extremum::find(&field, &search, -1.0)?,
         Target::Maximum => extremum::find(&field, &search, 1.0)?,

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::Search;
 use super::climb::{Foothold, climb};
-use super::field::Field;
+use super::field::{Field, expect_few_voxels};
+use super::{Search, SnapError};
 
 /// A level is looked for this much higher, as isosurfaces are: off the whole HU that voxels have.
 const OFF_HU: f64 = 1.0 / 64.0;
@@ -18,12 +18,18 @@ const HALVINGS: usize = 30;
 /// First places that are followed to the surface.
 const MOST_SEEDS: usize = 24;
 
+/// The nearest cells are picked out of at most so many.
+const MOST_FOUND: usize = 1 << 16;
+
 /// The place on the surface of `hu` that is nearest.
-pub(super) fn find(field: &Field<'_>, search: &Search, hu: f64) -> Option<DVec3> {
+///
+/// # Errors
+/// When the ball holds too many voxels; along a ray they are not looked at.
+pub(super) fn find(field: &Field<'_>, search: &Search, hu: f64) -> Result<Option<DVec3>, SnapError> {
     let Search { at, ray, radius_mm } = *search;
     let level = hu + OFF_HU;
     match ray {
-        Some(ray) => crossing(field, at, ray, level, radius_mm).map(|off| at + ray * off),
+        Some(ray) => Ok(crossing(field, at, ray, level, radius_mm).map(|off| at + ray * off)),
         None => nearest(field, at, level, radius_mm),
     }
 }
@@ -65,7 +71,7 @@ fn bisect(mut near: f64, mut far: f64, holds: impl Fn(f64) -> bool) -> f64 {
     f64::midpoint(near, far)
 }
 
-fn nearest(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Option<DVec3> {
+fn nearest(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Result<Option<DVec3>, SnapError> {
     let project = |place: DVec3| {
         let normal = field.slope(place).try_normalize()?;
         let off = crossing(field, place, normal, level, 2.0 * field.spacing_mm)?;
@@ -73,16 +79,17 @@ fn nearest(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Option<D
         let normal = field.slope(on).try_normalize().unwrap_or(normal);
         Some(Foothold { at: on, normal, score: -on.distance(at) })
     };
-    let seeds = seeds(field, at, level, radius_mm);
+    let seeds = seeds(field, at, level, radius_mm)?;
     let climbed =
         seeds.into_iter().filter_map(project).map(|seed| climb(seed, field.spacing_mm / 2.0, project));
-    let best = climbed.max_by(|a, b| a.score.total_cmp(&b.score))?;
-    (-best.score <= radius_mm).then_some(best.at)
+    let best = climbed.max_by(|a, b| a.score.total_cmp(&b.score));
+    Ok(best.filter(|best| -best.score <= radius_mm).map(|best| best.at))
 }
 
 /// The middles of the cells nearest to `at` that the surface goes through.
-fn seeds(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Vec<DVec3> {
-    let Some(ends) = field.voxels_around(at, radius_mm, 1.0) else { return Vec::new() };
+fn seeds(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Result<Vec<DVec3>, SnapError> {
+    let Some(ends) = field.voxels_around(at, radius_mm, 1.0) else { return Ok(Vec::new()) };
+    expect_few_voxels(ends.map(|[low, high]| high + 1 - low), radius_mm)?;
     let ranges = ends.map(|[low, high]| low..high.max(low + 1));
     let axes = field.patient_from_voxel.matrix3;
     let diagonal_mm = (axes.x_axis.length() + axes.y_axis.length() + axes.z_axis.length()) / 2.0;
@@ -95,17 +102,24 @@ fn seeds(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Vec<DVec3>
                 let place = field.patient_from_voxel.transform_point3(middle);
                 let distance = place.distance(at);
                 if distance <= radius_mm + diagonal_mm && is_crossed(field, [i, j, k], level) {
+                    if found.len() == MOST_FOUND {
+                        keep_nearest(&mut found);
+                    }
                     found.push((distance, place));
                 }
             }
         }
     }
-    let kept = found.len().min(MOST_SEEDS);
-    if kept < found.len() {
-        found.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0));
-        found.truncate(kept);
+    keep_nearest(&mut found);
+    Ok(found.into_iter().map(|(_, place)| place).collect())
+}
+
+/// Leaves the places with the least distances.
+fn keep_nearest(found: &mut Vec<(f64, DVec3)>) {
+    if found.len() > MOST_SEEDS {
+        found.select_nth_unstable_by(MOST_SEEDS, |a, b| a.0.total_cmp(&b.0));
+        found.truncate(MOST_SEEDS);
     }
-    found.into_iter().map(|(_, place)| place).collect()
 }
 
 /// Whether the eight voxels around a cell lie on both sides.

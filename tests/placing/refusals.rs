@@ -28,10 +28,17 @@ fn values_out_of_range_are_named_with_what_is_allowed() {
 fn a_radius_with_too_many_voxels_is_refused_with_one_that_fits() {
     let grid = Grid::axis_aligned([400; 3], [0.05; 3], [0.0; 3]).unwrap();
     let volume = Volume::new(grid, vec![0; 400 * 400 * 400]).unwrap();
-    let message = error(&volume, [10.0; 3], None, &to(Target::Maximum, 10.0)).to_string();
-    assert!(message.contains("radius_mm is 10") && message.contains("at most 3.9 mm"), "{message}");
-    let fits = error(&volume, [10.0; 3], None, &to(Target::Maximum, 3.9)).to_string();
-    assert!(fits.contains("no local maximum"), "{fits}");
+    for (target, what) in [
+        (Target::Maximum, "no local maximum"),
+        (Target::Gradient, "no edge"),
+        (Target::Boundary, "no boundary"),
+        (Target::Surface { hu: 100.0 }, "no surface"),
+    ] {
+        let message = error(&volume, [10.0; 3], None, &to(target, 10.0)).to_string();
+        assert!(message.contains("radius_mm is 10") && message.contains("at most 3.9 mm"), "{message}");
+        let fits = error(&volume, [10.0; 3], None, &to(target, 3.9)).to_string();
+        assert!(fits.contains(what), "{fits}");
+    }
 }
 
 #[test]

@@ -47,6 +47,11 @@ impl Running {
         Self::on(Stage::annotated().await).await
     }
 
+    /// A server with annotations of a volume in which there is the sphere that is shown.
+    pub(crate) async fn annotated_sphere() -> Self {
+        Self::on(Stage::annotated_sphere().await).await
+    }
+
     /// One of several servers of a log.
     pub(crate) async fn following(place: &str) -> Self {
         Self::on(Stage::following(place).await).await

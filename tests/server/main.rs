@@ -18,6 +18,7 @@ mod labels;
 mod live;
 mod live_flow;
 mod live_plain;
+mod live_preview;
 mod live_stage;
 #[path = "../dicom_objects/made.rs"]
 #[allow(dead_code, reason = "other tests use the rest of it")]

@@ -208,20 +208,27 @@ impl Stage {
     pub(crate) async fn annotated_with(config: Config) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let place = folder.path().join("log.db");
-        Self { _folder: Some(folder), ..Self::annotated_at(place.to_str().unwrap(), config).await }
+        Self { _folder: Some(folder), ..Self::annotated_at(place.to_str().unwrap(), config, cube()).await }
+    }
+
+    /// As [`Stage::annotated`], with a volume in which there is the sphere that the backend shows.
+    pub(crate) async fn annotated_sphere() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("log.db");
+        let stage = Self::annotated_at(place.to_str().unwrap(), Config::default(), ball()).await;
+        Self { _folder: Some(folder), ..stage }
     }
 
     /// A server with one volume whose log of annotations is there, and hears of what others write into it.
     pub(crate) async fn following(place: &str) -> Self {
-        let stage = Self::annotated_at(place, Config::default()).await;
+        let stage = Self::annotated_at(place, Config::default(), cube()).await;
         stage.server.follow_annotations().await;
         stage
     }
 
-    async fn annotated_at(place: &str, config: Config) -> Self {
+    async fn annotated_at(place: &str, config: Config, volume: Volume) -> Self {
         let store = Store::open(place).await.unwrap();
         let empty = Self::built(config, QueueConfig::default(), loader(), Some(store));
-        let volume = cube();
         let id = volume.content_hash().short();
         let identity = Some(SeriesIdentity::new("1.2.3", "1.2.4").within_frame_of_reference(FRAME));
         empty.server.add_volume(LoadedVolume {
@@ -305,6 +312,18 @@ impl Answer {
 pub(crate) fn cube() -> Volume {
     let grid = Grid::axis_aligned([4; 3], [10.0; 3], [-15.0; 3]).unwrap();
     Volume::new(grid, (0..64).collect()).unwrap()
+}
+
+/// A ball of 300 HU and the backend's radius in air, in voxels of 2 mm around the patient origin; its edge is 2 mm wide.
+#[expect(clippy::cast_possible_truncation, reason = "within -1000 and 300")]
+fn ball() -> Volume {
+    let grid = Grid::axis_aligned([32; 3], [2.0; 3], [-31.0; 3]).unwrap();
+    let hu = (0..32 * 32 * 32u32).map(|at| {
+        let place = [at % 32, at / 32 % 32, at / 1024].map(|i| f64::from(i) * 2.0 - 31.0);
+        let depth = SPHERE_MM - place.iter().map(|x| x * x).sum::<f64>().sqrt();
+        (-350.0 + 1300.0 * (depth / 2.0).clamp(-0.5, 0.5)).round() as i16
+    });
+    Volume::new(grid, hu.collect()).unwrap()
 }
 
 fn labels_loader() -> LabelsLoader {

@@ -18,7 +18,8 @@ use crate::interaction::Intent;
 pub use hello::{Accept, ColorFormats, Formats, Hello, MAX_VIEW_NAME, NoFormat, Role, check_view_name};
 pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RemotePose, Report};
 pub use server::{
-    AnnotationsMessage, ErrorMessage, NextLabel, Peers, ServerMessage, StateMessage, TrackingMessage, Welcome,
+    AnnotationsMessage, ErrorMessage, NextLabel, Peers, ServerMessage, SnappedPlace, StateMessage,
+    TrackingMessage, Welcome,
 };
 pub use settings::{Quality, Settings, SnapTarget, SnapTo};
 

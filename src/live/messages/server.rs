@@ -96,6 +96,19 @@ pub struct StateMessage {
     pub state: ViewRecord,
     /// Id of its volume.
     pub volume: String,
+    /// Where what is being placed would be set down, where snapping would move it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub snapped: Option<SnappedPlace>,
+}
+
+/// Where something would be set down, patient mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SnappedPlace {
+    /// The place.
+    pub at_mm: [f64; 3],
+    /// From where it was pointed at to the place.
+    pub shift_mm: [f64; 3],
 }
 
 /// Something was refused or failed.

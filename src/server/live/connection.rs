@@ -15,6 +15,7 @@ use tokio_tungstenite::tungstenite;
 
 use super::pace::USUAL_QUALITY;
 use super::placing::{self, Hand, happen, next, pointer};
+use super::preview;
 use super::session::Session;
 use super::shot::{Echo, Shot, micros};
 use super::slot::Slot;
@@ -124,7 +125,11 @@ impl Connected {
                     return Some((TOO_LARGE, "a message is too large"));
                 }
                 Message::Text(text) => match ClientMessage::parse(&text) {
-                    Ok(message) => self.obey_all(&message, outbox).await,
+                    Ok(message) => {
+                        let outcome = self.obey_all(&message, outbox).await;
+                        preview::search(&self.server, &self.session.view);
+                        outcome
+                    }
                     Err(error) => Err(malformed(&error)),
                 },
                 Message::Binary(_) => return Some((UNSUPPORTED, "binary messages are the server's alone")),

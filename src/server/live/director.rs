@@ -7,8 +7,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::look::shrunk;
+use super::order::{Next, Order};
 use super::shot::{Encodings, Shot};
-use super::view::{Next, Order, View};
+use super::view::View;
 use crate::live::Quality;
 use crate::render::RenderRequest;
 use crate::server::problem::Problem;

@@ -8,6 +8,8 @@ use std::sync::Arc;
 use axum::http::StatusCode;
 use serde_json::{Map, Value};
 
+use super::preview::Ghost;
+use super::view::refused;
 use super::wished::Carried;
 use crate::annotation::Shown;
 use crate::camera::{Camera, Orbit};
@@ -16,7 +18,7 @@ use crate::interaction::{Home, Stage, ViewState};
 use crate::live::{LiveLayout, Quality, Settings, SnapTo};
 use crate::placing::Snap;
 use crate::render::{
-    Clip, ClipPlane, Landmark, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
+    Clip, ClipPlane, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
     SceneFile, depth_limits,
 };
 use crate::server::annotations::target;
@@ -27,6 +29,9 @@ use crate::transfer::PRESETS;
 
 /// Most pixels of a live picture: memory for frames that wait.
 const MAX_PIXELS: u64 = 1 << 23;
+/// What shows where something would be set down.
+const GHOST_RGB: [f64; 3] = [0.25, 0.95, 1.0];
+const GHOST_WIDTH_PX: f64 = 2.0;
 /// Keys of a scene that belong elsewhere, and where.
 const ELSEWHERE: [(&str, &str); 5] = [
     ("camera", "a pose with a camera, or intents"),
@@ -196,9 +201,13 @@ impl Look {
         matches!(self.base.request.mode, Mode::Slice(_))
     }
 
-    /// The camera of a view that is none of the state's.
-    pub(super) fn own_camera(&self) -> Option<Camera> {
-        self.is_slice().then_some(self.base.request.camera)
+    /// The camera of the picture: a slice's own, one that was sent, or that of the view's state.
+    ///
+    /// # Errors
+    /// When the state has none on this stage.
+    pub(super) fn seen_through(&self, state: &ViewState, sent: Option<Camera>) -> Result<Camera, Problem> {
+        let own = || state.camera(&self.stage).map_err(refused);
+        self.is_slice().then_some(self.base.request.camera).or(sent).map_or_else(own, Ok)
     }
 
     /// The request for the picture of a view, of full size.
@@ -209,7 +218,7 @@ impl Look {
         &self,
         state: &ViewState,
         camera: Option<Camera>,
-        carried: Option<&Carried>,
+        (carried, ghost): (Option<&Carried>, Option<Ghost>),
     ) -> Result<RenderRequest, Problem> {
         let mut request = self.base.request.clone();
         if !matches!(request.mode, Mode::Slice(_)) {
@@ -224,11 +233,12 @@ impl Look {
         if let Some(mark) = state.cursor_mark(&self.stage) {
             let mut overlays = Overlays::clone(&request.overlays);
             let (radius, rgb) = (Radius::Px(mark.radius_px), mark.rgb);
-            if let Some(Carried { name, off }) = carried {
+            if let Some(Carried { name, off, .. }) = carried {
                 let (at, label) = (mark.at + *off, Some(name.as_str().into()));
                 overlays.items.push(OverlayItem::Landmark(Landmark { at, radius, rgb, label }));
             }
             overlays.items.push(OverlayItem::Landmark(Landmark { at: mark.at, radius, rgb, label: None }));
+            overlays.items.extend(ghost.into_iter().flat_map(|ghost| ghost_marks(ghost, radius)));
             request.overlays = Arc::new(overlays);
         }
         self.drawables.draw(&mut request, &self.display, &self.entry.grid);
@@ -236,6 +246,15 @@ impl Look {
         self.display.limits(depth_limits(&request.camera, &self.entry.grid))?;
         Ok(request)
     }
+}
+
+/// Where something would be set down: a ball with its distance from where it was pointed at, and the way there.
+fn ghost_marks(Ghost { from, at }: Ghost, radius: Radius) -> [OverlayItem; 2] {
+    let label = Some(format!("{:.1} mm", from.distance(at)).into());
+    [
+        OverlayItem::Line(Line { ends: [from, at], width_px: GHOST_WIDTH_PX, rgb: GHOST_RGB }),
+        OverlayItem::Landmark(Landmark { at, radius, rgb: GHOST_RGB, label }),
+    ]
 }
 
 /// The request for a smaller picture. The cursor shrinks with it.
@@ -246,8 +265,10 @@ pub(super) fn shrunk(mut request: RenderRequest, size_px: [u32; 2]) -> RenderReq
     if !request.overlays.items.is_empty() {
         let mut overlays = Overlays::clone(&request.overlays);
         for item in &mut overlays.items {
-            if let OverlayItem::Landmark(Landmark { radius: Radius::Px(px), .. }) = item {
-                *px = (*px * share).max(1.0);
+            match item {
+                OverlayItem::Landmark(Landmark { radius: Radius::Px(px), .. })
+                | OverlayItem::Line(Line { width_px: px, .. }) => *px = (*px * share).max(1.0),
+                _ => {}
             }
         }
         request.overlays = Arc::new(overlays);

@@ -78,9 +78,11 @@ pub(super) async fn happen(
     match happened {
         Happened::Taking { at, reach_mm } => {
             let moved = by.nearest(at, reach_mm).await?;
-            let carried = moved
-                .as_ref()
-                .map(|Moved { known, off, .. }| Carried { name: known.item.name.clone(), off: *off });
+            let carried = moved.as_ref().map(|Moved { known, off, .. }| Carried {
+                name: known.item.name.clone(),
+                off: *off,
+                from: at + *off,
+            });
             lock(hand.task).moved = moved;
             view.carry(carried, Instant::now());
             return next(server, view, hand).await; // nothing has changed yet

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use super::placing::{Hand, happen, pointer};
+use super::preview;
 use super::shot::Shot;
 use super::slot::Slot;
 use super::view::View;
@@ -226,6 +227,7 @@ pub(in crate::server) async fn intent(
     // Times tell which changes are taken back together.
     let t_ns = u64::try_from(server.started.elapsed().as_nanos()).unwrap_or(u64::MAX);
     let happened = view.wish(None, &[intent], t_ns, now)?.happened;
+    preview::search(&server, &view);
     let mut answer = json!({ "state": view.record(), "volume": view.entry().id });
     if !happened.is_empty() {
         let author = author_of(&headers)?;

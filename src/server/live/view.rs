@@ -12,17 +12,17 @@ use tokio::sync::{Notify, watch};
 
 use super::look::Look;
 use super::motion::{Failure, Motion, Patience};
+use super::order::{Next, Order, Published};
 use super::placing::method_of;
+use super::preview::{Aim, Preview};
 use super::shot::{Echo, Shot};
 use super::slot::Slot;
 use super::wished::{Carried, Happened, Wanted, Wished};
 use crate::annotation::{Method, Shown};
 use crate::camera::Camera;
-use crate::display::DisplaySettings;
 use crate::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
-use crate::live::{ErrorMessage, Peers, Quality, Role, ServerMessage, Settings, StateMessage};
+use crate::live::{ErrorMessage, Peers, Role, ServerMessage, Settings, SnappedPlace, StateMessage};
 use crate::placing::Snap;
-use crate::render::RenderRequest;
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
 use crate::session::Drawables;
@@ -63,49 +63,10 @@ struct Inner {
     method: Method,
     /// What goes with the cursor, while something is moved.
     carried: Option<Carried>,
+    /// Where what is being placed would be set down.
+    preview: Preview,
     /// At which count of changes the annotations were read that are drawn; `None` where they have to be.
     drawn_at: Option<u64>,
-}
-
-#[derive(Clone, Copy)]
-struct Published {
-    number: u64,
-    revision: u64,
-    is_still: bool,
-}
-
-/// A picture to be made.
-pub(super) struct Order {
-    pub(super) request: RenderRequest,
-    pub(super) entry: Arc<Entry>,
-    pub(super) display: DisplaySettings,
-    pub(super) number: u64,
-    pub(super) revision: u64,
-    pub(super) is_still: bool,
-    pub(super) arrived: Instant,
-    pub(super) shows: Vec<(u64, Echo)>,
-    pub(super) state: Arc<str>,
-    pub(super) quality: Quality,
-    /// Share of width and height that the presenters' connections have room for.
-    pub(super) share: f64,
-    /// Whether the scene's own overlays have to be drawn at full size.
-    pub(super) keeps_size: bool,
-}
-
-/// What a director does next.
-pub(super) enum Next {
-    Render(Box<Order>),
-    /// The picture of this revision cannot be made. By now there may be another revision.
-    Failed {
-        revision: u64,
-        problem: Problem,
-    },
-    /// There is a picture to be made, and nobody has room for it.
-    Full,
-    /// There is nothing to do, until then at most.
-    Idle(Option<Instant>),
-    /// Nobody has looked for so long that nobody will.
-    End,
 }
 
 impl View {
@@ -125,6 +86,7 @@ impl View {
             failed: None,
             method: Method::Tip,
             carried: None,
+            preview: Preview::default(),
             drawn_at: None,
         };
         Self {
@@ -205,6 +167,18 @@ impl View {
         }
         drop(inner);
         self.work.notify_one();
+    }
+
+    /// Does something with the preview, which also gets what would be snapped now.
+    pub(super) fn preview<T>(&self, act: impl FnOnce(&mut Preview, Option<Aim>) -> T) -> T {
+        let mut inner = self.lock();
+        let (aim, shown) = (inner.aim(), inner.preview.ghost());
+        let outcome = act(&mut inner.preview, aim);
+        if inner.preview.ghost() != shown {
+            inner.revision += 1; // nobody moved: the view is as still as it was
+            self.work.notify_one();
+        }
+        outcome
     }
 
     /// Whether nobody has looked for so long.
@@ -300,6 +274,7 @@ impl View {
         }
         let preset = look.preset.clone();
         inner.look = look;
+        inner.preview.forget();
         inner.still_took = None;
         if let Some(name) = preset {
             let intent = Intent::Preset { name: Some(name), step: None };
@@ -387,6 +362,9 @@ impl Inner {
         let camera = self.camera;
         let applied = self.state.apply(&self.look.stage, t_ns, intent, seen.as_ref()).map_err(refused)?;
         self.method = method_of(intent, self.look.is_slice()).unwrap_or(self.method);
+        if !self.state.is_placing() {
+            self.preview.forget();
+        }
         // A preset takes the place of a transfer function of one's own only where it was chosen, or comes back.
         let is_chosen = matches!(intent, Intent::Preset { .. } | Intent::Reset {})
             || before.as_ref().is_some_and(|before| self.state.preset() != before.preset());
@@ -408,8 +386,7 @@ impl Inner {
         }
         let happened = match applied.event.filter(|_| annotates) {
             Some(Event::Placed(at)) => {
-                let own = || self.state.camera(&self.look.stage).map_err(refused);
-                let camera = self.look.own_camera().or(camera).map_or_else(own, Ok)?;
+                let camera = self.look.seen_through(&self.state, camera)?;
                 Some(Happened::Placed { at, camera, method: self.method })
             }
             Some(Event::Taking(at)) => {
@@ -421,6 +398,21 @@ impl Inner {
             _ => None,
         };
         Ok(happened)
+    }
+
+    /// What would be snapped if it were set down now.
+    fn aim(&self) -> Option<Aim> {
+        let snap = self.look.snap.filter(|_| self.state.is_placing() && !self.look.shown.is_nothing())?;
+        let cursor = self.state.cursor()?;
+        let at = match &self.carried {
+            Some(Carried { off, from, .. }) => Some(cursor + *off).filter(|at| at != from)?,
+            None => cursor,
+        };
+        let ray = match self.method {
+            Method::Pick => Some(at - self.look.seen_through(&self.state, self.camera).ok()?.eye()),
+            _ => None,
+        };
+        Some(Aim { entry: Arc::clone(&self.look.entry), at, ray, snap })
     }
 
     fn next(&mut self, now: Instant, patience: Patience) -> Next {
@@ -453,11 +445,16 @@ impl Inner {
     }
 
     fn order(&self, number: u64, is_still: bool) -> Next {
-        let request = match self.look.request(&self.state, self.camera, self.carried.as_ref()) {
+        let ghost = self.preview.ghost();
+        let request = match self.look.request(&self.state, self.camera, (self.carried.as_ref(), ghost)) {
             Ok(request) => request,
             Err(problem) => return Next::Failed { revision: self.revision, problem },
         };
-        let message = StateMessage { state: self.record(), volume: self.look.entry.id.clone() };
+        let snapped = ghost.map(|ghost| SnappedPlace {
+            at_mm: ghost.at.xyz.to_array(),
+            shift_mm: (ghost.at - ghost.from).xyz.to_array(),
+        });
+        let message = StateMessage { state: self.record(), volume: self.look.entry.id.clone(), snapped };
         let mut shows = Vec::new();
         let mut share = None;
         for slot in &self.slots {

@@ -27,6 +27,8 @@ pub(super) struct Carried {
     pub(super) name: String,
     /// From the cursor to the point: it does not jump under the cursor.
     pub(super) off: Vector<Patient>,
+    /// Where the point was.
+    pub(super) from: Point<Patient>,
 }
 
 /// What came of wishes.
