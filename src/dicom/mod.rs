@@ -57,8 +57,12 @@ pub use error::{Attribute, Defect, Error, Reasons};
 pub use identity::SeriesIdentity;
 pub use load::{LoadLimits, Loaded, Progress, Stage, load, load_within};
 pub use reference::SeriesReference;
-pub use segmentation::{LoadedSegmentation, load_segmentation, read_segmentation};
-pub use segmentation_write::{SegmentMeaning, SegmentationError, SegmentationOptions, write_segmentation};
+pub use segmentation::{
+    LoadedLayers, LoadedSegmentation, load_segmentation, read_segmentation, read_segmentation_layers,
+};
+pub use segmentation_write::{
+    SegmentMeaning, SegmentationError, SegmentationOptions, write_segmentation, write_segmentation_layers,
+};
 pub use series::SeriesEntry;
 pub use warnings::{Warning, WarningCode};
 pub use whole::ObjectError;

@@ -18,14 +18,14 @@ use super::attributes::{
     BETWEEN, BITS_ALLOCATED, COLUMNS, FRAMES, ORIENTATION, POSITION, ROWS, SEGMENT, SEGMENTATION, SPACING,
     THICKNESS, check, numbers, positive, required, text,
 };
-use super::dataset::{DataSet, Encoding, Keep, PixelElement};
+use super::dataset::{DataSet, Encoding, Keep};
 use super::error::Defect;
 use super::groups::Groups;
 use super::load::LoadLimits;
 use super::part10::{self, Object};
 use super::source::Bytes;
 use crate::space::Transform;
-use crate::volume::{Grid, LabelMap, Segment};
+use crate::volume::{Grid, LabelMap, Layers, Segment};
 
 /// A segmentation and what was unusual about it.
 #[derive(Debug)]
@@ -99,6 +99,74 @@ pub fn read_segmentation(limits: LoadLimits, bytes: &[u8]) -> Result<LoadedSegme
 }
 
 fn load(limits: LoadLimits, bytes: Bytes) -> Result<LoadedSegmentation, Defect> {
+    flat(parse(limits, bytes)?)
+}
+
+/// One map of all frames.
+fn flat(parsed: Parsed) -> Result<LoadedSegmentation, Defect> {
+    let dims = parsed.dims;
+    let voxels = dims.iter().map(|&n| n as u64).product::<u64>();
+    let mut painter = Painter { dims, labels: zeros(voxels)?, overlaps: 0 };
+    painter.paint(&parsed)?;
+    let warnings = painter.warnings();
+    let map = LabelMap::new(grid(&parsed.stack, dims)?, &painter.labels, parsed.segments);
+    let map = map.map_err(|error| Defect::Geometry(error.to_string()))?;
+    Ok(LoadedSegmentation { map, warnings })
+}
+
+/// The layers of a segmentation, in each of which no segments overlap, and what was unusual about it.
+#[derive(Debug)]
+pub struct LoadedLayers {
+    /// Maps on the object's own grid; each segment is in one of them, with its number.
+    pub layers: Vec<LabelMap>,
+    /// What was done about what was unusual, in sentences.
+    pub warnings: Vec<String>,
+}
+
+/// As [`read_segmentation`], in as many layers as there have to be: segments of BINARY objects may overlap, and nothing of them is lost.
+///
+/// # Errors
+/// As [`load_segmentation`]; the layers count towards the limits together.
+pub fn read_segmentation_layers(limits: LoadLimits, bytes: &[u8]) -> Result<LoadedLayers, Defect> {
+    let parsed = parse(limits, Bytes::Memory(bytes::Bytes::copy_from_slice(bytes)))?;
+    if parsed.bits > 1 {
+        // A number for each voxel.
+        let LoadedSegmentation { map, warnings } = flat(parsed)?;
+        return Ok(LoadedLayers { layers: vec![map], warnings });
+    }
+    let mut layers = Layers::new(grid(&parsed.stack, parsed.dims)?, limits.voxel_bytes);
+    let area = parsed.dims[0] * parsed.dims[1];
+    for (at, segment) in parsed.segments.iter().enumerate() {
+        if parsed.segments[..at].iter().any(|known| known.label == segment.label) {
+            continue; // of two descriptions the first counts
+        }
+        let own =
+            (0..parsed.frames.len()).filter(|&index| parsed.frames[index].segment == Some(segment.label));
+        let frames = own
+            .map(|index| Ok((parsed.slice_of(index) * area, parsed.packed(index)?)))
+            .collect::<Result<Vec<_>, Defect>>()?;
+        let voxels = frames.iter().flat_map(|(first, (packed, shift))| {
+            let is_set = move |at: &usize| packed[(shift + at) / 8] >> ((shift + at) % 8) & 1 == 1;
+            (0..area).filter(is_set).map(move |at| first + at)
+        });
+        layers.add(segment.clone(), voxels).map_err(|error| Defect::Geometry(error.to_string()))?;
+    }
+    Ok(LoadedLayers { layers: layers.into_maps(), warnings: Vec::new() })
+}
+
+/// A segmentation whose voxels are still in its bytes.
+struct Parsed {
+    object: Object,
+    /// Where the pixels begin in the object.
+    position: u64,
+    bits: u32,
+    dims: [usize; 3],
+    stack: Stack,
+    frames: Vec<Frame>,
+    segments: Vec<Segment>,
+}
+
+fn parse(limits: LoadLimits, bytes: Bytes) -> Result<Parsed, Defect> {
     let object = part10::open(bytes)?;
     let walked = object.walk(keep)?;
     let data = &walked.data;
@@ -125,12 +193,34 @@ fn load(limits: LoadLimits, bytes: Bytes) -> Result<LoadedSegmentation, Defect> 
     let fits = if kind == "BINARY" { bits == 1 } else { bits == 8 || bits == 16 };
     check(fits, BITS_ALLOCATED, &bits, "1 in BINARY segmentations, 8 or 16 in LABELMAP ones")?;
     let pixels = walked.pixels.ok_or_else(|| Defect::NoPixels { expected: "a segmentation".to_owned() })?;
-    let mut painter = Painter { dims, labels: zeros(voxels)?, overlaps: 0 };
-    painter.paint(&object, pixels, bits, &stack, &frames)?;
-    let warnings = painter.warnings();
-    let map = LabelMap::new(grid(&stack, dims)?, &painter.labels, segments);
-    let map = map.map_err(|error| Defect::Geometry(error.to_string()))?;
-    Ok(LoadedSegmentation { map, warnings })
+    let bits_of_frame = dims[0] as u64 * dims[1] as u64 * u64::from(bits);
+    let expected = (bits_of_frame * frames.len() as u64).div_ceil(8);
+    let found = pixels.length.unwrap_or(0);
+    if found < expected {
+        return Err(Defect::FewPixels { found, expected });
+    }
+    Ok(Parsed { object, position: pixels.position, bits, dims, stack, frames, segments })
+}
+
+impl Parsed {
+    /// The bytes in which a frame lies, and how many bits of the first belong to the one before.
+    fn packed(&self, index: usize) -> Result<(Vec<u8>, usize), Defect> {
+        let bits_of_frame = self.dims[0] as u64 * self.dims[1] as u64 * u64::from(self.bits);
+        let begin = index as u64 * bits_of_frame;
+        let bytes = begin / 8..(begin + bits_of_frame).div_ceil(8);
+        #[expect(clippy::cast_possible_truncation, reason = "a frame's bytes: 65536² at most")]
+        let mut packed = vec![0; (bytes.end - bytes.start) as usize];
+        self.object.bytes.read_exact_at(self.position + bytes.start, &mut packed)?;
+        Ok((packed, (begin % 8) as usize))
+    }
+
+    /// The slice of the grid that a frame is.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to the number of slices")]
+    fn slice_of(&self, index: usize) -> usize {
+        let normal = self.stack.row.cross(self.stack.column);
+        let height = (self.frames[index].position - self.stack.origin).dot(normal) / self.stack.spacing_mm;
+        (height.round() as usize).min(self.dims[2] - 1)
+    }
 }
 
 fn zeros(voxels: u64) -> Result<Vec<u16>, Defect> {
@@ -288,41 +378,16 @@ struct Painter {
 }
 
 impl Painter {
-    fn paint(
-        &mut self,
-        object: &Object,
-        pixels: PixelElement,
-        bits: u32,
-        stack: &Stack,
-        frames: &[Frame],
-    ) -> Result<(), Defect> {
+    fn paint(&mut self, parsed: &Parsed) -> Result<(), Defect> {
         let area = self.dims[0] * self.dims[1];
-        let bits_of_frame = area as u64 * u64::from(bits);
-        let expected = (bits_of_frame * frames.len() as u64).div_ceil(8);
-        let found = pixels.length.unwrap_or(0);
-        if found < expected {
-            return Err(Defect::FewPixels { found, expected });
-        }
-        let is_big_endian = object.syntax.encoding == Encoding::ExplicitBig;
-        let normal = stack.row.cross(stack.column);
-        for (index, frame) in frames.iter().enumerate() {
-            let begin = index as u64 * bits_of_frame;
-            let bytes = begin / 8..(begin + bits_of_frame).div_ceil(8);
-            #[expect(clippy::cast_possible_truncation, reason = "a frame's bytes: 65536² at most")]
-            let mut packed = vec![0; (bytes.end - bytes.start) as usize];
-            object.bytes.read_exact_at(pixels.position + bytes.start, &mut packed)?;
-            let height = (frame.position - stack.origin).dot(normal) / stack.spacing_mm;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "0 to the number of slices"
-            )]
-            let slice = (height.round() as usize).min(self.dims[2] - 1);
-            let target = &mut self.labels[slice * area..][..area];
+        let is_big_endian = parsed.object.syntax.encoding == Encoding::ExplicitBig;
+        for (index, frame) in parsed.frames.iter().enumerate() {
+            let (packed, shift) = parsed.packed(index)?;
+            let target = &mut self.labels[parsed.slice_of(index) * area..][..area];
             for (at, label) in target.iter_mut().enumerate() {
-                let stored = match bits {
+                let stored = match parsed.bits {
                     1 => {
-                        let bit = (begin % 8) as usize + at;
+                        let bit = shift + at;
                         u16::from(packed[bit / 8] >> (bit % 8) & 1) * frame.segment.unwrap_or(1)
                     }
                     8 => packed[at].into(),

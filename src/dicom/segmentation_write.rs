@@ -82,6 +82,9 @@ pub enum SegmentationError {
          another format"
     )]
     NoFrameOfReference,
+    /// Layers lie on different grids.
+    #[error("layers of a segmentation lie on different grids, expected one; resample them")]
+    Grids,
     /// No voxel belongs to a segment.
     #[error("no voxel belongs to a segment")]
     Nothing,
@@ -109,11 +112,20 @@ pub enum SegmentationError {
     Encoding(#[source] EncodeError),
 }
 
+/// A segment among those of all layers.
+struct Numbered<'a> {
+    layer: usize,
+    map: &'a LabelMap,
+    /// Its place in the map, from 1.
+    place: usize,
+    segment: &'a Segment,
+}
+
 /// A slice of a segment.
 #[derive(Clone, Copy)]
 struct Frame {
-    /// Its segment among those of the map.
-    place: usize,
+    /// Its segment among those of all layers.
+    index: usize,
     slice: usize,
 }
 
@@ -127,8 +139,26 @@ pub fn write_segmentation(
     series: &SeriesReference,
     options: &SegmentationOptions,
 ) -> Result<Vec<u8>, SegmentationError> {
+    write_segmentation_layers(std::slice::from_ref(map), series, options)
+}
+
+/// As [`write_segmentation`], of several maps of one grid, whose segments may overlap: each has frames of its own. Segments are in the
+/// order of their labels, which differ.
+///
+/// # Errors
+/// As [`write_segmentation`], and when the maps are of different grids.
+pub fn write_segmentation_layers(
+    maps: &[LabelMap],
+    series: &SeriesReference,
+    options: &SegmentationOptions,
+) -> Result<Vec<u8>, SegmentationError> {
+    let map = maps.first().ok_or(SegmentationError::Nothing)?;
+    if maps.iter().any(|other| other.grid() != map.grid()) {
+        return Err(SegmentationError::Grids);
+    }
     check_right_angles(map)?;
-    let frames = frames(map);
+    let numbered = numbered(maps);
+    let frames = frames(maps, &numbered);
     if frames.is_empty() {
         return Err(SegmentationError::Nothing);
     }
@@ -142,12 +172,12 @@ pub fn write_segmentation(
     series.put_patient_and_study(&mut object);
     series.put_frame_of_reference(&mut object).ok_or(SegmentationError::NoFrameOfReference)?;
     put_equipment(&mut object);
-    put_identity(&mut object, map, series, options);
+    put_identity(&mut object, maps, series, options);
     put_image(&mut object, [rows, columns], frames.len());
     let segments: Vec<InMemDicomObject> =
-        (1..).zip(map.segments()).map(|(number, segment)| segment_item(number, segment, options)).collect();
+        (1..).zip(&numbered).map(|(number, one)| segment_item(number, one.segment, options)).collect();
     put_items(&mut object, tags::SEGMENT_SEQUENCE, segments);
-    put_dimensions(&mut object, &uid_of(b"dimensions", [map.content_hash().0]));
+    put_dimensions(&mut object, &uid_of(b"dimensions", maps.iter().map(|map| map.content_hash().0)));
     let planes = Planes::new(map, series);
     put_items(&mut object, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE, vec![planes.shared()]);
     let groups = frames.iter().map(|frame| planes.groups(*frame)).collect();
@@ -157,7 +187,7 @@ pub fn write_segmentation(
         let referenced = series.referenced_series(tags::REFERENCED_INSTANCE_SEQUENCE);
         put_items(&mut object, tags::REFERENCED_SERIES_SEQUENCE, vec![referenced]);
     }
-    let bits = PrimitiveValue::from(packed(map, &frames));
+    let bits = PrimitiveValue::from(packed(&numbered, &frames));
     object.put_element(DataElement::new(tags::PIXEL_DATA, VR::OB, bits));
     object::file_bytes(object, false).map_err(SegmentationError::Encoding)
 }
@@ -171,30 +201,45 @@ fn check_right_angles(map: &LabelMap) -> Result<(), SegmentationError> {
     Ok(())
 }
 
-/// The slices of each segment that have voxels of it, segment by segment.
-fn frames(map: &LabelMap) -> Vec<Frame> {
-    let [nx, ny, nz] = map.grid().dims();
-    let mut occurs = vec![vec![false; nz]; map.segments().len()];
-    for at in 0..nx * ny * nz {
-        if let Some(place) = map.places().at(at).checked_sub(1) {
-            occurs[place][at / (nx * ny)] = true;
-        }
+/// The segments of all layers in the order of their labels.
+fn numbered(maps: &[LabelMap]) -> Vec<Numbered<'_>> {
+    let mut all = Vec::new();
+    for (layer, map) in maps.iter().enumerate() {
+        let segments = (1..).zip(map.segments());
+        all.extend(segments.map(|(place, segment)| Numbered { layer, map, place, segment }));
     }
-    let of = |(place, slices): (usize, Vec<bool>)| {
-        let slices = slices.into_iter().enumerate().filter(|(_, occurs)| *occurs);
-        slices.map(move |(slice, _)| Frame { place, slice })
+    all.sort_by_key(|one| one.segment.label);
+    all
+}
+
+/// The slices of each segment that have voxels of it, segment by segment.
+fn frames(maps: &[LabelMap], numbered: &[Numbered<'_>]) -> Vec<Frame> {
+    let occurs: Vec<Vec<Vec<bool>>> = maps.iter().map(occurrences).collect();
+    let of = |(index, one): (usize, &Numbered<'_>)| {
+        let slices = occurs[one.layer][one.place].iter().enumerate().filter(|(_, occurs)| **occurs);
+        slices.map(move |(slice, _)| Frame { index, slice }).collect::<Vec<_>>()
     };
-    occurs.into_iter().enumerate().flat_map(of).collect()
+    numbered.iter().enumerate().flat_map(of).collect()
+}
+
+/// For each place of a map, 0 among them, and each slice whether it occurs there.
+fn occurrences(map: &LabelMap) -> Vec<Vec<bool>> {
+    let [nx, ny, nz] = map.grid().dims();
+    let mut occurs = vec![vec![false; nz]; map.segments().len() + 1];
+    for at in 0..nx * ny * nz {
+        occurs[map.places().at(at)][at / (nx * ny)] = true;
+    }
+    occurs
 }
 
 /// A bit for each voxel of each frame, the first in the lowest bit; an even number of bytes.
-fn packed(map: &LabelMap, frames: &[Frame]) -> Vec<u8> {
-    let [nx, ny, _] = map.grid().dims();
-    let area = nx * ny;
+fn packed(numbered: &[Numbered<'_>], frames: &[Frame]) -> Vec<u8> {
+    let area = numbered.first().map_or(0, |one| one.map.grid().dims()[..2].iter().product());
     let mut bytes = vec![0u8; (area * frames.len()).div_ceil(8).next_multiple_of(2)];
     for (index, frame) in frames.iter().enumerate() {
+        let Numbered { map, place, .. } = &numbered[frame.index];
         for at in 0..area {
-            if map.places().at(frame.slice * area + at) == frame.place + 1 {
+            if map.places().at(frame.slice * area + at) == *place {
                 let bit = index * area + at;
                 bytes[bit / 8] |= 1 << (bit % 8);
             }
@@ -205,13 +250,13 @@ fn packed(map: &LabelMap, frames: &[Frame]) -> Vec<u8> {
 
 fn put_identity(
     object: &mut InMemDicomObject,
-    map: &LabelMap,
+    maps: &[LabelMap],
     series: &SeriesReference,
     options: &SegmentationOptions,
 ) {
     let made = options.made.to_string();
     let said = format!("{options:?}");
-    let content = map.content_hash().0;
+    let content: Vec<u8> = maps.iter().flat_map(|map| map.content_hash().0).collect();
     let parts = || [series.series_uid().as_bytes(), content.as_slice(), made.as_bytes(), said.as_bytes()];
     put(object, tags::SOP_CLASS_UID, VR::UI, uids::SEGMENTATION_STORAGE);
     put(object, tags::SOP_INSTANCE_UID, VR::UI, &uid_of(b"segmentation", parts()));
@@ -369,7 +414,7 @@ impl<'a> Planes<'a> {
             clippy::cast_possible_truncation,
             reason = "labels have 16 bits, and slices of an image fewer than 32"
         )]
-        let (number, index) = (frame.place as u16 + 1, frame.slice as u32 + 1);
+        let (number, index) = (frame.index as u16 + 1, frame.slice as u32 + 1);
         let mut content = InMemDicomObject::new_empty();
         let indices = PrimitiveValue::U32([u32::from(number), index].into_iter().collect());
         content.put_element(DataElement::new(tags::DIMENSION_INDEX_VALUES, VR::UL, indices));

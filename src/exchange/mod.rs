@@ -32,7 +32,7 @@ pub use merge::{Merged, Present};
 
 use crate::annotation::{ContentId, FrameOfReference, Item};
 use crate::dicom::SeriesReference;
-use crate::formats::{nifti_labels, seg_nrrd};
+use crate::formats::{nifti_labels, seg_nrrd_layers};
 use crate::volume::Grid;
 
 /// What a file does not say of its items.
@@ -130,14 +130,14 @@ pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Resu
             bytes
         }),
         Format::Seg | Format::SegNrrd | Format::Nifti => {
-            let (map, ids, lost) = regions::join(format, &kept, context)?;
+            let (maps, ids, lost) = regions::join(format, &kept, context)?;
             left_out.extend(lost);
             kept.retain(|item| ids.contains(&item.id));
             count = kept.len();
             match format {
-                Format::Seg => objects::write_segmentation(&map, &kept, context),
-                Format::Nifti => nifti_labels(&map).map_err(|error| regions::failed(format, &error)),
-                _ => seg_nrrd(&map).map_err(|error| regions::failed(format, &error)),
+                Format::Seg => objects::write_segmentation(&maps, &kept, context),
+                Format::Nifti => nifti_labels(&maps[0]).map_err(|error| regions::failed(format, &error)),
+                _ => seg_nrrd_layers(&maps).map_err(|error| regions::failed(format, &error)),
             }
         }
         Format::Stl | Format::Ply | Format::Obj | Format::Glb => {

@@ -76,9 +76,9 @@ pub(super) fn read_structure_set(bytes: &[u8], context: &ReadContext<'_>) -> Res
 /// # Errors
 /// As [`super::read`]; places are tags.
 pub(super) fn read_segmentation(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
-    let found =
-        dicom::read_segmentation(LIMITS, bytes).map_err(|defect| ExchangeError::Object(Box::new(defect)))?;
-    regions::of_map(Format::Seg, &found.map, found.warnings, context)
+    let found = dicom::read_segmentation_layers(LIMITS, bytes);
+    let found = found.map_err(|defect| ExchangeError::Object(Box::new(defect)))?;
+    regions::of_layers(Format::Seg, &found.layers, found.warnings, context)
 }
 
 /// The series that an object is about.
@@ -116,12 +116,12 @@ pub(super) fn write_report(
     Ok((written.bytes, count))
 }
 
-/// A segmentation of regions that were laid over each other.
+/// A segmentation of regions in layers.
 ///
 /// # Errors
 /// When there is no series, or the map is no stack of frames.
 pub(super) fn write_segmentation(
-    map: &LabelMap,
+    maps: &[LabelMap],
     items: &[&Item],
     context: &WriteContext<'_>,
 ) -> Result<Vec<u8>, ExchangeError> {
@@ -133,6 +133,6 @@ pub(super) fn write_segmentation(
     };
     let meanings = (1..).zip(items).map(meaning).collect();
     let options = SegmentationOptions { meanings, ..SegmentationOptions::by(author) };
-    let bytes = dicom::write_segmentation(map, series(Format::Seg, context)?, &options);
+    let bytes = dicom::write_segmentation_layers(maps, series(Format::Seg, context)?, &options);
     bytes.map_err(|error| ExchangeError::Segmentation(Box::new(error)))
 }

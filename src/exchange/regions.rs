@@ -1,18 +1,23 @@
 //! Label maps: each segment is a region, whose voxels are a content of the whole map.
 //!
-//! A content is always a `.seg.nrrd` file of this crate's own, whatever the file was that it came in; several regions of a file
-//! share one. A written map has the segments of all regions, numbered from 1 in their order; where regions overlap, the later
-//! one has the voxel. Maps of other grids are resampled by the nearest voxel.
+//! A content is always a `.seg.nrrd` file of this crate's own with one layer, whatever the file was that it came in; regions of a
+//! file share one, or one for each layer where they overlap. A written map has the segments of all regions, numbered from 1 in their
+//! order. Where regions overlap, they are in layers (seg.nrrd) or have frames of their own (seg); in NIfTI, which has one label for a
+//! voxel, the later one has it. Maps of other grids are resampled by the nearest voxel.
 
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::path::Path;
 
 use super::reading::Reading;
 use super::structures::REGION_TYPE;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext};
 use crate::annotation::{ContentId, Geometry, Item, ItemId, RegionSummary};
 use crate::formats;
-use crate::volume::{Grid, LabelMap, Segment};
+use crate::volume::{Grid, LabelMap, Layers, LayersError, Segment};
+
+/// Bytes that the layers of a map may take, two for each voxel.
+const MOST_BYTES: u64 = 4 << 30;
 
 /// Reads a map of NRRD or NIfTI.
 ///
@@ -23,14 +28,14 @@ pub(super) fn read(
     bytes: &[u8],
     context: &ReadContext<'_>,
 ) -> Result<Imported, ExchangeError> {
-    let found = labels(format, bytes)?;
-    of_map(format, &found.map, found.warnings, context)
+    let found = file_of(format, bytes, formats::read_label_layers)?;
+    of_layers(format, &found.layers, found.warnings, context)
 }
 
-/// The items of a map.
-pub(super) fn of_map(
+/// The items of a map's layers, in the order of their labels.
+pub(super) fn of_layers(
     format: Format,
-    map: &LabelMap,
+    layers: &[LabelMap],
     warnings: Vec<String>,
     context: &ReadContext<'_>,
 ) -> Result<Imported, ExchangeError> {
@@ -38,18 +43,28 @@ pub(super) fn of_map(
     for warning in warnings {
         reading.warn("", &warning);
     }
-    let bytes = formats::seg_nrrd(map).map_err(|error| failed(format, &error))?;
-    let content = ContentId::of(&bytes);
-    for (segment, voxels) in map.counted() {
+    let mut found = Vec::new();
+    for map in layers {
+        let bytes = formats::seg_nrrd(map).map_err(|error| failed(format, &error))?;
+        let content = ContentId::of(&bytes);
+        found.extend(map.counted().map(|(segment, voxels)| (segment, voxels, content.clone(), map)));
+        if map.labelled_voxels() > 0 {
+            reading.contents.push((content, REGION_TYPE.to_owned(), bytes));
+        }
+    }
+    found.sort_by_key(|(segment, ..)| segment.label);
+    for (number, (segment, voxels, content, map)) in (1..).zip(found) {
         let label = segment.label;
         if voxels == 0 {
             reading.warn(&format!("segment {label}"), "a segment without voxels is left out");
             continue;
         }
         let volume_ml = voxels as f64 * map.voxel_mm3() / 1000.0;
-        let summary = RegionSummary { content: content.clone(), label, voxels, volume_ml };
+        let summary = RegionSummary { content, label, voxels, volume_ml };
         let name: String = segment.name.as_deref().unwrap_or("").chars().take(Item::LONGEST_NAME).collect();
-        let name = if name.is_empty() { format!("{}-{label}", context.list) } else { name };
+        // Labels of different layers may be the same.
+        let own = if layers.len() == 1 { usize::from(label) } else { number };
+        let name = if name.is_empty() { format!("{}-{own}", context.list) } else { name };
         let mut item = reading.item(&name, Some(Geometry::Region(summary)))?;
         item.rgb = segment.rgb;
         reading.push(&format!("segment {label}"), item)?;
@@ -57,10 +72,10 @@ pub(super) fn of_map(
     if reading.count() == 0 {
         return Err(ExchangeError::value(format, "the map", "without labelled voxels", "at least one"));
     }
-    if context.grid.is_some_and(|grid| !touches(map.grid(), grid)) {
+    let lies_outside = |grid| layers.iter().all(|map| !touches(map.grid(), grid));
+    if context.grid.is_some_and(lies_outside) {
         reading.warn("", "the map lies outside of the volume; is it of the same scan?");
     }
-    reading.contents.push((content, REGION_TYPE.to_owned(), bytes));
     Ok(reading.finish())
 }
 
@@ -75,88 +90,121 @@ pub(super) fn failed(format: Format, error: &dyn std::fmt::Display) -> ExchangeE
     ExchangeError::Syntax { format, place: "the map".to_owned(), message: error.to_string() }
 }
 
-/// A map of a file's bytes; readers of maps take files.
-fn labels(format: Format, bytes: &[u8]) -> Result<formats::ReadLabels, ExchangeError> {
+/// What a reader of files makes of these bytes.
+fn file_of<T>(
+    format: Format,
+    bytes: &[u8],
+    read: impl FnOnce(&Path) -> Result<T, formats::FormatError>,
+) -> Result<T, ExchangeError> {
     let mut file = tempfile::NamedTempFile::new().map_err(|error| failed(format, &error))?;
     file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| failed(format, &error))?;
-    formats::read_labels(file.path()).map_err(|error| failed(format, &error))
+    read(file.path()).map_err(|error| failed(format, &error))
 }
 
-/// The map of all regions, on the grid wanted or else that of the first of them; the items of its labels from 1; and what was
-/// lost on the way.
+/// The layers of all regions, on the grid wanted or else that of the first of them; the items of its labels from 1; and what was
+/// lost on the way. NIfTI has one layer.
 ///
 /// # Errors
-/// When a content is not there or no label map.
+/// When a content is not there or no label map, or regions overlap in too many layers.
 pub(super) fn join(
     format: Format,
     items: &[&Item],
     context: &WriteContext<'_>,
-) -> Result<(LabelMap, Vec<ItemId>, Vec<LeftOut>), ExchangeError> {
+) -> Result<(Vec<LabelMap>, Vec<ItemId>, Vec<LeftOut>), ExchangeError> {
     let mut joined: Option<Joined> = None;
     let mut maps = BTreeMap::new();
     for item in items {
         let Some(Geometry::Region(region)) = &item.geometry else { continue };
         if !maps.contains_key(&region.content) {
             let bytes = (context.contents)(&region.content).ok_or_else(|| no_content(format, item.id))?;
-            let map = labels(Format::SegNrrd, &bytes)?.map;
+            let map = file_of(Format::SegNrrd, &bytes, formats::read_labels)?.map;
             let grid = joined.as_ref().map(|joined| &joined.grid).or(context.grid).unwrap_or(map.grid());
             let map = if map.grid() == grid { map } else { map.resampled(grid) };
             maps.insert(region.content.clone(), map);
         }
         let map = &maps[&region.content];
-        joined.get_or_insert_with(|| Joined::new(map.grid())).add(item, map, region.label);
+        let joined = joined.get_or_insert_with(|| Joined::new(map.grid(), format == Format::Nifti));
+        joined.add(item, map, region.label).map_err(|error| failed(format, &error))?;
     }
-    let Some(Joined { grid, labels, segments, items, lost }) = joined else {
+    let Some(Joined { grid, voxels, segments, items, lost }) = joined else {
         return Err(ExchangeError::Nothing { format, why: "there are no regions".to_owned() });
     };
-    let map = LabelMap::new(grid, &labels, segments).map_err(|error| failed(format, &error))?;
-    Ok((map, items, lost))
+    let maps = match voxels {
+        Voxels::Layers(layers) => layers.into_maps(),
+        Voxels::Flat(labels) => {
+            vec![LabelMap::new(grid, &labels, segments).map_err(|error| failed(format, &error))?]
+        }
+    };
+    if maps.is_empty() {
+        let why = "no region lies on the voxels of the map".to_owned();
+        return Err(ExchangeError::Nothing { format, why });
+    }
+    Ok((maps, items, lost))
 }
 
 pub(super) fn no_content(format: Format, id: ItemId) -> ExchangeError {
     ExchangeError::value(format, format!("the content of item {id}"), "not there", "the voxels of the region")
 }
 
-/// Regions laid over each other.
+/// Regions of one grid.
 struct Joined {
     grid: Grid,
-    labels: Vec<u16>,
+    voxels: Voxels,
     segments: Vec<Segment>,
     items: Vec<ItemId>,
     lost: Vec<LeftOut>,
 }
 
+/// Whose voxels are whose.
+enum Voxels {
+    /// A label each: what overlaps is lost.
+    Flat(Vec<u16>),
+    Layers(Layers),
+}
+
 impl Joined {
-    fn new(grid: &Grid) -> Self {
-        let labels = vec![0; grid.voxel_count()];
-        Self { grid: grid.clone(), labels, segments: Vec::new(), items: Vec::new(), lost: Vec::new() }
+    fn new(grid: &Grid, is_flat: bool) -> Self {
+        let voxels = if is_flat {
+            Voxels::Flat(vec![0; grid.voxel_count()])
+        } else {
+            Voxels::Layers(Layers::new(grid.clone(), MOST_BYTES))
+        };
+        Self { grid: grid.clone(), voxels, segments: Vec::new(), items: Vec::new(), lost: Vec::new() }
     }
 
-    fn add(&mut self, item: &Item, map: &LabelMap, label: u16) {
+    fn add(&mut self, item: &Item, map: &LabelMap, label: u16) -> Result<(), LayersError> {
         let number = u16::try_from(self.segments.len() + 1).unwrap_or(u16::MAX);
+        let segment = Segment::new(number, Some(&item.name), item.rgb);
         // Places count segments from 1.
         let place = map.segments().iter().position(|segment| segment.label == label).map_or(0, |at| at + 1);
-        let (mut voxels, mut covered) = (0u64, BTreeMap::new());
-        for (at, to) in self.labels.iter_mut().enumerate() {
-            if place > 0 && map.places().at(at) == place {
-                voxels += 1;
-                if *to > 0 {
-                    *covered.entry(*to).or_insert(0u64) += 1;
-                }
-                *to = number;
-            }
-        }
-        if voxels == 0 {
+        let own = (0..self.grid.voxel_count()).filter(|&at| place > 0 && map.places().at(at) == place);
+        if own.clone().next().is_none() {
             let reason = "none of it lies on the voxels of the map that is written".to_owned();
             self.lost.push(LeftOut { what: "regions".to_owned(), reason, items: vec![item.id] });
-            return;
+            return Ok(());
         }
-        for (below, count) in covered {
-            let what = format!("{count} voxels that another region has too");
-            let items = vec![self.items[usize::from(below) - 1]];
-            self.lost.push(LeftOut { what, reason: format!("{:?} has them", item.name), items });
+        match &mut self.voxels {
+            Voxels::Layers(layers) => {
+                layers.add(segment.clone(), own)?;
+            }
+            Voxels::Flat(labels) => {
+                let mut covered = BTreeMap::new();
+                for at in own {
+                    if labels[at] > 0 {
+                        *covered.entry(labels[at]).or_insert(0u64) += 1;
+                    }
+                    labels[at] = number;
+                }
+                for (below, count) in covered {
+                    let what = format!("{count} voxels that another region has too");
+                    let reason = format!("{:?} has them; seg.nrrd and seg hold both", item.name);
+                    let items = vec![self.items[usize::from(below) - 1]];
+                    self.lost.push(LeftOut { what, reason, items });
+                }
+            }
         }
-        self.segments.push(Segment::new(number, Some(&item.name), item.rgb));
+        self.segments.push(segment);
         self.items.push(item.id);
+        Ok(())
     }
 }

@@ -21,8 +21,8 @@ use std::path::Path;
 
 pub use error::FormatError;
 pub use nifti_write::nifti_labels;
-pub use segmentation::ReadLabels;
-pub use write::seg_nrrd;
+pub use segmentation::{ReadLabels, ReadLayers};
+pub use write::{seg_nrrd, seg_nrrd_layers};
 
 use crate::volume::{Grid, Volume};
 use bytes::Source;
@@ -85,6 +85,17 @@ pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
     let Described { header, .. } = header::read(&mut Source::open(path)?)?;
     header.check(Limits::default())?;
     Ok(header.grid)
+}
+
+/// Reads every layer of a label map, within the default [`Limits`]: nothing of segments that overlap is lost.
+///
+/// # Errors
+/// As [`read_labels_within`].
+pub fn read_label_layers(path: &Path) -> Result<ReadLayers, FormatError> {
+    let mut source = Source::open(path)?;
+    let Described { header, segments } = header::read(&mut source)?;
+    header.check(Limits::default())?;
+    segmentation::read_layers(&mut source, &header, &segments)
 }
 
 /// Reads a volume in HU, within the default [`Limits`].

@@ -36,7 +36,7 @@ pub fn nifti_labels(map: &LabelMap) -> io::Result<Vec<u8>> {
     let extension = extension(map);
     let mut head = header(map.grid(), is_wide, EXTENSIONS + extension.len());
     head.extend_from_slice(&extension);
-    compressed(map, &head, is_wide)
+    compressed(std::slice::from_ref(map), &head, is_wide)
 }
 
 fn header(grid: &Grid, is_wide: bool, offset: usize) -> Vec<u8> {

@@ -157,9 +157,10 @@ async fn answer_annotated(
     // Before the tag: what is drawn is part of the scene, so the tag changes with it.
     let drawn = draw(server, entry, &mut scene, headers).await?;
     let mut answered = answer(server, entry, scene, headers, what).await?;
-    if let Some(Drawn { drawn, left_out }) = drawn {
+    if let Some(Drawn { drawn, left_out, unlabelled }) = drawn {
         let headers = answered.headers_mut();
-        headers.insert(&RELIEF_ANNOTATIONS, ascii(&format!("drawn={drawn}, left_out={left_out}")));
+        let silent = if unlabelled > 0 { format!(", unlabelled={unlabelled}") } else { String::new() };
+        headers.insert(&RELIEF_ANNOTATIONS, ascii(&format!("drawn={drawn}, left_out={left_out}{silent}")));
         headers.insert(header::VARY, HeaderValue::from_static("Accept, Relief-Author"));
     }
     Ok(answered)

@@ -18,7 +18,7 @@ use sha2::{Digest, Sha256};
 
 pub use bricks::{BrickRanges, DistanceMap};
 pub use grid::{Bounds, Grid, GridError};
-pub use labels::{BrickLabels, LabelCountError, LabelMap, Places, Segment};
+pub use labels::{BrickLabels, LabelCountError, LabelMap, Layers, LayersError, Places, Segment};
 pub use mask::Mask;
 
 /// A CT volume in HU. Cheap to clone: the voxels are shared.

@@ -8,6 +8,7 @@ mod common;
 mod damage;
 mod foreign;
 mod made;
+mod overlaps;
 mod peers;
 mod reports;
 mod segmentations;

@@ -39,7 +39,7 @@ pub(crate) fn map(grid: Grid) -> LabelMap {
     LabelMap::new(grid, &labels, segments).unwrap()
 }
 
-fn options() -> SegmentationOptions {
+pub(crate) fn options() -> SegmentationOptions {
     let liver =
         Concept { code: "10200004".to_owned(), scheme: "SCT".to_owned(), meaning: "Liver".to_owned() };
     SegmentationOptions {
@@ -50,7 +50,7 @@ fn options() -> SegmentationOptions {
 }
 
 /// Patient positions of a segment's voxels, sorted.
-fn positions(map: &LabelMap, name: &str) -> Vec<DVec3> {
+pub(crate) fn positions(map: &LabelMap, name: &str) -> Vec<DVec3> {
     let place = map.segments().iter().position(|segment| segment.name.as_deref() == Some(name)).unwrap() + 1;
     let [nx, ny, nz] = map.grid().dims();
     let affine = map.grid().patient_from_voxel().affine;
@@ -59,7 +59,7 @@ fn positions(map: &LabelMap, name: &str) -> Vec<DVec3> {
     sorted(all.map(|index| affine.transform_point3(at(index))).collect())
 }
 
-fn sorted(mut positions: Vec<DVec3>) -> Vec<DVec3> {
+pub(crate) fn sorted(mut positions: Vec<DVec3>) -> Vec<DVec3> {
     positions.sort_by(|a, b| {
         let key = |p: &DVec3| p.to_array().map(|mm| (mm * 100.0).round());
         key(a).partial_cmp(&key(b)).unwrap()
@@ -67,7 +67,7 @@ fn sorted(mut positions: Vec<DVec3>) -> Vec<DVec3> {
     positions
 }
 
-fn apart(a: &[DVec3], b: &[DVec3]) -> f64 {
+pub(crate) fn apart(a: &[DVec3], b: &[DVec3]) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
 }

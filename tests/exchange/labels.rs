@@ -77,7 +77,7 @@ fn segments_of_slicer_keep_their_names() {
 }
 
 #[test]
-fn regions_of_several_maps_are_written_to_one_and_overlaps_are_told() {
+fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_can() {
     let mut labels = [0u16; 24];
     labels[..3].copy_from_slice(&[1, 1, 2]);
     let first = read(Format::SegNrrd, map(0.0, &labels, &["liver", "spleen"])).unwrap();
@@ -88,15 +88,31 @@ fn regions_of_several_maps_are_written_to_one_and_overlaps_are_told() {
     let mut items = first.items.clone();
     items.push(Item { order: 9, description: "told".to_owned(), locked: true, ..second.items[0].clone() });
     let written = exchange::write(Format::SegNrrd, &items, &context).unwrap();
+    assert!(String::from_utf8_lossy(&written.bytes).contains("sizes: 2 4 3 2"), "two layers");
     let back = read(Format::SegNrrd, &written.bytes).unwrap();
-    let found: Vec<(&str, u64)> =
-        back.items.iter().map(|item| (item.name.as_str(), summary(item).voxels)).collect();
-    assert_eq!(found, [("spleen", 1), ("tumour", 2)]);
+    let found = |back: &Imported| -> Vec<(String, u64)> {
+        back.items.iter().map(|item| (item.name.clone(), summary(item).voxels)).collect()
+    };
+    let all = [("liver", 2), ("spleen", 1), ("tumour", 2)].map(|(name, voxels)| (name.to_owned(), voxels));
+    assert_eq!(found(&back), all);
+    assert_eq!(back.contents.len(), 2, "a content for each layer");
     assert_eq!(back.items[0].rgb, Some([0.5, 0.25, 1.0]));
     let told: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
     assert_eq!(told[..2], ["descriptions", "locks"]);
-    assert!(told.contains(&"2 voxels that another region has too"), "{told:?}");
-    assert_eq!(written.left_out.last().unwrap().items, [items[0].id]);
+    assert!(!told.iter().any(|what| what.contains("voxels")), "{told:?}");
+    // And once more, from the layers.
+    let contents = self::contents(&[&back]);
+    let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
+    let again = exchange::write(Format::SegNrrd, &back.items, &context).unwrap();
+    assert_eq!(found(&read(Format::SegNrrd, &again.bytes).unwrap()), all);
+    // NIfTI has one label for each voxel.
+    let written = exchange::write(Format::Nifti, &back.items, &context).unwrap();
+    assert_eq!(found(&read(Format::Nifti, &written.bytes).unwrap()), all[1..]);
+    let lost = written.left_out.last().unwrap();
+    assert_eq!(
+        (lost.what.as_str(), &lost.items),
+        ("2 voxels that another region has too", &vec![back.items[0].id])
+    );
 }
 
 #[test]
@@ -121,4 +137,57 @@ fn what_is_wrong_with_a_map_is_told() {
     let context = ReadContext { grid: Some(&grid), ..CONTEXT };
     let warned = exchange::read(Format::SegNrrd, &whole, &context).unwrap().warnings;
     assert_eq!(warned, ["the map lies outside of the volume; is it of the same scan?"]);
+}
+
+/// Every segment of 3D Slicer's own sample is whole, the sphere in a layer over the others too.
+#[test]
+fn overlapping_segments_of_slicer_are_all_whole() {
+    let Some(folder) = common::unpacked("overlapping segments of 3D Slicer", "interop") else { return };
+    let facts = common::facts(&common::shared_data("facts of files").unwrap(), "interop.facts.json");
+    let whole = &facts["slicer_Segmentation.seg.nrrd"]["label_counts"];
+    let bytes = std::fs::read(folder.join("slicer/SegmentationOverlapping.seg.nrrd")).unwrap();
+    let imported = read(Format::SegNrrd, &bytes).unwrap();
+    assert_eq!((imported.items.len(), imported.contents.len()), (8, 2), "{:?}", imported.warnings);
+    for item in &imported.items {
+        let region = summary(item);
+        if item.name == "overlapping sphere" {
+            assert_eq!(region.voxels, 27_626 - 8_487, "the sphere");
+        } else {
+            assert_eq!(whole[region.label.to_string()], region.voxels, "{}", item.name);
+        }
+    }
+}
+
+const LAYERS: &str = r"
+import json, sys, nrrd, slicerio
+path = sys.argv[1] + '/ours.seg.nrrd'
+data, header = nrrd.read(path)
+found = {'sizes': header['sizes'].tolist(), 'kinds': header['kinds'], 'segments': []}
+for segment in slicerio.read_segmentation(path)['segments']:
+    found['segments'].append([segment['name'], int((data[segment['layer']] == segment['labelValue']).sum())])
+print(json.dumps(found))
+";
+
+/// Layers as pynrrd and slicerio read them.
+#[test]
+fn layers_are_read_by_others() {
+    let mut labels = [0u16; 24];
+    labels[..3].copy_from_slice(&[1, 1, 2]);
+    let first = read(Format::SegNrrd, map(0.0, &labels, &["liver", "spleen"])).unwrap();
+    labels[..6].copy_from_slice(&[0, 1, 1, 1, 2, 2]);
+    let second = read(Format::SegNrrd, map(0.0, &labels, &["tumour", "other"])).unwrap();
+    let contents = contents(&[&first, &second]);
+    let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
+    let mut items = first.items.clone();
+    items.extend((5..).zip(&second.items).map(|(order, item)| Item { order, ..item.clone() }));
+    let written = exchange::write(Format::SegNrrd, &items, &context).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("ours.seg.nrrd"), &written.bytes).unwrap();
+    let Some(found) = super::peer::told("layers read by slicerio", LAYERS, folder.path(), false) else {
+        return;
+    };
+    assert_eq!(found["sizes"], serde_json::json!([2, 4, 3, 2]));
+    assert_eq!(found["kinds"], serde_json::json!(["list", "domain", "domain", "domain"]));
+    let segments = serde_json::json!([["liver", 2], ["spleen", 1], ["tumour", 3], ["other", 2]]);
+    assert_eq!(found["segments"], segments);
 }

@@ -64,7 +64,7 @@ print(json.dumps({'markups': nodes, 'fcsv': described(old), 'csv': described(tab
 ";
 
 /// The last line that a script prints, as JSON; `None` after saying aloud why there is none.
-fn told(what: &str, script: &str, folder: &Path, needs_slicer: bool) -> Option<serde_json::Value> {
+pub(super) fn told(what: &str, script: &str, folder: &Path, needs_slicer: bool) -> Option<serde_json::Value> {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {
         eprintln!("SKIPPED: {what} (RELIEF_PEERS_PYTHON is not set)");
         return None;

@@ -74,8 +74,11 @@ fn pose(seq: u64, x_mm: f64, buttons: Value) -> Value {
         "position_mm": [x_mm, 0, 1480], "orientation_xyzw": [0, 0, 0, 1], "buttons": buttons })
 }
 
-fn annotating(to: &str) -> Value {
-    let settings = json!({ "annotations": "s", "snap": { "to": to } });
+/// Halfway between the ball and the air around it.
+const BALL_HU: f64 = -350.0;
+
+fn annotating(snap: Value) -> Value {
+    let settings = json!({ "annotations": "s", "snap": snap });
     json!({ "view": "theatre", "author": "anna", "settings": settings })
 }
 
@@ -83,7 +86,7 @@ fn annotating(to: &str) -> Value {
 #[tokio::test]
 async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_there() {
     let running = Running::annotated_sphere().await;
-    let (mut anna, _) = running.hello(annotating("boundary")).await;
+    let (mut anna, _) = running.hello(annotating(json!({ "to": "surface", "hu": BALL_HU }))).await;
     let (mut ben, _) = running.hello(json!({ "view": "theatre", "role": "watcher" })).await;
     anna.send(&pose(1, 0.0, json!([]))).await;
     // Long enough for the hand's mean to be where the hand is.
@@ -117,7 +120,7 @@ async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_
 #[tokio::test]
 async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
     let running = Running::annotated_sphere().await;
-    let (mut anna, _) = running.hello(annotating("boundary")).await;
+    let (mut anna, _) = running.hello(annotating(json!({ "to": "surface", "hu": BALL_HU }))).await;
     anna.still(0).await;
     let lead = |seq, at: [f64; 3]| intent(seq, json!({ "intent": "cursor", "point_mm": at }));
     anna.send(&lead(1, [0.0, 0.0, 21.0])).await;
@@ -146,25 +149,18 @@ async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
     // Another kind of place is another ghost; and without snapping there is none.
     anna.send(&json!({ "type": "settings", "snap": { "to": "minimum", "radius_mm": 0.5 } })).await;
     state_where(&mut anna, |message| message["snapped"].is_null()).await;
-    anna.send(&json!({ "type": "settings", "snap": { "to": "boundary" } })).await;
+    anna.send(&json!({ "type": "settings", "snap": { "to": "surface", "hu": BALL_HU } })).await;
     previewed(&mut anna).await;
     anna.send(&intent(9, json!({ "intent": "place", "phase": "cancel" }))).await;
     let over = state_where(&mut anna, |message| message["state"]["placing"] == false).await;
     assert!(over["snapped"].is_null(), "{over}");
 }
 
-/// Pictures go on at their pace while a hand that trembles is snapped, and the newest place is the one that is shown in the end.
-#[tokio::test]
-async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
-    let running = Running::annotated_sphere().await;
-    let (mut anna, _) = running.hello(annotating("gradient")).await;
-    anna.still(0).await;
-    anna.send(&intent(1, json!({ "intent": "cursor", "point_mm": [0, 0, 19] }))).await;
-    anna.send(&intent(2, json!({ "intent": "place", "phase": "preview" }))).await;
-    previewed(&mut anna).await;
+/// Leads the cursor a hundred times in a second at least, as a hand that trembles; gives the last place and the pictures a second.
+async fn tremble(running: &Running, anna: &mut Client, first: u32) -> ([f64; 3], f64) {
     let (start, mut newest) = (Instant::now(), [0.0; 3]);
     let before = running.stage.gate.count();
-    for seq in 3..103u32 {
+    for seq in first..first + 100 {
         newest = [f64::from(seq % 7) * 0.2, f64::from(seq % 5) * 0.2, 19.0];
         anna.send(&intent(seq.into(), json!({ "intent": "cursor", "point_mm": newest }))).await;
         tokio::time::sleep(Duration::from_millis(10)).await;
@@ -173,8 +169,19 @@ async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
             anna.ack(&frame).await;
         }
     }
-    let seconds = start.elapsed().as_secs_f64();
-    let pictures = (running.stage.gate.count() - before) as f64 / seconds;
+    (newest, (running.stage.gate.count() - before) as f64 / start.elapsed().as_secs_f64())
+}
+
+/// Pictures go on at their pace while a hand that trembles is snapped, and the newest place is the one that is shown in the end.
+#[tokio::test]
+async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
+    let running = Running::annotated_sphere().await;
+    let (mut anna, _) = running.hello(annotating(json!({ "to": "gradient" }))).await;
+    anna.still(0).await;
+    let (_, without) = tremble(&running, &mut anna, 1).await;
+    anna.send(&intent(200, json!({ "intent": "place", "phase": "preview" }))).await;
+    previewed(&mut anna).await;
+    let (newest, with) = tremble(&running, &mut anna, 201).await;
     let message = loop {
         let message = previewed(&mut anna).await;
         if between(xyz(&message["state"]["cursor_mm"]), newest) < 1e-9 {
@@ -183,6 +190,6 @@ async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
     };
     let at = xyz(&message["snapped"]["at_mm"]);
     assert!((length(at) - SPHERE_MM).abs() < 0.3, "{at:?}");
-    println!("{pictures:.0} pictures a second while snapping");
-    assert!(pictures > 15.0, "{pictures} pictures a second");
+    println!("{without:.0} pictures a second, {with:.0} with snapping");
+    assert!(with > 0.6 * without, "{with} pictures a second with snapping, {without} without");
 }

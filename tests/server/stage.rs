@@ -314,12 +314,14 @@ pub(crate) fn cube() -> Volume {
     Volume::new(grid, (0..64).collect()).unwrap()
 }
 
-/// A ball of 300 HU and the backend's radius in air, in voxels of 2 mm around the patient origin; its edge is 2 mm wide.
+/// A ball of 300 HU and the backend's radius in air, in voxels of 1.5 mm around the patient origin; its edge is 2 mm wide.
 #[expect(clippy::cast_possible_truncation, reason = "within -1000 and 300")]
 fn ball() -> Volume {
-    let grid = Grid::axis_aligned([32; 3], [2.0; 3], [-31.0; 3]).unwrap();
-    let hu = (0..32 * 32 * 32u32).map(|at| {
-        let place = [at % 32, at / 32 % 32, at / 1024].map(|i| f64::from(i) * 2.0 - 31.0);
+    let (count, mm) = (44u32, 1.5);
+    let first = -f64::from(count - 1) / 2.0 * mm;
+    let grid = Grid::axis_aligned([count as usize; 3], [mm; 3], [first; 3]).unwrap();
+    let hu = (0..count.pow(3)).map(|at| {
+        let place = [at % count, at / count % count, at / count.pow(2)].map(|i| f64::from(i) * mm + first);
         let depth = SPHERE_MM - place.iter().map(|x| x * x).sum::<f64>().sqrt();
         (-350.0 + 1300.0 * (depth / 2.0).clamp(-0.5, 0.5)).round() as i16
     });

@@ -14,7 +14,7 @@
 //! | region, mesh | the surface, with its name | its outline in the slice |
 //!
 //! Missing and skipped items, and those that are hidden, are not drawn. Whatever a picture has no room for is counted, not
-//! forgotten in silence. Patient mm; depth is view depth in mm.
+//! forgotten in silence; names go before items. Patient mm; depth is view depth in mm.
 
 mod comfort;
 mod content;
@@ -85,6 +85,8 @@ pub struct Drawn {
     pub drawn: usize,
     /// Items that were not, since the picture has as many overlays as it may have.
     pub left_out: usize,
+    /// Items that were drawn without their names, since the picture has as many words as it may have. The first ones have theirs.
+    pub unlabelled: usize,
 }
 
 impl Drawables {
@@ -135,8 +137,13 @@ impl Drawables {
                 Some(cut) => item.in_slice(cut, &mut parts),
                 None => item.in_view(request.camera.eye(), &mut parts),
             }
+            let is_silent = !room.has_words_for(&parts);
+            if is_silent {
+                silence(&mut parts);
+            }
             if room.take(&parts) {
                 drawn.drawn += 1;
+                drawn.unlabelled += usize::from(is_silent);
                 overlays.items.append(&mut parts);
             } else {
                 drawn.left_out += 1;
@@ -283,6 +290,15 @@ fn usual_rgb(geometry: &Geometry) -> [f64; 3] {
     }
 }
 
+/// Takes the words away, and balls that are there for words alone.
+fn silence(parts: &mut Vec<OverlayItem>) {
+    parts.retain_mut(|part| {
+        let OverlayItem::Landmark(landmark) = part else { return true };
+        landmark.label = None;
+        landmark.radius != Radius::Px(ANCHOR_PX)
+    });
+}
+
 /// What a request has room for beside its own overlays.
 struct Room {
     items: usize,
@@ -305,8 +321,29 @@ impl Room {
         room
     }
 
+    /// Whether there is room for all words of these.
+    fn has_words_for(&self, parts: &[OverlayItem]) -> bool {
+        Self::of(parts).characters <= self.characters
+    }
+
     /// Takes the room of these; false where there is too little for all of them.
     fn take(&mut self, parts: &[OverlayItem]) -> bool {
+        let needed = Self::of(parts);
+        let left = |room: usize, needed: usize| room.checked_sub(needed);
+        let rest = (|| {
+            Some(Self {
+                items: left(self.items, needed.items)?,
+                points: left(self.points, needed.points)?,
+                vertices: left(self.vertices, needed.vertices)?,
+                triangles: left(self.triangles, needed.triangles)?,
+                characters: left(self.characters, needed.characters)?,
+            })
+        })();
+        rest.map(|rest| *self = rest).is_some()
+    }
+
+    /// The room that these need.
+    fn of(parts: &[OverlayItem]) -> Self {
         let mut needed = Self { items: parts.len(), points: 0, vertices: 0, triangles: 0, characters: 0 };
         for part in parts {
             match part {
@@ -322,16 +359,6 @@ impl Room {
                 OverlayItem::Line(_) => {}
             }
         }
-        let left = |room: usize, needed: usize| room.checked_sub(needed);
-        let rest = (|| {
-            Some(Self {
-                items: left(self.items, needed.items)?,
-                points: left(self.points, needed.points)?,
-                vertices: left(self.vertices, needed.vertices)?,
-                triangles: left(self.triangles, needed.triangles)?,
-                characters: left(self.characters, needed.characters)?,
-            })
-        })();
-        rest.map(|rest| *self = rest).is_some()
+        needed
     }
 }

@@ -73,7 +73,7 @@ fn items_are_drawn_with_their_measures_and_missing_ones_are_not() {
         skipped,
     ];
     let (request, drawn) = drawn(&items, &scene("{}"));
-    assert_eq!(drawn, Drawn { drawn: 5, left_out: 0 });
+    assert_eq!(drawn, Drawn { drawn: 5, left_out: 0, unlabelled: 0 });
     assert_eq!(labels(&request), ["nasion", "width 50.0 mm", "angle 90.0°", "rim 120.0 mm", "bone"]);
 }
 
@@ -125,8 +125,44 @@ fn what_has_no_room_is_counted() {
     let scene = scene("{}");
     let mut request = scene.request.clone();
     let drawn = drawables.draw(&mut request, &scene.display, &grid());
-    assert_eq!(drawn, Drawn { drawn: 13, left_out: 8 }, "12 of 16000 corners fit, and the point");
+    assert_eq!(
+        drawn,
+        Drawn { drawn: 13, left_out: 8, unlabelled: 0 },
+        "12 of 16000 corners fit, and the point"
+    );
     request.validate_on(&grid()).unwrap();
+}
+
+/// 1,500 names of 100 characters are more than a picture has room for: every item is drawn, the first thousand have their names.
+#[test]
+fn names_beyond_the_words_of_a_picture_leave_no_item_out() {
+    let name = |i: u16| format!("{i:04} {}", "x".repeat(95));
+    let places = (0..1500u16).map(|i| Point::new(f64::from(i % 40), f64::from(i / 40), 0.0));
+    let kinds = (0..1500u16).zip(places).map(|(i, at_mm)| {
+        let geometry = match i % 2 {
+            0 => Geometry::Point { at_mm },
+            _ => Geometry::Plane {
+                center_mm: at_mm,
+                normal: [0.0, 0.0, 1.0],
+                axis: [1.0, 0.0, 0.0],
+                size_mm: [5.0; 2],
+            },
+        };
+        item(&name(i), geometry)
+    });
+    let items: Vec<Item> = kinds.collect();
+    let (request, drawn) = drawn(&items, &scene("{}"));
+    assert_eq!(drawn, Drawn { drawn: 1500, left_out: 0, unlabelled: 500 });
+    let labels = labels(&request);
+    assert_eq!(labels.len(), 1000);
+    assert!((0u16..).zip(&labels).all(|(i, label)| *label == name(i)), "the first");
+    let overlays = &request.overlays.items;
+    let balls = overlays
+        .iter()
+        .filter(|item| matches!(item, OverlayItem::Landmark(ball) if ball.radius == Radius::Px(6.0)));
+    let curves = overlays.iter().filter(|item| matches!(item, OverlayItem::Curve(_)));
+    assert_eq!((balls.count(), curves.count()), (750, 750));
+    assert_eq!(overlays.len(), 2000, "a ball that carries a name goes with it");
 }
 
 /// The rule in numbers: between the depths that it gives, the parallax of the display is at most a stroke's width.

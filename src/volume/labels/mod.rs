@@ -7,6 +7,7 @@
 //! Spaces: voxel index and patient mm. A voxel belongs to one segment or to none; label 0 means none.
 
 mod bricks;
+mod layers;
 mod palette;
 
 use std::sync::OnceLock;
@@ -18,6 +19,7 @@ use super::{ContentHash, Grid};
 use crate::space::{Patient, Point};
 
 pub use bricks::BrickLabels;
+pub use layers::{Layers, LayersError};
 
 /// One structure of a label map.
 #[derive(Clone, Debug, PartialEq)]
