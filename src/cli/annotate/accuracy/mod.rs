@@ -34,6 +34,7 @@ The tremor's acceleration is the most common one of 97 people's hands (M. Wade, 
 Examples:
   relief annotate accuracy
   relief annotate accuracy --distance-mm 1500 --tremor-g 0.035 --json
+  relief annotate accuracy --seed 1,2,3,4,5 --repeats 10
   relief annotate accuracy --out results                  accuracy.svg and accuracy.png")]
 pub(super) struct Arguments {
     /// From the beacon to the remote
@@ -51,9 +52,9 @@ pub(super) struct Arguments {
     /// Voxels across the phantom
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(64..=512))]
     size: u32,
-    /// Seed of all that is random
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    /// Seed of all that is random; several, with commas between, tell how much is chance
+    #[arg(long = "seed", value_name = "N,..", default_value = "1", value_delimiter = ',')]
+    seeds: Vec<u64>,
     #[command(flatten)]
     adapter: AdapterArguments,
     /// Folder for a plot (SVG and PNG)
@@ -70,6 +71,7 @@ struct Report {
     distance_mm: f64,
     landmarks: usize,
     repeats: u32,
+    seeds: Vec<u64>,
     radius_mm: f64,
     tremor_g: f64,
     /// Landmarks that no standard view shows.
@@ -89,11 +91,17 @@ struct Way {
     /// `none`, `boundary` or `gradient`.
     snap: &'static str,
     median_mm: f64,
+    /// The medians of each seed alone.
+    medians_mm: Vec<f64>,
     p95_mm: f64,
     max_mm: f64,
     /// Placings where there was nothing under the cursor, or nothing to snap to: those keep their place where they have one.
     missed: usize,
+    /// Seed by seed, landmark by landmark.
     errors_mm: Vec<f64>,
+    /// Errors before those of the seed that is being placed.
+    #[serde(skip)]
+    before: usize,
 }
 
 fn gravities(text: &str) -> Result<f64, String> {
@@ -114,48 +122,33 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mut renderer = arguments.adapter.open_renderer_for(recipe.dims())?;
     let distance_mm = f64::from(arguments.distance_mm);
     let radius_mm = f64::from(arguments.radius_mm);
-    let count = phantom.truth.landmarks.len() * arguments.repeats as usize;
     let (names, options): (Vec<_>, Vec<_>) = mappings(distance_mm).into_iter().unzip();
-    let placer = hand::Placer { distance_mm, tremor_g: arguments.tremor_g, seed: arguments.seed };
-    let offsets = hand::place(placer, &options, count)?;
-    let mut ways: Vec<Way> = Vec::new();
-    for way in ["ray", "tip"] {
-        for (mapping, options) in names.iter().zip(&options) {
-            for snap in ["none", "boundary", "gradient"] {
-                let (median_mm, p95_mm, max_mm) = (f64::NAN, f64::NAN, f64::NAN);
-                let errors_mm = Vec::with_capacity(count);
-                let lever_mm = options.tip_mm;
-                ways.push(Way {
-                    way,
-                    mapping,
-                    lever_mm,
-                    snap,
-                    median_mm,
-                    p95_mm,
-                    max_mm,
-                    missed: 0,
-                    errors_mm,
-                });
+    let mut ways = Way::all(&names, &options);
+    let landmarks = &phantom.truth.landmarks;
+    let repeats = arguments.repeats as usize;
+    let mut hidden = Vec::new();
+    for &seed in &arguments.seeds {
+        let placer = hand::Placer { distance_mm, tremor_g: arguments.tremor_g, seed };
+        let offsets = hand::place(placer, &options, landmarks.len() * repeats)?;
+        for (at, landmark) in landmarks.iter().enumerate() {
+            let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark, seed ^ at as u64)
+                .with_context(|| format!("cannot show {}", landmark.name))?;
+            if !shown.is_seen && !hidden.contains(&at) {
+                hidden.push(at);
+            }
+            for offsets in &offsets[at * repeats..][..repeats] {
+                for way in &mut ways {
+                    let mapping = names.iter().position(|name| *name == way.mapping).unwrap_or_default();
+                    shown.place(&phantom.volume, offsets[mapping], radius_mm, way);
+                }
             }
         }
-    }
-    let mut hidden = 0;
-    for (at, landmark) in phantom.truth.landmarks.iter().enumerate() {
-        let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark, arguments.seed ^ at as u64)
-            .with_context(|| format!("cannot show {}", landmark.name))?;
-        hidden += usize::from(!shown.is_seen);
-        for repeat in 0..arguments.repeats as usize {
-            let offsets = &offsets[at * arguments.repeats as usize + repeat];
-            for way in &mut ways {
-                let mapping = names.iter().position(|name| *name == way.mapping).unwrap_or_default();
-                shown.place(&phantom.volume, offsets[mapping], radius_mm, way);
-            }
-        }
+        ways.iter_mut().for_each(Way::end_seed);
     }
     ways.iter_mut().for_each(Way::summarise);
-    let landmarks = phantom.truth.landmarks.len();
-    let (repeats, tremor_g) = (arguments.repeats, arguments.tremor_g);
-    let report = Report { distance_mm, landmarks, repeats, radius_mm, tremor_g, hidden, ways };
+    let (repeats, tremor_g, seeds) = (arguments.repeats, arguments.tremor_g, arguments.seeds.clone());
+    let (landmarks, hidden) = (landmarks.len(), hidden.len());
+    let report = Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, hidden, ways };
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let drawing = plot::draw(&report);
@@ -171,19 +164,56 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 }
 
 impl Way {
+    /// Every way, nothing placed yet.
+    fn all(names: &[&'static str], options: &[HandOptions]) -> Vec<Self> {
+        let mut ways = Vec::new();
+        for way in ["ray", "tip"] {
+            for (mapping, options) in names.iter().zip(options) {
+                for snap in ["none", "boundary", "gradient"] {
+                    ways.push(Self {
+                        way,
+                        mapping,
+                        lever_mm: options.tip_mm,
+                        snap,
+                        median_mm: f64::NAN,
+                        medians_mm: Vec::new(),
+                        p95_mm: f64::NAN,
+                        max_mm: f64::NAN,
+                        missed: 0,
+                        errors_mm: Vec::new(),
+                        before: 0,
+                    });
+                }
+            }
+        }
+        ways
+    }
+
+    /// The errors that came since this was called last are those of one seed.
+    fn end_seed(&mut self) {
+        self.medians_mm.push(quantile(&self.errors_mm[self.before..], 0.5));
+        self.before = self.errors_mm.len();
+    }
+
     fn summarise(&mut self) {
-        let mut sorted = self.errors_mm.clone();
-        sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied();
-        let at = |share: f64| at(share).unwrap_or(f64::NAN);
-        (self.median_mm, self.p95_mm, self.max_mm) = (at(0.5), at(0.95), at(1.0));
+        [self.median_mm, self.p95_mm, self.max_mm] =
+            [0.5, 0.95, 1.0].map(|share| quantile(&self.errors_mm, share));
     }
 }
 
+/// The error that this share of all is no larger than.
+fn quantile(errors_mm: &[f64], share: f64) -> f64 {
+    let mut sorted = errors_mm.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = ((sorted.len() as f64 - 1.0) * share).round();
+    sorted.get(at as usize).copied().unwrap_or(f64::NAN)
+}
+
 fn print(report: &Report) {
-    let Report { distance_mm, landmarks, repeats, radius_mm, tremor_g, hidden, ways } = report;
+    let Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, hidden, ways } = report;
     say!(
-        "{landmarks} landmarks of the head, {repeats} times each, with a remote {distance_mm:.0} mm before the beacon; a tremor of {tremor_g} g;"
+        "{landmarks} landmarks of the head, {repeats} times each for each of {} seeds, with a remote {distance_mm:.0} mm before the beacon; a tremor of {tremor_g} g;",
+        seeds.len()
     );
     say!("snapping within {radius_mm} mm; {hidden} landmarks are hidden in all six standard views.\n");
     say!(
