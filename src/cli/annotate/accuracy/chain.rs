@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::Way;
 use crate::camera::{Camera, Orbit, Projection};
 use crate::placing::{Snap, Target, snap};
-use crate::render::{RenderRequest, RenderedFrame, Renderer, SceneFile};
+use crate::render::{ClipPlane, RenderRequest, RenderedFrame, Renderer, SceneFile};
 use crate::space::{Patient, Point, Vector, View};
 use crate::tracking::solve::random::Random;
 use crate::volume::Volume;
@@ -20,6 +20,9 @@ const EYE_MM: f64 = 600.0;
 /// A view shows a landmark where its picture is no farther from it than this, mm.
 const SEEN_MM: f64 = 3.0;
 
+/// What hides a landmark is cut away, as the remote's cross does, to so far before it, mm: nobody cuts to the millimetre.
+const CUT_MM: [f64; 2] = [1.0, 3.0];
+
 /// The landmark is somewhere in the picture: so far from its middle at most, along each axis, mm.
 const ASIDE_MM: f64 = 40.0;
 
@@ -30,11 +33,23 @@ const STANDARD: [DVec3; 6] = [DVec3::NEG_Y, DVec3::Y, DVec3::X, DVec3::NEG_X, DV
 pub(super) struct Shown {
     frame: RenderedFrame,
     truth: Point<Patient>,
-    pub(super) is_seen: bool,
+    pub(super) sight: Sight,
+}
+
+/// How a landmark comes into view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Sight {
+    /// As it is.
+    Plain,
+    /// With what lies before it cut away.
+    Cut,
+    /// Not at all: what is before it is placed on.
+    Hidden,
 }
 
 impl Shown {
-    /// The nearest of the standard views in which the landmark is seen, or else the nearest, with the preset that shows its tissue.
+    /// The nearest of the standard views in which the landmark is seen, with the preset that shows its tissue; where there is none, the
+    /// nearest in which it is seen once the clip plane has cut away what lies before it; or else the nearest.
     ///
     /// # Errors
     /// When a picture cannot be rendered.
@@ -42,7 +57,7 @@ impl Shown {
         renderer: &mut Renderer,
         volume: &Volume,
         landmark: &Landmark,
-        seed: u64,
+        (seed, cuts): (u64, bool),
     ) -> anyhow::Result<Self> {
         let truth = Point::from_xyz(landmark.position_mm.into());
         let outward = DVec3::from(landmark.outward);
@@ -53,14 +68,22 @@ impl Shown {
         views.sort_by(|a, b| outward.dot(*b).total_cmp(&outward.dot(*a)));
         let mut random = Random::new(seed);
         let mut nearest = None;
-        for toward_eye in views {
-            let aside = [0; 2].map(|_| random.between(-ASIDE_MM, ASIDE_MM));
-            let seen = RenderRequest { camera: camera(truth, toward_eye, aside)?, ..request.clone() };
-            let shown = Self { frame: renderer.render(volume, &seen)?, truth, is_seen: true };
-            if shown.pick(truth).is_some_and(|at| at.distance(truth) < SEEN_MM) {
-                return Ok(shown);
+        let sights: &[Sight] = if cuts { &[Sight::Plain, Sight::Cut] } else { &[Sight::Plain] };
+        for &sight in sights {
+            for toward_eye in views {
+                let aside = [0; 2].map(|_| random.between(-ASIDE_MM, ASIDE_MM));
+                let mut seen = RenderRequest { camera: camera(truth, toward_eye, aside)?, ..request.clone() };
+                if sight == Sight::Cut {
+                    let before = toward_eye * random.between(CUT_MM[0], CUT_MM[1]);
+                    let point = truth + Vector::from_xyz(before);
+                    seen.clip.planes.push(ClipPlane { point, normal: Vector::from_xyz(-toward_eye) });
+                }
+                let shown = Self { frame: renderer.render(volume, &seen)?, truth, sight };
+                if shown.pick(truth).is_some_and(|at| at.distance(truth) < SEEN_MM) {
+                    return Ok(shown);
+                }
+                nearest = nearest.or(Some(Self { sight: Sight::Hidden, ..shown }));
             }
-            nearest = nearest.or(Some(Self { is_seen: false, ..shown }));
         }
         nearest.context("no view was tried")
     }

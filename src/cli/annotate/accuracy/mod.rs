@@ -4,11 +4,13 @@ mod chain;
 mod hand;
 mod plot;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
 
+use self::chain::Sight;
 use crate::cli::adapter::AdapterArguments;
 use crate::cli::output::{print_json, say, write_whole};
 use crate::interaction::HandOptions;
@@ -23,7 +25,8 @@ use crate::volume::phantom::{Kind, Recipe};
 #[command(after_help = "\
 Ways: `tip` sets the landmark down at the cursor in free space, and snapping goes to the nearest boundary or edge; `ray` picks what the
 frame shows under the cursor, and snapping goes along the viewing ray. Each landmark is looked at from the nearest of the six standard
-views in which it is seen, or else from the nearest. A boundary's level is the program's own, from the voxels around.
+views in which it is seen; where something hides it in all six, the clip plane cuts that away, to 1 to 3 mm before the landmark. With
+--no-cut nobody cuts, and rays meet what lies before it. A boundary's level is the program's own, from the voxels around.
 
 Mappings: `default` is what a session begins with (while A is held, a quarter of the way of the hand's mean); `direct` is the same
 without that; `lever` is direct with a tip as far before the remote as the beacon is.
@@ -52,6 +55,9 @@ pub(super) struct Arguments {
     /// Voxels across the phantom
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(64..=512))]
     size: u32,
+    /// Leave what hides a landmark where it is
+    #[arg(long)]
+    no_cut: bool,
     /// Seed of all that is random; several, with commas between, tell how much is chance
     #[arg(long = "seed", value_name = "N,..", default_value = "1", value_delimiter = ',')]
     seeds: Vec<u64>,
@@ -74,7 +80,9 @@ struct Report {
     seeds: Vec<u64>,
     radius_mm: f64,
     tremor_g: f64,
-    /// Landmarks that no standard view shows.
+    /// Landmarks that no standard view shows but with what lies before them cut away.
+    cut: usize,
+    /// Landmarks that no view shows.
     hidden: usize,
     ways: Vec<Way>,
 }
@@ -126,16 +134,20 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mut ways = Way::all(&names, &options);
     let landmarks = &phantom.truth.landmarks;
     let repeats = arguments.repeats as usize;
-    let mut hidden = Vec::new();
+    let (mut cut, mut hidden) = (BTreeSet::new(), BTreeSet::new());
     for &seed in &arguments.seeds {
         let placer = hand::Placer { distance_mm, tremor_g: arguments.tremor_g, seed };
         let offsets = hand::place(placer, &options, landmarks.len() * repeats)?;
         for (at, landmark) in landmarks.iter().enumerate() {
-            let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark, seed ^ at as u64)
+            let cuts = !arguments.no_cut;
+            let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark, (seed ^ at as u64, cuts))
                 .with_context(|| format!("cannot show {}", landmark.name))?;
-            if !shown.is_seen && !hidden.contains(&at) {
-                hidden.push(at);
-            }
+            let told = match shown.sight {
+                Sight::Plain => None,
+                Sight::Cut => Some(&mut cut),
+                Sight::Hidden => Some(&mut hidden),
+            };
+            told.map(|landmarks| landmarks.insert(at));
             for offsets in &offsets[at * repeats..][..repeats] {
                 for way in &mut ways {
                     let mapping = names.iter().position(|name| *name == way.mapping).unwrap_or_default();
@@ -147,8 +159,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     }
     ways.iter_mut().for_each(Way::summarise);
     let (repeats, tremor_g, seeds) = (arguments.repeats, arguments.tremor_g, arguments.seeds.clone());
-    let (landmarks, hidden) = (landmarks.len(), hidden.len());
-    let report = Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, hidden, ways };
+    let (landmarks, cut, hidden) = (landmarks.len(), cut.len(), hidden.len());
+    let report = Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, cut, hidden, ways };
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let drawing = plot::draw(&report);
@@ -210,12 +222,14 @@ fn quantile(errors_mm: &[f64], share: f64) -> f64 {
 }
 
 fn print(report: &Report) {
-    let Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, hidden, ways } = report;
+    let Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, cut, hidden, ways } = report;
     say!(
         "{landmarks} landmarks of the head, {repeats} times each for each of {} seeds, with a remote {distance_mm:.0} mm before the beacon; a tremor of {tremor_g} g;",
         seeds.len()
     );
-    say!("snapping within {radius_mm} mm; {hidden} landmarks are hidden in all six standard views.\n");
+    say!(
+        "snapping within {radius_mm} mm; of {cut} landmarks what hides them in all standard views is cut away, {hidden} stay hidden.\n"
+    );
     say!(
         "{:6}{:10}{:>10}  {:10}{:>10}{:>10}{:>10}{:>8}",
         "way",
