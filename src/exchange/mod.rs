@@ -130,7 +130,7 @@ pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Resu
             bytes
         }),
         Format::Seg | Format::SegNrrd | Format::Nifti => {
-            let (maps, ids, lost) = regions::join(format, &kept, context)?;
+            let regions::ToWrite { maps, items: ids, lost } = regions::join(format, &kept, context)?;
             left_out.extend(lost);
             kept.retain(|item| ids.contains(&item.id));
             count = kept.len();

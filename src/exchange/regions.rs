@@ -101,6 +101,16 @@ fn file_of<T>(
     read(file.path()).map_err(|error| failed(format, &error))
 }
 
+/// What a file is made of.
+pub(super) struct ToWrite {
+    /// Layers; one at least.
+    pub(super) maps: Vec<LabelMap>,
+    /// The items of the labels, from 1.
+    pub(super) items: Vec<ItemId>,
+    /// What was lost on the way.
+    pub(super) lost: Vec<LeftOut>,
+}
+
 /// The layers of all regions, on the grid wanted or else that of the first of them; the items of its labels from 1; and what was
 /// lost on the way. NIfTI has one layer.
 ///
@@ -110,7 +120,7 @@ pub(super) fn join(
     format: Format,
     items: &[&Item],
     context: &WriteContext<'_>,
-) -> Result<(Vec<LabelMap>, Vec<ItemId>, Vec<LeftOut>), ExchangeError> {
+) -> Result<ToWrite, ExchangeError> {
     let mut joined: Option<Joined> = None;
     let mut maps = BTreeMap::new();
     for item in items {
@@ -139,7 +149,7 @@ pub(super) fn join(
         let why = "no region lies on the voxels of the map".to_owned();
         return Err(ExchangeError::Nothing { format, why });
     }
-    Ok((maps, items, lost))
+    Ok(ToWrite { maps, items, lost })
 }
 
 pub(super) fn no_content(format: Format, id: ItemId) -> ExchangeError {
