@@ -25,8 +25,8 @@ use crate::volume::phantom::{Kind, Recipe};
 #[command(after_help = "\
 Ways: `tip` sets the landmark down at the cursor in free space, and snapping goes to the nearest boundary or edge; `ray` picks what the
 frame shows under the cursor, and snapping goes along the viewing ray. Each landmark is looked at from the nearest of the six standard
-views in which it is seen; where something hides it in all six, the clip plane cuts that away, to 1 to 3 mm before the landmark. With
---no-cut nobody cuts, and rays meet what lies before it. A boundary's level is the program's own, from the voxels around.
+views in which it is seen. Where something hides it in all six, rays meet what lies before it; with --cut the clip plane cuts that away,
+to 1 to 3 mm before the landmark. A boundary's level is the program's own, from the voxels around.
 
 Mappings: `default` is what a session begins with (while A is held, a quarter of the way of the hand's mean); `direct` is the same
 without that; `lever` is direct with a tip as far before the remote as the beacon is.
@@ -55,9 +55,9 @@ pub(super) struct Arguments {
     /// Voxels across the phantom
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(64..=512))]
     size: u32,
-    /// Leave what hides a landmark where it is
+    /// Cut away what hides a landmark in all views
     #[arg(long)]
-    no_cut: bool,
+    cut: bool,
     /// Seed of all that is random; several, with commas between, tell how much is chance
     #[arg(long = "seed", value_name = "N,..", default_value = "1", value_delimiter = ',')]
     seeds: Vec<u64>,
@@ -139,7 +139,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         let placer = hand::Placer { distance_mm, tremor_g: arguments.tremor_g, seed };
         let offsets = hand::place(placer, &options, landmarks.len() * repeats)?;
         for (at, landmark) in landmarks.iter().enumerate() {
-            let cuts = !arguments.no_cut;
+            let cuts = arguments.cut;
             let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark, (seed ^ at as u64, cuts))
                 .with_context(|| format!("cannot show {}", landmark.name))?;
             let told = match shown.sight {
