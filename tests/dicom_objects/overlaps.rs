@@ -95,7 +95,6 @@ fn same_voxels(found: &str, maps: &[LabelMap]) {
         assert_eq!((at.len() as u64, own.len() as u64), (voxels, voxels), "{name}");
         assert!(apart(&at, &own) < 1e-6, "{name}");
     }
-    println!("{} segments of highdicom with the same voxels", found.len());
 }
 
 #[test]

@@ -190,6 +190,5 @@ async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
     };
     let at = xyz(&message["snapped"]["at_mm"]);
     assert!((length(at) - SPHERE_MM).abs() < 0.3, "{at:?}");
-    println!("{without:.0} pictures a second, {with:.0} with snapping");
     assert!(with > 0.6 * without, "{with} pictures a second with snapping, {without} without");
 }
