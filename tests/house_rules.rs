@@ -42,6 +42,7 @@ rules! {
     root_documents_are_there,
     readme_knows_every_subcommand,
     invariants_name_tests,
+    pages_export_what_is_imported,
 }
 
 #[test]
@@ -86,6 +87,16 @@ fn rules_about_files_find_what_breaks_them() {
     let stage = ("shaders/a.wgsl", "fn f() { g(); }");
     keeps(rule::shaders_parse, &[stage, ("shaders/a/b.wgsl", "fn g() {}"), ("shaders/c.wgsl", "fn g() {}")]);
     breaks(rule::shaders_parse, &[stage, ("shaders/b/b.wgsl", "fn g() {}")]);
+    let page = ("src/server/page/a.js", "export function f() {}\nexport const K = 1;\n");
+    breaks(rule::pages_export_what_is_imported, &[page]);
+    breaks(
+        rule::pages_export_what_is_imported,
+        &[page, ("src/server/page/b.js", "import { f } from \"./a.js\";")],
+    );
+    keeps(
+        rule::pages_export_what_is_imported,
+        &[page, ("src/server/page/b.js", "import { f,\n  K as k } from \"./a.js\";")],
+    );
 }
 
 #[test]
@@ -338,6 +349,25 @@ mod rule {
             found.extend(missing.map(|keeper| format!("ARCHITECTURE.md: there is no test {keeper}")));
         }
         found
+    }
+
+    /// What no other module of the pages asks for is a module's own.
+    pub(super) fn pages_export_what_is_imported(files: &[File]) -> Vec<String> {
+        let is_script = |file: &&File| matches!(extension(&file.path), "js" | "mjs");
+        let scripts = files.iter().filter(is_script);
+        let imported: std::collections::HashSet<&str> = scripts
+            .flat_map(|file| file.text.split("import {").skip(1))
+            .flat_map(|names| names.split('}').next().unwrap_or_default().split(','))
+            .filter_map(|name| name.split_whitespace().next())
+            .collect();
+        complaints(files, |file, line| {
+            let of_page = file.path.starts_with("src/server/page/") && extension(&file.path) == "js";
+            let declared = line.strip_prefix("export ").filter(|_| of_page)?;
+            let mut words = declared.split(|c: char| !(c.is_alphanumeric() || "_$".contains(c)));
+            let kind = words.find(|word| ["function", "const", "class", "let"].contains(word))?;
+            let name = words.find(|word| !word.is_empty())?;
+            (!imported.contains(name)).then(|| format!("no page imports the {kind} {name}"))
+        })
     }
 
     /// The items of the list, each on one line.

@@ -5,6 +5,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 mod common;
+#[path = "dicom/made.rs"]
 mod dicom_made;
 
 use std::process::Command;

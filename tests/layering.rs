@@ -387,9 +387,8 @@ struct Token {
 /// names.
 fn tokens(source: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
-    let mut rest = source;
+    let (mut rest, mut line) = (source, 1);
     while let Some(first) = rest.chars().next() {
-        let line = 1 + source[..source.len() - rest.len()].matches('\n').count();
         let (text, length) = if let Some(length) = skipped_length(rest) {
             ("", length)
         } else if first.is_alphanumeric() || first == '_' {
@@ -403,6 +402,7 @@ fn tokens(source: &str) -> Vec<Token> {
         if !text.is_empty() {
             tokens.push(Token { text: text.to_owned(), line });
         }
+        line += rest[..length].matches('\n').count();
         rest = &rest[length..];
     }
     tokens

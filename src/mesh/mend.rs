@@ -6,7 +6,7 @@
 //! triangles make several rounds by these pairs becomes several corners, in one place. An edge whose pairs still have both
 //! corners in common gets a corner in its middle for each pair but one.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
 
@@ -27,7 +27,7 @@ impl TriangleMesh {
         self.drop_back_to_back(&bad);
         let bad = self.bad_corners();
         let near: Vec<usize> = (0..self.triangles.len())
-            .filter(|at| self.triangles[*at].iter().any(|corner| bad.contains_key(corner)))
+            .filter(|at| self.triangles[*at].iter().any(|corner| bad.contains(corner)))
             .collect();
         let pairs = self.pairs(&near);
         self.cut(&bad, &near, &pairs);
@@ -35,20 +35,20 @@ impl TriangleMesh {
     }
 
     /// Corners that are not surrounded by one round of triangles.
-    fn bad_corners(&self) -> BTreeMap<u32, ()> {
+    fn bad_corners(&self) -> BTreeSet<u32> {
         use rayon::prelude::*;
         let fans = Fans::new(self);
         let is_bad = |corner: &usize| matches!(fans.kind(*corner), Fan::Open | Fan::Pinched);
         let found: Vec<usize> = (0..fans.len()).into_par_iter().filter(is_bad).collect();
-        found.into_iter().map(|corner| (corner as u32, ())).collect()
+        found.into_iter().map(|corner| corner as u32).collect()
     }
 
     /// Takes out pairs of triangles with the same corners in opposite order.
-    fn drop_back_to_back(&mut self, bad: &BTreeMap<u32, ()>) {
+    fn drop_back_to_back(&mut self, bad: &BTreeSet<u32>) {
         let mut open: HashMap<([u32; 3], bool), Vec<usize>> = HashMap::new();
         let mut gone = vec![false; self.triangles.len()];
         for (at, corners) in self.triangles.iter().enumerate() {
-            if !corners.iter().all(|corner| bad.contains_key(corner)) {
+            if !corners.iter().all(|corner| bad.contains(corner)) {
                 continue;
             }
             let mut sorted = *corners;
@@ -114,28 +114,30 @@ impl TriangleMesh {
     }
 
     /// Gives every round of triangles about a corner a corner of its own.
-    fn cut(&mut self, bad: &BTreeMap<u32, ()>, near: &[usize], pairs: &BTreeMap<Side, Side>) {
+    fn cut(&mut self, bad: &BTreeSet<u32>, near: &[usize], pairs: &BTreeMap<Side, Side>) {
         let mut seen: BTreeMap<u32, Vec<Side>> = BTreeMap::new();
         for &at in near {
             for n in 0..3 {
-                if bad.contains_key(&self.triangles[at][n]) {
+                if bad.contains(&self.triangles[at][n]) {
                     seen.entry(self.triangles[at][n]).or_default().push((at, n));
                 }
             }
         }
         let mut changes = Vec::new();
         for (corner, own) in seen {
-            let mut done = std::collections::BTreeSet::new();
-            let mut copy = None;
+            let mut done = BTreeSet::new();
+            let mut is_given = false;
             for start in own {
                 if done.contains(&start) {
                     continue;
                 }
-                let number = copy.map_or(corner, |_: ()| {
+                let number = if is_given {
                     self.vertices.push(self.vertices[corner as usize]);
                     self.vertices.len() as u32 - 1
-                });
-                copy = Some(());
+                } else {
+                    corner
+                };
+                is_given = true;
                 // Over the side that begins at the corner to the next triangle, until round.
                 let mut at = start;
                 while done.insert(at) {

@@ -15,7 +15,7 @@ impl Store {
     /// [`StoreError::NothingToUndo`], and [`StoreError::Conflict`] where an item is not as the edit left it: somebody else has
     /// changed it since.
     pub async fn undo(&self, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
-        self.step(Kind::Undo, author, reason).await
+        self.undo_if(author, reason, |_| Ok(())).await
     }
 
     /// Makes the edit again that the author took back last. There is none after a new edit.
@@ -23,36 +23,65 @@ impl Store {
     /// # Errors
     /// [`StoreError::NothingToRedo`], and [`StoreError::Conflict`] where an item is not as it was before the edit.
     pub async fn redo(&self, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
-        self.step(Kind::Redo, author, reason).await
+        self.redo_if(author, reason, |_| Ok(())).await
     }
 
-    async fn step(&self, kind: Kind, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
-        Edit::check_words(author, reason)?;
+    /// The same as [`Self::undo`], where every item of the edit may be changed: as it was before the edit, as the edit left it, and as it
+    /// is now.
+    ///
+    /// # Errors
+    /// Those of [`Self::undo`], and whatever `may` says: nothing has changed then.
+    pub async fn undo_if<E: From<StoreError>>(
+        &self,
+        author: &str,
+        reason: &str,
+        may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
+    ) -> Result<Vec<Event>, E> {
+        self.step(Kind::Undo, (author, reason), may).await
+    }
+
+    /// The same as [`Self::redo`], where every item of the edit may be changed.
+    ///
+    /// # Errors
+    /// Those of [`Self::redo`], and whatever `may` says: nothing has changed then.
+    pub async fn redo_if<E: From<StoreError>>(
+        &self,
+        author: &str,
+        reason: &str,
+        may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
+    ) -> Result<Vec<Event>, E> {
+        self.step(Kind::Redo, (author, reason), may).await
+    }
+
+    async fn step<E: From<StoreError>>(
+        &self,
+        kind: Kind,
+        (author, reason): (&str, &str),
+        may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
+    ) -> Result<Vec<Event>, E> {
+        Edit::check_words(author, reason).map_err(StoreError::from)?;
         let mut transaction = self.begin_write().await?;
-        // Those taken back are all newer than those that stand: the lines of both meet between the newest and the oldest.
-        let (find, becomes, nothing) = if kind == Kind::Undo {
-            let find = "SELECT coalesce(max(edit), 0) FROM edits WHERE author = $1 AND state = 'done'";
-            (find, "undone", StoreError::NothingToUndo)
-        } else {
-            let find = "SELECT coalesce(min(edit), 0) FROM edits WHERE author = $1 AND state = 'undone'";
-            (find, "done", StoreError::NothingToRedo)
-        };
-        let found = sqlx::query(find).bind(author).fetch_one(&mut *transaction).await?;
-        let target = unsigned(&found, 0)?;
-        if target == 0 {
-            return Err(nothing);
+        let (target, made) = next_step(&mut transaction, kind, author).await?;
+        for Made { event, before, now, .. } in &made {
+            event.item.iter().chain(before).chain(now).try_for_each(&may)?;
         }
-        let mut made = events_of(&mut transaction, target).await?;
-        if kind == Kind::Undo {
-            made.reverse();
-        }
+        Ok(self.take_step(transaction, (kind, target), (author, reason), made).await?)
+    }
+
+    async fn take_step(
+        &self,
+        mut transaction: Transaction<'static, Any>,
+        (kind, target): (Kind, u64),
+        (author, reason): (&str, &str),
+        made: Vec<Made>,
+    ) -> Result<Vec<Event>, StoreError> {
         let mut writing = Writing::begin(&mut transaction, kind, Some(target), (author, reason)).await?;
-        for event in made {
-            restore(&mut writing, kind, event, author).await?;
+        for made in made {
+            restore(&mut writing, kind, made, author).await?;
         }
         let events = writing.finish();
         sqlx::query("UPDATE edits SET state = $1 WHERE edit = $2")
-            .bind(becomes)
+            .bind(if kind == Kind::Undo { "undone" } else { "done" })
             .bind(signed(target))
             .execute(&mut *transaction)
             .await?;
@@ -62,14 +91,55 @@ impl Store {
     }
 }
 
-/// Brings one item from one side of an edit's event to the other.
-async fn restore(writing: &mut Writing<'_>, kind: Kind, made: Event, author: &str) -> Result<(), StoreError> {
-    let id = made.id;
-    let before = state(writing.transaction, id, made.version - 1).await?;
-    let (from, to) = if kind == Kind::Undo { (made.item, before) } else { (before, made.item) };
-    let Some((version, now)) = current(writing.transaction, id).await? else {
-        return Err(StoreError::Damaged(format!("item {id} has events and no state")));
+/// An event of an edit.
+struct Made {
+    event: Event,
+    /// The item before it; `None` where there was none.
+    before: Option<Item>,
+    /// The item as it is now; `None` where it is gone.
+    now: Option<Item>,
+    version: u64,
+}
+
+/// The edit that a step of an author concerns: its number, and its events in the order of the step.
+async fn next_step(
+    transaction: &mut Transaction<'_, Any>,
+    kind: Kind,
+    author: &str,
+) -> Result<(u64, Vec<Made>), StoreError> {
+    // Those taken back are all newer than those that stand: the lines of both meet between the newest and the oldest.
+    let (find, nothing) = if kind == Kind::Undo {
+        let find = "SELECT coalesce(max(edit), 0) FROM edits WHERE author = $1 AND state = 'done'";
+        (find, StoreError::NothingToUndo)
+    } else {
+        let find = "SELECT coalesce(min(edit), 0) FROM edits WHERE author = $1 AND state = 'undone'";
+        (find, StoreError::NothingToRedo)
     };
+    let found = sqlx::query(find).bind(author).fetch_one(&mut **transaction).await?;
+    let target = unsigned(&found, 0)?;
+    if target == 0 {
+        return Err(nothing);
+    }
+    let mut made = Vec::new();
+    for event in events_of(transaction, target).await? {
+        let id = event.id;
+        let before = state(transaction, id, event.version - 1).await?;
+        let Some((version, now)) = current(transaction, id).await? else {
+            return Err(StoreError::Damaged(format!("item {id} has events and no state")));
+        };
+        made.push(Made { event, before, now, version });
+    }
+    if kind == Kind::Undo {
+        made.reverse();
+    }
+    Ok((target, made))
+}
+
+/// Brings one item from one side of an edit's event to the other.
+async fn restore(writing: &mut Writing<'_>, kind: Kind, made: Made, author: &str) -> Result<(), StoreError> {
+    let Made { event, before, now, version } = made;
+    let id = event.id;
+    let (from, to) = if kind == Kind::Undo { (event.item, before) } else { (before, event.item) };
     if now != from {
         let expected = own_version(writing.transaction, id, author).await?;
         return Err(StoreError::Conflict {

@@ -6,7 +6,7 @@ use axum::http::Method;
 use serde_json::{Value, json};
 
 use crate::annotations::point;
-use crate::live_stage::{Client, Running, intent, orbit};
+use crate::live_stage::{Came, Client, Running, intent, orbit};
 
 /// The next message with events.
 async fn told(client: &mut Client) -> Value {
@@ -293,6 +293,92 @@ async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
     anna.send(&lead(20, [9.0, 2.0, 3.0])).await;
     anna.send(&phase(21, "take")).await;
     assert_eq!(next(&mut anna).await["id"], Value::Null, "something new");
+}
+
+#[tokio::test]
+async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
+    let running = Running::annotated().await;
+    let zip = crate::uploads::series_zip(9);
+    let other = running.stage.post("/v1/volumes", "application/zip", zip).await.json()["id"].clone();
+    let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
+    let (mut ben, _) = running.hello(json!({ "view": "theatre", "author": "ben" })).await;
+    assert_eq!(
+        (next(&mut anna).await["name"].clone(), next(&mut ben).await["name"].clone()),
+        (json!("1"), json!("1"))
+    );
+    place(&mut anna, 1, [1.0, 2.0, 3.0]).await;
+    let (event, _) = made(&mut anna).await;
+    let id = event["id"].clone();
+    let take = |seq: u64| [lead(seq, [1.0, 2.0, 3.0]), phase(seq + 1, "take")];
+    let commit = |seq: u64| [lead(seq, [11.0, 2.0, 3.0]), phase(seq + 1, "commit")];
+    // Other sets are drawn: what is in the hand stays where it was.
+    for message in take(10) {
+        anna.send(&message).await;
+    }
+    while next(&mut anna).await["id"] != id {}
+    ben.send(&json!({ "type": "settings", "annotations": true })).await;
+    assert_eq!(next(&mut ben).await["id"], Value::Null, "ben holds nothing");
+    for message in commit(20) {
+        anna.send(&message).await;
+    }
+    assert_eq!(next(&mut anna).await["id"], Value::Null);
+    let labels = running.stage.gate.labels();
+    assert!(
+        labels.iter().filter(|label| *label == "1").count() <= 1,
+        "nothing goes with the cursor: {labels:?}"
+    );
+    // Another volume is shown: likewise.
+    for message in take(30) {
+        anna.send(&message).await;
+    }
+    while next(&mut anna).await["id"] != id {}
+    ben.send(&json!({ "type": "settings", "volume": other })).await;
+    while ben.event("state").await["volume"] != other {}
+    for message in commit(40) {
+        anna.send(&message).await;
+    }
+    assert_eq!(next(&mut anna).await["id"], Value::Null);
+    // Nothing has happened but what comes now, and it happens there.
+    place(&mut anna, 50, [4.0, 4.0, 4.0]).await;
+    let (event, _) = made(&mut anna).await;
+    assert_eq!((&event["seq"], &event["version"]), (&json!(2), &json!(1)));
+    let here = running.stage.annotate(Method::GET, "", "", Value::Null).await.json();
+    assert_eq!(here["items"].as_array().unwrap().len(), 1);
+    assert_eq!(here["items"][0]["item"]["geometry"]["at_mm"], json!([1.0, 2.0, 3.0]));
+}
+
+/// A hand lets go of A and asks for a preset in one message: the one happens, the other is refused.
+#[tokio::test]
+async fn what_was_wished_before_a_refused_wish_has_happened() {
+    let running = Running::annotated().await;
+    let mut hello = annotating("theatre", "anna", "s");
+    // The preset before this one is a projection, which is never pre-integrated.
+    hello["settings"]["preset"] = "x-ray".into();
+    hello["settings"]["scene"] = json!({ "classification": "pre-integrated" });
+    let (mut anna, _) = running.hello(hello).await;
+    let pose = |seq: u64, buttons: Value| {
+        json!({ "type": "pose", "seq": seq, "t_ns": seq * 20_000_000, "state": "tracking",
+            "position_mm": [12.5, -30, 1480], "orientation_xyzw": [0, 0, 0, 1], "buttons": buttons })
+    };
+    for (seq, buttons) in [(1, json!([])), (2, json!(["a"])), (3, json!(["left"]))] {
+        anna.send(&pose(seq, buttons)).await;
+    }
+    let (mut placed, mut refused) = (Value::Null, Value::Null);
+    let until = std::time::Instant::now() + crate::live_stage::PATIENCE;
+    while placed.is_null() || refused.is_null() {
+        assert!(std::time::Instant::now() < until, "{placed} {refused}");
+        match anna.next().await {
+            Came::Text(message) if message["type"] == "error" => refused = message["problem"].clone(),
+            Came::Text(message) if message["type"] == "annotations" && message["events"][0].is_object() => {
+                placed = message["events"][0].clone();
+            }
+            Came::Frame(frame) => anna.ack(&frame).await,
+            Came::Text(_) => {}
+            Came::Closed(code) => panic!("closed with {code:?}"),
+        }
+    }
+    assert_eq!((&placed["item"]["name"], &placed["version"]), (&json!("1"), &json!(1)));
+    assert_eq!(refused["path"], "classification", "{refused}");
 }
 
 #[tokio::test]

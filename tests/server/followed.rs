@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use axum::http::Method;
 use serde_json::{Value, json};
-use sqlx::Executor;
+use sqlx::{AssertSqlSafe, Executor, Row};
+use tokio::time::timeout;
 
 use crate::annotations::point;
 use crate::live_stage::{Client, PATIENCE, Running, intent};
@@ -120,20 +121,66 @@ async fn edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_l
         let expected: Vec<u64> = (1..=2 * EACH).collect();
         assert_eq!(seen, expected);
     }
+    // Both know the same items, whoever made them: one adds the other's to what it knew.
+    let [a, b] = &pair;
+    let items =
+        async |running: &Running| running.stage.annotate(Method::GET, "", "", Value::Null).await.json();
+    let known = items(a).await;
+    assert_eq!(known["items"].as_array().unwrap().len(), 2 * EACH as usize);
+    assert_eq!(known, items(b).await);
+}
+
+/// A request may be the first to see that somebody made a set blinded at the other server, before word of it has come here: the
+/// picture lets go of it all the same.
+async fn a_set_that_a_request_sees_first_is_drawn_as_it_is(place: &str) {
+    let [a, b] = pair(place).await;
+    let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
+    a.stage.create("anna", json!([point("nasion", [0.0; 3])])).await;
+    for is_blinded in [true, false] {
+        // What was read of the sets is old by then, and is asked for anew by the next request; and what was to be drawn is drawn.
+        while let Ok(frame) = timeout(Duration::from_millis(1100), anna.frame()).await {
+            anna.ack(&frame).await;
+        }
+        let set = json!({ "reader": "ben", "blinded": is_blinded });
+        b.stage.annotate(Method::PUT, "/sets/default", "ben", set).await;
+        let list = a.stage.annotate(Method::GET, "", "cleo", Value::Null).await.json();
+        assert_eq!(list["items"].as_array().unwrap().is_empty(), is_blinded);
+        let frame = timeout(PATIENCE, anna.frame()).await.expect("another picture");
+        anna.ack(&frame).await;
+    }
+}
+
+/// Longer than what is read of the log at a time, an edit is told in one message.
+async fn an_edit_of_many_items_is_told_as_one(place: &str) {
+    let [a, b] = pair(place).await;
+    let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
+    let many: Vec<_> = (0..5500).map(|i| point(&format!("p{i}"), [0.0; 3])).collect();
+    b.stage.create("ben", many.into()).await;
+    let told = loop {
+        let message = anna.event("annotations").await;
+        if message["next"].is_null() {
+            break message;
+        }
+    };
+    assert_eq!(told, json!({ "type": "annotations", "seq": 5500, "events": [], "more": true }));
+    let list = a.stage.annotate(Method::GET, "", "", Value::Null).await.json();
+    assert_eq!(list["items"].as_array().unwrap().len(), 5500);
 }
 
 /// The listening connections are cut, then the whole server; what was written meanwhile is told all the same.
 async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &mut Postgres, name: &str) {
     let [a, b] = pair(&postgres.url(name)).await;
     let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
-    let cut = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE query LIKE 'LISTEN%'";
+    let listening = "FROM pg_stat_activity WHERE datname = current_database() AND query LIKE 'LISTEN%'";
+    let count = format!("SELECT count(DISTINCT pid) {listening}");
+    let cut = format!("SELECT pg_terminate_backend(pid) {listening}");
     let mut admin = postgres.admin(name).await;
-    let mut deaf = 0;
     until("both servers listen", async || {
-        deaf += admin.execute(cut).await.unwrap().rows_affected();
-        deaf >= 2
+        let row = admin.fetch_one(AssertSqlSafe(count.as_str())).await.unwrap();
+        row.get::<i64, _>(0) == 2
     })
     .await;
+    assert_eq!(admin.execute(AssertSqlSafe(cut)).await.unwrap().rows_affected(), 2);
     b.stage.create("ben", json!([point("while deaf", [0.0; 3])])).await;
     assert_eq!(told(&mut anna).await["events"][0]["item"]["name"], "while deaf");
     drop(admin);
@@ -153,6 +200,8 @@ async fn a_second_server_of_a_file_sees_and_tells_what_the_first_one_does() {
     let place = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     what_is_done_at_one_server_is_seen_at_the_other(&place("seen.db")).await;
     edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(&place("order.db")).await;
+    a_set_that_a_request_sees_first_is_drawn_as_it_is(&place("sets.db")).await;
+    an_edit_of_many_items_is_told_as_one(&place("many.db")).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -160,10 +209,11 @@ async fn a_second_server_of_a_database_sees_and_tells_what_the_first_one_does() 
     let Some(mut postgres) = Postgres::start("events of two servers of one PostgreSQL database").await else {
         return;
     };
-    for name in ["seen", "order", "deaf"] {
+    for name in ["seen", "order", "sets", "deaf"] {
         postgres.database(name).await;
     }
     what_is_done_at_one_server_is_seen_at_the_other(&postgres.url("seen")).await;
     edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(&postgres.url("order")).await;
+    a_set_that_a_request_sees_first_is_drawn_as_it_is(&postgres.url("sets")).await;
     what_was_written_while_nobody_could_hear_is_told_afterwards(&mut postgres, "deaf").await;
 }

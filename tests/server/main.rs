@@ -6,6 +6,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 mod annotations;
+mod annotations_apart;
 mod annotations_drawn;
 mod annotations_live;
 mod annotations_objects;

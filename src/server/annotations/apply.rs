@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use axum::http::StatusCode;
+
 use super::follow::Turn;
 use super::refusal::no_such_item;
 use super::visible::Visible;
 use super::{Annotations, Snapshot};
-use crate::annotation::{
-    Change, Edit, Event, FrameOfReference, Item, ItemId, Kind, Set, Timestamp, Versioned,
-};
+use crate::annotation::{Change, Edit, Event, FrameOfReference, Item, ItemId, Set, Timestamp, Versioned};
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
 use crate::store::{LogFilter, StoreError};
@@ -96,10 +96,11 @@ impl Annotations {
         Ok(())
     }
 
-    /// Takes back the author's newest edit, or makes the one again that was taken back last, where it concerns this volume.
+    /// Takes back the author's newest edit, or makes the one again that was taken back last, where it concerns this volume and sets
+    /// into which the author may write.
     ///
     /// # Errors
-    /// 409 where there is none, or it is of another volume, and whatever the store refuses.
+    /// 409 where there is none, or it is of another volume, 403 for sets of others, and whatever the store refuses.
     pub(in crate::server) async fn step(
         &self,
         entry: &Entry,
@@ -109,13 +110,21 @@ impl Annotations {
     ) -> Result<Vec<(Event, Home)>, Problem> {
         let frame = entry.frame_of_reference();
         let turn = self.turn().await?;
-        self.expect_here(&frame, author, step).await?;
+        let sets = self.sets().await?;
+        let visible = Visible::new(&sets, Some(author));
+        // Asked while nobody else writes: what was the newest edit a moment ago may be older by now.
+        let may = |item: &Item| {
+            if item.frame_of_reference.as_ref() == Some(&frame) {
+                visible.expect_writable(&item.set)
+            } else {
+                Err(of_another_volume(step))
+            }
+        };
         let events = match step {
-            Step::Undo => self.store.undo(author, reason).await?,
-            Step::Redo => self.store.redo(author, reason).await?,
+            Step::Undo => self.store.undo_if(author, reason, may).await?,
+            Step::Redo => self.store.redo_if(author, reason, may).await?,
         };
         let homes = self.homes(&events).await?;
-        let sets = self.sets().await?;
         Ok(self.tell_own(turn, events, homes, &sets).await)
     }
 
@@ -127,71 +136,17 @@ impl Annotations {
         homes: Vec<Home>,
         sets: &Arc<[Set]>,
     ) -> Vec<(Event, Home)> {
-        if let Some(frame) = homes.first().and_then(|home| home.frame.clone()) {
-            self.follow(&frame, &events);
-        }
         let first = events.first().map_or(0, |event| event.seq);
         let events: Vec<(Event, Home)> = events.into_iter().zip(homes).collect();
         match self.tell_until(&mut turn, first).await {
-            Ok(_) => self.tell(&mut turn, events.clone(), Arc::clone(sets)),
+            Ok(_) => {
+                self.follow(&events);
+                self.tell(&mut turn, events.clone(), Arc::clone(sets));
+            }
             // The edit is made: its author hears so, the others as soon as the log can be read.
             Err(_) => self.behind.notify_one(),
         }
         events
-    }
-
-    /// Refuses a step that would change another volume, which the author does not see.
-    async fn expect_here(&self, frame: &FrameOfReference, author: &str, step: Step) -> Result<(), Problem> {
-        let (mut standing, mut undone): (Vec<u64>, Vec<u64>) = Default::default();
-        let mut first: HashMap<u64, Event> = HashMap::new();
-        let mut after = 0;
-        loop {
-            let filter = LogFilter {
-                after,
-                limit: Some(PAGE),
-                author: Some(author.to_owned()),
-                ..LogFilter::default()
-            };
-            let events = self.store.log(&filter).await?;
-            let Some(last) = events.last() else { break };
-            after = last.seq;
-            for event in events {
-                let is_first = event.seq == event.edit;
-                match (event.kind, event.target) {
-                    (Kind::Do, _) if is_first => {
-                        standing.push(event.edit);
-                        undone.clear();
-                        first.insert(event.edit, event);
-                    }
-                    (Kind::Undo, Some(target)) if is_first => {
-                        standing.retain(|edit| *edit != target);
-                        undone.push(target);
-                    }
-                    (Kind::Redo, Some(target)) if is_first => {
-                        undone.retain(|edit| *edit != target);
-                        standing.push(target);
-                    }
-                    _ => {}
-                }
-            }
-        }
-        let target = match step {
-            Step::Undo => standing.last(),
-            Step::Redo => undone.last(),
-        };
-        // Where there is none, the store says so.
-        let Some(event) = target.and_then(|target| first.remove(target)) else { return Ok(()) };
-        let home = self.homes(&[event]).await?;
-        if home.first().is_some_and(|home| home.frame.as_ref() == Some(frame)) {
-            return Ok(());
-        }
-        let (kind, what) = match step {
-            Step::Undo => ("nothing-to-undo", "your newest change is of another volume; take it back there"),
-            Step::Redo => {
-                ("nothing-to-redo", "what you took back last is of another volume; make it again there")
-            }
-        };
-        Err(Problem::new(axum::http::StatusCode::CONFLICT, kind, what))
     }
 
     /// Where the items of events belong; of an item that is gone, where it did.
@@ -222,6 +177,17 @@ impl Annotations {
         };
         Ok(events.iter().map(home).collect())
     }
+}
+
+/// Why a step is refused that would change what is not asked about.
+fn of_another_volume(step: Step) -> Problem {
+    let (kind, what) = match step {
+        Step::Undo => ("nothing-to-undo", "your newest change is of another volume; take it back there"),
+        Step::Redo => {
+            ("nothing-to-redo", "what you took back last is of another volume; make it again there")
+        }
+    };
+    Problem::new(StatusCode::CONFLICT, kind, what)
 }
 
 /// A change with what the server knows better: author, time and frame of reference; checked to be the author's to make.

@@ -36,13 +36,21 @@ impl Server {
         let server = Arc::clone(self);
         tokio::spawn(async move {
             if let Some(annotations) = &server.annotations {
-                follow(&server, annotations).await;
+                tokio::join!(follow(annotations), look_again(&server, annotations));
             }
         })
     }
 }
 
-async fn follow(server: &Server, annotations: &Annotations) {
+/// Views look again whoever was the first to see that something changed: of sets that may be a request for a list.
+async fn look_again(server: &Server, annotations: &Annotations) {
+    let mut changes = annotations.changes.subscribe();
+    while changes.changed().await.is_ok() {
+        server.live.annotations_changed();
+    }
+}
+
+async fn follow(annotations: &Annotations) {
     let mut watch = annotations.store.watch();
     let mut pause = FIRST_PAUSE;
     loop {
@@ -59,12 +67,7 @@ async fn follow(server: &Server, annotations: &Annotations) {
             Err(problem) => Err(problem),
         };
         match told {
-            Ok(is_new) => {
-                pause = FIRST_PAUSE;
-                if is_new {
-                    server.live.annotations_changed();
-                }
-            }
+            Ok(()) => pause = FIRST_PAUSE,
             Err(problem) => {
                 // Once a failure, not once a try.
                 if pause == FIRST_PAUSE {
@@ -91,39 +94,57 @@ impl Annotations {
         Ok(turn)
     }
 
-    /// Tells what others have added since the last event that was told; true where that, or a set, is something new.
-    async fn catch_up(&self, changed: Changed) -> Result<bool, Problem> {
+    /// Tells what others have added since the last event that was told, and looks at the sets where they may be others.
+    async fn catch_up(&self, changed: Changed) -> Result<(), Problem> {
         let mut turn = self.turn().await?;
-        let other_sets = changed == Changed::Anything && self.sets_are_others().await?;
-        let told = self.tell_until(&mut turn, u64::MAX).await?;
-        if other_sets && !told {
-            self.changes.send_modify(|changes| *changes += 1);
+        if changed == Changed::Anything {
+            self.read_sets_anew();
+            self.sets().await?;
         }
-        Ok(told || other_sets)
+        self.tell_until(&mut turn, u64::MAX).await
     }
 
-    /// Tells what is in the log after the last event that was told and before this one; true where that is anything.
-    pub(super) async fn tell_until(&self, turn: &mut Turn<'_>, before: u64) -> Result<bool, Problem> {
-        let mut told = false;
+    /// Tells what is in the log after the last event that was told and before this one.
+    pub(super) async fn tell_until(&self, turn: &mut Turn<'_>, before: u64) -> Result<(), Problem> {
         loop {
-            let after = turn.unwrap_or(0);
-            let missing = before.saturating_sub(after + 1);
-            if missing == 0 {
-                return Ok(told);
-            }
-            let filter = LogFilter { after, limit: Some(missing.min(PAGE)), ..LogFilter::default() };
-            let events = self.store.log(&filter).await?;
+            let events = self.whole_edits(turn.unwrap_or(0), before).await?;
             if events.is_empty() {
-                return Ok(told);
+                return Ok(());
             }
             let homes = self.homes(&events).await?;
             let sets = self.sets().await?;
             let found = events.into_iter().zip(homes).collect::<Vec<_>>();
+            self.follow(&found);
             // Those of one edit are told together.
             for edit in found.chunk_by(|(a, _), (b, _)| a.edit == b.edit) {
                 self.tell(turn, edit.to_vec(), Arc::clone(&sets));
             }
-            told = true;
+        }
+    }
+
+    /// Events after this one and before that one: a page of them, without the beginning of an edit that goes on beyond it, but at
+    /// least one edit, however long it is.
+    async fn whole_edits(&self, after: u64, before: u64) -> Result<Vec<Event>, Problem> {
+        let mut events: Vec<Event> = Vec::new();
+        loop {
+            let after = events.last().map_or(after, |event| event.seq);
+            let limit = before.saturating_sub(after + 1).min(PAGE);
+            if limit == 0 {
+                return Ok(events);
+            }
+            let page =
+                self.store.log(&LogFilter { after, limit: Some(limit), ..LogFilter::default() }).await?;
+            let is_last = (page.len() as u64) < limit;
+            events.extend(page);
+            if is_last {
+                return Ok(events); // an edit comes into the log as a whole
+            }
+            let last = events.last().map(|event| event.edit);
+            let whole = events.iter().position(|event| Some(event.edit) == last).unwrap_or(0);
+            if whole > 0 {
+                events.truncate(whole);
+                return Ok(events);
+            }
         }
     }
 

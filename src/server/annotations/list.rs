@@ -74,7 +74,7 @@ pub(super) async fn list(asked: Asked, uri: Uri, headers: HeaderMap) -> Result<R
     }
     let mut complete: BTreeMap<&str, Complete> = BTreeMap::new();
     let mut items = Vec::with_capacity(snapshot.items.len());
-    for known in &snapshot.items {
+    for known in snapshot.items.iter() {
         let item = &known.item;
         if !(shown.has(&item.set) && visible.sees(&item.set)) {
             continue;

@@ -49,7 +49,7 @@ pub(super) async fn put(
     let author = asked.author(author)?;
     let set = Set { name, reader, blinded, template };
     asked.annotations.store.put_set(&set, &author).await?;
-    asked.annotations.forget_sets();
+    asked.annotations.sets_changed().await;
     asked.server.live.annotations_changed();
     Ok(Json(json!(set)))
 }

@@ -1,13 +1,13 @@
 //! The newest state of a volume's annotations, kept beside the store: lists and pictures ask for it many times between two edits.
 //!
-//! A snapshot is that of the log's last event; whether it still is costs one small question. Edits made here are added to it, edits of
-//! other programs make it be read anew.
+//! A snapshot is that of the log's last event; whether it still is costs one small question. Edits are added to it, those made here and
+//! those that others made and that were heard of; where some were not heard of yet, it is read anew.
 
 use std::collections::HashMap;
 use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::Annotations;
+use super::{Annotations, Home};
 use crate::annotation::{Event, FrameOfReference, Item, ItemId, Set, Versioned};
 use crate::server::problem::Problem;
 use crate::store::Filter;
@@ -18,13 +18,14 @@ const MOST: usize = 16;
 const SETS_AGE: Duration = Duration::from_secs(1);
 
 /// See the module. Items are without their frame of reference, which is the same for all.
+#[derive(Clone)]
 pub(in crate::server) struct Snapshot {
     /// The log's last event.
     pub(in crate::server) seq: u64,
     /// By set, list, order, creation and id.
-    pub(in crate::server) items: Vec<Arc<Versioned>>,
+    pub(in crate::server) items: Arc<[Arc<Versioned>]>,
     pub(in crate::server) sets: Arc<[Set]>,
-    at: HashMap<ItemId, usize>,
+    at: Arc<HashMap<ItemId, usize>>,
 }
 
 #[derive(Default)]
@@ -33,12 +34,37 @@ pub(super) struct Snapshots {
     sets: Option<Arc<[Set]>>,
     /// When they were read; `None` when there may be others by now.
     sets_read: Option<Instant>,
+    /// How often somebody has known of a change of the sets: what was asked for before it may be from before it.
+    sets_asked: u64,
+}
+
+impl Snapshots {
+    /// Keeps sets that were asked for at this count: those that are kept, and whether they are others than those before. `None` where
+    /// somebody has known of a change since.
+    fn keep_sets(&mut self, asked: u64, fresh: Vec<Set>) -> Option<(Arc<[Set]>, bool)> {
+        if self.sets_asked != asked {
+            return None;
+        }
+        let known = self.sets.take();
+        let were_known = known.is_some();
+        let same = known.filter(|known| **known == *fresh);
+        let are_others = were_known && same.is_none();
+        let sets = same.unwrap_or_else(|| fresh.into());
+        self.sets = Some(Arc::clone(&sets));
+        self.sets_read = Some(Instant::now());
+        Some((sets, are_others))
+    }
+
+    fn read_sets_anew(&mut self) {
+        self.sets_read = None;
+        self.sets_asked += 1;
+    }
 }
 
 impl Snapshot {
     fn new(seq: u64, items: Vec<Arc<Versioned>>, sets: Arc<[Set]>) -> Self {
         let at = items.iter().enumerate().map(|(at, known)| (known.item.id, at)).collect();
-        Self { seq, items, sets, at }
+        Self { seq, items: items.into(), sets, at: Arc::new(at) }
     }
 
     /// The item with this id.
@@ -46,23 +72,22 @@ impl Snapshot {
         self.at.get(&id).map(|&at| &self.items[at])
     }
 
-    /// The state after these events, which follow it at once.
-    fn after(&self, events: &[Event], seq: u64) -> Self {
-        let mut items = self.items.clone();
-        let mut at = self.at.clone();
-        let mut gone = Vec::new();
-        for event in events {
-            match (&event.item, at.get(&event.id).copied()) {
-                (Some(item), Some(place)) => items[place] = bare(event.version, item.clone()),
-                (Some(item), None) => {
-                    at.insert(event.id, items.len());
-                    items.push(bare(event.version, item.clone()));
-                }
-                (None, Some(_)) => gone.push(event.id),
-                (None, None) => {}
-            }
+    /// The state after these events, which follow it at once, of what is told from this frame of reference.
+    fn after(&self, frame: &FrameOfReference, events: &[(Event, Home)], seq: u64) -> Self {
+        let is_here = |home: &Home| home.frame.as_ref() == Some(frame);
+        let concerns = |(event, home): &&(Event, Home)| is_here(home) || self.at.contains_key(&event.id);
+        let mut changed: HashMap<ItemId, Option<Arc<Versioned>>> = HashMap::new();
+        for (event, home) in events.iter().filter(concerns) {
+            // What went to another frame of reference is gone from this one.
+            let item = event.item.clone().filter(|_| is_here(home));
+            changed.insert(event.id, item.map(|item| bare(event.version, item)));
         }
-        items.retain(|known| !gone.contains(&known.item.id));
+        if changed.is_empty() {
+            return Self { seq, ..self.clone() };
+        }
+        let kept = self.items.iter().filter(|known| !changed.contains_key(&known.item.id)).cloned();
+        let mut items: Vec<_> = kept.collect();
+        items.extend(changed.into_values().flatten());
         items.sort_by(|a, b| order(&a.item).cmp(&order(&b.item)));
         Self::new(seq, items, Arc::clone(&self.sets))
     }
@@ -94,7 +119,7 @@ impl Annotations {
             if Arc::ptr_eq(&known.sets, &sets) {
                 return Ok(known);
             }
-            let fresh = Snapshot::new(seq, known.items.clone(), sets);
+            let fresh = Snapshot { sets, ..Snapshot::clone(&known) };
             return Ok(self.keep(frame, Arc::new(fresh)));
         }
         let filter = Filter { frame_of_reference: Some(frame.clone()), ..Filter::default() };
@@ -116,48 +141,71 @@ impl Annotations {
         fresh
     }
 
-    /// Adds events to the snapshot that they follow; any other one is read anew when it is asked for.
-    pub(super) fn follow(&self, frame: &FrameOfReference, events: &[Event]) {
-        let (Some(first), Some(last)) = (events.first(), events.last()) else { return };
-        let known = self.snapshots().known.get(frame).cloned();
-        if let Some(known) = known.filter(|known| known.seq + 1 == first.seq) {
-            self.keep(frame, Arc::new(known.after(events, last.seq)));
+    /// Adds events to the snapshots that they follow; any other one is read anew when it is asked for.
+    pub(super) fn follow(&self, events: &[(Event, Home)]) {
+        let (Some((first, _)), Some((last, _))) = (events.first(), events.last()) else { return };
+        let follows = |known: &Arc<Snapshot>| known.seq + 1 == first.seq;
+        let known = self.snapshots().known.clone();
+        for (frame, known) in known.into_iter().filter(|(_, known)| follows(known)) {
+            self.keep(&frame, Arc::new(known.after(&frame, events, last.seq)));
         }
     }
 
-    /// All sets, as they were a moment ago.
+    /// All sets, as they were a moment ago. Where they are others than those that were known, pictures have to be looked at again.
     pub(super) async fn sets(&self) -> Result<Arc<[Set]>, Problem> {
-        let (known, read) = {
-            let snapshots = self.snapshots();
-            (snapshots.sets.clone(), snapshots.sets_read)
-        };
-        if let Some(sets) = known.as_ref().filter(|_| read.is_some_and(|read| read.elapsed() < SETS_AGE)) {
-            return Ok(Arc::clone(sets));
+        loop {
+            let asked = {
+                let snapshots = self.snapshots();
+                let is_fresh = snapshots.sets_read.is_some_and(|read| read.elapsed() < SETS_AGE);
+                if let Some(sets) = snapshots.sets.as_ref().filter(|_| is_fresh) {
+                    return Ok(Arc::clone(sets));
+                }
+                snapshots.sets_asked
+            };
+            let fresh = self.store.sets().await?;
+            let Some((sets, are_others)) = self.snapshots().keep_sets(asked, fresh) else { continue };
+            if are_others {
+                self.changes.send_modify(|changes| *changes += 1);
+            }
+            return Ok(sets);
         }
-        let fresh: Arc<[Set]> = self.store.sets().await?.into();
-        let sets = known.filter(|known| **known == *fresh).unwrap_or(fresh);
-        let mut snapshots = self.snapshots();
-        snapshots.sets = Some(Arc::clone(&sets));
-        snapshots.sets_read = Some(Instant::now());
-        Ok(sets)
     }
 
     /// There may be other sets than those that were read.
     pub(super) fn read_sets_anew(&self) {
-        self.snapshots().sets_read = None;
-    }
-
-    /// Reads the sets anew; true where they are others than those that were known.
-    pub(super) async fn sets_are_others(&self) -> Result<bool, Problem> {
-        let known = self.snapshots().sets.clone();
-        self.read_sets_anew();
-        let sets = self.sets().await?;
-        Ok(known.is_some_and(|known| !Arc::ptr_eq(&known, &sets)))
+        self.snapshots().read_sets_anew();
     }
 
     /// Sets have changed.
-    pub(super) fn forget_sets(&self) {
+    pub(super) async fn sets_changed(&self) {
         self.read_sets_anew();
-        self.changes.send_modify(|changes| *changes += 1);
+        if self.sets().await.is_err() {
+            // Whoever can read them sees what they are now.
+            self.changes.send_modify(|changes| *changes += 1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sets(blinded: bool) -> Vec<Set> {
+        vec![Set { name: "a".to_owned(), reader: None, blinded, template: None }]
+    }
+
+    #[test]
+    fn sets_that_were_asked_for_before_a_change_was_known_of_are_not_kept() {
+        let mut snapshots = Snapshots::default();
+        let early = snapshots.sets_asked;
+        assert!(!snapshots.keep_sets(early, sets(false)).unwrap().1, "the first are no others");
+        snapshots.read_sets_anew();
+        let late = snapshots.sets_asked;
+        let (blinded, are_others) = snapshots.keep_sets(late, sets(true)).unwrap();
+        assert!(are_others && blinded[0].blinded);
+        assert!(snapshots.keep_sets(early, sets(false)).is_none(), "an answer that was long on its way");
+        assert!(Arc::ptr_eq(snapshots.sets.as_ref().unwrap(), &blinded));
+        let (same, are_others) = snapshots.keep_sets(late, sets(true)).unwrap();
+        assert!(Arc::ptr_eq(&same, &blinded) && !are_others);
     }
 }

@@ -24,7 +24,7 @@ use super::socket::{
     expect_annotations, malformed, text,
 };
 use super::view::lock;
-use super::wished::{Happened, Wished};
+use super::wished::Wished;
 use crate::interaction::Intent;
 use crate::live::{
     AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind,
@@ -74,7 +74,7 @@ impl Connected {
         self.session.view.leave(&self.slot);
         if *self.session.connection.borrow() == self.number {
             let intents = lock(&self.session.remote).end();
-            let _ = self.session.view.wish(None, &intents, 0, now); // letting go is never refused
+            self.session.view.wish(None, &intents, 0, now); // letting go is never refused
             placing::abandon(&self.session.task, &self.session.view);
         }
         self.session.lose(self.number, now);
@@ -146,13 +146,14 @@ impl Connected {
         }
     }
 
-    /// Obeys a message, and does what it means beyond the view.
+    /// Obeys a message, and does what it means beyond the view: all of it, and the first that is refused is told.
     async fn obey_all(&self, message: &ClientMessage, outbox: &Outbox) -> Result<(), Problem> {
-        let happened = self.obey(message, outbox)?;
+        let wished = self.obey(message, outbox)?;
         let is_shown = matches!(message, ClientMessage::Settings(settings)
             if settings.annotations.as_ref().is_some_and(|shown| !shown.is_nothing()));
-        if happened.is_empty() && !is_shown {
-            return Ok(());
+        let is_done = wished.as_ref().is_none_or(|wished| wished.happened.is_empty());
+        if is_done && !is_shown {
+            return wished.and_then(|wished| wished.refused).map_or(Ok(()), Err);
         }
         let Session { author, task, view, .. } = &*self.session;
         let device = match message {
@@ -160,19 +161,27 @@ impl Connected {
             _ => pointer(),
         };
         let hand = Hand { author: author.as_deref(), task, device };
-        let mut message = None;
-        for happened in happened {
-            message = Some(happen(&self.server, view, &hand, happened).await?);
+        let (mut said, mut refused) = (None, None);
+        if let Some(Wished { happened, ground, refused: wish, .. }) = wished {
+            for happened in happened {
+                match happen(&self.server, view, &hand, (happened, &ground)).await {
+                    Ok(message) => said = Some(message),
+                    Err(problem) => refused = refused.or(Some(problem)),
+                }
+            }
+            refused = refused.or(wish);
         }
-        let message = match message {
-            Some(message) => message,
-            None => next(&self.server, view, &hand).await?,
-        };
-        let _ = outbox.try_send(placing::text(message));
-        Ok(())
+        if is_shown {
+            said = Some(next(&self.server, view, &hand).await?);
+        }
+        if let Some(said) = said {
+            let _ = outbox.try_send(placing::text(said));
+        }
+        refused.map_or(Ok(()), Err)
     }
 
-    fn obey(&self, message: &ClientMessage, outbox: &Outbox) -> Result<Vec<Happened>, Problem> {
+    /// What a message wishes, where it does, done in the view.
+    fn obey(&self, message: &ClientMessage, outbox: &Outbox) -> Result<Option<Wished>, Problem> {
         let now = Instant::now();
         let is_watcher = self.session.role == Role::Watcher;
         match message {
@@ -181,7 +190,7 @@ impl Connected {
                     self.slot.freed.notify_one();
                     self.session.view.work.notify_one();
                 }
-                Ok(Vec::new())
+                Ok(None)
             }
             ClientMessage::Hello(_) => {
                 Err(Problem::new(StatusCode::CONFLICT, "hello-again", "this session is open already"))
@@ -191,41 +200,35 @@ impl Connected {
                 Err(Problem::new(StatusCode::FORBIDDEN, "watcher", detail))
             }
             ClientMessage::Pose(pose) => self.pose(pose, now),
-            ClientMessage::Report(report) => self.report(report, outbox, now),
+            ClientMessage::Report(report) => self.report(report, outbox, now).map(Some),
             ClientMessage::Intent(message) => {
                 let echo = Echo { seq: message.seq, t_ns: message.t_ns };
-                self.wish(echo, std::slice::from_ref(&message.intent), now).map(|wished| wished.happened)
+                Ok(Some(self.wish(echo, std::slice::from_ref(&message.intent), now)))
             }
-            ClientMessage::Settings(settings) => self.settings(settings, now).map(|()| Vec::new()),
+            ClientMessage::Settings(settings) => self.settings(settings, now).map(|()| None),
         }
     }
 
-    fn wish(&self, echo: Echo, intents: &[Intent], now: Instant) -> Result<Wished, Problem> {
+    fn wish(&self, echo: Echo, intents: &[Intent], now: Instant) -> Wished {
         self.session.view.wish(Some((&self.slot, echo)), intents, echo.t_ns, now)
     }
 
-    fn pose(&self, pose: &Pose, now: Instant) -> Result<Vec<Happened>, Problem> {
+    fn pose(&self, pose: &Pose, now: Instant) -> Result<Option<Wished>, Problem> {
         let is_newest = self.slot.is_newer(pose.seq);
         let echo = Echo { seq: pose.seq, t_ns: pose.t_ns };
-        let Wished { unseen, happened } = match &pose.what {
+        let wished = match &pose.what {
             // Buttons count, however late they come.
             PoseKind::Remote(remote) => {
                 let intents = lock(&self.session.remote).pose(pose.t_ns, remote, is_newest)?;
-                if !is_newest {
-                    return self
-                        .session
-                        .view
-                        .wish(None, &intents, pose.t_ns, now)
-                        .map(|wished| wished.happened);
-                }
-                self.wish(echo, &intents, now)?
+                let from = is_newest.then_some((&*self.slot, echo));
+                Some(self.session.view.wish(from, &intents, pose.t_ns, now))
             }
-            _ if !is_newest => return Ok(Vec::new()),
+            _ if !is_newest => None,
             PoseKind::Orbit(orbit) => {
                 let (azimuth_deg, elevation_deg) = (orbit.azimuth_deg, orbit.elevation_deg);
                 let look =
                     Intent::Look { azimuth_deg, elevation_deg, zoom: orbit.zoom, vertical_fov_deg: None };
-                self.wish(echo, &[look], now)?
+                Some(self.wish(echo, &[look], now))
             }
             PoseKind::Camera(camera) => {
                 if camera.lens_shift != [0.0; 2] {
@@ -236,27 +239,30 @@ impl Connected {
                     }));
                 }
                 let camera = camera.resolve().map_err(super::view::refused)?;
-                Wished {
-                    unseen: self.session.view.look_through((&self.slot, echo), camera, now),
-                    happened: Vec::new(),
-                }
+                let unseen = self.session.view.look_through((&self.slot, echo), camera, now);
+                self.note(unseen);
+                None
             }
         };
+        self.note(wished.as_ref().is_some_and(|wished| wished.unseen && wished.refused.is_none()));
+        Ok(wished)
+    }
+
+    /// Counts a pose that no picture showed.
+    fn note(&self, unseen: bool) {
         if unseen {
             self.server.metrics.live.pose_dropped();
         }
-        Ok(happened)
     }
 
-    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<Vec<Happened>, Problem> {
+    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<Wished, Problem> {
         let config = &self.server.live.config;
         let tracked = lock(&self.session.remote).report(report, (&config.sensor, &config.beacon), now)?;
         let (intents, tracking) = tracked;
         if let Some(tracking) = tracking {
             let _ = outbox.try_send(ServerMessage::Tracking(tracking).to_text());
         }
-        let echo = Echo { seq: report.seq, t_ns: report.t_ns };
-        self.wish(echo, &intents, now).map(|wished| wished.happened)
+        Ok(self.wish(Echo { seq: report.seq, t_ns: report.t_ns }, &intents, now))
     }
 
     fn settings(&self, settings: &Settings, now: Instant) -> Result<(), Problem> {

@@ -11,13 +11,14 @@ use std::time::Instant;
 use serde_json::Value;
 
 use super::view::{View, lock};
-use super::wished::{Carried, Happened};
+use super::wished::{Carried, Ground, Happened};
 use crate::annotation::{
     CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
     Shown, State, Versioned,
 };
 use crate::camera::{Camera, Projection};
 use crate::live::{AnnotationsMessage, NextLabel, ServerMessage};
+use crate::placing::Snap;
 use crate::server::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of, snap_in};
 use crate::server::problem::Problem;
 use crate::server::state::Server;
@@ -52,6 +53,8 @@ struct Moved {
     index: usize,
     /// From the cursor to the point.
     off: Vector<Patient>,
+    /// The era of the view in which it was taken hold of.
+    era: u64,
 }
 
 impl Moved {
@@ -61,7 +64,7 @@ impl Moved {
     }
 }
 
-/// Does what happened in a view, and says what is next.
+/// Does what happened in a view, in what it showed then, and says what is next.
 ///
 /// # Errors
 /// When no author is known, and whatever the store refuses.
@@ -69,22 +72,22 @@ pub(super) async fn happen(
     server: &Arc<Server>,
     view: &View,
     hand: &Hand<'_>,
-    happened: Happened,
+    (happened, ground): (Happened, &Ground),
 ) -> Result<AnnotationsMessage, Problem> {
     let annotations = of(server)?;
     let author = hand.author.ok_or_else(missing_author)?;
-    let (entry, shown) = (view.entry(), view.shown());
-    let by = By { annotations, entry: &entry, shown: &shown, author };
+    let Ground { entry, shown, era } = ground;
+    let by = By { annotations, entry, shown, author };
     match happened {
         Happened::Taking { at, reach_mm } => {
-            let moved = by.nearest(at, reach_mm).await?;
+            let moved = by.nearest((at, reach_mm), *era).await?;
             let carried = moved.as_ref().map(|Moved { known, off, .. }| Carried {
                 name: known.item.name.clone(),
                 off: *off,
                 from: at + *off,
             });
             lock(hand.task).moved = moved;
-            view.carry(carried, Instant::now());
+            view.carry(carried, *era, Instant::now());
             return next(server, view, hand).await; // nothing has changed yet
         }
         Happened::Cancelled => {
@@ -94,12 +97,13 @@ pub(super) async fn happen(
         Happened::Placed { at, camera, method } => {
             let moved = let_go(hand.task, view);
             let wanted = moved.as_ref().map_or(at, |moved| at + moved.off);
-            let is_still = moved.as_ref().is_some_and(|moved| moved.at() == Some(wanted));
-            if is_still {
-                return next(server, view, hand).await; // a point that was taken hold of and not moved
+            // A point that was taken hold of and not moved, or before the view came to show something else: it stays where it is.
+            let stays = |moved: &Moved| moved.at() == Some(wanted) || moved.era != *era;
+            if moved.as_ref().is_some_and(stays) {
+                return next(server, view, hand).await;
             }
             let ray = (method == Method::Pick).then(|| wanted - camera.eye());
-            let (to, snapped_mm) = snapped(server, view, (wanted, ray)).await?;
+            let (to, snapped_mm) = snapped(server, view.snap(), entry, (wanted, ray)).await?;
             let (device, camera) = (Some(hand.device.clone()), Some(record(&camera)));
             let placement = Placement { method, device, camera, snapped_mm };
             match moved {
@@ -109,12 +113,12 @@ pub(super) async fn happen(
         }
         Happened::NextLabel => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
-            let list = List::of(annotations, &snapshot, &shown, author).await;
+            let list = List::of(annotations, &snapshot, shown, author).await;
             let mut task = lock(hand.task);
             task.label = list.target(task.label).and_then(|target| list.following(target.item.id));
         }
         Happened::Undo => {
-            annotations.step(&entry, author, REASON, Step::Undo).await?;
+            annotations.step(entry, author, REASON, Step::Undo).await?;
         }
     }
     server.live.annotations_changed();
@@ -131,8 +135,9 @@ pub(super) async fn next(
     hand: &Hand<'_>,
 ) -> Result<AnnotationsMessage, Problem> {
     let annotations = of(server)?;
-    let snapshot = annotations.snapshot(&view.entry().frame_of_reference()).await?;
-    let (author, shown) = (hand.author.unwrap_or_default(), view.shown());
+    let Ground { entry, shown, era } = view.ground();
+    let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
+    let author = hand.author.unwrap_or_default();
     let list = List::of(annotations, &snapshot, &shown, author).await;
     let task = lock(hand.task).clone();
     let of = |known: &Versioned| NextLabel {
@@ -140,7 +145,8 @@ pub(super) async fn next(
         name: known.item.name.clone(),
         id: Some(known.item.id.to_string()),
     };
-    let next = match (&task.moved, list.target(task.label)) {
+    let moved = task.moved.filter(|moved| moved.era == era);
+    let next = match (&moved, list.target(task.label)) {
         (Some(moved), _) => of(&moved.known),
         (None, Some(target)) => of(target),
         (None, None) => NextLabel { set: list.set.to_owned(), name: list.number(), id: None },
@@ -151,11 +157,12 @@ pub(super) async fn next(
 /// Where something is set down in a view that snaps, and by how much it was moved; where nothing of the kind is near, it stays.
 async fn snapped(
     server: &Arc<Server>,
-    view: &View,
+    wanted: Option<Snap>,
+    entry: &Arc<Entry>,
     (at, ray): (Point<Patient>, Option<Vector<Patient>>),
 ) -> Result<(Point<Patient>, Option<[f64; 3]>), Problem> {
-    let Some(wanted) = view.snap() else { return Ok((at, None)) };
-    let found = snap_in(server, &view.entry(), (at, ray), wanted).await?;
+    let Some(wanted) = wanted else { return Ok((at, None)) };
+    let found = snap_in(server, entry, (at, ray), wanted).await?;
     Ok(found.map_or((at, None), |found| (found.at, Some(found.shift.xyz.to_array()))))
 }
 
@@ -167,8 +174,8 @@ pub(super) fn abandon(task: &Mutex<Task>, view: &View) {
 /// Lets go of what is moved, if anything is.
 fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
     let moved = lock(task).moved.take();
-    if moved.is_some() {
-        view.carry(None, Instant::now());
+    if let Some(moved) = &moved {
+        view.carry(None, moved.era, Instant::now());
     }
     moved
 }
@@ -183,7 +190,11 @@ struct By<'a> {
 
 impl By<'_> {
     /// The point that is drawn nearest to a place, within a reach, of an item that the author may change.
-    async fn nearest(&self, at: Point<Patient>, reach_mm: f64) -> Result<Option<Moved>, Problem> {
+    async fn nearest(
+        &self,
+        (at, reach_mm): (Point<Patient>, f64),
+        era: u64,
+    ) -> Result<Option<Moved>, Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, Some(self.author));
         let may = |item: &Item| {
@@ -196,7 +207,8 @@ impl By<'_> {
             for (index, point) in points.iter().enumerate() {
                 let distance = point.distance(at);
                 if distance <= nearest.as_ref().map_or(reach_mm, |(least, _)| *least) {
-                    nearest = Some((distance, Moved { known: Arc::clone(known), index, off: *point - at }));
+                    let known = Arc::clone(known);
+                    nearest = Some((distance, Moved { known, index, off: *point - at, era }));
                 }
             }
         }

@@ -19,6 +19,7 @@ use super::preview;
 use super::shot::Shot;
 use super::slot::Slot;
 use super::view::View;
+use super::wished::Wished;
 use super::{Live, Look, no_such_view};
 use crate::display::encode_png;
 use crate::interaction::{Intent, PlacePhase};
@@ -226,7 +227,10 @@ pub(in crate::server) async fn intent(
     };
     // Times tell which changes are taken back together.
     let t_ns = u64::try_from(server.started.elapsed().as_nanos()).unwrap_or(u64::MAX);
-    let happened = view.wish(None, &[intent], t_ns, now)?.happened;
+    let Wished { happened, ground, refused, .. } = view.wish(None, &[intent], t_ns, now);
+    if let Some(problem) = refused {
+        return Err(problem); // the only one there was
+    }
     preview::search(&server, &view);
     let mut answer = json!({ "state": view.record(), "volume": view.entry().id });
     if !happened.is_empty() {
@@ -234,7 +238,7 @@ pub(in crate::server) async fn intent(
         let task = std::sync::Mutex::default();
         let hand = Hand { author: author.as_deref(), task: &task, device: pointer() };
         for happened in happened {
-            answer["next"] = json!(happen(&server, &view, &hand, happened).await?.next);
+            answer["next"] = json!(happen(&server, &view, &hand, (happened, &ground)).await?.next);
         }
     }
     Ok(Json(answer))

@@ -3,6 +3,8 @@
 //! Messages change the state at once, under a short lock, in the order of their arrival: poses replace one another before anything is
 //! rendered, and no intent is lost. The view's director (see `director`) takes the state whenever somebody has room for a picture.
 
+mod ordering;
+
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -12,16 +14,16 @@ use tokio::sync::{Notify, watch};
 
 use super::look::Look;
 use super::motion::{Failure, Motion, Patience};
-use super::order::{Next, Order, Published};
+use super::order::{Next, Published};
 use super::placing::method_of;
 use super::preview::{Aim, Preview};
 use super::shot::{Echo, Shot};
 use super::slot::Slot;
-use super::wished::{Carried, Happened, Wanted, Wished};
+use super::wished::{Carried, Ground, Happened, Wanted, Wished};
 use crate::annotation::{Method, Shown};
 use crate::camera::Camera;
 use crate::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
-use crate::live::{ErrorMessage, Peers, Role, ServerMessage, Settings, SnappedPlace, StateMessage};
+use crate::live::{ErrorMessage, Peers, Role, ServerMessage, Settings};
 use crate::placing::Snap;
 use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
@@ -65,13 +67,19 @@ struct Inner {
     carried: Option<Carried>,
     /// Where what is being placed would be set down.
     preview: Preview,
+    /// Counts what is begun anew: other volumes, and other annotations that are drawn.
+    era: u64,
     /// At which count of changes the annotations were read that are drawn; `None` where they have to be.
     drawn_at: Option<u64>,
 }
 
 impl View {
     pub(super) fn new(name: String, look: Look, now: Instant) -> Self {
-        let state = ViewState::home(&look.stage);
+        let mut state = ViewState::home(&look.stage);
+        if let Some(name) = look.preset.clone() {
+            // A step goes on from what is shown. The look has been made with it: there is one of this name.
+            let _ = state.apply(&look.stage, 0, &Intent::Preset { name: Some(name), step: None }, None);
+        }
         let inner = Inner {
             look,
             state,
@@ -87,6 +95,7 @@ impl View {
             method: Method::Tip,
             carried: None,
             preview: Preview::default(),
+            era: 0,
             drawn_at: None,
         };
         Self {
@@ -158,10 +167,10 @@ impl View {
         self.lock().look.snap
     }
 
-    /// What goes with the cursor from now on.
-    pub(super) fn carry(&self, carried: Option<Carried>, now: Instant) {
+    /// What goes with the cursor from now on, where the view still shows what it was taken from.
+    pub(super) fn carry(&self, carried: Option<Carried>, era: u64, now: Instant) {
         let mut inner = self.lock();
-        if carried.is_some() || inner.carried.is_some() {
+        if era == inner.era && (carried.is_some() || inner.carried.is_some()) {
             inner.carried = carried;
             inner.changed(now);
         }
@@ -192,6 +201,11 @@ impl View {
         self.lock().look.shown.clone()
     }
 
+    /// What wishes are made in now.
+    pub(super) fn ground(&self) -> Ground {
+        self.lock().ground()
+    }
+
     /// The annotations that have to be read, where those that are drawn are not of this count of changes.
     pub(super) fn wanted(&self, changes: u64) -> Option<Wanted> {
         let inner = self.lock();
@@ -211,17 +225,14 @@ impl View {
         }
     }
 
-    /// Applies wishes, in their order, all or those before the first that is refused.
-    ///
-    /// # Errors
-    /// Why one was refused.
+    /// Applies wishes, in their order, all or those before the first that is refused: what those did has happened all the same.
     pub(super) fn wish(
         &self,
         from: Option<(&Slot, Echo)>,
         intents: &[Intent],
         t_ns: u64,
         now: Instant,
-    ) -> Result<Wished, Problem> {
+    ) -> Wished {
         let seen = self.shots.borrow().clone();
         let mut inner = self.lock();
         // Under the lock: a picture shows a message and what it did, or neither.
@@ -231,9 +242,10 @@ impl View {
             happened.extend(inner.apply(intent, t_ns, seen.as_deref(), now)?);
             Ok(())
         });
+        let ground = inner.ground();
         drop(inner);
         self.work.notify_one();
-        outcome.map(|()| Wished { unseen, happened })
+        Wished { unseen, happened, ground, refused: outcome.err() }
     }
 
     /// Shows what this camera sees. True where no picture showed the message before this one.
@@ -261,13 +273,18 @@ impl View {
         now: Instant,
     ) -> Result<(), Problem> {
         let before = self.lock().look.clone();
-        // The same volume may have another label map by now.
-        let is_other = entry.as_ref().is_some_and(|entry| entry.id != before.entry.id);
         let look = before.with(settings, entry, author)?;
         let mut inner = self.lock();
+        // The same volume may have another label map by now.
+        let is_other = look.entry.id != inner.look.entry.id;
         if is_other {
             inner.state = ViewState::home(&look.stage);
-            (inner.camera, inner.carried) = (None, None);
+            inner.camera = None;
+        }
+        if is_other || (&look.shown, &look.shown_to) != (&inner.look.shown, &inner.look.shown_to) {
+            // What is held is of what was there before: it stays where it was.
+            inner.era += 1;
+            inner.carried = None;
         }
         if is_other || settings.annotations.is_some() {
             inner.drawn_at = None;
@@ -334,6 +351,11 @@ impl Inner {
     fn changed(&mut self, now: Instant) {
         self.motion.changed(now);
         self.revision += 1;
+    }
+
+    fn ground(&self) -> Ground {
+        let Look { entry, shown, .. } = &self.look;
+        Ground { entry: Arc::clone(entry), shown: shown.clone(), era: self.era }
     }
 
     fn record(&self) -> ViewRecord {
@@ -413,73 +435,6 @@ impl Inner {
             _ => None,
         };
         Some(Aim { entry: Arc::clone(&self.look.entry), at, ray, snap })
-    }
-
-    fn next(&mut self, now: Instant, patience: Patience) -> Next {
-        if self.slots.is_empty() {
-            let end = self.idle_since + patience.linger;
-            return if now >= end { Next::End } else { Next::Idle(Some(end)) };
-        }
-        if let Some(failure) = self.failed.filter(|failure| failure.holds(self.revision, now)) {
-            return Next::Idle(failure.again);
-        }
-        let current = self.published.filter(|published| published.revision == self.revision);
-        let still_at = self.motion.still_at(patience.still_after);
-        let is_still = match current {
-            // Something at once, the best there is after it.
-            None if !self.motion.comes_to_rest(now, still_at, self.still_took) => false,
-            Some(published) if published.is_still => return Next::Idle(None),
-            _ if now < still_at => return Next::Idle(Some(still_at)),
-            _ => true,
-        };
-        let newest = self.published.map_or(0, |published| published.number);
-        let is_hungry = |slot: &Arc<Slot>| {
-            let flow = slot.flow();
-            // By the time that the best picture is made, there is room for it with whoever keeps up.
-            flow.taken == newest && (is_still || flow.has_room())
-        };
-        if !self.slots.iter().any(is_hungry) {
-            return Next::Full;
-        }
-        self.order(self.number + 1, is_still)
-    }
-
-    fn order(&self, number: u64, is_still: bool) -> Next {
-        let ghost = self.preview.ghost();
-        let request = match self.look.request(&self.state, self.camera, (self.carried.as_ref(), ghost)) {
-            Ok(request) => request,
-            Err(problem) => return Next::Failed { revision: self.revision, problem },
-        };
-        let snapped = ghost.map(|ghost| SnappedPlace {
-            at_mm: ghost.at.xyz.to_array(),
-            shift_mm: (ghost.at - ghost.from).xyz.to_array(),
-        });
-        let message = StateMessage { state: self.record(), volume: self.look.entry.id.clone(), snapped };
-        let mut shows = Vec::new();
-        let mut share = None;
-        for slot in &self.slots {
-            let mut flow = slot.flow();
-            flow.is_shown = true;
-            shows.extend(flow.echo.map(|echo| (slot.id, echo)));
-            if slot.role == Role::Presenter && !slot.is_plain {
-                let own = flow.pace.level().0;
-                share = Some(share.map_or(own, |share: f64| share.min(own)));
-            }
-        }
-        Next::Render(Box::new(Order {
-            request,
-            entry: Arc::clone(&self.look.entry),
-            display: self.look.display().clone(),
-            number,
-            revision: self.revision,
-            is_still,
-            arrived: self.motion.arrived,
-            shows,
-            state: ServerMessage::State(message).to_text().into(),
-            quality: self.look.quality,
-            share: share.unwrap_or(1.0),
-            keeps_size: self.look.has_overlays(),
-        }))
     }
 }
 

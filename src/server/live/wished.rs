@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::annotation::{Method, Shown};
 use crate::camera::Camera;
+use crate::server::problem::Problem;
 use crate::server::volumes::Entry;
 use crate::space::{Patient, Point, Vector};
 
@@ -36,6 +37,19 @@ pub(super) struct Wished {
     /// Whether no picture showed the message before this one.
     pub(super) unseen: bool,
     pub(super) happened: Vec<Happened>,
+    /// Where it happened, whatever the view has come to since.
+    pub(super) ground: Ground,
+    /// Why the first one was refused that was; what came after it was not looked at.
+    pub(super) refused: Option<Problem>,
+}
+
+/// What wishes were made in.
+pub(super) struct Ground {
+    pub(super) entry: Arc<Entry>,
+    /// The annotations that were drawn.
+    pub(super) shown: Shown,
+    /// What is taken hold of in one era of a view is let go in the next.
+    pub(super) era: u64,
 }
 
 /// The annotations that a view wants to draw.

@@ -11,8 +11,26 @@ import { HOME } from "./view.js";
 /** What a display is told; kept where it is another than these. */
 const USUAL = { profile: "", factor: 64, offset: 128 };
 
+/** Between two changes of the address: browsers refuse more than 100 in 30 s. */
+const BETWEEN_MS = 400;
+let written = -BETWEEN_MS;
+let waiting = null;
+
+/** Keeps the state in the address: at once, or soon where it changes often. */
 export function remember() {
-  if (!state.volume) return;
+  if (!state.volume || waiting !== null) return;
+  const wait = written + BETWEEN_MS - performance.now();
+  if (wait <= 0) return write();
+  waiting = setTimeout(write, wait);
+}
+
+// What is still to be kept goes with the page, for whoever comes back to it.
+addEventListener("pagehide", () => waiting !== null && write());
+
+function write() {
+  clearTimeout(waiting);
+  waiting = null;
+  written = performance.now();
   const { azimuth, elevation, zoom, shift } = state.pose;
   const { preset, mode, iso, view, layout, overlays, fieldOfView, preview, depthFilter: filter, depthRule: rule } = state;
   const kept = { volume: state.volume.id, preset, mode, view, layout, filter, rule, fov: fieldOfView };

@@ -19,6 +19,8 @@ const wordsOf = (found) => [
 
 export class Picks {
   #pick = null;
+  /** Counts what was asked: an answer that comes behind that of a later click is of no use. */
+  #asked = 0;
 
   /** `shown` gives the picture that is shown. */
   constructor(shown) {
@@ -30,6 +32,7 @@ export class Picks {
     const picture = this.shown();
     if (!picture?.query) return;
     const { query, size } = picture;
+    const number = (this.#asked += 1);
     const at = new URLSearchParams(query);
     // Of a picture under a budget the whole one is asked: it is on its way already.
     at.delete("budget_ms");
@@ -37,10 +40,12 @@ export class Picks {
     at.set("v", Math.min(size[1] - 0.01, y * size[1]).toFixed(2));
     try {
       const found = await (await request(`${volumePath("pick")}?${at}`)).json();
-      this.#pick = found.hit ? { patient: found.patient_mm, words: wordsOf(found) } : null;
+      if (number !== this.#asked) return;
+      this.#pick = found.hit ? { patient: found.patient_mm } : null;
+      $("picked").replaceChildren(...(found.hit ? wordsOf(found).map(line) : []));
       if (!found.hit) notify("Nothing is shown there. Click on the volume itself, or choose a preset that shows more.");
     } catch (error) {
-      showFailure(error);
+      if (number === this.#asked) showFailure(error);
     }
     this.draw();
   }
@@ -57,10 +62,10 @@ export class Picks {
     const inside = at && at.every((value) => value >= 0 && value <= 1);
     $("marker").hidden = !inside;
     if (inside) Object.assign($("marker").style, { left: `${at[0] * 100}%`, top: `${at[1] * 100}%` });
-    if (pick) $("picked").replaceChildren(...pick.words.map(line));
   }
 
   forget() {
+    this.#asked += 1;
     this.#pick = null;
     this.draw();
   }

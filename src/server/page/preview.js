@@ -16,18 +16,18 @@ const STEP_MS = 60;
 const STILL_MS = 350;
 
 /** Where view `i` of the quilt begins, in fractions of its width and height. */
-export function placeOf(i, [columns, rows] = GRID) {
+function placeOf(i, [columns, rows] = GRID) {
   return [(i % columns) / columns, (rows - 1 - Math.floor(i / columns)) / rows];
 }
 
 /** The view that a wiggle shows in its step: to and fro. */
-export function viewOf(step, count = GRID[0] * GRID[1]) {
+function viewOf(step, count = GRID[0] * GRID[1]) {
   const at = step % (2 * count - 2);
   return at < count ? at : 2 * count - 2 - at;
 }
 
 /** The address that asks for a preview of the state's picture on a stage of CSS pixels, so that it lies over that. */
-export function previewUrl(kind, state, [width, height]) {
+function previewUrl(kind, state, [width, height]) {
   const { layout, pixels } = KINDS[kind];
   const scale = Math.min(1, Math.sqrt(pixels / Math.max(1, width * height)));
   const size = [width, height].map((side) => Math.max(16, Math.round(side * scale)));

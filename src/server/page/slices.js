@@ -22,7 +22,7 @@ export function extent({ bounds_mm: [low, high] }, direction) {
 }
 
 /** Height in mm of a picture of this aspect (width / height) that shows the whole volume, closer by the zoom. */
-export function heightOf({ plane, zoom }, volume, aspect) {
+function heightOf({ plane, zoom }, volume, aspect) {
   const { right, up } = PLANES[plane];
   return Math.max(extent(volume, up), extent(volume, right) / aspect) / zoom;
 }
@@ -49,7 +49,7 @@ export function paged(slice, volume, steps) {
 }
 
 /** The slice at a position along its axis, within the volume. */
-export function placed(slice, volume, mm) {
+function placed(slice, volume, mm) {
   const { axis } = PLANES[slice.plane];
   const at = [...(slice.at ?? volume.center_mm)];
   at[axis] = clamp(mm, volume.bounds_mm[0][axis], volume.bounds_mm[1][axis]);

@@ -35,7 +35,7 @@ export function stillSize(width, height, ratio) {
 }
 
 /** Query parameters that say how the volume looks, whatever the size and layout; `fit` is what a picture's shape makes of the zoom. */
-export function lookQuery(state, aspect, fit, moving = false) {
+function lookQuery(state, aspect, fit, moving = false) {
   const labels = labelQuery(state);
   if (state.slice.plane) return { ...sliceQuery(state.slice, state.volume, aspect), ...labels };
   const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
@@ -91,7 +91,7 @@ export function frameQuery(state, moving = false) {
 }
 
 /** Durations of a Server-Timing header by name, ms. */
-export function timings(header) {
+function timings(header) {
   const found = {};
   for (const entry of (header ?? "").split(",")) {
     const [name, ...parameters] = entry.trim().split(";");

@@ -16,7 +16,7 @@ const TYPES = {
 };
 
 /** The mask of one label: `{ dims, mask, origin, columns, inverse, skin }`, cut to the voxels that it has. */
-export async function readRegion(bytes, label) {
+async function readRegion(bytes, label) {
   const end = findBlankLine(bytes);
   const header = new TextDecoder("latin1").decode(bytes.subarray(0, end));
   const field = (name) => new RegExp(`^${name}:=?\\s*(.*)$`, "mi").exec(header)?.[1].trim() ?? "";
@@ -90,7 +90,7 @@ function inverse([a, b, c]) {
 const SIZES = { char: 1, uchar: 1, int8: 1, uint8: 1, short: 2, ushort: 2, int16: 2, uint16: 2, int: 4, uint: 4, int32: 4, uint32: 4, float: 4, float32: 4, double: 8, float64: 8 };
 
 /** Vertices (x, y, z, ...) and triangles of a binary little-endian PLY. */
-export function readMesh(bytes) {
+function readMesh(bytes) {
   const text = new TextDecoder("latin1").decode(bytes.subarray(0, Math.min(bytes.length, 16_384)));
   const end = text.indexOf("end_header\n") + "end_header\n".length;
   const count = (name) => Number(new RegExp(`element ${name} (\\d+)`).exec(text)?.[1] ?? 0);

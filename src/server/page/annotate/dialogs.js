@@ -7,7 +7,7 @@ import { colorOf } from "./model.js";
 const dialog = () => document.getElementById("dialog");
 
 /** Opens a dialog and gives the value of the button that closed it, with the form's fields; null after Escape. */
-export function ask(title, content, buttons, wide = false) {
+function ask(title, content, buttons, wide = false) {
   const box = dialog();
   box.classList.toggle("wide", wide);
   const row = buttons.map(([value, words, primary]) =>
@@ -106,7 +106,7 @@ export async function askExport(sets, now) {
 }
 
 /** What differs between two versions of an item: rows of [what, theirs, mine]. */
-export function differences(theirs, mine) {
+function differences(theirs, mine) {
   const words = (item) => ({
     name: item.name, description: item.description ?? "", set: item.set, list: item.list ?? "", state: item.state,
     locked: item.locked ? "yes" : "no", shown: item.visible ? "yes" : "no", colour: colorOf(item),

@@ -6,7 +6,7 @@ import { FORMATS } from "./dialogs.js";
 const ENDINGS = { json: "", dcm: "", nrrd: "seg.nrrd", nii: "nii.gz", nii_gz: "nii.gz" };
 
 /** The format that a name tells; empty where the content has to. */
-export function formatOf(name) {
+function formatOf(name) {
   const lower = name.toLowerCase();
   const known = FORMATS.map(([format]) => format).sort((a, b) => b.length - a.length).find((format) => lower.endsWith(`.${format}`));
   return known ?? ENDINGS[lower.split(".").pop()] ?? "";

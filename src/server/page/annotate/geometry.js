@@ -20,7 +20,7 @@ export function across(normal, wish = [0, 0, 1]) {
 }
 
 /** Points of a centripetal Catmull-Rom spline through `points`; a closed one ends where it begins. */
-export function catmullRom(points, closed, parts) {
+function catmullRom(points, closed, parts) {
   let kept = points.filter((point, i) => i === 0 || distance(point, points[i - 1]) > 0);
   if (closed && kept.length > 1 && distance(kept[0], kept.at(-1)) === 0) kept = kept.slice(0, -1);
   const count = kept.length;
@@ -115,8 +115,16 @@ export function withoutPoint(geometry, index) {
   return { ...geometry, points_mm: points.filter((_, i) => i !== index) };
 }
 
+/** Parts by their curve: a pointer asks for them at each of its moves, and a curve that changes is another one. */
+const KNOWN_PARTS = new WeakMap();
+
 /** A curve as straight parts, each with the index that a point set on it would have. */
 export function partsOf(curve) {
+  if (!KNOWN_PARTS.has(curve)) KNOWN_PARTS.set(curve, cut(curve));
+  return KNOWN_PARTS.get(curve);
+}
+
+function cut(curve) {
   const { points_mm: points, closed } = curve;
   const line = outline(curve);
   const spans = closed ? points.length : points.length - 1;

@@ -30,7 +30,7 @@ export function icon(name) {
   return box;
 }
 
-export const iconOf = (item) =>
+const iconOf = (item) =>
   item.state !== "defined" ? "missing" : item.geometry?.kind === "curve" && item.geometry.closed ? "contour" : (item.geometry?.kind ?? "missing");
 
 /** Rows beyond this are drawn when they are asked for. */

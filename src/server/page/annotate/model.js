@@ -6,7 +6,7 @@ import { measures, middleOf } from "./geometry.js";
 export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 2 });
 
 /** Colours of kinds that have none of their own, display-referred sRGB. */
-export const COLORS = {
+const COLORS = {
   point: "#ffb86b", line: "#6fd6dc", angle: "#f78fb3", curve: "#9be564", plane: "#b99cff", region: "#ff8a75", mesh: "#ead9b0",
 };
 

@@ -19,7 +19,7 @@ const CLOSE_PIXELS = 10;
 const SAME_MM = 0.3;
 
 /** The geometry of so many points: what the tool makes of them, or what comes on the way there. */
-export function shapeOf(tool, points) {
+function shapeOf(tool, points) {
   const [first, second, third] = points;
   const closed = tool === "contour" && points.length > 2;
   if (points.length === 1) return { kind: "point", at_mm: first };

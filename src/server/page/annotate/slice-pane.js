@@ -12,7 +12,7 @@ const round = (values, digits = 3) => values.map((value) => Number(value.toFixed
 const KEYS = "Arrow keys move the cursor, with Ctrl the picture, Page Up and Page Down go through slices, plus and minus zoom, Enter places a point at the cursor.";
 
 /** Directions of a plane's picture: what points right and up. */
-export function directions(name, model) {
+function directions(name, model) {
   if (PLANES[name]) return PLANES[name];
   const { normal, up } = model.oblique;
   const upward = across(normal, up);

@@ -6,7 +6,7 @@ import { element } from "./pane.js";
 const $ = (id) => document.getElementById(id);
 
 /** Name, key, icon, what it does, and what to do with it. */
-export const TOOLS = [
+const TOOLS = [
   ["navigate", "V", "Look", '<path d="M5 3.500 15.500 9l-4.600 1.500L8.500 15z"/>', "Click: the cursor goes there. Drag: turn in 3D, take the cursor along in slices. Nothing is changed."],
   ["edit", "E", "Edit", '<path d="M7 9V5.200a1.200 1.200 0 0 1 2.400 0V9m0-.800a1.200 1.200 0 0 1 2.400 0V10m0-.600a1.200 1.200 0 0 1 2.400 0v3.100a4 4 0 0 1-4 4h-1c-2 0-3-1.200-4-3L4.500 11.500c.600-.800 1.500-.600 2.500.500V9"/>', "Press on a point and drag it; let go to keep it, Escape to leave it. On the line of the chosen curve a press adds a point."],
   null,

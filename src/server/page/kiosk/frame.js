@@ -164,7 +164,7 @@ function imageOf(pixels, width, height) {
 // ---------------------------------------------------------------- the display's header
 
 /** CRC-32 with Ethernet's polynomial, without initial value, reflection and final xor. */
-export function crc32(bytes) {
+function crc32(bytes) {
   let crc = 0;
   for (const byte of bytes) {
     crc ^= byte << 24;

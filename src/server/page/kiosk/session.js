@@ -21,7 +21,7 @@ function whyNotYet({ type, problem }) {
   return problem?.type === "urn:relief:problem:no-such-volume" ? "the server does not have this volume yet" : "";
 }
 
-export const nowNs = () => Math.round((performance.timeOrigin + performance.now()) * 1e6);
+const nowNs = () => Math.round((performance.timeOrigin + performance.now()) * 1e6);
 
 export class Session {
   #socket = null;
@@ -128,7 +128,7 @@ export class Session {
   #closed(code, reason) {
     this.#newest = null;
     if (this.#ended) return;
-    const { [code]: final } = FINAL;
+    const final = FINAL[code];
     if (final && !this.#notYet) return this.end(reason || final);
     this.changed("waiting", this.#notYet || reason);
     this.#notYet = "";

@@ -1,7 +1,7 @@
 //! The test of the tester: what golden images must not let pass, does not pass.
 //!
 //! No adapter is needed: approved goldens are altered and compared with themselves, and volumes with swapped
-//! axes are rendered by the f64 twin. `golden_cli` has the same through the program.
+//! axes are rendered by the f64 twin. `command` has the same through the program.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 use std::fs;

@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
-mod common;
+use crate::common;
 
 use std::process::{Command, Output};
 

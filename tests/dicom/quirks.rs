@@ -1,7 +1,7 @@
 //! Odd files, one by one and together: each behaves as the table in `../shared/data/README.md` says.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -1,8 +1,8 @@
 //! Damaged, hostile and contradictory input: a clear error or a warning, never a panic, never unbounded memory.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
-mod dicom_made;
+use crate::common;
+use crate::made;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ fn value_at(bytes: &[u8], tag: [u16; 2], vr: &str) -> usize {
 fn templates(what: &str) -> Vec<Vec<u8>> {
     let real = shared_data(&format!("{what}, on a real slice"));
     let real = real.map(|data| fs::read(data.join("quirks/CT_small.dcm")).unwrap());
-    [dicom_made::slice()].into_iter().chain(real).collect()
+    [made::slice()].into_iter().chain(real).collect()
 }
 
 /// Overwrites a value, padded with spaces.
@@ -68,7 +68,7 @@ fn stack(template: &[u8], heights: &[f64]) -> tempfile::TempDir {
 
 #[test]
 fn crafted_files_end_in_a_volume_or_an_error() {
-    for (made, seed) in [(dicom_made::slice(), 1), (dicom_made::rle_slice(), 2)] {
+    for (made, seed) in [(made::slice(), 1), (made::rle_slice(), 2)] {
         load_damaged_copies(&made, "a made file", seed, 300);
     }
     let Some(folder) = unpacked("the fuzzing corpus", "fuzz") else { return };

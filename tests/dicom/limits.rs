@@ -1,13 +1,13 @@
 //! Limits on memory and work: what a small file claims or unpacks to is refused before it is allocated.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod dicom_made;
+use crate::made;
 
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use dicom_made::SIZE;
+use crate::made::SIZE;
 use relief::dicom::{self, Discovery, Error, LoadLimits, Loaded, Strictness};
 
 fn discover(path: &Path) -> Discovery {
@@ -28,7 +28,7 @@ fn folder_of(bytes: &[u8]) -> tempfile::TempDir {
 
 #[test]
 fn a_volume_may_have_as_many_bytes_as_allowed_and_no_more() {
-    let folder = folder_of(&dicom_made::slice());
+    let folder = folder_of(&made::slice());
     let bytes = (SIZE * SIZE * 2) as u64;
     assert_eq!(discover(folder.path()).series[0].voxel_bytes(), bytes);
     assert_eq!(load_within(bytes, folder.path()).unwrap().volume.voxels_hu().len(), SIZE * SIZE);
@@ -43,7 +43,7 @@ fn a_volume_may_have_as_many_bytes_as_allowed_and_no_more() {
 fn the_grid_over_an_uneven_stack_is_limited_as_well() {
     let folder = tempfile::tempdir().unwrap();
     for (index, z) in [0.0, 1.0, 2.0, 8.0].into_iter().enumerate() {
-        fs::write(folder.path().join(format!("{index}.dcm")), dicom_made::slice_at(z, index)).unwrap();
+        fs::write(folder.path().join(format!("{index}.dcm")), made::slice_at(z, index)).unwrap();
     }
     let slice = (SIZE * SIZE * 2) as u64;
     assert_eq!(load_within(slice * 9, folder.path()).unwrap().volume.grid().dims(), [SIZE, SIZE, 9]);
@@ -54,7 +54,7 @@ fn the_grid_over_an_uneven_stack_is_limited_as_well() {
 #[test]
 fn frames_that_are_only_claimed_are_refused() {
     // Half a megabyte, enough for a fragment's header for each frame, claims eight terabytes.
-    let folder = folder_of(&dicom_made::compressed(65_535, [8192; 2], vec![0; 1 << 19]));
+    let folder = folder_of(&made::compressed(65_535, [8192; 2], vec![0; 1 << 19]));
     let error = dicom::load(&discover(folder.path()).series[0], Strictness::Lenient, &|_| ()).unwrap_err();
     let needed = 8192 * 8192 * 65_535 * 2;
     assert!(
@@ -64,17 +64,17 @@ fn frames_that_are_only_claimed_are_refused() {
     let message = error.to_string();
     assert!(message.contains("needs 8388480 MiB") && message.contains("16384 MiB are allowed"), "{message}");
     // The largest image that attributes can express is none that is decoded.
-    let folder = folder_of(&dicom_made::compressed(65_535, [65_535; 2], vec![0; 1 << 19]));
+    let folder = folder_of(&made::compressed(65_535, [65_535; 2], vec![0; 1 << 19]));
     let error = load_within(u64::MAX, folder.path()).unwrap_err().to_string();
     assert!(error.contains("found a frame of 65535 x 65535 pixels, expected at most 67108864"), "{error}");
 }
 
 #[test]
 fn a_file_that_shrinks_between_its_header_and_its_pixels_is_an_error() {
-    let folder = folder_of(&dicom_made::rle_slice());
+    let folder = folder_of(&made::rle_slice());
     let found = discover(folder.path());
     let load = || dicom::load(&found.series[0], Strictness::Lenient, &|_| ());
-    let hu: Vec<i16> = dicom_made::stored().iter().map(|stored| stored + dicom_made::INTERCEPT).collect();
+    let hu: Vec<i16> = made::stored().iter().map(|stored| stored + made::INTERCEPT).collect();
     assert_eq!(load().unwrap().volume.voxels_hu(), hu);
     let file = fs::OpenOptions::new().write(true).open(folder.path().join("made.dcm")).unwrap();
     for length in [2000, 1000, 400, 0] {
@@ -100,7 +100,7 @@ fn zip_with_claim(content: &[u8], claimed: Option<u32>) -> Vec<u8> {
 fn a_zip_entry_is_unpacked_up_to_its_stated_size_and_a_large_one_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("study.zip");
-    let slice = dicom_made::slice();
+    let slice = made::slice();
     fs::write(&path, zip_with_claim(&slice, None)).unwrap();
     assert_eq!(load_within(1 << 20, &path).unwrap().volume.grid().dims(), [SIZE, SIZE, 1]);
     let bomb = vec![0; 1 << 24]; // packs to a thousandth of its size

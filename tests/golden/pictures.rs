@@ -5,7 +5,7 @@
 //! twin sees to it that what was looked at is also right to the last step.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
-mod common;
+use crate::common;
 
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,7 @@
 //! Truth: `../shared/data/codecs.facts.json` and the uncompressed slice.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
+use crate::common;
 
 use std::path::Path;
 

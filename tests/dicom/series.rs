@@ -3,7 +3,7 @@
 //! Truth: `../shared/data/NAME.facts.json`, and for resampled series the positions of known features.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
+use crate::common;
 
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! `relief inspect` as programs use it: JSON, exit status, messages.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod common;
-mod dicom_made;
+use crate::common;
+use crate::made;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -75,9 +75,8 @@ fn no_series_is_a_failure_that_says_why() {
 #[test]
 fn several_series_are_listed_with_the_option_that_chooses() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("native.dcm"), dicom_made::slice_at(9.0, 1)).unwrap();
-    std::fs::write(folder.path().join("other.dcm"), dicom_made::compressed(1, [64, 128], vec![0; 64]))
-        .unwrap();
+    std::fs::write(folder.path().join("native.dcm"), made::slice_at(9.0, 1)).unwrap();
+    std::fs::write(folder.path().join("other.dcm"), made::compressed(1, [64, 128], vec![0; 64])).unwrap();
     let out = folder.path().join("picture.png");
     let render = Command::new(env!("CARGO_BIN_EXE_relief"))
         .args(["render", "--series"])

@@ -1,0 +1,13 @@
+//! Commands that are small: what they print, write and refuse.
+
+mod annotate_log;
+mod budget;
+#[path = "../common/mod.rs"]
+mod common;
+mod doctor;
+mod labels;
+mod light;
+mod output;
+mod phantom;
+mod slices;
+mod views;

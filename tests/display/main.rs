@@ -1,0 +1,11 @@
+//! The bytes of frames: disparity, header, layouts, filters, views, files, and what reads them again.
+
+mod curve;
+mod declipse;
+mod files;
+mod filters;
+mod header;
+mod inspect;
+mod layouts;
+mod settings;
+mod views;
