@@ -1,6 +1,7 @@
 //! DICOM files made for tests of the reader: a classic CT slice by the library's own writer, and variants of it by
 //! dicom-rs. They are what damage is done to; that the writer is right is for `phantom.rs` to show.
 #![allow(dead_code, reason = "each test binary uses a part of this")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::fs;
 use std::path::Path;

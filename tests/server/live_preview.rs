@@ -69,7 +69,7 @@ fn ghosts(running: &Running) -> Vec<([f64; 3], String)> {
     last.as_ref().map(|last| last.overlays.items.iter().filter_map(ghost).collect()).unwrap_or_default()
 }
 
-fn pose(seq: u64, x_mm: f64, buttons: Value) -> Value {
+fn pose(seq: u64, x_mm: f64, buttons: &Value) -> Value {
     json!({ "type": "pose", "seq": seq, "t_ns": seq * 20_000_000, "state": "tracking",
         "position_mm": [x_mm, 0, 1480], "orientation_xyzw": [0, 0, 0, 1], "buttons": buttons })
 }
@@ -77,7 +77,7 @@ fn pose(seq: u64, x_mm: f64, buttons: Value) -> Value {
 /// Halfway between the ball and the air around it.
 const BALL_HU: f64 = -350.0;
 
-fn annotating(snap: Value) -> Value {
+fn annotating(snap: &Value) -> Value {
     let settings = json!({ "annotations": "s", "snap": snap });
     json!({ "view": "theatre", "author": "anna", "settings": settings })
 }
@@ -86,17 +86,17 @@ fn annotating(snap: Value) -> Value {
 #[tokio::test]
 async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_there() {
     let running = Running::annotated_sphere().await;
-    let (mut anna, _) = running.hello(annotating(json!({ "to": "surface", "hu": BALL_HU }))).await;
+    let (mut anna, _) = running.hello(annotating(&json!({ "to": "surface", "hu": BALL_HU }))).await;
     let (mut ben, _) = running.hello(json!({ "view": "theatre", "role": "watcher" })).await;
-    anna.send(&pose(1, 0.0, json!([]))).await;
+    anna.send(&pose(1, 0.0, &json!([]))).await;
     // Long enough for the hand's mean to be where the hand is.
     for seq in 2..80 {
-        anna.send(&pose(seq, 18.5, json!([]))).await;
+        anna.send(&pose(seq, 18.5, &json!([]))).await;
     }
     let before = state_where(&mut anna, |message| !message["state"]["cursor_mm"].is_null()).await;
     assert!(before["snapped"].is_null(), "nothing is being placed: {before}");
     for seq in 80..90 {
-        anna.send(&pose(seq, 18.5, json!(["a"]))).await;
+        anna.send(&pose(seq, 18.5, &json!(["a"]))).await;
     }
     let message = previewed(&mut anna).await;
     let (at, shift) = (xyz(&message["snapped"]["at_mm"]), xyz(&message["snapped"]["shift_mm"]));
@@ -108,7 +108,7 @@ async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_
     let shown = ghosts(&running);
     assert_eq!(shown.len(), 1, "{shown:?}");
     assert!(between(shown[0].0, at) < 1e-9 && shown[0].1 == format!("{:.1} mm", length(shift)), "{shown:?}");
-    anna.send(&pose(90, 18.5, json!([]))).await;
+    anna.send(&pose(90, 18.5, &json!([]))).await;
     let item = edited(&mut anna).await["item"].clone();
     assert_eq!(item["geometry"], json!({ "kind": "point", "at_mm": at }), "the place that was shown");
     assert_eq!(item["placement"]["snapped_mm"], json!(shift));
@@ -120,7 +120,7 @@ async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_
 #[tokio::test]
 async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
     let running = Running::annotated_sphere().await;
-    let (mut anna, _) = running.hello(annotating(json!({ "to": "surface", "hu": BALL_HU }))).await;
+    let (mut anna, _) = running.hello(annotating(&json!({ "to": "surface", "hu": BALL_HU }))).await;
     anna.still(0).await;
     let lead = |seq, at: [f64; 3]| intent(seq, json!({ "intent": "cursor", "point_mm": at }));
     anna.send(&lead(1, [0.0, 0.0, 21.0])).await;
@@ -176,7 +176,7 @@ async fn tremble(running: &Running, anna: &mut Client, first: u32) -> ([f64; 3],
 #[tokio::test]
 async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
     let running = Running::annotated_sphere().await;
-    let (mut anna, _) = running.hello(annotating(json!({ "to": "gradient" }))).await;
+    let (mut anna, _) = running.hello(annotating(&json!({ "to": "gradient" }))).await;
     anna.still(0).await;
     let (_, without) = tremble(&running, &mut anna, 1).await;
     anna.send(&intent(200, json!({ "intent": "place", "phase": "preview" }))).await;
