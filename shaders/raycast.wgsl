@@ -73,7 +73,9 @@ fn raycast(
 
 fn write_hit(at: u32, ray: Ray, hit: Hit) {
     let over = hit.color.rgb + (1.0 - hit.color.a) * frame.background_rgb;
-    color_out[at] = pack4x8unorm(vec4<f32>(over, hit.color.a));
+    // As pack4x8unorm, which leaves halves to the driver: what is filled in beside the region has to have the same bytes.
+    let bytes = vec4<u32>(round(clamp(vec4<f32>(over, hit.color.a), vec4<f32>(0.0), vec4<f32>(1.0)) * 255.0));
+    color_out[at] = bytes.x | (bytes.y << 8u) | (bytes.z << 16u) | (bytes.w << 24u);
     if COUNT_SAMPLES {
         depth_out[at] = hit.samples;
     } else {

@@ -1,5 +1,6 @@
 //! The series of `relief serve`: where they are, and loading them behind the server.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -108,7 +109,15 @@ impl Loading<'_> {
         let Some((_, _, count)) = place.among else {
             return self.series(place, self.options).map(|()| 1);
         };
-        let local = self.copies.local(&place.path)?;
+        let local = match self.copies.local(&place.path) {
+            // Nothing there, or more than copies may have: the others are served all the same.
+            Err(error)
+                if count > 1 && matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidInput) =>
+            {
+                return Ok(self.leave_out(place, &error.into()));
+            }
+            local => local?,
+        };
         let found = self.below(local.path());
         let options = match found {
             Ok(options) => options,

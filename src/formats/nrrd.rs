@@ -12,14 +12,14 @@ use super::bytes::Source;
 use super::header::{Described, Header, NamedSegment, Scale};
 use super::values::{Number, Voxel};
 use crate::space::Transform;
-use crate::volume::Grid;
+use crate::volume::{Grid, Layers};
 
 /// Longest line: names and terms of a segment in one.
 const LONGEST_LINE: usize = 1 << 16;
 /// Longest header: a kilobyte for each of the segments of the largest atlases.
 const LONGEST_HEADER: usize = 1 << 22;
 /// Most values in a voxel.
-const MOST_LAYERS: usize = 64;
+const MOST_LAYERS: usize = Layers::MOST;
 
 /// Fields by their names, and key/value pairs by their keys.
 #[derive(Default)]

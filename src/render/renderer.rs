@@ -461,10 +461,11 @@ fn depth_mm_of(written: f32) -> f32 {
     if written > 1e38 { f32::INFINITY } else { written }
 }
 
-/// The pixel of a ray that hits nothing, as shaders round it.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 255.5")]
+/// The pixel of a ray that hits nothing: halves go to even numbers, as in the shader.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 255")]
 fn background(request: &RenderRequest) -> [u8; 4] {
-    let [red, green, blue] = request.background_rgb.map(|c| (c.clamp(0.0, 1.0) as f32 * 255.0 + 0.5) as u8);
+    let byte = |channel: f64| (channel.clamp(0.0, 1.0) as f32 * 255.0).round_ties_even() as u8;
+    let [red, green, blue] = request.background_rgb.map(byte);
     [red, green, blue, 0]
 }
 

@@ -44,6 +44,8 @@ pub struct VolumePlan {
     pub appearance_bytes: u64,
     /// Edge of a brick in voxels.
     pub brick_edge: usize,
+    /// Edge of the bricks that composite pictures skip by: a smaller one in small volumes.
+    pub fine_brick_edge: usize,
 }
 
 impl VolumeLimits {
@@ -55,10 +57,10 @@ impl VolumeLimits {
     pub const BRICKS: u64 = 1 << 24;
     /// Bytes of a texture that software drivers take; they do not tell, and Mesa's refuses more.
     const SOFTWARE_TEXTURE_BYTES: u64 = 2 << 30;
-    /// Edge of a brick in voxels, but for small volumes. Smaller bricks skip more closely but take longer to map.
+    /// Edge of a brick in voxels. Smaller bricks skip more closely but take longer to map.
     const BRICK_EDGE: usize = 4;
-    /// As many bricks are mapped in no time: a volume that has no more of smaller ones has those. Its voxels are large
-    /// beside its samples, and so would bricks of four be.
+    /// As many bricks are mapped in no time: a volume that has no more of smaller ones has those too. Its voxels are large
+    /// beside its samples, and so are bricks of four.
     const QUICK_BRICKS: u64 = 1 << 20;
 
     pub(super) fn of(gpu: &Gpu) -> Self {
@@ -108,16 +110,16 @@ impl VolumeLimits {
     fn without_gradients(&self, dims: [usize; 3]) -> VolumePlan {
         let product = |sides: [usize; 3]| sides.iter().fold(1u64, |n, &side| n.saturating_mul(side as u64));
         let bricks = |edge: usize| product(dims.map(|side| side.div_ceil(edge)));
-        let most = |edge: usize| {
-            if edge < Self::BRICK_EDGE { Self::QUICK_BRICKS.min(self.bricks) } else { self.bricks }
-        };
-        let edges = std::iter::successors(Some(1), |edge| Some(edge * 2));
-        let brick_edge = edges.take(30).find(|&edge| bricks(edge) <= most(edge)).unwrap_or(1 << 30);
+        let edges = std::iter::successors(Some(Self::BRICK_EDGE), |edge| Some(edge * 2));
+        let brick_edge = edges.take(28).find(|&edge| bricks(edge) <= self.bricks).unwrap_or(1 << 30);
+        let quick = Self::QUICK_BRICKS.min(self.bricks);
+        let fine_brick_edge = [1, 2].into_iter().find(|&edge| bricks(edge) <= quick).unwrap_or(brick_edge);
         VolumePlan {
             voxel_bytes: product(dims).saturating_mul(2),
             gradient_bytes: 0,
-            appearance_bytes: TABLE_BYTES + bricks(brick_edge).next_multiple_of(4),
+            appearance_bytes: TABLE_BYTES + bricks(fine_brick_edge).next_multiple_of(4),
             brick_edge,
+            fine_brick_edge,
         }
     }
 }
@@ -318,18 +320,19 @@ mod tests {
     #[test]
     fn bricks_are_as_small_as_their_numbers_allow() {
         let limits = VolumeLimits { memory_bytes: u64::MAX, ..LIMITS };
-        for (dims, edge) in [
-            ([1; 3], 1),
-            ([100; 3], 1),
-            ([102; 3], 2),
-            ([202, 202, 202], 2),
-            ([204; 3], 4),
-            ([1024; 3], 4),
-            ([1025, 1024, 1024], 8),
-            ([2048, 2048, 2000], 8),
-            ([4096; 3], 16),
+        for (dims, edge, fine) in [
+            ([1; 3], 4, 1),
+            ([100; 3], 4, 1),
+            ([102; 3], 4, 2),
+            ([202; 3], 4, 2),
+            ([204; 3], 4, 4),
+            ([1024; 3], 4, 4),
+            ([1025, 1024, 1024], 8, 8),
+            ([2048, 2048, 2000], 8, 8),
+            ([4096; 3], 16, 16),
         ] {
-            assert_eq!(limits.plan(dims).unwrap().brick_edge, edge, "{dims:?}");
+            let plan = limits.plan(dims).unwrap();
+            assert_eq!((plan.brick_edge, plan.fine_brick_edge), (edge, fine), "{dims:?}");
         }
     }
 

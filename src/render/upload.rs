@@ -75,6 +75,9 @@ pub(super) struct VolumeOnGpu {
     pub(super) plan: VolumePlan,
     format: VoxelFormat,
     pub(super) bricks: BrickRanges,
+    /// Smaller ones of a small volume, for composite pictures of sampled values alone: what skips by others counts on bricks that
+    /// are longer than its steps.
+    fine_bricks: Option<BrickRanges>,
 }
 
 impl VolumeOnGpu {
@@ -104,7 +107,9 @@ impl VolumeOnGpu {
         scope.close()?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let bricks = BrickRanges::new(volume, plan.brick_edge);
-        Ok(Self { hash: volume.content_hash(), view, gradients, plan, format, bricks })
+        let has_fine = plan.fine_brick_edge != plan.brick_edge;
+        let fine_bricks = has_fine.then(|| BrickRanges::new(volume, plan.fine_brick_edge));
+        Ok(Self { hash: volume.content_hash(), view, gradients, plan, format, bricks, fine_bricks })
     }
 }
 
@@ -255,7 +260,9 @@ fn distance_map(
     let stored = |hu| volume.stored(hu);
     let Some(segments) = segments else {
         let shows = |low, high| tables.is_of_interest(request, stored(low), stored(high));
-        return volume.bricks.distance_map(shows);
+        let is_plain = request.mode == Mode::Composite && request.classification == Classification::Sampled;
+        let fine = volume.fine_bricks.as_ref().filter(|_| is_plain);
+        return fine.unwrap_or(&volume.bricks).distance_map(shows);
     };
     let sets: Vec<TableSet> = segments.sets().iter().map(|places| tables.set_of(places)).collect();
     volume.bricks.distance_map_by(|brick, low, high| {

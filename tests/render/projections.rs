@@ -144,6 +144,12 @@ fn rays_that_meet_nothing_show_the_background() {
         assert_eq!(frame.color_rgba[0], [51, 102, 153, 0], "{mode:?}");
         assert_eq!(frame.depth_mm[0], f32::INFINITY, "{mode:?}");
         assert!(frame.depth_mm[15 * 31 + 15].is_finite(), "{mode:?} shows the sphere");
+        // Halves of a byte, which are filled in beside what is cast, and 127.5: to even numbers everywhere.
+        request.background_rgb = [0.3, 0.7, 0.5];
+        let [cast, filled] = [Skipping::Off, Skipping::On]
+            .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());
+        assert_eq!(filled.color_rgba[0], [76, 178, 128, 0], "{mode:?}");
+        assert!(cast.color_rgba == filled.color_rgba, "{mode:?}");
     }
 }
 

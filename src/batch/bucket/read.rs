@@ -166,7 +166,13 @@ fn without_names(error: object_store::Error) -> Error {
     if ["403 Forbidden", "401 Unauthorized"].iter().any(|status| cause.contains(status)) {
         return told(ErrorKind::PermissionDenied, denied);
     }
-    // What a service says as XML has names in it.
-    let said: String = cause.split('<').next().unwrap_or_default().chars().take(LONGEST).collect();
+    // What a service says itself, as XML or otherwise, may have names in it; statuses have none of these.
+    let said: String = cause
+        .split(['<', '{', '[', '"', '/', '\n'])
+        .next()
+        .unwrap_or_default()
+        .chars()
+        .take(LONGEST)
+        .collect();
     Error::other(format!("the service fails: {}", said.trim_end_matches([' ', ':'])))
 }

@@ -84,12 +84,11 @@ impl Copies {
         let is_one = matches!(&*objects, [one] if one.location.as_ref() == key);
         // One at a time: two would not know of each other's bytes.
         let mut state = self.lock();
-        let shelf = state.shelf(self.options.folder.as_deref())?;
+        let shelf = state.shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
         let (folder, held) = match shelf.find(&name, objects.len()) {
             Some(found) => found,
             None => {
-                shelf.make_room(needed, allowed)?;
-                shelf.add(&name, |folder| {
+                let fetched = shelf.add(&name, objects.len(), (needed, allowed), |folder| {
                     let wanted: Vec<(Object, PathBuf)> = objects
                         .iter()
                         .enumerate()
@@ -102,7 +101,8 @@ impl Copies {
                         bytes: object.size,
                     });
                     Ok(written.collect())
-                })?
+                });
+                fetched.map_err(of_this_machine)?
             }
         };
         let path = if is_one { folder.join(file_name(0, &objects[0])) } else { folder };
@@ -154,6 +154,14 @@ fn file_name(number: usize, object: &Object) -> String {
         .into_iter()
         .find(|ending| name.ends_with(ending));
     format!("{number:06}{}", known.unwrap_or_default())
+}
+
+/// What this machine's folder lacks says nothing of the series: it may be there the next time.
+fn of_this_machine(error: Error) -> Error {
+    match error.kind() {
+        ErrorKind::NotFound | ErrorKind::InvalidInput => Error::other(error),
+        _ => error,
+    }
 }
 
 fn nothing() -> Error {

@@ -1,7 +1,9 @@
 //! The folder of copies: which are there, which go.
 //!
 //! A copy is a folder that is called after the hash of what was listed: `files/`, and `contents.json`, which has their hashes and
-//! its lock. One that is being made or removed is called otherwise; what a program that was killed left is removed by the next.
+//! the lock of those who read it. One that is being made or removed is called otherwise; what a program that was killed left is
+//! removed by the next. Who makes or removes copies holds the lock of the folder, so that all programs together keep within its
+//! bytes; who only reads does not wait for it.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Write};
@@ -16,6 +18,11 @@ use crate::batch::source::file_sha256;
 
 /// Beginning of the names of those that are being made or removed.
 const UNDER_WAY: &str = ".relief-copy-";
+/// The lock of the folder.
+const KEEPER: &str = ".relief-lock";
+/// The lock of a temporary folder, held as long as its program runs.
+const ALIVE: &str = ".relief-alive";
+const TEMPORARY: &str = "relief-copies-";
 const CONTENTS: &str = "contents.json";
 const FILES: &str = "files";
 /// Largest list of contents that is read, bytes.
@@ -25,8 +32,8 @@ const LARGEST: u64 = 64 << 20;
 #[derive(Debug)]
 pub(super) struct Shelf {
     folder: PathBuf,
-    /// Removes it with this value.
-    _temporary: Option<tempfile::TempDir>,
+    /// Removes it with this value, and says until then that somebody uses it.
+    _temporary: Option<(tempfile::TempDir, File)>,
 }
 
 /// A copy that could go.
@@ -44,18 +51,24 @@ impl Shelf {
                 Ok(Self { folder: folder.to_owned(), _temporary: None })
             }
             None => {
-                let temporary = tempfile::Builder::new().prefix("relief-copies-").tempdir()?;
-                Ok(Self { folder: temporary.path().to_owned(), _temporary: Some(temporary) })
+                remove_abandoned();
+                let temporary = tempfile::Builder::new().prefix(TEMPORARY).tempdir()?;
+                let alive = File::create_new(temporary.path().join(ALIVE))?;
+                alive.lock()?;
+                Ok(Self { folder: temporary.path().to_owned(), _temporary: Some((temporary, alive)) })
             }
         }
     }
 
-    /// The files of a copy and its lock, if it is there and all that it was; one that is not is removed.
+    /// The files of a copy and its lock, if it is there and all that it was.
     pub(super) fn find(&self, name: &str, files: usize) -> Option<(PathBuf, File)> {
         let folder = self.folder.join(name);
         let lock = File::open(folder.join(CONTENTS)).ok()?;
         lock.lock_shared().ok()?;
-        let written = contents(&folder)?;
+        // While it waited for its lock the copy may have gone and come again.
+        let is_its_own = same_file::Handle::from_file(lock.try_clone().ok()?).ok()?
+            == same_file::Handle::from_path(folder.join(CONTENTS)).ok()?;
+        let written = contents(&folder).filter(|_| is_its_own)?;
         let path = folder.join(FILES);
         let is_sound = |one: &Written| {
             let file = path.join(&one.file);
@@ -67,38 +80,44 @@ impl Shelf {
             let _ = lock.set_modified(SystemTime::now());
             return Some((path, lock));
         }
-        tracing::warn!("a copy of a series in a bucket was altered, and is fetched again");
-        drop(lock);
-        self.remove(&folder);
         None
     }
 
-    /// Makes a copy of what `fetch` puts into a folder. It is there when all of it is.
+    /// Makes a copy, of so many files and bytes, of what `fetch` puts into a folder. It is there when all of it is. What others have
+    /// made meanwhile is taken; what is not all that it was is replaced.
     pub(super) fn add(
         &self,
         name: &str,
+        files: usize,
+        (needed, allowed): (u64, u64),
         fetch: impl FnOnce(&Path) -> std::io::Result<Vec<Written>>,
     ) -> std::io::Result<(PathBuf, File)> {
+        std::fs::create_dir_all(&self.folder)?; // it may have been cleared away
+        let keeper = File::create(self.folder.join(KEEPER))?;
+        keeper.lock()?;
+        if let Some(found) = self.find(name, files) {
+            return Ok(found);
+        }
+        let folder = self.folder.join(name);
+        if self.remove(&folder) {
+            tracing::warn!("a copy of a series in a bucket was altered, and is fetched again");
+        }
+        self.make_room(needed, allowed)?;
         let made = tempfile::Builder::new().prefix(UNDER_WAY).tempdir_in(&self.folder)?;
-        let mut lock = File::create_new(made.path().join(CONTENTS))?;
-        lock.lock()?; // nobody takes it for a remnant
         std::fs::create_dir(made.path().join(FILES))?;
         let written = fetch(&made.path().join(FILES))?;
+        let mut lock = File::create_new(made.path().join(CONTENTS))?;
         lock.write_all(&serde_json::to_vec(&written)?)?;
-        let folder = self.folder.join(name);
-        match std::fs::rename(made.path(), &folder) {
-            Ok(()) => drop(made.keep()),
-            // Another program has made it meanwhile.
-            Err(error) => {
-                return self.find(name, written.len()).ok_or(error);
-            }
-        }
+        lock.sync_all()?;
         lock.lock_shared()?;
+        std::fs::rename(made.path(), &folder)?;
+        drop(made.keep());
         Ok((folder.join(FILES), lock))
     }
 
     /// Lets copies go that nobody reads until so many bytes have room, those not used for the longest first.
-    pub(super) fn make_room(&self, needed: u64, allowed: u64) -> std::io::Result<()> {
+    /// Under the folder's lock.
+    fn make_room(&self, needed: u64, allowed: u64) -> std::io::Result<()> {
         let mut known = self.known()?;
         known.sort_by_key(|copy| copy.used);
         let mut used = known.iter().fold(0u64, |sum, copy| sum.saturating_add(copy.bytes));
@@ -120,37 +139,58 @@ impl Shelf {
         Err(Error::new(ErrorKind::StorageFull, reason))
     }
 
-    /// What is there; remnants of programs that were killed are removed.
+    /// What is there; remnants of programs that were killed are removed, and what has no list of contents any more.
     fn known(&self) -> std::io::Result<Vec<Known>> {
         let mut known = Vec::new();
         for entry in std::fs::read_dir(&self.folder)? {
             let folder = entry?.path();
             let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
             if name.starts_with(UNDER_WAY) {
-                self.remove(&folder);
+                // Nobody else makes or removes any now.
+                let _ = std::fs::remove_dir_all(&folder);
                 continue;
             }
             // Others may keep other things here.
             let is_copy = name.len() == 64 && name.bytes().all(|digit| digit.is_ascii_hexdigit());
-            if let Some(written) = is_copy.then(|| contents(&folder)).flatten() {
-                let bytes = written.iter().map(|one| one.bytes).sum();
-                let used = std::fs::metadata(folder.join(CONTENTS)).and_then(|found| found.modified());
-                known.push(Known { folder, bytes, used: used.unwrap_or(SystemTime::UNIX_EPOCH) });
+            if !is_copy {
+                continue;
             }
+            let Some(written) = contents(&folder) else {
+                self.remove(&folder);
+                continue;
+            };
+            let bytes = written.iter().map(|one| one.bytes).sum();
+            let used = std::fs::metadata(folder.join(CONTENTS)).and_then(|found| found.modified());
+            known.push(Known { folder, bytes, used: used.unwrap_or(SystemTime::UNIX_EPOCH) });
         }
         Ok(known)
     }
 
-    /// Removes a copy, or what is left of one, unless it is in use; whether it did.
+    /// Removes a copy, or what is left of one, unless it is in use; whether it did. Under the folder's lock.
     fn remove(&self, folder: &Path) -> bool {
-        let Ok(lock) = File::open(folder.join(CONTENTS)) else { return false };
-        if lock.try_lock().is_err() {
-            return false;
-        }
+        let is_in_use = match File::open(folder.join(CONTENTS)) {
+            Ok(lock) => lock.try_lock().is_err(),
+            Err(error) => error.kind() != ErrorKind::NotFound,
+        };
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let gone = self.folder.join(format!("{UNDER_WAY}{}-{}", std::process::id(), since.as_nanos()));
         // First it is no copy any more, then it is gone.
-        std::fs::rename(folder, &gone).and_then(|()| std::fs::remove_dir_all(&gone)).is_ok()
+        !is_in_use && std::fs::rename(folder, &gone).and_then(|()| std::fs::remove_dir_all(&gone)).is_ok()
+    }
+}
+
+/// Removes temporary folders of programs that were killed.
+fn remove_abandoned() {
+    let Ok(entries) = std::fs::read_dir(std::env::temp_dir()) else { return };
+    for entry in entries.flatten() {
+        let folder = entry.path();
+        if !entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+            continue;
+        }
+        // Those of other users cannot be opened, or not be removed.
+        if File::open(folder.join(ALIVE)).is_ok_and(|alive| alive.try_lock().is_ok()) {
+            let _ = std::fs::remove_dir_all(&folder);
+        }
     }
 }
 

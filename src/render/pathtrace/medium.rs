@@ -1,16 +1,10 @@
 //! A transfer function as a medium on the GPU, and what bounds its extinction in each brick of a volume.
 
-use std::borrow::Cow;
-
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::render::request::RenderRequest;
 use crate::render::upload::{VolumeOnGpu, texture_3d, write_layers};
 use crate::transfer::{MediumTable, TransferFunction};
-use crate::volume::{BrickRanges, ContentHash, Volume};
-
-/// Voxels along the edge of a brick, at least. Light stops at the faces of every brick that it passes: smaller ones, which rays
-/// skip by, would cost it more steps than their closer bounds save.
-const BRICK_EDGE: usize = 4;
+use crate::volume::ContentHash;
 
 /// The medium of one volume under one transfer function and density.
 pub(super) struct Medium {
@@ -20,26 +14,13 @@ pub(super) struct Medium {
     pub(super) table: MediumTable,
     pub(super) table_buffer: wgpu::Buffer,
     pub(super) bounds: wgpu::TextureView,
-    /// Voxels along the edge of a brick of `bounds`.
-    pub(super) brick_edge: usize,
 }
 
 impl Medium {
-    /// `on_gpu` is what has gone up of `volume`.
-    pub(super) fn upload(
-        gpu: &Gpu,
-        volume: &Volume,
-        on_gpu: &VolumeOnGpu,
-        request: &RenderRequest,
-    ) -> Result<Self, GpuError> {
+    pub(super) fn upload(gpu: &Gpu, volume: &VolumeOnGpu, request: &RenderRequest) -> Result<Self, GpuError> {
         let density = request.path_trace.density;
         let table = MediumTable::new(&request.transfer, density);
-        let brick_edge = on_gpu.plan.brick_edge.max(BRICK_EDGE);
-        let bricks = match on_gpu.plan.brick_edge {
-            edge if edge == brick_edge => Cow::Borrowed(&on_gpu.bricks),
-            _ => Cow::Owned(BrickRanges::new(volume, brick_edge)),
-        };
-        let (bounds, dims) = brick_bounds(on_gpu, &bricks, &table);
+        let (bounds, dims) = brick_bounds(volume, &table);
         let scope = ErrorScope::open(gpu, "a medium");
         let entries: &[u8] = bytemuck::cast_slice(&table.entries);
         let table_buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -54,7 +35,7 @@ impl Medium {
         scope.close()?;
         let bounds = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let transfer = request.transfer.clone();
-        Ok(Self { volume: on_gpu.hash, transfer, density, table, table_buffer, bounds, brick_edge })
+        Ok(Self { volume: volume.hash, transfer, density, table, table_buffer, bounds })
     }
 
     /// Whether it was made for this volume.
@@ -70,13 +51,13 @@ impl Medium {
 }
 
 /// For each brick its largest extinction per mm, or minus its distance in bricks to the nearest one that has any.
-fn brick_bounds(volume: &VolumeOnGpu, bricks: &BrickRanges, table: &MediumTable) -> (Vec<f32>, [usize; 3]) {
+fn brick_bounds(volume: &VolumeOnGpu, table: &MediumTable) -> (Vec<f32>, [usize; 3]) {
     let largest = |low: i16, high: i16| table.largest_extinction(volume.stored(low), volume.stored(high));
-    let map = bricks.distance_map(|low, high| largest(low, high) > 0.0);
+    let map = volume.bricks.distance_map(|low, high| largest(low, high) > 0.0);
     let bound = |(&distance, &(low, high)): (&u8, &(i16, i16))| match distance {
         0 => largest(low, high),
         distance => -f32::from(distance),
     };
-    let bounds = map.distances.iter().zip(bricks.ranges_hu()).map(bound).collect();
+    let bounds = map.distances.iter().zip(volume.bricks.ranges_hu()).map(bound).collect();
     (bounds, map.dims)
 }

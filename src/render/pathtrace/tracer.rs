@@ -86,7 +86,7 @@ impl PathTracer {
         let Order { gpu, on_gpu, request, .. } = order;
         if !self.medium.as_ref().is_some_and(|medium| medium.fits(on_gpu.hash, request)) {
             self.medium = None; // frees the old one first
-            self.medium = Some(Medium::upload(gpu, order.volume, on_gpu, request)?);
+            self.medium = Some(Medium::upload(gpu, on_gpu, request)?);
         }
         let mut sums = match self.sums.take() {
             Some(sums) if sums.can_become(on_gpu.hash, request) => sums,
@@ -108,7 +108,7 @@ impl PathTracer {
         let Order { gpu, volume, request, bands, .. } = order;
         let medium = self.medium.as_ref().expect("uploaded before");
         let near_mm = depth_limits(&request.camera, volume.grid()).near_mm;
-        let mut uniform = PathUniform::new(request, near_mm, &medium.table, medium.brick_edge);
+        let mut uniform = PathUniform::new(request, near_mm, &medium.table, order.on_gpu.plan.brick_edge);
         let frame = FrameUniform::new(request, volume, order.appearance, Skipping::On);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         let groups = self.bind(order, medium, sums);

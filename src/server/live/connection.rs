@@ -24,7 +24,7 @@ use super::socket::{
     expect_annotations, malformed, text,
 };
 use super::view::lock;
-use super::wished::Wished;
+use super::wished::{Happened, Wished};
 use crate::interaction::Intent;
 use crate::live::{
     AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind,
@@ -164,9 +164,15 @@ impl Connected {
         let (mut said, mut refused) = (None, None);
         if let Some(Wished { happened, ground, refused: wish, .. }) = wished {
             for happened in happened {
+                let is_taking = matches!(happened, Happened::Taking { .. });
                 match happen(&self.server, view, &hand, (happened, &ground)).await {
                     Ok(message) => said = Some(message),
-                    Err(problem) => refused = refused.or(Some(problem)),
+                    Err(problem) => {
+                        refused = refused.or(Some(problem));
+                        if is_taking {
+                            break; // what follows would set a new landmark down in place of the point that was meant
+                        }
+                    }
                 }
             }
             refused = refused.or(wish);

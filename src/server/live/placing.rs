@@ -43,6 +43,8 @@ pub(super) struct Task {
     label: Option<ItemId>,
     /// The point that is moved.
     moved: Option<Moved>,
+    /// The era of the view in which the hand last took hold, of a point or of nothing.
+    began: Option<u64>,
 }
 
 /// A point of an item, as it was taken hold of.
@@ -53,15 +55,10 @@ struct Moved {
     index: usize,
     /// From the cursor to the point.
     off: Vector<Patient>,
+    /// The cursor and `off`: the point but for rounding.
+    from: Point<Patient>,
     /// The era of the view in which it was taken hold of.
     era: u64,
-}
-
-impl Moved {
-    /// Where it was.
-    fn at(&self) -> Option<Point<Patient>> {
-        self.known.item.geometry.as_ref()?.points().get(self.index).copied()
-    }
 }
 
 /// Does what happened in a view, in what it showed then, and says what is next.
@@ -80,11 +77,12 @@ pub(super) async fn happen(
     let by = By { annotations, entry, shown, author };
     match happened {
         Happened::Taking { at, reach_mm } => {
+            lock(hand.task).began = Some(*era);
             let moved = by.nearest((at, reach_mm), *era).await?;
-            let carried = moved.as_ref().map(|Moved { known, off, .. }| Carried {
+            let carried = moved.as_ref().map(|Moved { known, off, from, .. }| Carried {
                 name: known.item.name.clone(),
                 off: *off,
-                from: at + *off,
+                from: *from,
             });
             lock(hand.task).moved = moved;
             view.carry(carried, *era, Instant::now());
@@ -95,11 +93,13 @@ pub(super) async fn happen(
             return next(server, view, hand).await;
         }
         Happened::Placed { at, camera, method } => {
+            let began = lock(hand.task).began.take();
             let moved = let_go(hand.task, view);
             let wanted = moved.as_ref().map_or(at, |moved| at + moved.off);
-            // A point that was taken hold of and not moved, or before the view came to show something else: it stays where it is.
-            let stays = |moved: &Moved| moved.at() == Some(wanted) || moved.era != *era;
-            if moved.as_ref().is_some_and(stays) {
+            // A hand that closed before the view came to show something else means nothing here, and a point that was taken
+            // hold of and not moved stays where it is.
+            let is_stale = began.is_some_and(|began| began != *era);
+            if is_stale || moved.as_ref().is_some_and(|moved| moved.from == wanted) {
                 return next(server, view, hand).await;
             }
             let ray = (method == Method::Pick).then(|| wanted - camera.eye());
@@ -173,7 +173,11 @@ pub(super) fn abandon(task: &Mutex<Task>, view: &View) {
 
 /// Lets go of what is moved, if anything is.
 fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
-    let moved = lock(task).moved.take();
+    let moved = {
+        let mut task = lock(task);
+        task.began = None;
+        task.moved.take()
+    };
     if let Some(moved) = &moved {
         view.carry(None, moved.era, Instant::now());
     }
@@ -207,8 +211,8 @@ impl By<'_> {
             for (index, point) in points.iter().enumerate() {
                 let distance = point.distance(at);
                 if distance <= nearest.as_ref().map_or(reach_mm, |(least, _)| *least) {
-                    let known = Arc::clone(known);
-                    nearest = Some((distance, Moved { known, index, off: *point - at, era }));
+                    let (known, off) = (Arc::clone(known), *point - at);
+                    nearest = Some((distance, Moved { known, index, off, from: at + off, era }));
                 }
             }
         }

@@ -15,19 +15,23 @@ struct Layer {
     segments: Vec<Segment>,
 }
 
-/// More layers than there is memory for.
+/// More layers than there may be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "segments overlap in so many places that they need {layers} layers of {voxels} voxels, two bytes each; allowed are \
-     {most_bytes} bytes together: take fewer segments at a time"
+     {most} of them and {most_bytes} bytes together: take fewer segments at a time"
 )]
 pub struct LayersError {
     layers: usize,
     voxels: usize,
+    most: usize,
     most_bytes: u64,
 }
 
 impl Layers {
+    /// Most layers: what is read of files, too. Each segment is compared with all layers before its own.
+    pub const MOST: usize = 64;
+
     /// No layer yet, on a grid; all together may have so many bytes, two for each voxel.
     #[must_use]
     pub fn new(grid: Grid, most_bytes: u64) -> Self {
@@ -75,10 +79,10 @@ impl Layers {
     /// An empty layer, and its place.
     fn another(&mut self) -> Result<usize, LayersError> {
         let (voxels, layers) = (self.grid.voxel_count(), self.layers.len() + 1);
-        let refused = LayersError { layers, voxels, most_bytes: self.most_bytes };
+        let refused = LayersError { layers, voxels, most: Self::MOST, most_bytes: self.most_bytes };
         let bytes = (voxels as u64).saturating_mul(2).saturating_mul(layers as u64);
         let mut labels = Vec::new();
-        if bytes > self.most_bytes || labels.try_reserve_exact(voxels).is_err() {
+        if layers > Self::MOST || bytes > self.most_bytes || labels.try_reserve_exact(voxels).is_err() {
             return Err(refused);
         }
         labels.resize(voxels, 0);
@@ -117,5 +121,17 @@ mod tests {
         );
         assert!(maps.iter().all(|map| *map.grid() == grid));
         assert!(Layers::new(grid, 0).into_maps().is_empty());
+    }
+
+    #[test]
+    fn there_are_so_many_layers_and_no_more() {
+        let grid = Grid::axis_aligned([2, 1, 1], [1.0; 3], [0.0; 3]).unwrap();
+        let mut layers = Layers::new(grid, u64::MAX);
+        for label in 1..=64 {
+            layers.add(segment(label), 0..1).unwrap();
+        }
+        layers.add(segment(65), 1..2).unwrap(); // has room in the first
+        let told = layers.add(segment(66), 0..1).unwrap_err().to_string();
+        assert!(told.contains("65 layers") && told.contains("allowed are 64"), "{told}");
     }
 }
