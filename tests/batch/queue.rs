@@ -204,7 +204,7 @@ fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(2);
     let views = archive.text("views.json");
-    let endless = r#"{"name": "endless", "scene": {"mode": "mean", "size_px": [2048, 2048], "sample_distance_mm": 0.01}}"#;
+    let endless = r#"{"name": "endless", "scene": {"mode": "mean", "size_px": [2048, 2048], "sample_distance_mm": 0.06}}"#;
     std::fs::write(
         &views,
         format!(r#"[{endless}, {{"name": "one"}}, {{"name": "two", "azimuth_deg": 90}}]"#),

@@ -39,6 +39,7 @@ def settled(page):
 
 
 def kept(page):
+    page.page.wait_for_timeout(500)  # it is written every 400 ms at most
     return dict(urllib.parse.parse_qsl(page.page.evaluate("location.hash.slice(1)")))
 
 
