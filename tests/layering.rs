@@ -116,7 +116,7 @@ fn checker_finds_violations() {
         ("src/render/mod.rs", "use crate::*;", "`crate::*`"),
         ("src/render/mod.rs", "use crate::Volume;", "`crate::Volume`"),
         ("src/novelty.rs", "", "novelty has no rank"),
-        ("src/main.rs", "fn main() { relief::render::go(); }", "uses render"),
+        ("src/main.rs", "fn main() { relief_render::go(); }", "uses render"),
         ("src/display/mod.rs", "use wgpu::Device;", "wgpu"),
         ("src/display/mod.rs", "use wgpu as graphics;", "wgpu"),
         ("src/display/mod.rs", "fn f(d: &::wgpu::Device) {}", "wgpu"),
@@ -146,7 +146,7 @@ fn checker_allows_what_is_allowed() {
         ),
         ("src/volume/mod.rs", "fn f<'a>(x: &'a str) -> &'a str { x.crate_name(); self::grid::y(x) }"),
         ("src/cli/mod.rs", "mod render; fn f() { render::run(); crate::render::g(); anyhow::bail!(\"\") }"),
-        ("src/main.rs", "fn main() -> ExitCode { relief::cli::main() }"),
+        ("src/main.rs", "fn main() -> ExitCode { relief_cli::main() }"),
         ("src/lib.rs", "pub mod camera; pub use camera::Camera;"),
     ];
     for (path, source) in good {
@@ -228,7 +228,7 @@ fn module_violation(owner: Option<&str>, used: &str) -> Option<String> {
     match owner {
         None => None,
         Some("main") => {
-            (used != "cli").then(|| format!("the binary uses {used}; it may use `relief::cli` alone"))
+            (used != "cli").then(|| format!("the binary uses {used}; it may use `relief_cli` alone"))
         }
         Some(owner) if owner == used || SAME_RANK.contains(&(owner, used)) => None,
         Some(owner) => {

@@ -10,10 +10,10 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 use dicom_dictionary_std::tags;
-use relief::dicom::write::{Existing, SeriesFolder, SeriesLabels, slice_file_name};
-use relief::space::{Patient, Point, Voxel};
-use relief::volume::Volume;
-use relief::volume::phantom::{Kind, Phantom, Recipe, SurfaceShape, Truth};
+use relief_base::space::{Patient, Point, Voxel};
+use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels, slice_file_name};
+use relief_volume::Volume;
+use relief_volume::phantom::{Kind, Phantom, Recipe, SurfaceShape, Truth};
 
 const AIR_HU: f64 = -1000.0;
 

@@ -1,11 +1,11 @@
 //! A step of the tracker allocates nothing, and neither does a solver.
 
-use relief::tracking::Beacon;
-use relief::tracking::sensor::Pinhole;
-use relief::tracking::simulate::{Hand, Simulated, Simulation};
-use relief::tracking::solve::random::{Random, ViewRange, sightings};
-use relief::tracking::solve::{View, paper};
-use relief::tracking::tracker::{FilterKind, Options, Tracker};
+use relief_tracking::Beacon;
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::simulate::{Hand, Simulated, Simulation};
+use relief_tracking::solve::View;
+use relief_tracking::solve::random::{Random, ViewRange, sightings};
+use relief_tracking::tracker::{FilterKind, Options, Tracker};
 
 #[test]
 fn tracking_allocates_nothing() {
@@ -35,7 +35,13 @@ fn solving_allocates_nothing() {
         let view = View { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
         let mut found = (None, None);
         let counted = allocation_counter::measure(|| {
-            found = (view.solve(), paper::solve(&view, &paper::level_start(1500.0)));
+            found = (
+                view.solve(),
+                relief_tracking::solve::paper::solve(
+                    &view,
+                    &relief_tracking::solve::paper::level_start(1500.0),
+                ),
+            );
         });
         assert!(found.0.is_some() && found.1.is_some());
         assert_eq!(counted.count_total, 0, "{counted:?}");

@@ -15,9 +15,9 @@ use super::error::Lasting;
 use super::files::{read_at_most, write_whole};
 use super::manifest::hex;
 use super::source::Trouble;
-use crate::annotation::{Geometry, Item};
-use crate::session::{Drawables, Shape};
-use crate::space::Point;
+use relief_annotation::{Geometry, Item};
+use relief_base::space::Point;
+use relief_session::{Drawables, Shape};
 
 /// A file of annotations: what a job draws.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

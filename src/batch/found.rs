@@ -5,10 +5,10 @@ use super::log::AnnotationLog;
 use super::query::{Facts, Query};
 use super::source::SeriesSource;
 use super::views::View;
-use crate::annotation::{FrameOfReference, Item};
-use crate::dicom::{self, LoadLimits, SeriesEntry, Strictness};
-use crate::formats;
-use crate::volume::Volume;
+use relief_annotation::{FrameOfReference, Item};
+use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
+
+use relief_volume::Volume;
 
 /// A series, not loaded.
 pub(super) struct Found {
@@ -41,7 +41,8 @@ impl Found {
                 thickness_mm: entry.thickness_mm(),
             },
             Kind::File => {
-                let grid = formats::read_grid(self.local.path()).map_err(|error| error.to_string())?;
+                let grid =
+                    relief_dicom::formats::read_grid(self.local.path()).map_err(|error| error.to_string())?;
                 Facts::of_grid(&grid)
             }
         };
@@ -75,12 +76,12 @@ impl Found {
 
     fn load(&self) -> Result<Volume, String> {
         match &self.kind {
-            Kind::File => formats::read_volume(self.local.path())
+            Kind::File => relief_dicom::formats::read_volume(self.local.path())
                 .map(|read| read.volume)
                 .map_err(|error| error.to_string()),
             Kind::Dicom(entry) => {
                 let limits = LoadLimits::default();
-                let loaded = dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
+                let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
                 loaded.map(|loaded| loaded.volume).map_err(|error| error.to_string())
             }
         }

@@ -11,11 +11,11 @@ use glam::DVec3;
 use serde_json::{Map, Value};
 
 use super::views::View;
-use crate::annotation::{CameraRecord, Geometry, Item};
-use crate::camera::{CameraFile, Orbit, ProjectionFile};
-use crate::placing::value_at;
-use crate::space::{Patient, Point, Vector};
-use crate::volume::Volume;
+use relief_annotation::placing::value_at;
+use relief_annotation::{CameraRecord, Geometry, Item};
+use relief_base::space::{Patient, Point, Vector};
+use relief_volume::Volume;
+use relief_volume::camera::{CameraFile, Orbit, ProjectionFile};
 
 /// Mean gradient below which a point lies on no surface, HU per mm: thrice what noise of 30 HU makes.
 const LEAST_SLOPE: f64 = 15.0;

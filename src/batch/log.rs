@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use super::annotations::KeptAnnotations;
 use super::error::PlanError;
-use crate::annotation::{FrameOfReference, Geometry, Item, Shown};
-use crate::session::{Shape, shape_of_content};
-use crate::store::{Filter, Store, StoreError};
+use relief_annotation::{FrameOfReference, Geometry, Item, Shown};
+use relief_session::{Shape, shape_of_content};
+use relief_store::{Filter, Store, StoreError};
 
 /// The items of a log that are drawn, and the folder that they are kept in.
 pub struct AnnotationLog {

@@ -9,10 +9,10 @@ use super::error::Lasting;
 use super::pose::ViewCamera;
 use super::product::Product;
 use super::source::Trouble;
-use crate::display::{DisplaySettings, Frame, Layout, Pixels, encode_png};
-use crate::render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, draw_overlays};
-use crate::session::{EncodingError, FileFormat, Product as Picture, encode};
-use crate::volume::Grid;
+use relief_display::{DisplaySettings, Frame, Layout, Pixels, encode_png};
+use relief_render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, draw_overlays};
+use relief_session::{EncodingError, FileFormat, Product as Picture, encode};
+use relief_volume::Grid;
 
 /// Tenths of a millimetre: what a step of 16-bit depth is.
 pub const DEPTH_UNIT_MM: f64 = 0.1;

@@ -16,11 +16,11 @@ use super::product::Product;
 use super::query::Query;
 use super::source::{LabelsSource, SeriesSource, file_sha256};
 use super::views::{View, ViewSet};
-use crate::annotation::Item;
-use crate::camera::Orbit;
-use crate::dicom::{self, SeriesEntry, Strictness};
-use crate::formats;
-use crate::volume::Volume;
+use relief_annotation::Item;
+use relief_dicom::{SeriesEntry, Strictness};
+use relief_volume::camera::Orbit;
+
+use relief_volume::Volume;
 
 /// Where to look for series.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -197,7 +197,7 @@ fn places_in(root: &Path, copies: &Copies) -> Result<Vec<Place>, PlanError> {
     for entry in std::fs::read_dir(root).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let is_zip = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
-        if path.is_dir() || is_zip || formats::is_known(&path) {
+        if path.is_dir() || is_zip || relief_dicom::formats::is_known(&path) {
             places.push(place(path));
         } else {
             has_loose |= path.is_file() && is_dicom(&path);
@@ -289,12 +289,12 @@ fn find(place: &Place, copies: &Copies) -> Result<Vec<Found>, String> {
         let name = place.name.clone().unwrap_or_else(|| format!("series-{}", &sha256[..12]));
         SeriesSource { path: place.path.clone(), uid, name, sha256, labels: labels.clone() }
     };
-    if formats::is_known(local.path()) {
+    if relief_dicom::formats::is_known(local.path()) {
         let sha256 = file_sha256(local.path()).map_err(|error| error.to_string())?;
         return Ok(vec![Found { source: source(None, sha256), local, kind: Kind::File }]);
     }
-    let found =
-        dicom::discover(local.path(), Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+    let found = relief_dicom::discover(local.path(), Strictness::Lenient, &|_| ())
+        .map_err(|error| error.to_string())?;
     let several = found.series.len() > 1;
     let is_wanted = |entry: &SeriesEntry| place.uid.as_deref().is_none_or(|uid| entry.uid() == uid);
     let wanted: Vec<_> = found.series.into_iter().filter(is_wanted).collect();

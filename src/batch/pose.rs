@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Lasting;
 use super::source::Trouble;
-use crate::camera::Projection;
-use crate::render::RenderedFrame;
+use relief_render::RenderedFrame;
+use relief_volume::camera::Projection;
 
 /// What `VIEW.camera.json` says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@
 
 use std::str::FromStr;
 
-use crate::volume::Grid;
+use relief_volume::Grid;
 
 /// What is known of a series.
 #[derive(Clone, Debug, PartialEq)]

@@ -16,8 +16,8 @@ use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
 use super::turntable::Films;
-use crate::display::{MAX_FRAME_SIDE_PX, encode_png};
-use crate::session::{Thumbnail, contact_sheet};
+use relief_display::{MAX_FRAME_SIDE_PX, encode_png};
+use relief_session::{Thumbnail, contact_sheet};
 
 /// Width of a thumbnail; the height follows.
 const THUMBNAIL_PX: u32 = 240;
@@ -179,7 +179,7 @@ fn figure(html: &mut String, Shown { record, small }: &Shown) {
 
 fn jpeg(small: &RgbaImage) -> Option<Vec<u8>> {
     let pixels: Vec<[u8; 4]> = small.pixels().map(|pixel| pixel.0).collect();
-    crate::display::encode_jpeg([small.width(), small.height()], &pixels, 80).ok()
+    relief_display::encode_jpeg([small.width(), small.height()], &pixels, 80).ok()
 }
 
 fn timings(series: &BTreeMap<&str, Vec<Shown>>) -> String {

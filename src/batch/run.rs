@@ -17,8 +17,8 @@ use super::outputs::{Outputs, Sight};
 use super::record::{Record, Written};
 use super::sink::Sink;
 use super::source::{Loaded, SeriesSource, Trouble};
-use crate::gpu::GpuError;
-use crate::render::{Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
+use relief_render::gpu::GpuError;
+use relief_render::{Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
 
 /// What to run and how.
 #[derive(Clone, Debug)]
@@ -384,8 +384,8 @@ impl<'a> Shared<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::{CopiesOptions, Product};
-    use crate::camera::Orbit;
+    use crate::{CopiesOptions, Product};
+    use relief_volume::camera::Orbit;
 
     #[test]
     fn a_series_that_is_broken_for_good_is_not_read_again_for_each_of_its_views() {

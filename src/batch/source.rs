@@ -9,10 +9,10 @@ use super::copies::Copies;
 use super::error::Lasting;
 use super::gate::{Gate, Held};
 use super::manifest::hex;
-use crate::dicom::{self, LoadLimits, SeriesEntry, Strictness};
-use crate::formats;
-use crate::session::load_labels;
-use crate::volume::{LabelMap, Volume};
+use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
+
+use relief_session::load_labels;
+use relief_volume::{LabelMap, Volume};
 
 /// Where a series is and what it is.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -78,7 +78,7 @@ impl SeriesSource {
             Err(error) => return Err((lasting(&error), error.to_string())),
         };
         let path = local.path();
-        let is_file = formats::is_known(path);
+        let is_file = relief_dicom::formats::is_known(path);
         let loaded = if is_file { self.load_file(path, gate) } else { self.load_series(path, gate) };
         let mut loaded = loaded.map_err(|(kind, reason)| (kind, without_path(path, &reason)))?;
         if let Some(labels) = &self.labels {
@@ -90,7 +90,7 @@ impl SeriesSource {
     }
 
     fn load_series<'a>(&self, path: &Path, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
-        let found = dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
+        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
         let entry = found.select(self.uid.as_deref()).map_err(of_dicom)?;
         self.expect(&hex(&entry.content_sha256().map_err(of_dicom)?))?;
         // A label map has at most as many bytes as the voxels.
@@ -100,7 +100,8 @@ impl SeriesSource {
         }
         let held = gate.hold(bytes);
         let limits = LoadLimits { voxel_bytes: gate.limit() };
-        let loaded = dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
+        let loaded =
+            relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
         let warnings = found.warnings().into_iter().chain(loaded.warnings);
         let warnings = warnings.map(|warning| warning.message).collect();
         Ok(Loaded { volume: loaded.volume, labels: None, warnings, held })
@@ -111,8 +112,8 @@ impl SeriesSource {
         self.expect(&sha256)?;
         // How large it is, is known when it is read.
         let held = gate.hold(gate.limit());
-        let limits = formats::Limits { voxels: gate.limit() / size_of::<i16>() as u64 };
-        let read = formats::read_volume_within(limits, path)
+        let limits = relief_dicom::formats::Limits { voxels: gate.limit() / size_of::<i16>() as u64 };
+        let read = relief_dicom::formats::read_volume_within(limits, path)
             .map_err(|error| (Lasting::Permanent, error.to_string()))?;
         Ok(Loaded { volume: read.volume, labels: None, warnings: read.warnings, held })
     }
@@ -188,20 +189,20 @@ fn too_large(needed: u64, allowed: u64) -> Trouble {
     (Lasting::Permanent, reason)
 }
 
-fn of_dicom(error: dicom::Error) -> Trouble {
+fn of_dicom(error: relief_dicom::Error) -> Trouble {
     let kind = match &error {
-        dicom::Error::Unreadable { source, .. } if source.kind() != std::io::ErrorKind::NotFound => {
+        relief_dicom::Error::Unreadable { source, .. } if source.kind() != std::io::ErrorKind::NotFound => {
             Lasting::Retryable
         }
-        dicom::Error::Memory { .. } => Lasting::Retryable,
+        relief_dicom::Error::Memory { .. } => Lasting::Retryable,
         _ => Lasting::Permanent,
     };
     // A list of UIDs is nothing for a report that goes elsewhere.
     let reason = match error {
-        dicom::Error::SeveralSeries { count, .. } => {
+        relief_dicom::Error::SeveralSeries { count, .. } => {
             format!("{count} series are there, and the job names none")
         }
-        dicom::Error::UnknownSeries { .. } => "the series is no longer there".to_owned(),
+        relief_dicom::Error::UnknownSeries { .. } => "the series is no longer there".to_owned(),
         other => other.to_string(),
     };
     (kind, reason)

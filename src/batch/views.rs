@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::error::PlanError;
 use super::manifest::{NAMES, is_name};
-use crate::render::SceneFile;
+use relief_render::SceneFile;
 
 /// A view by its name, and what it adds to the scene that all views share.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 use anyhow::Context;
 
 use super::memory::parse_bytes;
-use crate::gpu::{AdapterChoice, Gpu};
-use crate::render::{Renderer, VolumeLimits};
+use relief_render::gpu::{AdapterChoice, Gpu};
+use relief_render::{Renderer, VolumeLimits};
 
 /// The graphics adapter to use.
 #[derive(Debug, clap::Args)]

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use anyhow::{Context, bail};
 
-use crate::annotation::{ContentId, FrameOfReference, Geometry, Item};
-use crate::dicom::Loaded;
-use crate::render::Scene;
-use crate::session::{Drawables, Shape, shape_of_content};
-use crate::store::{Filter, Listing, Store, StoreError};
+use relief_annotation::{ContentId, FrameOfReference, Geometry, Item};
+use relief_dicom::Loaded;
+use relief_render::Scene;
+use relief_session::{Drawables, Shape, shape_of_content};
+use relief_store::{Filter, Listing, Store, StoreError};
 
 /// Adds what the scene wants of a log's annotations to its overlays. Of sets that are blinded those alone that are named.
 pub(super) fn draw_annotations(
@@ -55,7 +55,7 @@ async fn read(
     let log = Store::open_existing(place).await?;
     let sets = log.sets().await?;
     let is_open = |name: &str| !sets.iter().any(|set| set.blinded && set.name == name);
-    let is_named = matches!(scene.annotations, crate::annotation::Shown::Sets(_));
+    let is_named = matches!(scene.annotations, relief_annotation::Shown::Sets(_));
     let filter = Filter { frame_of_reference: Some(frame), ..Filter::default() };
     let mut listing = log.list(&filter).await?;
     listing.items.retain(|known| {

@@ -1,5 +1,6 @@
 //! `relief batch`: many views of many series.
 
+use relief_batch::run as run_jobs;
 use std::io::{BufReader, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -15,11 +16,11 @@ use super::batch_plan::{PlanArguments, write_plan};
 use super::bucket::{BucketArguments, CopiesArguments};
 use super::memory::{available_bytes, parse_bytes};
 use super::output::{print_json, say};
-use crate::batch::{
+use relief_batch::{
     Failure, Film, Films, Job, JobKey, Lasting, Location, Options, REPORT, RunError, Shard, Sink, Step,
-    Summary, read_manifest, run as run_jobs, write_report,
+    Summary, read_manifest, write_report,
 };
-use crate::render::Renderer;
+use relief_render::Renderer;
 
 /// Render many views of many series, as jobs that are done once.
 ///
@@ -158,7 +159,7 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
 /// What workers of a queue have not done of these jobs, and why.
 #[cfg(feature = "cluster")]
 fn setbacks(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
-    use crate::batch::{Record, queue::Setback};
+    use relief_batch::{Record, queue::Setback};
     // What cannot be asked for is told where the report asks for it.
     let open = jobs.iter().filter(|job| matches!(Record::read(job, sink), Ok(None)));
     open.filter_map(|job| Setback::read(job, sink)).map(|setback| setback.failure).collect()

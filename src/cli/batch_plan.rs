@@ -1,5 +1,6 @@
 //! `relief batch plan`: which series, which views, and what is drawn over them.
 
+use relief_batch::plan;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -9,10 +10,10 @@ use serde_json::{Map, Value, json};
 use super::batch::bar;
 use super::bucket::CopiesArguments;
 use super::output::{GrowingFile, print_json, say};
-use crate::annotation::Shown;
-use crate::batch::{AnnotationLog, Product, ProductSet, Query, Request, Root, ViewSet, plan};
-use crate::camera::Orbit;
-use crate::render::SceneFile;
+use relief_annotation::Shown;
+use relief_batch::{AnnotationLog, Product, ProductSet, Query, Request, Root, ViewSet};
+use relief_render::SceneFile;
+use relief_volume::camera::Orbit;
 
 /// Write the jobs: one for each view of each series
 #[derive(Debug, clap::Args)]

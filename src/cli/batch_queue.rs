@@ -1,5 +1,6 @@
 //! `relief batch submit` and `relief batch work`: jobs through a queue in NATS JetStream.
 
+use relief_batch::queue::work;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -12,8 +13,8 @@ use super::batch::{MemoryShare, TRY_AGAIN, read};
 use super::bucket::CopiesArguments;
 use super::memory::parse_bytes;
 use super::output::{print_json, say};
-use crate::batch::queue::{Access, Ended, Queue, WorkOptions, Worked, work};
-use crate::batch::{Location, Step};
+use relief_batch::queue::{Access, Ended, Queue, WorkOptions, Worked};
+use relief_batch::{Location, Step};
 
 /// The queue, and how to get in.
 #[derive(Debug, clap::Args)]

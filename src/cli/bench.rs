@@ -12,9 +12,9 @@ use super::memory::process_mib;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::{SeriesArguments, SeriesOptions};
-use crate::render::{Clip, ClipPlane, RenderError, RenderRequest, RenderedFrame, Renderer, Skipping};
-use crate::transfer::TransferFunction;
-use crate::volume::Volume;
+use relief_render::{Clip, ClipPlane, RenderError, RenderRequest, RenderedFrame, Renderer, Skipping};
+use relief_volume::Volume;
+use relief_volume::transfer::TransferFunction;
 
 /// Measure frame times and samples per second of a scene.
 ///

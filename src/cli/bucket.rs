@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::memory::parse_bytes;
-use crate::batch::{Copies, CopiesOptions, Location, Sink};
+use relief_batch::{Copies, CopiesOptions, Location, Sink};
 
 /// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION.
 #[derive(Clone, Debug, clap::Args)]
@@ -34,7 +34,7 @@ impl BucketArguments {
             #[cfg(feature = "cluster")]
             Location::Bucket { bucket, prefix } => {
                 use anyhow::Context;
-                let opened = crate::batch::Bucket::open(bucket, prefix, self.s3_endpoint.as_deref());
+                let opened = relief_batch::Bucket::open(bucket, prefix, self.s3_endpoint.as_deref());
                 let opened = opened.with_context(|| format!("cannot use {name}"))?;
                 Ok(Sink::Bucket(std::sync::Arc::new(opened)))
             }

@@ -1,5 +1,6 @@
 //! `relief calibrate`: the camera in a Wiimote, from a recording of a beacon.
 
+use relief_tracking::calibrate::choose;
 use std::fmt::Write;
 use std::io::{BufReader, Read};
 use std::path::PathBuf;
@@ -9,13 +10,13 @@ use anyhow::Context;
 
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
-use crate::tracking::Beacon;
-use crate::tracking::calibrate::{Calibration, Identifier, Model, calibrate, choose, moving};
-use crate::tracking::report::Report;
-use crate::tracking::report::calibration::{Calibrations, decode_ir};
-use crate::tracking::report::recording::{RecordingReader, TimedReport};
-use crate::tracking::sensor::Pinhole;
-use crate::tracking::sensor::file::{self, CameraFormat};
+use relief_tracking::Beacon;
+use relief_tracking::calibrate::{Calibration, Identifier, Model, calibrate, moving};
+use relief_tracking::report::Report;
+use relief_tracking::report::calibration::{Calibrations, decode_ir};
+use relief_tracking::report::recording::{RecordingReader, TimedReport};
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::sensor::file::CameraFormat;
 
 /// Calibrate a Wiimote's camera from a recording in which it moves around a beacon.
 #[derive(Debug, clap::Args)]
@@ -125,7 +126,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let found = calibrate(&chosen, &nominal, model)
         .with_context(|| format!("{frames} frames of {name} with four LEDs do not calibrate the camera"))?;
     let format = if arguments.format == Format::Ros { CameraFormat::Ros } else { CameraFormat::OpenCv };
-    write_whole(&arguments.out, file::write(&found.camera, format).as_bytes())?;
+    write_whole(&arguments.out, relief_tracking::sensor::file::write(&found.camera, format).as_bytes())?;
     if arguments.json {
         let mut report = report(arguments, &found, frames, chosen.len());
         report.start_fx_cx_cy = [nominal.fx, nominal.cx, nominal.cy];

@@ -11,10 +11,10 @@ use super::client_watch::{Recorder, Watch};
 use super::output::{print_json, say, write_whole};
 use super::scene::parse_size;
 use super::serve::stop_signal;
-use crate::annotation::Shown;
-use crate::client::{self, ClientError, Composer, Handle, Options, ServerAddress, measure};
-use crate::display::{DisplaySettings, Layout, encode_png};
-use crate::live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Settings, check_view_name};
+use relief_annotation::Shown;
+use relief_client::{ClientError, Composer, Handle, Options, ServerAddress};
+use relief_display::{DisplaySettings, Layout, encode_png};
+use relief_live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Settings, check_view_name};
 
 /// Show the frames of a live session on this machine's display, pixel for pixel, and send it the Wiimote's poses.
 #[derive(Debug, clap::Args)]
@@ -251,7 +251,7 @@ fn run_session(
     let outcome = runtime.block_on(async {
         let signal = stop_signal()?;
         let on = |event| watch.take(event);
-        let link = client::run(&session.options, &handle, &on);
+        let link = relief_client::run(&session.options, &handle, &on);
         let work = async {
             let seq = watch.look(arguments.look).await;
             if save.is_none() {
@@ -294,7 +294,7 @@ const STILL: Duration = Duration::from_secs(120);
 fn report_saved(
     arguments: &Arguments,
     path: &std::path::Path,
-    still: &client::Received,
+    still: &relief_client::Received,
 ) -> anyhow::Result<()> {
     let header = &still.header;
     if arguments.json {
@@ -318,7 +318,7 @@ fn report_saved(
     Ok(())
 }
 
-pub(super) fn save_frame(path: &std::path::Path, composed: &client::Composed) -> anyhow::Result<()> {
+pub(super) fn save_frame(path: &std::path::Path, composed: &relief_client::Composed) -> anyhow::Result<()> {
     if let Some(problem) = &composed.header_problem {
         bail!("the frame's header row is not what was asked for: {problem}");
     }
@@ -327,7 +327,7 @@ pub(super) fn save_frame(path: &std::path::Path, composed: &client::Composed) ->
 
 async fn run_measure(arguments: &Arguments, session: &Session, seconds: f64) -> anyhow::Result<ExitCode> {
     let headless = &arguments.headless;
-    let plan = measure::Plan {
+    let plan = relief_client::measure::Plan {
         options: session.options.clone(),
         seconds,
         pose_hz: f64::from(headless.pose_hz),
@@ -338,7 +338,7 @@ async fn run_measure(arguments: &Arguments, session: &Session, seconds: f64) -> 
     };
     let signal = stop_signal()?;
     let (report, last) = tokio::select! {
-        measured = measure::measure(&plan) => measured?,
+        measured = relief_client::measure::measure(&plan) => measured?,
         () = signal => bail!("stopped before all was measured"),
     };
     if let Some(path) = &headless.save_frame {
@@ -357,7 +357,7 @@ async fn run_measure(arguments: &Arguments, session: &Session, seconds: f64) -> 
     })
 }
 
-fn tell(report: &measure::Report) {
+fn tell(report: &relief_client::measure::Report) {
     let ms = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1} ms"));
     say!(
         "{:.1} frames/s for each of {} clients ({:.1} to {:.1}), {} stalled beside them, {:.1} s",

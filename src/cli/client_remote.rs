@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use super::track::SceneArguments;
 use super::track_source::{Event, LiveOptions, Source};
-use crate::client::Handle;
-use crate::live::{PoseKind, RemotePose};
-use crate::tracking::host::Sensitivity;
-use crate::tracking::report::{Buttons, Report};
-use crate::tracking::solve::bound::quantised_noise;
-use crate::tracking::tracker::{Options, Tracker, TrackingState};
+use relief_client::Handle;
+use relief_live::{PoseKind, RemotePose};
+use relief_tracking::host::Sensitivity;
+use relief_tracking::report::{Buttons, Report};
+use relief_tracking::solve::bound::quantised_noise;
+use relief_tracking::tracker::{Options, Tracker, TrackingState};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct RemoteArguments {

@@ -10,10 +10,9 @@ use anyhow::Context;
 use super::client::Session;
 use super::client_watch::{Recorder, Watch};
 use super::output::{print_json, say};
-use crate::client::journal::{self, Entry, Journal};
-use crate::client::{self, Handle, Options};
-use crate::live::{ClientMessage, Hello};
-use crate::tracking::report;
+use relief_client::journal::{Entry, Journal};
+use relief_client::{Handle, Options};
+use relief_live::{ClientMessage, Hello};
 
 /// How long the last still frame may take.
 const STILL: Duration = Duration::from_secs(60);
@@ -49,7 +48,7 @@ pub(super) async fn run(json: bool, path: &Path, session: &Session) -> anyhow::R
     let recorder = Recorder::create(None, &options.hello)?;
     let watch = Watch::new(&handle, &recorder);
     let on = |event| watch.take(event);
-    let link = client::run(&options, &handle, &on);
+    let link = relief_client::run(&options, &handle, &on);
     let play = async {
         let played = play(recorded, &handle, &watch).await;
         handle.stop();
@@ -96,7 +95,7 @@ async fn play(recorded: Recorded, handle: &Handle, watch: &Watch<'_>) -> anyhow:
         }
     }
     let still = tokio::time::timeout(STILL, watch.still_after(last_seq)).await.ok();
-    let pixels_sha256 = still.as_ref().and_then(journal::pixels_sha256);
+    let pixels_sha256 = still.as_ref().and_then(relief_client::journal::pixels_sha256);
     let same = recorded_pixels_sha256.as_ref().zip(pixels_sha256.as_ref()).map(|(a, b)| a == b);
     let seconds = start.elapsed().as_secs_f64();
     Ok(Outcome { messages, dropped, seconds, recorded_pixels_sha256, pixels_sha256, same })
@@ -110,7 +109,7 @@ fn send(handle: &Handle, message: ClientMessage) -> Option<u64> {
         ClientMessage::Intent(intent) => handle.intent(now, intent.intent),
         ClientMessage::Settings(settings) => handle.settings(*settings).then_some(0),
         ClientMessage::Report(report) => {
-            let report = report::Report::decode(&report.bytes().ok()?).ok()?;
+            let report = relief_tracking::report::Report::decode(&report.bytes().ok()?).ok()?;
             handle.report(now, &report)
         }
         ClientMessage::Hello(_) | ClientMessage::Ack(_) => Some(0),

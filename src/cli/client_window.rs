@@ -6,10 +6,10 @@ use super::client::Session;
 use super::client_remote::Tracking;
 use super::client_watch::{self, Recorder};
 use super::serve::stop_signal;
-use crate::client::window::{Screen, Window, WindowOptions};
-use crate::client::{self, Event, Handle, LinkState};
-use crate::display::DisplaySettings;
-use crate::live::{OrbitPose, PoseKind, Role};
+use relief_client::window::{Screen, Window, WindowOptions};
+use relief_client::{Event, Handle, LinkState};
+use relief_display::DisplaySettings;
+use relief_live::{OrbitPose, PoseKind, Role};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct WindowArguments {
@@ -62,7 +62,7 @@ pub(super) fn run(
         };
         runtime.spawn(async move {
             let on = |event| live.take(&event);
-            let link = client::run(&options, &live.handle, &on);
+            let link = relief_client::run(&options, &live.handle, &on);
             let ended = async {
                 tokio::select! {
                     () = signal => live.handle.stop(),

@@ -3,6 +3,7 @@
 //! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with the f64
 //! twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing can render.
 
+use relief_session::golden::compare;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
@@ -10,11 +11,11 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::output::{print_json, say};
-use crate::camera::Orbit;
-use crate::gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, Limits, adapters};
-use crate::render::{RenderError, Renderer, SceneFile, reference};
-use crate::session::golden::{Raster, Samples, Tolerance, compare};
-use crate::volume::phantom::Phantom;
+use relief_render::gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, Limits, adapters};
+use relief_render::{RenderError, Renderer, SceneFile};
+use relief_session::golden::{Raster, Samples, Tolerance};
+use relief_volume::camera::Orbit;
+use relief_volume::phantom::Phantom;
 
 /// Say what this machine can render with, what is missing and how to get it.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -321,7 +322,7 @@ fn self_test(gpu: Gpu) -> Result<SelfTest, RenderError> {
     let frame = renderer.render(&volume, &request)?;
     let first_frame_ms = start.elapsed().as_secs_f64() * 1e3;
     let frame_ms = renderer.render(&volume, &request)?.timings.render_ms;
-    let twin = reference::render(&volume, &request)?;
+    let twin = relief_render::reference::render(&volume, &request)?;
     let raster = |samples| Raster { size_px: SELF_TEST_SIZE_PX, samples };
     let pairs = [
         (Samples::Color(twin.color_rgba), Samples::Color(frame.color_rgba)),

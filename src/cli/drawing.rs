@@ -11,7 +11,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use tiny_skia::{LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
 
-use crate::render::{CAPITAL, lettering};
+use relief_render::{CAPITAL, lettering};
 
 /// For screens with small pixels, and for print.
 const PIXELS_PER_UNIT: f32 = 2.0;

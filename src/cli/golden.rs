@@ -9,9 +9,9 @@ use std::process::ExitCode;
 use anyhow::Context;
 
 use super::output::{print_json, say, write_whole};
-use crate::gpu::{AdapterChoice, AdapterKind, Gpu};
-use crate::render::Renderer;
-use crate::session::golden::{
+use relief_render::Renderer;
+use relief_render::gpu::{AdapterChoice, AdapterKind, Gpu};
+use relief_session::golden::{
     Artefacts, Blessing, CaseReport, Change, CheckReport, Collection, Comparison, Difference, Harness,
     Verdict,
 };

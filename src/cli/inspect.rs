@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
-use crate::dicom::{Loaded, SeriesEntry, Skipped, Warning};
+use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 
 use super::output::say;
 use super::{inspect_frame, output, source};

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use anyhow::{Context, ensure};
 
 use super::output::{self, say};
-use crate::display::{FrameReport, Layout, inspect_png};
+use relief_display::{FrameReport, Layout, inspect_png};
 
 /// The largest file that is read: more than an uncompressed frame of the largest size needs.
 const MAX_FILE_BYTES: u64 = 1 << 30;
@@ -112,8 +112,8 @@ fn problems(report: &FrameReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::{DisplaySettings, Frame, Picture, Pixels, encode_png, inspect_frame};
-    use crate::units::DepthLimits;
+    use relief_base::units::DepthLimits;
+    use relief_display::{DisplaySettings, Frame, Picture, Pixels, encode_png, inspect_frame};
 
     /// A frame of the usual layout: everything at half depth, one pixel missed.
     fn frame() -> Frame {

@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use anyhow::Context;
 
-use crate::session::{PlacedLabels, load_labels};
-use crate::volume::{Grid, LabelMap};
+use relief_session::{PlacedLabels, load_labels};
+use relief_volume::{Grid, LabelMap};
 
 /// Voxels that a label map may have, as a volume.
 const MOST_VOXELS: u64 = 1 << 31;

@@ -1,6 +1,6 @@
 //! Options of light: placed lights by name, shadows and occlusion.
 
-use crate::render::{Lighting, SceneFile};
+use relief_render::{Lighting, SceneFile};
 
 /// Light, in place of what a scene file says.
 #[derive(Debug, clap::Args)]

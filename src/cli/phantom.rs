@@ -8,9 +8,9 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output::{self, say};
-use crate::dicom::write::{Existing, SeriesFolder, SeriesLabels};
-use crate::formats::seg_nrrd;
-use crate::volume::phantom::{Kind, Phantom, Recipe};
+use relief_dicom::formats::seg_nrrd;
+use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels};
+use relief_volume::phantom::{Kind, Phantom, Recipe};
 
 /// Make a procedural CT series with its truth: DICOM slices and truth.json in a folder.
 #[derive(Debug, clap::Args)]

@@ -1,6 +1,7 @@
 //! `relief presets`: what there is, as a list, as JSON, and as pictures of a volume; and what other programs saved, as
 //! requests have it.
 
+use relief_session::encode;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,14 +13,12 @@ use super::adapter::AdapterArguments;
 use super::output::{print_json, say, write_whole};
 use super::source::{SeriesOptions, load};
 use super::transfer::{Range, parse_range, read_look};
-use crate::display::encode_png;
-use crate::render::{RenderedFrame, preset_json};
-use crate::session::{
-    FileFormat, Product, THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, encode, thumbnail_scene,
-};
-use crate::transfer::{PRESETS, Preset};
-use crate::volume::Volume;
-use crate::volume::phantom::{Kind, Recipe};
+use relief_display::encode_png;
+use relief_render::{RenderedFrame, preset_json};
+use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
+use relief_volume::Volume;
+use relief_volume::phantom::{Kind, Recipe};
+use relief_volume::transfer::{PRESETS, Preset};
 
 /// List the presets of colours, opacity and light, render a thumbnail of each, or convert those of other programs.
 #[derive(Debug, clap::Args)]

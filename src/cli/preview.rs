@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 
 use super::inspect_frame::read_bounded;
 use super::output::{print_json, say, write_whole};
-use crate::display::{
+use relief_display::{
     DisplayProfile, FrameReport, Layout, Parallax, ProfileName, Views, decode_wiggle, encode_views, read_png,
     synthesize,
 };

@@ -1,5 +1,6 @@
 //! `relief render`: a picture of a series as a file.
 
+use relief_session::encode;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -14,10 +15,10 @@ use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
 use super::views;
-use crate::annotation::Shown;
-use crate::render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
-use crate::session::{FileFormat, Product, SpeedBook, encode};
-use crate::volume::Volume;
+use relief_annotation::Shown;
+use relief_render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
+use relief_session::{FileFormat, Product, SpeedBook};
+use relief_volume::Volume;
 
 /// Render a series to a file: a 2D-plus-depth frame, colour, or depth.
 ///

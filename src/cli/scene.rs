@@ -7,10 +7,10 @@ use anyhow::{Context, bail};
 use super::light::LightArguments;
 use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
-use crate::camera::Orbit;
-use crate::display::{DepthFilter, DisplaySettings, Layout};
-use crate::render::{Classification, DepthRule, Mode, Overlays, SceneFile};
-use crate::transfer::PRESETS;
+use relief_display::{DepthFilter, DisplaySettings, Layout};
+use relief_render::{Classification, DepthRule, Mode, Overlays, SceneFile};
+use relief_volume::camera::Orbit;
+use relief_volume::transfer::PRESETS;
 
 /// A scene file, and options that go before what it says.
 #[derive(Debug, clap::Args)]

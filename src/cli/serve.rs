@@ -23,14 +23,14 @@ use super::output::say;
 use super::serve_load::{load_behind, places, served};
 use super::source::SeriesOptions;
 use super::track::{read_beacon, read_camera};
-use crate::dicom::{self, LoadLimits, Strictness};
-use crate::render::VolumeLimits;
-use crate::server::{
-    self, Config, ConnectionLimits, Drained, LabelsLoader, LiveConfig, LoadedVolume, Server, UploadLimits,
+use relief_dicom::{LoadLimits, Strictness};
+use relief_render::VolumeLimits;
+use relief_server::{
+    Config, ConnectionLimits, Drained, LabelsLoader, LiveConfig, LoadedVolume, Server, UploadLimits,
     VolumeLoader,
 };
-use crate::session::{QueueConfig, RenderService};
-use crate::store::Store;
+use relief_session::{QueueConfig, RenderService};
+use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
 const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
@@ -169,7 +169,8 @@ async fn serve(
         }
         sessions.close_sessions(SESSIONS_PATIENCE).await;
     };
-    let drained = server::serve(listener, server::app(server), ConnectionLimits::default(), stop).await;
+    let drained =
+        relief_server::serve(listener, relief_server::app(server), ConnectionLimits::default(), stop).await;
     if drained == Drained::CutOff {
         eprintln!("warning: some requests were cut off");
     }
@@ -214,10 +215,10 @@ fn config(arguments: &Arguments, adapter: &str) -> anyhow::Result<Config> {
 fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
     let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
     let read = move |path: &Path| -> anyhow::Result<LoadedVolume> {
-        let found = dicom::discover(path, Strictness::Lenient, &|_| ())?;
+        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
         let entry = found.select(None)?;
         volumes.plan(entry.dims())?;
-        Ok(dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map(served)?)
+        Ok(relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map(served)?)
     };
     Arc::new(move |path| {
         read(path)

@@ -9,11 +9,11 @@ use tokio::sync::oneshot;
 
 use super::labels;
 use super::source::{self, SeriesOptions};
-use crate::batch::{Copies, Location};
-use crate::dicom::{self, Strictness};
-use crate::formats;
-use crate::render::VolumeLimits;
-use crate::server::{LoadedVolume, Server};
+use relief_batch::{Copies, Location};
+use relief_dicom::Strictness;
+
+use relief_render::VolumeLimits;
+use relief_server::{LoadedVolume, Server};
 
 /// A place that there is a series in.
 #[derive(Clone, Debug)]
@@ -145,10 +145,10 @@ impl Loading<'_> {
 
     /// The series in a folder or a file, at least one, each by the options that choose it.
     fn below(&self, path: &Path) -> anyhow::Result<Vec<SeriesOptions>> {
-        if formats::is_known(path) || self.options.series_uid.is_some() {
+        if relief_dicom::formats::is_known(path) || self.options.series_uid.is_some() {
             return Ok(vec![self.options.clone()]);
         }
-        let found = dicom::discover(path, Strictness::Lenient, &|_| ())?;
+        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
         if found.series.is_empty() {
             found.select(None)?; // says why
         }
@@ -181,7 +181,7 @@ impl Loading<'_> {
 }
 
 /// What a server takes of what was loaded.
-pub(super) fn served(loaded: dicom::Loaded) -> LoadedVolume {
-    let dicom::Loaded { volume, warnings, identity, reference, .. } = loaded;
+pub(super) fn served(loaded: relief_dicom::Loaded) -> LoadedVolume {
+    let relief_dicom::Loaded { volume, warnings, identity, reference, .. } = loaded;
     LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), reference, labels: None }
 }

@@ -2,8 +2,8 @@
 
 use anyhow::bail;
 
-use crate::camera::NamedPlane;
-use crate::render::{SceneFile, SlabBlend, SlicePlane};
+use relief_render::{SceneFile, SlabBlend, SlicePlane};
+use relief_volume::camera::NamedPlane;
 
 /// Options of a slice; they go before what a scene file says of one.
 #[derive(Debug, clap::Args)]

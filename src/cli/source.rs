@@ -11,9 +11,9 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::labels;
 use super::memory::available_bytes;
-use crate::dicom::{self, Discovery, LoadLimits, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
-use crate::formats;
-use crate::volume::{Grid, LabelMap};
+use relief_dicom::{Discovery, LoadLimits, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
+
+use relief_volume::{Grid, LabelMap};
 
 /// A CT series to load.
 #[derive(Debug, clap::Args)]
@@ -69,7 +69,7 @@ pub(super) fn load_after<T>(
     options: &SeriesOptions,
     before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
 ) -> anyhow::Result<(Loaded, T)> {
-    if formats::is_known(path) {
+    if relief_dicom::formats::is_known(path) {
         let loaded = load_file(path, options)?;
         let prepared = before(loaded.volume.grid().dims())?;
         return Ok((loaded, prepared));
@@ -89,7 +89,8 @@ fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
     if options.series_uid.is_some() {
         bail!("{} is one volume and no series; leave --series-uid out", path.display());
     }
-    let found = formats::read_volume(path).with_context(|| format!("cannot use {}", path.display()))?;
+    let found =
+        relief_dicom::formats::read_volume(path).with_context(|| format!("cannot use {}", path.display()))?;
     for warning in found.warnings {
         eprintln!("warning: {warning}");
     }
@@ -99,7 +100,7 @@ fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
 /// The chosen series, or the only one; where there are several, the error names the option that chooses.
 pub(super) fn select<'a>(found: &'a Discovery, uid: Option<&str>) -> anyhow::Result<&'a SeriesEntry> {
     found.select(uid).map_err(|error| match error {
-        dicom::Error::SeveralSeries { .. } => {
+        relief_dicom::Error::SeveralSeries { .. } => {
             anyhow::Error::new(error).context("choose a series with --series-uid UID")
         }
         other => other.into(),
@@ -111,18 +112,19 @@ pub(super) fn strictness(strict: bool) -> Strictness {
     if strict { Strictness::Strict } else { Strictness::Lenient }
 }
 
-/// [`dicom::discover`] with progress on stderr.
+/// [`relief_dicom::discover`] with progress on stderr.
 pub(super) fn discover(path: &Path, strictness: Strictness) -> anyhow::Result<Discovery> {
     let (start, reporter) = (Instant::now(), Reporter::default());
-    let found = dicom::discover(path, strictness, &|progress| reporter.report(progress))?;
+    let found = relief_dicom::discover(path, strictness, &|progress| reporter.report(progress))?;
     tracing::debug!("found {} series in {:.1} ms", found.series.len(), milliseconds(start));
     Ok(found)
 }
 
-/// [`dicom::load_within`] with progress on stderr.
+/// [`relief_dicom::load_within`] with progress on stderr.
 pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow::Result<Loaded> {
     let (start, reporter) = (Instant::now(), Reporter::default());
-    let loaded = dicom::load_within(limits(), entry, strictness, &|progress| reporter.report(progress));
+    let loaded =
+        relief_dicom::load_within(limits(), entry, strictness, &|progress| reporter.report(progress));
     let loaded = loaded.context("cannot load the series")?; // without its UID, which may not leave this machine
     tracing::debug!("loaded {:?} voxels in {:.1} ms", loaded.volume.grid().dims(), milliseconds(start));
     Ok(loaded)

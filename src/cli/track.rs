@@ -11,12 +11,12 @@ use super::track_intents::Intents;
 use super::track_publish::Publisher;
 use super::track_source::{Event, LiveOptions, Source};
 use super::{track_design, track_experiment, track_simulate, track_views};
-use crate::tracking::Beacon;
-use crate::tracking::filter::Motion;
-use crate::tracking::host::Sensitivity;
-use crate::tracking::sensor::{Pinhole, file};
-use crate::tracking::solve::bound::quantised_noise;
-use crate::tracking::tracker::{FilterKind, Options, PoseRecord, SolverKind, Tracker};
+use relief_tracking::Beacon;
+use relief_tracking::filter::Motion;
+use relief_tracking::host::Sensitivity;
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::solve::bound::quantised_noise;
+use relief_tracking::tracker::{FilterKind, Options, PoseRecord, SolverKind, Tracker};
 
 /// Track a Wiimote: from the blobs its camera sees to poses, as JSON lines or OpenIGTLink.
 #[derive(Debug, clap::Args)]
@@ -180,7 +180,8 @@ pub(super) fn read_beacon(path: Option<&Path>) -> anyhow::Result<Beacon> {
 /// The camera of a file, or a typical one.
 pub(super) fn read_camera(path: Option<&Path>) -> anyhow::Result<Pinhole> {
     let Some(path) = path else { return Ok(Pinhole::TYPICAL) };
-    file::read(&read_text(path)?).with_context(|| format!("{} is no camera", path.display()))
+    relief_tracking::sensor::file::read(&read_text(path)?)
+        .with_context(|| format!("{} is no camera", path.display()))
 }
 
 /// A small text file; a larger one is something else.

@@ -8,8 +8,8 @@ use indicatif::ProgressBar;
 
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
-use crate::tracking::Beacon;
-use crate::tracking::design::{Conditions, Score, score, search};
+use relief_tracking::Beacon;
+use relief_tracking::design::{Conditions, Score, score, search};
 
 /// Score a beacon, or search for a better one: how well its views are told apart, and how well poses are known.
 #[derive(Debug, clap::Args)]

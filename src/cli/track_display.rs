@@ -6,7 +6,7 @@ use std::path::Path;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::output::{GrowingFile, print_line};
-use crate::tracking::tracker::{Dropped, PoseRecord, TrackingState};
+use relief_tracking::tracker::{Dropped, PoseRecord, TrackingState};
 
 pub(super) enum Sink {
     File(GrowingFile),

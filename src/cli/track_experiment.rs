@@ -11,12 +11,12 @@ use super::calibrate::table_of;
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
 use super::track_plots;
-use crate::tracking::Beacon;
-use crate::tracking::calibrate::{Calibration, Identifier, Model, calibrate, moving};
-use crate::tracking::experiment::{Outcome, Run, Setting, Way, perform};
-use crate::tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
-use crate::tracking::simulate::{Simulation, Survey};
-use crate::tracking::tracker::{FilterKind, SolverKind};
+use relief_tracking::Beacon;
+use relief_tracking::calibrate::{Calibration, Identifier, Model, calibrate, moving};
+use relief_tracking::experiment::{Outcome, Run, Setting, Way, perform};
+use relief_tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
+use relief_tracking::simulate::{Simulation, Survey};
+use relief_tracking::tracker::{FilterKind, SolverKind};
 
 /// Repeat the paper's experiment in simulation: a robot's arm turns and shifts a Wiimote before a beacon.
 ///

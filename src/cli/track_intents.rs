@@ -5,9 +5,9 @@ use std::path::Path;
 use anyhow::Context;
 
 use super::output::GrowingFile;
-use crate::interaction::{Gestures, HandOptions, HandSample, Intent};
-use crate::tracking::report::Report;
-use crate::tracking::tracker::Sample;
+use relief_live::interaction::{Gestures, HandOptions, HandSample, Intent};
+use relief_tracking::report::Report;
+use relief_tracking::tracker::Sample;
 
 /// A file of intents that grows with the reports.
 pub(super) struct Intents {

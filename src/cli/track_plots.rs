@@ -11,7 +11,7 @@ use super::axis::{number, ticks};
 use super::drawing::{Anchor, Color, Drawing, Pen};
 use super::output::write_whole;
 use super::track_experiment::Report;
-use crate::tracking::experiment::Point;
+use relief_tracking::experiment::Point;
 
 const INK: Color = [0x22, 0x22, 0x22];
 const PALE: Color = [0x5a, 0x5a, 0x5a];

@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use anyhow::Context;
 
-use crate::tracking::igtl::{self, HEADER_BYTES, Header};
-use crate::tracking::pose::SensorPose;
+use relief_tracking::igtl::{HEADER_BYTES, Header};
+use relief_tracking::pose::SensorPose;
 
 const DEVICE: &str = "WiimoteToBeacon";
 const TOOL: &str = "Wiimote";
@@ -80,11 +80,11 @@ impl Client {
         let Some((unix_ns, pose)) = published else { return Ok(()) };
         let mut bytes = Vec::new();
         if let Some(pose) = pose {
-            bytes.extend(igtl::transform(DEVICE, *unix_ns, pose));
-            bytes.extend(igtl::position(DEVICE, *unix_ns, pose));
+            bytes.extend(relief_tracking::igtl::transform(DEVICE, *unix_ns, pose));
+            bytes.extend(relief_tracking::igtl::position(DEVICE, *unix_ns, pose));
         }
         if self.wants_tracking_data {
-            bytes.extend(igtl::tracking_data(DEVICE, *unix_ns, TOOL, pose.as_ref()));
+            bytes.extend(relief_tracking::igtl::tracking_data(DEVICE, *unix_ns, TOOL, pose.as_ref()));
         }
         self.stream.write_all(&bytes)
     }
@@ -111,7 +111,7 @@ impl Client {
             self.incoming.drain(..whole);
             if matches!(header.kind.as_str(), "STT_TDATA" | "STP_TDATA") {
                 self.wants_tracking_data = header.kind == "STT_TDATA";
-                self.stream.write_all(&igtl::acknowledged(DEVICE, unix_ns))?;
+                self.stream.write_all(&relief_tracking::igtl::acknowledged(DEVICE, unix_ns))?;
             }
         }
         Ok(())

@@ -5,10 +5,10 @@ use std::process::ExitCode;
 
 use super::output::{print_json, say, write_whole};
 use super::track::SceneArguments;
-use crate::tracking::report::Buttons;
-use crate::tracking::report::recording::recording_line;
-use crate::tracking::sensor::ThinLens;
-use crate::tracking::simulate::{Delivery, Hand, Hidden, Pressed, Simulation, Survey};
+use relief_tracking::report::Buttons;
+use relief_tracking::report::recording::recording_line;
+use relief_tracking::sensor::ThinLens;
+use relief_tracking::simulate::{Delivery, Hand, Hidden, Pressed, Simulation, Survey};
 
 /// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried without one.
 #[derive(Debug, clap::Args)]
@@ -150,7 +150,7 @@ fn lens_of([focal_mm, aperture_mm, focus_mm]: [f64; 3], focal_px: f64) -> anyhow
 fn parse_hidden(text: &str) -> Result<Hidden, String> {
     let expected = "expected N:FROM:TO with N from 0 to 5 and FROM before TO, in seconds, such as 0:2:3";
     let (led, seconds) = parse_while(text).ok_or(expected)?;
-    let led = led.parse().ok().filter(|led| *led < crate::tracking::MAX_LEDS).ok_or(expected)?;
+    let led = led.parse().ok().filter(|led| *led < relief_tracking::MAX_LEDS).ok_or(expected)?;
     Ok(Hidden { led, seconds })
 }
 

@@ -10,11 +10,11 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::Context;
 
 use super::output::GrowingFile;
-use crate::tracking::host::{Host, HostOptions, HostState, Sensitivity};
-use crate::tracking::report::calibration::AccelerometerCalibration;
-use crate::tracking::report::motion_plus::GyroCalibration;
-use crate::tracking::report::recording::{RecordingReader, recording_line};
-use crate::tracking::report::{MAX_REPORT_BYTES, Report};
+use relief_tracking::host::{Host, HostOptions, HostState, Sensitivity};
+use relief_tracking::report::calibration::AccelerometerCalibration;
+use relief_tracking::report::motion_plus::GyroCalibration;
+use relief_tracking::report::recording::{RecordingReader, recording_line};
+use relief_tracking::report::{MAX_REPORT_BYTES, Report};
 
 /// What a source gives.
 pub(super) enum Event {

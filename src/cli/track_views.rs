@@ -8,10 +8,10 @@ use anyhow::Context;
 
 use super::output::{say, write_whole};
 use super::track::SceneArguments;
-use crate::tracking::pose::Pose;
-use crate::tracking::sensor::Pinhole;
-use crate::tracking::solve::random::{Random, ViewRange, sightings};
-use crate::tracking::solve::{MAX_SEEN, View};
+use relief_tracking::pose::Pose;
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::solve::random::{Random, ViewRange, sightings};
+use relief_tracking::solve::{MAX_SEEN, View};
 
 /// Make random views of a beacon, solve each, and write pixels, poses and truth as JSON.
 ///

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 
-use crate::render::{SceneFile, Shading, shading_json, transfer_json};
-use crate::transfer::{ImportChoice, Imported, MAX_IMPORT_BYTES, import};
+use relief_render::{SceneFile, Shading, shading_json, transfer_json};
+use relief_volume::transfer::{ImportChoice, Imported, MAX_IMPORT_BYTES, import};
 
 /// A transfer function that goes before what a scene says.
 #[derive(Debug, clap::Args)]

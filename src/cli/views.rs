@@ -2,11 +2,11 @@
 
 use anyhow::{Context, bail};
 
-use crate::camera::Camera;
-use crate::display::{FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, psnr_db};
-use crate::render::{Mode, RenderRequest, RenderedFrame, Renderer, Scene};
-use crate::units::DepthLimits;
-use crate::volume::Volume;
+use relief_base::units::DepthLimits;
+use relief_display::{FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, psnr_db};
+use relief_render::{Mode, RenderRequest, RenderedFrame, Renderer, Scene};
+use relief_volume::Volume;
+use relief_volume::camera::Camera;
 
 /// Which views are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use tokio_tungstenite::tungstenite::http::Uri;
 
-use crate::live::{Hello, check_view_name};
+use relief_live::{Hello, check_view_name};
 
 /// A server: `http://HOST:PORT`, `ws://HOST:PORT`, or `HOST:PORT`; a path before `/v1` is kept, for proxies that have one.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! From a received frame to what the display takes, and whether its header came out right.
 
 use super::link::Received;
-use crate::display::{DisplayProfile, Frame, Header, HeaderReading, Pixels};
-use crate::live::{ComposeError, FrameError, FrameHeader, LiveLayout, ReceiveError, ReceivedFrame};
+use relief_display::{DisplayProfile, Frame, Header, HeaderReading, Pixels};
+use relief_live::{ComposeError, FrameError, FrameHeader, LiveLayout, ReceiveError, ReceivedFrame};
 
 /// Composes frames of one session.
 #[derive(Clone, Debug)]

@@ -6,9 +6,9 @@ use std::time::Instant;
 use tokio::sync::{Notify, watch};
 
 use super::outbox::Outbox;
-use crate::interaction::Intent;
-use crate::live::{ClientMessage, PoseKind, Settings};
-use crate::tracking::report::Report;
+use relief_live::interaction::Intent;
+use relief_live::{ClientMessage, PoseKind, Settings};
+use relief_tracking::report::Report;
 
 /// What is said to the server through one session. Copies are the same end.
 #[derive(Clone, Debug)]

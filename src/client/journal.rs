@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::link::{Event, LinkState, Received};
-use crate::live::{
+use relief_live::{
     ClientMessage, HEADER_BYTES, Hello, MAX_TEXT_BYTES, ReceivedDepth, ReceivedFrame, ServerMessage,
 };
 

@@ -1,8 +1,8 @@
 //! The state of a session as a few pixels of the picture.
 
 use super::place::PicturePlace;
-use crate::display::{Frame, Layout, LayoutError, Pixels};
-use crate::tracking::tracker::TrackingState;
+use relief_display::{Frame, Layout, LayoutError, Pixels};
+use relief_tracking::tracker::TrackingState;
 
 /// Side of a mark, in pixels of the picture.
 pub const MARK_PX: usize = 6;

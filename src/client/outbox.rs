@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use crate::interaction::Intent;
-use crate::live::{Ack, ClientMessage, IntentMessage, Pose, PoseKind, Report, Settings};
+use relief_live::interaction::Intent;
+use relief_live::{Ack, ClientMessage, IntentMessage, Pose, PoseKind, Report, Settings};
 
 /// Most messages that wait; a connection that is this far behind is stalled, and takes no more.
 pub const MAX_QUEUED: usize = 512;
@@ -124,8 +124,8 @@ fn buttons(report: &Report) -> Option<(&str, &str)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::{OrbitPose, RemotePose};
-    use crate::tracking::tracker::TrackingState;
+    use relief_live::{OrbitPose, RemotePose};
+    use relief_tracking::tracker::TrackingState;
 
     fn orbit(azimuth_deg: f64) -> PoseKind {
         PoseKind::Orbit(OrbitPose { azimuth_deg, elevation_deg: 0.0, zoom: None })

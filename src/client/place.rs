@@ -1,6 +1,6 @@
 //! Where the picture lies in a frame of a layout.
 
-use crate::display::Layout;
+use relief_display::Layout;
 
 /// The part of a frame that shows colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

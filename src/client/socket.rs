@@ -15,7 +15,7 @@ use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
 use super::address::ServerAddress;
 use super::error::{ClientError, shown};
-use crate::live::{
+use relief_live::{
     ClientMessage, HEADER_BYTES, Hello, MAX_PIXELS, MAX_TEXT_BYTES, SUBPROTOCOL, ServerMessage, Welcome,
 };
 

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use dicom_core::Tag;
 
-use crate::volume::{GridError, VoxelCountError};
+use relief_volume::{GridError, VoxelCountError};
 
 /// Why a series could not be found or loaded.
 #[derive(Debug, thiserror::Error)]

@@ -9,8 +9,8 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use crate::space::Transform;
-use crate::volume::{self, Grid, Volume};
+use relief_base::space::Transform;
+use relief_volume::{Grid, Volume};
 
 use super::batches;
 use super::codec::{self, Frames};
@@ -85,7 +85,7 @@ impl Loaded {
     /// any resampling.
     #[must_use]
     pub fn stack_sha256(&self) -> [u8; 32] {
-        *self.stack_sha256.get_or_init(|| volume::stack_sha256(self.volume.voxels_hu()))
+        *self.stack_sha256.get_or_init(|| relief_volume::stack_sha256(self.volume.voxels_hu()))
     }
 
     /// The series with each block of `factor`³ voxels replaced by its mean; the hash stays that of the stack as read.
@@ -189,7 +189,7 @@ fn load_voxels(
     warnings.extend(deviation.warnings(regular.slice_spacing_mm));
     let mut voxels = zeros(regular.dims.iter().product())?;
     regular.resample(&stack, &hu, outside_hu(&frames[0], &hu), &mut voxels);
-    let stack_sha256 = OnceLock::from(volume::stack_sha256(&hu));
+    let stack_sha256 = OnceLock::from(relief_volume::stack_sha256(&hu));
     drop(hu);
     let grid = grid(&stack, regular.dims, regular.origin(&stack), regular.slice_spacing_mm)?;
     Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, identity, reference: None, stack_sha256 })

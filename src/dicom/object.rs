@@ -9,7 +9,7 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_object::{FileMetaTableBuilder, InMemDicomObject};
 use sha2::{Digest, Sha256};
 
-use crate::annotation::Timestamp;
+use relief_annotation::Timestamp;
 
 /// Identifies this writer in the file meta group; derived once from a random UUID.
 const IMPLEMENTATION_CLASS_UID: &str = "2.25.125342396745869861420020890032567052334";

@@ -24,8 +24,8 @@ use super::groups::Groups;
 use super::load::LoadLimits;
 use super::part10::{self, Object};
 use super::source::Bytes;
-use crate::space::Transform;
-use crate::volume::{Grid, LabelMap, Layers, Segment};
+use relief_base::space::Transform;
+use relief_volume::{Grid, LabelMap, Layers, Segment};
 
 /// A segmentation and what was unusual about it.
 #[derive(Debug)]

@@ -19,8 +19,8 @@ use super::object::{
 };
 use super::reference::{Instance, Plane, SeriesReference};
 use super::segmentation::lab_of_srgb;
-use crate::annotation::{Concept, ItemId, Timestamp};
-use crate::volume::{LabelMap, Segment};
+use relief_annotation::{Concept, ItemId, Timestamp};
+use relief_volume::{LabelMap, Segment};
 
 /// How far directions may be from right angles, as a cosine: a thousandth of a voxel over a slice of 1000.
 const RIGHT_ANGLE: f64 = 1e-6;

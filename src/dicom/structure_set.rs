@@ -14,8 +14,8 @@ use glam::DVec3;
 use super::charset::Charset;
 use super::dataset::{Bounds, DataSet, Keep};
 use super::whole::{self, ObjectError};
-use crate::annotation::{FrameOfReference, Geometry, Item, Method, Placement};
-use crate::space::{Patient, Point};
+use relief_annotation::{FrameOfReference, Geometry, Item, Method, Placement};
+use relief_base::space::{Patient, Point};
 
 /// The largest file that is read: contours of a hundred structures have a tenth of it.
 const MOST_BYTES: usize = 1 << 29;

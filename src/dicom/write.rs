@@ -20,7 +20,7 @@ use dicom_object::{FileDicomObject, InMemDicomObject};
 use rayon::prelude::*;
 
 use super::object::{decimal_string, decimals, meta, put, put_many, uid_of};
-use crate::volume::Volume;
+use relief_volume::Volume;
 
 /// Rows, columns and instances are 16-bit or short decimal strings; this also bounds the number of files.
 const MAX_EXTENT: usize = u16::MAX as usize;

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::annotation::{Concept, Item, ItemId, Placement, State, Timestamp};
+use relief_annotation::{Concept, Item, ItemId, Placement, State, Timestamp};
 
 /// What the format has no place for. A missing key is a value that the item has not.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

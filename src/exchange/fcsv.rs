@@ -10,7 +10,7 @@ use std::fmt::Write;
 use super::delimited::{Columns, Row};
 use super::reading::{self, Reading, mirrored, point};
 use super::{ExchangeError, Format, Imported, ReadContext};
-use crate::annotation::{Geometry, Item};
+use relief_annotation::{Geometry, Item};
 
 const FORMAT: Format = Format::Fcsv;
 const COLUMNS: &str = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID";

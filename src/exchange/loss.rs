@@ -1,7 +1,7 @@
 //! What a format cannot hold of the items that are written to it: told, never dropped in silence.
 
 use super::{ExchangeError, Format};
-use crate::annotation::{Geometry, Item, ItemId, State};
+use relief_annotation::{Geometry, Item, ItemId, State};
 
 /// Something that is not in a written file.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, VecDeque};
 
 use super::ExchangeError;
-use crate::annotation::{Change, Geometry, Item, ItemId, Versioned};
+use relief_annotation::{Change, Geometry, Item, ItemId, Versioned};
 
 /// Points nearer than this have not moved: files have 32 bits at worst, mm.
 const SAME_MM: f64 = 1e-4;

@@ -5,9 +5,9 @@
 
 use super::reading::Reading;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext, regions, structures};
-use crate::annotation::{Geometry, Item};
-use crate::mesh::TriangleMesh;
-use crate::mesh::files::{self, MeshFormat};
+use relief_annotation::mesh::TriangleMesh;
+use relief_annotation::mesh::files::MeshFormat;
+use relief_annotation::{Geometry, Item};
 
 const fn kind(format: Format) -> MeshFormat {
     match format {
@@ -27,7 +27,8 @@ pub(super) fn read(
     bytes: &[u8],
     context: &ReadContext<'_>,
 ) -> Result<Imported, ExchangeError> {
-    let found = files::read(kind(format), bytes).map_err(|error| ExchangeError::Mesh(Box::new(error)))?;
+    let found = relief_annotation::mesh::files::read(kind(format), bytes)
+        .map_err(|error| ExchangeError::Mesh(Box::new(error)))?;
     let mut reading = Reading::new(format, context);
     for warning in found.warnings {
         reading.warn("", &warning);
@@ -66,8 +67,9 @@ pub(super) fn write(
         let Some(Geometry::Mesh(summary)) = &item.geometry else { continue };
         let bytes =
             (context.contents)(&summary.content).ok_or_else(|| regions::no_content(format, item.id))?;
-        let mesh =
-            files::read(MeshFormat::Ply, &bytes).map_err(|error| ExchangeError::Mesh(Box::new(error)))?.mesh;
+        let mesh = relief_annotation::mesh::files::read(MeshFormat::Ply, &bytes)
+            .map_err(|error| ExchangeError::Mesh(Box::new(error)))?
+            .mesh;
         let first = u32::try_from(joined.vertices.len()).unwrap_or(u32::MAX);
         joined.vertices.extend(mesh.vertices);
         // More corners than numbers: `check` refuses what comes of it.
@@ -84,5 +86,6 @@ pub(super) fn write(
         });
     }
     let name = items.first().map_or("mesh", |item| item.name.as_str());
-    files::write(kind(format), &joined, name).map_err(|error| regions::failed(format, &error))
+    relief_annotation::mesh::files::write(kind(format), &joined, name)
+        .map_err(|error| regions::failed(format, &error))
 }

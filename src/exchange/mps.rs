@@ -12,7 +12,7 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::reading::{self, Reading, point};
 use super::{ExchangeError, Format, Imported, ReadContext};
-use crate::annotation::{Geometry, Item};
+use relief_annotation::{Geometry, Item};
 
 const FORMAT: Format = Format::Mps;
 /// MITK's own files have six levels.

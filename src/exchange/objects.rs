@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 
 use super::reading::Reading;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext, regions};
-use crate::annotation::{FrameOfReference, Item};
-use crate::dicom::{
-    self, LoadLimits, SegmentMeaning, SegmentationOptions, SeriesReference, report, structure_set,
-};
-use crate::volume::LabelMap;
+use relief_annotation::{FrameOfReference, Item};
+use relief_dicom::{LoadLimits, SegmentMeaning, SegmentationOptions, SeriesReference};
+use relief_volume::LabelMap;
 
 /// Bytes that the voxels of a segmentation may take, two for each.
 const LIMITS: LoadLimits = LoadLimits { voxel_bytes: 4 << 30 };
@@ -18,8 +16,9 @@ const LIMITS: LoadLimits = LoadLimits { voxel_bytes: 4 << 30 };
 /// # Errors
 /// As [`super::read`]; places are tags and numbers of items.
 pub(super) fn read_report(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
-    let options = report::ReadOptions { author: context.author, series: context.series };
-    let found = report::read(bytes, &options).map_err(|error| ExchangeError::Report(Box::new(error)))?;
+    let options = relief_dicom::report::ReadOptions { author: context.author, series: context.series };
+    let found = relief_dicom::report::read(bytes, &options)
+        .map_err(|error| ExchangeError::Report(Box::new(error)))?;
     let mut reading = Reading::new(Format::Sr, context);
     for warning in found.warnings {
         reading.warn("", &warning);
@@ -55,7 +54,8 @@ fn frame(
 /// # Errors
 /// As [`super::read`]; places are tags and numbers of items.
 pub(super) fn read_structure_set(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
-    let found = structure_set::read(bytes).map_err(|error| ExchangeError::StructureSet(Box::new(error)))?;
+    let found = relief_dicom::structure_set::read(bytes)
+        .map_err(|error| ExchangeError::StructureSet(Box::new(error)))?;
     let (items, left_out) = found.items(context.author)?;
     let mut reading = Reading::new(Format::RtStruct, context);
     for warning in found.warnings.iter().chain(&left_out) {
@@ -76,7 +76,7 @@ pub(super) fn read_structure_set(bytes: &[u8], context: &ReadContext<'_>) -> Res
 /// # Errors
 /// As [`super::read`]; places are tags.
 pub(super) fn read_segmentation(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
-    let found = dicom::read_segmentation_layers(LIMITS, bytes);
+    let found = relief_dicom::read_segmentation_layers(LIMITS, bytes);
     let found = found.map_err(|defect| ExchangeError::Object(Box::new(defect)))?;
     regions::of_layers(Format::Seg, &found.layers, found.warnings, context)
 }
@@ -98,7 +98,11 @@ pub(super) fn write_report(
     left_out: &mut Vec<LeftOut>,
 ) -> Result<(Vec<u8>, usize), ExchangeError> {
     let items: Vec<Item> = items.iter().copied().cloned().collect();
-    let written = report::write(&items, series(Format::Sr, context)?, &report::WriteOptions::default());
+    let written = relief_dicom::report::write(
+        &items,
+        series(Format::Sr, context)?,
+        &relief_dicom::report::WriteOptions::default(),
+    );
     let written = written.map_err(|error| ExchangeError::Report(Box::new(error)))?;
     let count = items.len() - written.left_out.len();
     let mut reasons: BTreeMap<String, Vec<_>> = BTreeMap::new();
@@ -133,6 +137,6 @@ pub(super) fn write_segmentation(
     };
     let meanings = (1..).zip(items).map(meaning).collect();
     let options = SegmentationOptions { meanings, ..SegmentationOptions::by(author) };
-    let bytes = dicom::write_segmentation_layers(maps, series(Format::Seg, context)?, &options);
+    let bytes = relief_dicom::write_segmentation_layers(maps, series(Format::Seg, context)?, &options);
     bytes.map_err(|error| ExchangeError::Segmentation(Box::new(error)))
 }

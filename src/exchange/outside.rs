@@ -1,8 +1,8 @@
 //! Points that do not lie in the volume that a file is said to belong to.
 
-use crate::annotation::{Geometry, Item};
-use crate::space::{Patient, Point};
-use crate::volume::Grid;
+use relief_annotation::{Geometry, Item};
+use relief_base::space::{Patient, Point};
+use relief_volume::Grid;
 
 /// A warning if points lie outside of the volume, with a hint if they are a mirror image of points within.
 pub(super) fn warning(items: &[Item], grid: &Grid) -> Option<String> {

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use serde_path_to_error::Segment;
 
 use super::{ExchangeError, Format, Imported, ReadContext, outside};
-use crate::annotation::{ContentId, Edit, Geometry, Item, ItemId, Method, Placement, Timestamp};
-use crate::space::{Patient, Point};
+use relief_annotation::{ContentId, Edit, Geometry, Item, ItemId, Method, Placement, Timestamp};
+use relief_base::space::{Patient, Point};
 
 /// Largest file of text: a hundred thousand items with all they may have.
 pub(super) const MOST_BYTES: usize = 64 << 20;

@@ -2,11 +2,11 @@
 //!
 //! A region's content is a `.seg.nrrd` file on the volume's grid, a mesh's a binary PLY in patient LPS mm.
 
-use crate::annotation::{ContentId, MeshSummary, RegionSummary};
-use crate::formats::{self, FormatError};
-use crate::mesh::files::{self, MeshFileError, MeshFormat};
-use crate::mesh::{MeshError, TriangleMesh};
-use crate::volume::{Mask, Segment};
+use relief_annotation::mesh::files::{MeshFileError, MeshFormat};
+use relief_annotation::mesh::{MeshError, TriangleMesh};
+use relief_annotation::{ContentId, MeshSummary, RegionSummary};
+use relief_dicom::formats::FormatError;
+use relief_volume::{Mask, Segment};
 
 /// The media type of a region's content.
 pub const REGION_TYPE: &str = "application/x-seg-nrrd";
@@ -44,7 +44,7 @@ pub enum StructureError {
 /// # Errors
 /// Those of memory alone: it is written there.
 pub fn region(mask: &Mask, name: &str, rgb: Option<[f64; 3]>) -> Result<Kept<RegionSummary>, std::io::Error> {
-    let bytes = formats::seg_nrrd(&mask.to_labels(Segment::new(1, Some(name), rgb)))?;
+    let bytes = relief_dicom::formats::seg_nrrd(&mask.to_labels(Segment::new(1, Some(name), rgb)))?;
     let (voxels, volume_ml) = (mask.voxels(), mask.volume_ml());
     let summary = RegionSummary { content: ContentId::of(&bytes), label: 1, voxels, volume_ml };
     Ok(Kept { summary, media_type: REGION_TYPE, bytes })
@@ -57,7 +57,7 @@ pub fn region(mask: &Mask, name: &str, rgb: Option<[f64; 3]>) -> Result<Kept<Reg
 pub fn mask(summary: &RegionSummary, bytes: &[u8]) -> Result<Mask, StructureError> {
     let mut file = tempfile::NamedTempFile::new()?; // readers of label maps take files
     std::io::Write::write_all(&mut file, bytes)?;
-    let found = formats::read_labels(file.path())?;
+    let found = relief_dicom::formats::read_labels(file.path())?;
     let mask = Mask::of_label(&found.map, summary.label);
     if mask.voxels() == 0 {
         return Err(StructureError::Label(summary.label));
@@ -70,7 +70,7 @@ pub fn mask(summary: &RegionSummary, bytes: &[u8]) -> Result<Mask, StructureErro
 /// # Errors
 /// When it is empty or unsound: see [`MeshError`].
 pub fn mesh(mesh: &TriangleMesh) -> Result<Kept<MeshSummary>, MeshError> {
-    let bytes = files::write(MeshFormat::Ply, mesh, "")?;
+    let bytes = relief_annotation::mesh::files::write(MeshFormat::Ply, mesh, "")?;
     let measures = mesh.measures();
     let summary = MeshSummary {
         content: ContentId::of(&bytes),
@@ -87,5 +87,5 @@ pub fn mesh(mesh: &TriangleMesh) -> Result<Kept<MeshSummary>, MeshError> {
 /// # Errors
 /// When the content is no PLY file.
 pub fn triangles(bytes: &[u8]) -> Result<TriangleMesh, StructureError> {
-    Ok(files::read(MeshFormat::Ply, bytes)?.mesh)
+    Ok(relief_annotation::mesh::files::read(MeshFormat::Ply, bytes)?.mesh)
 }

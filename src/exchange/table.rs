@@ -6,7 +6,7 @@
 use super::delimited::{Columns, Row};
 use super::reading::{self, Reading, mirrored, point};
 use super::{ExchangeError, Format, Imported, ReadContext};
-use crate::annotation::{Geometry, Item};
+use relief_annotation::{Geometry, Item};
 
 const LPS: [&str; 3] = ["l", "p", "s"];
 const RAS: [&str; 3] = ["r", "a", "s"];

@@ -10,7 +10,7 @@ use flate2::{Compress, Compression, Decompress, FlushCompress, FlushDecompress, 
 use image::ImageDecoder;
 
 use super::format::{ColorFormat, DepthFormat, Packing};
-use crate::display::{EncodeError, encode_jpeg};
+use relief_display::{EncodeError, encode_jpeg};
 
 /// Packing is to cost less than sending: the quickest levels.
 const ZSTD_LEVEL: i32 = 1;

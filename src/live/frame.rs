@@ -7,11 +7,11 @@
 use super::codec::{self, CodecError};
 use super::format::{ColorFormat, DepthFormat, LiveLayout};
 use super::header::{FrameError, FrameHeader, HEADER_BYTES};
-use crate::display::{
+use relief_base::units::ScaledDepth;
+use relief_display::{
     DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout, LayoutError,
     MAX_FRAME_SIDE_PX, ProfileError,
 };
-use crate::units::ScaledDepth;
 
 /// Most pixels of a picture that is received: memory of a client.
 pub const MAX_PIXELS: usize = 1 << 24;

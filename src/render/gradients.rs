@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::uniform::patient_from_voxel_gradient;
 use super::upload::{SLAB_BYTES, VoxelFormat, texture_3d, write_layers};
 use crate::gpu::Gpu;
-use crate::volume::Volume;
+use relief_volume::Volume;
 
 /// The gradients of a volume on the GPU.
 pub(super) struct Gradients {
@@ -144,7 +144,7 @@ fn fill_row(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::Grid;
+    use relief_volume::Grid;
 
     #[test]
     fn texels_point_up_the_slope_of_a_ramp_in_patient_axes_and_have_its_value() {

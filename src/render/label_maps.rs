@@ -3,7 +3,7 @@
 use super::request::RenderRequest;
 use super::upload::{SLAB_BYTES, texture_3d, write_layers};
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use crate::volume::{BrickLabels, ContentHash, LabelMap, Places};
+use relief_volume::{BrickLabels, ContentHash, LabelMap, Places};
 
 /// Label maps kept on the GPU; the least recently used goes first.
 const KEPT: usize = 4;

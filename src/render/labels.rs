@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use super::mode::Mode;
 use super::request::{RenderRequest, RequestError};
-use crate::transfer::TransferFunction;
-use crate::volume::{Grid, LabelMap};
+use relief_volume::transfer::TransferFunction;
+use relief_volume::{Grid, LabelMap};
 
 /// How one segment is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,7 @@
 //! from the left, rows from the top.
 
 use super::frame::RenderedFrame;
-use crate::camera::EdgeLabels;
+use relief_volume::camera::EdgeLabels;
 
 /// Columns and rows of a letter.
 const GLYPH_PX: [i32; 2] = [5, 7];
@@ -88,10 +88,10 @@ fn put(frame: &mut RenderedFrame, at: [i32; 2], color: [u8; 4], depth_mm: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::NamedPlane;
-    use crate::render::frame::Timings;
-    use crate::space::Point;
-    use crate::units::DepthLimits;
+    use crate::frame::Timings;
+    use relief_base::space::Point;
+    use relief_base::units::DepthLimits;
+    use relief_volume::camera::NamedPlane;
 
     fn burnt(plane: NamedPlane, size_px: [u32; 2]) -> RenderedFrame {
         let pixels = size_px[0] as usize * size_px[1] as usize;

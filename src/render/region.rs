@@ -7,9 +7,9 @@ use super::mode::Mode;
 use super::pipelines::WORKGROUP_SIDE;
 use super::request::RenderRequest;
 use super::upload::Appearance;
-use crate::camera::Camera;
-use crate::space::{Patient, Point};
-use crate::volume::Grid;
+use relief_base::space::{Patient, Point};
+use relief_volume::Grid;
+use relief_volume::camera::Camera;
 
 /// Pixels beyond the outermost that a box touches: far more than rays of 32 bits are off.
 const MARGIN_PX: f64 = 2.0;
@@ -97,8 +97,8 @@ impl Region {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Projection;
-    use crate::space::Vector;
+    use relief_base::space::Vector;
+    use relief_volume::camera::Projection;
 
     const SIZE_PX: [u32; 2] = [960, 540];
 

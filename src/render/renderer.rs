@@ -20,10 +20,10 @@ use super::store::{MemoryUse, Store, VolumeLimits};
 use super::uniform::FrameUniform;
 use super::upload::VoxelFormat;
 use super::watch::{Progress, Watch};
-use crate::camera::Camera;
 use crate::gpu::{ErrorScope, Gpu, Readback};
-use crate::units::DepthLimits;
-use crate::volume::{ContentHash, Grid, Volume};
+use relief_base::units::DepthLimits;
+use relief_volume::camera::Camera;
+use relief_volume::{ContentHash, Grid, Volume};
 
 /// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn it off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

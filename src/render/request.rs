@@ -14,10 +14,10 @@ use super::mode::Mode;
 use super::overlay::Overlays;
 use super::pathtrace::PathTrace;
 use super::surface::{self, Surface};
-use crate::camera::{Camera, Projection};
-use crate::space::{Patient, Point, Vector};
-use crate::transfer::TransferFunction;
-use crate::volume::Grid;
+use relief_base::space::{Patient, Point, Vector};
+use relief_volume::Grid;
+use relief_volume::camera::{Camera, Projection};
+use relief_volume::transfer::TransferFunction;
 
 /// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
 ///

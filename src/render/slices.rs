@@ -12,7 +12,7 @@ use super::pipelines::{BINDINGS, Output, TableStorage, binding_types, stage_sour
 use super::renderer::depth_limits;
 use super::request::RenderRequest;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use crate::volume::Grid;
+use relief_volume::Grid;
 
 /// The stage's own source.
 const SLICE: &str = include_str!("../../shaders/slice.wgsl");
@@ -216,8 +216,8 @@ mod tests {
     #[test]
     fn samples_reach_from_face_to_face_and_are_never_too_far_apart() {
         let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.0; 3]).unwrap();
-        let scene = crate::render::SceneFile::parse(br#"{"mode": "slice"}"#).unwrap();
-        let mut request = scene.resolve(&grid, &crate::camera::Orbit::default()).unwrap().request;
+        let scene = crate::SceneFile::parse(br#"{"mode": "slice"}"#).unwrap();
+        let mut request = scene.resolve(&grid, &relief_volume::camera::Orbit::default()).unwrap().request;
         for (slab_mm, sample_distance_mm, pairs, spacing_mm) in
             [(0.0, 0.5, 0, 0.0), (10.0, 0.1, 50, 0.1), (10.0, 3.0, 2, 2.5), (1.0, 5.0, 1, 0.5)]
         {

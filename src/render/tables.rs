@@ -7,7 +7,7 @@ use super::classification::Classification;
 use super::labels::{Labels, Look};
 use super::mode::{Mode, is_of_interest};
 use super::request::RenderRequest;
-use crate::transfer::{TransferFunction, TransferTable};
+use relief_volume::transfer::{TransferFunction, TransferTable};
 
 /// What samples look up.
 pub(super) struct Tables {
@@ -96,7 +96,7 @@ impl Tables {
         self.looks.iter().filter(|look| look.visible).map(|look| self.of(look))
     }
 
-    /// The tables that the shown ones among these segments look up; places as in [`crate::volume::Places`].
+    /// The tables that the shown ones among these segments look up; places as in [`relief_volume::Places`].
     pub(super) fn set_of(&self, places: &[u16]) -> TableSet {
         let looks = places.iter().map(|&place| &self.looks[usize::from(place)]);
         looks.filter(|look| look.visible).fold(0, |set, look| set | 1 << look.transfer)
@@ -134,9 +134,9 @@ mod tests {
     use super::super::labels::Edges;
     use super::super::scene::SceneFile;
     use super::*;
-    use crate::camera::Orbit;
-    use crate::transfer::{PRESETS, preset};
-    use crate::volume::{Grid, LabelMap, Segment};
+    use relief_volume::camera::Orbit;
+    use relief_volume::transfer::{PRESETS, preset};
+    use relief_volume::{Grid, LabelMap, Segment};
 
     fn labelled(segments: u16, transfers: usize) -> RenderRequest {
         let grid = Grid::axis_aligned([4; 3], [1.0; 3], [0.0; 3]).unwrap();
@@ -152,7 +152,7 @@ mod tests {
         let labels = Labels {
             map: Arc::new(map),
             looks: (0..=usize::from(segments)).map(look).collect(),
-            transfers: PRESETS[..transfers].iter().map(crate::transfer::Preset::transfer).collect(),
+            transfers: PRESETS[..transfers].iter().map(relief_volume::transfer::Preset::transfer).collect(),
             edges: Edges::Smooth,
         };
         RenderRequest { labels: Some(Arc::new(labels)), ..scene.request }

@@ -11,9 +11,9 @@ use super::store::VolumePlan;
 use super::surface::Surface;
 use super::tables::{TableSet, Tables};
 use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
-use crate::space::{Patient, Point, Voxel};
-use crate::transfer::{TransferFunction, TransferTable};
-use crate::volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, Volume};
+use relief_base::space::{Patient, Point, Voxel};
+use relief_volume::transfer::{TransferFunction, TransferTable};
+use relief_volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, Volume};
 
 /// Bytes handed to the queue at once: staging memory stays small beside the volume.
 pub(super) const SLAB_BYTES: usize = 16 << 20;

@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 
-use crate::camera::{Camera, Projection};
-use crate::units::DepthLimits;
+use relief_base::units::DepthLimits;
+use relief_volume::camera::{Camera, Projection};
 
 /// The camera in a request's own words, with the size and the depth limits: the header `Relief-Camera`.
 pub(super) fn camera_json(camera: &Camera, size_px: [u32; 2], limits: DepthLimits) -> Value {

@@ -26,10 +26,10 @@ use super::query::{Order, Query};
 use super::resident::with_voxels;
 use super::state::Server;
 use super::volumes::Entry;
-use crate::placing::value_at;
-use crate::render::{RenderedFrame, RequestError, Scene, depth_limits};
-use crate::session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, encode};
-use crate::space::{Patient, Point};
+use relief_annotation::placing::value_at;
+use relief_base::space::{Patient, Point};
+use relief_render::{RenderedFrame, RequestError, Scene, depth_limits};
+use relief_session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, encode};
 
 /// A browser asks again after a minute, and gets 304 for what has not changed.
 const CACHE_CONTROL: &str = "private, max-age=60";
@@ -333,7 +333,7 @@ fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
 
 /// A name for the bytes that this order gives: everything that decides them goes into the hash.
 ///
-/// The scene enters by forms that are the same in every process ([`crate::render::RenderRequest::stable_bytes`], JSON), so that
+/// The scene enters by forms that are the same in every process ([`relief_render::RenderRequest::stable_bytes`], JSON), so that
 /// servers of one build before adapters of one kind agree, and one may answer for another. `form` is how the picture is written.
 pub(super) fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, form: &str) -> String {
     let Scene { request, display, budget_ms, annotations } = scene;

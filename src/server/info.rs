@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 use super::metrics::Gauges;
 use super::problem::Problem;
 use super::state::Server;
-use crate::display::{DepthFilter, Layout, ProfileName};
-use crate::render::{DepthRule, Lighting, preset_json};
-use crate::transfer::PRESETS;
+use relief_display::{DepthFilter, Layout, ProfileName};
+use relief_render::{DepthRule, Lighting, preset_json};
+use relief_volume::transfer::PRESETS;
 
 /// OpenAPI 3.1, written by hand; tests compare its paths and parameters with the code's.
 const OPENAPI: &str = include_str!("openapi.json");
@@ -80,12 +80,12 @@ pub(super) async fn openapi() -> impl IntoResponse {
 
 #[cfg(test)]
 mod tests {
-    use crate::render::Overlays;
+    use relief_render::Overlays;
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::display::ContentType;
-    use crate::server::query::parameter_names;
+    use crate::query::parameter_names;
+    use relief_display::ContentType;
 
     fn document() -> Value {
         serde_json::from_str(OPENAPI).unwrap()
@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn openapi_lists_every_route_but_the_pages_files() {
         // axum keeps no list of its routes; the calls that make them are one.
-        let sources = [include_str!("mod.rs"), include_str!("annotations/mod.rs")];
+        let sources = [include_str!("lib.rs"), include_str!("annotations/mod.rs")];
         let routes = sources.iter().flat_map(|source| source.split(".route(\"").skip(1));
         let routed: BTreeSet<&str> = routes.filter_map(|rest| rest.split('"').next()).collect();
         let document = document();

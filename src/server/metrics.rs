@@ -7,8 +7,8 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use super::resident::HostMemory;
-use crate::render::MemoryUse;
-use crate::session::{Counts, Origin, Rendered, ServiceError};
+use relief_render::MemoryUse;
+use relief_session::{Counts, Origin, Rendered, ServiceError};
 
 /// Method, route pattern and status of an answer.
 type Answer = (&'static str, String, u16);
@@ -120,7 +120,7 @@ impl Metrics {
                 usize::from(rendered.origin == Origin::Reused)
             }
             Err(ServiceError::Busy(_)) => 2,
-            Err(ServiceError::Backend(crate::session::BackendError::Refused(_))) => 3,
+            Err(ServiceError::Backend(relief_session::BackendError::Refused(_))) => 3,
             Err(_) => 4,
         };
         self.outcomes[index].fetch_add(1, Ordering::Relaxed);

@@ -7,7 +7,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use serde_json::Value;
 
 use super::problem::Problem;
-use crate::session::FileFormat;
+use relief_session::FileFormat;
 
 /// The offer that the client likes best; the first one when it says nothing.
 ///

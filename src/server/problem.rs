@@ -9,9 +9,9 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
 
-use crate::display::SettingsError;
-use crate::render::{RequestError, SceneError};
-use crate::session::{BackendError, ServiceError};
+use relief_display::SettingsError;
+use relief_render::{RequestError, SceneError};
+use relief_session::{BackendError, ServiceError};
 
 /// The media type of a problem document.
 pub(super) const MEDIA_TYPE: &str = "application/problem+json";

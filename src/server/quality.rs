@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::state::Server;
 use super::volumes::Entry;
-use crate::render::{Mode, Scene};
+use relief_render::{Mode, Scene};
 
 static RELIEF_QUALITY: HeaderName = HeaderName::from_static("relief-quality");
 

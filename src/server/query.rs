@@ -8,10 +8,10 @@ use axum::http::{StatusCode, Uri};
 use serde_json::{Map, Value};
 
 use super::problem::Problem;
-use crate::annotation::Shown;
-use crate::camera::Orbit;
-use crate::render::{Overlays, SceneFile};
-use crate::volume::Grid;
+use relief_annotation::Shown;
+use relief_render::{Overlays, SceneFile};
+use relief_volume::Grid;
+use relief_volume::camera::Orbit;
 
 /// What the text of a parameter must be.
 #[derive(Clone, Copy, Debug)]

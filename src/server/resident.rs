@@ -13,7 +13,7 @@ use super::blocking::on_blocking_thread;
 use super::problem::Problem;
 use super::state::Server;
 use super::volumes::Entry;
-use crate::volume::Volume;
+use relief_volume::Volume;
 
 /// Reads a series again. Blocks. Its error is for the log.
 pub type VolumeReader = Arc<dyn Fn() -> Result<Volume, String> + Send + Sync>;

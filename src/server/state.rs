@@ -11,9 +11,9 @@ use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
 use super::resident::{NoRoom, VolumeReader};
 use super::volumes::{LoadedVolume, Volumes};
-use crate::session::RenderService;
-use crate::store::Store;
-use crate::volume::{Grid, LabelMap};
+use relief_session::RenderService;
+use relief_store::Store;
+use relief_volume::{Grid, LabelMap};
 
 /// Reads a series from a file that was uploaded. Blocks. Its error is told to the client, so it names no path here.
 pub type VolumeLoader = Arc<dyn Fn(&Path) -> Result<LoadedVolume, String> + Send + Sync>;

@@ -13,8 +13,8 @@ use super::negotiate::negotiate;
 use super::problem::Problem;
 use super::query::Query;
 use super::state::Server;
-use crate::session::{FileFormat, Product, THUMBNAIL_SIZE_PX, thumbnail_scene};
-use crate::transfer::{PRESETS, preset};
+use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, thumbnail_scene};
+use relief_volume::transfer::{PRESETS, preset};
 
 /// A thumbnail has no use for depth.
 const FORMATS: [FileFormat; 2] = [FileFormat::Png, FileFormat::Jpeg];

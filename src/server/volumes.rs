@@ -12,9 +12,9 @@ use serde_json::{Value, json};
 use super::problem::Problem;
 use super::resident::{HostMemory, NoRoom, Residents, VolumeReader, Voxels};
 use super::state::{Server, UploadLimits};
-use crate::annotation::FrameOfReference;
-use crate::dicom::{SeriesIdentity, SeriesReference};
-use crate::volume::{ContentHash, Grid, LabelMap, Segment, Volume};
+use relief_annotation::FrameOfReference;
+use relief_dicom::{SeriesIdentity, SeriesReference};
+use relief_volume::{ContentHash, Grid, LabelMap, Segment, Volume};
 
 /// A volume and how many warnings its reading gave.
 #[derive(Clone, Debug)]

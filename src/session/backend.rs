@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 
 use super::{BackendError, RenderBackend};
-use crate::gpu::GpuError;
-use crate::render::{MemoryUse, Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
-use crate::volume::{ContentHash, Volume};
+use relief_render::gpu::GpuError;
+use relief_render::{MemoryUse, Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
+use relief_volume::{ContentHash, Volume};
 
 impl RenderBackend for Renderer {
     fn render(

@@ -8,8 +8,8 @@
 //! [`RAY_SAMPLES`] for what it costs anyway; each pass of a path-traced picture has [`PATH_SAMPLES`] a pixel. How many are
 //! really taken depends on the look, and is part of what is measured. Times in ms.
 
-use crate::render::{Mode, RenderRequest};
-use crate::volume::{ContentHash, Grid};
+use relief_render::{Mode, RenderRequest};
+use relief_volume::{ContentHash, Grid};
 
 /// What live sessions give a picture of a view that moves, ms: with encoding beside it, 20 a second.
 pub const INTERACTIVE_MS: f64 = 36.0;
@@ -195,8 +195,8 @@ fn most_passes(request: &RenderRequest, wanted: u32, fits: impl Fn(&RenderReques
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Orbit;
-    use crate::render::SceneFile;
+    use relief_render::SceneFile;
+    use relief_volume::camera::Orbit;
 
     const VOLUME: ContentHash = ContentHash([7; 32]);
 

@@ -5,8 +5,8 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::render::{RenderRequest, RenderedFrame};
-use crate::volume::ContentHash;
+use relief_render::{RenderRequest, RenderedFrame};
+use relief_volume::ContentHash;
 
 /// What makes two orders equal.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,11 +76,11 @@ fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Orbit;
-    use crate::render::{SceneFile, Timings};
-    use crate::transfer::{ControlPoint, TransferFunction};
-    use crate::units::DepthLimits;
-    use crate::volume::Grid;
+    use relief_base::units::DepthLimits;
+    use relief_render::{SceneFile, Timings};
+    use relief_volume::Grid;
+    use relief_volume::camera::Orbit;
+    use relief_volume::transfer::{ControlPoint, TransferFunction};
 
     fn key(azimuth_deg: f64) -> FrameKey {
         let grid = Grid::axis_aligned([4; 3], [1.0; 3], [0.0; 3]).unwrap();

@@ -6,9 +6,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::dicom::{self, LoadLimits};
-use crate::formats::{self, FormatError, Limits};
-use crate::volume::{Grid, LabelMap};
+use relief_dicom::LoadLimits;
+use relief_dicom::formats::{FormatError, Limits};
+use relief_volume::{Grid, LabelMap};
 
 /// A label map on the grid of a volume.
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ pub enum LabelsError {
     Format(#[from] FormatError),
     /// Neither of these, and no segmentation.
     #[error("neither NIfTI nor NRRD, and no usable DICOM segmentation: {0}")]
-    Segmentation(#[from] dicom::Defect),
+    Segmentation(#[from] relief_dicom::Defect),
     /// Nothing of it lies in the volume.
     #[error(
         "the label map lies elsewhere: it spans {map} and the volume {volume} (patient LPS); are they of the same scan?"
@@ -65,12 +65,12 @@ fn read(path: &Path, most_voxels: u64) -> Result<(LabelMap, Vec<String>), Labels
     if path.is_dir() {
         return Err(LabelsError::Folder);
     }
-    if formats::is_known(path) {
-        let found = formats::read_labels_within(Limits { voxels: most_voxels }, path)?;
+    if relief_dicom::formats::is_known(path) {
+        let found = relief_dicom::formats::read_labels_within(Limits { voxels: most_voxels }, path)?;
         return Ok((found.map, found.warnings));
     }
     let limits = LoadLimits { voxel_bytes: most_voxels.saturating_mul(size_of::<u16>() as u64) };
-    let found = dicom::load_segmentation(limits, path)?;
+    let found = relief_dicom::load_segmentation(limits, path)?;
     Ok((found.map, found.warnings))
 }
 

@@ -17,8 +17,8 @@ use super::budget::{Planned, SpeedBook};
 use super::cache::{FrameCache, FrameKey};
 use super::ticket::{Promise, Ticket, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
-use crate::render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
-use crate::volume::{ContentHash, Grid, Volume};
+use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
+use relief_volume::{ContentHash, Grid, Volume};
 
 /// How much a service keeps.
 #[derive(Clone, Copy, Debug)]

@@ -4,11 +4,11 @@
 //! rendered thumbnails with their names into one frame. What it is not: it renders nothing. Sizes in pixels.
 
 use super::glyphs;
-use crate::camera::Orbit;
-use crate::display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
-use crate::render::{Scene, SceneError, SceneFile};
-use crate::transfer::Preset;
-use crate::volume::Grid;
+use relief_display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
+use relief_render::{Scene, SceneError, SceneFile};
+use relief_volume::Grid;
+use relief_volume::camera::Orbit;
+use relief_volume::transfer::Preset;
 
 /// Width and height of a thumbnail.
 pub const THUMBNAIL_SIZE_PX: [u32; 2] = [160, 120];
@@ -58,7 +58,7 @@ pub fn contact_sheet(thumbnails: &[Thumbnail<'_>], columns: usize) -> Result<Fra
     let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
     let sheet_px = [side(width), side(height)];
     // Before its pixels are asked for: the frame's own limits.
-    if thumbnails.is_empty() || sheet_px.iter().any(|side| *side > crate::display::MAX_FRAME_SIDE_PX) {
+    if thumbnails.is_empty() || sheet_px.iter().any(|side| *side > relief_display::MAX_FRAME_SIDE_PX) {
         return Err(LayoutError::Size { what: "a contact sheet", size_px: sheet_px });
     }
     let mut sheet = Sheet { width, rgb: GROUND.repeat(width * height) };
@@ -108,7 +108,7 @@ impl Sheet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transfer::PRESETS;
+    use relief_volume::transfer::PRESETS;
 
     fn grid() -> Grid {
         Grid::axis_aligned([64, 64, 32], [0.8, 0.8, 1.0], [0.0; 3]).unwrap()

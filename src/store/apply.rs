@@ -5,7 +5,7 @@ use sqlx::{Any, Row, Transaction};
 use super::error::StoreError;
 use super::rows::{current, item_text, kind_name, signed, unsigned, versioned};
 use super::{Store, watch};
-use crate::annotation::{Change, ContentId, Edit, Event, Item, ItemId, Kind, Timestamp};
+use relief_annotation::{Change, ContentId, Edit, Event, Item, ItemId, Kind, Timestamp};
 
 /// Events that are being added, all of one edit.
 pub(super) struct Writing<'a> {

@@ -8,7 +8,7 @@ use super::Store;
 use super::error::StoreError;
 use super::place::Kind as Database;
 use super::rows::{EVENT, event, item, signed, unsigned};
-use crate::annotation::{ContentId, Event, Item, ItemId, Kind};
+use relief_annotation::{ContentId, Event, Item, ItemId, Kind};
 
 /// Events that are read at a time.
 const PAGE: u64 = 5000;

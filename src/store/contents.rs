@@ -4,7 +4,7 @@ use sqlx::Row;
 
 use super::Store;
 use super::error::StoreError;
-use crate::annotation::{ContentId, ItemError};
+use relief_annotation::{ContentId, ItemError};
 
 /// What both databases take as one value, with some room.
 const MOST_BYTES: usize = 900_000_000;

@@ -1,6 +1,6 @@
 //! What can go wrong with a log. No message has anything of an item but its id.
 
-use crate::annotation::{ContentId, Item, ItemError, ItemId, Versioned};
+use relief_annotation::{ContentId, Item, ItemError, ItemId, Versioned};
 
 /// Why the store did not do what it was asked to. Nothing was changed then, but for [`StoreError::Unreachable`] and
 /// [`StoreError::Database`], after which a change may have been made or not.

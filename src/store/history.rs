@@ -6,7 +6,7 @@ use super::apply::Writing;
 use super::error::StoreError;
 use super::rows::{EVENT, current, event, item, signed, unsigned, versioned};
 use super::{Store, watch};
-use crate::annotation::{Edit, Event, Item, ItemId, Kind};
+use relief_annotation::{Edit, Event, Item, ItemId, Kind};
 
 impl Store {
     /// Takes back the author's newest edit that stands, all of it.

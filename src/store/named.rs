@@ -7,7 +7,7 @@ use sqlx::Row;
 use super::error::StoreError;
 use super::rows::{signed, unsigned};
 use super::{Store, watch};
-use crate::annotation::{Author, Edit, ItemError, Set, Timestamp};
+use relief_annotation::{Author, Edit, ItemError, Set, Timestamp};
 
 /// Most bytes of a template's text.
 const LONGEST_TEMPLATE: usize = 1 << 20;

@@ -7,7 +7,7 @@ use sqlx::{Any, Row, Transaction};
 use super::Store;
 use super::error::StoreError;
 use super::rows::{EVENT, event, item, signed, unsigned};
-use crate::annotation::{Event, FrameOfReference, Item, ItemId, Versioned};
+use relief_annotation::{Event, FrameOfReference, Item, ItemId, Versioned};
 
 /// Which items are wanted: those that meet all that is said.
 #[derive(Clone, Debug, Default, PartialEq)]

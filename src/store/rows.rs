@@ -4,7 +4,7 @@ use sqlx::any::AnyRow;
 use sqlx::{Any, Row, Transaction};
 
 use super::error::StoreError;
-use crate::annotation::{Event, Item, ItemId, Kind, Versioned};
+use relief_annotation::{Event, Item, ItemId, Kind, Versioned};
 
 /// All columns of an event, in the order in which [`event`] reads them.
 pub(super) const EVENT: &str = "seq, edit, kind, target, id, version, author, reason, time, item";

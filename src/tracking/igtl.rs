@@ -4,7 +4,7 @@
 //! body. TRANSFORM has twelve 32-bit floats, the columns of the rotation and the translation in mm; POSITION the
 //! translation and a quaternion; TDATA a list of named tools, of which those that are not seen are left out.
 
-use crate::tracking::pose::SensorPose;
+use crate::pose::SensorPose;
 
 /// Bytes of a header.
 pub const HEADER_BYTES: usize = 58;

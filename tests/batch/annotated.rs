@@ -1,13 +1,13 @@
 //! Views of landmarks and pictures with annotations: seen along true normals, drawn as `relief render` draws them, and known by
 //! their content.
 
-use relief::annotation::{
+use relief_annotation::mesh::TriangleMesh;
+use relief_annotation::mesh::files::{MeshFormat, write};
+use relief_annotation::{
     CameraRecord, Change, Edit, FrameOfReference, Geometry, Item, MeshSummary, Method, Placement, Set,
 };
-use relief::mesh::TriangleMesh;
-use relief::mesh::files::{MeshFormat, write};
-use relief::space::Point;
-use relief::store::Store;
+use relief_base::space::Point;
+use relief_store::Store;
 
 use super::*;
 
@@ -16,7 +16,7 @@ fn the_frame_of_reference(archive: &Archive, name: &str) -> FrameOfReference {
     let slice = std::fs::read_dir(archive.path(&format!("series/{name}"))).unwrap();
     let slice = slice.map(|entry| entry.unwrap().path());
     let slice = slice.filter(|path| path.extension().is_some_and(|ending| ending == "dcm")).min().unwrap();
-    let found = relief::dicom::discover(&slice, relief::dicom::Strictness::Lenient, &|_| ()).unwrap();
+    let found = relief_dicom::discover(&slice, relief_dicom::Strictness::Lenient, &|_| ()).unwrap();
     FrameOfReference(found.series[0].frame_of_reference().unwrap().to_owned())
 }
 
@@ -118,7 +118,7 @@ fn landmarks_are_seen_along_the_true_normal() {
             job["series"]["name"].as_str().unwrap(),
             job["view"].as_str().unwrap()
         );
-        let depth = relief::display::decode_exr(&std::fs::read(archive.path(&name)).unwrap()).unwrap();
+        let depth = relief_display::decode_exr(&std::fs::read(archive.path(&name)).unwrap()).unwrap();
         // The four pixels about the middle, over a ball of 80 mm that is seen from its zenith.
         let distance = seen_from.iter().map(|part| part * part).sum::<f64>().sqrt();
         for at in [23 * 64 + 31, 24 * 64 + 32] {

@@ -52,7 +52,7 @@ fn unprojected_depth_of_every_view_lies_on_the_ball() {
         let unit = line["depth_png_unit_mm"].as_f64().unwrap();
         let depth = image::open(file("depth_png")).unwrap();
         let image::DynamicImage::ImageLuma16(depth) = depth else { panic!("16-bit grey") };
-        let exact = relief::display::decode_exr(&std::fs::read(file("depth_exr")).unwrap()).unwrap();
+        let exact = relief_display::decode_exr(&std::fs::read(file("depth_exr")).unwrap()).unwrap();
         assert_eq!((depth.dimensions(), exact.size_px), ((97, 64), [97, 64]));
         for (column, row, value) in depth.enumerate_pixels() {
             let mm = f64::from(exact.depth_mm[(row * 97 + column) as usize]);

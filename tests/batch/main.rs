@@ -186,7 +186,7 @@ fn frames_and_depth_are_written_where_they_are_wanted() {
     let inspected = ok(&relief(&["inspect", frame.to_str().unwrap(), "--json"]));
     assert_eq!((&inspected["layout"], &inspected["problems"]), (&"wowvx".into(), &serde_json::json!([])));
     let depth =
-        relief::display::decode_exr(&std::fs::read(folder.join("anterior.depth.exr")).unwrap()).unwrap();
+        relief_display::decode_exr(&std::fs::read(folder.join("anterior.depth.exr")).unwrap()).unwrap();
     assert_eq!(depth.size_px, [960, 540]);
     assert!(depth.depth_mm.iter().any(|mm| mm.is_finite()), "something is seen");
 }

@@ -1,7 +1,7 @@
 //! Manifests, tables and view sets: read as written, refused with line and reason.
 
 use super::*;
-use relief::batch::{Shard, ViewSet, read_manifest};
+use relief_batch::{Shard, ViewSet, read_manifest};
 
 #[test]
 fn moved_series_keep_their_keys_and_another_scene_has_others() {

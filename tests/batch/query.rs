@@ -1,7 +1,7 @@
 //! Queries: which series are wanted, by what is known of them and leads to nobody.
 
 use super::*;
-use relief::batch::{Facts, Query};
+use relief_batch::{Facts, Query};
 
 fn facts() -> Facts {
     Facts {

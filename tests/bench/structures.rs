@@ -8,14 +8,15 @@
 #![expect(clippy::unwrap_used, reason = "volumes are made here: what fails is the benchmark")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a benchmark says what it found")]
 
+use relief_annotation::segmentation::grow;
 use std::path::Path;
 use std::time::Instant;
 
-use relief::mesh::{Decimation, Smoothing, surface_nets};
-use relief::segmentation::{Grow, Limits, grow};
-use relief::space::Point;
-use relief::volume::phantom::{Kind, Recipe};
-use relief::volume::{Grid, Places, Segment, Volume};
+use relief_annotation::mesh::{Decimation, Smoothing, surface_nets};
+use relief_annotation::segmentation::{Grow, Limits};
+use relief_base::space::Point;
+use relief_volume::phantom::{Kind, Recipe};
+use relief_volume::{Grid, Places, Segment, Volume};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 

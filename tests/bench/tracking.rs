@@ -10,17 +10,17 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
-use relief::tracking::Beacon;
-use relief::tracking::correspondence::{Earlier, Hints, identify};
-use relief::tracking::filter::{ErrorStateFilter, Motion};
-use relief::tracking::pose::Pose;
-use relief::tracking::report::Report;
-use relief::tracking::sensor::Pinhole;
-use relief::tracking::simulate::{Hand, Simulated, Simulation};
-use relief::tracking::solve::bound::quantised_noise;
-use relief::tracking::solve::random::{Random, ViewRange, sightings};
-use relief::tracking::solve::{Sighting, View, paper};
-use relief::tracking::tracker::{FilterKind, Options, Tracker};
+use relief_tracking::Beacon;
+use relief_tracking::correspondence::{Earlier, Hints, identify};
+use relief_tracking::filter::{ErrorStateFilter, Motion};
+use relief_tracking::pose::Pose;
+use relief_tracking::report::Report;
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::simulate::{Hand, Simulated, Simulation};
+use relief_tracking::solve::bound::quantised_noise;
+use relief_tracking::solve::random::{Random, ViewRange, sightings};
+use relief_tracking::solve::{Sighting, View};
+use relief_tracking::tracker::{FilterKind, Options, Tracker};
 
 const VIEWS: usize = 256;
 const CAMERA: Pinhole = Pinhole::TYPICAL;
@@ -53,14 +53,14 @@ fn solvers(criterion: &mut Criterion) {
             view_of(seen).refine(truth).unwrap().cost
         });
     });
-    let level = paper::level_start(1500.0);
+    let level = relief_tracking::solve::paper::level_start(1500.0);
     group.bench_function("the 2009 way from a level start", |b| {
-        b.iter(|| paper::solve(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
+        b.iter(|| relief_tracking::solve::paper::solve(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
     });
     #[cfg(feature = "ipopt")]
     group.bench_function("the 2009 way by IPOPT", |b| {
-        use relief::tracking::solve::ipopt;
-        b.iter(|| ipopt::solve(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
+
+        b.iter(|| relief_tracking::solve::ipopt::solve(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
     });
     group.finish();
 }

@@ -4,9 +4,9 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use relief::annotation::{Change, Edit, Geometry, Item};
-use relief::space::Point;
-use relief::store::Store;
+use relief_annotation::{Change, Edit, Geometry, Item};
+use relief_base::space::Point;
+use relief_store::Store;
 use serde_json::Value;
 
 fn relief(db: &Path, arguments: &[&str]) -> Output {

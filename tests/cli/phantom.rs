@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use relief::volume::phantom::{Phantom, Truth};
+use relief_volume::phantom::{Phantom, Truth};
 
 fn relief(arguments: &[&str], out: &Path) -> std::process::Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));

@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::process::Output;
 
-use relief::client::Event;
-use relief::live::{Accept, Hello, ReceivedDepth, ReceivedFrame};
+use relief_client::Event;
+use relief_live::{Accept, Hello, ReceivedDepth, ReceivedFrame};
 
 use crate::real::{Serving, relief, text};
 use crate::stand_in::Running;
@@ -62,7 +62,7 @@ pub(crate) fn check_cursor(serving: &Serving, view: &str, cursor: &[f64]) {
         let accept = Accept { color: vec!["rgb-zstd".to_owned()], depth: vec!["z16-zstd".to_owned()] };
         let hello = Hello { view: Some(view.to_owned()), accept, ..Hello::default() };
         let server = serving.url().parse().unwrap();
-        let mut client = Running::start(relief::client::Options { server, hello, wait: false });
+        let mut client = Running::start(relief_client::Options { server, hello, wait: false });
         let still = client
             .until(|event| match event {
                 Event::Frame(received) => {
@@ -81,12 +81,14 @@ pub(crate) fn check_cursor(serving: &Serving, view: &str, cursor: &[f64]) {
     assert!(header.lossless() && header.full_size());
     let ReceivedDepth::Scaled16(z16) = &frame.depth else { panic!("no 16-bit depth") };
     let camera = header.camera().unwrap();
-    let at = relief::space::Point::new(cursor[0], cursor[1], cursor[2]);
+    let at = relief_base::space::Point::new(cursor[0], cursor[1], cursor[2]);
     let seen = (camera.view_from_patient() * at).xyz;
     let [width, height] = header.size_px.map(f64::from);
     let half_height = match camera.projection() {
-        relief::camera::Projection::Perspective { vertical_fov } => (vertical_fov / 2.0).tan() * -seen.z,
-        relief::camera::Projection::Orthographic { height_mm } => height_mm / 2.0,
+        relief_volume::camera::Projection::Perspective { vertical_fov } => {
+            (vertical_fov / 2.0).tan() * -seen.z
+        }
+        relief_volume::camera::Projection::Orthographic { height_mm } => height_mm / 2.0,
     };
     let mm_per_px = 2.0 * half_height / height;
     let (u, v) = (width / 2.0 + seen.x / mm_per_px, height / 2.0 - seen.y / mm_per_px);

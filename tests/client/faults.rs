@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use futures_util::SinkExt;
 use proptest::prelude::*;
-use relief::client::journal::{Entry, Journal};
-use relief::client::{ClientError, Composer, Event, LinkState, MAX_FRAME_BYTES, Received};
-use relief::display::{DisplayProfile, ProfileName};
-use relief::live::{FrameHeader, HEADER_BYTES};
+use relief_client::journal::{Entry, Journal};
+use relief_client::{ClientError, Composer, Event, LinkState, MAX_FRAME_BYTES, Received};
+use relief_display::{DisplayProfile, ProfileName};
+use relief_live::{FrameHeader, HEADER_BYTES};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_tungstenite::tungstenite::Message;
 
@@ -157,7 +157,7 @@ async fn a_welcome_that_never_comes_or_is_none_ends_with_an_error() {
 async fn a_server_that_comes_later_is_found() {
     let (listener, address) = listen(None).await;
     drop(listener);
-    let mut client = Running::start(relief::client::Options { wait: true, ..options(address) });
+    let mut client = Running::start(relief_client::Options { wait: true, ..options(address) });
     client.until(lost).await;
     client.until(lost).await;
     let (listener, _) = listen(Some(address)).await;
@@ -200,7 +200,7 @@ proptest! {
     /// Sizes and lengths that a header claims give memory for no more than there is to unpack.
     #[test]
     fn claimed_sizes_are_refused(width in 1u16.., height in 1u16.., jpeg in any::<bool>()) {
-        let color = if jpeg { relief::live::ColorFormat::Jpeg } else { relief::live::ColorFormat::RgbZstd };
+        let color = if jpeg { relief_live::ColorFormat::Jpeg } else { relief_live::ColorFormat::RgbZstd };
         let small = FrameHeader { color, ..header(1) };
         let mut bytes = frame(&small);
         let parts = FrameHeader::decode(&bytes).unwrap();

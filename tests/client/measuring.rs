@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use futures_util::SinkExt;
-use relief::client::Composer;
-use relief::client::measure::{Plan, Report, measure};
-use relief::display::{DisplayProfile, DisplaySettings, ProfileName};
-use relief::live::{ClientMessage, FrameHeader};
+use relief_client::Composer;
+use relief_client::measure::{Plan, Report, measure};
+use relief_display::{DisplayProfile, DisplaySettings, ProfileName};
+use relief_live::{ClientMessage, FrameHeader};
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::stand_in::{Socket, accept, frame, header, listen, next, options, welcome};
@@ -61,7 +61,7 @@ async fn measured(alter: Alter, clients: usize, stalled: usize, view: Option<&st
     tokio::spawn(async move {
         loop {
             let (socket, hello) = accept(&listener).await;
-            counted.fetch_add(usize::from(hello.role == relief::live::Role::Watcher), Ordering::SeqCst);
+            counted.fetch_add(usize::from(hello.role == relief_live::Role::Watcher), Ordering::SeqCst);
             tokio::spawn(serve(socket, alter, Duration::from_millis(120)));
         }
     });

@@ -3,10 +3,10 @@
 use std::time::{Duration, Instant};
 
 use futures_util::SinkExt;
-use relief::client::{Composer, Event, LinkState};
-use relief::display::{DisplayProfile, DisplaySettings, Header, Layout, ProfileName};
-use relief::interaction::Intent;
-use relief::live::{ClientMessage, FrameHeader};
+use relief_client::{Composer, Event, LinkState};
+use relief_display::{DisplayProfile, DisplaySettings, Header, Layout, ProfileName};
+use relief_live::interaction::Intent;
+use relief_live::{ClientMessage, FrameHeader};
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::stand_in::{
@@ -73,7 +73,7 @@ async fn the_composed_frame_has_picture_depth_and_header_where_the_display_looks
     let (color, disparity) = picture(3);
     let decoded = Layout::Wowvx.decode(&composed.frame).unwrap();
     assert_eq!(decoded.header.map(|header| header.fields()), Some(asked.fields()));
-    assert_eq!(decoded.depth, relief::display::DecodedDepth::Disparity(disparity));
+    assert_eq!(decoded.depth, relief_display::DecodedDepth::Disparity(disparity));
     let differing = decoded.color.iter().zip(&color).enumerate().filter(|(_, (a, b))| a[..] != b[..3]);
     // Only the top bit of blue, only on line 0, only at even pixels.
     for (at, (shown, sent)) in differing {

@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use futures_util::StreamExt;
-use relief::client::{Event, Handle, Options, Received, run};
-use relief::display::{DisplaySettings, Layout};
-use relief::live::{
+use relief_client::{Event, Handle, Options, Received, run};
+use relief_display::{DisplaySettings, Layout};
+use relief_live::{
     ClientMessage, ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameHeader, Hello, LiveLayout,
     PoseKind, SUBPROTOCOL, assemble, encode_color, encode_d8,
 };
@@ -143,14 +143,14 @@ pub(crate) fn options(address: SocketAddr) -> Options {
 }
 
 pub(crate) fn orbit(azimuth_deg: f64) -> PoseKind {
-    PoseKind::Orbit(relief::live::OrbitPose { azimuth_deg, elevation_deg: 0.0, zoom: None })
+    PoseKind::Orbit(relief_live::OrbitPose { azimuth_deg, elevation_deg: 0.0, zoom: None })
 }
 
 /// A client under test: its events, and what came of it.
 pub(crate) struct Running {
     pub(crate) handle: Handle,
     pub(crate) events: mpsc::Receiver<Event>,
-    ended: tokio::task::JoinHandle<Result<(), relief::client::ClientError>>,
+    ended: tokio::task::JoinHandle<Result<(), relief_client::ClientError>>,
 }
 
 impl Running {
@@ -187,7 +187,7 @@ impl Running {
         received.await
     }
 
-    pub(crate) async fn ended(self) -> Result<(), relief::client::ClientError> {
+    pub(crate) async fn ended(self) -> Result<(), relief_client::ClientError> {
         tokio::time::timeout(PATIENCE, self.ended).await.expect("an end in time").unwrap()
     }
 }

@@ -224,7 +224,7 @@ impl Live {
                     }
                 }
                 Some(Ok(Message::Binary(frame))) => {
-                    let sequence = relief::live::Parts::of(&frame).unwrap().header.sequence;
+                    let sequence = relief_live::Parts::of(&frame).unwrap().header.sequence;
                     let ack = json!({ "type": "ack", "frame": sequence, "t_ns": 1 });
                     self.0.send(Message::text(ack.to_string())).await.unwrap();
                 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use relief::store::Store;
+use relief_store::Store;
 use sqlx::{Connection, Executor};
 
 /// A server that ends with this value.

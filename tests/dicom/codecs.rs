@@ -8,15 +8,15 @@ use crate::common;
 use std::path::Path;
 
 use common::{facts, numbers, shared_data};
-use relief::dicom::{self, Error, Loaded, Strictness};
-use relief::space::{Patient, Point};
-use relief::volume::Volume;
+use relief_base::space::{Patient, Point};
+use relief_dicom::{Error, Loaded, Strictness};
+use relief_volume::Volume;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 fn load(path: &Path) -> Result<Loaded, Error> {
-    let found = dicom::discover(path, Strictness::Lenient, &|_| ())?;
-    dicom::load(found.select(None)?, Strictness::Lenient, &|_| ())
+    let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
+    relief_dicom::load(found.select(None)?, Strictness::Lenient, &|_| ())
 }
 
 fn fact(facts: &Value, file: &str) -> Value {

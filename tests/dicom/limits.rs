@@ -8,15 +8,15 @@ use std::io::Write;
 use std::path::Path;
 
 use crate::made::SIZE;
-use relief::dicom::{self, Discovery, Error, LoadLimits, Loaded, Strictness};
+use relief_dicom::{Discovery, Error, LoadLimits, Loaded, Strictness};
 
 fn discover(path: &Path) -> Discovery {
-    dicom::discover(path, Strictness::Lenient, &|_| ()).unwrap()
+    relief_dicom::discover(path, Strictness::Lenient, &|_| ()).unwrap()
 }
 
 fn load_within(voxel_bytes: u64, path: &Path) -> Result<Loaded, Error> {
     let limits = LoadLimits { voxel_bytes };
-    dicom::load_within(limits, discover(path).select(None)?, Strictness::Lenient, &|_| ())
+    relief_dicom::load_within(limits, discover(path).select(None)?, Strictness::Lenient, &|_| ())
 }
 
 /// A folder with one file of these bytes.
@@ -55,7 +55,8 @@ fn the_grid_over_an_uneven_stack_is_limited_as_well() {
 fn frames_that_are_only_claimed_are_refused() {
     // Half a megabyte, enough for a fragment's header for each frame, claims eight terabytes.
     let folder = folder_of(&made::compressed(65_535, [8192; 2], vec![0; 1 << 19]));
-    let error = dicom::load(&discover(folder.path()).series[0], Strictness::Lenient, &|_| ()).unwrap_err();
+    let error =
+        relief_dicom::load(&discover(folder.path()).series[0], Strictness::Lenient, &|_| ()).unwrap_err();
     let needed = 8192 * 8192 * 65_535 * 2;
     assert!(
         matches!(error, Error::TooLarge { needed: found, allowed } if found == needed && allowed == 16 << 30),
@@ -73,7 +74,7 @@ fn frames_that_are_only_claimed_are_refused() {
 fn a_file_that_shrinks_between_its_header_and_its_pixels_is_an_error() {
     let folder = folder_of(&made::rle_slice());
     let found = discover(folder.path());
-    let load = || dicom::load(&found.series[0], Strictness::Lenient, &|_| ());
+    let load = || relief_dicom::load(&found.series[0], Strictness::Lenient, &|_| ());
     let hu: Vec<i16> = made::stored().iter().map(|stored| stored + made::INTERCEPT).collect();
     assert_eq!(load().unwrap().volume.voxels_hu(), hu);
     let file = fs::OpenOptions::new().write(true).open(folder.path().join("made.dcm")).unwrap();

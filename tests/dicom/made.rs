@@ -10,8 +10,8 @@ use dicom_core::value::{PixelFragmentSequence, PrimitiveValue};
 use dicom_core::{DataElement, Tag, VR};
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::{DefaultDicomObject, open_file};
-use relief::dicom::write::{Existing, SeriesFolder, SeriesLabels, slice_file_name};
-use relief::volume::{Grid, Volume};
+use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels, slice_file_name};
+use relief_volume::{Grid, Volume};
 
 /// Columns and rows of [`slice()`].
 pub(crate) const SIZE: usize = 128;

@@ -8,11 +8,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::{shared_data, unpacked};
-use relief::dicom::{self, Error, Loaded, Strictness, WarningCode};
+use relief_dicom::{Error, Loaded, Strictness, WarningCode};
 
 fn load_with(path: &Path, strictness: Strictness) -> Result<Loaded, Error> {
-    let found = dicom::discover(path, strictness, &|_| ())?;
-    dicom::load(found.select(None)?, strictness, &|_| ())
+    let found = relief_dicom::discover(path, strictness, &|_| ())?;
+    relief_dicom::load(found.select(None)?, strictness, &|_| ())
 }
 
 fn load(path: &Path) -> Result<Loaded, Error> {
@@ -82,7 +82,7 @@ fn crafted_files_end_in_a_volume_or_an_error() {
         }
     }
     // And all at once.
-    dicom::discover(&folder, Strictness::Lenient, &|_| ()).unwrap();
+    relief_dicom::discover(&folder, Strictness::Lenient, &|_| ()).unwrap();
 }
 
 fn list(folder: &Path, files: &mut Vec<PathBuf>) {
@@ -235,7 +235,7 @@ fn one_bad_file_among_many_is_a_warning_and_under_strict_an_error() {
     for template in templates("a bad file among many") {
         let folder = stack(&template, &[0.0, 1.0, 2.0, 3.0]);
         fs::write(folder.path().join("cut.dcm"), &slice_at(&template, 4.0, 7)[..20_000]).unwrap();
-        let found = dicom::discover(folder.path(), Strictness::Lenient, &|_| ()).unwrap();
+        let found = relief_dicom::discover(folder.path(), Strictness::Lenient, &|_| ()).unwrap();
         let warnings = found.warnings();
         assert_eq!(warnings.len(), 1);
         assert_eq!(warnings[0].code, WarningCode::BadFile);
@@ -305,10 +305,10 @@ fn phases_at_the_same_positions_are_told_apart_by_acquisition() {
             put(&mut slice, [0x0020, 0x0012], "IS", "7");
             fs::write(folder.path().join(format!("phase-{k}.dcm")), slice).unwrap();
         }
-        let found = dicom::discover(folder.path(), Strictness::Lenient, &|_| ()).unwrap();
+        let found = relief_dicom::discover(folder.path(), Strictness::Lenient, &|_| ()).unwrap();
         assert_eq!(found.series.len(), 2);
         for series in &found.series {
-            let loaded = dicom::load(series, Strictness::Strict, &|_| ()).unwrap();
+            let loaded = relief_dicom::load(series, Strictness::Strict, &|_| ()).unwrap();
             assert_eq!((loaded.volume.grid().dims(), loaded.warnings.len()), ([128, 128, 3], 0));
         }
     }
@@ -340,8 +340,8 @@ fn other_orientations_and_matrix_sizes_become_series_of_their_own() {
         let mut smaller = slice_at(&template, 10.0, 51);
         put(&mut smaller, [0x0028, 0x0010], "US", "\x40\0");
         fs::write(folder.path().join("smaller.dcm"), smaller).unwrap();
-        let found = dicom::discover(folder.path(), Strictness::Lenient, &|_| ()).unwrap();
-        let dims: Vec<[usize; 3]> = found.series.iter().map(dicom::SeriesEntry::dims).collect();
+        let found = relief_dicom::discover(folder.path(), Strictness::Lenient, &|_| ()).unwrap();
+        let dims: Vec<[usize; 3]> = found.series.iter().map(relief_dicom::SeriesEntry::dims).collect();
         assert_eq!(dims, [[128, 128, 3], [128, 128, 1], [128, 64, 1]]);
         let uids: Vec<&str> =
             found.series.iter().map(|series| series.uid().rsplit('#').next().unwrap()).collect();

@@ -8,15 +8,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::{facts, numbers, shared_data, unpacked};
-use relief::dicom::{self, Discovery, Error, Loaded, Strictness, WarningCode};
+use relief_dicom::{Discovery, Error, Loaded, Strictness, WarningCode};
 
 fn discover(path: &Path) -> Discovery {
-    dicom::discover(path, Strictness::Lenient, &|_| ()).unwrap()
+    relief_dicom::discover(path, Strictness::Lenient, &|_| ()).unwrap()
 }
 
 fn load(path: &Path) -> Result<Loaded, Error> {
-    let found = dicom::discover(path, Strictness::Lenient, &|_| ())?;
-    dicom::load(found.select(None)?, Strictness::Lenient, &|_| ())
+    let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
+    relief_dicom::load(found.select(None)?, Strictness::Lenient, &|_| ())
 }
 
 fn quirks(what: &str) -> Option<PathBuf> {
@@ -120,7 +120,7 @@ fn enhanced_ct_is_placed_by_its_functional_groups() {
     assert_eq!((x, y, z), (-glam::DVec3::X, glam::DVec3::Y, -glam::DVec3::Z)); // rows run to the right
     for frame in expected.as_array().unwrap() {
         let [px, py, pz] = numbers(&frame["ipp"])[..] else { panic!("{frame}") };
-        let index = (grid.voxel_from_patient() * relief::space::Point::new(px, py, pz)).xyz;
+        let index = (grid.voxel_from_patient() * relief_base::space::Point::new(px, py, pz)).xyz;
         assert!(index.distance(index.round()) < 1e-6 && index.x.abs() + index.y.abs() < 1e-6, "{index}");
         let slice = &loaded.volume.voxels_hu()[index.z.round() as usize * 512 * 512..][..512 * 512];
         let [low, high, mean] = numbers(&frame["hu_min_max_mean"])[..] else { panic!("{frame}") };
@@ -135,7 +135,7 @@ fn enhanced_ct_is_placed_by_its_functional_groups() {
 fn a_folder_of_everything_lists_its_series_and_asks_which() {
     let Some(quirks) = quirks("a mixed folder") else { return };
     let found = discover(&quirks);
-    let sizes: BTreeSet<[usize; 3]> = found.series.iter().map(dicom::SeriesEntry::dims).collect();
+    let sizes: BTreeSet<[usize; 3]> = found.series.iter().map(relief_dicom::SeriesEntry::dims).collect();
     let expected = [[512, 512, 1], [128, 128, 1], [512, 512, 2], [16, 16, 4]];
     assert_eq!(sizes, expected.into_iter().collect());
     let error = found.select(None).unwrap_err();
@@ -164,7 +164,7 @@ fn scouts_and_dose_pages_stay_out_of_the_axial_volume() {
     assert_eq!(found.series.len(), 1);
     assert_eq!(found.series[0].dims(), [512, 512, 28]);
     let alone = load(&phantom).unwrap();
-    let together = dicom::load(&found.series[0], Strictness::Lenient, &|_| ()).unwrap();
+    let together = relief_dicom::load(&found.series[0], Strictness::Lenient, &|_| ()).unwrap();
     assert_eq!(together.volume.content_hash(), alone.volume.content_hash());
 }
 
@@ -224,7 +224,8 @@ fn a_dicomdir_that_points_outside_is_refused() {
     bytes[at..at + 8].copy_from_slice(b"..\\..\\..");
     let disc = tempfile::tempdir().unwrap();
     fs::write(disc.path().join("DICOMDIR"), bytes).unwrap();
-    let error = dicom::discover(&disc.path().join("DICOMDIR"), Strictness::Lenient, &|_| ()).unwrap_err();
+    let error =
+        relief_dicom::discover(&disc.path().join("DICOMDIR"), Strictness::Lenient, &|_| ()).unwrap_err();
     assert!(error.to_string().contains("ReferencedFileID (0004,1500)"), "{error}");
 }
 

@@ -9,13 +9,13 @@ use std::path::Path;
 
 use common::{facts, numbers, shared_data, unpacked};
 use glam::DVec3;
-use relief::dicom::{self, Loaded, Strictness, WarningCode};
-use relief::space::{Point, Voxel};
+use relief_base::space::{Point, Voxel};
+use relief_dicom::{Loaded, Strictness, WarningCode};
 use serde_json::Value;
 
 fn load(path: &Path) -> Loaded {
-    let found = dicom::discover(path, Strictness::Lenient, &|_| ()).unwrap();
-    dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap()
+    let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ()).unwrap();
+    relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap()
 }
 
 fn hex(bytes: [u8; 32]) -> String {

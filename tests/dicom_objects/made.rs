@@ -1,11 +1,11 @@
 //! A series of an asymmetric phantom, and items in it: nothing is where its mirror image would be.
 
 use glam::{DMat3, DVec3};
-use relief::annotation::{Concept, FrameOfReference, Geometry, Item, ItemId};
-use relief::dicom::write::{Existing, SeriesFolder, SeriesLabels};
-use relief::dicom::{self, SeriesReference, Strictness};
-use relief::space::{Patient, Point, Transform};
-use relief::volume::{Grid, Volume};
+use relief_annotation::{Concept, FrameOfReference, Geometry, Item, ItemId};
+use relief_base::space::{Patient, Point, Transform};
+use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels};
+use relief_dicom::{SeriesReference, Strictness};
+use relief_volume::{Grid, Volume};
 
 /// A series in a folder of its own, and what other objects say of it.
 pub(crate) struct Made {
@@ -40,7 +40,7 @@ pub(crate) fn series() -> Made {
     let series = SeriesFolder::create(&place, Existing::Keep).unwrap();
     series.write_slices(&volume, &labels, &|_| ()).unwrap();
     series.finish().unwrap();
-    let found = dicom::discover(&place, Strictness::Strict, &|_| ()).unwrap();
+    let found = relief_dicom::discover(&place, Strictness::Strict, &|_| ()).unwrap();
     let entry = found.select(None).unwrap();
     let reference = SeriesReference::of(entry).unwrap();
     let frame_of_reference = entry.frame_of_reference().unwrap().to_owned();

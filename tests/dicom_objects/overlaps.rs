@@ -1,10 +1,10 @@
 //! Segments that overlap: each whole in a segmentation of Relief, as highdicom reads it, and in one of highdicom, as Relief does.
 
 use glam::DVec3;
-use relief::dicom::{
+use relief_dicom::{
     LoadLimits, SegmentationError, read_segmentation, read_segmentation_layers, write_segmentation_layers,
 };
-use relief::volume::{Grid, LabelMap, Layers, Segment};
+use relief_volume::{Grid, LabelMap, Layers, Segment};
 use serde_json::Value;
 
 use super::common::numbers;

@@ -1,12 +1,12 @@
 //! Segmentation objects of Relief, read by highdicom, by dciodvfy and by Relief.
 
 use glam::DVec3;
-use relief::annotation::Concept;
-use relief::dicom::{
+use relief_annotation::Concept;
+use relief_base::space::Transform;
+use relief_dicom::{
     LoadLimits, SegmentMeaning, SegmentationError, SegmentationOptions, read_segmentation, write_segmentation,
 };
-use relief::space::Transform;
-use relief::volume::{Grid, LabelMap, Segment};
+use relief_volume::{Grid, LabelMap, Segment};
 use serde_json::Value;
 
 use super::common::numbers;

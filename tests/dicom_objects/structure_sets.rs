@@ -1,9 +1,10 @@
 //! RT structure sets of two planning systems, contour by contour as pydicom has them.
 
-use relief::annotation::Geometry;
-use relief::dicom::structure_set::{self, ContourShape};
-use relief::segmentation::{Contour, fill};
-use relief::volume::Mask;
+use relief_annotation::Geometry;
+use relief_annotation::segmentation::Contour;
+use relief_annotation::segmentation::fill;
+use relief_dicom::structure_set::ContourShape;
+use relief_volume::Mask;
 use serde_json::Value;
 
 use super::common::{facts, numbers, shared_data, unpacked};
@@ -29,7 +30,7 @@ fn contours_are_those_that_pydicom_reads() {
     ] {
         let Some(folder) = unpacked("an RT structure set", series) else { return };
         let file = folder.join(file);
-        let found = structure_set::read(&std::fs::read(&file).unwrap()).unwrap();
+        let found = relief_dicom::structure_set::read(&std::fs::read(&file).unwrap()).unwrap();
         let Some(peer) = python("structure sets read by pydicom", PYDICOM, &[&file]) else { return };
         let peer: Vec<Value> = serde_json::from_str(&peer).unwrap();
         assert_eq!(found.structures.len(), peer.len(), "{series}");
@@ -61,7 +62,8 @@ fn contours_are_those_that_pydicom_reads() {
 fn a_tumour_has_its_levels_and_becomes_items() {
     let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
     let facts = facts(&shared_data("an RT structure set").unwrap(), "sts-001-thigh.mask.facts.json");
-    let found = structure_set::read(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
+    let found =
+        relief_dicom::structure_set::read(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
     let tumour = &found.structures[0];
     assert_eq!((tumour.name.as_str(), tumour.kind.as_deref()), ("GTV_Mass_CT", Some("GTV")));
     assert_eq!(tumour.contours.len() as u64, facts["rtstruct_n_contours"][0].as_u64().unwrap());
@@ -89,9 +91,10 @@ fn a_tumour_has_its_levels_and_becomes_items() {
 #[test]
 fn contours_filled_are_the_published_mask() {
     let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
-    let truth = relief::formats::read_labels(&folder.join("nifti_mask/mask.nii.gz")).unwrap().map;
+    let truth = relief_dicom::formats::read_labels(&folder.join("nifti_mask/mask.nii.gz")).unwrap().map;
     let truth = Mask::of_label(&truth, 1);
-    let found = structure_set::read(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
+    let found =
+        relief_dicom::structure_set::read(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
     let closed = found.structures[0].contours.iter().filter(|contour| contour.is_closed());
     let contours: Vec<Contour> =
         closed.map(|contour| Contour { points: contour.points_mm.clone() }).collect();
@@ -107,13 +110,13 @@ fn contours_filled_are_the_published_mask() {
 fn other_objects_and_bad_numbers_are_refused_by_name() {
     let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
     let image = std::fs::read(folder.join("000000.dcm")).unwrap();
-    let refused = structure_set::read(&image).unwrap_err().to_string();
+    let refused = relief_dicom::structure_set::read(&image).unwrap_err().to_string();
     assert_eq!(refused, "Modality (0008,0060): found \"CT\", expected RTSTRUCT, an RT structure set");
     let mut bytes = std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap();
     let data = [0x06, 0x30, 0x50, 0x00]; // (3006,0050), implicit VR: four bytes of length follow
     let at = bytes.windows(4).position(|window| window == data).unwrap();
     bytes[at + 8] = b'x';
-    let refused = structure_set::read(&bytes).unwrap_err().to_string();
+    let refused = relief_dicom::structure_set::read(&bytes).unwrap_err().to_string();
     let path = "(3006,0039)[1]/(3006,0040)[1]/ContourData (3006,0050): found \"x";
     assert!(refused.starts_with(path), "{refused}");
 }

@@ -2,8 +2,8 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
-use relief::display::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
-use relief::units::{Disparity, ScaledDepth};
+use relief_base::units::{Disparity, ScaledDepth};
+use relief_display::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 
 fn profile(constants: DisparityConstants) -> DisplayProfile {
     DisplayProfile::new([1920, 1080], [960, 540], constants).unwrap()

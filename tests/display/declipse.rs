@@ -2,12 +2,12 @@
 //! background or is damaged is refused.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
-use relief::display::{
+use relief_base::units::{DepthLimits, ScaledDepth};
+use relief_display::{
     DecodedDepth, DepthFilter, DisplayProfile, DisplaySettings, ExtendedPart, Frame, FrameEncoder,
     FrameProblem, Header, HeaderReading, Layout, LayoutError, Picture, Pixels, ProfileName, encode_png,
     inspect_frame, inspect_png,
 };
-use relief::units::{DepthLimits, ScaledDepth};
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 100.0, far_mm: 300.0 };
 const SIZE: [u32; 2] = [960, 540];

@@ -6,12 +6,12 @@ use std::io::Cursor;
 
 use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4};
 use proptest::prelude::*;
-use relief::display::{
+use relief_base::space::Transform;
+use relief_base::units::DepthLimits;
+use relief_display::{
     Attribute, CameraMatrices, DepthImage, EncodeError, Frame, Pixels, decode_exr, encode_exr, encode_jpeg,
     encode_png,
 };
-use relief::space::Transform;
-use relief::units::DepthLimits;
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 123.456_789_012_345, far_mm: 987.654_321 };
 

@@ -7,8 +7,8 @@ use std::io::Write;
 use std::process::{Command, Stdio};
 
 use proptest::prelude::*;
-use relief::display::{DecodedDepth, DepthFilter, DisplaySettings, FrameEncoder, Header, Layout, Picture};
-use relief::units::DepthLimits;
+use relief_base::units::DepthLimits;
+use relief_display::{DecodedDepth, DepthFilter, DisplaySettings, FrameEncoder, Header, Layout, Picture};
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 100.0, far_mm: 900.0 };
 const MISS: f32 = f32::INFINITY;

@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
-use relief::display::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
+use relief_display::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
 
 /// What one public writer puts on line 0.
 const SIGNAGE: &str = "F10140800000C42DD3AFF2140000000000000000000000000000000036958221";

@@ -4,11 +4,11 @@
 use std::io::Cursor;
 
 use proptest::prelude::*;
-use relief::display::{
+use relief_base::units::DepthLimits;
+use relief_display::{
     ContentType, DisplaySettings, Frame, FrameReport, InspectError, Layout, Picture, Pixels, encode_png,
     inspect_frame, inspect_png,
 };
-use relief::units::DepthLimits;
 use serde_json::{Value, json};
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 0.0, far_mm: 1.0 };
@@ -45,7 +45,7 @@ fn samples(frame: &Frame) -> Vec<u8> {
 }
 
 fn codes(report: &FrameReport) -> Vec<&'static str> {
-    report.problems.iter().map(relief::display::FrameProblem::code).collect()
+    report.problems.iter().map(relief_display::FrameProblem::code).collect()
 }
 
 fn inspect_samples(size_px: [u32; 2], samples: Vec<u8>) -> FrameReport {

@@ -2,12 +2,12 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
-use relief::display::{
+use relief_base::units::{DepthLimits, ScaledDepth};
+use relief_display::{
     ContentType, DecodedDepth, DisparityConstants, DisplayProfile, DisplaySettings, ExtendedPart, Frame,
     FrameEncoder, FrameProblem, Header, HeaderPart, HeaderProblem, HeaderReading, Layout, LayoutError,
     Picture, Pixels, ProfileName,
 };
-use relief::units::{DepthLimits, ScaledDepth};
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 100.0, far_mm: 300.0 };
 

@@ -1,11 +1,11 @@
 //! The `display` object of a request: the documented example, its defaults, and what is refused and how.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
-use relief::display::{
+use relief_base::units::DepthLimits;
+use relief_display::{
     ContentType, DisparityConstants, DisplayProfile, DisplaySettings, Layout, ProfileName, ProfileSetting,
     SettingsError,
 };
-use relief::units::DepthLimits;
 
 fn parse(json: &str) -> DisplaySettings {
     serde_json::from_str(json).unwrap()

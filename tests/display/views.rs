@@ -2,11 +2,11 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
-use relief::display::{
+use relief_base::units::{DepthLimits, Disparity};
+use relief_display::{
     DecodedLayer, DisplayProfile, DisplaySettings, Frame, FrameProblem, Layout, LayoutError, Parallax,
     Picture, Pixels, ProfileName, Views, decode_wiggle, encode_views, eyes, inspect_png, synthesize,
 };
-use relief::units::{DepthLimits, Disparity};
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 100.0, far_mm: 300.0 };
 

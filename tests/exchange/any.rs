@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 
 use super::{TEXTS, everything, read, write};
-use relief::exchange::Format;
+use relief_exchange::Format;
 
 /// What is done to a good file: bytes changed, cut, said twice, or words put in that formats know.
 #[derive(Clone, Debug)]

@@ -6,8 +6,8 @@ use std::process::Output;
 use serde_json::Value;
 
 use super::{TEXTS, asymmetric, common, everything, read, same, write};
-use relief::annotation::Item;
-use relief::exchange::Format;
+use relief_annotation::Item;
+use relief_exchange::Format;
 
 /// A folder with a log in it, perhaps.
 struct Bench {

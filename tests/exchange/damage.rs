@@ -1,8 +1,8 @@
 //! What is wrong with a file is said, with its line or path; nothing makes a reader panic or ask for memory beyond measure.
 
 use super::{CONTEXT, TEXTS, everything, read, refused, write};
-use relief::annotation::FrameOfReference;
-use relief::exchange::{self, Format, ReadContext};
+use relief_annotation::FrameOfReference;
+use relief_exchange::{Format, ReadContext};
 
 /// A file of one markup with these keys beside its type.
 fn markup(kind: &str, keys: &str) -> String {
@@ -105,7 +105,7 @@ fn relief_s_own_properties_are_checked_like_any_other() {
     }
     // A place that is there says more than the state beside it.
     let contrary = read(Format::MrkJson, with(r#"{"state": "skipped"}"#)).unwrap();
-    assert_eq!(contrary.items[0].state, relief::annotation::State::Defined);
+    assert_eq!(contrary.items[0].state, relief_annotation::State::Defined);
 }
 
 #[test]
@@ -252,7 +252,8 @@ fn cornerstone_s_annotations_are_refused_with_the_path() {
     }
     let frame = FrameOfReference("1.2.4".to_owned());
     let context = ReadContext { frame_of_reference: Some(&frame), ..CONTEXT };
-    let message = exchange::read(Format::Cornerstone, one.as_bytes(), &context).unwrap_err().to_string();
+    let message =
+        relief_exchange::read(Format::Cornerstone, one.as_bytes(), &context).unwrap_err().to_string();
     assert!(
         message.contains("FrameOfReferenceUID is another one than the series'") && !message.contains("1.2.")
     );

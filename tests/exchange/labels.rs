@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use super::{CONTEXT, common, read, refused};
-use relief::annotation::{ContentId, Geometry, Item, RegionSummary};
-use relief::exchange::{self, Format, Imported, ReadContext, WriteContext};
-use relief::volume::{Grid, LabelMap, Segment};
+use relief_annotation::{ContentId, Geometry, Item, RegionSummary};
+use relief_exchange::{Format, Imported, ReadContext, WriteContext};
+use relief_volume::{Grid, LabelMap, Segment};
 
 fn summary(item: &Item) -> &RegionSummary {
     match item.geometry.as_ref().unwrap() {
@@ -24,7 +24,7 @@ fn map(origin: f64, labels: &[u16; 24], names: &[&str]) -> Vec<u8> {
     let grid = Grid::axis_aligned([4, 3, 2], [2.0; 3], [origin, 10.0, 20.0]).unwrap();
     let segments =
         (1..).zip(names).map(|(label, name)| Segment::new(label, Some(name), Some([0.5, 0.25, 1.0])));
-    relief::formats::seg_nrrd(&LabelMap::new(grid, labels, segments.collect()).unwrap()).unwrap()
+    relief_dicom::formats::seg_nrrd(&LabelMap::new(grid, labels, segments.collect()).unwrap()).unwrap()
 }
 
 #[test]
@@ -46,7 +46,7 @@ fn regions_have_the_voxels_that_others_counted() {
     let contents = contents(&[&imported]);
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
     for format in [Format::SegNrrd, Format::Nifti] {
-        let written = exchange::write(format, &imported.items, &context).unwrap();
+        let written = relief_exchange::write(format, &imported.items, &context).unwrap();
         assert_eq!(written.items, known.len());
         let back = read(format, &written.bytes).unwrap();
         for (item, back) in imported.items.iter().zip(&back.items) {
@@ -87,7 +87,7 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
     let mut items = first.items.clone();
     items.push(Item { order: 9, description: "told".to_owned(), locked: true, ..second.items[0].clone() });
-    let written = exchange::write(Format::SegNrrd, &items, &context).unwrap();
+    let written = relief_exchange::write(Format::SegNrrd, &items, &context).unwrap();
     assert!(String::from_utf8_lossy(&written.bytes).contains("sizes: 2 4 3 2"), "two layers");
     let back = read(Format::SegNrrd, &written.bytes).unwrap();
     let found = |back: &Imported| -> Vec<(String, u64)> {
@@ -103,10 +103,10 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
     // And once more, from the layers.
     let contents = self::contents(&[&back]);
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
-    let again = exchange::write(Format::SegNrrd, &back.items, &context).unwrap();
+    let again = relief_exchange::write(Format::SegNrrd, &back.items, &context).unwrap();
     assert_eq!(found(&read(Format::SegNrrd, &again.bytes).unwrap()), all);
     // NIfTI has one label for each voxel.
-    let written = exchange::write(Format::Nifti, &back.items, &context).unwrap();
+    let written = relief_exchange::write(Format::Nifti, &back.items, &context).unwrap();
     assert_eq!(found(&read(Format::Nifti, &written.bytes).unwrap()), all[1..]);
     let lost = written.left_out.last().unwrap();
     assert_eq!(
@@ -126,7 +126,7 @@ fn what_is_wrong_with_a_map_is_told() {
     let empty = refused(Format::SegNrrd, map(0.0, &[0; 24], &["none"]));
     assert!(empty.contains("without labelled voxels"), "{empty}");
     let imported = read(Format::SegNrrd, &whole).unwrap();
-    let message = exchange::write(
+    let message = relief_exchange::write(
         Format::SegNrrd,
         &imported.items,
         &WriteContext { contents: &|_| None, grid: None, series: None },
@@ -135,7 +135,7 @@ fn what_is_wrong_with_a_map_is_told() {
     assert!(message.to_string().contains("is not there, allowed: the voxels of the region"), "{message}");
     let grid = Grid::axis_aligned([4, 3, 2], [2.0; 3], [100.0, 10.0, 20.0]).unwrap();
     let context = ReadContext { grid: Some(&grid), ..CONTEXT };
-    let warned = exchange::read(Format::SegNrrd, &whole, &context).unwrap().warnings;
+    let warned = relief_exchange::read(Format::SegNrrd, &whole, &context).unwrap().warnings;
     assert_eq!(warned, ["the map lies outside of the volume; is it of the same scan?"]);
 }
 
@@ -180,7 +180,7 @@ fn layers_are_read_by_others() {
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
     let mut items = first.items.clone();
     items.extend((5..).zip(&second.items).map(|(order, item)| Item { order, ..item.clone() }));
-    let written = exchange::write(Format::SegNrrd, &items, &context).unwrap();
+    let written = relief_exchange::write(Format::SegNrrd, &items, &context).unwrap();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("ours.seg.nrrd"), &written.bytes).unwrap();
     let Some(found) = super::peer::told("layers read by slicerio", LAYERS, folder.path(), false) else {

@@ -17,12 +17,12 @@ mod peer;
 mod real;
 mod round;
 
-use relief::annotation::{
+use relief_annotation::{
     CameraRecord, Concept, Device, FrameOfReference, Geometry, Item, ItemId, Method, Placement, State,
     Timestamp,
 };
-use relief::exchange::{self, ExchangeError, Format, Imported, ReadContext, WriteContext, Written};
-use relief::space::{Patient, Point};
+use relief_base::space::{Patient, Point};
+use relief_exchange::{ExchangeError, Format, Imported, ReadContext, WriteContext, Written};
 
 /// What files of texts are written and read here.
 const TEXTS: [Format; 6] =
@@ -42,11 +42,11 @@ fn at(x: f64, y: f64, z: f64) -> Point<Patient> {
 }
 
 fn read(format: Format, bytes: impl AsRef<[u8]>) -> Result<Imported, ExchangeError> {
-    exchange::read(format, bytes.as_ref(), &CONTEXT)
+    relief_exchange::read(format, bytes.as_ref(), &CONTEXT)
 }
 
 fn write(format: Format, items: &[Item]) -> Result<Written, ExchangeError> {
-    exchange::write(format, items, &WriteContext { contents: &|_| None, grid: None, series: None })
+    relief_exchange::write(format, items, &WriteContext { contents: &|_| None, grid: None, series: None })
 }
 
 /// What is said of a file that is refused.

@@ -1,12 +1,12 @@
 //! Meshes: a file of each format is an item with its triangles, and is written again where it lay.
 
 use super::{CONTEXT, read, refused};
-use relief::annotation::{Geometry, MeshSummary};
-use relief::exchange::{self, Format, Imported, ReadContext, WriteContext};
-use relief::mesh::TriangleMesh;
-use relief::mesh::files::{self, MeshFormat};
-use relief::space::Point;
-use relief::volume::Grid;
+use relief_annotation::mesh::TriangleMesh;
+use relief_annotation::mesh::files::MeshFormat;
+use relief_annotation::{Geometry, MeshSummary};
+use relief_base::space::Point;
+use relief_exchange::{Format, Imported, ReadContext, WriteContext};
+use relief_volume::Grid;
 
 const FORMATS: [(Format, MeshFormat); 4] = [
     (Format::Stl, MeshFormat::Stl),
@@ -32,7 +32,7 @@ fn summary(imported: &Imported) -> &MeshSummary {
 #[test]
 fn meshes_of_every_format_come_back_where_they_lay() {
     for (format, kind) in FORMATS {
-        let file = files::write(kind, &tetrahedron(), "horn").unwrap();
+        let file = relief_annotation::mesh::files::write(kind, &tetrahedron(), "horn").unwrap();
         let imported = read(format, &file).unwrap();
         assert_eq!(imported.warnings, [] as [&str; 0], "{format}");
         let found = summary(&imported);
@@ -41,8 +41,8 @@ fn meshes_of_every_format_come_back_where_they_lay() {
         let (content, media_type, bytes) = &imported.contents[0];
         assert_eq!((content, media_type.as_str()), (&found.content, "model/ply"));
         let context = WriteContext { contents: &|_| Some(bytes.clone()), grid: None, series: None };
-        let written = exchange::write(format, &imported.items, &context).unwrap();
-        let mesh = files::read(kind, &written.bytes).unwrap().mesh;
+        let written = relief_exchange::write(format, &imported.items, &context).unwrap();
+        let mesh = relief_annotation::mesh::files::read(kind, &written.bytes).unwrap().mesh;
         let [low, high] = mesh.span().map(|corner| corner.to_array());
         let is_near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
         assert!(
@@ -56,10 +56,10 @@ fn meshes_of_every_format_come_back_where_they_lay() {
 fn a_mesh_inside_out_is_turned_and_one_elsewhere_is_told() {
     let mut inside_out = tetrahedron();
     inside_out.triangles.iter_mut().for_each(|corners| corners.swap(0, 1));
-    let file = files::write(MeshFormat::Ply, &inside_out, "horn").unwrap();
+    let file = relief_annotation::mesh::files::write(MeshFormat::Ply, &inside_out, "horn").unwrap();
     let grid = Grid::axis_aligned([4, 4, 4], [1.0; 3], [100.0, 0.0, 0.0]).unwrap();
     let context = ReadContext { grid: Some(&grid), ..CONTEXT };
-    let imported = exchange::read(Format::Ply, &file, &context).unwrap();
+    let imported = relief_exchange::read(Format::Ply, &file, &context).unwrap();
     assert!((summary(&imported).volume_ml.unwrap() - 0.01).abs() < 1e-6);
     assert_eq!(
         imported.warnings,
@@ -72,19 +72,22 @@ fn a_mesh_inside_out_is_turned_and_one_elsewhere_is_told() {
 
 #[test]
 fn several_meshes_are_one_in_a_file_and_damage_is_refused() {
-    let file = files::write(MeshFormat::Ply, &tetrahedron(), "horn").unwrap();
+    let file = relief_annotation::mesh::files::write(MeshFormat::Ply, &tetrahedron(), "horn").unwrap();
     let [first, second] = [(); 2].map(|()| read(Format::Ply, &file).unwrap());
     let items = [first.items[0].clone(), second.items[0].clone()];
     let bytes = first.contents[0].2.clone();
     let context = WriteContext { contents: &|_| Some(bytes.clone()), grid: None, series: None };
-    let written = exchange::write(Format::Ply, &items, &context).unwrap();
-    assert_eq!(files::read(MeshFormat::Ply, &written.bytes).unwrap().mesh.triangles.len(), 8);
+    let written = relief_exchange::write(Format::Ply, &items, &context).unwrap();
+    assert_eq!(
+        relief_annotation::mesh::files::read(MeshFormat::Ply, &written.bytes).unwrap().mesh.triangles.len(),
+        8
+    );
     assert!(written.left_out.iter().any(|lost| lost.what == "borders" && lost.items.len() == 2));
     let lost = WriteContext { contents: &|_| None, grid: None, series: None };
-    let refusal = exchange::write(Format::Ply, &items, &lost).unwrap_err().to_string();
+    let refusal = relief_exchange::write(Format::Ply, &items, &lost).unwrap_err().to_string();
     assert!(refusal.contains("is not there"), "{refusal}");
     for (format, kind) in FORMATS {
-        let whole = files::write(kind, &tetrahedron(), "horn").unwrap();
+        let whole = relief_annotation::mesh::files::write(kind, &tetrahedron(), "horn").unwrap();
         let said = refused(format, &whole[..whole.len() / 2]);
         assert!(said.starts_with(format.name()) && said.contains("expected"), "{format}: {said}");
     }

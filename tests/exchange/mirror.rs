@@ -1,7 +1,7 @@
 //! LPS and RAS: a file in either is read where it lies, of an asymmetric set of points.
 
 use super::{TEXTS, asymmetric, read, write};
-use relief::exchange::Format;
+use relief_exchange::Format;
 
 /// The asymmetric points in RAS, as numbers of a file.
 const RAS: [[f64; 3]; 3] = [[-1.5, -82.25, 40.125], [-73.0, -4.5, 12.0], [-2.0, -70.5, 3.25]];

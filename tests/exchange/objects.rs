@@ -5,9 +5,9 @@
 mod made;
 
 use super::{CONTEXT, asymmetric, everything};
-use relief::annotation::{FrameOfReference, Geometry, Item};
-use relief::exchange::{self, Format, ReadContext, WriteContext};
-use relief::volume::{LabelMap, Segment};
+use relief_annotation::{FrameOfReference, Geometry, Item};
+use relief_exchange::{Format, ReadContext, WriteContext};
+use relief_volume::{LabelMap, Segment};
 
 fn frame(made: &made::Made) -> FrameOfReference {
     FrameOfReference(made.frame_of_reference.clone())
@@ -21,32 +21,33 @@ fn a_report_needs_a_series_and_comes_back_with_its_points() {
         items.into_iter().map(|item| Item { frame_of_reference: Some(frame.clone()), ..item }).collect()
     };
     let alone = WriteContext { contents: &|_| None, grid: None, series: None };
-    let refused = exchange::write(Format::Sr, &asymmetric(), &alone).unwrap_err().to_string();
+    let refused = relief_exchange::write(Format::Sr, &asymmetric(), &alone).unwrap_err().to_string();
     assert!(refused.starts_with("sr needs a DICOM series"), "{refused}");
     let context = WriteContext { series: Some(&series.reference), ..alone };
-    let written = exchange::write(Format::Sr, &own(asymmetric()), &context).unwrap();
+    let written = relief_exchange::write(Format::Sr, &own(asymmetric()), &context).unwrap();
     assert_eq!(written.items, 3);
     assert_eq!(Format::of(std::path::Path::new("any"), &written.bytes), Some(Format::Sr));
     let context = ReadContext { frame_of_reference: Some(&frame), list: "report", set: "anna", ..CONTEXT };
-    let back = exchange::read(Format::Sr, &written.bytes, &context).unwrap();
+    let back = relief_exchange::read(Format::Sr, &written.bytes, &context).unwrap();
     for (item, back) in asymmetric().iter().zip(&back.items) {
         assert_eq!((&item.name, item.point(), back.set.as_str()), (&back.name, back.point(), "anna"));
         assert_eq!((back.list.as_str(), back.frame_of_reference.as_ref()), ("report", Some(&frame)));
     }
     let other = FrameOfReference("1.2.3.4".to_owned());
     let elsewhere = ReadContext { frame_of_reference: Some(&other), ..CONTEXT };
-    let refused = exchange::read(Format::Sr, &written.bytes, &elsewhere).unwrap_err().to_string();
+    let refused = relief_exchange::read(Format::Sr, &written.bytes, &elsewhere).unwrap_err().to_string();
     assert!(refused.contains("another one than the series'"), "{refused}");
     assert!(!refused.contains(&frame.0) && !refused.contains("1.2.3.4"), "a UID leads to a patient");
     // What a report cannot hold is told of each item.
     let context = WriteContext { contents: &|_| None, grid: None, series: Some(&series.reference) };
-    let written = exchange::write(Format::Sr, &own(everything()), &context).unwrap();
+    let written = relief_exchange::write(Format::Sr, &own(everything()), &context).unwrap();
     let lost: usize =
         written.left_out.iter().filter(|lost| lost.what == "items").map(|lost| lost.items.len()).sum();
     assert_eq!(written.items + lost, everything().len());
     assert!(lost >= 3, "a plane, and two without a place: {:?}", written.left_out);
     for cut in [0, 100, 200, 1000, written.bytes.len() / 2] {
-        let refused = exchange::read(Format::Sr, &written.bytes[..cut], &CONTEXT).unwrap_err().to_string();
+        let refused =
+            relief_exchange::read(Format::Sr, &written.bytes[..cut], &CONTEXT).unwrap_err().to_string();
         assert!(refused.starts_with("sr: "), "{refused}");
     }
 }
@@ -60,18 +61,18 @@ fn regions_become_a_segmentation_of_the_series() {
     let segments =
         vec![Segment::new(1, Some("first"), Some([0.5, 0.25, 1.0])), Segment::new(2, Some("second"), None)];
     let map = LabelMap::new(series.grid.clone(), &labels, segments).unwrap();
-    let bytes = relief::formats::seg_nrrd(&map).unwrap();
-    let imported = exchange::read(Format::SegNrrd, &bytes, &CONTEXT).unwrap();
+    let bytes = relief_dicom::formats::seg_nrrd(&map).unwrap();
+    let imported = relief_exchange::read(Format::SegNrrd, &bytes, &CONTEXT).unwrap();
     let content = imported.contents[0].2.clone();
-    let contents = |_: &relief::annotation::ContentId| Some(content.clone());
+    let contents = |_: &relief_annotation::ContentId| Some(content.clone());
     let context =
         WriteContext { contents: &contents, grid: Some(&series.grid), series: Some(&series.reference) };
-    let written = exchange::write(Format::Seg, &imported.items, &context).unwrap();
+    let written = relief_exchange::write(Format::Seg, &imported.items, &context).unwrap();
     assert_eq!(
         (written.items, Format::of(std::path::Path::new("x"), &written.bytes)),
         (2, Some(Format::Seg))
     );
-    let back = exchange::read(Format::Seg, &written.bytes, &CONTEXT).unwrap();
+    let back = relief_exchange::read(Format::Seg, &written.bytes, &CONTEXT).unwrap();
     let voxels = |item: &Item| match item.geometry.as_ref().unwrap() {
         Geometry::Region(region) => region.voxels,
         other => panic!("{other:?}"),
@@ -79,9 +80,10 @@ fn regions_become_a_segmentation_of_the_series() {
     let found: Vec<(&str, u64)> = back.items.iter().map(|item| (item.name.as_str(), voxels(item))).collect();
     assert_eq!(found, [("first", 12), ("second", 5)]);
     let alone = WriteContext { series: None, ..context };
-    let refused = exchange::write(Format::Seg, &imported.items, &alone).unwrap_err().to_string();
+    let refused = relief_exchange::write(Format::Seg, &imported.items, &alone).unwrap_err().to_string();
     assert!(refused.starts_with("seg needs a DICOM series"), "{refused}");
-    let refused = exchange::read(Format::Seg, &written.bytes[..400], &CONTEXT).unwrap_err().to_string();
+    let refused =
+        relief_exchange::read(Format::Seg, &written.bytes[..400], &CONTEXT).unwrap_err().to_string();
     assert!(refused.starts_with("seg: "), "{refused}");
 }
 
@@ -91,7 +93,7 @@ fn contours_become_curves_in_lists_of_their_structures() {
     let bytes = std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap();
     assert_eq!(Format::of(std::path::Path::new("x"), &bytes), Some(Format::RtStruct));
     let context = ReadContext { set: "plan", ..CONTEXT };
-    let imported = exchange::read(Format::RtStruct, &bytes, &context).unwrap();
+    let imported = relief_exchange::read(Format::RtStruct, &bytes, &context).unwrap();
     assert_eq!(imported.items.len(), 32);
     for item in &imported.items {
         assert!(item.set == "plan" && item.author == "ben" && item.list == "GTV_Mass_CT", "{item:?}");
@@ -100,9 +102,9 @@ fn contours_become_curves_in_lists_of_their_structures() {
             Some(Geometry::Curve { .. } | Geometry::Point { .. } | Geometry::Line { .. })
         ));
     }
-    let refused = exchange::read(Format::RtStruct, &bytes[..300], &CONTEXT).unwrap_err().to_string();
+    let refused = relief_exchange::read(Format::RtStruct, &bytes[..300], &CONTEXT).unwrap_err().to_string();
     assert!(refused.starts_with("rtstruct: "), "{refused}");
     let alone = WriteContext { contents: &|_| None, grid: None, series: None };
-    let refused = exchange::write(Format::RtStruct, &asymmetric(), &alone).unwrap_err().to_string();
+    let refused = relief_exchange::write(Format::RtStruct, &asymmetric(), &alone).unwrap_err().to_string();
     assert!(refused.contains("rtstruct cannot be written (can be: mrk.json"), "{refused}");
 }

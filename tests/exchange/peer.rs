@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::Command;
 
 use super::{CONTEXT, asymmetric, everything, landmark, read, same, write};
-use relief::annotation::{Geometry, Item, State, measures};
-use relief::exchange::{self, Format};
+use relief_annotation::{Geometry, Item, State, measures};
+use relief_exchange::Format;
 
 /// Reads each markup of `ours.mrk.json` with Slicer's own reader, tells of it, and has Slicer write it; the same with
 /// `ours.fcsv` and `ours.csv`.
@@ -256,7 +256,7 @@ fn slicerio_reads_our_lists() {
         assert_eq!(super::common::numbers(&point["position"]), item.point().unwrap().xyz.to_array());
     }
     // And what slicerio makes of it is a file that we read.
-    let again = exchange::read(Format::MrkJson, read_there.to_string().as_bytes(), &CONTEXT).unwrap();
+    let again = relief_exchange::read(Format::MrkJson, read_there.to_string().as_bytes(), &CONTEXT).unwrap();
     assert!(again.items.iter().zip(&points).all(|(a, b)| a.geometry == b.geometry && a.id == b.id));
 }
 

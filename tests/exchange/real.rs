@@ -1,8 +1,8 @@
 //! Files that 3D Slicer wrote, with the volumes that they belong to and facts computed by others.
 
 use super::{CONTEXT, common, landmark, read};
-use relief::annotation::{Item, State};
-use relief::exchange::{self, Format, ReadContext};
+use relief_annotation::{Item, State};
+use relief_exchange::{Format, ReadContext};
 
 #[test]
 fn a_list_of_slicer_5_is_read() {
@@ -27,12 +27,12 @@ fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_is_told() {
     let facts = common::facts(&common::shared_data("facts of files").unwrap(), "interop.facts.json");
     let known = facts["mouse_45_LM-skull"]["in_low_res_skull_only.nii.gz"].as_array().unwrap();
     let skull = folder.join("mouse_ct_atlas/low_res_skull_only.nii.gz");
-    let grid = relief::formats::read_volume(&skull).unwrap().volume.grid().clone();
+    let grid = relief_dicom::formats::read_volume(&skull).unwrap().volume.grid().clone();
     let context = ReadContext { grid: Some(&grid), ..CONTEXT };
     let markups = std::fs::read(folder.join("mouse_ct_atlas/45_LM-skull.mrk.json")).unwrap();
     let list = std::fs::read(folder.join("mouse_ct_atlas/Skull_LMs.fcsv")).unwrap();
     let [markups_read, list_read] = [(Format::MrkJson, &markups), (Format::Fcsv, &list)]
-        .map(|(format, bytes)| exchange::read(format, bytes, &context).unwrap());
+        .map(|(format, bytes)| relief_exchange::read(format, bytes, &context).unwrap());
     assert_eq!((markups_read.items.len(), list_read.items.len()), (45, 51));
     assert_eq!((&markups_read.warnings, &list_read.warnings), (&vec![], &vec![]), "all points lie inside");
     assert_eq!(known.len(), 45);
@@ -52,7 +52,7 @@ fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_is_told() {
     let wrong = String::from_utf8(markups)
         .unwrap()
         .replace(r#""coordinateSystem": "LPS""#, r#""coordinateSystem": "RAS""#);
-    let warned = exchange::read(Format::MrkJson, wrong.as_bytes(), &context).unwrap().warnings;
+    let warned = relief_exchange::read(Format::MrkJson, wrong.as_bytes(), &context).unwrap().warnings;
     assert!(
         warned[0].starts_with("45 of 45 points lie outside of the volume; with x and y mirrored"),
         "{warned:?}"
@@ -63,10 +63,11 @@ fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_is_told() {
 fn a_list_that_slicer_saved_keeps_its_names_and_locks() {
     let Some(folder) = common::unpacked("markups of 3D Slicer", "interop") else { return };
     let skull = folder.join("mouse_ct_atlas/A_J_.nii.gz");
-    let grid = relief::formats::read_volume(&skull).unwrap().volume.grid().clone();
+    let grid = relief_dicom::formats::read_volume(&skull).unwrap().volume.grid().clone();
     let bytes = std::fs::read(folder.join("mouse_ct_atlas/A_J_.mrk.json")).unwrap();
     let imported =
-        exchange::read(Format::MrkJson, &bytes, &ReadContext { grid: Some(&grid), ..CONTEXT }).unwrap();
+        relief_exchange::read(Format::MrkJson, &bytes, &ReadContext { grid: Some(&grid), ..CONTEXT })
+            .unwrap();
     assert_eq!((imported.items.len(), imported.warnings.len()), (45, 0), "{:?}", imported.warnings);
     let first = &imported.items[0];
     assert_eq!((first.name.as_str(), first.locked, first.list.as_str()), ("1", true, "file"));

@@ -3,9 +3,9 @@
 use proptest::prelude::*;
 
 use super::{CONTEXT, TEXTS, asymmetric, everything, frame, ids, landmark, read, same, write};
-use relief::annotation::{Geometry, Item, Method, State};
-use relief::exchange::{self, Format};
-use relief::space::Point;
+use relief_annotation::{Geometry, Item, Method, State};
+use relief_base::space::Point;
+use relief_exchange::Format;
 
 /// A text as a format has it.
 fn plain(format: Format, text: &str) -> String {
@@ -138,10 +138,10 @@ fn what_no_format_of_texts_holds_is_told_and_nothing_else_is_written() {
 #[test]
 fn a_context_gives_what_a_file_does_not_say() {
     let uid = frame("1.2.3.4");
-    let context = exchange::ReadContext { frame_of_reference: uid.as_ref(), set: "anna", ..CONTEXT };
+    let context = relief_exchange::ReadContext { frame_of_reference: uid.as_ref(), set: "anna", ..CONTEXT };
     for format in TEXTS {
         let bytes = write(format, &asymmetric()).unwrap().bytes;
-        for item in exchange::read(format, &bytes, &context).unwrap().items {
+        for item in relief_exchange::read(format, &bytes, &context).unwrap().items {
             assert_eq!(
                 (item.frame_of_reference.as_ref(), item.set.as_str()),
                 (uid.as_ref(), "anna"),

@@ -4,11 +4,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use relief::display::{DisplayProfile, ProfileName};
-use relief::live::{
-    ClientMessage, ColorFormat, DepthFormat, FrameHeader, HEADER_BYTES, Parts, ReceivedFrame, ServerMessage,
-    decode_color, decode_d8, decode_z16,
-};
+use relief_display::{DisplayProfile, ProfileName};
+use relief_live::{ClientMessage, ColorFormat, DepthFormat, FrameHeader, HEADER_BYTES, Parts, ReceivedFrame, ServerMessage, decode_color, decode_d8, decode_z16};
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(header) = FrameHeader::decode(bytes) {

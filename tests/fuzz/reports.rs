@@ -5,26 +5,26 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use relief::tracking::report::calibration::Calibrations;
-use relief::tracking::report::motion_plus::MotionPlus;
-use relief::tracking::report::output::Output;
-use relief::tracking::report::recording::RecordingReader;
-use relief::tracking::report::{MAX_REPORT_BYTES, Report};
-use relief::tracking::sensor::Pinhole;
-use relief::tracking::tracker::{Options, Tracker};
-use relief::tracking::{Beacon, igtl, sensor};
+use relief_tracking::report::calibration::Calibrations;
+use relief_tracking::report::motion_plus::MotionPlus;
+use relief_tracking::report::output::Output;
+use relief_tracking::report::recording::RecordingReader;
+use relief_tracking::report::{MAX_REPORT_BYTES, Report};
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::tracker::{Options, Tracker};
+use relief_tracking::Beacon;
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = Calibrations::decode(bytes);
     let _ = MotionPlus::decode(bytes);
-    let _ = bytes.first_chunk().map(igtl::Header::decode);
+    let _ = bytes.first_chunk().map(relief_tracking::igtl::Header::decode);
     for line in RecordingReader::new(bytes) {
         if line.is_err() {
             break;
         }
     }
     if let Ok(text) = std::str::from_utf8(bytes) {
-        let _ = sensor::file::read(text);
+        let _ = relief_tracking::sensor::file::read(text);
         let _ = Beacon::read(text);
     }
     let mut tracker = Tracker::new(Pinhole::TYPICAL, Beacon::recommended(), Options::default());

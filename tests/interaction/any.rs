@@ -2,11 +2,11 @@
 
 use glam::DQuat;
 use proptest::prelude::*;
-use relief::interaction::{
+use relief_live::interaction::{
     Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, Pivot, PlacePhase, ViewState,
 };
-use relief::tracking::report::Buttons;
-use relief::tracking::tracker::TrackingState;
+use relief_tracking::report::Buttons;
+use relief_tracking::tracker::TrackingState;
 
 use super::{RADIUS_MM, center, stage};
 

@@ -7,9 +7,9 @@ mod views;
 mod wiimote;
 
 use glam::{DQuat, DVec3};
-use relief::camera::{Camera, Orbit};
-use relief::interaction::{Applied, Home, Intent, Stage, ViewState};
-use relief::space::{Patient, Point};
+use relief_base::space::{Patient, Point};
+use relief_live::interaction::{Applied, Home, Intent, Stage, ViewState};
+use relief_volume::camera::{Camera, Orbit};
 
 const SIZE_PX: [u32; 2] = [960, 540];
 const RADIUS_MM: f64 = 150.0;

@@ -1,10 +1,10 @@
 //! Each intent that is no hand: orbit, look, turn, pan, zoom, clip, preset, cursor, place, undo.
 
 use glam::{DQuat, DVec3};
-use relief::camera::Orbit;
-use relief::interaction::{Event, Home, Intent, IntentError, Seen, ViewState};
-use relief::space::Point;
-use relief::units::ViewDepth;
+use relief_base::space::Point;
+use relief_base::units::ViewDepth;
+use relief_live::interaction::{Event, Home, Intent, IntentError, Seen, ViewState};
+use relief_volume::camera::Orbit;
 
 use super::{RADIUS_MM, SIZE_PX, Session, assert_near, assert_same_view, center, points, stage, stage_of};
 
@@ -183,7 +183,7 @@ fn the_cursor_goes_to_what_is_seen_at_a_pixel() {
     }
 }
 
-fn in_depth(camera: &relief::camera::Camera, point: Point<relief::space::Patient>) -> f64 {
+fn in_depth(camera: &relief_volume::camera::Camera, point: Point<relief_base::space::Patient>) -> f64 {
     camera.project(point, SIZE_PX).unwrap().2
 }
 
@@ -265,7 +265,7 @@ fn the_record_is_the_documented_json() {
     let json = serde_json::to_string(&session.state.record()).unwrap();
     let wanted = r#"{"look_at_mm":[10.0,-20.0,300.0],"orientation_xyzw":[0.0,0.0,0.0,1.0],"zoom":1.4,"vertical_fov_deg":22.0,"preset":"bone","clip_mm":null,"cursor_mm":null,"grabbed":false,"placing":false,"undo":1,"revision":1}"#;
     assert_eq!(json, wanted);
-    let back: relief::interaction::ViewRecord = serde_json::from_str(&json).unwrap();
+    let back: relief_live::interaction::ViewRecord = serde_json::from_str(&json).unwrap();
     assert_eq!(back, session.state.record());
 }
 

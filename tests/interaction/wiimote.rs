@@ -2,13 +2,15 @@
 
 use glam::{DQuat, DVec3};
 use nalgebra::{UnitQuaternion, Vector3};
-use relief::interaction::{Event, Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, ViewState};
-use relief::space::{Patient, Point};
-use relief::tracking::Beacon;
-use relief::tracking::pose::SensorPose;
-use relief::tracking::report::{Buttons, Report};
-use relief::tracking::simulate::{Delivery, Hidden, Path, Pressed, Simulated, Simulation};
-use relief::tracking::tracker::{Options, Tracker, TrackingState};
+use relief_base::space::{Patient, Point};
+use relief_live::interaction::{
+    Event, Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, ViewState,
+};
+use relief_tracking::Beacon;
+use relief_tracking::pose::SensorPose;
+use relief_tracking::report::{Buttons, Report};
+use relief_tracking::simulate::{Delivery, Hidden, Path, Pressed, Simulated, Simulation};
+use relief_tracking::tracker::{Options, Tracker, TrackingState};
 
 use super::{Session, assert_near, in_view};
 

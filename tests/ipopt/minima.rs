@@ -1,11 +1,11 @@
 //! IPOPT against the interior-point solver of our own, on random views: for builds with the feature `ipopt`.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic and talk")]
 
-use relief::tracking::Beacon;
-use relief::tracking::sensor::Pinhole;
-use relief::tracking::solve::ipopt::solve;
-use relief::tracking::solve::random::{Random, ViewRange, sightings};
-use relief::tracking::solve::{View, paper};
+use relief_tracking::Beacon;
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::solve::ipopt::solve;
+use relief_tracking::solve::random::{Random, ViewRange, sightings};
+use relief_tracking::solve::View;
 
 const VIEWS: usize = 200;
 
@@ -19,7 +19,7 @@ fn ipopt_and_our_own_solver_find_the_same_minima() {
         let seen = sightings(&beacon, &camera, &truth, 0.5, &mut random);
         let view = View { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
         let start = view.solve().unwrap().best.pose;
-        let (ours, theirs) = (paper::solve(&view, &start).unwrap(), solve(&view, &start).unwrap());
+        let (ours, theirs) = (relief_tracking::solve::paper::solve(&view, &start).unwrap(), solve(&view, &start).unwrap());
         let (angle, distance) = ours.pose.distance(&theirs.pose);
         assert!(angle < 1e-6 && distance < 1e-3, "view {at}: {angle} rad, {distance} mm");
         largest = (largest.0.max(angle.to_degrees()), largest.1.max(distance));
@@ -38,8 +38,8 @@ fn both_come_from_a_level_start_to_the_same_minima() {
         let truth = random.view(&beacon, &camera, &ViewRange::USUAL);
         let seen = sightings(&beacon, &camera, &truth, 0.5, &mut random);
         let view = View { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
-        let start = paper::level_start(1500.0);
-        let (Some(ours), Some(theirs)) = (paper::solve(&view, &start), solve(&view, &start)) else {
+        let start = relief_tracking::solve::paper::level_start(1500.0);
+        let (Some(ours), Some(theirs)) = (relief_tracking::solve::paper::solve(&view, &start), solve(&view, &start)) else {
             continue;
         };
         let (angle, distance) = ours.pose.distance(&theirs.pose);

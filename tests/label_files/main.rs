@@ -13,7 +13,7 @@ mod written;
 
 use std::path::{Path, PathBuf};
 
-use relief::volume::LabelMap;
+use relief_volume::LabelMap;
 
 /// A file of these bytes in a folder of its own.
 fn file_of(name: &str, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
@@ -32,7 +32,7 @@ fn measured(map: &LabelMap) -> Vec<(u16, u64, f64, [f64; 3])> {
         sum.0 += 1;
         sum.1 += glam::DVec3::new(i as f64, j as f64, k as f64);
     }
-    let segment = |(segment, (count, sum)): (&relief::volume::Segment, &(u64, glam::DVec3))| {
+    let segment = |(segment, (count, sum)): (&relief_volume::Segment, &(u64, glam::DVec3))| {
         let center = map.grid().patient_from_voxel().affine.transform_point3(*sum / *count as f64);
         (segment.label, *count, *count as f64 * map.voxel_mm3() / 1000.0, center.to_array())
     };
@@ -91,5 +91,5 @@ fn labels_of(name: &str, bytes: &[u8]) -> Result<LabelMap, String> {
 }
 
 fn read(path: &Path) -> Result<LabelMap, String> {
-    relief::formats::read_labels(path).map(|found| found.map).map_err(|error| error.to_string())
+    relief_dicom::formats::read_labels(path).map(|found| found.map).map_err(|error| error.to_string())
 }

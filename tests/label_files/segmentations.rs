@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use relief::dicom::{LoadLimits, LoadedSegmentation, load_segmentation};
+use relief_dicom::{LoadLimits, LoadedSegmentation, load_segmentation};
 
 use super::common::{facts, numbers, shared_data, unpacked};
 use super::{measured, near};
@@ -66,7 +66,7 @@ fn frames_that_end_within_a_byte_are_read_on_from_there() {
     assert_eq!(odd.grid().dims(), [510, 510, 3]);
     // The same liver with a row and a column less on each side, or two on one: nothing of it is lost.
     assert_eq!(odd.labelled_voxels(), whole.labelled_voxels());
-    let counts = |map: &relief::volume::LabelMap| {
+    let counts = |map: &relief_volume::LabelMap| {
         let area = map.grid().dims()[0] * map.grid().dims()[1];
         [0, 1, 2].map(|k| (0..area).filter(|at| map.places().at(k * area + at) > 0).count())
     };

@@ -1,13 +1,13 @@
 //! Frames, colour and depth as bytes: they read back, damage is named, and a composed frame is the encoder's own.
 
 use proptest::prelude::*;
-use relief::display::{DisplayProfile, DisplaySettings, Layout, Picture, Pixels, ProfileName};
-use relief::live::{
+use relief_base::units::DepthLimits;
+use relief_display::{DisplayProfile, DisplaySettings, Layout, Picture, Pixels, ProfileName};
+use relief_live::{
     ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameError, FrameHeader, LiveLayout, Parts,
     ReceivedDepth, ReceivedFrame, assemble, decode_color, decode_d8, decode_z16, encode_color, encode_d8,
     encode_z16,
 };
-use relief::units::DepthLimits;
 
 use crate::header;
 

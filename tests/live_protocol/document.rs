@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use relief::display::Layout;
-use relief::live::{
+use relief_display::Layout;
+use relief_live::{
     ClientMessage, ColorFormat, DepthFormat, FIELDS, FLAGS, FrameHeader, HEADER_BYTES, LiveLayout, PROTOCOL,
     SUBPROTOCOL, ServerMessage,
 };
@@ -112,8 +112,8 @@ fn document_description_and_code_have_the_same_names() {
     let own = LiveLayout::ALL.map(|layout| (layout.byte().to_string(), layout.name().into_owned()));
     assert_eq!(listed("layouts"), own.into());
     let limits = &protocol["limits"];
-    assert_eq!(limits["text_bytes"], relief::live::MAX_TEXT_BYTES);
-    assert_eq!(limits["frames_in_flight"], relief::live::MAX_IN_FLIGHT);
+    assert_eq!(limits["text_bytes"], relief_live::MAX_TEXT_BYTES);
+    assert_eq!(limits["frames_in_flight"], relief_live::MAX_IN_FLIGHT);
     for (code, _) in protocol["close_codes"].as_object().unwrap() {
         assert!(LIVE_MD.contains(&format!("| {code} | ")), "LIVE.md explains close code {code}");
     }

@@ -6,8 +6,8 @@ mod bytes;
 mod document;
 mod messages;
 
-use relief::display::{DisplaySettings, Layout};
-use relief::live::{ColorFormat, DepthFormat, FrameHeader, LiveLayout};
+use relief_display::{DisplaySettings, Layout};
+use relief_live::{ColorFormat, DepthFormat, FrameHeader, LiveLayout};
 
 fn header() -> FrameHeader {
     FrameHeader {

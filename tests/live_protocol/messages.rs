@@ -1,7 +1,7 @@
 //! Messages that are wrong, and formats that are agreed on.
 
 use proptest::prelude::*;
-use relief::live::{ClientMessage, ServerMessage};
+use relief_live::{ClientMessage, ServerMessage};
 
 proptest! {
     #[test]

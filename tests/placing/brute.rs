@@ -1,8 +1,8 @@
 //! Snapping against a search of every place in f64: dense, plain, and with no code in common.
 
 use glam::DVec3;
-use relief::placing::{SnapError, Target, snap};
-use relief::volume::{Grid, Volume};
+use relief_annotation::placing::{SnapError, Target, snap};
+use relief_volume::{Grid, Volume};
 
 use super::{at, to};
 
@@ -130,7 +130,7 @@ fn crossings_along_rays_are_the_nearest() {
                     [1.0, -1.0].into_iter().any(|side| trilinear(&volume, from + ray * side * *off) < drawn)
                 };
                 let near = offs.clone().find(crossed);
-                let ray = Some(relief::space::Vector::from_xyz(ray * 3.0));
+                let ray = Some(relief_base::space::Vector::from_xyz(ray * 3.0));
                 let found = snap(&volume, at(from.into()), ray, &to(Target::Surface { hu: level }, 3.0));
                 match (near, found) {
                     (Some(near), Ok(found)) => {

@@ -1,10 +1,10 @@
 //! Balls, slabs and blobs: where surfaces, edges and extremes are is known.
 
 use glam::DVec3;
-use relief::placing::Target;
-use relief::space::{Patient, Transform, Voxel};
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_annotation::placing::Target;
+use relief_base::space::{Patient, Transform, Voxel};
+use relief_volume::phantom::Phantom;
+use relief_volume::{Grid, Volume};
 
 use super::{snapped, to};
 
@@ -142,7 +142,7 @@ fn blob(middle: DVec3, width_mm: f64, height: f64) -> Volume {
     let grid = Grid::new([40, 40, 24], placed).unwrap();
     let mut hus = Vec::new();
     for (k, j, i) in (0..24).flat_map(|k| (0..40).flat_map(move |j| (0..40).map(move |i| (k, j, i)))) {
-        let place = placed * relief::space::Point::new(f64::from(i), f64::from(j), f64::from(k));
+        let place = placed * relief_base::space::Point::new(f64::from(i), f64::from(j), f64::from(k));
         let off = place.xyz.distance(middle) / width_mm;
         hus.push((40.0 + height * (-0.5 * off * off).exp()).round() as i16);
     }

@@ -5,9 +5,9 @@ mod brute;
 mod closed_forms;
 mod refusals;
 
-use relief::placing::{Snap, SnapError, Snapped, Target, snap};
-use relief::space::{Patient, Point, Vector};
-use relief::volume::Volume;
+use relief_annotation::placing::{Snap, SnapError, Snapped, Target, snap};
+use relief_base::space::{Patient, Point, Vector};
+use relief_volume::Volume;
 
 fn to(target: Target, radius_mm: f64) -> Snap {
     Snap { to: target, radius_mm }

@@ -1,8 +1,8 @@
 //! What is refused, and how it is said.
 
-use relief::placing::{Snap, Target};
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_annotation::placing::{Snap, Target};
+use relief_volume::phantom::Phantom;
+use relief_volume::{Grid, Volume};
 
 use super::{error, to};
 
@@ -69,9 +69,9 @@ fn volumes_of_one_voxel_or_slice_are_no_trouble() {
         let hus = (0..count).map(|i| (i as i16 * 37) % 400).collect();
         let volume = Volume::new(grid, hus).unwrap();
         for target in [Target::Surface { hu: 100.0 }, Target::Gradient, Target::Minimum, Target::Maximum] {
-            for ray in [None, Some(relief::space::Vector::new(0.3, 0.4, 0.1))] {
-                let place = relief::space::Point::new(0.2, 0.1, 0.1);
-                if let Ok(found) = relief::placing::snap(&volume, place, ray, &to(target, 2.0)) {
+            for ray in [None, Some(relief_base::space::Vector::new(0.3, 0.4, 0.1))] {
+                let place = relief_base::space::Point::new(0.2, 0.1, 0.1);
+                if let Ok(found) = relief_annotation::placing::snap(&volume, place, ray, &to(target, 2.0)) {
                     assert!(
                         found.shift.length() <= 2.0 + 1e-9 && found.hu.is_finite(),
                         "{dims:?}: {found:?}"

@@ -1,10 +1,9 @@
 //! Simulated readers: what the comparison says is what they were made with.
 
-use relief::annotation::agreement::{
-    Absence, AgreementError, Comparison, Figure, Reading, Relation, Study, compare,
-};
-use relief::annotation::{Geometry, Item, State};
-use relief::space::Point;
+use relief_annotation::{Geometry, Item, State};
+use relief_base::space::Point;
+use relief_study::agreement::compare;
+use relief_study::agreement::{Absence, AgreementError, Comparison, Figure, Reading, Relation, Study};
 
 use crate::normal::Normal;
 
@@ -130,7 +129,7 @@ fn repeats_of_a_reader_are_within_and_first_sets_between() {
     ];
     let found = study(readings, None).unwrap();
     let single = |relation, reader: Option<&str>| {
-        let of = |a: &&relief::annotation::agreement::Agreement| {
+        let of = |a: &&relief_study::agreement::Agreement| {
             a.relation == relation && a.reader.as_deref() == reader && a.quantity == "L"
         };
         let agreement = found.agreements.iter().find(of).unwrap();
@@ -202,7 +201,7 @@ fn what_cannot_be_compared_is_said_in_words() {
         "the sets a, b have nothing in common: items are matched by name, and \"x\" of a is in no other set",
     );
     let framed = |frame: &str| {
-        let frame_of_reference = Some(relief::annotation::FrameOfReference(frame.to_owned()));
+        let frame_of_reference = Some(relief_annotation::FrameOfReference(frame.to_owned()));
         vec![Item { frame_of_reference, ..landmark("x", [1.0; 3]) }]
     };
     let frames = study(vec![reading("a", "a", framed("1.2.3")), reading("b", "b", framed("4.5.6"))], None);

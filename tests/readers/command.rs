@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use relief::annotation::{Change, Edit, Geometry, Item, State};
-use relief::space::Point;
-use relief::store::Store;
+use relief_annotation::{Change, Edit, Geometry, Item, State};
+use relief_base::space::Point;
+use relief_store::Store;
 use serde_json::Value;
 
 use crate::normal::Normal;

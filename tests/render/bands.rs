@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use relief::camera::Orbit;
-use relief::render::{DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, SceneFile};
-use relief::volume::Volume;
-use relief::volume::phantom::Phantom;
+use relief_render::{DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, SceneFile};
+use relief_volume::Volume;
+use relief_volume::camera::Orbit;
+use relief_volume::phantom::Phantom;
 
 use super::{in_mode, renderer};
 

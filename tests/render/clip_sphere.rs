@@ -1,12 +1,12 @@
 //! The sphere that is cut away: the walls of its hole are where the sphere is, nothing else changes, and moving it uploads
 //! nothing.
 
-use relief::camera::{Camera, Orbit, Projection};
-use relief::render::{ClipSphere, DepthRule, Mode, RenderRequest, SceneFile, Shading, Skipping};
-use relief::space::{Point, Vector};
-use relief::transfer::{ControlPoint, TransferFunction, Window};
-use relief::volume::Volume;
-use relief::volume::phantom::Phantom;
+use relief_base::space::{Point, Vector};
+use relief_render::{ClipSphere, DepthRule, Mode, RenderRequest, SceneFile, Shading, Skipping};
+use relief_volume::Volume;
+use relief_volume::camera::{Camera, Orbit, Projection};
+use relief_volume::phantom::Phantom;
+use relief_volume::transfer::{ControlPoint, TransferFunction, Window};
 
 use super::twin::{compare, oblique_head, request as head_request};
 use super::{in_mode, renderer};

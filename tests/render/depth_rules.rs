@@ -1,12 +1,13 @@
 //! Depth rules: where they put the depth of layers of known opacity, on the GPU and in the f64 twin; that the two agree on
 //! a head; and that skipping changes no byte.
 
-use relief::camera::{Camera, Orbit, Projection};
-use relief::render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping, reference};
-use relief::space::{Point, Vector};
-use relief::transfer::{ControlPoint, TransferFunction};
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_base::space::{Point, Vector};
+use relief_render::reference;
+use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping};
+use relief_volume::camera::{Camera, Orbit, Projection};
+use relief_volume::phantom::Phantom;
+use relief_volume::transfer::{ControlPoint, TransferFunction};
+use relief_volume::{Grid, Volume};
 
 use super::renderer;
 use super::twin::{compare, oblique_head, request as head_request};

@@ -1,12 +1,12 @@
 //! Isosurfaces with closed forms: where they lie, how they are lit, in which order they come, and what clips them.
 
-use relief::camera::{Camera, Orbit, Projection};
-use relief::render::{
+use relief_base::space::{Point, Vector};
+use relief_render::{
     ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping, Surface,
 };
-use relief::space::{Point, Vector};
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_volume::camera::{Camera, Orbit, Projection};
+use relief_volume::phantom::Phantom;
+use relief_volume::{Grid, Volume};
 
 use super::closed_forms::sphere_depth_errors;
 use super::renderer;

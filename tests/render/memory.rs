@@ -2,10 +2,10 @@
 
 use std::sync::MutexGuard;
 
-use relief::camera::Orbit;
-use relief::render::{Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, Skipping, VolumeLimits};
-use relief::volume::Volume;
-use relief::volume::phantom::Phantom;
+use relief_render::{Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, Skipping, VolumeLimits};
+use relief_volume::Volume;
+use relief_volume::camera::Orbit;
+use relief_volume::phantom::Phantom;
 
 use super::{in_mode, renderer};
 

@@ -1,6 +1,6 @@
 //! Every mode is where users look for it.
 
-use relief::render::Mode;
+use relief_render::Mode;
 
 fn text(path: &str) -> String {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -4,14 +4,14 @@
 
 use std::ops::ControlFlow;
 
-use relief::camera::{Camera, Projection};
-use relief::render::{
+use relief_base::space::{Point, Vector};
+use relief_render::{
     Light, Mode, PathTrace, Placement, Progress, RenderRequest, RenderedFrame, Renderer, SceneFile, Shading,
 };
-use relief::space::{Point, Vector};
-use relief::transfer::{ControlPoint, TransferFunction, linear_from_srgb};
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_volume::camera::{Camera, Projection};
+use relief_volume::phantom::Phantom;
+use relief_volume::transfer::{ControlPoint, TransferFunction, linear_from_srgb};
+use relief_volume::{Grid, Volume};
 
 use super::renderer;
 
@@ -35,7 +35,7 @@ fn along_y(height_mm: f64) -> Camera {
 /// No light but what is given, no surfaces: a scattering medium alone.
 fn dark(volume: &Volume, transfer: TransferFunction, camera: Camera, side_px: u32) -> RenderRequest {
     let scene = SceneFile::default().with_mode(Mode::PathTraced).with_size([side_px, side_px]);
-    let request = scene.resolve(volume.grid(), &relief::camera::Orbit::default()).unwrap().request;
+    let request = scene.resolve(volume.grid(), &relief_volume::camera::Orbit::default()).unwrap().request;
     let path_trace = PathTrace { environment: 0.0, exposure: 1.0, surface: 0.0, ..PathTrace::default() };
     RenderRequest {
         camera,
@@ -61,7 +61,7 @@ fn distant(direction: [f64; 3]) -> Light {
 /// The head, lit as by default, small.
 fn head_request(volume: &Volume, passes: u32) -> RenderRequest {
     let scene = SceneFile::default().with_mode(Mode::PathTraced).with_size([32, 32]).with_passes(passes);
-    let orbit = relief::camera::Orbit { azimuth_deg: 25.0, zoom: 1.3, ..Default::default() };
+    let orbit = relief_volume::camera::Orbit { azimuth_deg: 25.0, zoom: 1.3, ..Default::default() };
     scene.resolve(volume.grid(), &orbit).unwrap().request
 }
 
@@ -314,7 +314,7 @@ fn what_is_clipped_neither_shows_nor_casts_a_shadow() {
     let whole = mean_light(&mut renderer, &volume, &request);
     // The front half goes; what is left is a slab of 50 mm in the light.
     let plane =
-        relief::render::ClipPlane { point: Point::new(0.0, 0.0, 0.0), normal: Vector::new(0.0, 1.0, 0.0) };
+        relief_render::ClipPlane { point: Point::new(0.0, 0.0, 0.0), normal: Vector::new(0.0, 1.0, 0.0) };
     request.clip.planes.push(plane);
     let half = mean_light(&mut renderer, &volume, &request);
     let of = |mm: f64| (1.0 - (-2.0 * extinction * mm).exp()) / 8.0;

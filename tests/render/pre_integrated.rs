@@ -1,11 +1,11 @@
 //! Pre-integrated classification: a thin layer's closed form, the twin, skipping, and what a double sample distance costs.
 
-use relief::camera::{Camera, Projection};
-use relief::render::{Classification, DepthRule, RenderRequest, RenderedFrame, Shading, Skipping};
-use relief::space::{Point, Vector};
-use relief::transfer::{ControlPoint, TransferFunction};
-use relief::volume::Volume;
-use relief::volume::phantom::Phantom;
+use relief_base::space::{Point, Vector};
+use relief_render::{Classification, DepthRule, RenderRequest, RenderedFrame, Shading, Skipping};
+use relief_volume::Volume;
+use relief_volume::camera::{Camera, Projection};
+use relief_volume::phantom::Phantom;
+use relief_volume::transfer::{ControlPoint, TransferFunction};
 
 use super::renderer;
 use super::twin::{compare, oblique_head, request};

@@ -1,11 +1,11 @@
 //! Projections with closed forms: extremes of a cone, sums through a slab, what clip planes and misses do to them.
 
-use relief::camera::{Camera, Orbit, Projection};
-use relief::render::{Clip, ClipPlane, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping};
-use relief::space::{Point, Vector};
-use relief::transfer::{ControlPoint, TransferFunction, Window};
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_base::space::{Point, Vector};
+use relief_render::{Clip, ClipPlane, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping};
+use relief_volume::camera::{Camera, Orbit, Projection};
+use relief_volume::phantom::Phantom;
+use relief_volume::transfer::{ControlPoint, TransferFunction, Window};
+use relief_volume::{Grid, Volume};
 
 use super::{in_mode, renderer};
 

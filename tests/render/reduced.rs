@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use relief::camera::Orbit;
-use relief::render::{Overlays, RenderRequest, SceneFile};
-use relief::session::SpeedBook;
-use relief::volume::Volume;
-use relief::volume::phantom::Phantom;
+use relief_render::{Overlays, RenderRequest, SceneFile};
+use relief_session::SpeedBook;
+use relief_volume::Volume;
+use relief_volume::camera::Orbit;
+use relief_volume::phantom::Phantom;
 
 use super::renderer;
 
@@ -84,7 +84,7 @@ fn overlays_are_drawn_over_the_enlarged_picture_and_over_light_paths() {
     let overlays = Arc::new(Overlays { scale_bar: true, ..Overlays::default() });
     for json in [r#"{"transfer": "bone"}"#, r#"{"mode": "path-traced", "path_trace": {"passes": 1}}"#] {
         let plain = request(&volume, json);
-        let bar = |request: &RenderRequest, renderer: &mut relief::render::Renderer| {
+        let bar = |request: &RenderRequest, renderer: &mut relief_render::Renderer| {
             let with = RenderRequest { overlays: Arc::clone(&overlays), ..request.clone() };
             let [without, with] = [request, &with].map(|request| renderer.render(&volume, request).unwrap());
             let pairs = without.color_rgba.iter().zip(&with.color_rgba);

@@ -1,9 +1,9 @@
 //! What cannot be rendered is refused in words that help.
 
-use relief::camera::Orbit;
-use relief::render::SceneFile;
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_render::SceneFile;
+use relief_volume::camera::Orbit;
+use relief_volume::phantom::Phantom;
+use relief_volume::{Grid, Volume};
 
 use super::renderer;
 

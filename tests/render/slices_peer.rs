@@ -6,9 +6,9 @@ use std::path::Path;
 use std::process::Command;
 
 use glam::DVec3;
-use relief::camera::Orbit;
-use relief::render::{RenderRequest, SceneFile};
-use relief::volume::Volume;
+use relief_render::{RenderRequest, SceneFile};
+use relief_volume::Volume;
+use relief_volume::camera::Orbit;
 use serde_json::json;
 
 use super::renderer;

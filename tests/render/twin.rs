@@ -1,14 +1,14 @@
 //! The GPU against the f64 twin, over mode x projection x depth rule x shading.
 
-use relief::camera::Orbit;
-use relief::render::{
-    Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, VolumeLimits, reference,
+use relief_base::space::{Point, Vector};
+use relief_render::{
+    Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, VolumeLimits,
 };
-use relief::space::{Point, Vector};
-use relief::transfer::GradientOpacity;
-use relief::transfer::Window;
-use relief::volume::phantom::Phantom;
-use relief::volume::{Grid, Volume};
+use relief_volume::camera::Orbit;
+use relief_volume::phantom::Phantom;
+use relief_volume::transfer::GradientOpacity;
+use relief_volume::transfer::Window;
+use relief_volume::{Grid, Volume};
 
 use super::{in_mode, renderer};
 
@@ -20,7 +20,7 @@ pub(super) fn compare(volume: &Volume, request: &RenderRequest, what: &str) {
     let Some(mut renderer) = renderer(what) else { return };
     let gpu = renderer.render(volume, request).unwrap();
     drop(renderer);
-    expect_equal(&gpu, &reference::render(volume, request).unwrap(), what);
+    expect_equal(&gpu, &relief_render::reference::render(volume, request).unwrap(), what);
 }
 
 fn expect_equal(gpu: &RenderedFrame, twin: &RenderedFrame, what: &str) {
@@ -49,7 +49,8 @@ pub(super) fn oblique_head() -> Volume {
     let grid = head.grid();
     let turn = glam::DAffine3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 0.5).normalize(), 0.6);
     let stretch = glam::DAffine3::from_scale(glam::DVec3::new(1.0, 1.1, 0.8));
-    let placed = relief::space::Transform::from_affine(turn * stretch * grid.patient_from_voxel().affine);
+    let placed =
+        relief_base::space::Transform::from_affine(turn * stretch * grid.patient_from_voxel().affine);
     Volume::new(Grid::new(grid.dims(), placed).unwrap(), head.voxels_hu().to_vec()).unwrap()
 }
 
@@ -99,7 +100,7 @@ fn gpu_and_twin_agree_under_opacity_by_gradient() {
             faded.transfer = faded.transfer.with_gradient_opacity(opacity);
             faded.depth = rule;
             compare(&volume, &faded, &format!("opacity by gradient, {rule:?}, {preset}"));
-            faded.shading = relief::render::Shading::NONE;
+            faded.shading = relief_render::Shading::NONE;
             compare(&volume, &faded, &format!("opacity by gradient, unlit, {rule:?}, {preset}"));
         }
     }
@@ -118,7 +119,7 @@ fn gpu_and_twin_agree_under_clip_planes_and_without_shading() {
     clipped.clip = clip;
     compare(&volume, &clipped, "clip planes");
     let mut unshaded = request(&volume, "skin", 25.0);
-    unshaded.shading = relief::render::Shading { ambient: 0.7, ..relief::render::Shading::NONE };
+    unshaded.shading = relief_render::Shading { ambient: 0.7, ..relief_render::Shading::NONE };
     compare(&volume, &unshaded, "no shading");
 }
 
@@ -140,5 +141,9 @@ fn gpu_and_twin_agree_where_gradients_are_not_precomputed() {
         "half floats round: the pictures cannot be the same"
     );
     expect_equal(&values, &precomputed, "gradients of values and precomputed ones");
-    expect_equal(&values, &reference::render(&volume, &request).unwrap(), "gradients of values");
+    expect_equal(
+        &values,
+        &relief_render::reference::render(&volume, &request).unwrap(),
+        "gradients of values",
+    );
 }

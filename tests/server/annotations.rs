@@ -2,8 +2,8 @@
 
 use axum::body::Body;
 use axum::http::{Method, Request};
-use relief::server::Config;
-use relief::session::QueueConfig;
+use relief_server::Config;
+use relief_session::QueueConfig;
 use serde_json::{Value, json};
 
 use crate::stage::{Answer, FRAME, Stage};

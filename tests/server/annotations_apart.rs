@@ -2,9 +2,9 @@
 
 use axum::body::Body;
 use axum::http::{Method, Request};
-use relief::annotation::{Change, Edit, FrameOfReference, Geometry, Item};
-use relief::space::Point;
-use relief::store::{Filter, Store};
+use relief_annotation::{Change, Edit, FrameOfReference, Geometry, Item};
+use relief_base::space::Point;
+use relief_store::{Filter, Store};
 use serde_json::{Value, json};
 
 use crate::annotations::point;

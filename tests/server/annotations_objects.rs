@@ -2,8 +2,8 @@
 
 use axum::body::Body;
 use axum::http::{Method, Request};
-use relief::dicom::{self, Strictness};
-use relief::server::LoadedVolume;
+use relief_dicom::Strictness;
+use relief_server::LoadedVolume;
 use serde_json::{Value, json};
 
 use crate::made;
@@ -13,8 +13,8 @@ use crate::tools::{file_of, python};
 /// A server with the oblique phantom as a series, whose values rise by 1, 20 and 300 along its axes from -900.
 async fn stage() -> (Stage, made::Made) {
     let made = made::series();
-    let found = dicom::discover(&made.folder.path().join("ct"), Strictness::Strict, &|_| ()).unwrap();
-    let loaded = dicom::load(found.select(None).unwrap(), Strictness::Strict, &|_| ()).unwrap();
+    let found = relief_dicom::discover(&made.folder.path().join("ct"), Strictness::Strict, &|_| ()).unwrap();
+    let loaded = relief_dicom::load(found.select(None).unwrap(), Strictness::Strict, &|_| ()).unwrap();
     let stage = Stage::annotated().await;
     let id = loaded.volume.content_hash().short();
     stage.server.add_volume(LoadedVolume {
@@ -96,7 +96,7 @@ async fn a_report_goes_out_and_comes_in_over_http() {
 async fn a_segmentation_goes_out_and_comes_in_over_http() {
     let (stage, series) = stage().await;
     // The third slice from the bottom: 120 voxels of 0.7 x 0.9 x 1.3 mm.
-    let seed = series.grid.patient_from_voxel() * relief::space::Point::new(4.0, 5.0, 2.0);
+    let seed = series.grid.patient_from_voxel() * relief_base::space::Point::new(4.0, 5.0, 2.0);
     let wanted = json!({ "seed_mm": seed.xyz.to_array(), "hu": [-300, -71], "name": "slab" });
     let grown = stage.annotate(Method::POST, "/grow", "anna", wanted).await;
     assert_eq!(grown.json()["events"][0]["item"]["geometry"]["voxels"], 120, "{}", grown.text());

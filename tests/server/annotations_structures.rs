@@ -1,7 +1,7 @@
 //! Regions and meshes over HTTP: grown, painted, filled, made into a mesh, drawn, and refused.
 
 use axum::http::Method;
-use relief::render::OverlayItem;
+use relief_render::OverlayItem;
 use serde_json::{Value, json};
 
 use crate::stage::{Answer, Stage};

@@ -1,8 +1,8 @@
 //! Frames, depth and picks: the media types, tags, and that what is sent is what was rendered.
 
-use relief::camera::Orbit;
-use relief::display::{DecodedDepth, Frame, Layout, Pixels, decode_exr, inspect_png};
-use relief::render::{RenderRequest, SceneFile};
+use relief_display::{DecodedDepth, Frame, Layout, Pixels, decode_exr, inspect_png};
+use relief_render::{RenderRequest, SceneFile};
+use relief_volume::camera::Orbit;
 use serde_json::{Value, json};
 
 use crate::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depth};
@@ -222,8 +222,8 @@ async fn the_tag_changes_with_everything_that_changes_the_frame() {
         tags.insert(stage.get(&stage.path(&format!("frame?{query}"))).await.header("etag").to_owned());
     }
     assert_eq!(tags.len(), queries.len());
-    let config = relief::server::Config { identity: "another build".to_owned(), ..Default::default() };
-    let other = Stage::with(config, relief::session::QueueConfig::default());
+    let config = relief_server::Config { identity: "another build".to_owned(), ..Default::default() };
+    let other = Stage::with(config, relief_session::QueueConfig::default());
     assert!(
         tags.insert(other.get(&other.path(&format!("frame?{}", queries[0]))).await.header("etag").to_owned())
     );
@@ -239,7 +239,7 @@ async fn a_pick_is_the_patient_position_under_the_pixel() {
     let depth = f64::from(sphere_depth(&request, [18, 10]));
     assert!((found["depth_mm"].as_f64().unwrap() - depth).abs() < 1e-4);
     let at: Vec<f64> = found["patient_mm"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
-    let point = relief::space::Point::new(at[0], at[1], at[2]);
+    let point = relief_base::space::Point::new(at[0], at[1], at[2]);
     assert!((point.distance(request.camera.look_at()) - SPHERE_MM).abs() < 1e-4, "on the sphere: {at:?}");
     let (u, v, z) = request.camera.project(point, [32, 24]).unwrap();
     assert!((u - 18.5).abs() < 1e-6 && (v - 10.5).abs() < 1e-6 && (z - depth).abs() < 1e-4, "{u} {v} {z}");

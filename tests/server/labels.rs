@@ -1,9 +1,9 @@
 //! Label maps over HTTP: uploaded, listed, in queries, in picks; and what is refused.
 
-use relief::formats::seg_nrrd;
-use relief::server::Config;
-use relief::session::QueueConfig;
-use relief::volume::{LabelMap, Segment};
+use relief_dicom::formats::seg_nrrd;
+use relief_server::Config;
+use relief_session::QueueConfig;
+use relief_volume::{LabelMap, Segment};
 
 use crate::stage::{Stage, cube};
 

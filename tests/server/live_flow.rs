@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use relief::live::Parts;
-use relief::server::LiveConfig;
+use relief_live::Parts;
+use relief_server::LiveConfig;
 use serde_json::{Value, json};
 
 use crate::live_stage::{PATIENCE, Running, intent, orbit};
 
 /// Degrees about the long axis, 0 from the front, of a header's camera.
-fn azimuth_deg(header: &relief::live::FrameHeader) -> f32 {
+fn azimuth_deg(header: &relief_live::FrameHeader) -> f32 {
     let arm: Vec<f32> = header.eye_mm.iter().zip(header.look_at_mm).map(|(eye, at)| eye - at).collect();
     arm[0].atan2(-arm[1]).to_degrees()
 }

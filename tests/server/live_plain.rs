@@ -5,7 +5,7 @@ use std::time::Duration;
 use axum::body::Body;
 use axum::http::Request;
 use image::ImageDecoder;
-use relief::display::{DisplayProfile, Pixels, ProfileName};
+use relief_display::{DisplayProfile, Pixels, ProfileName};
 use serde_json::json;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -111,7 +111,7 @@ async fn streams_end_with_the_server() {
     let mut buffer = [0; 1024];
     assert!(stream.read(&mut buffer).await.unwrap() > 0);
     running.stop();
-    assert_eq!(running.ended().await, relief::server::Drained::Whole);
+    assert_eq!(running.ended().await, relief_server::Drained::Whole);
 }
 
 #[tokio::test]

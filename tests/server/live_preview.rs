@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use relief::render::OverlayItem;
+use relief_render::OverlayItem;
 use serde_json::{Value, json};
 
 use crate::live_stage::{Client, PATIENCE, Running, intent};

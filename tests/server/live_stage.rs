@@ -4,9 +4,9 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
-use relief::live::{Parts, ReceivedFrame, SUBPROTOCOL};
-use relief::server::{Config, ConnectionLimits, Drained, LiveConfig, serve};
-use relief::session::QueueConfig;
+use relief_live::{Parts, ReceivedFrame, SUBPROTOCOL};
+use relief_server::{Config, ConnectionLimits, Drained, LiveConfig, serve};
+use relief_session::QueueConfig;
 use serde_json::{Value, json};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::oneshot;

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use relief::server::{Config, LoadedVolume, VolumeReader};
-use relief::session::QueueConfig;
-use relief::volume::{Grid, Volume};
+use relief_server::{Config, LoadedVolume, VolumeReader};
+use relief_session::QueueConfig;
+use relief_volume::{Grid, Volume};
 
 use crate::stage::{Stage, cube};
 

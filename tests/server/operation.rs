@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use axum::body::Body;
 use axum::http::Request;
-use relief::server::{Config, LoadedVolume};
-use relief::session::QueueConfig;
+use relief_server::{Config, LoadedVolume};
+use relief_session::QueueConfig;
 use serde_json::json;
 
 use crate::stage::{FAILS, REFUSES, Stage, cube};
@@ -148,12 +148,12 @@ async fn presets_and_layouts_are_listed() {
     let listed = Stage::new().get("/v1/presets").await.json();
     let names: Vec<&str> =
         listed["presets"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
-    let known: Vec<&str> = relief::transfer::PRESETS.iter().map(|preset| preset.name).collect();
+    let known: Vec<&str> = relief_volume::transfer::PRESETS.iter().map(|preset| preset.name).collect();
     assert_eq!(names, known);
     assert!(listed["presets"].as_array().unwrap().iter().all(|p| !p["purpose"].as_str().unwrap().is_empty()));
     assert!(listed["layouts"].as_array().unwrap().contains(&json!("wowvx")));
-    assert_eq!(listed["depth_rules"], json!(relief::render::DepthRule::NAMES));
-    assert_eq!(listed["lights"], json!(relief::render::Lighting::ALL.map(|lighting| lighting.name)));
+    assert_eq!(listed["depth_rules"], json!(relief_render::DepthRule::NAMES));
+    assert_eq!(listed["lights"], json!(relief_render::Lighting::ALL.map(|lighting| lighting.name)));
     assert_eq!(listed["depth_filters"], json!(["none", "median-3", "median-5", "clear-edge"]));
 }
 

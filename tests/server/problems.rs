@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use axum::body::Body;
 use axum::http::Request;
-use relief::server::Config;
-use relief::session::QueueConfig;
+use relief_server::Config;
+use relief_session::QueueConfig;
 use serde_json::json;
 
 use crate::stage::{FAILS, PANICS, REFUSES, Stage};

@@ -1,7 +1,7 @@
 //! Slices over HTTP: the query's scene, its orientation letters, its picks and its refusals.
 
-use relief::camera::Orbit;
-use relief::render::SceneFile;
+use relief_render::SceneFile;
+use relief_volume::camera::Orbit;
 use serde_json::{Value, json};
 
 use crate::stage::{Stage, cube};

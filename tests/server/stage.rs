@@ -9,14 +9,14 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
-use relief::camera::Projection;
-use relief::dicom::{self, SeriesIdentity, Strictness};
-use relief::render::{OverlayItem, Progress, RenderRequest, RenderedFrame, Timings};
-use relief::server::{Config, LabelsLoader, LoadedVolume, Server, VolumeLoader, app};
-use relief::session::{BackendError, QueueConfig, RenderBackend, RenderService};
-use relief::store::Store;
-use relief::units::DepthLimits;
-use relief::volume::{Grid, Volume};
+use relief_base::units::DepthLimits;
+use relief_dicom::{SeriesIdentity, Strictness};
+use relief_render::{OverlayItem, Progress, RenderRequest, RenderedFrame, Timings};
+use relief_server::{Config, LabelsLoader, LoadedVolume, Server, VolumeLoader, app};
+use relief_session::{BackendError, QueueConfig, RenderBackend, RenderService};
+use relief_store::Store;
+use relief_volume::camera::Projection;
+use relief_volume::{Grid, Volume};
 use serde_json::Value;
 use tower::ServiceExt;
 
@@ -330,16 +330,18 @@ fn ball() -> Volume {
 
 fn labels_loader() -> LabelsLoader {
     Arc::new(|path, grid| {
-        let found = relief::formats::read_labels(path).map_err(|error| error.to_string())?;
+        let found = relief_dicom::formats::read_labels(path).map_err(|error| error.to_string())?;
         Ok(Arc::new(found.map.resampled(grid)))
     })
 }
 
 fn loader() -> VolumeLoader {
     Arc::new(|path| {
-        let found = dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+        let found =
+            relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
         let entry = found.select(None).map_err(|error| error.to_string())?;
-        let loaded = dicom::load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+        let loaded =
+            relief_dicom::load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
         Ok(LoadedVolume {
             warnings: loaded.warnings.len(),
             volume: loaded.volume,

@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::http::Request;
-use relief::dicom::write::{Existing, SeriesFolder, SeriesLabels};
-use relief::server::{Config, LoadedVolume, UploadLimits};
-use relief::session::QueueConfig;
-use relief::volume::{Grid, Volume};
+use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels};
+use relief_server::{Config, LoadedVolume, UploadLimits};
+use relief_session::QueueConfig;
+use relief_volume::{Grid, Volume};
 
 use crate::stage::{Answer, Stage, cube};
 

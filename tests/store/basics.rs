@@ -1,7 +1,7 @@
 //! Edits, listings, the log, locks, contents, sets and templates: what holds of both databases.
 
-use relief::annotation::{ContentId, FrameOfReference, Geometry, Item, Kind, RegionSummary, Set};
-use relief::store::{Checked, Filter, LogFilter, Store, StoreError};
+use relief_annotation::{ContentId, FrameOfReference, Geometry, Item, Kind, RegionSummary, Set};
+use relief_store::{Checked, Filter, LogFilter, Store, StoreError};
 
 use crate::made::{create, delete, edit, named, names, point, seqs, update};
 

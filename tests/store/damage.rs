@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use relief::annotation::{Change, ItemId};
-use relief::store::{Filter, LogFilter, Store, StoreError};
+use relief_annotation::{Change, ItemId};
+use relief_store::{Filter, LogFilter, Store, StoreError};
 use sqlx::{Connection, Executor, Row};
 
 use crate::made::{Made, create, edit, names, point};

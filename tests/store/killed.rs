@@ -9,8 +9,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use relief::annotation::{Event, Item, Kind};
-use relief::store::{LogFilter, Store, StoreError};
+use relief_annotation::{Event, Item, Kind};
+use relief_store::{LogFilter, Store, StoreError};
 
 use crate::made::{create, delete, edit, named, point, update};
 

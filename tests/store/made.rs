@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use relief::annotation::{Change, Edit, Event, Geometry, Item, ItemId, Timestamp};
-use relief::space::Point;
-use relief::store::{Filter, Store};
+use relief_annotation::{Change, Edit, Event, Geometry, Item, ItemId, Timestamp};
+use relief_base::space::Point;
+use relief_store::{Filter, Store};
 
 /// A log in a folder that goes with it.
 pub(crate) struct Made {

@@ -9,8 +9,8 @@
 use std::collections::BTreeMap;
 
 use proptest::prelude::*;
-use relief::annotation::{Change, Event, Item, ItemId, Kind};
-use relief::store::{Filter, LogFilter, Store, StoreError};
+use relief_annotation::{Change, Event, Item, ItemId, Kind};
+use relief_store::{Filter, LogFilter, Store, StoreError};
 
 use crate::made::{Made, create, delete, edit, point, update};
 use crate::scenarios;

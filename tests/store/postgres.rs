@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use relief::store::{Store, StoreError};
+use relief_store::{Store, StoreError};
 use sqlx::{Executor, Row};
 
 use crate::made::{create, edit, names, point};

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use relief::store::Filter;
+use relief_store::Filter;
 
 use crate::made::{Made, create, edit, point};
 

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use relief::annotation::{Geometry, Item};
-use relief::space::Point;
-use relief::store::{LogFilter, Store, StoreError};
+use relief_annotation::{Geometry, Item};
+use relief_base::space::Point;
+use relief_store::{LogFilter, Store, StoreError};
 
 use crate::made::{Made, create, edit, point, update};
 use crate::scenarios;
@@ -18,7 +18,7 @@ scenarios! {
 }
 
 /// Adds one to the x of an item, again and again where others are faster, as two people with a page open would.
-async fn count_up(store: Store, id: relief::annotation::ItemId, author: String) -> usize {
+async fn count_up(store: Store, id: relief_annotation::ItemId, author: String) -> usize {
     let mut conflicts = 0;
     for _ in 0..ROUNDS {
         loop {

@@ -1,8 +1,8 @@
 //! Mesh files that are damaged or made up: an error with its place, or a mesh that is sound; never more memory than bytes.
 
 use proptest::prelude::*;
-use relief::mesh::files::{At, MeshFormat, read, write};
-use relief::mesh::{TriangleMesh, surface_nets};
+use relief_annotation::mesh::files::{At, MeshFormat, read, write};
+use relief_annotation::mesh::{TriangleMesh, surface_nets};
 
 use super::shapes::noise;
 

@@ -1,11 +1,12 @@
 //! Region growing: limits against leaks, seeds, and stopping.
 
+use relief_annotation::segmentation::grow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use relief::segmentation::{Ended, Grow, GrowError, Grown, Limits, Stage, grow};
-use relief::space::Point;
-use relief::volume::Volume;
+use relief_annotation::segmentation::{Ended, Grow, GrowError, Grown, Limits, Stage};
+use relief_base::space::Point;
+use relief_volume::Volume;
 
 use super::shapes::{grid, mask, volume};
 

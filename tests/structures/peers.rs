@@ -1,14 +1,15 @@
 //! What others make of our regions and meshes, and we of theirs: SimpleITK, VTK and trimesh.
 
+use relief_annotation::segmentation::grow;
 use std::path::Path;
 use std::process::Command;
 
 use glam::DVec3;
-use relief::mesh::files::{MeshFormat, read, write};
-use relief::mesh::{Smoothing, TriangleMesh, surface_nets};
-use relief::segmentation::{Grow, Limits, grow};
-use relief::space::Point;
-use relief::volume::{Mask, Places, Segment, Volume};
+use relief_annotation::mesh::files::{MeshFormat, read, write};
+use relief_annotation::mesh::{Smoothing, TriangleMesh, surface_nets};
+use relief_annotation::segmentation::{Grow, Limits};
+use relief_base::space::Point;
+use relief_volume::{Mask, Places, Segment, Volume};
 
 use super::shapes::{grid, indices, mask, noise};
 

@@ -1,18 +1,19 @@
 //! Real series: bone of a chest and a vessel with contrast, grown, meshed and told.
 
-use relief::dicom::{self, Strictness};
-use relief::mesh::{Decimation, Smoothing, surface_nets};
-use relief::segmentation::{Grow, GrowError, Limits, grow};
-use relief::space::Point;
-use relief::volume::Volume;
+use relief_annotation::mesh::{Decimation, Smoothing, surface_nets};
+use relief_annotation::segmentation::grow;
+use relief_annotation::segmentation::{Grow, GrowError, Limits};
+use relief_base::space::Point;
+use relief_dicom::Strictness;
+use relief_volume::Volume;
 
 use super::common::unpacked;
 use super::peers::{python, same_as_simpleitk};
 
 fn chest(what: &str) -> Option<Volume> {
     let folder = unpacked(what, "lidc-idri-0314")?;
-    let found = dicom::discover(&folder, Strictness::Lenient, &|_| ()).unwrap();
-    Some(dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap().volume)
+    let found = relief_dicom::discover(&folder, Strictness::Lenient, &|_| ()).unwrap();
+    Some(relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap().volume)
 }
 
 /// The voxel in the middle of the largest cube of values in a range, looked for on a coarse raster: a seed in the thick of it.

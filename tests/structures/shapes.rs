@@ -1,7 +1,7 @@
 //! Shapes with closed forms as masks, on grids of any axes.
 
-use relief::space::{Patient, Point, Transform};
-use relief::volume::{Grid, Mask, Volume};
+use relief_base::space::{Patient, Point, Transform};
+use relief_volume::{Grid, Mask, Volume};
 
 use glam::{DMat3, DVec3};
 

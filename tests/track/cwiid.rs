@@ -10,10 +10,10 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
-use relief::tracking::host::{Senses, VirtualRemote};
-use relief::tracking::report::output::Output;
-use relief::tracking::report::recording::{bytes_of_hex, hex_of_bytes};
-use relief::tracking::report::{Blob, Buttons, Report};
+use relief_tracking::host::{Senses, VirtualRemote};
+use relief_tracking::report::output::Output;
+use relief_tracking::report::recording::{bytes_of_hex, hex_of_bytes};
+use relief_tracking::report::{Blob, Buttons, Report};
 use serde_json::{Value, json};
 
 /// libcwiid in a process of its own, and the remote that it talks to.

@@ -14,12 +14,12 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use relief::tracking::Beacon;
-use relief::tracking::host::{Senses, VirtualRemote};
-use relief::tracking::pose::SensorPose;
-use relief::tracking::report::Report;
-use relief::tracking::report::output::Output;
-use relief::tracking::simulate::{self, Simulation};
+use relief_tracking::Beacon;
+use relief_tracking::host::{Senses, VirtualRemote};
+use relief_tracking::pose::SensorPose;
+use relief_tracking::report::Report;
+use relief_tracking::report::output::Output;
+use relief_tracking::simulate::Simulation;
 use serde_json::Value;
 
 /// `enum uhid_event_type` of linux/uhid.h.
@@ -226,7 +226,7 @@ fn found_by_kernel() -> Option<(String, String, bool)> {
 /// A sensor that rests before the recommended beacon, and what it senses.
 struct Still(SensorPose);
 
-impl simulate::Path for Still {
+impl relief_tracking::simulate::Path for Still {
     fn at(&self, _: f64) -> SensorPose {
         self.0
     }

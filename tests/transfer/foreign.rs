@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use proptest::prelude::*;
-use relief::transfer::{ImportChoice, ImportError, TransferFunction, import};
+use relief_volume::transfer::{ImportChoice, ImportError, TransferFunction, import};
 use serde_json::{Value, json};
 
 use super::common::software_adapter;
@@ -61,7 +61,7 @@ fn color_map(space: &str) -> Value {
     }])
 }
 
-fn imported(text: &str, name: Option<&str>, range_hu: Option<[f64; 2]>) -> relief::transfer::Imported {
+fn imported(text: &str, name: Option<&str>, range_hu: Option<[f64; 2]>) -> relief_volume::transfer::Imported {
     import(text.as_bytes(), &ImportChoice { name, range_hu }).unwrap()
 }
 
@@ -270,9 +270,9 @@ fn convert_prints_what_a_request_takes() {
         printed["shading"],
         json!({ "ambient": 0.15, "diffuse": 0.85, "specular": 0.3, "shininess": 30.0 })
     );
-    let scene = relief::render::SceneFile::parse(printed.to_string().as_bytes()).unwrap();
-    let grid = relief::volume::Grid::axis_aligned([8; 3], [1.0; 3], [0.0; 3]).unwrap();
-    let request = scene.resolve(&grid, &relief::camera::Orbit::default()).unwrap().request;
+    let scene = relief_render::SceneFile::parse(printed.to_string().as_bytes()).unwrap();
+    let grid = relief_volume::Grid::axis_aligned([8; 3], [1.0; 3], [0.0; 3]).unwrap();
+    let request = scene.resolve(&grid, &relief_volume::camera::Orbit::default()).unwrap().request;
     assert_eq!(request.transfer, imported(SLICER_XML, Some("Lit & stepped"), None).transfer);
 
     let property = write(folder.path(), "look.vp.json", &slicer_json().to_string());

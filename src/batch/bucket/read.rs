@@ -13,17 +13,17 @@ use sha2::{Digest, Sha256};
 use tokio::io::AsyncWriteExt;
 
 use super::{Bucket, SHA256};
-use crate::batch::manifest::hex;
+use crate::manifest::hex;
 
 /// An object that was listed: its name, size and tag.
-pub(in crate::batch) type Object = ObjectMeta;
+pub(crate) type Object = ObjectMeta;
 
 /// What lies directly below a prefix.
-pub(in crate::batch) struct Below {
+pub(crate) struct Below {
     /// Longer prefixes.
-    pub(in crate::batch) folders: Vec<String>,
+    pub(crate) folders: Vec<String>,
     /// Those that are not empty.
-    pub(in crate::batch) objects: Vec<Object>,
+    pub(crate) objects: Vec<Object>,
 }
 
 /// Most objects of one series: as many as a folder may have files.
@@ -37,7 +37,7 @@ const LONGEST: usize = 200;
 
 impl Bucket {
     /// What lies directly below a prefix, in the order of names.
-    pub(in crate::batch) fn directly_below(&self, prefix: &str) -> std::io::Result<Below> {
+    pub(crate) fn directly_below(&self, prefix: &str) -> std::io::Result<Below> {
         let prefix = parse(prefix)?;
         let found = self.runtime.block_on(self.store.list_with_delimiter(Some(&prefix)));
         let found = found.map_err(without_names)?;
@@ -47,7 +47,7 @@ impl Bucket {
     }
 
     /// All objects below a prefix that are not empty, at any depth, or the one that is called so. In the order of names.
-    pub(in crate::batch) fn all_below(&self, prefix: &str) -> std::io::Result<Vec<Object>> {
+    pub(crate) fn all_below(&self, prefix: &str) -> std::io::Result<Vec<Object>> {
         let prefix = parse(prefix)?;
         let found: Vec<Object> = self.runtime.block_on(
             self.store.list(Some(&prefix)).take(MOST_OBJECTS + 1).map_err(without_names).try_collect(),
@@ -70,13 +70,13 @@ impl Bucket {
     }
 
     /// The first bytes of an object, at most so many.
-    pub(in crate::batch) fn beginning(&self, object: &Object, bytes: u64) -> std::io::Result<Vec<u8>> {
+    pub(crate) fn beginning(&self, object: &Object, bytes: u64) -> std::io::Result<Vec<u8>> {
         let part = self.part(object, 0..object.size.min(bytes));
         self.runtime.block_on(part).map(|(bytes, _)| bytes)
     }
 
     /// Fetches objects into new files; the SHA-256 of each. An object that is no longer the one that was listed is an error.
-    pub(in crate::batch) fn fetch(&self, objects: &[(Object, PathBuf)]) -> std::io::Result<Vec<String>> {
+    pub(crate) fn fetch(&self, objects: &[(Object, PathBuf)]) -> std::io::Result<Vec<String>> {
         let each = stream::iter(objects).map(|(object, path)| self.fetch_one(object, path));
         self.runtime.block_on(each.buffered(AT_ONCE).try_collect())
     }

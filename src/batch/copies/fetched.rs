@@ -9,11 +9,11 @@ use sha2::{Digest, Sha256};
 
 use super::shelf::Shelf;
 use super::{Copies, Local};
-use crate::batch::bucket::{Bucket, Object};
-use crate::batch::location::Location;
-use crate::batch::manifest::hex;
-use crate::batch::plan::SERIES_ENDINGS;
-use crate::batch::record::Written;
+use crate::bucket::{Bucket, Object};
+use crate::location::Location;
+use crate::manifest::hex;
+use crate::plan::SERIES_ENDINGS;
+use crate::record::Written;
 
 /// The folder, and the buckets that were opened.
 #[derive(Debug, Default)]

@@ -12,9 +12,9 @@ use std::time::SystemTime;
 
 use rayon::prelude::*;
 
-use crate::batch::files::read_at_most;
-use crate::batch::record::Written;
-use crate::batch::source::file_sha256;
+use crate::files::read_at_most;
+use crate::record::Written;
+use crate::source::file_sha256;
 
 /// Beginning of the names of those that are being made or removed.
 const UNDER_WAY: &str = ".relief-copy-";

@@ -47,7 +47,7 @@ impl Queue {
         if !(1..=100).contains(&stream.len()) || !stream.chars().all(is_good) {
             return Err(QueueError::Name(stream.to_owned()));
         }
-        crate::batch::install_cryptography();
+        crate::install_cryptography();
         let mut options = options(access).await?;
         let mut servers = Vec::new();
         for url in access.url.split(',') {

@@ -19,7 +19,7 @@ use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 use super::work::Ended;
 use super::{Queue, QueueError};
-use crate::batch::manifest::{Job, JobKey, read_manifest};
+use crate::manifest::{Job, JobKey, read_manifest};
 
 /// How long the queue is asked to wait for a job.
 const POLL: Duration = Duration::from_secs(2);

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::batch::error::Failure;
-use crate::batch::manifest::Job;
-use crate::batch::sink::Sink;
+use crate::error::Failure;
+use crate::manifest::Job;
+use crate::sink::Sink;
 
 /// A job that was begun and is not done: it failed, or a worker that was killed had it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

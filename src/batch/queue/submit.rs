@@ -8,7 +8,7 @@ use async_nats::jetstream::context::{PublishAckFuture, PublishError};
 use async_nats::jetstream::message::PublishMessage;
 
 use super::{Queue, QueueError};
-use crate::batch::manifest::Job;
+use crate::manifest::Job;
 
 /// What came of submitting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

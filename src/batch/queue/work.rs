@@ -1,4 +1,4 @@
-//! Working: jobs of a queue through the pipeline of [`run`](mod@crate::batch::run), and what became of them back to it.
+//! Working: jobs of a queue through the pipeline of [`run`](mod@crate::run), and what became of them back to it.
 
 use std::collections::HashMap;
 use std::future::Future;
@@ -12,14 +12,14 @@ use tokio::sync::mpsc::{Receiver, Sender, channel};
 use super::courier::{Courier, STUCK, Taken, Verdict, Word};
 use super::setback::Setback;
 use super::{Queue, QueueError};
-use crate::batch::copies::Copies;
-use crate::batch::error::{Failure, Lasting};
-use crate::batch::gate::Gate;
-use crate::batch::manifest::{Job, JobKey};
-use crate::batch::record::Record;
-use crate::batch::run::{Shared, Step, render_groups};
-use crate::batch::sink::Sink;
-use crate::render::Renderer;
+use crate::copies::Copies;
+use crate::error::{Failure, Lasting};
+use crate::gate::Gate;
+use crate::manifest::{Job, JobKey};
+use crate::record::Record;
+use crate::run::{Shared, Step, render_groups};
+use crate::sink::Sink;
+use relief_render::Renderer;
 
 /// How a worker works.
 #[derive(Clone, Debug)]

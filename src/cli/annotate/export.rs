@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use super::super::output::{print_json, say, write_whole};
 use super::{Log, LogArguments, series};
-use crate::annotation::{ContentId, Item};
-use crate::exchange::{self, Format, LeftOut, WriteContext};
-use crate::store::Filter;
+use relief_annotation::{ContentId, Item};
+use relief_exchange::{Format, LeftOut, WriteContext};
+use relief_store::Filter;
 
 /// Write annotations to a file of another tool
 #[derive(Debug, clap::Args)]
@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
         grid: series.as_ref().map(|series| &series.grid),
         series: series.as_ref().and_then(|series| series.reference.as_ref()),
     };
-    let written = exchange::write(arguments.format, &items, &context)?;
+    let written = relief_exchange::write(arguments.format, &items, &context)?;
     write_whole(&arguments.out, &written.bytes)?;
     let report = Report {
         file: arguments.out.display().to_string(),

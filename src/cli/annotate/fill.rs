@@ -1,5 +1,6 @@
 //! `relief annotate fill`: a region between closed curves.
 
+use relief_annotation::segmentation::fill;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -8,9 +9,9 @@ use serde_json::json;
 use super::super::source::SeriesArguments;
 use super::LogArguments;
 use super::structure::{NewArguments, Scan, find, keep_new, report};
-use crate::annotation::Geometry;
-use crate::exchange::structures;
-use crate::segmentation::{Contour, fill};
+use relief_annotation::Geometry;
+
+use relief_annotation::segmentation::Contour;
 
 /// Fill closed curves on one or several levels
 #[derive(Debug, clap::Args)]
@@ -49,7 +50,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     if mask.voxels() == 0 {
         bail!("no voxel of the volume lies within the curves; are they of the same scan?");
     }
-    let kept = structures::region(&mask, &arguments.new.name, None)?;
+    let kept = relief_exchange::structures::region(&mask, &arguments.new.name, None)?;
     let item = keep_new(&log, &arguments.new, Some(scan.frame), kept, Geometry::Region)?;
     report(&item, &json!({ "voxels": mask.voxels(), "curves": contours.len() }), arguments.json)?;
     Ok(ExitCode::SUCCESS)

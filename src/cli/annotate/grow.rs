@@ -1,5 +1,6 @@
 //! `relief annotate grow`: a region from seeds.
 
+use relief_annotation::segmentation::grow;
 use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -8,10 +9,10 @@ use serde_json::json;
 use super::super::source::SeriesArguments;
 use super::LogArguments;
 use super::structure::{NewArguments, Scan, keep_new, parse_place, report};
-use crate::annotation::Geometry;
-use crate::exchange::structures;
-use crate::segmentation::{Grow, Limits, Stage, grow};
-use crate::space::{Patient, Point};
+use relief_annotation::Geometry;
+
+use relief_annotation::segmentation::{Grow, Limits, Stage};
+use relief_base::space::{Patient, Point};
 
 /// Grow a region from seeds through voxels with values in a range
 #[derive(Debug, clap::Args)]
@@ -69,7 +70,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     });
     bar.finish_and_clear();
     let grown = grown?;
-    let kept = structures::region(&grown.mask, &arguments.new.name, None)?;
+    let kept = relief_exchange::structures::region(&grown.mask, &arguments.new.name, None)?;
     let log = log.open()?;
     let item = keep_new(&log, &arguments.new, Some(scan.frame), kept, Geometry::Region)?;
     let extra = json!({ "voxels": grown.voxels, "ended": grown.ended });

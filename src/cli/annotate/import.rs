@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use super::super::output::{print_json, say};
 use super::{ByArguments, Log, LogArguments, series, table};
-use crate::annotation::{Change, Edit, Item, ItemId, Set, Versioned};
-use crate::exchange::{self, Format, Imported, Merged, Present, ReadContext};
-use crate::store::Filter;
+use relief_annotation::{Change, Edit, Item, ItemId, Set, Versioned};
+use relief_exchange::{Format, Imported, Merged, Present, ReadContext};
+use relief_store::Filter;
 
 /// The largest file that is opened.
 const MOST_BYTES: u64 = 4 << 30;
@@ -171,7 +171,7 @@ fn read(
     let bytes = std::fs::read(path)?;
     let known = format.or_else(|| Format::of(path, &bytes[..bytes.len().min(1 << 14)]));
     let format = known.context("neither its name nor its beginning says what it is; say it with --format")?;
-    Ok((format, exchange::read(format, &bytes, context)?))
+    Ok((format, relief_exchange::read(format, &bytes, context)?))
 }
 
 impl Report {

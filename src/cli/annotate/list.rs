@@ -6,8 +6,8 @@ use serde_json::json;
 
 use super::super::output::{print_json, say};
 use super::{LogArguments, table};
-use crate::annotation::measures;
-use crate::store::Filter;
+use relief_annotation::measures;
+use relief_store::Filter;
 
 /// List the items as they are now, by set, list and order
 #[derive(Debug, clap::Args)]

@@ -7,8 +7,8 @@ use serde_json::json;
 
 use super::super::output::{print_json, say};
 use super::{LogArguments, table};
-use crate::annotation::{Event, ItemId, Kind};
-use crate::store::LogFilter;
+use relief_annotation::{Event, ItemId, Kind};
+use relief_store::LogFilter;
 
 /// List every change that was ever made, the oldest first
 #[derive(Debug, clap::Args)]

@@ -9,10 +9,10 @@ use serde_json::json;
 use super::super::output::write_whole;
 use super::structure::{NewArguments, find, keep_new, mask_of, report};
 use super::{ByArguments, LogArguments};
-use crate::annotation::Geometry;
-use crate::exchange::structures;
-use crate::mesh::files::{self, MeshFormat};
-use crate::mesh::{Decimation, Smoothing, TriangleMesh, surface_nets};
+use relief_annotation::Geometry;
+
+use relief_annotation::mesh::files::MeshFormat;
+use relief_annotation::mesh::{Decimation, Smoothing, TriangleMesh, surface_nets};
 
 /// Make a closed mesh of a region, and a file of it
 #[derive(Debug, clap::Args)]
@@ -57,8 +57,8 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     let (mut mesh, is_made) = match &found.geometry {
         Some(Geometry::Mesh(summary)) => {
             let (_, bytes) = log.wait(log.store().content(&summary.content))?;
-            let mesh =
-                structures::triangles(&bytes).with_context(|| format!("cannot use {:?}", found.name))?;
+            let mesh = relief_exchange::structures::triangles(&bytes)
+                .with_context(|| format!("cannot use {:?}", found.name))?;
             (mesh, arguments.smooth.is_some() || arguments.triangles.is_some())
         }
         _ => (surface_nets(&mask_of(&log, &found)?)?, true),
@@ -71,13 +71,13 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     }
     let name = arguments.name.clone().unwrap_or_else(|| found.name.clone());
     if let (Some(path), Some(format)) = (&arguments.out, format) {
-        write_whole(path, &files::write(format, &mesh, &name)?)?;
+        write_whole(path, &relief_annotation::mesh::files::write(format, &mesh, &name)?)?;
     }
     let mut item = found.clone();
     if is_made && !arguments.only_file {
         let by = ByArguments { who: arguments.by.who.clone(), reason: arguments.by.reason.clone() };
         let new = NewArguments { name, set: found.set.clone(), by };
-        let kept = structures::mesh(&mesh)?;
+        let kept = relief_exchange::structures::mesh(&mesh)?;
         item = keep_new(&log, &new, found.frame_of_reference.clone(), kept, Geometry::Mesh)?;
     } else if arguments.out.is_none() {
         bail!("item {:?} is a mesh already; give --out FILE, --smooth or --triangles", found.name);

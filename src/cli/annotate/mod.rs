@@ -27,7 +27,7 @@ use anyhow::{Context, bail};
 use clap::CommandFactory;
 use clap::error::ErrorKind;
 
-use crate::store::{Store, StoreError};
+use relief_store::{Store, StoreError};
 
 /// Annotations of volumes: landmarks, lines, regions, meshes, in a log that forgets nothing.
 #[derive(Debug, clap::Args)]

@@ -1,5 +1,6 @@
 //! `relief annotate paint`: balls of voxels that come into a region, or go.
 
+use relief_annotation::segmentation::paint;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -8,12 +9,12 @@ use serde_json::json;
 use super::super::source::SeriesArguments;
 use super::structure::{NewArguments, Scan, find, keep, keep_new, mask_of, parse_place, report};
 use super::{Log, LogArguments};
-use crate::annotation::{Change, Geometry, Item, Versioned};
-use crate::exchange::structures;
-use crate::segmentation::{Stroke, paint};
-use crate::space::{Patient, Point};
-use crate::store::Filter;
-use crate::volume::Mask;
+use relief_annotation::{Change, Geometry, Item, Versioned};
+
+use relief_annotation::segmentation::Stroke;
+use relief_base::space::{Patient, Point};
+use relief_store::Filter;
+use relief_volume::Mask;
 
 /// Paint a region with balls: a new one, or into and out of one that is there
 #[derive(Debug, clap::Args)]
@@ -59,7 +60,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     if mask.voxels() == 0 {
         bail!("nothing would be left of the region; delete the item instead, or paint within the volume");
     }
-    let kept = structures::region(&mask, &arguments.new.name, None)?;
+    let kept = relief_exchange::structures::region(&mask, &arguments.new.name, None)?;
     let item = match existing {
         None => keep_new(&log, &arguments.new, Some(scan.frame), kept, Geometry::Region)?,
         Some(found) => {

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use super::super::source::{self, SeriesOptions};
-use crate::annotation::FrameOfReference;
-use crate::dicom::{Loaded, SeriesReference, Strictness};
-use crate::formats;
-use crate::volume::Grid;
+use relief_annotation::FrameOfReference;
+use relief_dicom::{Loaded, SeriesReference, Strictness};
+
+use relief_volume::Grid;
 
 /// The series that items belong to.
 #[derive(Debug, clap::Args)]
@@ -34,7 +34,7 @@ impl SeriesArguments {
     pub(super) fn load(&self) -> anyhow::Result<Option<Series>> {
         let Some(path) = &self.series else { return Ok(None) };
         let uid = self.series_uid.as_deref();
-        if formats::is_known(path) {
+        if relief_dicom::formats::is_known(path) {
             let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
             return Ok(Some(Series::of(&source::load(path, &options)?, None)));
         }

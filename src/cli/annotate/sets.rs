@@ -6,8 +6,8 @@ use serde_json::json;
 
 use super::super::output::{print_json, say};
 use super::{AuthorArguments, LogArguments, table};
-use crate::annotation::Set;
-use crate::store::Filter;
+use relief_annotation::Set;
+use relief_store::Filter;
 
 /// List sets, make them, and say whose they are
 #[derive(Debug, clap::Args)]

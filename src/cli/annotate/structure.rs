@@ -6,13 +6,13 @@ use serde_json::json;
 use super::super::output::{print_json, say};
 use super::super::source::{self, SeriesArguments};
 use super::{ByArguments, Log};
-use crate::annotation::{
+use relief_annotation::{
     Change, ContentId, Edit, FrameOfReference, Geometry, Item, ItemId, Method, Placement, Versioned,
 };
-use crate::exchange::structures::{self, Kept};
-use crate::space::{Patient, Point};
-use crate::store::Filter;
-use crate::volume::{Mask, Volume};
+use relief_base::space::{Patient, Point};
+use relief_exchange::structures::Kept;
+use relief_store::Filter;
+use relief_volume::{Mask, Volume};
 
 /// What a new item is called, and where it goes.
 #[derive(Debug, clap::Args)]
@@ -21,7 +21,7 @@ pub(super) struct NewArguments {
     #[arg(long, value_name = "TEXT")]
     pub(super) name: String,
     /// The set that it goes into
-    #[arg(long, value_name = "NAME", default_value = crate::annotation::Set::DEFAULT)]
+    #[arg(long, value_name = "NAME", default_value = relief_annotation::Set::DEFAULT)]
     pub(super) set: String,
     #[command(flatten)]
     pub(super) by: ByArguments,
@@ -78,7 +78,7 @@ pub(super) fn mask_of(log: &Log, item: &Item) -> anyhow::Result<Mask> {
         bail!("item {:?} is a {kind}, expected a region", item.name);
     };
     let (_, bytes) = log.wait(log.store().content(&summary.content))?;
-    structures::mask(summary, &bytes)
+    relief_exchange::structures::mask(summary, &bytes)
         .with_context(|| format!("cannot use the voxels of item {:?}", item.name))
 }
 
@@ -119,7 +119,7 @@ pub(super) fn computed() -> Placement {
 
 /// What was made, for people or programs.
 pub(super) fn report(item: &Item, extra: &serde_json::Value, is_json: bool) -> anyhow::Result<()> {
-    let measures = item.geometry.as_ref().map_or_else(Vec::new, crate::annotation::measures);
+    let measures = item.geometry.as_ref().map_or_else(Vec::new, relief_annotation::measures);
     if is_json {
         return print_json(&json!({ "item": item, "measures": measures, "result": extra }));
     }

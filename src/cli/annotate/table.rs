@@ -1,7 +1,7 @@
 //! Tables for people: columns as wide as what is in them.
 
 use super::super::output::say;
-use crate::annotation::{Geometry, Item, State, measures};
+use relief_annotation::{Geometry, Item, State, measures};
 
 /// Most letters of a cell: a name may be long, a line should not.
 const WIDEST: usize = 48;

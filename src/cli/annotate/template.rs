@@ -8,9 +8,9 @@ use serde_json::json;
 
 use super::super::output::{print_json, say};
 use super::{AuthorArguments, Log, LogArguments, import, series, table};
-use crate::annotation::{Change, Completeness, Edit, FrameOfReference, Item, Set, Template};
-use crate::exchange::{self, Format, ReadContext};
-use crate::store::Filter;
+use relief_annotation::{Change, Completeness, Edit, FrameOfReference, Item, Set, Template};
+use relief_exchange::{Format, ReadContext};
+use relief_store::Filter;
 
 /// Keep lists of expected items, apply them to sets, and see how far sets are
 #[derive(Debug, clap::Args)]
@@ -150,7 +150,7 @@ fn read(arguments: &AddArguments, bytes: &[u8]) -> anyhow::Result<Template> {
         grid: None,
         series: None,
     };
-    let read = exchange::read(format, bytes, &context)?;
+    let read = relief_exchange::read(format, bytes, &context)?;
     for warning in &read.warnings {
         eprintln!("warning: {}: {warning}", arguments.file.display());
     }

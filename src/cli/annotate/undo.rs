@@ -8,8 +8,8 @@ use serde_json::json;
 use super::super::output::{print_json, say};
 use super::log::what;
 use super::{ByArguments, LogArguments, table};
-use crate::annotation::{Event, Item};
-use crate::store::StoreError;
+use relief_annotation::{Event, Item};
+use relief_store::StoreError;
 
 /// Take back an author's newest edit that stands
 #[derive(Debug, clap::Args)]

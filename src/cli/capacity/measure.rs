@@ -1,5 +1,6 @@
 //! What one server of this machine does: the frames of live views and of requests, rendered and encoded side by side as it does it.
 
+use relief_session::encode;
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
@@ -8,14 +9,14 @@ use anyhow::Context;
 use serde::Serialize;
 
 use super::plan::Rates;
-use crate::annotation::{Change, Edit, Item};
-use crate::cli::memory::process_mib;
-use crate::display::{DisplaySettings, Picture};
-use crate::live::{ColorFormat, DepthFormat, encode_color, encode_d8};
-use crate::render::{RenderRequest, RenderedFrame, Renderer, Scene};
-use crate::session::{FileFormat, INTERACTIVE_MS, Product, QueueConfig, RenderService, encode};
-use crate::store::Store;
-use crate::volume::Volume;
+use crate::memory::process_mib;
+use relief_annotation::{Change, Edit, Item};
+use relief_display::{DisplaySettings, Picture};
+use relief_live::{ColorFormat, DepthFormat, encode_color, encode_d8};
+use relief_render::{RenderRequest, RenderedFrame, Renderer, Scene};
+use relief_session::{FileFormat, INTERACTIVE_MS, Product, QueueConfig, RenderService};
+use relief_store::Store;
+use relief_volume::Volume;
 
 /// Between two frames, degrees: every frame is another one.
 const STEP_DEG: f64 = 7.0;

@@ -15,7 +15,7 @@ use super::memory::process_mib;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
-use crate::volume::phantom::{Kind, Recipe};
+use relief_volume::phantom::{Kind, Recipe};
 
 /// What to measure for, and how to say it.
 #[derive(Debug, clap::Args)]

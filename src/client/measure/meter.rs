@@ -4,10 +4,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::Notify;
 
-use crate::client::compose::{Composed, Composer};
-use crate::client::handle::Handle;
-use crate::client::link::{Event, LinkState, Received};
-use crate::live::ServerMessage;
+use crate::compose::{Composed, Composer};
+use crate::handle::Handle;
+use crate::link::{Event, LinkState, Received};
+use relief_live::ServerMessage;
 
 /// Counts what happens in a session.
 pub(super) struct Meter {

@@ -21,8 +21,8 @@ use super::compose::{Composed, Composer};
 use super::error::ClientError;
 use super::handle::Handle;
 use super::link;
-use crate::live::{Hello, OrbitPose, PoseKind, Role};
 use meter::Meter;
+use relief_live::{Hello, OrbitPose, PoseKind, Role};
 
 pub use report::Report;
 

@@ -7,10 +7,10 @@ use tokio::time::{interval, sleep, timeout};
 use tokio_tungstenite::tungstenite::Message;
 
 use super::turned;
-use crate::client::address::ServerAddress;
-use crate::client::handle::Handle;
-use crate::client::socket::{self, Socket};
-use crate::live::{ClientMessage, Hello, Pose, Role};
+use crate::address::ServerAddress;
+use crate::handle::Handle;
+use crate::socket::{self, Socket};
+use relief_live::{ClientMessage, Hello, Pose, Role};
 
 /// Longer than a server keeps a connection that answers no ping.
 const HELD: Duration = Duration::from_secs(40);

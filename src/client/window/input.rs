@@ -3,8 +3,8 @@
 use winit::event::{ElementState, MouseButton, MouseScrollDelta};
 use winit::keyboard::{Key, ModifiersState, NamedKey};
 
-use crate::client::place::PicturePlace;
-use crate::interaction::{Intent, PlacePhase};
+use crate::place::PicturePlace;
+use relief_live::interaction::{Intent, PlacePhase};
 
 /// Degrees for each pixel of the picture that is dragged.
 const DEG_PER_PX: f64 = 0.4;
@@ -134,7 +134,7 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::Layout;
+    use relief_display::Layout;
 
     const PRESSED: ElementState = ElementState::Pressed;
 

@@ -17,9 +17,9 @@ use super::compose::{Composed, Composer};
 use super::handle::Handle;
 use super::link::{Event, LinkState, Received};
 use super::marks::Marks;
-use crate::display::Layout;
-use crate::live::ServerMessage;
-use crate::tracking::tracker::TrackingState;
+use relief_display::Layout;
+use relief_live::ServerMessage;
+use relief_tracking::tracker::TrackingState;
 
 /// How the window is.
 #[derive(Clone, Copy, Debug)]

@@ -13,12 +13,12 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::input::{Input, Meaning};
 use super::{Wake, WindowError, WindowOptions};
-use crate::client::handle::Handle;
-use crate::client::marks::Marks;
-use crate::client::place::PicturePlace;
-use crate::display::{Frame, Layout, Pixels};
-use crate::interaction::Intent;
-use crate::live::LiveLayout;
+use crate::handle::Handle;
+use crate::marks::Marks;
+use crate::place::PicturePlace;
+use relief_display::{Frame, Layout, Pixels};
+use relief_live::LiveLayout;
+use relief_live::interaction::Intent;
 
 type Pane = Surface<OwnedDisplayHandle, Rc<Window>>;
 

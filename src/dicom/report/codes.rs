@@ -1,6 +1,6 @@
 //! The codes that reports are made of. Meanings are word for word those that readers compare.
 
-use crate::dicom::object::Code;
+use crate::object::Code;
 
 pub(super) const REPORT: Code = Code::dcm("126000", "Imaging Measurement Report");
 pub(super) const LANGUAGE: Code = Code::dcm("121049", "Language of Content Item and Descendants");

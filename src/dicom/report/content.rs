@@ -6,8 +6,8 @@ use dicom_dictionary_std::tags;
 use dicom_object::InMemDicomObject;
 use glam::DVec3;
 
-use crate::dicom::object::{Code, decimal_string, put, put_items};
-use crate::dicom::reference::Instance;
+use crate::object::{Code, decimal_string, put, put_items};
+use crate::reference::Instance;
 
 pub(super) const CONTAINS: &str = "CONTAINS";
 pub(super) const CONTEXT: &str = "HAS OBS CONTEXT";

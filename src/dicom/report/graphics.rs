@@ -8,10 +8,10 @@ use glam::DVec3;
 
 use super::codes::{ANGLE, CATMULL_ROM, CONTROL_POINTS, OTHER_ANGLES, SPLINE_TYPE};
 use super::read::{Node, Warnings};
-use crate::annotation::{Geometry, Item};
-use crate::dicom::reference::{Plane, SeriesReference};
-use crate::dicom::whole::ObjectError;
-use crate::space::{Patient, Point};
+use crate::reference::{Plane, SeriesReference};
+use crate::whole::ObjectError;
+use relief_annotation::{Geometry, Item};
+use relief_base::space::{Patient, Point};
 
 /// Corners of the closed curve that an ellipse or a circle becomes.
 const ELLIPSE_POINTS: u32 = 32;

@@ -6,9 +6,9 @@ use sha2::{Digest, Sha256};
 
 use super::codes::*;
 use super::content::{CONTAINS, CONTEXT, Content, INFERRED};
-use crate::annotation::{Geometry, Item, Measure, catmull_rom, measures};
-use crate::dicom::object::{Code, LONG_STRING_CHARS, code_item, date_and_time, limited, put_items};
+use crate::object::{Code, LONG_STRING_CHARS, code_item, date_and_time, limited, put_items};
 use dicom_dictionary_std::tags;
+use relief_annotation::{Geometry, Item, Measure, catmull_rom, measures};
 
 /// How far the points of a closed curve may be off a plane for a `POLYGON`, mm: more than 32-bit floats are, less than
 /// anybody sees.

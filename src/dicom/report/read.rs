@@ -14,12 +14,12 @@ use super::codes::{
     TRACKING_UID,
 };
 use super::graphics::{self, Shape};
-use crate::annotation::{Concept, FrameOfReference, Item, ItemId, Method, Placement, Timestamp};
-use crate::dicom::charset::Charset;
-use crate::dicom::dataset::{Bounds, DataSet, Keep};
-use crate::dicom::object::Code;
-use crate::dicom::reference::SeriesReference;
-use crate::dicom::whole::{self, ObjectError};
+use crate::charset::Charset;
+use crate::dataset::{Bounds, DataSet, Keep};
+use crate::object::Code;
+use crate::reference::SeriesReference;
+use crate::whole::{self, ObjectError};
+use relief_annotation::{Concept, FrameOfReference, Item, ItemId, Method, Placement, Timestamp};
 
 /// The largest report that is read: one of ten thousand items has a quarter of it.
 const MOST_BYTES: usize = 1 << 26;

@@ -8,9 +8,9 @@ use super::ReportError;
 use super::codes::*;
 use super::content::{ACQUISITION, CONTEXT, Content, MODIFIER};
 use super::groups::{self, Group, LONGEST_EXPLICIT};
-use crate::annotation::{Item, ItemId, Timestamp};
-use crate::dicom::object::{self, LONG_STRING_CHARS, limited, put, put_equipment, put_items, uid_of};
-use crate::dicom::reference::SeriesReference;
+use crate::object::{self, LONG_STRING_CHARS, limited, put, put_equipment, put_items, uid_of};
+use crate::reference::SeriesReference;
+use relief_annotation::{Item, ItemId, Timestamp};
 
 /// Most characters of one component group of a person's name.
 const NAME_CHARS: usize = 64;

@@ -21,9 +21,9 @@ use glam::{DMat4, DVec3};
 use half::f16;
 
 use super::{EncodeError, check_count};
-use crate::display::MAX_FRAME_SIDE_PX;
-use crate::space::{Patient, Transform, View};
-use crate::units::DepthLimits;
+use crate::MAX_FRAME_SIDE_PX;
+use relief_base::space::{Patient, Transform, View};
+use relief_base::units::DepthLimits;
 
 /// The most memory that the channels of a file may take.
 const MAX_DECODED_BYTES: u64 = 2 << 30;

@@ -7,11 +7,11 @@
 use std::io::Cursor;
 
 use super::EncodeError;
-use crate::display::layout::{Layout, LayoutError, Pixels};
-use crate::display::views::Views;
+use crate::layout::{Layout, LayoutError, Pixels};
+use crate::views::Views;
 
 /// The keyword of the text chunk.
-pub(in crate::display) const LAYOUT_KEYWORD: &str = "relief-layout";
+pub(crate) const LAYOUT_KEYWORD: &str = "relief-layout";
 
 /// How long each picture of a wiggle is shown: one way takes half a second.
 const STEP_MS: u16 = 60;
@@ -83,7 +83,7 @@ pub fn decode_wiggle(file: &[u8]) -> Result<Views, EncodeError> {
         return Err(EncodeError::NoWiggle);
     }
     let count = frames as usize / 2 + 1;
-    crate::display::views::check_size(size_px, count)?;
+    crate::views::check_size(size_px, count)?;
     let mut pictures = Vec::new();
     for _ in 0..count {
         let mut samples = vec![0; 3 * size_px[0] as usize * size_px[1] as usize];
@@ -98,7 +98,7 @@ pub fn decode_wiggle(file: &[u8]) -> Result<Views, EncodeError> {
 
 /// How many pictures an animated PNG says that it has, and the layout that is written into it, as far as the file has them
 /// before its pixels.
-pub(in crate::display) fn written_layout(file: &[u8]) -> Option<(Layout, u32)> {
+pub(crate) fn written_layout(file: &[u8]) -> Option<(Layout, u32)> {
     let limits = png::Limits { bytes: MAX_DECODED_BYTES };
     let reader = png::Decoder::new_with_limits(Cursor::new(file), limits).read_info().ok()?;
     let info = reader.info();

@@ -16,8 +16,8 @@
 use rayon::prelude::*;
 
 use super::{DepthFilter, Padded, miss_if_unknown};
-use crate::display::layout::Picture;
-use crate::units::DepthLimits;
+use crate::layout::Picture;
+use relief_base::units::DepthLimits;
 
 /// Neighbours whose depths differ by more than this share of the depth range have an edge between them: four of 255
 /// disparities.

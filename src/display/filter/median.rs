@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::{Padded, miss_if_unknown};
-use crate::display::layout::Picture;
+use crate::layout::Picture;
 
 /// Pixels that are worked on side by side.
 const LANES: usize = 8;

@@ -1,9 +1,9 @@
 //! Unpacking: frames into picture and depth, strictly. What an encoder would not have written is refused by name.
 
 use super::{Frame, Layout, Pixels};
-use crate::display::header::{Header, HeaderReading};
-use crate::display::problem::FrameProblem;
-use crate::display::views::{ViewGrid, Views};
+use crate::header::{Header, HeaderReading};
+use crate::problem::FrameProblem;
+use crate::views::{ViewGrid, Views};
 
 /// What was in a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -185,11 +185,7 @@ fn read_header(frame_px: [u32; 2], samples: &[u8], problems: &mut Vec<FrameProbl
 }
 
 /// What is wrong with the depth half and with the lines that have to be black.
-pub(in crate::display) fn depth_problems(
-    layout: Layout,
-    frame_px: [u32; 2],
-    samples: &[u8],
-) -> Vec<FrameProblem> {
+pub(crate) fn depth_problems(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Vec<FrameProblem> {
     let mut problems = Vec::new();
     if layout.has_halves() {
         problems.extend(gray_problem(frame_px, samples, layout.line_step()));
@@ -231,7 +227,7 @@ fn odd_line_problem(frame_px: [u32; 2], samples: &[u8]) -> Option<FrameProblem> 
 }
 
 /// How many odd and how many even lines are not all black.
-pub(in crate::display) fn odd_and_even_lines(width: usize, samples: &[u8]) -> [usize; 2] {
+pub(crate) fn odd_and_even_lines(width: usize, samples: &[u8]) -> [usize; 2] {
     let mut counts = [0; 2];
     for (y, line) in samples.chunks_exact(3 * width).enumerate() {
         counts[usize::from(y % 2 == 0)] += usize::from(line.iter().any(|&sample| sample != 0));

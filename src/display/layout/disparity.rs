@@ -4,8 +4,8 @@
 //! for each byte, found once by bisection over all numbers of single precision; a depth then starts from the byte of its cell, and
 //! goes the few steps to its own.
 
-use crate::display::profile::DisplayProfile;
-use crate::units::{DepthLimits, ViewDepth};
+use crate::profile::DisplayProfile;
+use relief_base::units::{DepthLimits, ViewDepth};
 
 /// Cells between the limits: several for each byte, so that few steps are needed.
 const CELLS: usize = 4096;
@@ -90,7 +90,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::display::ProfileName;
+    use crate::ProfileName;
 
     fn check(profile: &DisplayProfile, limits: DepthLimits, mm: f32) {
         let table = DisparityTable::new(profile, limits);
@@ -126,7 +126,7 @@ mod tests {
         fn any_depth_has_the_byte_of_the_curve(
             near in -1e4f64..1e4, range in 1e-3f64..1e5, vz in 0.2f64..50.0, share in -0.5f64..1.5,
         ) {
-            let constants = crate::display::DisparityConstants::from_viewing_distance(vz).unwrap();
+            let constants = crate::DisparityConstants::from_viewing_distance(vz).unwrap();
             let profile = DisplayProfile::new([1920, 1080], [960, 540], constants).unwrap();
             let limits = DepthLimits::new(near, near + range).unwrap();
             check(&profile, limits, (near + share * range) as f32);

@@ -1,7 +1,7 @@
 //! The two ends of a layout: the picture that goes in and the frame that comes out.
 
 use super::LayoutError;
-use crate::display::MAX_FRAME_SIDE_PX;
+use crate::MAX_FRAME_SIDE_PX;
 
 /// A rendered picture: colour and view depth of every pixel, in rows from the top left. Borrowed, never copied.
 #[derive(Clone, Copy, Debug)]

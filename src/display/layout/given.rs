@@ -2,8 +2,8 @@
 
 use super::disparity::DisparityTable;
 use super::{DecodedLayer, DisparityLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, frame, pack};
-use crate::display::views::{Views, synthesize};
-use crate::units::{DepthLimits, ViewDepth};
+use crate::views::{Views, synthesize};
+use relief_base::units::{DepthLimits, ViewDepth};
 
 impl FrameEncoder {
     /// D of every pixel, as [`FrameEncoder::encode`] puts it into frames: depth filtered, scaled between the limits and bent by the

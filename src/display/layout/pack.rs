@@ -1,7 +1,7 @@
 //! Packing: pictures into frames, row by row. This runs for every live frame.
 
 use super::{DisparityLayer, Frame, FrameEncoder, Layout, LayoutError, Pixels};
-use crate::display::views::{Views, anaglyph};
+use crate::views::{Views, anaglyph};
 
 /// The frame of layers whose sizes the encoder has checked.
 pub(super) fn pack<const N: usize>(

@@ -11,8 +11,8 @@
 //! To an eye on the right, nearer things move left. e in pixels is 65 mm, the usual separation of eyes, on a screen of
 //! the profile's width.
 
-use crate::display::profile::{DisparityConstants, DisplayProfile};
-use crate::units::{DepthLimits, Disparity};
+use crate::profile::{DisparityConstants, DisplayProfile};
+use relief_base::units::{DepthLimits, Disparity};
 
 /// Separation of a viewer's eyes, mm.
 const EYE_SEPARATION_MM: f64 = 65.0;
@@ -98,8 +98,8 @@ impl Parallax {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::profile::ProfileName;
-    use crate::units::ScaledDepth;
+    use crate::profile::ProfileName;
+    use relief_base::units::ScaledDepth;
 
     /// Two eyes, a screen and a point, by intersecting lines, without any of the formulas above.
     #[test]

@@ -16,8 +16,8 @@
 use rayon::prelude::*;
 
 use super::{Parallax, Views, check_size};
-use crate::display::layout::{DecodedLayer, LayoutError};
-use crate::units::Disparity;
+use crate::layout::{DecodedLayer, LayoutError};
+use relief_base::units::Disparity;
 
 /// A pixel's width.
 const UNIT: i32 = 4096;

@@ -7,8 +7,8 @@ use serde::de::IgnoredAny;
 use super::super::reading::{self, Reading};
 use super::super::{ExchangeError, Format, Imported, ReadContext};
 use super::wire::{Annotation, Listed};
-use crate::annotation::{FrameOfReference, Geometry};
-use crate::space::{Patient, Point};
+use relief_annotation::{FrameOfReference, Geometry};
+use relief_base::space::{Patient, Point};
 
 const FORMAT: Format = Format::Cornerstone;
 

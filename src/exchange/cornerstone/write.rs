@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::super::extra::Extra;
 use super::super::{ExchangeError, Format, written_json};
 use super::wire::{Annotation, Contour, Data, Handles, Metadata, Spline};
-use crate::annotation::{Geometry, Item, catmull_rom};
-use crate::space::{Patient, Point};
+use relief_annotation::{Geometry, Item, catmull_rom};
+use relief_base::space::{Patient, Point};
 
 /// Straight parts between two points of a smooth curve.
 const PARTS: usize = 16;

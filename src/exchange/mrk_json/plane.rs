@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::super::reading::{mirrored, point};
 use super::wire::{ControlPoint, CoordinateSystem, Markup, PositionStatus};
-use crate::annotation::Geometry;
+use relief_annotation::Geometry;
 
 /// Why there is no plane.
 pub(super) enum NoPlane {

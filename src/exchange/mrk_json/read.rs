@@ -6,8 +6,8 @@ use super::super::reading::{self, Reading, mirrored};
 use super::super::{ExchangeError, Format, Imported, ReadContext};
 use super::plane::{self, NoPlane};
 use super::wire::{ControlPoint, CoordinateSystem, File, Head, Kind, Markup, PointId, PositionStatus, Units};
-use crate::annotation::{Geometry, Item};
-use crate::space::{Patient, Point};
+use relief_annotation::{Geometry, Item};
+use relief_base::space::{Patient, Point};
 
 const FORMAT: Format = Format::MrkJson;
 

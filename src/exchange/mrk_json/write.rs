@@ -7,9 +7,9 @@ use super::wire::{
     ControlPoint, CoordinateSystem, Display, File, Kind, Markup, Measurement, PointId, PositionStatus,
     SCHEMA, Units,
 };
-use crate::annotation::{Geometry, Item, measures};
-use crate::space::{Patient, Point};
 use glam::DVec3;
+use relief_annotation::{Geometry, Item, measures};
+use relief_base::space::{Patient, Point};
 
 /// Writes items that are sorted by list.
 ///
@@ -131,7 +131,7 @@ fn single(item: &Item) -> Markup {
 }
 
 fn measured(geometry: &Geometry) -> Vec<Measurement> {
-    let measurement = |measure: crate::annotation::Measure| Measurement {
+    let measurement = |measure: relief_annotation::Measure| Measurement {
         name: measure.name,
         enabled: true,
         value: measure.value,

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{MessageError, Settings, refused};
-use crate::annotation::Item;
-use crate::live::format::{ColorFormat, DepthFormat};
+use crate::format::{ColorFormat, DepthFormat};
+use relief_annotation::Item;
 
 /// Most characters of the name of a view.
 pub const MAX_VIEW_NAME: usize = 64;

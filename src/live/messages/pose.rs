@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::{MessageError, refused};
-use crate::camera::CameraFile;
 use crate::interaction::Intent;
-use crate::tracking::report::recording::bytes_of_hex;
-use crate::tracking::report::{Buttons, MAX_REPORT_BYTES};
-use crate::tracking::tracker::TrackingState;
+use relief_tracking::report::recording::bytes_of_hex;
+use relief_tracking::report::{Buttons, MAX_REPORT_BYTES};
+use relief_tracking::tracker::TrackingState;
+use relief_volume::camera::CameraFile;
 
 /// A pose: of the tracked Wiimote, of an orbit, or a camera.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,9 +5,9 @@ use serde_json::Value;
 
 use super::hello::{ColorFormats, Role};
 use super::{MessageError, object, read, refused, written};
+use crate::format::DepthFormat;
 use crate::interaction::ViewRecord;
-use crate::live::format::DepthFormat;
-use crate::tracking::tracker::TrackingState;
+use relief_tracking::tracker::TrackingState;
 
 /// What the server sends beside frames.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::annotation::Shown;
-use crate::display::DisplaySettings;
 use crate::interaction::GrabMode;
+use relief_annotation::Shown;
+use relief_display::DisplaySettings;
 
 /// What is shown, and how. What is left out stays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -6,33 +6,33 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::volume::Grid;
+use relief_volume::Grid;
 
 /// Directions in which openness is looked for.
-pub(in crate::render) const DIRECTIONS: usize = 32;
+pub(crate) const DIRECTIONS: usize = 32;
 
 /// Points of the disc of a light that has a size.
 const DISC_RAYS: u32 = 6;
 
 /// How cells tile a volume: from its outer faces on, so that the last ones may stick out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::render) struct Cells {
+pub(crate) struct Cells {
     /// Cells along i, j, k.
-    pub(in crate::render) dims: [usize; 3],
+    pub(crate) dims: [usize; 3],
     /// Voxels along each edge of a cell.
-    pub(in crate::render) voxels: [usize; 3],
+    pub(crate) voxels: [usize; 3],
     /// The edge of a cube as large as a cell, mm.
-    pub(in crate::render) edge_mm: f64,
+    pub(crate) edge_mm: f64,
     /// Distance between voxels along the finest axis, mm.
     finest_mm: f64,
 }
 
 impl Cells {
     /// Most cells of a volume: 16 MiB of texels.
-    pub(in crate::render) const MOST: usize = 1 << 21;
+    pub(crate) const MOST: usize = 1 << 21;
 
     /// Cells of two voxels along the finest axis and about as wide along the others, or as much coarser as it takes.
-    pub(in crate::render) fn of(grid: &Grid) -> Self {
+    pub(crate) fn of(grid: &Grid) -> Self {
         let spacing = grid.spacing_mm();
         let finest = spacing.into_iter().fold(f64::INFINITY, f64::min);
         let mut wanted_mm = 2.0 * finest;
@@ -50,46 +50,46 @@ impl Cells {
     }
 
     /// Distance between samples on the way to a light, mm: thin walls are met.
-    pub(in crate::render) fn shadow_step_mm(&self) -> f64 {
+    pub(crate) fn shadow_step_mm(&self) -> f64 {
         (0.5 * self.edge_mm).min(2.0 * self.finest_mm)
     }
 
     /// Distance between samples of openness within a radius, mm: fewer, as many directions make up for what one misses. A
     /// step stays within a brick.
-    pub(in crate::render) fn openness_step_mm(&self, radius_mm: f64) -> f64 {
+    pub(crate) fn openness_step_mm(&self, radius_mm: f64) -> f64 {
         self.shadow_step_mm().max(radius_mm / 8.0).min(3.0 * self.finest_mm)
     }
 
     /// Where rays begin: half a cell from its centre, so that the surface that a cell lies in casts no shadow on it.
-    pub(in crate::render) fn begin_mm(&self) -> f64 {
+    pub(crate) fn begin_mm(&self) -> f64 {
         0.5 * self.edge_mm
     }
 
     /// Voxel index of a cell's centre.
-    pub(in crate::render) fn center(&self, cell: [usize; 3]) -> DVec3 {
+    pub(crate) fn center(&self, cell: [usize; 3]) -> DVec3 {
         let center = |axis: usize| (cell[axis] as f64 + 0.5) * self.voxels[axis] as f64 - 0.5;
         DVec3::new(center(0), center(1), center(2))
     }
 
     /// The position in cells, 0 at the first one's outer faces, for a voxel index.
-    pub(in crate::render) fn position(&self, voxel: DVec3) -> DVec3 {
+    pub(crate) fn position(&self, voxel: DVec3) -> DVec3 {
         (voxel + 0.5) / DVec3::from(self.voxels.map(|n| n as f64))
     }
 
     /// A step of one cell along a unit normal (patient axes), in cells.
-    pub(in crate::render) fn step_before(grid: &Grid, normal: DVec3) -> DVec3 {
+    pub(crate) fn step_before(grid: &Grid, normal: DVec3) -> DVec3 {
         DVec3::from(grid.axis_directions().map(|axis| axis.dot(normal)))
     }
 
     /// How many bricks a visible sample is at most away from the cells that it looks up: one cell before the surface, and
     /// one to the next centres.
-    pub(in crate::render) fn reach(&self, brick_edge: usize) -> usize {
+    pub(crate) fn reach(&self, brick_edge: usize) -> usize {
         self.voxels.into_iter().map(|voxels| (2 * voxels + 1) / brick_edge + 1).max().unwrap_or(1)
     }
 }
 
 /// Direction `i` of [`DIRECTIONS`], evenly spread over the sphere (Fibonacci's lattice); unit length.
-pub(in crate::render) fn sphere_direction(i: usize) -> DVec3 {
+pub(crate) fn sphere_direction(i: usize) -> DVec3 {
     let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;
     let (sine, cosine) = (i as f64 * PI * (3.0 - 5.0f64.sqrt())).sin_cos();
     let across = (1.0 - z * z).sqrt();
@@ -97,7 +97,7 @@ pub(in crate::render) fn sphere_direction(i: usize) -> DVec3 {
 }
 
 /// Rays towards a light that fills this angle, radians.
-pub(in crate::render) fn disc_rays(size: f64) -> u32 {
+pub(crate) fn disc_rays(size: f64) -> u32 {
     if size > 0.0 { DISC_RAYS } else { 1 }
 }
 

@@ -6,22 +6,22 @@ use super::cells::Cells;
 use super::settings::Occlusion;
 use super::stage::{CELL_BINDINGS, CELLS_SIDE, Stage, StageKey};
 use super::uniform::{IlluminationUniform, LightingUniform};
-use crate::camera::{Camera, Projection};
+use crate::RenderError;
+use crate::classification::Classification;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use crate::render::RenderError;
-use crate::render::classification::Classification;
-use crate::render::labels::Labels;
-use crate::render::light::InPatient;
-use crate::render::mode::Mode;
-use crate::render::renderer::Skipping;
-use crate::render::request::{Clip, RenderRequest, RequestError};
-use crate::render::surface::Surface;
-use crate::render::tables::Tables;
-use crate::render::uniform::FrameUniform;
-use crate::render::upload::{Appearance, VolumeOnGpu, VoxelFormat, upload_table};
-use crate::space::Vector;
-use crate::transfer::TransferFunction;
-use crate::volume::{ContentHash, Grid, Volume};
+use crate::labels::Labels;
+use crate::light::InPatient;
+use crate::mode::Mode;
+use crate::renderer::Skipping;
+use crate::request::{Clip, RenderRequest, RequestError};
+use crate::surface::Surface;
+use crate::tables::Tables;
+use crate::uniform::FrameUniform;
+use crate::upload::{Appearance, VolumeOnGpu, VoxelFormat, upload_table};
+use relief_base::space::Vector;
+use relief_volume::camera::{Camera, Projection};
+use relief_volume::transfer::TransferFunction;
+use relief_volume::{ContentHash, Grid, Volume};
 
 /// What cells are kept in: every adapter can write and filter it. Drivers in software interpolate 8-bit texels by weights
 /// of 8 bits, which showed in pictures.
@@ -35,14 +35,14 @@ const CELLS_OF_DISPATCH: usize = 1 << 18;
 
 /// What is lit, and with what.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct Order<'a> {
-    pub(in crate::render) gpu: &'a Gpu,
-    pub(in crate::render) volume: &'a Volume,
-    pub(in crate::render) on_gpu: &'a VolumeOnGpu,
-    pub(in crate::render) appearance: &'a Appearance,
-    pub(in crate::render) labels: &'a wgpu::TextureView,
-    pub(in crate::render) sampler: &'a wgpu::Sampler,
-    pub(in crate::render) request: &'a RenderRequest,
+pub(crate) struct Order<'a> {
+    pub(crate) gpu: &'a Gpu,
+    pub(crate) volume: &'a Volume,
+    pub(crate) on_gpu: &'a VolumeOnGpu,
+    pub(crate) appearance: &'a Appearance,
+    pub(crate) labels: &'a wgpu::TextureView,
+    pub(crate) sampler: &'a wgpu::Sampler,
+    pub(crate) request: &'a RenderRequest,
 }
 
 /// What is sought in each cell.
@@ -90,7 +90,7 @@ struct Filling {
 }
 
 /// Keeps what rays need beside the volume to light its samples.
-pub(in crate::render) struct Illuminator {
+pub(crate) struct Illuminator {
     layout: wgpu::BindGroupLayout,
     lighting: wgpu::Buffer,
     /// In the place of cells that are not looked up.
@@ -104,7 +104,7 @@ pub(in crate::render) struct Illuminator {
 
 impl Illuminator {
     /// `layout` is that of the ray caster's second group; `format` is that of the volumes.
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         layout: wgpu::BindGroupLayout,
         format: VoxelFormat,
@@ -118,18 +118,18 @@ impl Illuminator {
     }
 
     /// The ray caster's second group, for the request that was last prepared.
-    pub(in crate::render) fn bindings(&self) -> &wgpu::BindGroup {
+    pub(crate) fn bindings(&self) -> &wgpu::BindGroup {
         &self.bindings
     }
 
     /// Lets go of what is kept of a volume.
-    pub(in crate::render) fn forget(&mut self, gpu: &Gpu, volume: ContentHash) {
+    pub(crate) fn forget(&mut self, gpu: &Gpu, volume: ContentHash) {
         self.bindings = bind(gpu, &self.layout, &self.lighting, [&self.nothing, &self.nothing]);
         self.kept.retain(|filling| filling.key.volume != volume);
     }
 
     /// Makes the second group fit a request, if its rays read that; says whether cells were filled.
-    pub(in crate::render) fn prepare(&mut self, order: Order<'_>) -> Result<bool, RenderError> {
+    pub(crate) fn prepare(&mut self, order: Order<'_>) -> Result<bool, RenderError> {
         let Order { gpu, volume, on_gpu, request, .. } = order;
         if !request.has_own_light() {
             return Ok(false);

@@ -1,7 +1,7 @@
 //! How much shadows and occlusion show, and their ranges.
 
-use crate::render::light::Light;
-use crate::render::request::RequestError;
+use crate::light::Light;
+use crate::request::RequestError;
 
 /// Shadows and occlusion of modes composite and isosurface. Neither changes depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,7 +29,7 @@ impl Default for Occlusion {
 }
 
 impl Illumination {
-    pub(in crate::render) fn validate(&self, lights: &[Light]) -> Result<(), RequestError> {
+    pub(crate) fn validate(&self, lights: &[Light]) -> Result<(), RequestError> {
         let Self { shadows, occlusion: Occlusion { strength, radius_mm } } = *self;
         for (key, value, [low, high]) in [
             ("shadows", shadows, [0.0, 1.0]),

@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use crate::render::labels::Edges;
-use crate::render::mode::Mode;
-use crate::render::pipelines::TableStorage;
-use crate::render::request::RenderRequest;
-use crate::render::upload::VoxelFormat;
+use crate::labels::Edges;
+use crate::mode::Mode;
+use crate::pipelines::TableStorage;
+use crate::request::RenderRequest;
+use crate::upload::VoxelFormat;
 
 /// Cells along each side of a workgroup.
 pub(super) const CELLS_SIDE: u32 = 4;
@@ -131,7 +131,7 @@ impl Stage {
 }
 
 /// The layout of the ray caster's second group.
-pub(in crate::render) fn lighting_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+pub(crate) fn lighting_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     group_layout(gpu, "lighting", LIGHTING_BINDINGS.into_iter(), TableStorage::of(gpu))
 }
 

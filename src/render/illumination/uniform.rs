@@ -7,11 +7,11 @@ use glam::{DAffine3, DMat4, DVec3};
 use super::cells::{Cells, DIRECTIONS, disc_rays, sphere_direction};
 use super::illuminator::Sought;
 use super::stage::CELLS_SIDE;
-use crate::render::classification::Classification;
-use crate::render::light::{InPatient, Light};
-use crate::render::renderer::depth_limits;
-use crate::render::request::RenderRequest;
-use crate::volume::Grid;
+use crate::classification::Classification;
+use crate::light::{InPatient, Light};
+use crate::renderer::depth_limits;
+use crate::request::RenderRequest;
+use relief_volume::Grid;
 
 /// One light as rays have it.
 #[repr(C)]
@@ -157,7 +157,7 @@ mod tests {
 
     use super::super::stage::{CELL_BINDINGS, LIGHTING_BINDINGS, illuminate_sources};
     use super::*;
-    use crate::render::pipelines::{RAYCAST, TableStorage, stage_sources};
+    use crate::pipelines::{RAYCAST, TableStorage, stage_sources};
 
     fn members(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
         let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();

@@ -10,8 +10,8 @@ use super::layers::Rank;
 use super::lens::{Lens, NEAR_MM};
 use super::shape::{Primitive, Shape, Stroke, Triangle};
 use super::text::{Style, Typesetter, usual_height_px};
-use crate::annotation::catmull_rom;
-use crate::volume::Grid;
+use relief_annotation::catmull_rom;
+use relief_volume::Grid;
 
 /// Colour and width of the bounding box.
 const BOX_RGB: [f64; 3] = [0.95, 0.8, 0.35];

@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use glam::{DVec2, DVec3};
 
-use crate::annotation::catmull_rom;
+use relief_annotation::catmull_rom;
 
 /// Height of capitals.
 pub const CAPITAL: f64 = 12.0;

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use super::text::HEIGHTS_PX;
-use crate::render::request::RequestError;
-use crate::space::{Patient, Point};
+use crate::request::RequestError;
+use relief_base::space::{Patient, Point};
 
 /// Everything that is drawn over a picture, in the same depth as the volume.
 #[derive(Clone, Debug, PartialEq)]

@@ -257,8 +257,8 @@ impl Taken {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Orbit;
-    use crate::space::Point;
+    use relief_base::space::Point;
+    use relief_volume::camera::Orbit;
 
     fn lens() -> Lens {
         Lens::new(&Orbit::default().camera(Point::new(0.0, 0.0, 0.0), 100.0).unwrap(), [400, 300])

@@ -31,7 +31,7 @@ use self::lens::Lens;
 use self::shape::{Primitive, Shape, pixels};
 use super::frame::RenderedFrame;
 use super::request::{RenderRequest, RequestError};
-use crate::volume::Grid;
+use relief_volume::Grid;
 
 pub use font::{CAPITAL, lettering};
 pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};

@@ -1,10 +1,10 @@
 //! A transfer function as a medium on the GPU, and what bounds its extinction in each brick of a volume.
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use crate::render::request::RenderRequest;
-use crate::render::upload::{VolumeOnGpu, texture_3d, write_layers};
-use crate::transfer::{MediumTable, TransferFunction};
-use crate::volume::ContentHash;
+use crate::request::RenderRequest;
+use crate::upload::{VolumeOnGpu, texture_3d, write_layers};
+use relief_volume::ContentHash;
+use relief_volume::transfer::{MediumTable, TransferFunction};
 
 /// The medium of one volume under one transfer function and density.
 pub(super) struct Medium {

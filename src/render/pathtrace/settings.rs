@@ -1,8 +1,8 @@
 //! The settings of mode `path-traced` and their ranges.
 
-use crate::render::light::{Light, Placement};
-use crate::render::request::RequestError;
-use crate::space::Vector;
+use crate::light::{Light, Placement};
+use crate::request::RequestError;
+use relief_base::space::Vector;
 
 /// What a path-traced picture takes beside the rest of its request.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +64,7 @@ impl PathTrace {
     }
 
     /// Checks ranges, and that a picture of so many pixels is within [`PathTrace::MAX_PATHS`].
-    pub(in crate::render) fn validate(&self, pixels: u64) -> Result<(), RequestError> {
+    pub(crate) fn validate(&self, pixels: u64) -> Result<(), RequestError> {
         let within = |key: &str, value: f64, low: f64, high: f64| {
             let path = format!("path_trace.{key}");
             let inside = (low..=high).contains(&value);

@@ -3,23 +3,23 @@
 use super::medium::Medium;
 use super::stage::Stage;
 use super::uniform::PathUniform;
+use crate::bands::{Bands, Dispatch};
+use crate::error::RenderError;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
-use crate::render::bands::{Bands, Dispatch};
-use crate::render::error::RenderError;
-use crate::render::region::Region;
-use crate::render::renderer::{Skipping, depth_limits};
-use crate::render::request::{RenderRequest, RequestError};
-use crate::render::uniform::FrameUniform;
-use crate::render::upload::{Appearance, VolumeOnGpu};
-use crate::render::watch::Watch;
-use crate::volume::{ContentHash, Volume};
+use crate::region::Region;
+use crate::renderer::{Skipping, depth_limits};
+use crate::request::{RenderRequest, RequestError};
+use crate::uniform::FrameUniform;
+use crate::upload::{Appearance, VolumeOnGpu};
+use crate::watch::Watch;
+use relief_volume::{ContentHash, Volume};
 
 /// Paths of one dispatch: short enough for drivers that stop long ones and for those who wait for a picture to be
 /// cancelled, long enough not to matter.
 const PATHS_OF_DISPATCH: u64 = 1 << 18;
 
 /// The path tracer of one device.
-pub(in crate::render) struct PathTracer {
+pub(crate) struct PathTracer {
     stage: Stage,
     frame: wgpu::Buffer,
     path: wgpu::Buffer,
@@ -30,15 +30,15 @@ pub(in crate::render) struct PathTracer {
 
 /// What passes are made of.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct Order<'a> {
-    pub(in crate::render) gpu: &'a Gpu,
-    pub(in crate::render) volume: &'a Volume,
-    pub(in crate::render) on_gpu: &'a VolumeOnGpu,
+pub(crate) struct Order<'a> {
+    pub(crate) gpu: &'a Gpu,
+    pub(crate) volume: &'a Volume,
+    pub(crate) on_gpu: &'a VolumeOnGpu,
     /// Of the composite picture, whose depth this one has.
-    pub(in crate::render) appearance: &'a Appearance,
-    pub(in crate::render) sampler: &'a wgpu::Sampler,
-    pub(in crate::render) request: &'a RenderRequest,
-    pub(in crate::render) bands: Bands,
+    pub(crate) appearance: &'a Appearance,
+    pub(crate) sampler: &'a wgpu::Sampler,
+    pub(crate) request: &'a RenderRequest,
+    pub(crate) bands: Bands,
 }
 
 /// What has been added up, and for which request.
@@ -54,7 +54,7 @@ struct Sums {
 
 impl PathTracer {
     /// `hu_scale` is the HU of a texel value of 1.
-    pub(in crate::render) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
         let stage = Stage::new(gpu, hu_scale)?;
         let scope = ErrorScope::open(gpu, "the path tracer");
         let uniform = |label, size: usize| {
@@ -72,13 +72,13 @@ impl PathTracer {
     }
 
     /// Lets go of what is kept of a volume.
-    pub(in crate::render) fn forget(&mut self, volume: ContentHash) {
+    pub(crate) fn forget(&mut self, volume: ContentHash) {
         self.medium = self.medium.take().filter(|medium| !medium.is_of(volume));
         self.sums = self.sums.take().filter(|sums| sums.volume != volume);
     }
 
     /// The picture of a request: rows from the top, sRGB and coverage.
-    pub(in crate::render) fn render(
+    pub(crate) fn render(
         &mut self,
         order: Order<'_>,
         watch: &mut Watch<'_>,

@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::camera::Camera;
-use crate::render::light::{InView, Light};
-use crate::render::request::RenderRequest;
-use crate::transfer::{MediumTable, linear_from_srgb};
+use crate::light::{InView, Light};
+use crate::request::RenderRequest;
+use relief_volume::camera::Camera;
+use relief_volume::transfer::{MediumTable, linear_from_srgb};
 
 /// One light as the shader has it.
 #[repr(C)]
@@ -93,8 +93,8 @@ mod tests {
 
     use super::super::stage::{BINDINGS, PATHTRACE_SOURCES};
     use super::{LightUniform, PathUniform};
-    use crate::render::light::Light;
-    use crate::render::pipelines::WORKGROUP_SIDE;
+    use crate::light::Light;
+    use crate::pipelines::WORKGROUP_SIDE;
 
     fn reflected() -> naga::Module {
         naga::front::wgsl::parse_str(&PATHTRACE_SOURCES.join("\n")).expect("the shader parses")

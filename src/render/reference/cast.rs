@@ -6,11 +6,11 @@ use super::classify::{gradient_factor, modulated};
 use super::field::{central_differences, sample_hu};
 use super::lights::Lights;
 use super::ray::{Ray, Rays};
-use crate::render::mode::Mode;
-use crate::render::request::{DepthRule, RenderRequest};
-use crate::render::tables::Tables;
-use crate::render::uniform::patient_from_voxel_gradient;
-use crate::volume::Volume;
+use crate::mode::Mode;
+use crate::request::{DepthRule, RenderRequest};
+use crate::tables::Tables;
+use crate::uniform::patient_from_voxel_gradient;
+use relief_volume::Volume;
 
 pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
 pub(super) const VISIBLE: f64 = 0.5 / 255.0;

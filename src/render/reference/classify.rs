@@ -2,8 +2,8 @@
 
 use glam::{DVec3, DVec4};
 
-use crate::render::request::Shading;
-use crate::transfer::{GradientTable, TransferTable};
+use crate::request::Shading;
+use relief_volume::transfer::{GradientTable, TransferTable};
 
 /// Colour and opacity of one sample.
 pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {

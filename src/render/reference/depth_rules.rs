@@ -2,7 +2,7 @@
 
 use super::cast::{BISECTIONS, Caster, Hit, OPAQUE};
 use super::ray::Ray;
-use crate::render::request::DepthRule;
+use crate::request::DepthRule;
 
 const AS_GREAT: f64 = 1.0 - 1.0 / 256.0;
 const SLOPE_SHARE: f64 = 0.5;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::volume::Volume;
+use relief_volume::Volume;
 
 /// Trilinear between voxel centres, clamped outside the outermost ones.
 pub(super) fn sample_hu(volume: &Volume, p: DVec3) -> f64 {

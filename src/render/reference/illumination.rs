@@ -9,14 +9,14 @@ use glam::DVec3;
 use super::classify::{gradient_factor, modulated};
 use super::field::{central_differences, sample_hu};
 use super::labels::classify_at;
-use crate::render::illumination::{Cells, DIRECTIONS, disc_rays, sphere_direction};
-use crate::render::light::InPatient;
-use crate::render::mode::Mode;
-use crate::render::request::RenderRequest;
-use crate::render::tables::Tables;
-use crate::render::uniform::patient_from_voxel_gradient;
-use crate::space::{Patient, Point, Vector};
-use crate::volume::Volume;
+use crate::illumination::{Cells, DIRECTIONS, disc_rays, sphere_direction};
+use crate::light::InPatient;
+use crate::mode::Mode;
+use crate::request::RenderRequest;
+use crate::tables::Tables;
+use crate::uniform::patient_from_voxel_gradient;
+use relief_base::space::{Patient, Point, Vector};
+use relief_volume::Volume;
 
 /// Samples that lie on a face but for rounding count as outside.
 const ON_FACE: f64 = 1e-3;

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::cast::{Caster, Hit, OPAQUE, VISIBLE};
 use super::ray::Ray;
-use crate::render::request::DepthRule;
-use crate::render::surface::Surface;
+use crate::request::DepthRule;
+use crate::surface::Surface;
 
 const HALVINGS: i32 = 8;
 

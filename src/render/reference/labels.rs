@@ -4,8 +4,8 @@ use glam::{DVec3, DVec4};
 
 use super::cast::Caster;
 use super::classify::classify;
-use crate::render::labels::{Edges, Labels};
-use crate::render::tables::Tables;
+use crate::labels::{Edges, Labels};
+use crate::tables::Tables;
 
 impl Caster<'_> {
     /// Colour and opacity of a value at a position.

@@ -4,10 +4,10 @@ use glam::DVec3;
 
 use super::classify::shade;
 use super::illumination::CellsOfLight;
-use crate::render::light::{InPatient, Light};
-use crate::render::request::RenderRequest;
-use crate::space::Point;
-use crate::volume::Volume;
+use crate::light::{InPatient, Light};
+use crate::request::RenderRequest;
+use relief_base::space::Point;
+use relief_volume::Volume;
 
 /// The light of a request.
 pub(super) struct Lights<'a> {

@@ -42,7 +42,7 @@ use super::letters;
 use super::overlay::Drawing;
 use super::renderer::depth_limits;
 use super::request::RenderRequest;
-use crate::volume::Volume;
+use relief_volume::Volume;
 
 /// Renders one picture on the CPU in f64.
 ///

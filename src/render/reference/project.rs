@@ -6,8 +6,8 @@ use super::cast::{Caster, Hit, VISIBLE};
 use super::classify::classify;
 use super::field::sample_hu;
 use super::ray::Ray;
-use crate::render::mode::Mode;
-use crate::render::uniform::brightness_range;
+use crate::mode::Mode;
+use crate::uniform::brightness_range;
 
 const FLAT_HU: f64 = 0.05;
 

@@ -5,8 +5,8 @@ use glam::{DVec3, DVec4};
 use super::cast::{Caster, Hit};
 use super::field::sample_hu;
 use super::ray::Ray;
-use crate::render::mode::SlabBlend;
-use crate::render::slices::SlabSamples;
+use crate::mode::SlabBlend;
+use crate::slices::SlabSamples;
 
 const FLAT_HU: f64 = 0.05;
 

@@ -1,9 +1,9 @@
 //! Why a scene is refused: always with the key's path in the JSON, the value and what is allowed.
 
-use crate::camera::{CameraError, OrbitError};
-use crate::display::SettingsError;
-use crate::render::request::RequestError;
-use crate::transfer::{GradientOpacity, TransferError, TransferFunction};
+use crate::request::RequestError;
+use relief_display::SettingsError;
+use relief_volume::camera::{CameraError, OrbitError};
+use relief_volume::transfer::{GradientOpacity, TransferError, TransferFunction};
 
 /// Why a scene was refused.
 #[derive(Debug, thiserror::Error)]

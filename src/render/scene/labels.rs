@@ -9,12 +9,12 @@ use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
 use super::parts::{TransferFile, Windows, resolve_transfer};
-use crate::render::classification::Classification;
-use crate::render::labels::{Edges, Labels, Look};
-use crate::render::mode::Mode;
-use crate::render::request::RequestError;
-use crate::transfer::TransferFunction;
-use crate::volume::LabelMap;
+use crate::classification::Classification;
+use crate::labels::{Edges, Labels, Look};
+use crate::mode::Mode;
+use crate::request::RequestError;
+use relief_volume::LabelMap;
+use relief_volume::transfer::TransferFunction;
 
 /// How strongly segments are tinted where nothing is written.
 const USUAL_TINT: f64 = 0.5;
@@ -256,7 +256,7 @@ impl Looks<'_> {
         for channel in tint_rgb.into_iter().flatten() {
             share(&format!("{path}.tint_rgb"), channel)?;
         }
-        let own = segment.map_or([0.0; 3], crate::volume::Segment::color);
+        let own = segment.map_or([0.0; 3], relief_volume::Segment::color);
         let transfer = self.transfer(path, transfer)?;
         Ok(Look { visible, transfer, tint_rgb: tint_rgb.unwrap_or(own), tint })
     }

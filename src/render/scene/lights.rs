@@ -4,12 +4,12 @@ use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use crate::render::light::{Light, Placement};
-use crate::render::lighting::Lighting;
-use crate::render::mode::Mode;
-use crate::render::pathtrace::PathTrace;
-use crate::render::request::RequestError;
-use crate::space::{Point, Vector};
+use crate::light::{Light, Placement};
+use crate::lighting::Lighting;
+use crate::mode::Mode;
+use crate::pathtrace::PathTrace;
+use crate::request::RequestError;
+use relief_base::space::{Point, Vector};
 
 /// A set's name, or each light.
 #[derive(Clone, Debug)]
@@ -142,9 +142,9 @@ impl PathTraceFile {
 
 #[cfg(test)]
 mod tests {
-    use crate::camera::Orbit;
-    use crate::render::SceneFile;
-    use crate::volume::Grid;
+    use crate::SceneFile;
+    use relief_volume::Grid;
+    use relief_volume::camera::Orbit;
 
     #[test]
     fn lights_and_paths_that_are_wrong_are_named_with_path_value_and_range() {

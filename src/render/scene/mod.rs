@@ -31,10 +31,10 @@ use super::classification::Classification;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
-use crate::annotation::Shown;
-use crate::camera::{CameraFile, Orbit};
-use crate::display::DisplaySettings;
-use crate::volume::{Grid, LabelMap};
+use relief_annotation::Shown;
+use relief_display::DisplaySettings;
+use relief_volume::camera::{CameraFile, Orbit};
+use relief_volume::{Grid, LabelMap};
 
 pub use error::SceneError;
 pub use slice::{SliceFile, SlicePlane};

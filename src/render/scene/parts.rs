@@ -7,11 +7,11 @@ use serde::{Deserialize, Deserializer};
 use super::SceneError;
 use super::labels::{ClipLabelsFile, label_objects};
 use super::overlays::OverlaysFile;
-use crate::display::DisplaySettings;
-use crate::render::mode::Mode;
-use crate::render::request::{Clip, ClipPlane, ClipSphere, DepthRule, RequestError, Shading};
-use crate::space::{Point, Vector};
-use crate::transfer::{
+use crate::mode::Mode;
+use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, RequestError, Shading};
+use relief_base::space::{Point, Vector};
+use relief_display::DisplaySettings;
+use relief_volume::transfer::{
     ControlPoint, GradientOpacity, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
 };
 

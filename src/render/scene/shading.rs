@@ -4,8 +4,8 @@ use serde::Deserialize;
 
 use super::SceneFile;
 use super::lights::LightsFile;
-use crate::render::illumination::{Illumination, Occlusion};
-use crate::render::request::Shading;
+use crate::illumination::{Illumination, Occlusion};
+use crate::request::Shading;
 
 /// `shading`, each key optional: those of reflection are the preset's where they are left out.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -27,7 +27,7 @@ struct OcclusionFile {
 }
 
 impl SceneFile {
-    /// Replaces the lights by those of this name, one of [`Lighting::ALL`](crate::render::Lighting::ALL).
+    /// Replaces the lights by those of this name, one of [`Lighting::ALL`](crate::Lighting::ALL).
     #[must_use]
     pub fn with_lighting(self, name: &str) -> Self {
         Self { lights: Some(LightsFile::named(name)), ..self }
@@ -92,9 +92,9 @@ impl ShadingFile {
 
 #[cfg(test)]
 mod tests {
-    use crate::camera::Orbit;
-    use crate::render::{Illumination, Occlusion, RenderRequest, SceneFile, Shading};
-    use crate::volume::Grid;
+    use crate::{Illumination, Occlusion, RenderRequest, SceneFile, Shading};
+    use relief_volume::Grid;
+    use relief_volume::camera::Orbit;
 
     fn resolved(json: &str) -> Result<RenderRequest, String> {
         let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.0; 3]).unwrap();

@@ -7,11 +7,11 @@ use serde::de::MapAccess;
 use serde::de::value::MapAccessDeserializer;
 use serde::{Deserialize, Deserializer};
 
-use crate::camera::{Camera, CameraError, NamedPlane, Orbit, PlaneView};
-use crate::render::mode::SlabBlend;
-use crate::render::request::RequestError;
-use crate::space::{Patient, Point, Vector};
-use crate::volume::Grid;
+use crate::mode::SlabBlend;
+use crate::request::RequestError;
+use relief_base::space::{Patient, Point, Vector};
+use relief_volume::Grid;
+use relief_volume::camera::{Camera, CameraError, NamedPlane, Orbit, PlaneView};
 
 /// A slice through the volume: where, how thick and how large.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
@@ -58,7 +58,7 @@ impl Default for SlicePlane {
 #[serde(deny_unknown_fields)]
 struct ObliqueFile {
     normal: [f64; 3],
-    #[serde(default = "crate::camera::head_up")]
+    #[serde(default = "relief_volume::camera::head_up")]
     up: [f64; 3],
 }
 
@@ -188,9 +188,9 @@ pub(super) fn expect_one_view(
 mod tests {
     use super::super::SceneFile;
     use super::*;
-    use crate::camera::Projection;
-    use crate::render::mode::Mode;
-    use crate::render::request::RenderRequest;
+    use crate::mode::Mode;
+    use crate::request::RenderRequest;
+    use relief_volume::camera::Projection;
 
     fn resolve(json: &str) -> Result<RenderRequest, String> {
         let grid = Grid::axis_aligned([11, 21, 31], [1.0; 3], [0.0; 3]).unwrap();

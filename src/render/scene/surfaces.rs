@@ -2,10 +2,10 @@
 
 use serde::Deserialize;
 
-use crate::render::mode::Mode;
-use crate::render::request::RequestError;
-use crate::render::surface::{Surface, usual_hu};
-use crate::transfer::TransferFunction;
+use crate::mode::Mode;
+use crate::request::RequestError;
+use crate::surface::{Surface, usual_hu};
+use relief_volume::transfer::TransferFunction;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -5,8 +5,8 @@
 use serde_json::{Value, json};
 
 use super::parts::default_shading;
-use crate::render::request::Shading;
-use crate::transfer::{Preset, TransferFunction};
+use crate::request::Shading;
+use relief_volume::transfer::{Preset, TransferFunction};
 
 /// The value of `transfer`.
 #[must_use]
@@ -46,9 +46,9 @@ pub fn preset_json(preset: &Preset) -> Value {
 mod tests {
     use super::super::SceneFile;
     use super::*;
-    use crate::camera::Orbit;
-    use crate::transfer::PRESETS;
-    use crate::volume::Grid;
+    use relief_volume::Grid;
+    use relief_volume::camera::Orbit;
+    use relief_volume::transfer::PRESETS;
 
     #[test]
     fn a_preset_written_out_renders_as_its_name_does() {

@@ -9,10 +9,10 @@ use super::follow::Turn;
 use super::refusal::no_such_item;
 use super::visible::Visible;
 use super::{Annotations, Snapshot};
-use crate::annotation::{Change, Edit, Event, FrameOfReference, Item, ItemId, Set, Timestamp, Versioned};
-use crate::server::problem::Problem;
-use crate::server::volumes::Entry;
-use crate::store::{LogFilter, StoreError};
+use crate::problem::Problem;
+use crate::volumes::Entry;
+use relief_annotation::{Change, Edit, Event, FrameOfReference, Item, ItemId, Set, Timestamp, Versioned};
+use relief_store::{LogFilter, StoreError};
 
 /// Items whose home is asked for one by one; of more the whole log is read once.
 const FEW: usize = 32;
@@ -20,19 +20,19 @@ const FEW: usize = 32;
 pub(super) const PAGE: u64 = 5000;
 
 /// Events of an edit, as they are told.
-pub(in crate::server) struct Published {
+pub(crate) struct Published {
     /// The log's last event.
-    pub(in crate::server) seq: u64,
+    pub(crate) seq: u64,
     /// Each with the frame of reference and set of its item.
-    pub(in crate::server) events: Vec<(Event, Home)>,
-    pub(in crate::server) sets: Arc<[Set]>,
+    pub(crate) events: Vec<(Event, Home)>,
+    pub(crate) sets: Arc<[Set]>,
 }
 
 /// Where an item belongs.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::server) struct Home {
-    pub(in crate::server) frame: Option<FrameOfReference>,
-    pub(in crate::server) set: String,
+pub(crate) struct Home {
+    pub(crate) frame: Option<FrameOfReference>,
+    pub(crate) set: String,
 }
 
 impl Home {
@@ -43,7 +43,7 @@ impl Home {
 
 /// What is to be done again or taken back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::server) enum Step {
+pub(crate) enum Step {
     Undo,
     Redo,
 }
@@ -53,7 +53,7 @@ impl Annotations {
     ///
     /// # Errors
     /// 404 for items that are not there or not the author's to see, 403 for sets of others, and whatever the store refuses.
-    pub(in crate::server) async fn apply(
+    pub(crate) async fn apply(
         &self,
         entry: &Entry,
         author: &str,
@@ -101,7 +101,7 @@ impl Annotations {
     ///
     /// # Errors
     /// 409 where there is none, or it is of another volume, 403 for sets of others, and whatever the store refuses.
-    pub(in crate::server) async fn step(
+    pub(crate) async fn step(
         &self,
         entry: &Entry,
         author: &str,

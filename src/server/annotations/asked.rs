@@ -13,11 +13,11 @@ use super::apply::Home;
 use super::author::{self, author_of};
 use super::edit::parse;
 use super::{Annotations, of, outward_event};
-use crate::annotation::{Change, Event};
-use crate::server::guard::{expect_content_type, read_body, too_large};
-use crate::server::problem::Problem;
-use crate::server::state::Server;
-use crate::server::volumes::Entry;
+use crate::guard::{expect_content_type, read_body, too_large};
+use crate::problem::Problem;
+use crate::state::Server;
+use crate::volumes::Entry;
+use relief_annotation::{Change, Event};
 
 /// Who asks what of which volume: the path's `id`, and the header `Relief-Author`.
 pub(super) struct Asked {

@@ -2,8 +2,8 @@
 
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 
-use crate::annotation::Item;
-use crate::server::problem::Problem;
+use crate::problem::Problem;
+use relief_annotation::Item;
 
 static RELIEF_AUTHOR: HeaderName = HeaderName::from_static("relief-author");
 
@@ -11,7 +11,7 @@ static RELIEF_AUTHOR: HeaderName = HeaderName::from_static("relief-author");
 ///
 /// # Errors
 /// When the header is no percent-encoded UTF-8, or no name.
-pub(in crate::server) fn author_of(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+pub(crate) fn author_of(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let Some(value) = headers.get(&RELIEF_AUTHOR) else { return Ok(None) };
     let author = value.to_str().ok().and_then(decoded).ok_or_else(|| {
         let detail = "the header Relief-Author is no percent-encoded UTF-8, such as Ren%C3%A9e";
@@ -22,7 +22,7 @@ pub(in crate::server) fn author_of(headers: &HeaderMap) -> Result<Option<String>
 }
 
 /// Checks a name: one line of 1 to 120 characters.
-pub(in crate::server) fn check(author: &str) -> Result<(), Problem> {
+pub(crate) fn check(author: &str) -> Result<(), Problem> {
     let characters = author.chars().count();
     if (1..=Item::LONGEST_NAME).contains(&characters) && !author.contains(char::is_control) {
         return Ok(());
@@ -32,7 +32,7 @@ pub(in crate::server) fn check(author: &str) -> Result<(), Problem> {
     Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-author", detail).with("path", "author"))
 }
 
-pub(in crate::server) fn missing() -> Problem {
+pub(crate) fn missing() -> Problem {
     let detail = "every change has an author; name one in the header Relief-Author (percent-encoded), or as author in the body";
     Problem::new(StatusCode::BAD_REQUEST, "no-author", detail).with("path", "author")
 }

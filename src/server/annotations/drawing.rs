@@ -5,18 +5,18 @@ use std::sync::Arc;
 use axum::http::HeaderMap;
 
 use super::{Annotations, Visible, author_of, of};
-use crate::annotation::{Item, Shown};
-use crate::render::Scene;
-use crate::server::problem::Problem;
-use crate::server::state::Server;
-use crate::server::volumes::Entry;
-use crate::session::{Drawables, Drawn};
+use crate::problem::Problem;
+use crate::state::Server;
+use crate::volumes::Entry;
+use relief_annotation::{Item, Shown};
+use relief_render::Scene;
+use relief_session::{Drawables, Drawn};
 
 /// Adds what a scene wants of the annotations to its overlays; `None` where it wants nothing.
 ///
 /// # Errors
 /// 404 where this server keeps none, and whatever the store says.
-pub(in crate::server) async fn draw(
+pub(crate) async fn draw(
     server: &Server,
     entry: &Entry,
     scene: &mut Scene,
@@ -32,7 +32,7 @@ pub(in crate::server) async fn draw(
 
 impl Annotations {
     /// What is drawn of a volume's items for this author.
-    pub(in crate::server) async fn drawables(
+    pub(crate) async fn drawables(
         &self,
         entry: &Entry,
         shown: &Shown,

@@ -13,10 +13,10 @@ use serde_json::{Value, json};
 use super::apply::Step;
 use super::asked::{Asked, Sent, created, events_json};
 use super::refusal::invalid;
-use crate::annotation::{Edit, ItemId, Timestamp};
-use crate::server::guard::{expect_content_type, read_body};
-use crate::server::problem::Problem;
-use crate::server::state::Server;
+use crate::guard::{expect_content_type, read_body};
+use crate::problem::Problem;
+use crate::state::Server;
+use relief_annotation::{Edit, ItemId, Timestamp};
 
 /// Largest edit: 10,000 items with all they may have but long curves.
 pub(super) const MOST_BYTES: usize = 16 << 20;

@@ -17,12 +17,12 @@ use serde_json::json;
 
 use super::asked::events_json;
 use super::{Annotations, Asked, Visible, query};
-use crate::annotation::{ContentId, Item, Set, Shown, Versioned};
-use crate::exchange::{self, ExchangeError, Format, Imported, Merged, Present, ReadContext, WriteContext};
-use crate::server::blocking::on_blocking_thread;
-use crate::server::guard::{expect_content_type, read_body};
-use crate::server::problem::Problem;
-use crate::store::Filter;
+use crate::blocking::on_blocking_thread;
+use crate::guard::{expect_content_type, read_body};
+use crate::problem::Problem;
+use relief_annotation::{ContentId, Item, Set, Shown, Versioned};
+use relief_exchange::{ExchangeError, Format, Imported, Merged, Present, ReadContext, WriteContext};
+use relief_store::Filter;
 
 /// A content never changes.
 const CACHE_CONTROL: &str = "private, max-age=31536000, immutable";
@@ -105,7 +105,7 @@ pub(super) async fn import(
             grid: Some(&entry.grid),
             series: entry.reference.as_deref(),
         };
-        let read = exchange::read(format, &bytes, &context);
+        let read = relief_exchange::read(format, &bytes, &context);
         read.map_err(|error| refused(&error, "unreadable-annotations"))
     };
     let Imported { items, contents, mut warnings } =
@@ -163,7 +163,7 @@ pub(super) async fn export(asked: Asked, uri: Uri) -> Result<Response, Problem> 
         let of = |id: &ContentId| contents.get(id).cloned();
         let context =
             WriteContext { contents: &of, grid: Some(&entry.grid), series: entry.reference.as_deref() };
-        exchange::write(format, &items, &context)
+        relief_exchange::write(format, &items, &context)
     };
     let written = on_blocking_thread(place, "writing annotations", job).await?;
     let written = written.map_err(|error| refused(&error, "not-in-this-format"))?;
@@ -207,7 +207,7 @@ async fn contents_of(
 }
 
 fn parse_format(name: &str) -> Result<Format, Problem> {
-    name.parse().map_err(|error: exchange::UnknownFormat| {
+    name.parse().map_err(|error: relief_exchange::UnknownFormat| {
         Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error).with("path", "format")
     })
 }

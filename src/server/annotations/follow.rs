@@ -13,10 +13,10 @@ use tokio::task::JoinHandle;
 
 use super::apply::PAGE;
 use super::{Annotations, Home, Published};
-use crate::annotation::{Event, Set};
-use crate::server::problem::Problem;
-use crate::server::state::Server;
-use crate::store::{Changed, LogFilter};
+use crate::problem::Problem;
+use crate::state::Server;
+use relief_annotation::{Event, Set};
+use relief_store::{Changed, LogFilter};
 
 /// Waits after a failure: the first, and the longest.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);

@@ -15,9 +15,9 @@ use super::edit::{MOST_BYTES, fill};
 use super::outward::outward_versioned;
 use super::refusal::{invalid, no_such_item};
 use super::{Asked, Visible, query};
-use crate::annotation::{Change, Item, ItemId, Versioned};
-use crate::server::negotiate::knows_tag;
-use crate::server::problem::Problem;
+use crate::negotiate::knows_tag;
+use crate::problem::Problem;
+use relief_annotation::{Change, Item, ItemId, Versioned};
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -9,9 +9,9 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::{Asked, Visible, query};
-use crate::annotation::{Completeness, Item, Measure, Set, Shown, State as Presence, measures};
-use crate::server::negotiate::knows_tag;
-use crate::server::problem::Problem;
+use crate::negotiate::knows_tag;
+use crate::problem::Problem;
+use relief_annotation::{Completeness, Item, Measure, Set, Shown, State as Presence, measures};
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -6,8 +6,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::{Asked, Visible, outward_event, query};
-use crate::server::problem::Problem;
-use crate::store::LogFilter;
+use crate::problem::Problem;
+use relief_store::LogFilter;
 
 /// Events of an answer: usually, and at most.
 const USUAL: usize = 200;

@@ -42,7 +42,7 @@ use self::shapes::ShapeCache;
 use self::snapshot::Snapshots;
 use super::problem::Problem;
 use super::state::Server;
-use crate::store::Store;
+use relief_store::Store;
 
 pub(super) use apply::{Home, Published, Step};
 pub(super) use author::{author_of, missing as missing_author};
@@ -56,7 +56,7 @@ pub(super) use visible::Visible;
 const BEHIND: usize = 256;
 
 /// The annotations of a server.
-pub(in crate::server) struct Annotations {
+pub(crate) struct Annotations {
     store: Store,
     snapshots: Mutex<Snapshots>,
     shapes: ShapeCache,

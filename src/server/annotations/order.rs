@@ -15,14 +15,14 @@ use super::Visible;
 use super::asked::{Asked, Sent, created};
 use super::edit::parse;
 use super::refusal::{invalid, no_such_item};
-use crate::annotation::{
+use crate::blocking::{Waiting, while_awaited};
+use crate::problem::Problem;
+use relief_annotation::{
     Change, Geometry, Item, ItemId, Method, Placement, RegionSummary, Set, State, Versioned,
 };
-use crate::formats::seg_nrrd;
-use crate::server::blocking::{Waiting, while_awaited};
-use crate::server::problem::Problem;
-use crate::session::region_of_content;
-use crate::volume::{Mask, Segment};
+use relief_dicom::formats::seg_nrrd;
+use relief_session::region_of_content;
+use relief_volume::{Mask, Segment};
 
 /// Largest body.
 pub(super) const MOST_BYTES: usize = 256 << 10;

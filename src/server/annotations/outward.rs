@@ -2,15 +2,15 @@
 
 use serde_json::{Value, json};
 
-use crate::annotation::{Event, Geometry, Item, Versioned, measures};
+use relief_annotation::{Event, Geometry, Item, Versioned, measures};
 
 /// An item for clients.
-pub(in crate::server) fn outward_item(item: &Item) -> Value {
+pub(crate) fn outward_item(item: &Item) -> Value {
     json!(Item { frame_of_reference: None, ..item.clone() })
 }
 
 /// An item with its version and measures.
-pub(in crate::server) fn outward_versioned(versioned: &Versioned) -> Value {
+pub(crate) fn outward_versioned(versioned: &Versioned) -> Value {
     json!({
         "version": versioned.version,
         "item": outward_item(&versioned.item),
@@ -19,13 +19,13 @@ pub(in crate::server) fn outward_versioned(versioned: &Versioned) -> Value {
 }
 
 /// An event, with the set of its item.
-pub(in crate::server) fn outward_event(event: &Event, set: &str) -> Value {
+pub(crate) fn outward_event(event: &Event, set: &str) -> Value {
     let item = event.item.as_ref().map(|item| Item { frame_of_reference: None, ..item.clone() });
     let mut value = json!(Event { item, ..event.clone() });
     value["set"] = set.into();
     value
 }
 
-pub(in crate::server) fn measures_of(geometry: Option<&Geometry>) -> Value {
+pub(crate) fn measures_of(geometry: Option<&Geometry>) -> Value {
     json!(geometry.map(measures).unwrap_or_default())
 }

@@ -4,9 +4,9 @@ use axum::http::StatusCode;
 use serde_json::{Value, json};
 
 use super::outward::{outward_item, outward_versioned};
-use crate::annotation::ItemError;
-use crate::server::problem::Problem;
-use crate::store::StoreError;
+use crate::problem::Problem;
+use relief_annotation::ItemError;
+use relief_store::StoreError;
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {

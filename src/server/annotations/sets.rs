@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use super::edit::parse;
 use super::refusal::invalid;
 use super::{Asked, Sent};
-use crate::annotation::Set;
-use crate::server::problem::Problem;
+use crate::problem::Problem;
+use relief_annotation::Set;
 
 /// Largest description of a set.
 const MOST_BYTES: usize = 64 << 10;
@@ -43,7 +43,7 @@ pub(super) async fn put(
     Set::check_name(&name).map_err(|error| invalid(&error))?;
     let SetBody { name: said, reader, blinded, template, author } = parse(body.to_string().as_bytes())?;
     if let Some(said) = said.filter(|said| *said != name) {
-        let error = crate::annotation::ItemError::new("name", &format!("{said:?}"), "what the path says");
+        let error = relief_annotation::ItemError::new("name", &format!("{said:?}"), "what the path says");
         return Err(invalid(&error));
     }
     let author = asked.author(author)?;

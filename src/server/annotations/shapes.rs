@@ -4,9 +4,9 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::Annotations;
-use crate::annotation::{ContentId, Geometry, Item};
-use crate::server::problem::Problem;
-use crate::session::{Shape, shape_of_content};
+use crate::problem::Problem;
+use relief_annotation::{ContentId, Geometry, Item};
+use relief_session::{Shape, shape_of_content};
 
 /// Surfaces that are kept: some hundred MB at most.
 const MOST: usize = 128;

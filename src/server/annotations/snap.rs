@@ -9,15 +9,15 @@ use serde_json::{Map, Value, json};
 
 use super::edit::parse;
 use super::{Asked, Sent};
-use crate::placing::{Snap, SnapError, Snapped, Target, snap as snapped};
-use crate::render::RequestError;
-use crate::server::blocking::on_blocking_thread;
-use crate::server::frame::pick_scene;
-use crate::server::problem::Problem;
-use crate::server::resident::with_voxels;
-use crate::server::state::Server;
-use crate::server::volumes::Entry;
-use crate::space::{Patient, Point, Vector};
+use crate::blocking::on_blocking_thread;
+use crate::frame::pick_scene;
+use crate::problem::Problem;
+use crate::resident::with_voxels;
+use crate::state::Server;
+use crate::volumes::Entry;
+use relief_annotation::placing::{Snap, SnapError, Snapped, Target, snap as snapped};
+use relief_base::space::{Patient, Point, Vector};
+use relief_render::RequestError;
 
 /// Largest body: a scene with all it may have.
 const MOST_BYTES: usize = 1 << 20;
@@ -85,7 +85,7 @@ fn answer(from: Point<Patient>, found: &Snapped) -> Value {
 ///
 /// # Errors
 /// When there is none of that name, or a level is missing or has no meaning.
-pub(in crate::server) fn target(to: &str, hu: Option<f64>) -> Result<Target, Problem> {
+pub(crate) fn target(to: &str, hu: Option<f64>) -> Result<Target, Problem> {
     let target = match (to, hu) {
         ("surface", Some(hu)) => Target::Surface { hu },
         ("boundary", None) => Target::Boundary,
@@ -109,7 +109,7 @@ pub(in crate::server) fn target(to: &str, hu: Option<f64>) -> Result<Target, Pro
 }
 
 /// Snaps on a blocking thread, in turn with the encoders.
-pub(in crate::server) async fn snap_in(
+pub(crate) async fn snap_in(
     server: &Arc<Server>,
     entry: &Arc<Entry>,
     (at, ray): (Point<Patient>, Option<Vector<Patient>>),

@@ -8,9 +8,9 @@ use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::{Annotations, Home};
-use crate::annotation::{Event, FrameOfReference, Item, ItemId, Set, Versioned};
-use crate::server::problem::Problem;
-use crate::store::Filter;
+use crate::problem::Problem;
+use relief_annotation::{Event, FrameOfReference, Item, ItemId, Set, Versioned};
+use relief_store::Filter;
 
 /// Snapshots of so many frames of reference are kept.
 const MOST: usize = 16;
@@ -19,12 +19,12 @@ const SETS_AGE: Duration = Duration::from_secs(1);
 
 /// See the module. Items are without their frame of reference, which is the same for all.
 #[derive(Clone)]
-pub(in crate::server) struct Snapshot {
+pub(crate) struct Snapshot {
     /// The log's last event.
-    pub(in crate::server) seq: u64,
+    pub(crate) seq: u64,
     /// By set, list, order, creation and id.
-    pub(in crate::server) items: Arc<[Arc<Versioned>]>,
-    pub(in crate::server) sets: Arc<[Set]>,
+    pub(crate) items: Arc<[Arc<Versioned>]>,
+    pub(crate) sets: Arc<[Set]>,
     at: Arc<HashMap<ItemId, usize>>,
 }
 
@@ -68,7 +68,7 @@ impl Snapshot {
     }
 
     /// The item with this id.
-    pub(in crate::server) fn get(&self, id: ItemId) -> Option<&Arc<Versioned>> {
+    pub(crate) fn get(&self, id: ItemId) -> Option<&Arc<Versioned>> {
         self.at.get(&id).map(|&at| &self.items[at])
     }
 
@@ -108,10 +108,7 @@ impl Annotations {
     }
 
     /// The newest state of what is told from this frame of reference.
-    pub(in crate::server) async fn snapshot(
-        &self,
-        frame: &FrameOfReference,
-    ) -> Result<Arc<Snapshot>, Problem> {
+    pub(crate) async fn snapshot(&self, frame: &FrameOfReference) -> Result<Arc<Snapshot>, Problem> {
         let sets = self.sets().await?;
         let known = self.snapshots().known.get(frame).cloned();
         let seq = self.store.seq().await?;

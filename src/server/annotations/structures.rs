@@ -14,17 +14,17 @@ use serde_json::json;
 use super::order::{MOST_BYTES, Order, unusable};
 use super::refusal::invalid;
 use super::{Asked, Sent};
-use crate::annotation::{Change, Geometry, Item, ItemError, ItemId, MeshSummary, Versioned};
-use crate::mesh::files::{MeshFormat, write as written};
-use crate::mesh::{Decimation, MeshError, Smoothing, surface_nets};
-use crate::segmentation::{
+use crate::blocking::Waiting;
+use crate::problem::Problem;
+use crate::resident::with_voxels;
+use relief_annotation::mesh::files::{MeshFormat, write as written};
+use relief_annotation::mesh::{Decimation, MeshError, Smoothing, surface_nets};
+use relief_annotation::segmentation::{
     Contour, Grow, GrowError, Limits, Stroke, fill as filled, grow as grown, paint as painted,
 };
-use crate::server::blocking::Waiting;
-use crate::server::problem::Problem;
-use crate::server::resident::with_voxels;
-use crate::space::{Patient, Point};
-use crate::volume::Mask;
+use relief_annotation::{Change, Geometry, Item, ItemError, ItemId, MeshSummary, Versioned};
+use relief_base::space::{Patient, Point};
+use relief_volume::Mask;
 
 /// Most curves between which one region is filled.
 const MOST_CURVES: usize = 1000;

@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 use super::asked::created;
 use super::refusal::invalid;
 use super::{Annotations, Asked, Sent, query};
-use crate::annotation::{Change, Item, ItemError, Set, Template, TemplateError};
-use crate::server::problem::Problem;
+use crate::problem::Problem;
+use relief_annotation::{Change, Item, ItemError, Set, Template, TemplateError};
 
 /// Largest template.
 const MOST_BYTES: usize = 1 << 20;
@@ -25,7 +25,7 @@ struct ApplyQuery {
 
 impl Annotations {
     /// The template of this name.
-    pub(in crate::server) async fn template(&self, name: &str) -> Result<Template, Problem> {
+    pub(crate) async fn template(&self, name: &str) -> Result<Template, Problem> {
         let text = self.store.template(name).await?;
         Template::read(text.as_bytes()).map_err(|error| refused(&error))
     }

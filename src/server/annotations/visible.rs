@@ -5,11 +5,11 @@
 
 use axum::http::StatusCode;
 
-use crate::annotation::Set;
-use crate::server::problem::Problem;
+use crate::problem::Problem;
+use relief_annotation::Set;
 
 /// The sets as one author sees them.
-pub(in crate::server) struct Visible<'a> {
+pub(crate) struct Visible<'a> {
     sets: &'a [Set],
     author: Option<&'a str>,
     /// Whether the author reads blinded sets.
@@ -17,14 +17,14 @@ pub(in crate::server) struct Visible<'a> {
 }
 
 impl<'a> Visible<'a> {
-    pub(in crate::server) fn new(sets: &'a [Set], author: Option<&'a str>) -> Self {
+    pub(crate) fn new(sets: &'a [Set], author: Option<&'a str>) -> Self {
         let is_blinded =
             sets.iter().any(|set| set.blinded && author.is_some() && set.reader.as_deref() == author);
         Self { sets, author, is_blinded }
     }
 
     /// Whether the author sees items of this set.
-    pub(in crate::server) fn sees(&self, name: &str) -> bool {
+    pub(crate) fn sees(&self, name: &str) -> bool {
         match self.sets.iter().find(|set| set.name == name) {
             Some(set) if set.blinded => self.author.is_some() && set.reader.as_deref() == self.author,
             _ => !self.is_blinded,
@@ -32,7 +32,7 @@ impl<'a> Visible<'a> {
     }
 
     /// Checks that the author may write into this set.
-    pub(in crate::server) fn expect_writable(&self, name: &str) -> Result<(), Problem> {
+    pub(crate) fn expect_writable(&self, name: &str) -> Result<(), Problem> {
         let reader = self.sets.iter().find(|set| set.name == name).and_then(|set| set.reader.as_deref());
         if self.sees(name) && reader.is_none_or(|reader| Some(reader) == self.author) {
             return Ok(());
@@ -42,12 +42,12 @@ impl<'a> Visible<'a> {
     }
 
     /// The sets that the author sees, those without items among them.
-    pub(in crate::server) fn sets(&self) -> impl Iterator<Item = &'a Set> {
+    pub(crate) fn sets(&self) -> impl Iterator<Item = &'a Set> {
         self.sets.iter().filter(|set| self.sees(&set.name))
     }
 
     /// The set for what the author makes where nothing names one: the first of which the author is the reader, or else the default.
-    pub(in crate::server) fn own(&self) -> &'a str {
+    pub(crate) fn own(&self) -> &'a str {
         let is_own = |set: &&Set| set.reader.is_some() && set.reader.as_deref() == self.author;
         self.sets().find(is_own).map_or(Set::DEFAULT, |set| &set.name)
     }

@@ -22,8 +22,8 @@ use super::frame::{answer_as, entity_tag};
 use super::negotiate::{accepts, negotiate};
 use super::problem::Problem;
 use super::state::Server;
-use crate::display::encode_jpeg;
-use crate::session::{FileFormat, Product, encode};
+use relief_display::encode_jpeg;
+use relief_session::{FileFormat, Product, encode};
 
 const METADATA: &str = "application/dicom+json";
 
@@ -73,7 +73,7 @@ async fn rendered(
     let quality = parameters.quality.unwrap_or(USUAL_QUALITY);
     let tag = entity_tag(server, &entry, &scene, &format!("rendered {} {quality}", media.media_type()));
     let display = scene.display.clone();
-    let job = move |frame: &crate::render::RenderedFrame| match media {
+    let job = move |frame: &relief_render::RenderedFrame| match media {
         FileFormat::Jpeg => Ok(encode_jpeg(frame.size_px, &frame.color_rgba, quality)?),
         _ => encode(frame, &display, Product::Frame, media),
     };

@@ -6,7 +6,7 @@
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 
-use crate::server::problem::Problem;
+use crate::problem::Problem;
 
 /// What is made of the volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -232,7 +232,7 @@ fn triple(name: &'static str, text: &str) -> Result<[f64; 3], Problem> {
 }
 
 fn slab(text: &str) -> Result<f64, Problem> {
-    let within = |mm: &f64| (0.0..=crate::render::RenderRequest::MAX_SLAB_MM).contains(mm);
+    let within = |mm: &f64| (0.0..=relief_render::RenderRequest::MAX_SLAB_MM).contains(mm);
     text.trim().parse().ok().filter(within).ok_or_else(|| malformed("mprslab", text, "0 to 1000 mm"))
 }
 
@@ -244,7 +244,7 @@ fn viewport(text: &str) -> Result<[u32; 2], Problem> {
     sides.filter(within).ok_or_else(|| malformed("viewport", text, "width,height, each 1 to 4096"))
 }
 
-/// Largest side of a viewport: [`crate::render::RenderRequest::MAX_PIXELS`] as a square.
+/// Largest side of a viewport: [`relief_render::RenderRequest::MAX_PIXELS`] as a square.
 const MOST_PX: u32 = 4096;
 
 fn window(text: &str) -> Result<Window, Problem> {

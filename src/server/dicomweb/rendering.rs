@@ -8,11 +8,11 @@
 use serde_json::{Map, Value, json};
 
 use super::parameters::{Method, Parameters, Reformat, Shape, View, Window};
-use crate::camera::{Orbit, PlaneView};
-use crate::render::{Scene, SceneFile};
-use crate::server::problem::Problem;
-use crate::space::{Patient, Point, Vector};
-use crate::volume::Grid;
+use crate::problem::Problem;
+use relief_base::space::{Patient, Point, Vector};
+use relief_render::{Scene, SceneFile};
+use relief_volume::Grid;
+use relief_volume::camera::{Orbit, PlaneView};
 
 /// Side of a picture whose viewport is not said.
 const USUAL_PX: u32 = 512;

@@ -25,14 +25,14 @@ use super::socket::{
 };
 use super::view::lock;
 use super::wished::{Happened, Wished};
-use crate::interaction::Intent;
-use crate::live::{
+use crate::annotations::Published;
+use crate::problem::Problem;
+use crate::state::Server;
+use relief_live::interaction::Intent;
+use relief_live::{
     AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind,
     Report, Role, ServerMessage, Settings, Welcome, assemble,
 };
-use crate::server::annotations::Published;
-use crate::server::problem::Problem;
-use crate::server::state::Server;
 
 /// Refused messages that end a connection.
 const MOST_ERRORS: usize = 20;

@@ -10,12 +10,12 @@ use super::look::shrunk;
 use super::order::{Next, Order};
 use super::shot::{Encodings, Shot};
 use super::view::View;
-use crate::live::Quality;
-use crate::render::RenderRequest;
-use crate::server::problem::Problem;
-use crate::server::resident::with_voxels;
-use crate::server::state::Server;
-use crate::session::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError};
+use crate::problem::Problem;
+use crate::resident::with_voxels;
+use crate::state::Server;
+use relief_live::Quality;
+use relief_render::RenderRequest;
+use relief_session::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError};
 
 /// Before a full queue is asked again.
 const BUSY: Duration = Duration::from_millis(10);

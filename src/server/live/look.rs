@@ -11,21 +11,21 @@ use serde_json::{Map, Value};
 use super::preview::Ghost;
 use super::view::refused;
 use super::wished::Carried;
-use crate::annotation::Shown;
-use crate::camera::{Camera, Orbit};
-use crate::display::DisplaySettings;
-use crate::interaction::{Home, Stage, ViewState};
-use crate::live::{LiveLayout, Quality, Settings, SnapTo};
-use crate::placing::Snap;
-use crate::render::{
+use crate::annotations::target;
+use crate::problem::Problem;
+use crate::volumes::Entry;
+use relief_annotation::Shown;
+use relief_annotation::placing::Snap;
+use relief_display::DisplaySettings;
+use relief_live::interaction::{Home, Stage, ViewState};
+use relief_live::{LiveLayout, Quality, Settings, SnapTo};
+use relief_render::{
     Clip, ClipPlane, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
     SceneFile, depth_limits,
 };
-use crate::server::annotations::target;
-use crate::server::problem::Problem;
-use crate::server::volumes::Entry;
-use crate::session::Drawables;
-use crate::transfer::PRESETS;
+use relief_session::Drawables;
+use relief_volume::camera::{Camera, Orbit};
+use relief_volume::transfer::PRESETS;
 
 /// Most pixels of a live picture: memory for frames that wait.
 const MAX_PIXELS: u64 = 1 << 23;

@@ -2,7 +2,7 @@
 //!
 //! What it is: [`Live`], the views and sessions of a server, and the routes under `/v1/session`. A view is rendered by its `director`
 //! when somebody has room for a picture; each connection has a reader and a writer (`socket`). What it is not: the protocol, which
-//! is in `crate::live`. Names of views and tokens of sessions are keys: they appear in no log and no metric.
+//! is in `relief_live`. Names of views and tokens of sessions are keys: they appear in no log and no metric.
 
 mod connection;
 mod director;
@@ -35,8 +35,8 @@ use self::session::Sessions;
 use self::view::{View, lock};
 use super::problem::Problem;
 use super::state::Server;
-use crate::tracking::Beacon;
-use crate::tracking::sensor::Pinhole;
+use relief_tracking::Beacon;
+use relief_tracking::sensor::Pinhole;
 
 pub(super) use plain::{intent, mjpeg, next_frame};
 pub(super) use socket::{connect, protocol};

@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::shot::Echo;
-use crate::display::DisplaySettings;
-use crate::live::Quality;
-use crate::render::RenderRequest;
-use crate::server::problem::Problem;
-use crate::server::volumes::Entry;
+use crate::problem::Problem;
+use crate::volumes::Entry;
+use relief_display::DisplaySettings;
+use relief_live::Quality;
+use relief_render::RenderRequest;
 
 /// A picture that was made.
 #[derive(Clone, Copy)]

@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use crate::live::MAX_IN_FLIGHT;
+use relief_live::MAX_IN_FLIGHT;
 
 /// JPEG while the view moves, where the connection has room. From 90 on the encoder keeps all of the colour, at twice the time.
 pub(super) const USUAL_QUALITY: u8 = LEVELS[0].1;

@@ -12,18 +12,18 @@ use serde_json::Value;
 
 use super::view::{View, lock};
 use super::wished::{Carried, Ground, Happened};
-use crate::annotation::{
+use crate::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of, snap_in};
+use crate::problem::Problem;
+use crate::state::Server;
+use crate::volumes::Entry;
+use relief_annotation::placing::Snap;
+use relief_annotation::{
     CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
     Shown, State, Versioned,
 };
-use crate::camera::{Camera, Projection};
-use crate::live::{AnnotationsMessage, NextLabel, ServerMessage};
-use crate::placing::Snap;
-use crate::server::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of, snap_in};
-use crate::server::problem::Problem;
-use crate::server::state::Server;
-use crate::server::volumes::Entry;
-use crate::space::{Patient, Point, Vector};
+use relief_base::space::{Patient, Point, Vector};
+use relief_live::{AnnotationsMessage, NextLabel, ServerMessage};
+use relief_volume::camera::{Camera, Projection};
 
 /// Why an item came to be where it is, in the log.
 const REASON: &str = "live session";
@@ -341,19 +341,18 @@ pub(super) fn text(message: AnnotationsMessage) -> String {
 
 /// Events for a client that sees these sets of this volume; `None` where none is for it.
 pub(super) fn told(
-    published: &crate::server::annotations::Published,
-    frame: &crate::annotation::FrameOfReference,
+    published: &crate::annotations::Published,
+    frame: &relief_annotation::FrameOfReference,
     author: Option<&str>,
 ) -> Option<AnnotationsMessage> {
     let visible = Visible::new(&published.sets, author);
-    let is_for = |home: &crate::server::annotations::Home| {
-        home.frame.as_ref() == Some(frame) && visible.sees(&home.set)
-    };
+    let is_for =
+        |home: &crate::annotations::Home| home.frame.as_ref() == Some(frame) && visible.sees(&home.set);
     let events: Vec<Value> = published
         .events
         .iter()
         .filter(|(_, home)| is_for(home))
-        .map(|(event, home)| crate::server::annotations::outward_event(event, &home.set))
+        .map(|(event, home)| crate::annotations::outward_event(event, &home.set))
         .collect();
     let seq = published.seq;
     (!events.is_empty()).then(|| AnnotationsMessage { seq, events, more: false, next: None }.bounded())
@@ -379,13 +378,13 @@ pub(super) fn pointer() -> Device {
 }
 
 /// How a cursor came to its place.
-pub(super) fn method_of(intent: &crate::interaction::Intent, is_slice: bool) -> Option<Method> {
+pub(super) fn method_of(intent: &relief_live::interaction::Intent, is_slice: bool) -> Option<Method> {
     match intent {
-        crate::interaction::Intent::Cursor { at_px: Some(_), .. } => {
+        relief_live::interaction::Intent::Cursor { at_px: Some(_), .. } => {
             Some(if is_slice { Method::Slice } else { Method::Pick })
         }
-        crate::interaction::Intent::Cursor { point_mm: Some(_), .. } => Some(Method::Typed),
-        crate::interaction::Intent::Cursor { .. } => Some(Method::Tip),
+        relief_live::interaction::Intent::Cursor { point_mm: Some(_), .. } => Some(Method::Typed),
+        relief_live::interaction::Intent::Cursor { .. } => Some(Method::Tip),
         _ => None,
     }
 }

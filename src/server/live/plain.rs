@@ -21,16 +21,16 @@ use super::slot::Slot;
 use super::view::View;
 use super::wished::Wished;
 use super::{Live, Look, no_such_view};
-use crate::display::encode_png;
-use crate::interaction::{Intent, PlacePhase};
-use crate::live::{ColorFormat, DepthFormat, MAX_TEXT_BYTES, Role, Settings, check_view_name};
-use crate::server::annotations::author_of;
-use crate::server::blocking::on_blocking_thread;
-use crate::server::guard::{expect_content_type, read_body};
-use crate::server::negotiate::negotiate;
-use crate::server::problem::Problem;
-use crate::server::state::Server;
-use crate::session::FileFormat;
+use crate::annotations::author_of;
+use crate::blocking::on_blocking_thread;
+use crate::guard::{expect_content_type, read_body};
+use crate::negotiate::negotiate;
+use crate::problem::Problem;
+use crate::state::Server;
+use relief_display::encode_png;
+use relief_live::interaction::{Intent, PlacePhase};
+use relief_live::{ColorFormat, DepthFormat, MAX_TEXT_BYTES, Role, Settings, check_view_name};
+use relief_session::FileFormat;
 
 static RELIEF_FRAME: HeaderName = HeaderName::from_static("relief-frame");
 const BOUNDARY: &str = "relief-frame-boundary";
@@ -107,7 +107,7 @@ impl Drop for Viewer {
 }
 
 /// `GET /v1/session/{view}/mjpeg`.
-pub(in crate::server) async fn mjpeg(
+pub(crate) async fn mjpeg(
     State(server): State<Arc<Server>>,
     Path(name): Path<String>,
 ) -> Result<Response, Problem> {
@@ -147,7 +147,7 @@ impl Default for FrameQuery {
 }
 
 /// `GET /v1/session/{view}/frame`.
-pub(in crate::server) async fn next_frame(
+pub(crate) async fn next_frame(
     State(server): State<Arc<Server>>,
     Path(name): Path<String>,
     uri: Uri,
@@ -195,7 +195,7 @@ struct IntentQuery {
 }
 
 /// `POST /v1/session/{view}/intent`.
-pub(in crate::server) async fn intent(
+pub(crate) async fn intent(
     State(server): State<Arc<Server>>,
     Path(name): Path<String>,
     uri: Uri,

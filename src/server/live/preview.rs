@@ -8,11 +8,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::view::View;
-use crate::placing::{Snap, Snapped};
-use crate::server::annotations::snap_in;
-use crate::server::state::Server;
-use crate::server::volumes::Entry;
-use crate::space::{Patient, Point, Vector};
+use crate::annotations::snap_in;
+use crate::state::Server;
+use crate::volumes::Entry;
+use relief_annotation::placing::{Snap, Snapped};
+use relief_base::space::{Patient, Point, Vector};
 
 /// The longest rest of a search.
 const LONGEST_REST: Duration = Duration::from_secs(1);

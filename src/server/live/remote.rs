@@ -4,14 +4,14 @@ use std::time::{Duration, Instant};
 
 use axum::http::StatusCode;
 
-use crate::annotation::Device;
-use crate::interaction::{Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent};
-use crate::live::{RemotePose, Report, TrackingMessage};
-use crate::server::problem::Problem;
-use crate::tracking::Beacon;
-use crate::tracking::report::{self, Buttons};
-use crate::tracking::sensor::Pinhole;
-use crate::tracking::tracker::{Options, Tracker, TrackingState};
+use crate::problem::Problem;
+use relief_annotation::Device;
+use relief_live::interaction::{Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent};
+use relief_live::{RemotePose, Report, TrackingMessage};
+use relief_tracking::Beacon;
+use relief_tracking::report::Buttons;
+use relief_tracking::sensor::Pinhole;
+use relief_tracking::tracker::{Options, Tracker, TrackingState};
 
 /// Between two messages about an unchanged state of tracking.
 const TELL: Duration = Duration::from_millis(250);
@@ -75,7 +75,8 @@ impl Remote {
             Problem::new(StatusCode::BAD_REQUEST, "malformed-report", detail).with("path", "report")
         };
         let bytes = message.bytes().map_err(|error| malformed(error.to_string()))?;
-        let report = report::Report::decode(&bytes).map_err(|error| malformed(error.to_string()))?;
+        let report =
+            relief_tracking::report::Report::decode(&bytes).map_err(|error| malformed(error.to_string()))?;
         let tracker = self
             .tracker
             .get_or_insert_with(|| Box::new(Tracker::new(*sensor, beacon.clone(), Options::default())));

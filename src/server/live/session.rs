@@ -9,7 +9,7 @@ use tokio::sync::watch;
 use super::placing::Task;
 use super::remote::Remote;
 use super::view::{View, lock};
-use crate::live::Role;
+use relief_live::Role;
 
 /// Whoever knows the token may go on with it.
 pub(super) struct Session {

@@ -5,16 +5,16 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::OnceCell;
 
-use crate::display::{DisplaySettings, Frame, Picture};
-use crate::live::{
+use crate::blocking::on_blocking_thread;
+use crate::problem::Problem;
+use crate::state::Server;
+use relief_base::units::{DepthLimits, ViewDepth};
+use relief_display::{DisplaySettings, Frame, Picture};
+use relief_live::{
     ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameHeader, LiveLayout, ReceivedDepth,
     ReceivedFrame, encode_color, encode_d8, encode_z16,
 };
-use crate::render::RenderedFrame;
-use crate::server::blocking::on_blocking_thread;
-use crate::server::problem::Problem;
-use crate::server::state::Server;
-use crate::units::{DepthLimits, ViewDepth};
+use relief_render::RenderedFrame;
 
 /// The newest message of a connection that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

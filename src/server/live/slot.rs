@@ -8,7 +8,7 @@ use tokio::sync::Notify;
 use super::pace::Pace;
 use super::shot::Echo;
 use super::view::lock;
-use crate::live::{MAX_IN_FLIGHT, Role};
+use relief_live::{MAX_IN_FLIGHT, Role};
 
 /// Somebody who looks at a view.
 pub(super) struct Slot {

@@ -22,14 +22,14 @@ use super::session::Session;
 use super::slot::Slot;
 use super::view::lock;
 use super::{Live, random_name};
-use crate::live::{
+use crate::annotations;
+use crate::guard::is_cross_site;
+use crate::problem::Problem;
+use crate::state::Server;
+use relief_live::{
     ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, PROTOCOL, Role, SUBPROTOCOL, ServerMessage,
     Settings,
 };
-use crate::server::annotations;
-use crate::server::guard::is_cross_site;
-use crate::server::problem::Problem;
-use crate::server::state::Server;
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
@@ -50,12 +50,12 @@ pub(super) type End = Option<(u16, &'static str)>;
 pub(super) type Writer = SplitSink<WebSocket, Message>;
 
 /// The protocol for programs.
-pub(in crate::server) async fn protocol() -> impl IntoResponse {
+pub(crate) async fn protocol() -> impl IntoResponse {
     ([(header::CONTENT_TYPE, "application/schema+json")], PROTOCOL)
 }
 
 /// `GET /v1/session`.
-pub(in crate::server) async fn connect(
+pub(crate) async fn connect(
     State(server): State<Arc<Server>>,
     headers: HeaderMap,
     uri: Uri,
@@ -167,7 +167,7 @@ async fn first_message(socket: &mut WebSocket) -> Option<Result<Hello, Problem>>
     }
 }
 
-pub(super) fn malformed(error: &crate::live::MessageError) -> Problem {
+pub(super) fn malformed(error: &relief_live::MessageError) -> Problem {
     Problem::new(StatusCode::BAD_REQUEST, "malformed-message", error).with("path", error.path.as_str())
 }
 

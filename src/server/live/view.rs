@@ -20,15 +20,15 @@ use super::preview::{Aim, Preview};
 use super::shot::{Echo, Shot};
 use super::slot::Slot;
 use super::wished::{Carried, Ground, Happened, Wanted, Wished};
-use crate::annotation::{Method, Shown};
-use crate::camera::Camera;
-use crate::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
-use crate::live::{ErrorMessage, Peers, Role, ServerMessage, Settings};
-use crate::placing::Snap;
-use crate::server::problem::Problem;
-use crate::server::volumes::Entry;
-use crate::session::Drawables;
-use crate::units::ViewDepth;
+use crate::problem::Problem;
+use crate::volumes::Entry;
+use relief_annotation::placing::Snap;
+use relief_annotation::{Method, Shown};
+use relief_base::units::ViewDepth;
+use relief_live::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
+use relief_live::{ErrorMessage, Peers, Role, ServerMessage, Settings};
+use relief_session::Drawables;
+use relief_volume::camera::Camera;
 
 /// See the module.
 pub(super) struct View {

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::annotation::{Method, Shown};
-use crate::camera::Camera;
-use crate::server::problem::Problem;
-use crate::server::volumes::Entry;
-use crate::space::{Patient, Point, Vector};
+use crate::problem::Problem;
+use crate::volumes::Entry;
+use relief_annotation::{Method, Shown};
+use relief_base::space::{Patient, Point, Vector};
+use relief_volume::camera::Camera;
 
 /// What a wish means beyond the view, while annotations are drawn.
 pub(super) enum Happened {

@@ -3,10 +3,10 @@
 use std::io::Write;
 
 use super::Shape;
-use crate::formats;
-use crate::mesh::files::{MeshFormat, read};
-use crate::mesh::{Decimation, Smoothing, TriangleMesh, surface_nets};
-use crate::volume::Mask;
+
+use relief_annotation::mesh::files::{MeshFormat, read};
+use relief_annotation::mesh::{Decimation, Smoothing, TriangleMesh, surface_nets};
+use relief_volume::Mask;
 
 /// The surface of a content: of a label map that of one label, of a mesh (label 0) all of it; decimated to what can be drawn.
 /// Blocks.
@@ -38,7 +38,7 @@ pub fn region_of_content(bytes: &[u8], label: u16) -> Result<Mask, String> {
     // Readers of label maps take files.
     let mut file = tempfile::NamedTempFile::new().map_err(|error| error.to_string())?;
     file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| error.to_string())?;
-    let found = formats::read_labels(file.path());
+    let found = relief_dicom::formats::read_labels(file.path());
     let map =
         found.map_err(|error| error.to_string().replace(&file.path().display().to_string(), "the file"))?.map;
     Ok(Mask::of_label(&map, label))

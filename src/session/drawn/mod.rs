@@ -25,13 +25,13 @@ mod tests;
 
 use std::sync::Arc;
 
-use crate::annotation::{Geometry, Item, catmull_rom, measures};
-use crate::display::DisplaySettings;
-use crate::render::{
+use relief_annotation::{Geometry, Item, catmull_rom, measures};
+use relief_base::space::{Patient, Point, Vector};
+use relief_display::DisplaySettings;
+use relief_render::{
     Curve, Landmark, Line, Mesh, Mode, OverlayItem, Overlays, Radius, RenderRequest, depth_limits,
 };
-use crate::space::{Patient, Point, Vector};
-use crate::volume::Grid;
+use relief_volume::Grid;
 use slice::{Cut, between};
 
 pub use content::{region_of_content, shape_of_content};

@@ -1,7 +1,7 @@
 //! What lies in a slice, as lines in its plane.
 
-use crate::render::RenderRequest;
-use crate::space::{Patient, Point, Vector};
+use relief_base::space::{Patient, Point, Vector};
+use relief_render::RenderRequest;
 
 /// How far from the slab a point may be and is still shown, mm: about a slice of a CT series.
 pub(super) const REACH_MM: f64 = 2.5;

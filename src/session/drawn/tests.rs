@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::annotation::{ContentId, MeshSummary, State};
-use crate::camera::{NamedPlane, Orbit};
-use crate::render::{Scene, SceneFile};
-use crate::units::ViewDepth;
+use relief_annotation::{ContentId, MeshSummary, State};
+use relief_base::units::ViewDepth;
+use relief_render::{Scene, SceneFile};
+use relief_volume::camera::{NamedPlane, Orbit};
 
 fn grid() -> Grid {
     Grid::axis_aligned([40; 3], [5.0; 3], [-97.5; 3]).unwrap()
@@ -182,7 +182,7 @@ fn labels_stand_where_their_ghost_is_no_wider_than_a_stroke() {
             let d = profile.disparity(limits.scaled(ViewDepth(mm as f32))).0;
             (d - profile.constants().c) / profile.constants().m * px_per_eyes
         });
-        let stroke = crate::render::label_stroke_px(20);
+        let stroke = relief_render::label_stroke_px(20);
         assert!((parallax[0] + stroke).abs() < 0.01 && (parallax[1] - stroke).abs() < 0.01, "{parallax:?}");
         assert!(limits.near_mm < depths[0] && depths[1] < limits.far_mm);
         reaches.push((depths[1] - depths[0]) / (limits.far_mm - limits.near_mm));

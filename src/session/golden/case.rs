@@ -9,10 +9,10 @@ use super::collection::CaseId;
 use super::compare::Tolerance;
 use super::error::GoldenError;
 use super::raster::{Raster, read_bounded};
-use crate::camera::Orbit;
-use crate::render::{Scene, SceneFile};
-use crate::volume::Grid;
-use crate::volume::phantom::Recipe;
+use relief_render::{Scene, SceneFile};
+use relief_volume::Grid;
+use relief_volume::camera::Orbit;
+use relief_volume::phantom::Recipe;
 
 const CASE_FILE: &str = "case.toml";
 const SCENE_FILE: &str = "scene.json";

@@ -12,12 +12,12 @@ use super::collection::{CaseId, Collection};
 use super::compare::{Comparison, Tolerance, compare, is_depth};
 use super::error::GoldenError;
 use super::raster::{Raster, Samples, check_size, decode_png, rgb_png, rgba_png};
-use crate::display::DisplaySettings;
-use crate::gpu::{AdapterDescription, AdapterKind};
-use crate::render::{RenderedFrame, Renderer};
-use crate::session::{FileFormat, Product, encode};
-use crate::volume::Volume;
-use crate::volume::phantom::Recipe;
+use crate::{FileFormat, Product, encode};
+use relief_display::DisplaySettings;
+use relief_render::gpu::{AdapterDescription, AdapterKind};
+use relief_render::{RenderedFrame, Renderer};
+use relief_volume::Volume;
+use relief_volume::phantom::Recipe;
 
 /// Renders cases. Keeps the phantoms it has made: many cases show the same.
 pub struct Harness {

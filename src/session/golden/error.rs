@@ -4,10 +4,10 @@
 use std::path::PathBuf;
 
 use super::raster::MAX_FILE_BYTES;
-use crate::display::Layout;
-use crate::render::{RenderError, SceneError};
-use crate::session::EncodingError;
-use crate::volume::phantom::{SizeError, UnknownKind};
+use crate::EncodingError;
+use relief_display::Layout;
+use relief_render::{RenderError, SceneError};
+use relief_volume::phantom::{SizeError, UnknownKind};
 
 /// Why a case, a golden or an artefact could not be handled.
 #[derive(Debug, thiserror::Error)]

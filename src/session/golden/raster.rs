@@ -11,7 +11,7 @@ use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncod
 
 use super::case::Aspect;
 use super::error::GoldenError;
-use crate::display::decode_exr;
+use relief_display::decode_exr;
 
 /// The largest file of a golden: they stay in the repository's history for ever.
 pub const MAX_FILE_BYTES: u64 = 64 * 1024;

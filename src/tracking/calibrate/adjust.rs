@@ -3,8 +3,8 @@
 use nalgebra::{Matrix2x3, Matrix2x6, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector6};
 
 use super::{CalibrationView, Model};
-use crate::tracking::pose::{Pose, cross_matrix};
-use crate::tracking::sensor::Pinhole;
+use crate::pose::{Pose, cross_matrix};
+use crate::sensor::Pinhole;
 
 /// The camera's numbers, in the order of [`Adjusted::covariance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,13 +2,13 @@
 
 use nalgebra::Vector2;
 
-use crate::tracking::beacon::Beacon;
-use crate::tracking::correspondence::{Earlier, Hints, Identified, identify};
-use crate::tracking::pose::Pose;
-use crate::tracking::report::{Report, SENSOR_HEIGHT, SENSOR_WIDTH};
-use crate::tracking::sensor::Pinhole;
-use crate::tracking::solve::{MAX_SEEN, Sighting};
-use crate::tracking::tracker::{Frames, Options};
+use crate::beacon::Beacon;
+use crate::correspondence::{Earlier, Hints, Identified, identify};
+use crate::pose::Pose;
+use crate::report::{Report, SENSOR_HEIGHT, SENSOR_WIDTH};
+use crate::sensor::Pinhole;
+use crate::solve::{MAX_SEEN, Sighting};
+use crate::tracker::{Frames, Options};
 
 /// The nominal camera may be wrong by 3 % and 25 px, which leaves errors of a few pixels in a view.
 const NOMINAL_NOISE_PX: f64 = 2.0;

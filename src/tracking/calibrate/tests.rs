@@ -1,8 +1,8 @@
 //! Calibrations of simulated cameras, whose parameters are known.
 
 use super::*;
-use crate::tracking::beacon::Beacon;
-use crate::tracking::simulate::{Hand, Path, Simulation, Survey};
+use crate::beacon::Beacon;
+use crate::simulate::{Hand, Path, Simulation, Survey};
 
 fn views(camera: Pinhole, path: &impl Path, seed: u64) -> Vec<CalibrationView> {
     views_of(&Beacon::recommended(), camera, path, seed)

@@ -8,9 +8,9 @@
 use nalgebra::{Matrix3, Matrix6, RowVector3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::Motion;
-use crate::tracking::pose::{Pose, SensorPose, cross_matrix};
-use crate::tracking::sensor::Pinhole;
-use crate::tracking::solve::{Gravity, Sighting};
+use crate::pose::{Pose, SensorPose, cross_matrix};
+use crate::sensor::Pinhole;
+use crate::solve::{Gravity, Sighting};
 
 /// Length of the error state.
 const N: usize = 15;
@@ -180,11 +180,11 @@ impl ErrorStateFilter {
         }
     }
 
-    /// The pose `seconds` from now, at most [`crate::tracking::tracker::MAX_PREDICTION_S`] of them; the filter stays.
+    /// The pose `seconds` from now, at most [`crate::tracker::MAX_PREDICTION_S`] of them; the filter stays.
     #[must_use]
     pub fn predicted(&self, seconds: f64) -> Self {
         let mut ahead = self.clone();
-        ahead.predict(seconds.min(crate::tracking::tracker::MAX_PREDICTION_S));
+        ahead.predict(seconds.min(crate::tracker::MAX_PREDICTION_S));
         ahead
     }
 

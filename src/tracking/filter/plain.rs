@@ -6,7 +6,7 @@
 use nalgebra::{Matrix2, Matrix6, UnitQuaternion, Vector2, Vector3};
 
 use super::Motion;
-use crate::tracking::pose::SensorPose;
+use crate::pose::SensorPose;
 
 /// A coordinate, its speed, and their covariance.
 #[derive(Clone, Copy, Debug)]

@@ -5,12 +5,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::tracking::report::calibration::{
-    AccelerometerCalibration, IrCalibration, encode_accelerometer, encode_ir,
-};
-use crate::tracking::report::motion_plus::{GyroCalibration, MotionPlus};
-use crate::tracking::report::output::{DataMode, MemorySpace, Output};
-use crate::tracking::report::{
+use crate::report::calibration::{AccelerometerCalibration, IrCalibration, encode_accelerometer, encode_ir};
+use crate::report::motion_plus::{GyroCalibration, MotionPlus};
+use crate::report::output::{DataMode, MemorySpace, Output};
+use crate::report::{
     Acceleration, Acknowledge, Blob, Buttons, DataReport, Extension, Half, InterleavedHalf, IrFormat, Layout,
     Memory, Report, Status,
 };

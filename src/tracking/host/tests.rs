@@ -1,8 +1,8 @@
 //! A host and a virtual remote, with answers lost, modes changed by others, and the remote unplugged.
 
 use super::*;
-use crate::tracking::report::Blob;
-use crate::tracking::report::calibration::AccelerometerCalibration;
+use crate::report::Blob;
+use crate::report::calibration::AccelerometerCalibration;
 
 /// Lets both talk for some seconds of 10 ms steps; every `lose`-th answer is lost. Gives what was reported.
 fn talk(host: &mut Host, remote: &mut VirtualRemote, from_ns: u64, seconds: u64, lose: usize) -> Vec<Report> {

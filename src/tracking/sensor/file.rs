@@ -9,7 +9,7 @@ use std::fmt::Write;
 pub use super::yaml::YamlError;
 use super::yaml::{self, Flat, Value};
 use super::{Pinhole, PinholeError};
-use crate::tracking::report::{SENSOR_HEIGHT, SENSOR_WIDTH};
+use crate::report::{SENSOR_HEIGHT, SENSOR_WIDTH};
 
 /// How a camera file is written; both are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

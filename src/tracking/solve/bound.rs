@@ -6,7 +6,7 @@
 use nalgebra::Matrix6;
 
 use super::View;
-use crate::tracking::pose::Pose;
+use crate::pose::Pose;
 
 /// Variance of rounding to whole pixels.
 pub const QUANTISATION_VARIANCE: f64 = 1.0 / 12.0;

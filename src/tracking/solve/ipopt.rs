@@ -11,7 +11,7 @@ use nalgebra::{Vector3, Vector4};
 
 use super::View;
 use super::paper::{Energy, Form, PaperSolution, Point};
-use crate::tracking::pose::Pose;
+use crate::pose::Pose;
 
 /// Numbers of a pose.
 const NUMBERS: usize = 7;

@@ -11,7 +11,7 @@
 use nalgebra::{Matrix4, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector4, Vector6};
 
 use super::{MAX_SEEN, View};
-use crate::tracking::pose::Pose;
+use crate::pose::Pose;
 
 /// Where it ended.
 #[derive(Clone, Copy, Debug)]

@@ -6,10 +6,10 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::{MAX_SEEN, Sighting};
-use crate::tracking::beacon::Beacon;
-use crate::tracking::pose::{Pose, SensorPose};
-use crate::tracking::report::{SENSOR_HEIGHT, SENSOR_WIDTH};
-use crate::tracking::sensor::Pinhole;
+use crate::beacon::Beacon;
+use crate::pose::{Pose, SensorPose};
+use crate::report::{SENSOR_HEIGHT, SENSOR_WIDTH};
+use crate::sensor::Pinhole;
 
 /// A sequence of random numbers that follows from its seed.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@
 use nalgebra::{Matrix2x6, Matrix3, Matrix6, Vector3, Vector6};
 
 use super::{Gravity, View};
-use crate::tracking::pose::{Pose, cross_matrix};
+use crate::pose::{Pose, cross_matrix};
 
 /// A minimum.
 #[derive(Clone, Copy, Debug)]

@@ -10,7 +10,7 @@
 use nalgebra::{Matrix3, Matrix3x1, Rotation3, SMatrix, SVector, Unit, Vector3};
 
 use super::{MAX_SEEN, View};
-use crate::tracking::pose::{Pose, cross_matrix};
+use crate::pose::{Pose, cross_matrix};
 
 type Matrix9 = SMatrix<f64, 9, 9>;
 type Matrix3x9 = SMatrix<f64, 3, 9>;

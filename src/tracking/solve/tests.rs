@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Unit, Vector6};
 
 use super::random::{Random, ViewRange, sightings};
 use super::*;
-use crate::tracking::beacon::Beacon;
+use crate::beacon::Beacon;
 
 fn tetra() -> Beacon {
     Beacon::new(&[[-100.0, -57.7, 0.0], [100.0, -57.7, 0.0], [0.0, 115.5, 0.0], [0.0, 0.0, 100.0]]).unwrap()

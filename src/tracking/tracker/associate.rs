@@ -6,10 +6,10 @@
 use nalgebra::Vector2;
 
 use super::{Options, Sightings};
-use crate::tracking::beacon::{Beacon, MAX_LEDS};
-use crate::tracking::filter::ErrorStateFilter;
-use crate::tracking::sensor::Pinhole;
-use crate::tracking::solve::Sighting;
+use crate::beacon::{Beacon, MAX_LEDS};
+use crate::filter::ErrorStateFilter;
+use crate::sensor::Pinhole;
+use crate::solve::Sighting;
 
 /// Squared normalised innovation of one blob beyond which it is not that LED: 1 in 100,000 right ones.
 const PAIR_GATE: f64 = 23.0;

@@ -3,11 +3,11 @@
 use nalgebra::{Unit, Vector2, Vector3};
 
 use super::Dropped;
-use crate::tracking::beacon::Beacon;
-use crate::tracking::report::calibration::AccelerometerCalibration;
-use crate::tracking::report::motion_plus::{GyroCalibration, MotionPlus};
-use crate::tracking::report::{Acceleration, Blob, Interleaver, Report};
-use crate::tracking::solve::{Gravity, MAX_SEEN};
+use crate::beacon::Beacon;
+use crate::report::calibration::AccelerometerCalibration;
+use crate::report::motion_plus::{GyroCalibration, MotionPlus};
+use crate::report::{Acceleration, Blob, Interleaver, Report};
+use crate::solve::{Gravity, MAX_SEEN};
 
 /// Reports that are the same within this time are one report that came twice.
 const REPEAT_NS: u64 = 2_000_000;

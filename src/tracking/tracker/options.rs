@@ -1,9 +1,9 @@
 //! How a tracker works: filter, solver, noise.
 
-use crate::tracking::filter::Motion;
-use crate::tracking::report::calibration::AccelerometerCalibration;
-use crate::tracking::report::motion_plus::GyroCalibration;
-use crate::tracking::solve::bound::quantised_noise;
+use crate::filter::Motion;
+use crate::report::calibration::AccelerometerCalibration;
+use crate::report::motion_plus::GyroCalibration;
+use crate::solve::bound::quantised_noise;
 
 /// What joins the poses of single frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

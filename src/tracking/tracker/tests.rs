@@ -3,7 +3,7 @@
 use nalgebra::Vector6;
 
 use super::*;
-use crate::tracking::simulate::{Delivery, Hand, Hidden, Simulated, Simulation};
+use crate::simulate::{Delivery, Hand, Hidden, Simulated, Simulation};
 
 struct Outcome {
     samples: Vec<(Sample, SensorPose)>,
@@ -114,7 +114,7 @@ fn hidden_leds_make_the_pose_less_certain_until_it_is_lost() {
 /// A reflection appears beside the LEDs: it is no LED, and the pose stays.
 #[test]
 fn a_stray_blob_is_left_out() {
-    use crate::tracking::report::{Blob, Report};
+    use crate::report::{Blob, Report};
     let mut simulation = Simulation::new(Beacon::recommended(), 4);
     simulation.hidden = vec![Hidden { led: 2, seconds: [1.0, 3.0] }];
     let mut reports = simulation.record(&Hand::before(&simulation.beacon, 1300.0, 4), 3.0);
@@ -150,7 +150,7 @@ fn predictions_are_short() {
     assert_eq!(tracker.predicted(0.05), tracker.predicted(9.0));
     let (sample, _) = last.unwrap();
     let seconds = sample.t_ns as f64 * 1e-9 - 1.0 + 0.04;
-    let ahead = crate::tracking::simulate::Path::at(&path, seconds);
+    let ahead = crate::simulate::Path::at(&path, seconds);
     let [with, without] = [tracker.predicted(0.04), sample.pose].map(|pose| error(&pose.unwrap(), &ahead));
     assert!(with.fixed_rows::<3>(0).norm() < 30.0 && with != without, "{with} {without}");
 }

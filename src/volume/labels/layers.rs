@@ -1,7 +1,7 @@
 //! Segments that overlap, in layers: label maps of one grid, in each of which no two segments have a voxel in common.
 
 use super::{LabelMap, Segment};
-use crate::volume::Grid;
+use crate::Grid;
 
 /// Lays segments one after another, each into the first layer where all its voxels are free.
 pub struct Layers {

@@ -4,13 +4,13 @@ use anyhow::Context;
 use glam::DVec3;
 
 use super::Way;
-use crate::camera::{Camera, Orbit, Projection};
-use crate::placing::{Snap, Target, snap};
-use crate::render::{ClipPlane, RenderRequest, RenderedFrame, Renderer, SceneFile};
-use crate::space::{Patient, Point, Vector, View};
-use crate::tracking::solve::random::Random;
-use crate::volume::Volume;
-use crate::volume::phantom::Landmark;
+use relief_annotation::placing::{Snap, Target, snap};
+use relief_base::space::{Patient, Point, Vector, View};
+use relief_render::{ClipPlane, RenderRequest, RenderedFrame, Renderer, SceneFile};
+use relief_tracking::solve::random::Random;
+use relief_volume::Volume;
+use relief_volume::camera::{Camera, Orbit, Projection};
+use relief_volume::phantom::Landmark;
 
 /// The picture, and how much of the patient it shows: the user came closer.
 const SIZE_PX: [u32; 2] = [960, 540];

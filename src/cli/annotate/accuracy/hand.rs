@@ -9,16 +9,16 @@ use anyhow::Context;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::cli::track_experiment::survey;
-use crate::interaction::{Gestures, HandOptions, HandPose, HandSample, Intent, PlacePhase};
-use crate::tracking::Beacon;
-use crate::tracking::experiment::Setting;
-use crate::tracking::pose::SensorPose;
-use crate::tracking::report::Buttons;
-use crate::tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
-use crate::tracking::simulate::{Delivery, Hand, Path, Simulation};
-use crate::tracking::solve::random::Random;
-use crate::tracking::tracker::{Options, Tracker, TrackingState};
+use crate::track_experiment::survey;
+use relief_live::interaction::{Gestures, HandOptions, HandPose, HandSample, Intent, PlacePhase};
+use relief_tracking::Beacon;
+use relief_tracking::experiment::Setting;
+use relief_tracking::pose::SensorPose;
+use relief_tracking::report::Buttons;
+use relief_tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
+use relief_tracking::simulate::{Delivery, Hand, Path, Simulation};
+use relief_tracking::solve::random::Random;
+use relief_tracking::tracker::{Options, Tracker, TrackingState};
 
 /// By how much the focal length differs from a typical one, as the experiment has it.
 const FOCAL_ERROR: f64 = 0.03;

@@ -11,10 +11,10 @@ use std::process::ExitCode;
 use anyhow::Context;
 
 use self::chain::Sight;
-use crate::cli::adapter::AdapterArguments;
-use crate::cli::output::{print_json, say, write_whole};
-use crate::interaction::HandOptions;
-use crate::volume::phantom::{Kind, Recipe};
+use crate::adapter::AdapterArguments;
+use crate::output::{print_json, say, write_whole};
+use relief_live::interaction::HandOptions;
+use relief_volume::phantom::{Kind, Recipe};
 
 /// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they are missed.
 ///

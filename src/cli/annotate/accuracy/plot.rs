@@ -1,7 +1,7 @@
 //! The errors of all ways: a dot each, their median and the bar of 1 mm.
 
 use super::Report;
-use crate::cli::drawing::{Anchor, Color, Drawing, Pen};
+use crate::drawing::{Anchor, Color, Drawing, Pen};
 
 const SIZE: [u16; 2] = [760, 640];
 const LEFT: f64 = 230.0;

@@ -5,6 +5,7 @@ mod html;
 mod plots;
 mod svg;
 
+use relief_study::agreement::compare;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -12,12 +13,11 @@ use anyhow::Context;
 
 use super::super::output::{print_json, say, write_whole};
 use super::{Log, LogArguments, table};
-use crate::annotation::Set;
-use crate::annotation::agreement::{
+use relief_annotation::Set;
+use relief_store::Filter;
+use relief_study::agreement::{
     Agreement, BlandAltman, Comparison, Figure, Icc, Missing, Pairing, Reading, ReadingMeasures, Study,
-    compare,
 };
-use crate::store::Filter;
 
 /// Compare sets of several readers: errors, bias, ICC(2,1), limits of agreement
 #[derive(Debug, clap::Args)]

@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Inner;
-use crate::live::{Role, ServerMessage, SnappedPlace, StateMessage};
-use crate::server::live::motion::Patience;
-use crate::server::live::order::{Next, Order};
-use crate::server::live::slot::Slot;
+use crate::live::motion::Patience;
+use crate::live::order::{Next, Order};
+use crate::live::slot::Slot;
+use relief_live::{Role, ServerMessage, SnappedPlace, StateMessage};
 
 impl Inner {
     pub(super) fn next(&mut self, now: Instant, patience: Patience) -> Next {

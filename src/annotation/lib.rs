@@ -1,0 +1,41 @@
+//! Annotations: what people say about places of a patient, and how that came about.
+//!
+//! What it is: [`Item`]s (landmarks, lines, angles, curves, planes, regions, meshes) in patient mm, what follows from their
+//! geometry ([`measures`]), and changes as values: an [`Edit`] asks for some, [`Event`]s tell of those that were made. What it
+//! is not: it keeps nothing (see `store`), reads no files (see `exchange`), draws nothing and knows no voxels.
+//!
+//! Space: patient LPS, mm, of the item's frame of reference. Angles in degrees, areas in mm², volumes in ml.
+//!
+//! | word | meaning |
+//! |---|---|
+//! | item | one thing with a name and at most one geometry |
+//! | set | the items of one reader or purpose; an item is in one |
+//! | list | items of a set that belong together and have an order, such as the points of one file |
+//! | edit | changes of one author that happen together or not at all, and are undone together |
+//! | event | one change of one item as it was made; never altered afterwards |
+
+mod change;
+mod check;
+mod curve;
+mod geometry;
+mod item;
+mod measure;
+pub mod mesh;
+mod patient_mm;
+mod placement;
+pub mod placing;
+pub mod segmentation;
+mod shown;
+mod template;
+mod time;
+
+pub use change::{Author, Change, Edit, Event, Kind, Versioned};
+pub use check::ItemError;
+pub use curve::catmull_rom;
+pub use geometry::{ContentId, Geometry, MeshSummary, RegionSummary};
+pub use item::{Concept, FrameOfReference, Item, ItemId, Set, State};
+pub use measure::{Measure, measures};
+pub use placement::{CameraRecord, Device, Method, Placement};
+pub use shown::Shown;
+pub use template::{Completeness, Expected, ExpectedKind, Template, TemplateError};
+pub use time::Timestamp;

@@ -1,0 +1,4 @@
+//! Units, spaces and small helpers.
+
+pub mod space;
+pub mod units;

@@ -1,0 +1,82 @@
+//! Why a file is refused: what, where, and what to do.
+
+use std::path::PathBuf;
+
+use relief_volume::GridError;
+
+/// Why a volume or a label map could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum FormatError {
+    /// The system does not let it be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// It begins like none of the formats.
+    #[error("this is neither NIfTI nor NRRD: it begins with {found}")]
+    Unknown {
+        /// The first bytes.
+        found: String,
+    },
+    /// The compressed part is damaged.
+    #[error("the compressed part is damaged: {0}")]
+    Damaged(std::io::Error),
+    /// A part of the header is missing or not understood.
+    #[error("{key} is {found}, allowed: {allowed}")]
+    Header {
+        /// The field, by its name in the format's own documentation.
+        key: String,
+        /// What it is.
+        found: String,
+        /// What it may be.
+        allowed: String,
+    },
+    /// The voxels do not span space.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// More voxels than allowed.
+    #[error("the file has {needed} voxels, allowed: at most {allowed}")]
+    TooLarge {
+        /// What the header asks for.
+        needed: u64,
+        /// The limit.
+        allowed: u64,
+    },
+    /// The file ends too early.
+    #[error("the voxels are cut short: {found} of {expected} bytes are there")]
+    Cut {
+        /// Bytes that the header asks for.
+        expected: u64,
+        /// Bytes that are there.
+        found: u64,
+    },
+    /// A value that is no label, or no HU.
+    #[error("voxel {index} is {found}, allowed: {allowed}")]
+    Value {
+        /// Which voxel, counted in the file's order.
+        index: u64,
+        /// Its value.
+        found: f64,
+        /// What it may be.
+        allowed: &'static str,
+    },
+    /// Several values in each voxel of a volume.
+    #[error("each voxel has {found} values; a volume has one (of a series of volumes, take one out first)")]
+    Layers {
+        /// How many.
+        found: usize,
+    },
+    /// No memory for the voxels.
+    #[error("there is no memory for {0} voxels")]
+    Memory(u64),
+}
+
+impl FormatError {
+    pub(super) fn header(key: &str, found: impl std::fmt::Display, allowed: impl Into<String>) -> Self {
+        let found: String = found.to_string().chars().take(80).collect();
+        Self::Header { key: key.to_owned(), found, allowed: allowed.into() }
+    }
+}

@@ -1,0 +1,137 @@
+//! Volumes and label maps in the files of research: NIfTI and NRRD (with 3D Slicer's segmentations).
+//!
+//! What it is: bounded readers of `.nii`, `.nii.gz`, `.nrrd` and `.seg.nrrd`, told apart by their first bytes, and writers
+//! of label maps as `.seg.nrrd` and `.nii.gz`. What it is not: DICOM (see `dicom`, whose segmentation objects become the same [`LabelMap`](relief_volume::LabelMap)); a reader of
+//! images that point to other files (detached headers, which could name any file of this machine).
+//!
+//! Spaces: patient LPS mm. NIfTI is RAS, NRRD says what it is. Voxels: HU as `i16` of a volume, `u16` labels of a map.
+//! Memory grows with what a file really holds, never with what its header claims, and ends at [`Limits`].
+
+mod bytes;
+mod error;
+mod header;
+mod nifti;
+mod nifti_write;
+mod nrrd;
+mod segmentation;
+mod values;
+mod write;
+
+use std::path::Path;
+
+pub use error::FormatError;
+pub use nifti_write::nifti_labels;
+pub use segmentation::{ReadLabels, ReadLayers};
+pub use write::{seg_nrrd, seg_nrrd_layers};
+
+use bytes::Source;
+use header::{Described, Header};
+use relief_volume::{Grid, Volume};
+
+/// How much a file may hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Most voxels; of several layers of a segmentation together.
+    pub voxels: u64,
+}
+
+impl Default for Limits {
+    /// 2³¹: 1290 voxels along each side.
+    fn default() -> Self {
+        Self { voxels: 1 << 31 }
+    }
+}
+
+/// A volume and what was unusual about its file.
+#[derive(Clone, Debug)]
+pub struct ReadVolume {
+    /// The volume in HU and patient LPS.
+    pub volume: Volume,
+    /// What was done about what was unusual, in sentences.
+    pub warnings: Vec<String>,
+}
+
+/// Whether a file begins as one of these formats does. A file that cannot be read does not.
+#[must_use]
+pub fn is_known(path: &Path) -> bool {
+    Source::open(path).and_then(|mut source| source.kind()).is_ok()
+}
+
+/// Reads a label map within the default [`Limits`].
+///
+/// # Errors
+/// As [`read_labels_within`].
+pub fn read_labels(path: &Path) -> Result<ReadLabels, FormatError> {
+    read_labels_within(Limits::default(), path)
+}
+
+/// Reads a label map: whole numbers from 0 to 65535, 0 for no segment.
+///
+/// # Errors
+/// When the file cannot be read, is of no known format, cut short or larger than allowed, does not say where its voxels
+/// lie, or holds values that are no labels.
+pub fn read_labels_within(limits: Limits, path: &Path) -> Result<ReadLabels, FormatError> {
+    let mut source = Source::open(path)?;
+    let Described { header, segments } = header::read(&mut source)?;
+    header.check(limits)?;
+    segmentation::read(&mut source, &header, segments)
+}
+
+/// Reads where the voxels of a volume lie, and none of them.
+///
+/// # Errors
+/// When the file cannot be read, is of no known format or larger than allowed, or does not say where its voxels lie.
+pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
+    let Described { header, .. } = header::read(&mut Source::open(path)?)?;
+    header.check(Limits::default())?;
+    Ok(header.grid)
+}
+
+/// Reads every layer of a label map, within the default [`Limits`]: nothing of segments that overlap is lost.
+///
+/// # Errors
+/// As [`read_labels_within`].
+pub fn read_label_layers(path: &Path) -> Result<ReadLayers, FormatError> {
+    let mut source = Source::open(path)?;
+    let Described { header, segments } = header::read(&mut source)?;
+    header.check(Limits::default())?;
+    segmentation::read_layers(&mut source, &header, &segments)
+}
+
+/// Reads a volume in HU, within the default [`Limits`].
+///
+/// # Errors
+/// As [`read_volume_within`].
+pub fn read_volume(path: &Path) -> Result<ReadVolume, FormatError> {
+    read_volume_within(Limits::default(), path)
+}
+
+/// Reads a volume in HU; values are rounded to whole HU and kept within -32768..=32767.
+///
+/// # Errors
+/// As [`read_labels_within`], but for the values: these are refused when they are not finite.
+pub fn read_volume_within(limits: Limits, path: &Path) -> Result<ReadVolume, FormatError> {
+    let mut source = Source::open(path)?;
+    let Described { header, .. } = header::read(&mut source)?;
+    header.check(limits)?;
+    if header.layers > 1 {
+        return Err(FormatError::Layers { found: header.layers });
+    }
+    let Header { voxel, scale, grid, .. } = &header;
+    let mut clamped = 0u64;
+    let voxels = values::read(&mut source, *voxel, grid.voxel_count(), |value| {
+        let hu = (scale.slope * value + scale.intercept).round();
+        if !hu.is_finite() {
+            return Err(value);
+        }
+        clamped += u64::from(hu < f64::from(i16::MIN) || hu > f64::from(i16::MAX));
+        #[expect(clippy::cast_possible_truncation, reason = "saturates, and is counted")]
+        Ok(hu as i16)
+    })?;
+    let mut warnings = header.warnings.clone();
+    if clamped > 0 {
+        warnings.push(format!("{clamped} voxels beyond -32768..32767 HU have the nearer of the two"));
+    }
+    let volume = Volume::new(grid.clone(), voxels).map_err(|_| FormatError::Cut { expected: 0, found: 0 })?;
+    Ok(ReadVolume { volume, warnings })
+}

@@ -1,0 +1,39 @@
+//! From a picture with view depth to the bytes that a glasses-free 3D display takes, and back.
+//!
+//! What it is: display profiles and their curve D(Z), the WoWvx header, layouts with their encoders and decoders,
+//! PNG, JPEG and OpenEXR files, and a strict inspection of frames. What it is not: it renders nothing and knows no
+//! GPU, no camera and no volume; it turns slices into bytes.
+//!
+//! The way of a frame: [`DisplaySettings`] (the request's JSON) becomes a [`FrameEncoder`], which says at which size
+//! to render, filters the depth ([`DepthFilter`]) and packs a [`Picture`] into a [`Frame`]; [`encode_png`] makes a file of it, [`inspect_png`] says what
+//! is in one. Layouts of views show without such a display what one would. Depth comes in as view depth in mm, is scaled to Z between [`relief_base::units::DepthLimits`], and leaves as
+//! disparity bytes D (255 nearest) or as 16-bit Z.
+
+mod encode;
+mod filter;
+mod header;
+mod inspect;
+mod layout;
+mod problem;
+mod profile;
+mod settings;
+mod views;
+
+pub use encode::{
+    Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, decode_wiggle,
+    encode_exr, encode_jpeg, encode_png, encode_views,
+};
+pub use filter::DepthFilter;
+pub use header::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
+pub use inspect::{
+    DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, ViewsReport, inspect_frame,
+    inspect_png, read_png,
+};
+pub use layout::{
+    DecodedDepth, DecodedFrame, DecodedLayer, DisparityLayer, Frame, FrameEncoder, Layout, LayoutError,
+    Picture, Pixels, UnknownLayout,
+};
+pub use problem::FrameProblem;
+pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
+pub use settings::{DisplaySettings, ProfileSetting, SettingsError};
+pub use views::{MAX_VIEWS, Parallax, TrueViews, ViewGrid, Views, anaglyph, eyes, psnr_db, synthesize};

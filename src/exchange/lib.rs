@@ -1,0 +1,152 @@
+//! Annotations in the files of other tools, both ways.
+//!
+//! What it is: [`read`] makes items of a file's bytes, [`write()`] makes bytes of items, and both tell what does not fit. What it
+//! is not: it opens no files and keeps nothing (see `store`). `ANNOTATIONS.md` has the table of what each format holds.
+//!
+//! Space: patient LPS, mm; formats in RAS are mirrored at the edge. A file is taken whole or refused: an error names its line or
+//! JSON path. Memory grows with the file, by a bounded factor, whatever the file claims.
+
+mod cornerstone;
+mod delimited;
+mod error;
+mod extra;
+mod fcsv;
+mod format;
+mod loss;
+mod merge;
+mod meshes;
+mod mps;
+mod mrk_json;
+mod objects;
+mod outside;
+mod reading;
+mod regions;
+pub mod structures;
+mod table;
+mod written_json;
+
+pub use error::ExchangeError;
+pub use format::{Format, UnknownFormat};
+pub use loss::LeftOut;
+pub use merge::{Merged, Present};
+
+use relief_annotation::{ContentId, FrameOfReference, Item};
+use relief_dicom::SeriesReference;
+use relief_dicom::formats::{nifti_labels, seg_nrrd_layers};
+use relief_volume::Grid;
+
+/// What a file does not say of its items.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadContext<'a> {
+    /// Who made them, where the file does not say.
+    pub author: &'a str,
+    /// The set that they come into.
+    pub set: &'a str,
+    /// The list that they are, where the file does not say: the file's name without its extension.
+    pub list: &'a str,
+    /// What their mm are told from.
+    pub frame_of_reference: Option<&'a FrameOfReference>,
+    /// The volume that they belong to: points outside of it are warned of.
+    pub grid: Option<&'a Grid>,
+    /// The DICOM series that they belong to: a report may have places in its images.
+    pub series: Option<&'a SeriesReference>,
+}
+
+/// What items do not say of themselves.
+#[derive(Clone, Copy)]
+pub struct WriteContext<'a> {
+    /// The bytes of a content: regions and meshes are these.
+    pub contents: &'a dyn Fn(&ContentId) -> Option<Vec<u8>>,
+    /// The voxels that a label map is to have; those of the first region otherwise.
+    pub grid: Option<&'a Grid>,
+    /// The DICOM series that they belong to: reports and segmentations are about one.
+    pub series: Option<&'a SeriesReference>,
+}
+
+/// What a file held.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    /// The items, valid, with the ids of the file where it has ours.
+    pub items: Vec<Item>,
+    /// What they refer to: name, media type, bytes.
+    pub contents: Vec<(ContentId, String, Vec<u8>)>,
+    /// What was unusual, and what was left out, in sentences.
+    pub warnings: Vec<String>,
+}
+
+/// A file.
+#[derive(Clone, Debug)]
+pub struct Written {
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// How many items it has.
+    pub items: usize,
+    /// What it cannot hold.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl Format {
+    /// Whether [`write()`] makes it.
+    #[must_use]
+    pub const fn can_write(self) -> bool {
+        !matches!(self, Self::RtStruct)
+    }
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// When the bytes are not of the format, or describe items that cannot be: with the line or JSON path.
+pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
+    match format {
+        Format::MrkJson => mrk_json::read(bytes, context),
+        Format::Fcsv => fcsv::read(bytes, context),
+        Format::Csv | Format::Tsv => table::read(format, bytes, context),
+        Format::Mps => mps::read(bytes, context),
+        Format::Cornerstone => cornerstone::read(bytes, context),
+        Format::Sr => objects::read_report(bytes, context),
+        Format::Seg => objects::read_segmentation(bytes, context),
+        Format::SegNrrd | Format::Nifti => regions::read(format, bytes, context),
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb => meshes::read(format, bytes, context),
+        Format::RtStruct => objects::read_structure_set(bytes, context),
+    }
+}
+
+/// Makes a file. Items that the format cannot hold are left out, and told.
+///
+/// # Errors
+/// When the format holds none of the items.
+pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Result<Written, ExchangeError> {
+    let (mut kept, mut left_out) = loss::kept(format, items)?;
+    let mut count = kept.len();
+    let bytes = match format {
+        Format::MrkJson => mrk_json::write(&kept),
+        Format::Fcsv => fcsv::write(&kept),
+        Format::Csv | Format::Tsv => table::write(format, &kept),
+        Format::Mps => mps::write(&kept),
+        Format::Cornerstone => cornerstone::write(&kept),
+        Format::Sr => objects::write_report(&kept, context, &mut left_out).map(|(bytes, held)| {
+            count = held;
+            bytes
+        }),
+        Format::Seg | Format::SegNrrd | Format::Nifti => {
+            let regions::ToWrite { maps, items: ids, lost } = regions::join(format, &kept, context)?;
+            left_out.extend(lost);
+            kept.retain(|item| ids.contains(&item.id));
+            count = kept.len();
+            match format {
+                Format::Seg => objects::write_segmentation(&maps, &kept, context),
+                Format::Nifti => nifti_labels(&maps[0]).map_err(|error| regions::failed(format, &error)),
+                _ => seg_nrrd_layers(&maps).map_err(|error| regions::failed(format, &error)),
+            }
+        }
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb => {
+            meshes::write(format, &kept, context, &mut left_out)
+        }
+        Format::RtStruct => {
+            let possible = Format::names(Format::can_write);
+            return Err(ExchangeError::OneWay { format, action: "written", possible });
+        }
+    }?;
+    Ok(Written { bytes, items: count, left_out })
+}

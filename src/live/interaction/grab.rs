@@ -1,0 +1,77 @@
+//! Holding the volume: what a hand does from the moment it took hold.
+//!
+//! Everything follows from where hand and view were then, and from where the hand is now; nothing is added up, so a hand that
+//! comes back brings the volume back. View axes, mm; the focal point is 0.
+
+use glam::{DQuat, DVec3};
+
+use super::intent::{GrabMode, Pivot};
+use super::view::Aspect;
+use relief_base::space::{Patient, Point, Vector};
+
+/// A hand in view space: already scaled, its axes turned into view axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Hand {
+    pub(super) position: DVec3,
+    /// Of unit length.
+    pub(super) orientation: DQuat,
+}
+
+/// A volume in a hand.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Grab {
+    mode: GrabMode,
+    pivot: Pivot,
+    /// What stays under the hand.
+    held: Point<Patient>,
+    /// Where that was in view.
+    held_in_view: DVec3,
+    orientation: DQuat,
+    /// The hand when it took hold.
+    from: Hand,
+    /// The hand now.
+    now: Hand,
+}
+
+impl Grab {
+    pub(super) fn new(
+        aspect: &Aspect,
+        cursor: Option<Point<Patient>>,
+        hand: Hand,
+        mode: GrabMode,
+        pivot: Pivot,
+    ) -> Self {
+        let held = match (mode, pivot) {
+            (GrabMode::Both, Pivot::Cursor) => cursor.unwrap_or(aspect.look_at),
+            _ => aspect.look_at,
+        };
+        let held_in_view = aspect.in_view(held).xyz;
+        let orientation = aspect.patient_from_view;
+        Self { mode, pivot, held, held_in_view, orientation, from: hand, now: hand }
+    }
+
+    /// The same hand holding what is shown now: something else has changed the view.
+    pub(super) fn renewed(&self, aspect: &Aspect, cursor: Option<Point<Patient>>) -> Self {
+        Self::new(aspect, cursor, self.now, self.mode, self.pivot)
+    }
+
+    /// Moves the hand; gives the view's focal point and orientation.
+    ///
+    /// In view space a held point x goes to `Q (x - p) + p + d`: Q and d are what the hand turned and moved, p is the place
+    /// held. So `view_from_patient` is turned by Q on its left, and the focal point is where that leaves the held point at
+    /// p + d.
+    pub(super) fn moved(&mut self, hand: Hand) -> (Point<Patient>, DQuat) {
+        self.now = hand;
+        let turned = match self.mode {
+            GrabMode::Move => DQuat::IDENTITY,
+            GrabMode::Both | GrabMode::Rotate => hand.orientation * self.from.orientation.inverse(),
+        };
+        let moved = match self.mode {
+            GrabMode::Rotate => DVec3::ZERO,
+            GrabMode::Both | GrabMode::Move => hand.position - self.from.position,
+        };
+        let patient_from_view = (self.orientation * turned.inverse()).normalize();
+        let place = Vector::from_xyz(patient_from_view * (self.held_in_view + moved));
+        (self.held + -place, patient_from_view)
+    }
+}

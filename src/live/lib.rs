@@ -1,0 +1,37 @@
+//! Live sessions as bytes: the protocol `relief.v1` that server and clients speak over a WebSocket.
+//!
+//! What it is: the header of binary frames, the codecs of colour and depth, the messages, and how a client composes the frame of its
+//! display from what was sent. What it is not: sockets, pacing and sessions; those are in `server` and `client`. `LIVE.md` has the
+//! protocol byte by byte, [`PROTOCOL`] for programs.
+//!
+//! Depth is D (8 bits, 255 nearest) or Z (16 bits, 65535 nearest) of the display's settings; lengths in mm, patient space.
+
+mod codec;
+mod format;
+mod frame;
+mod header;
+pub mod interaction;
+mod messages;
+
+pub use codec::{CodecError, decode_color, decode_d8, decode_z16, encode_color, encode_d8, encode_z16};
+pub use format::{ColorFormat, DepthFormat, LiveLayout};
+pub use frame::{
+    ComposeError, EncodedColor, EncodedDepth, MAX_PIXELS, Parts, ReceiveError, ReceivedDepth, ReceivedFrame,
+    assemble,
+};
+pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KIND_FRAME, MAGIC, VERSION};
+pub use messages::{
+    Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Formats, Hello,
+    IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, Peers, Pose,
+    PoseKind, Quality, RemotePose, Report, Role, ServerMessage, Settings, SnapTarget, SnapTo, SnappedPlace,
+    StateMessage, TrackingMessage, Welcome, check_view_name,
+};
+
+/// The WebSocket subprotocol.
+pub const SUBPROTOCOL: &str = "relief.v1";
+
+/// Frames that a client may have unacknowledged.
+pub const MAX_IN_FLIGHT: usize = 2;
+
+/// The protocol for programs: header, formats, close codes, and JSON Schemas of all messages.
+pub const PROTOCOL: &str = include_str!("protocol.json");

@@ -1,0 +1,120 @@
+//! HTTP: volumes, frames, depth and picks for display boxes, batch jobs and browsers, and the page at `/`.
+//!
+//! What it is: [`app`], a pure function from a [`Server`] to routes, tested without sockets, and [`serve`], the loop
+//! that accepts connections within limits and drains them at the end. What it is not: it renders nothing (see
+//! `session`) and reads no DICOM (see [`VolumeLoader`]). There is no authentication: bind to loopback, or stand
+//! behind a proxy that has it.
+//!
+//! Requests say mm, degrees and HU; depth is view depth in mm. No patient's name or id enters this module.
+//!
+//! | path | methods | what |
+//! |---|---|---|
+//! | `/v1/volumes` | GET, POST | list; upload a zip |
+//! | `/v1/volumes/{id}` | GET, DELETE | one volume; remove an uploaded one |
+//! | `/v1/volumes/{id}/frame` | GET, POST | the picture in a display's layout, or colour, or raw |
+//! | `/v1/volumes/{id}/slice` | GET | a slice, by its query |
+//! | `/v1/volumes/{id}/depth` | GET, POST | view depth |
+//! | `/v1/volumes/{id}/pick` | GET, POST | the patient position that a pixel shows |
+//! | `/v1/volumes/{id}/annotations/...` | GET, POST, PUT, DELETE | items, their log, sets, templates and files |
+//! | `/v1/volumes/{id}/presets/{name}/thumbnail` | GET | a small picture of the volume with a preset |
+//! | `/studies/{study}/series/{series}/rendered3D`, `.../renderedmpr` | GET | DICOM Supplement 228 |
+//! | `/v1/session` | GET | a live session, over a WebSocket; see `LIVE.md` |
+//! | `/v1/session/protocol.json` | GET | its protocol for programs |
+//! | `/v1/session/{view}/mjpeg`, `.../frame` | GET | a live view without a WebSocket |
+//! | `/v1/session/{view}/intent` | POST | moves it |
+//! | `/v1/presets` | GET | transfer functions by name |
+//! | `/healthz`, `/readyz`, `/metrics` | GET | operation |
+//! | `/openapi.json` | GET | this table for programs |
+//! | `/` and its files | GET | the page |
+
+mod annotations;
+mod blocking;
+mod camera;
+mod dicomweb;
+mod frame;
+mod guard;
+mod info;
+mod labels;
+mod listen;
+mod live;
+mod metrics;
+mod negotiate;
+mod observe;
+mod page;
+mod problem;
+mod quality;
+mod query;
+mod resident;
+mod state;
+mod thumbnail;
+mod upload;
+mod volumes;
+
+use std::sync::Arc;
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::http::{Method, StatusCode, Uri};
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::routing::{get, post};
+use tower_http::catch_panic::CatchPanicLayer;
+
+use problem::Problem;
+use relief_session::Product;
+
+pub use listen::{ConnectionLimits, Drained, serve};
+pub use live::LiveConfig;
+pub use resident::{NoRoom, VolumeReader};
+pub use state::{Config, LabelsLoader, Server, UploadLimits, VolumeLoader};
+pub use volumes::LoadedVolume;
+
+/// All routes of a server.
+pub fn app(server: Arc<Server>) -> Router {
+    let bounded = Router::new()
+        .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
+        .route("/v1/volumes/{id}/frame", frame::routes(Product::Frame))
+        .route("/v1/volumes/{id}/depth", frame::routes(Product::Depth))
+        .route("/v1/volumes/{id}/slice", get(frame::get_slice))
+        .route("/v1/volumes/{id}/pick", get(frame::get_pick).post(frame::post_pick))
+        .route("/v1/volumes/{id}/presets/{name}/thumbnail", get(thumbnail::thumbnail))
+        .route("/studies/{study}/series/{series}/rendered3D", get(dicomweb::rendered_3d))
+        .route("/studies/{study}/series/{series}/rendered3d", get(dicomweb::rendered_3d))
+        .route("/studies/{study}/series/{series}/renderedmpr", get(dicomweb::rendered_mpr))
+        .route("/v1/session", get(live::connect))
+        .route("/v1/session/protocol.json", get(live::protocol))
+        .route("/v1/session/{view}/mjpeg", get(live::mjpeg))
+        .route("/v1/session/{view}/frame", get(live::next_frame))
+        .route("/v1/session/{view}/intent", post(live::intent))
+        .route("/v1/presets", get(info::presets))
+        .route("/healthz", get(info::healthz))
+        .route("/readyz", get(info::readyz))
+        .route("/metrics", get(info::metrics))
+        .route("/openapi.json", get(info::openapi))
+        .merge(annotations::routes())
+        .merge(page::routes())
+        .layer(from_fn_with_state(Arc::clone(&server), guard::deadline));
+    // An upload takes as long as it takes; it has limits of its own.
+    let unbounded = Router::new()
+        .route("/v1/volumes", get(volumes::list).post(upload::upload))
+        .route("/v1/volumes/{id}/labels", post(labels::upload));
+    bounded
+        .merge(unbounded)
+        .fallback(not_found)
+        .method_not_allowed_fallback(wrong_method)
+        .layer(from_fn_with_state(Arc::clone(&server), guard::same_site))
+        .layer(CatchPanicLayer::custom(guard::on_panic))
+        .layer(from_fn_with_state(Arc::clone(&server), observe::observe))
+        .layer(from_fn(guard::harden))
+        // Handlers read bodies with their own limits.
+        .layer(DefaultBodyLimit::disable())
+        .with_state(server)
+}
+
+async fn not_found() -> Problem {
+    Problem::new(StatusCode::NOT_FOUND, "not-found", "there is nothing at this path; /openapi.json lists all")
+}
+
+async fn wrong_method(method: Method, uri: Uri) -> Problem {
+    let detail = format!("{method} is not allowed on {}; the header Allow lists what is", uri.path());
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed", detail)
+}

@@ -1,0 +1,108 @@
+//! The live core: one thread that renders, a bounded queue before it, and the frames it made last.
+//!
+//! What it is: [`RenderService`] owns whatever renders (a [`RenderBackend`]) on a named thread and hands out
+//! [`Ticket`]s, futures that bring the frame. What it is not: it knows no network and no async runtime; a ticket can
+//! be awaited anywhere or waited for. Camera and depth are those of `render`: patient mm and view depth in mm.
+
+mod backend;
+mod budget;
+mod cache;
+mod drawn;
+mod encode;
+mod glyphs;
+pub mod golden;
+mod label_maps;
+mod service;
+mod thumbnail;
+mod ticket;
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
+use relief_volume::{ContentHash, Volume};
+
+pub use budget::{INTERACTIVE_MS, Planned, SpeedBook};
+pub use drawn::{Drawables, Drawn, Shape, region_of_content, shape_of_content};
+pub use encode::{EncodingError, FileFormat, Product, encode};
+pub use label_maps::{LabelsError, PlacedLabels, load_labels};
+pub use service::{Counts, QueueConfig, RenderService};
+pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
+pub use ticket::Ticket;
+
+/// Whatever turns requests into frames. It lives on the service's thread and is called by it alone.
+pub trait RenderBackend: Send + 'static {
+    /// Renders one picture. `goes_on` is to be asked as often as the work can be broken off, some ten times a second if
+    /// it can, and breaks when nobody waits for the picture any more.
+    ///
+    /// # Errors
+    /// When this request cannot be rendered; the service answers with the error and goes on.
+    fn render(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<RenderedFrame, BackendError>;
+
+    /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders needs none.
+    fn forget(&mut self, _volume: ContentHash) {}
+
+    /// What is kept of volumes on the adapter; nothing by a backend that keeps nothing.
+    fn memory(&self) -> MemoryUse {
+        MemoryUse::default()
+    }
+}
+
+/// Why a backend gave no frame.
+#[derive(Debug, thiserror::Error)]
+pub enum BackendError {
+    /// The request asks for more than this adapter has; the message says which limit and what to do.
+    #[error("{0}")]
+    Refused(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// Nobody waited for the picture any more.
+    #[error("the picture is no longer wanted")]
+    Cancelled,
+    /// The adapter or the driver failed.
+    #[error("rendering failed: {0}")]
+    Failed(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// Why the service gave no frame.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The queue is full.
+    #[error("{0} pictures are waiting already; try again soon")]
+    Busy(usize),
+    /// The render thread has ended.
+    #[error("the render thread has ended")]
+    Stopped,
+    /// Rendering this request panicked; the thread goes on.
+    #[error("rendering panicked: {0}")]
+    Panicked(String),
+    /// The backend refused or failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+}
+
+/// A frame and where its time went.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// The frame, shared with the service's memory of recent ones.
+    pub frame: Arc<RenderedFrame>,
+    /// Time from the order to the start of its rendering, ms.
+    pub queue_ms: f64,
+    /// Whether the frame was rendered for this order.
+    pub origin: Origin,
+}
+
+/// Whether a frame had to be rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Rendered for this order.
+    Rendered,
+    /// Made for an equal order shortly before: another encoding of it, or a pick in it.
+    Reused,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,181 @@
+//! The log of annotations: an append-only table of events in SQLite or PostgreSQL, and what follows from it.
+//!
+//! What it is: [`Store`] takes an [`Edit`](relief_annotation::Edit), makes all of its changes or none, and answers when they are on disk; it takes edits
+//! back and makes them again, author by author; it lists the items that the log amounts to, and keeps the contents (voxels,
+//! triangles), the sets and the templates that items name; [`Watch`] hears of what others change. What it is not: it knows no HTTP, no voxels and no files of other
+//! programs. Space and units: those of [`annotation`](relief_annotation); the store looks into no geometry.
+//!
+//! | table | holds | changes |
+//! |---|---|---|
+//! | `events` | every change ever made | grows at its end; triggers refuse all else |
+//! | `items` | the newest state of each item: the log folded | with each event, in its transaction |
+//! | `edits` | whether an edit stands, is taken back, or is past making again | likewise |
+//! | `contents` | bytes by their SHA-256 | grows; triggers refuse all else |
+//! | `sets`, `templates` | the newest text of each | with each line of `audit`, in its transaction |
+//! | `audit` | every text of a set or template | grows at its end |
+//! | `meta` | the number of this schema | when the schema changes |
+//!
+//! Taking back (`undo`) and making again (`redo`) are events too: the log never loses one. Each author has one line of edits.
+//! Undo walks it backwards, redo forwards again, and a new edit ends what could be made again. So an undo is itself never
+//! taken back by an undo: its opposite is redo. Both restore states whole, locks with them, and only where an item is still as
+//! the edit left it (or was before it, for redo); otherwise somebody has changed it since, which is a
+//! [conflict](StoreError::Conflict). What somebody changed and took back again is no conflict.
+
+mod apply;
+mod check;
+mod contents;
+mod error;
+mod history;
+mod named;
+mod place;
+mod query;
+mod rows;
+mod schema;
+mod watch;
+
+use std::time::Duration;
+
+use sqlx::AnyPool;
+use sqlx::any::{AnyConnectOptions, AnyPoolOptions};
+use sqlx::{Any, Transaction};
+
+pub use check::Checked;
+pub use error::StoreError;
+pub use named::{Audited, AuditedKind};
+pub use query::{Filter, Listing, LogFilter};
+pub use watch::{Changed, Watch};
+
+use place::{Kind, Place};
+
+/// Connections that read side by side. One writes: writers of this process wait in line for it.
+const READERS: u32 = 4;
+/// How long a change waits for those of others.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// An open log. A clone is the same log; calls may come from many tasks at once.
+#[derive(Clone)]
+pub struct Store {
+    kind: Kind,
+    options: AnyConnectOptions,
+    write: AnyPool,
+    read: AnyPool,
+}
+
+impl std::fmt::Debug for Store {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Store({:?})", self.kind) // its address may have a password
+    }
+}
+
+impl Store {
+    /// Opens a log, or makes it where there is none.
+    ///
+    /// `place` is a file (`annotations.db`), `sqlite:FILE` with `?mode=ro` or `?immutable=1` where nothing must be written, or
+    /// `postgres://USER@HOST/DATABASE`, where the tables are in a schema of the name `relief`.
+    ///
+    /// # Errors
+    /// When it cannot be reached, is no log of Relief, is damaged, or was made by a newer version.
+    pub async fn open(place: &str) -> Result<Self, StoreError> {
+        Self::open_place(&Place::parse(place, true)?).await
+    }
+
+    /// The same for a log that is there: none is made.
+    ///
+    /// # Errors
+    /// As [`Self::open`], and where there is none.
+    pub async fn open_existing(place: &str) -> Result<Self, StoreError> {
+        Self::open_place(&Place::parse(place, false)?).await
+    }
+
+    async fn open_place(place: &Place) -> Result<Self, StoreError> {
+        schema::prepare(place).await?;
+        let (kind, read_only) = (place.kind, place.read_only);
+        let pool = |connections| {
+            let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(PATIENCE);
+            let options = options
+                .after_connect(move |connection, _| Box::pin(schema::settle(connection, kind, read_only)));
+            options.connect_lazy_with(place.options.clone())
+        };
+        Ok(Self { kind, options: place.options.clone(), write: pool(1), read: pool(READERS) })
+    }
+
+    /// Closes all connections, when the calls that are under way are done. A SQLite log is one file then, without a `-wal` file
+    /// beside it. A store that is dropped without is as safe, and is tidied up when it is opened next.
+    pub async fn close(&self) {
+        self.read.close().await;
+        self.write.close().await;
+    }
+
+    /// A transaction that changes something: nobody else writes until it ends.
+    async fn begin_write(&self) -> Result<Transaction<'static, Any>, StoreError> {
+        match self.kind {
+            Kind::Sqlite => begin(&self.write, "BEGIN IMMEDIATE").await,
+            Kind::Postgres => {
+                let mut transaction = begin(&self.write, "BEGIN").await?;
+                sqlx::query("LOCK TABLE events IN EXCLUSIVE MODE").execute(&mut *transaction).await?;
+                Ok(transaction)
+            }
+        }
+    }
+
+    /// A transaction that sees one moment of the log.
+    async fn begin_read(&self) -> Result<Transaction<'static, Any>, StoreError> {
+        let statement = match self.kind {
+            Kind::Sqlite => "BEGIN DEFERRED",
+            Kind::Postgres => "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
+        };
+        begin(&self.read, statement).await
+    }
+}
+
+/// Begins a transaction.
+///
+/// Where a disk fails, SQLite ends a transaction by itself, and the connection's counter of transactions does not notice: such
+/// a connection is given up, and another one does as well as the disk does by then.
+async fn begin(pool: &AnyPool, statement: &'static str) -> Result<Transaction<'static, Any>, StoreError> {
+    for _ in 0..=READERS {
+        match pool.begin_with(statement).await {
+            Err(sqlx::Error::InvalidSavePointStatement | sqlx::Error::BeginFailed) => {
+                // It is of no use any more: how it ends does not matter.
+                let _ = pool.acquire().await?.close().await;
+            }
+            begun => return Ok(begun?),
+        }
+    }
+    Err(StoreError::Unreachable("its connections are broken".to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use sqlx::{Executor, Row};
+
+    use super::*;
+
+    /// What makes a commit durable, on every connection of both pools, and whatever the file's own settings were.
+    #[tokio::test]
+    async fn every_connection_waits_for_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("a.db");
+        let place = place.to_str().unwrap();
+        Store::open(place).await.unwrap().close().await;
+        let store = Store::open(place).await.unwrap();
+        store.write.acquire().await.unwrap().execute("PRAGMA journal_mode = DELETE").await.unwrap();
+        store.close().await;
+        let store = Store::open(place).await.unwrap();
+        let mut held = vec![store.write.acquire().await.unwrap()];
+        for _ in 0..READERS {
+            held.push(store.read.acquire().await.unwrap());
+        }
+        for connection in &mut held {
+            let mut found = Vec::new();
+            for pragma in ["synchronous", "foreign_keys", "recursive_triggers", "fullfsync", "busy_timeout"] {
+                let query = sqlx::query(sqlx::AssertSqlSafe(format!("PRAGMA {pragma}")));
+                found.push(query.fetch_one(&mut **connection).await.unwrap().get::<i64, _>(0));
+            }
+            assert_eq!(found, [2, 1, 1, 1, 30_000], "synchronous 2 is FULL");
+            let mode = connection.fetch_one("PRAGMA journal_mode").await.unwrap();
+            assert_eq!(mode.get::<String, _>(0), "wal");
+        }
+        assert_eq!(held.len(), 5);
+    }
+}

@@ -1,0 +1,69 @@
+//! A camera in JSON, as requests, live poses and answers write it.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Camera, CameraError, Projection};
+use relief_base::space::{Point, Vector};
+
+/// A camera as written: patient mm, and degrees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraFile {
+    /// Where the eye is.
+    pub eye_mm: [f64; 3],
+    /// What is in the middle of the picture.
+    pub look_at_mm: [f64; 3],
+    /// What is upwards in the picture; the head where it is not written.
+    #[serde(default = "head_up")]
+    pub up: [f64; 3],
+    /// How view space becomes a picture.
+    pub projection: ProjectionFile,
+    /// Where the focal point lies in the picture; see [`Camera::with_lens_shift`].
+    #[serde(default, skip_serializing_if = "is_centred")]
+    pub lens_shift: [f64; 2],
+}
+
+/// A projection as written.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum ProjectionFile {
+    /// Rays from the eye.
+    Perspective {
+        /// Full vertical field of view, degrees.
+        vertical_fov_deg: f64,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// Height of the picture, mm.
+        height_mm: f64,
+    },
+}
+
+/// Upwards in a picture where nothing else is written.
+#[must_use]
+pub fn head_up() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+fn is_centred(lens_shift: &[f64; 2]) -> bool {
+    *lens_shift == [0.0; 2]
+}
+
+impl CameraFile {
+    /// The camera that is written.
+    ///
+    /// # Errors
+    /// See [`Camera::new`] and [`Camera::with_lens_shift`].
+    pub fn resolve(&self) -> Result<Camera, CameraError> {
+        let projection = match self.projection {
+            ProjectionFile::Perspective { vertical_fov_deg } => {
+                Projection::Perspective { vertical_fov: vertical_fov_deg.to_radians() }
+            }
+            ProjectionFile::Orthographic { height_mm } => Projection::Orthographic { height_mm },
+        };
+        let (eye, look_at) = (self.eye_mm.into(), self.look_at_mm.into());
+        let up = Vector::from_xyz(self.up.into());
+        let camera = Camera::new(Point::from_xyz(eye), Point::from_xyz(look_at), up, projection)?;
+        camera.with_lens_shift(self.lens_shift)
+    }
+}

@@ -1,0 +1,217 @@
+//! Volumes: HU voxels on a regular grid placed in patient space.
+//!
+//! What it is: the grid and its geometry, the voxels, their range and content hash, min-max bricks for empty-space
+//! skipping, label maps, masks, and procedural phantoms whose truth is known. What it is not: it reads no files (see `dicom`) and
+//! knows no GPU (see `render`).
+//!
+//! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z.
+
+mod bricks;
+pub mod camera;
+mod grid;
+mod labels;
+mod mask;
+pub mod phantom;
+pub mod transfer;
+
+use std::sync::{Arc, OnceLock};
+
+use sha2::{Digest, Sha256};
+
+pub use bricks::{BrickRanges, DistanceMap};
+pub use grid::{Bounds, Grid, GridError};
+pub use labels::{BrickLabels, LabelCountError, LabelMap, Layers, LayersError, Places, Segment};
+pub use mask::Mask;
+
+/// A CT volume in HU. Cheap to clone: the voxels are shared.
+#[derive(Clone)]
+pub struct Volume {
+    grid: Grid,
+    voxels_hu: Arc<Vec<i16>>,
+    range_hu: (i16, i16),
+    hash: Arc<OnceLock<ContentHash>>,
+}
+
+/// Voxels are left out: there are millions.
+impl std::fmt::Debug for Volume {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Volume")
+            .field("grid", &self.grid)
+            .field("range_hu", &self.range_hu)
+            .finish_non_exhaustive()
+    }
+}
+
+/// SHA-256 of a volume's dimensions, placement and voxels: its identity everywhere (uploads, HTTP ids, caches).
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ContentHash(pub [u8; 32]);
+
+impl ContentHash {
+    /// The first 16 hexadecimal digits: what ids show.
+    #[must_use]
+    pub fn short(&self) -> String {
+        self.0[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl std::fmt::Debug for ContentHash {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ContentHash({}…)", self.short())
+    }
+}
+
+/// The voxel count did not match the grid.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("a grid of {dims:?} voxels needs {expected} values, found {found}")]
+pub struct VoxelCountError {
+    dims: [usize; 3],
+    expected: usize,
+    found: usize,
+}
+
+impl Volume {
+    /// A volume of `voxels_hu` (x fastest) on `grid`.
+    ///
+    /// # Errors
+    /// When the number of values is not the product of the grid's dimensions.
+    pub fn new(grid: Grid, voxels_hu: Vec<i16>) -> Result<Self, VoxelCountError> {
+        let expected = grid.voxel_count();
+        if voxels_hu.len() != expected {
+            return Err(VoxelCountError { dims: grid.dims(), expected, found: voxels_hu.len() });
+        }
+        let range_hu =
+            voxels_hu.iter().fold((i16::MAX, i16::MIN), |(low, high), &v| (low.min(v), high.max(v)));
+        Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, hash: Arc::default() })
+    }
+
+    /// Where the voxels lie.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The voxels in HU, x fastest, then y, then z.
+    #[must_use]
+    pub fn voxels_hu(&self) -> &[i16] {
+        &self.voxels_hu
+    }
+
+    /// Smallest and largest HU.
+    #[must_use]
+    pub fn range_hu(&self) -> (i16, i16) {
+        self.range_hu
+    }
+
+    /// The voxel at an index inside the grid.
+    ///
+    /// # Panics
+    /// When the index is outside the grid.
+    #[must_use]
+    pub fn hu(&self, [i, j, k]: [usize; 3]) -> i16 {
+        let [nx, ny, _] = self.grid.dims();
+        self.voxels_hu[(k * ny + j) * nx + i]
+    }
+
+    /// Identity by content; computed once, then remembered by all clones.
+    #[must_use]
+    pub fn content_hash(&self) -> ContentHash {
+        *self.hash.get_or_init(|| {
+            let mut hasher = Sha256::new();
+            for n in self.grid.dims() {
+                hasher.update((n as u64).to_le_bytes());
+            }
+            let patient_from_voxel = self.grid.patient_from_voxel().affine;
+            for column in patient_from_voxel.to_cols_array() {
+                hasher.update(column.to_le_bytes());
+            }
+            update_with_voxels(&mut hasher, &self.voxels_hu);
+            ContentHash(hasher.finalize().into())
+        })
+    }
+
+    /// The mean of each block of `factor`³ voxels, for adapters whose limits a volume exceeds.
+    ///
+    /// Blocks at the far faces may be smaller; the grid keeps covering the same box to within one voxel.
+    #[must_use]
+    pub fn downsampled(&self, factor: usize) -> Self {
+        let factor = factor.max(1);
+        if factor == 1 {
+            return self.clone();
+        }
+        let [nx, ny, nz] = self.grid.dims();
+        let grid = self.grid.downsampled(factor);
+        let [mx, my, mz] = grid.dims();
+        let mut voxels = Vec::with_capacity(grid.voxel_count());
+        for (c, b, a) in (0..mz).flat_map(|c| (0..my).flat_map(move |b| (0..mx).map(move |a| (c, b, a)))) {
+            let (mut sum, mut count) = (0i64, 0i64);
+            for k in c * factor..((c + 1) * factor).min(nz) {
+                for j in b * factor..((b + 1) * factor).min(ny) {
+                    let row = (k * ny + j) * nx;
+                    let run = row + a * factor..row + ((a + 1) * factor).min(nx);
+                    count += run.len() as i64;
+                    sum += self.voxels_hu[run].iter().map(|&hu| i64::from(hu)).sum::<i64>();
+                }
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "a mean of i16 values is an i16")]
+            voxels.push((sum as f64 / count as f64).round() as i16);
+        }
+        let range_hu = voxels.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &v| (lo.min(v), hi.max(v)));
+        Self { grid, voxels_hu: Arc::new(voxels), range_hu, hash: Arc::default() }
+    }
+}
+
+/// SHA-256 of voxels alone, as little-endian 16-bit values in their order: tells whether two stacks are the same,
+/// wherever they lie.
+pub fn stack_sha256(voxels_hu: &[i16]) -> [u8; 32] {
+    let mut hasher = Sha256::new();
+    update_with_voxels(&mut hasher, voxels_hu);
+    hasher.finalize().into()
+}
+
+fn update_with_voxels(hasher: &mut Sha256, voxels_hu: &[i16]) {
+    if cfg!(target_endian = "little") {
+        hasher.update(bytemuck::cast_slice::<i16, u8>(voxels_hu));
+    } else {
+        voxels_hu.iter().for_each(|hu| hasher.update(hu.to_le_bytes()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> Volume {
+        let grid = Grid::axis_aligned([5, 3, 2], [1.0, 1.0, 2.0], [0.0; 3]).unwrap();
+        Volume::new(grid, (0..30).collect()).unwrap()
+    }
+
+    #[test]
+    fn a_wrong_voxel_count_is_refused_with_both_numbers() {
+        let grid = Grid::axis_aligned([2, 2, 2], [1.0; 3], [0.0; 3]).unwrap();
+        let error = Volume::new(grid, vec![0; 7]).unwrap_err();
+        assert_eq!(error.to_string(), "a grid of [2, 2, 2] voxels needs 8 values, found 7");
+    }
+
+    #[test]
+    fn the_content_hash_depends_on_voxels_and_placement() {
+        let moved = Grid::axis_aligned([5, 3, 2], [1.0, 1.0, 2.0], [1.0, 0.0, 0.0]).unwrap();
+        let moved = Volume::new(moved, (0..30).collect()).unwrap();
+        let mut changed = ramp().voxels_hu().to_vec();
+        changed[7] += 1;
+        let changed = Volume::new(ramp().grid().clone(), changed).unwrap();
+        assert_eq!(ramp().content_hash(), ramp().content_hash());
+        assert_ne!(ramp().content_hash(), moved.content_hash());
+        assert_ne!(ramp().content_hash(), changed.content_hash());
+    }
+
+    #[test]
+    fn downsampling_averages_blocks_and_smaller_rests() {
+        let small = ramp().downsampled(2);
+        assert_eq!(small.grid().dims(), [3, 2, 1]);
+        // The block at the origin holds 0 1 5 6 15 16 20 21; the one at the far corner 14 29.
+        assert_eq!(small.hu([0, 0, 0]), 11);
+        assert_eq!(small.hu([2, 1, 0]), 22);
+        let centre = small.grid().patient_from_voxel() * relief_base::space::Point::new(0.0, 0.0, 0.0);
+        assert_eq!(centre.xyz, glam::DVec3::new(0.5, 0.5, 1.0));
+    }
+}
