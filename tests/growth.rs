@@ -12,10 +12,7 @@ use std::process::Command;
 
 use common::software_adapter;
 use relief_render::{Mode, RenderError, RenderRequest, Renderer, SceneFile, Surface};
-use relief_volume::Volume;
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::TransferFunction;
+use relief_volume::{Orbit, Phantom, TransferFunction, Volume};
 
 /// More than pages that an allocator keeps; less than a kilobyte for each of the frames below.
 const ALLOWED_MIB: f64 = 1.0;

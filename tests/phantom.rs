@@ -10,10 +10,9 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 use dicom_dictionary_std::tags;
-use relief_base::space::{Patient, Point, Voxel};
-use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels, slice_file_name};
-use relief_volume::Volume;
-use relief_volume::phantom::{Kind, Phantom, Recipe, SurfaceShape, Truth};
+use relief_base::{Patient, Point, Voxel};
+use relief_dicom::{ExistingFolder, SeriesFolder, SeriesLabels, slice_file_name};
+use relief_volume::{Phantom, PhantomKind, PhantomRecipe, PhantomTruth, SurfaceShape, Volume};
 
 const AIR_HU: f64 = -1000.0;
 
@@ -56,8 +55,8 @@ fn counted_fraction(center: [f64; 3], size: [f64; 3], radius: f64) -> f64 {
 
 #[test]
 fn the_default_sphere_and_slab_are_what_the_design_says() {
-    for kind in [Kind::Sphere, Kind::Slab] {
-        let Phantom { volume, truth } = Recipe::new(kind).make();
+    for kind in [PhantomKind::Sphere, PhantomKind::Slab] {
+        let Phantom { volume, truth } = PhantomRecipe::new(kind).make();
         assert_eq!(volume.grid().dims(), [256; 3]);
         assert_eq!(volume.grid().spacing_mm(), [1.0; 3]);
         assert_eq!(volume.grid().origin().xyz.to_array(), [-127.5; 3]);
@@ -171,26 +170,26 @@ fn surface_point(shape: &SurfaceShape) -> ([f64; 3], [f64; 3]) {
 #[test]
 fn sizes_and_names_outside_the_range_are_refused() {
     for size in [0, 15, 1025, usize::MAX] {
-        let error = Recipe::new(Kind::Head).with_size(size).unwrap_err().to_string();
+        let error = PhantomRecipe::new(PhantomKind::Head).with_size(size).unwrap_err().to_string();
         assert_eq!(error, format!("a phantom of {size} voxels across is out of range; sizes are 16 to 1024"));
     }
-    for kind in Kind::ALL {
-        assert_eq!(kind.name().parse::<Kind>().unwrap(), kind);
+    for kind in PhantomKind::ALL {
+        assert_eq!(kind.name().parse::<PhantomKind>().unwrap(), kind);
     }
-    assert!("torso".parse::<Kind>().unwrap_err().to_string().contains("torso"));
+    assert!("torso".parse::<PhantomKind>().unwrap_err().to_string().contains("torso"));
 }
 
 #[test]
 fn the_truth_survives_its_json() {
     let Phantom { truth, .. } = Phantom::axes(32).unwrap();
     let text = serde_json::to_string(&truth).unwrap();
-    assert_eq!(serde_json::from_str::<Truth>(&text).unwrap(), truth);
+    assert_eq!(serde_json::from_str::<PhantomTruth>(&text).unwrap(), truth);
 }
 
 /// The head in its default size, made once for all tests that look at it.
 fn head() -> &'static Phantom {
     static HEAD: OnceLock<Phantom> = OnceLock::new();
-    HEAD.get_or_init(|| Recipe::new(Kind::Head).make())
+    HEAD.get_or_init(|| PhantomRecipe::new(PhantomKind::Head).make())
 }
 
 const HEAD_LANDMARKS: [&str; 20] = [
@@ -219,7 +218,7 @@ const HEAD_LANDMARKS: [&str; 20] = [
 #[test]
 fn the_head_has_its_landmarks_in_a_stable_order_at_every_seed() {
     for seed in [0, 1, 99] {
-        let recipe = Recipe::new(Kind::Head).with_size(32).unwrap().with_seed(seed);
+        let recipe = PhantomRecipe::new(PhantomKind::Head).with_size(32).unwrap().with_seed(seed);
         let names: Vec<String> = recipe.make().truth.landmarks.into_iter().map(|l| l.name).collect();
         assert_eq!(names, HEAD_LANDMARKS, "seed {seed}");
     }
@@ -331,7 +330,7 @@ fn the_brain_has_the_values_of_its_tissues_and_the_noise_its_deviation() {
 
 #[test]
 fn equal_recipes_make_equal_heads_on_any_number_of_threads_and_other_seeds_others() {
-    let recipe = Recipe::new(Kind::Head).with_size(64).unwrap();
+    let recipe = PhantomRecipe::new(PhantomKind::Head).with_size(64).unwrap();
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let many = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
     let (first, second) = (alone.install(|| recipe.make()), many.install(|| recipe.make()));
@@ -369,7 +368,7 @@ fn labels() -> SeriesLabels {
     }
 }
 
-fn write(volume: &Volume, place: &Path, existing: Existing) {
+fn write(volume: &Volume, place: &Path, existing: ExistingFolder) {
     let folder = SeriesFolder::create(place, existing).expect("the place is free");
     folder.write_slices(volume, &labels(), &|_| {}).expect("the volume is a small one");
     folder.finish().expect("nothing came in between");
@@ -379,8 +378,8 @@ fn write(volume: &Volume, place: &Path, existing: Existing) {
 fn a_written_series_reads_back_exactly() {
     let parent = tempfile::tempdir().unwrap();
     let place = parent.path().join("deep").join("series");
-    let Phantom { volume, .. } = Recipe::new(Kind::Axes).with_size(48).unwrap().make();
-    write(&volume, &place, Existing::Keep);
+    let Phantom { volume, .. } = PhantomRecipe::new(PhantomKind::Axes).with_size(48).unwrap().make();
+    write(&volume, &place, ExistingFolder::Keep);
     let [nx, ny, nz] = volume.grid().dims();
     assert_eq!(std::fs::read_dir(&place).unwrap().count(), nz);
     for k in 0..nz {
@@ -406,10 +405,10 @@ fn equal_volumes_make_equal_files_and_others_other_uids() {
     let parent = tempfile::tempdir().unwrap();
     let volume = Phantom::axes(16).unwrap().volume;
     let [first, again, other] = ["first", "again", "other"].map(|name| parent.path().join(name));
-    write(&volume, &first, Existing::Keep);
-    write(&volume, &again, Existing::Keep);
-    write(&volume, &again, Existing::Replace);
-    write(&Phantom::ramp(16).unwrap().volume, &other, Existing::Keep);
+    write(&volume, &first, ExistingFolder::Keep);
+    write(&volume, &again, ExistingFolder::Keep);
+    write(&volume, &again, ExistingFolder::Replace);
+    write(&Phantom::ramp(16).unwrap().volume, &other, ExistingFolder::Keep);
     let read = |folder: &Path, k| std::fs::read(folder.join(slice_file_name(k))).unwrap();
     for k in 0..16 {
         assert_eq!(read(&first, k), read(&again, k), "slice {k}");
@@ -450,7 +449,7 @@ fn pydicom_reads_the_same_voxels() {
     let parent = tempfile::tempdir().unwrap();
     let place = parent.path().join("series");
     let Phantom { volume, truth } = Phantom::sphere(20).unwrap();
-    write(&volume, &place, Existing::Keep);
+    write(&volume, &place, ExistingFolder::Keep);
     let output = Command::new(&python).arg("-c").arg(PYDICOM_SCRIPT).arg(&place).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let found = String::from_utf8(output.stdout).unwrap();

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::patient_mm;
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// Where an item is and what shape it has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -6,7 +6,7 @@ use super::check::{ItemError, line, shortened, text, validate_geometry, within};
 use super::geometry::Geometry;
 use super::placement::Placement;
 use super::time::Timestamp;
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// An item. As JSON it is what the HTTP interface, the event log and `relief annotate list --json` show.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

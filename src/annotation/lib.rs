@@ -20,11 +20,11 @@ mod curve;
 mod geometry;
 mod item;
 mod measure;
-pub mod mesh;
+mod mesh;
 mod patient_mm;
 mod placement;
-pub mod placing;
-pub mod segmentation;
+mod placing;
+mod segmentation;
 mod shown;
 mod template;
 mod time;
@@ -39,3 +39,11 @@ pub use placement::{CameraRecord, Device, Method, Placement};
 pub use shown::Shown;
 pub use template::{Completeness, Expected, ExpectedKind, Template, TemplateError};
 pub use time::Timestamp;
+
+pub use mesh::files::{MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, read_mesh, write_mesh};
+pub use mesh::{Decimation, Measures, MeshError, Smoothing, TriangleMesh, surface_nets};
+pub use placing::{Snap, SnapError, SnapFeature, Snapped, snap_point, value_at};
+pub use segmentation::{
+    Contour, FillError, Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrowWatch, GrownRegion,
+    GrowthEnd, PaintError, Stroke, fill_contours, grow_region, paint_strokes,
+};

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::curve::catmull_rom;
 use super::geometry::Geometry;
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// Straight parts between two points of a smooth curve: its length is right to a thousandth.
 const PARTS: usize = 32;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// For `#[serde(with = "patient_mm")]` on a point.
 pub(super) fn serialize<S: Serializer>(point: &Point<Patient>, serializer: S) -> Result<S::Ok, S::Error> {

@@ -283,7 +283,7 @@ impl Expected {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::space::Point;
+    use relief_base::Point;
 
     const SKULL: &str = r#"{"name":"skull","items":[
         {"name":"nasion","description":"Where both nasal bones meet the frontal bone","rgb":[1,0.5,0],

@@ -1,4 +1,7 @@
 //! Units, spaces and small helpers.
 
-pub mod space;
-pub mod units;
+mod space;
+mod units;
+
+pub use space::{Beacon, Patient, Point, Sensor, Space, Transform, Vector, View, Voxel};
+pub use units::{DepthLimits, Disparity, ScaledDepth, ViewDepth};

@@ -16,7 +16,7 @@ use super::files::{read_at_most, write_whole};
 use super::manifest::hex;
 use super::source::Trouble;
 use relief_annotation::{Geometry, Item};
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_session::{Drawables, Shape};
 
 /// A file of annotations: what a job draws.

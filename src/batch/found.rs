@@ -41,8 +41,7 @@ impl Found {
                 thickness_mm: entry.thickness_mm(),
             },
             Kind::File => {
-                let grid =
-                    relief_dicom::formats::read_grid(self.local.path()).map_err(|error| error.to_string())?;
+                let grid = relief_dicom::read_grid(self.local.path()).map_err(|error| error.to_string())?;
                 Facts::of_grid(&grid)
             }
         };
@@ -76,7 +75,7 @@ impl Found {
 
     fn load(&self) -> Result<Volume, String> {
         match &self.kind {
-            Kind::File => relief_dicom::formats::read_volume(self.local.path())
+            Kind::File => relief_dicom::read_volume(self.local.path())
                 .map(|read| read.volume)
                 .map_err(|error| error.to_string()),
             Kind::Dicom(entry) => {

@@ -11,11 +11,9 @@ use glam::DVec3;
 use serde_json::{Map, Value};
 
 use super::views::View;
-use relief_annotation::placing::value_at;
-use relief_annotation::{CameraRecord, Geometry, Item};
-use relief_base::space::{Patient, Point, Vector};
-use relief_volume::Volume;
-use relief_volume::camera::{CameraFile, Orbit, ProjectionFile};
+use relief_annotation::{CameraRecord, Geometry, Item, value_at};
+use relief_base::{Patient, Point, Vector};
+use relief_volume::{CameraFile, Orbit, ProjectionFile, Volume};
 
 /// Mean gradient below which a point lies on no surface, HU per mm: thrice what noise of 30 HU makes.
 const LEAST_SLOPE: f64 = 15.0;

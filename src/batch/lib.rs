@@ -27,7 +27,7 @@ mod pose;
 mod product;
 mod query;
 #[cfg(feature = "cluster")]
-pub mod queue;
+mod queue;
 mod record;
 mod report;
 mod run;
@@ -58,6 +58,11 @@ pub use sink::Sink;
 pub use source::{LabelsSource, SeriesSource};
 pub use turntable::{Film, Films};
 pub use views::{View, ViewSet};
+
+#[cfg(feature = "cluster")]
+pub use queue::{
+    FailedAttempt, Queue, QueueAccess, QueueError, Submitted, WorkEnd, WorkOptions, WorkSummary, work_queue,
+};
 
 /// Gives TLS its cryptography, for queue and bucket. Where one is installed already, it is as good.
 #[cfg(feature = "cluster")]

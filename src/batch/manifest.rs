@@ -12,7 +12,7 @@ use super::annotations::KeptAnnotations;
 use super::error::ManifestError;
 use super::product::Product;
 use super::source::SeriesSource;
-use relief_volume::camera::Orbit;
+use relief_volume::Orbit;
 
 /// One view of one series.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -18,7 +18,7 @@ use super::source::{LabelsSource, SeriesSource, file_sha256};
 use super::views::{View, ViewSet};
 use relief_annotation::Item;
 use relief_dicom::{SeriesEntry, Strictness};
-use relief_volume::camera::Orbit;
+use relief_volume::Orbit;
 
 use relief_volume::Volume;
 
@@ -197,7 +197,7 @@ fn places_in(root: &Path, copies: &Copies) -> Result<Vec<Place>, PlanError> {
     for entry in std::fs::read_dir(root).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let is_zip = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
-        if path.is_dir() || is_zip || relief_dicom::formats::is_known(&path) {
+        if path.is_dir() || is_zip || relief_dicom::is_volume_file(&path) {
             places.push(place(path));
         } else {
             has_loose |= path.is_file() && is_dicom(&path);
@@ -289,7 +289,7 @@ fn find(place: &Place, copies: &Copies) -> Result<Vec<Found>, String> {
         let name = place.name.clone().unwrap_or_else(|| format!("series-{}", &sha256[..12]));
         SeriesSource { path: place.path.clone(), uid, name, sha256, labels: labels.clone() }
     };
-    if relief_dicom::formats::is_known(local.path()) {
+    if relief_dicom::is_volume_file(local.path()) {
         let sha256 = file_sha256(local.path()).map_err(|error| error.to_string())?;
         return Ok(vec![Found { source: source(None, sha256), local, kind: Kind::File }]);
     }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::error::Lasting;
 use super::source::Trouble;
 use relief_render::RenderedFrame;
-use relief_volume::camera::Projection;
+use relief_volume::Projection;
 
 /// What `VIEW.camera.json` says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -17,8 +17,7 @@ use super::outputs::{Outputs, Sight};
 use super::record::{Record, Written};
 use super::sink::Sink;
 use super::source::{Loaded, SeriesSource, Trouble};
-use relief_render::gpu::GpuError;
-use relief_render::{Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
+use relief_render::{GpuError, Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
 
 /// What to run and how.
 #[derive(Clone, Debug)]
@@ -385,7 +384,7 @@ impl<'a> Shared<'a> {
 mod tests {
     use super::*;
     use crate::{CopiesOptions, Product};
-    use relief_volume::camera::Orbit;
+    use relief_volume::Orbit;
 
     #[test]
     fn a_series_that_is_broken_for_good_is_not_read_again_for_each_of_its_views() {

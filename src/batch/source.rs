@@ -78,7 +78,7 @@ impl SeriesSource {
             Err(error) => return Err((lasting(&error), error.to_string())),
         };
         let path = local.path();
-        let is_file = relief_dicom::formats::is_known(path);
+        let is_file = relief_dicom::is_volume_file(path);
         let loaded = if is_file { self.load_file(path, gate) } else { self.load_series(path, gate) };
         let mut loaded = loaded.map_err(|(kind, reason)| (kind, without_path(path, &reason)))?;
         if let Some(labels) = &self.labels {
@@ -112,8 +112,8 @@ impl SeriesSource {
         self.expect(&sha256)?;
         // How large it is, is known when it is read.
         let held = gate.hold(gate.limit());
-        let limits = relief_dicom::formats::Limits { voxels: gate.limit() / size_of::<i16>() as u64 };
-        let read = relief_dicom::formats::read_volume_within(limits, path)
+        let limits = relief_dicom::FormatLimits { voxels: gate.limit() / size_of::<i16>() as u64 };
+        let read = relief_dicom::read_volume_within(limits, path)
             .map_err(|error| (Lasting::Permanent, error.to_string()))?;
         Ok(Loaded { volume: read.volume, labels: None, warnings: read.warnings, held })
     }

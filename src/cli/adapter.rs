@@ -3,8 +3,7 @@
 use anyhow::Context;
 
 use super::memory::parse_bytes;
-use relief_render::gpu::{AdapterChoice, Gpu};
-use relief_render::{Renderer, VolumeLimits};
+use relief_render::{AdapterChoice, Gpu, Renderer, VolumeLimits};
 
 /// The graphics adapter to use.
 #[derive(Debug, clap::Args)]

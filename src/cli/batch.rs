@@ -159,10 +159,10 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
 /// What workers of a queue have not done of these jobs, and why.
 #[cfg(feature = "cluster")]
 fn setbacks(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
-    use relief_batch::{Record, queue::Setback};
+    use relief_batch::{FailedAttempt, Record};
     // What cannot be asked for is told where the report asks for it.
     let open = jobs.iter().filter(|job| matches!(Record::read(job, sink), Ok(None)));
-    open.filter_map(|job| Setback::read(job, sink)).map(|setback| setback.failure).collect()
+    open.filter_map(|job| FailedAttempt::read(job, sink)).map(|setback| setback.failure).collect()
 }
 
 #[cfg(not(feature = "cluster"))]

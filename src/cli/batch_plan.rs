@@ -13,7 +13,7 @@ use super::output::{GrowingFile, print_json, say};
 use relief_annotation::Shown;
 use relief_batch::{AnnotationLog, Product, ProductSet, Query, Request, Root, ViewSet};
 use relief_render::SceneFile;
-use relief_volume::camera::Orbit;
+use relief_volume::Orbit;
 
 /// Write the jobs: one for each view of each series
 #[derive(Debug, clap::Args)]

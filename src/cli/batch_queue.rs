@@ -1,6 +1,6 @@
 //! `relief batch submit` and `relief batch work`: jobs through a queue in NATS JetStream.
 
-use relief_batch::queue::work;
+use relief_batch::work_queue;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -13,8 +13,7 @@ use super::batch::{MemoryShare, TRY_AGAIN, read};
 use super::bucket::CopiesArguments;
 use super::memory::parse_bytes;
 use super::output::{print_json, say};
-use relief_batch::queue::{Access, Ended, Queue, WorkOptions, Worked};
-use relief_batch::{Location, Step};
+use relief_batch::{Location, Queue, QueueAccess, Step, WorkEnd, WorkOptions, WorkSummary};
 
 /// The queue, and how to get in.
 #[derive(Debug, clap::Args)]
@@ -82,8 +81,8 @@ pub(super) struct WorkArguments {
 }
 
 impl QueueArguments {
-    fn access(&self) -> Access {
-        Access {
+    fn access(&self) -> QueueAccess {
+        QueueAccess {
             url: self.nats.clone(),
             credentials: self.nats_creds.clone(),
             token: std::env::var("RELIEF_NATS_TOKEN").ok().filter(|token| !token.is_empty()),
@@ -144,18 +143,18 @@ pub(super) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
         Step::Done(job, record) => tracing::debug!("done: {} in {:.0} ms", job.name(), record.render_ms),
         Step::Skipped(job) => tracing::debug!("done before: {}", job.name()),
     };
-    let worked = work(&mut renderer, (&runtime, &queue), &options, stop, &tell)
+    let worked = work_queue(&mut renderer, (&runtime, &queue), &options, stop, &tell)
         .with_context(|| format!("cannot work into {}", arguments.out))?;
     runtime.block_on(queue.close());
     tell_worked(arguments, &worked, started.elapsed())
 }
 
-fn tell_worked(arguments: &WorkArguments, worked: &Worked, took: Duration) -> anyhow::Result<ExitCode> {
-    let Worked { done, skipped, failed, put_off, handed_back, loaded, ended } = worked;
+fn tell_worked(arguments: &WorkArguments, worked: &WorkSummary, took: Duration) -> anyhow::Result<ExitCode> {
+    let WorkSummary { done, skipped, failed, put_off, handed_back, loaded, ended } = worked;
     let (ended, status) = match ended {
-        Ended::Idle => ("idle", ExitCode::SUCCESS),
-        Ended::Stopped => ("stopped", ExitCode::SUCCESS),
-        Ended::Unfit => {
+        WorkEnd::Idle => ("idle", ExitCode::SUCCESS),
+        WorkEnd::Stopped => ("stopped", ExitCode::SUCCESS),
+        WorkEnd::Unfit => {
             eprintln!("leaving: several jobs in a row failed in ways that may be this worker's own");
             ("unfit", ExitCode::from(TRY_AGAIN))
         }

@@ -13,8 +13,7 @@ use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::{SeriesArguments, SeriesOptions};
 use relief_render::{Clip, ClipPlane, RenderError, RenderRequest, RenderedFrame, Renderer, Skipping};
-use relief_volume::Volume;
-use relief_volume::transfer::TransferFunction;
+use relief_volume::{TransferFunction, Volume};
 
 /// Measure frame times and samples per second of a scene.
 ///

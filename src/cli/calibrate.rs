@@ -1,6 +1,6 @@
 //! `relief calibrate`: the camera in a Wiimote, from a recording of a beacon.
 
-use relief_tracking::calibrate::choose;
+use relief_tracking::choose_views;
 use std::fmt::Write;
 use std::io::{BufReader, Read};
 use std::path::PathBuf;
@@ -10,13 +10,10 @@ use anyhow::Context;
 
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
-use relief_tracking::Beacon;
-use relief_tracking::calibrate::{Calibration, Identifier, Model, calibrate, moving};
-use relief_tracking::report::Report;
-use relief_tracking::report::calibration::{Calibrations, decode_ir};
-use relief_tracking::report::recording::{RecordingReader, TimedReport};
-use relief_tracking::sensor::Pinhole;
-use relief_tracking::sensor::file::CameraFormat;
+use relief_tracking::{
+    Beacon, BlobIdentifier, Calibration, CalibrationModel, Calibrations, CameraFormat, Pinhole,
+    RecordingReader, Report, TimedReport, calibrate_camera, decode_ir, moving_views,
+};
 
 /// Calibrate a Wiimote's camera from a recording in which it moves around a beacon.
 #[derive(Debug, clap::Args)]
@@ -109,24 +106,24 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         .collect::<Result<_, _>>()
         .with_context(|| format!("{name} is no recording"))?;
     let nominal = nominal(arguments, &timed)?;
-    let mut identifier = Identifier::new(beacon, nominal);
+    let mut identifier = BlobIdentifier::new(beacon, nominal);
     let views: Vec<_> = timed.iter().filter_map(|timed| identifier.push(timed.t_ns, &timed.report)).collect();
     let frames = views.len();
-    let moved = moving(views);
+    let moved = moving_views(views);
     let chosen = match arguments.views {
-        Some(count) => choose(moved, usize::from(count)),
+        Some(count) => choose_views(moved, usize::from(count)),
         None => moved,
     };
     let model = match arguments.model {
-        Wanted::Square => Model::Square,
-        Wanted::Pinhole => Model::Pinhole,
-        Wanted::Skew => Model::Skew,
-        Wanted::Radial => Model::Radial,
+        Wanted::Square => CalibrationModel::Square,
+        Wanted::Pinhole => CalibrationModel::Pinhole,
+        Wanted::Skew => CalibrationModel::Skew,
+        Wanted::Radial => CalibrationModel::Radial,
     };
-    let found = calibrate(&chosen, &nominal, model)
+    let found = calibrate_camera(&chosen, &nominal, model)
         .with_context(|| format!("{frames} frames of {name} with four LEDs do not calibrate the camera"))?;
     let format = if arguments.format == Format::Ros { CameraFormat::Ros } else { CameraFormat::OpenCv };
-    write_whole(&arguments.out, relief_tracking::sensor::file::write(&found.camera, format).as_bytes())?;
+    write_whole(&arguments.out, relief_tracking::write_camera(&found.camera, format).as_bytes())?;
     if arguments.json {
         let mut report = report(arguments, &found, frames, chosen.len());
         report.start_fx_cx_cy = [nominal.fx, nominal.cx, nominal.cy];

@@ -327,7 +327,7 @@ pub(super) fn save_frame(path: &std::path::Path, composed: &relief_client::Compo
 
 async fn run_measure(arguments: &Arguments, session: &Session, seconds: f64) -> anyhow::Result<ExitCode> {
     let headless = &arguments.headless;
-    let plan = relief_client::measure::Plan {
+    let plan = relief_client::MeasurePlan {
         options: session.options.clone(),
         seconds,
         pose_hz: f64::from(headless.pose_hz),
@@ -338,7 +338,7 @@ async fn run_measure(arguments: &Arguments, session: &Session, seconds: f64) -> 
     };
     let signal = stop_signal()?;
     let (report, last) = tokio::select! {
-        measured = relief_client::measure::measure(&plan) => measured?,
+        measured = relief_client::measure(&plan) => measured?,
         () = signal => bail!("stopped before all was measured"),
     };
     if let Some(path) = &headless.save_frame {
@@ -357,7 +357,7 @@ async fn run_measure(arguments: &Arguments, session: &Session, seconds: f64) -> 
     })
 }
 
-fn tell(report: &relief_client::measure::Report) {
+fn tell(report: &relief_client::MeasureReport) {
     let ms = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1} ms"));
     say!(
         "{:.1} frames/s for each of {} clients ({:.1} to {:.1}), {} stalled beside them, {:.1} s",

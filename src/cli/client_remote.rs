@@ -7,10 +7,9 @@ use super::track::SceneArguments;
 use super::track_source::{Event, LiveOptions, Source};
 use relief_client::Handle;
 use relief_live::{PoseKind, RemotePose};
-use relief_tracking::host::Sensitivity;
-use relief_tracking::report::{Buttons, Report};
-use relief_tracking::solve::bound::quantised_noise;
-use relief_tracking::tracker::{Options, Tracker, TrackingState};
+use relief_tracking::{
+    Buttons, Report, Sensitivity, Tracker, TrackerOptions, TrackingState, quantised_noise,
+};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct RemoteArguments {
@@ -49,7 +48,7 @@ pub(super) fn start(arguments: &RemoteArguments, handle: &Handle) -> anyhow::Res
         return Ok(tracking);
     }
     let scene = &arguments.scene;
-    let options = Options { noise_px: quantised_noise(scene.noise_px()), ..Options::default() };
+    let options = TrackerOptions { noise_px: quantised_noise(scene.noise_px()), ..TrackerOptions::default() };
     let tracker = Tracker::new(scene.camera()?, scene.beacon()?, options);
     let tracker = (!arguments.relay_reports).then_some(tracker);
     let sensitivity = Sensitivity::of_level(arguments.sensitivity).unwrap_or_default();

@@ -10,8 +10,7 @@ use anyhow::Context;
 use super::client::Session;
 use super::client_watch::{Recorder, Watch};
 use super::output::{print_json, say};
-use relief_client::journal::{Entry, Journal};
-use relief_client::{Handle, Options};
+use relief_client::{Handle, Journal, JournalEntry, Options};
 use relief_live::{ClientMessage, Hello};
 
 /// How long the last still frame may take.
@@ -81,9 +80,9 @@ async fn play(recorded: Recorded, handle: &Handle, watch: &Watch<'_>) -> anyhow:
     let mut recorded_pixels_sha256 = None;
     for entry in recorded {
         match entry? {
-            Entry::Still(hash) => recorded_pixels_sha256 = Some(hash),
-            Entry::Other => {}
-            Entry::Sent(t_ns, message) => {
+            JournalEntry::Still(hash) => recorded_pixels_sha256 = Some(hash),
+            JournalEntry::Other => {}
+            JournalEntry::Sent(t_ns, message) => {
                 let since = t_ns.saturating_sub(*first_ns.get_or_insert(t_ns));
                 tokio::time::sleep_until((start + Duration::from_nanos(since)).into()).await;
                 messages += 1;
@@ -95,7 +94,7 @@ async fn play(recorded: Recorded, handle: &Handle, watch: &Watch<'_>) -> anyhow:
         }
     }
     let still = tokio::time::timeout(STILL, watch.still_after(last_seq)).await.ok();
-    let pixels_sha256 = still.as_ref().and_then(relief_client::journal::pixels_sha256);
+    let pixels_sha256 = still.as_ref().and_then(relief_client::pixels_sha256);
     let same = recorded_pixels_sha256.as_ref().zip(pixels_sha256.as_ref()).map(|(a, b)| a == b);
     let seconds = start.elapsed().as_secs_f64();
     Ok(Outcome { messages, dropped, seconds, recorded_pixels_sha256, pixels_sha256, same })
@@ -109,7 +108,7 @@ fn send(handle: &Handle, message: ClientMessage) -> Option<u64> {
         ClientMessage::Intent(intent) => handle.intent(now, intent.intent),
         ClientMessage::Settings(settings) => handle.settings(*settings).then_some(0),
         ClientMessage::Report(report) => {
-            let report = relief_tracking::report::Report::decode(&report.bytes().ok()?).ok()?;
+            let report = relief_tracking::Report::decode(&report.bytes().ok()?).ok()?;
             handle.report(now, &report)
         }
         ClientMessage::Hello(_) | ClientMessage::Ack(_) => Some(0),

@@ -23,7 +23,7 @@ impl Recorder {
     pub(super) fn create(path: Option<&Path>, hello: &Hello) -> anyhow::Result<Self> {
         let mut file = path.map(GrowingFile::create).transpose()?;
         if let Some(file) = &mut file {
-            file.line(&relief_client::journal::first_line(hello))?;
+            file.line(&relief_client::journal_head(hello))?;
         }
         Ok(Self(Mutex::new(Recording { file, failed: None })))
     }
@@ -41,7 +41,7 @@ impl Recorder {
         if !self.is_recording() {
             return;
         }
-        let Some(line) = relief_client::journal::line(t_ns, event) else { return };
+        let Some(line) = relief_client::journal_line(t_ns, event) else { return };
         let mut recording = self.recording();
         if let Some(Err(error)) = recording.file.as_mut().map(|file| file.line(&line)) {
             (recording.file, recording.failed) = (None, Some(error));

@@ -6,8 +6,7 @@ use super::client::Session;
 use super::client_remote::Tracking;
 use super::client_watch::{self, Recorder};
 use super::serve::stop_signal;
-use relief_client::window::{Screen, Window, WindowOptions};
-use relief_client::{Event, Handle, LinkState};
+use relief_client::{Event, Handle, LinkState, Screen, Window, WindowOptions};
 use relief_display::DisplaySettings;
 use relief_live::{OrbitPose, PoseKind, Role};
 

@@ -3,7 +3,7 @@
 //! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with the f64
 //! twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing can render.
 
-use relief_session::golden::compare;
+use relief_golden::compare;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
@@ -11,11 +11,12 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::output::{print_json, say};
-use relief_render::gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, Limits, adapters};
-use relief_render::{RenderError, Renderer, SceneFile};
-use relief_session::golden::{Raster, Samples, Tolerance};
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
+use relief_golden::{Raster, Samples, Tolerance};
+use relief_render::{
+    AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, RenderError, Renderer,
+    SceneFile, adapters,
+};
+use relief_volume::{Orbit, Phantom};
 
 /// Say what this machine can render with, what is missing and how to get it.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -78,7 +79,7 @@ struct Report {
     can_render: bool,
     adapters: Vec<AdapterDescription>,
     chosen: Option<AdapterDescription>,
-    limits: Option<Limits>,
+    limits: Option<GpuLimits>,
     self_test: Option<SelfTest>,
     findings: Vec<Finding>,
 }
@@ -297,7 +298,7 @@ fn reason(choice: &AdapterChoice, adapters: &[AdapterDescription]) -> String {
     }
 }
 
-fn limits_finding(limits: Limits) -> Finding {
+fn limits_finding(limits: GpuLimits) -> Finding {
     let voxels = if limits.norm16_textures {
         "16-bit voxels"
     } else {
@@ -322,7 +323,7 @@ fn self_test(gpu: Gpu) -> Result<SelfTest, RenderError> {
     let frame = renderer.render(&volume, &request)?;
     let first_frame_ms = start.elapsed().as_secs_f64() * 1e3;
     let frame_ms = renderer.render(&volume, &request)?.timings.render_ms;
-    let twin = relief_render::reference::render(&volume, &request)?;
+    let twin = relief_render::render_reference(&volume, &request)?;
     let raster = |samples| Raster { size_px: SELF_TEST_SIZE_PX, samples };
     let pairs = [
         (Samples::Color(twin.color_rgba), Samples::Color(frame.color_rgba)),

@@ -9,12 +9,11 @@ use std::process::ExitCode;
 use anyhow::Context;
 
 use super::output::{print_json, say, write_whole};
-use relief_render::Renderer;
-use relief_render::gpu::{AdapterChoice, AdapterKind, Gpu};
-use relief_session::golden::{
+use relief_golden::{
     Artefacts, Blessing, CaseReport, Change, CheckReport, Collection, Comparison, Difference, Harness,
     Verdict,
 };
+use relief_render::{AdapterChoice, AdapterKind, Gpu, Renderer};
 
 /// Compare pictures of procedural volumes with approved ones, or approve new ones.
 ///

@@ -112,7 +112,7 @@ fn problems(report: &FrameReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::units::DepthLimits;
+    use relief_base::DepthLimits;
     use relief_display::{DisplaySettings, Frame, Picture, Pixels, encode_png, inspect_frame};
 
     /// A frame of the usual layout: everything at half depth, one pixel missed.

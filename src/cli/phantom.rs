@@ -8,9 +8,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output::{self, say};
-use relief_dicom::formats::seg_nrrd;
-use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels};
-use relief_volume::phantom::{Kind, Phantom, Recipe};
+use relief_dicom::{ExistingFolder, SeriesFolder, SeriesLabels, write_seg_nrrd};
+use relief_volume::{Phantom, PhantomKind, PhantomRecipe};
 
 /// Make a procedural CT series with its truth: DICOM slices and truth.json in a folder.
 #[derive(Debug, clap::Args)]
@@ -27,7 +26,7 @@ pub(super) struct Arguments {
     out: PathBuf,
     /// What to make.
     #[arg(long, default_value = "head", value_parser = kind_parser())]
-    kind: Kind,
+    kind: PhantomKind,
     /// Voxels across, 16 to 1024 [default: 256 for head, sphere and slab; 64 for ramp and axes].
     #[arg(long, value_name = "N", value_parser = parse_size)]
     size: Option<usize>,
@@ -62,8 +61,8 @@ struct Report<'a> {
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     let Arguments { out, kind, size, seed, force, json } = arguments;
     let started = Instant::now();
-    let recipe = Recipe::new(kind).with_size(size.unwrap_or(kind.default_size()))?.with_seed(seed);
-    let existing = if force { Existing::Replace } else { Existing::Keep };
+    let recipe = PhantomRecipe::new(kind).with_size(size.unwrap_or(kind.default_size()))?.with_seed(seed);
+    let existing = if force { ExistingFolder::Replace } else { ExistingFolder::Keep };
     let folder = SeriesFolder::create(&out, existing)?; // refuse before the work, not after it
     let bar = progress_bar(2 * recipe.dims()[2]);
     let advance = |slices: usize| bar.inc(slices as u64);
@@ -77,7 +76,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     }
     let organs = recipe.label_map();
     if let Some(map) = &organs {
-        folder.write_file("labels.seg.nrrd", &seg_nrrd(map)?)?;
+        folder.write_file("labels.seg.nrrd", &write_seg_nrrd(map)?)?;
     }
     folder.finish()?;
     bar.finish_and_clear();
@@ -124,23 +123,24 @@ fn progress_bar(steps: usize) -> ProgressBar {
     ProgressBar::new(steps as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-fn labels(kind: Kind, seed: u64) -> SeriesLabels {
+fn labels(kind: PhantomKind, seed: u64) -> SeriesLabels {
     let name = kind.name().to_uppercase();
     SeriesLabels {
         patient_name: format!("PHANTOM^{name}"),
         patient_id: format!("PHANTOM-{name}-{seed}"),
         description: format!("Procedural phantom: {}", kind.name()),
-        body_part: if kind == Kind::Head { "HEAD".to_owned() } else { String::new() },
-        window_hu: if kind == Kind::Head { (40, 400) } else { (0, 2000) },
+        body_part: if kind == PhantomKind::Head { "HEAD".to_owned() } else { String::new() },
+        window_hu: if kind == PhantomKind::Head { (40, 400) } else { (0, 2000) },
     }
 }
 
-fn kind_parser() -> impl TypedValueParser<Value = Kind> {
-    PossibleValuesParser::new(Kind::ALL.map(Kind::name)).try_map(|name| name.parse::<Kind>())
+fn kind_parser() -> impl TypedValueParser<Value = PhantomKind> {
+    PossibleValuesParser::new(PhantomKind::ALL.map(PhantomKind::name))
+        .try_map(|name| name.parse::<PhantomKind>())
 }
 
 fn parse_size(text: &str) -> Result<usize, String> {
     let size = text.parse().map_err(|error| format!("{error}"))?;
-    let recipe = Recipe::new(Kind::Head).with_size(size);
+    let recipe = PhantomRecipe::new(PhantomKind::Head).with_size(size);
     recipe.map(|_| size).map_err(|error| error.to_string())
 }

@@ -16,9 +16,7 @@ use super::transfer::{Range, parse_range, read_look};
 use relief_display::encode_png;
 use relief_render::{RenderedFrame, preset_json};
 use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
-use relief_volume::Volume;
-use relief_volume::phantom::{Kind, Recipe};
-use relief_volume::transfer::{PRESETS, Preset};
+use relief_volume::{PRESETS, PhantomKind, PhantomRecipe, Preset, Volume};
 
 /// List the presets of colours, opacity and light, render a thumbnail of each, or convert those of other programs.
 #[derive(Debug, clap::Args)]
@@ -165,6 +163,6 @@ fn volume(arguments: &Arguments) -> anyhow::Result<Volume> {
         None if series_uid.is_some() || *strict || *downsample > 1 => {
             bail!("--series-uid, --strict and --downsample are about a series; give one with --series PATH")
         }
-        None => Ok(Recipe::new(Kind::Head).with_size(HEAD_SIZE)?.make().volume),
+        None => Ok(PhantomRecipe::new(PhantomKind::Head).with_size(HEAD_SIZE)?.make().volume),
     }
 }

@@ -9,8 +9,7 @@ use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
 use relief_display::{DepthFilter, DisplaySettings, Layout};
 use relief_render::{Classification, DepthRule, Mode, Overlays, SceneFile};
-use relief_volume::camera::Orbit;
-use relief_volume::transfer::PRESETS;
+use relief_volume::{Orbit, PRESETS};
 
 /// A scene file, and options that go before what it says.
 #[derive(Debug, clap::Args)]

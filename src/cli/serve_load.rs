@@ -145,7 +145,7 @@ impl Loading<'_> {
 
     /// The series in a folder or a file, at least one, each by the options that choose it.
     fn below(&self, path: &Path) -> anyhow::Result<Vec<SeriesOptions>> {
-        if relief_dicom::formats::is_known(path) || self.options.series_uid.is_some() {
+        if relief_dicom::is_volume_file(path) || self.options.series_uid.is_some() {
             return Ok(vec![self.options.clone()]);
         }
         let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;

@@ -3,7 +3,7 @@
 use anyhow::bail;
 
 use relief_render::{SceneFile, SlabBlend, SlicePlane};
-use relief_volume::camera::NamedPlane;
+use relief_volume::NamedPlane;
 
 /// Options of a slice; they go before what a scene file says of one.
 #[derive(Debug, clap::Args)]

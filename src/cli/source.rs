@@ -69,7 +69,7 @@ pub(super) fn load_after<T>(
     options: &SeriesOptions,
     before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
 ) -> anyhow::Result<(Loaded, T)> {
-    if relief_dicom::formats::is_known(path) {
+    if relief_dicom::is_volume_file(path) {
         let loaded = load_file(path, options)?;
         let prepared = before(loaded.volume.grid().dims())?;
         return Ok((loaded, prepared));
@@ -89,8 +89,7 @@ fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
     if options.series_uid.is_some() {
         bail!("{} is one volume and no series; leave --series-uid out", path.display());
     }
-    let found =
-        relief_dicom::formats::read_volume(path).with_context(|| format!("cannot use {}", path.display()))?;
+    let found = relief_dicom::read_volume(path).with_context(|| format!("cannot use {}", path.display()))?;
     for warning in found.warnings {
         eprintln!("warning: {warning}");
     }

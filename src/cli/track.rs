@@ -11,12 +11,10 @@ use super::track_intents::Intents;
 use super::track_publish::Publisher;
 use super::track_source::{Event, LiveOptions, Source};
 use super::{track_design, track_experiment, track_simulate, track_views};
-use relief_tracking::Beacon;
-use relief_tracking::filter::Motion;
-use relief_tracking::host::Sensitivity;
-use relief_tracking::sensor::Pinhole;
-use relief_tracking::solve::bound::quantised_noise;
-use relief_tracking::tracker::{FilterKind, Options, PoseRecord, SolverKind, Tracker};
+use relief_tracking::{
+    Beacon, FilterKind, MotionDensity, Pinhole, PoseRecord, Sensitivity, SolverKind, Tracker, TrackerOptions,
+    quantised_noise,
+};
 
 /// Track a Wiimote: from the blobs its camera sees to poses, as JSON lines or OpenIGTLink.
 #[derive(Debug, clap::Args)]
@@ -180,7 +178,7 @@ pub(super) fn read_beacon(path: Option<&Path>) -> anyhow::Result<Beacon> {
 /// The camera of a file, or a typical one.
 pub(super) fn read_camera(path: Option<&Path>) -> anyhow::Result<Pinhole> {
     let Some(path) = path else { return Ok(Pinhole::TYPICAL) };
-    relief_tracking::sensor::file::read(&read_text(path)?)
+    relief_tracking::read_camera(&read_text(path)?)
         .with_context(|| format!("{} is no camera", path.display()))
 }
 
@@ -216,20 +214,20 @@ impl Solver {
 }
 
 impl FilterArguments {
-    fn options(&self, noise_px: f64) -> Options {
+    fn options(&self, noise_px: f64) -> TrackerOptions {
         let filter = match self.filter {
             _ if self.no_filter => FilterKind::None,
             Filter::None => FilterKind::None,
             Filter::ErrorState => FilterKind::ErrorState,
             Filter::Pose => FilterKind::Pose,
         };
-        Options {
+        TrackerOptions {
             filter,
             solver: self.solver.kind(),
             noise_px: quantised_noise(noise_px),
-            motion: if self.motion == Moved::Arm { Motion::ARM } else { Motion::HAND },
+            motion: if self.motion == Moved::Arm { MotionDensity::ARM } else { MotionDensity::HAND },
             use_gyroscope: self.gyro,
-            ..Options::default()
+            ..TrackerOptions::default()
         }
     }
 }

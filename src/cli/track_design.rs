@@ -8,8 +8,7 @@ use indicatif::ProgressBar;
 
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
-use relief_tracking::Beacon;
-use relief_tracking::design::{Conditions, Score, score, search};
+use relief_tracking::{Beacon, DesignConditions, DesignScore, score_design, search_design};
 
 /// Score a beacon, or search for a better one: how well its views are told apart, and how well poses are known.
 #[derive(Debug, clap::Args)]
@@ -53,12 +52,15 @@ pub(super) struct Arguments {
 struct Report {
     leds_mm: Vec<[f64; 3]>,
     views: u32,
-    score: Score,
+    score: DesignScore,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let mut conditions =
-        Conditions { views: arguments.views as usize, seed: arguments.seed, ..Conditions::default() };
+    let mut conditions = DesignConditions {
+        views: arguments.views as usize,
+        seed: arguments.seed,
+        ..DesignConditions::default()
+    };
     if arguments.no_gravity {
         conditions.gravity_sigma = None;
     }
@@ -70,7 +72,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
                     .with_context(|| format!("{} is no beacon", path.display()))?,
                 None => Beacon::recommended(),
             };
-            let found = score(&beacon, &conditions);
+            let found = score_design(&beacon, &conditions);
             (beacon, found)
         }
     };
@@ -90,15 +92,15 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 fn search_for(
     arguments: &Arguments,
     layouts: usize,
-    conditions: &Conditions,
-) -> anyhow::Result<(Beacon, Score)> {
+    conditions: &DesignConditions,
+) -> anyhow::Result<(Beacon, DesignScore)> {
     let size: [f64; 3] = arguments.size_mm.as_slice().try_into().context("--size-mm takes three numbers")?;
     anyhow::ensure!(
         size.iter().all(|mm| (20.0..=1000.0).contains(mm)),
         "--size-mm is {size:?}, allowed: 20 to 1000 each"
     );
     let bar = ProgressBar::new(layouts as u64);
-    let found = search(size, layouts, conditions, &|tried| bar.set_position(tried as u64));
+    let found = search_design(size, layouts, conditions, &|tried| bar.set_position(tried as u64));
     bar.finish_and_clear();
     found.context("no layout was better than none; try more, or a larger box")
 }
@@ -107,7 +109,8 @@ fn print_text(report: &Report) {
     for (at, [x, y, z]) in report.leds_mm.iter().enumerate() {
         say!("LED {}  {x:7.1} {y:7.1} {z:7.1} mm", at + 1);
     }
-    let Score { right, wrong, ambiguous, unexplained, merged, margin, position_mm, turn_deg } = report.score;
+    let DesignScore { right, wrong, ambiguous, unexplained, merged, margin, position_mm, turn_deg } =
+        report.score;
     say!("{} views: {right} identified, {wrong} wrongly, {ambiguous} ambiguous,", report.views);
     say!("  {unexplained} unexplained, {merged} with two LEDs in one blob");
     say!("margin in the worst twentieth: {margin:.0}");

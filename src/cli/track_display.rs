@@ -6,7 +6,7 @@ use std::path::Path;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::output::{GrowingFile, print_line};
-use relief_tracking::tracker::{Dropped, PoseRecord, TrackingState};
+use relief_tracking::{DroppedReports, PoseRecord, TrackingState};
 
 pub(super) enum Sink {
     File(GrowingFile),
@@ -83,7 +83,7 @@ impl Display {
     }
 
     /// The file appears; a line says what there was.
-    pub(super) fn finish(self, dropped: Dropped) -> anyhow::Result<()> {
+    pub(super) fn finish(self, dropped: DroppedReports) -> anyhow::Result<()> {
         self.table.finish_and_clear();
         let Self { sink, counts, first_ns, last_ns, mut solve_us, .. } = self;
         if let Sink::File(file) = sink {

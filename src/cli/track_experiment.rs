@@ -11,12 +11,11 @@ use super::calibrate::table_of;
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
 use super::track_plots;
-use relief_tracking::Beacon;
-use relief_tracking::calibrate::{Calibration, Identifier, Model, calibrate, moving};
-use relief_tracking::experiment::{Outcome, Run, Setting, Way, perform};
-use relief_tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
-use relief_tracking::simulate::{Simulation, Survey};
-use relief_tracking::tracker::{FilterKind, SolverKind};
+use relief_tracking::{
+    Beacon, BlobIdentifier, Calibration, CalibrationModel, ExperimentOutcome, ExperimentRun,
+    ExperimentSetting, FilterKind, Pinhole, Simulation, SolverKind, SurveyingHand, TYPICAL_FOCAL_PX,
+    TrackingMethod, calibrate_camera, moving_views, run_experiment,
+};
 
 /// Repeat the paper's experiment in simulation: a robot's arm turns and shifts a Wiimote before a beacon.
 ///
@@ -69,7 +68,7 @@ const PAPER_FOCAL_PX: f64 = 1320.0;
 #[derive(serde::Serialize)]
 pub(super) struct WayReport {
     pub(super) way: &'static str,
-    pub(super) outcomes: Vec<Outcome>,
+    pub(super) outcomes: Vec<ExperimentOutcome>,
 }
 
 #[derive(serde::Serialize)]
@@ -97,17 +96,19 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         "--noise-px is {}, allowed: 0 to 5",
         arguments.noise_px
     );
-    let mut setting =
-        Setting::new(Pinhole::simple(PAPER_FOCAL_PX * (1.0 + arguments.focal_error / 100.0)), arguments.seed);
+    let mut setting = ExperimentSetting::new(
+        Pinhole::simple(PAPER_FOCAL_PX * (1.0 + arguments.focal_error / 100.0)),
+        arguments.seed,
+    );
     setting.beacon = beacon;
     setting.distance_mm = f64::from(arguments.distance_mm);
     setting.sensing.noise_px = arguments.noise_px;
     setting.repeats = arguments.repeats;
     let calibration = survey(&setting).context("the simulated survey did not calibrate the camera")?;
     let ways = ways(&calibration, setting.camera);
-    let perform_all = |way: &Way| WayReport {
+    let perform_all = |way: &TrackingMethod| WayReport {
         way: way.name,
-        outcomes: Run::ALL.par_iter().map(|run| perform(&setting, *run, way)).collect(),
+        outcomes: ExperimentRun::ALL.par_iter().map(|run| run_experiment(&setting, *run, way)).collect(),
     };
     let report = Report {
         distance_mm: setting.distance_mm,
@@ -115,9 +116,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         repeats: setting.repeats,
         true_focal_px: setting.camera.fx,
         calibrated_focal_px: calibration.camera.fx,
-        runs: Run::ALL.map(Run::name).to_vec(),
-        paper_mean: Run::ALL.map(Run::paper_mean).to_vec(),
-        paper_deviation: Run::ALL.map(Run::paper_deviation).to_vec(),
+        runs: ExperimentRun::ALL.map(ExperimentRun::name).to_vec(),
+        paper_mean: ExperimentRun::ALL.map(ExperimentRun::paper_mean).to_vec(),
+        paper_deviation: ExperimentRun::ALL.map(ExperimentRun::paper_deviation).to_vec(),
         ways: ways.iter().map(perform_all).collect(),
     };
     if let Some(folder) = &arguments.out {
@@ -132,36 +133,36 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 }
 
 /// Calibrates the setting's camera as a user would: four minutes of a hand that moves around the beacon.
-pub(super) fn survey(setting: &Setting) -> anyhow::Result<Calibration> {
+pub(super) fn survey(setting: &ExperimentSetting) -> anyhow::Result<Calibration> {
     let simulation = Simulation {
         camera: setting.camera,
         sensing: setting.sensing,
         ..Simulation::new(setting.beacon.clone(), setting.seed ^ 0xca1)
     };
     let nominal = Pinhole::simple(TYPICAL_FOCAL_PX);
-    let mut identifier = Identifier::new(setting.beacon.clone(), nominal);
-    let reports = simulation.record(&Survey::around(&setting.beacon, setting.seed), 240.0);
+    let mut identifier = BlobIdentifier::new(setting.beacon.clone(), nominal);
+    let reports = simulation.record(&SurveyingHand::around(&setting.beacon, setting.seed), 240.0);
     let views = reports.iter().filter_map(|made| identifier.push(made.t_ns, &made.report)).collect();
-    let calibration = calibrate(&moving(views), &nominal, Model::Square)?;
+    let calibration = calibrate_camera(&moving_views(views), &nominal, CalibrationModel::Square)?;
     tracing::info!("calibrated:\n{}", table_of(&calibration));
     Ok(calibration)
 }
 
-fn ways(calibration: &Calibration, truth: Pinhole) -> [Way; 5] {
+fn ways(calibration: &Calibration, truth: Pinhole) -> [TrackingMethod; 5] {
     let fixed = Pinhole::simple(PAPER_FOCAL_PX);
     let camera = calibration.camera;
     let (solver, filter) = (SolverKind::Lm, FilterKind::ErrorState);
     [
-        Way {
+        TrackingMethod {
             name: "paper's way, f = 1320",
             camera: fixed,
             solver: SolverKind::Paper,
             filter: FilterKind::Pose,
         },
-        Way { name: "ours, f = 1320", camera: fixed, solver, filter },
-        Way { name: "calibrated, no filter", camera, solver, filter: FilterKind::None },
-        Way { name: "calibrated, filtered", camera, solver, filter },
-        Way { name: "true camera, filtered", camera: truth, solver, filter },
+        TrackingMethod { name: "ours, f = 1320", camera: fixed, solver, filter },
+        TrackingMethod { name: "calibrated, no filter", camera, solver, filter: FilterKind::None },
+        TrackingMethod { name: "calibrated, filtered", camera, solver, filter },
+        TrackingMethod { name: "true camera, filtered", camera: truth, solver, filter },
     ]
 }
 
@@ -191,7 +192,7 @@ fn print_table(report: &Report) {
     say!("\nFrames without a pose, of all ways and runs: {lost}");
 }
 
-fn cell(outcome: &Outcome) -> String {
+fn cell(outcome: &ExperimentOutcome) -> String {
     format!("{:.3} ({:.3}) [{:.2}]", outcome.mean, outcome.deviation, outcome.rms / outcome.bound)
 }
 
@@ -206,7 +207,7 @@ fn write_files(folder: &std::path::Path, report: &Report) -> anyhow::Result<()> 
     for way in &report.ways {
         let name = way.way.replace(',', "");
         for (run, outcome) in report.runs.iter().zip(&way.outcomes) {
-            let Outcome { mean, deviation, rms, bound, lost, .. } = outcome;
+            let ExperimentOutcome { mean, deviation, rms, bound, lost, .. } = outcome;
             let _ = writeln!(table, "{name},{run},{mean},{deviation},{rms},{bound},{lost}");
             for point in &outcome.points {
                 let _ = writeln!(points, "{name},{run},{},{}", point.truth, point.error);

@@ -5,9 +5,8 @@ use std::path::Path;
 use anyhow::Context;
 
 use super::output::GrowingFile;
-use relief_live::interaction::{Gestures, HandOptions, HandSample, Intent};
-use relief_tracking::report::Report;
-use relief_tracking::tracker::Sample;
+use relief_live::{Gestures, HandOptions, HandSample, Intent};
+use relief_tracking::{Report, TrackedSample};
 
 /// A file of intents that grows with the reports.
 pub(super) struct Intents {
@@ -35,7 +34,7 @@ impl Intents {
         self.write(t_ns, &intents)
     }
 
-    pub(super) fn sample(&mut self, sample: &Sample) -> anyhow::Result<()> {
+    pub(super) fn sample(&mut self, sample: &TrackedSample) -> anyhow::Result<()> {
         let intents = self.gestures.track(&HandSample::from(sample));
         self.write(sample.t_ns, &intents)
     }

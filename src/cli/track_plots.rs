@@ -11,7 +11,7 @@ use super::axis::{number, ticks};
 use super::drawing::{Anchor, Color, Drawing, Pen};
 use super::output::write_whole;
 use super::track_experiment::Report;
-use relief_tracking::experiment::Point;
+use relief_tracking::PlotPoint;
 
 const INK: Color = [0x22, 0x22, 0x22];
 const PALE: Color = [0x5a, 0x5a, 0x5a];
@@ -171,7 +171,7 @@ fn errors(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
     for side in [published, -published] {
         drawing.line(&[[area.left, y(side)], [area.right, y(side)]], PUBLISHED);
     }
-    let shown = |point: &Point| [x(point.truth), y(point.error)];
+    let shown = |point: &PlotPoint| [x(point.truth), y(point.error)];
     for (way, pen) in report.ways.iter().zip(PENS) {
         let points = &way.outcomes[run].points;
         if report.repeats > 1 {
@@ -186,16 +186,17 @@ fn errors(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
 }
 
 /// The mean error of all repeats at each stop. The same stop is the same to a thousandth of a degree or centimetre.
-fn means_of_stops(points: &[Point]) -> Vec<Point> {
-    let mut stops: BTreeMap<i64, Vec<Point>> = BTreeMap::new();
+fn means_of_stops(points: &[PlotPoint]) -> Vec<PlotPoint> {
+    let mut stops: BTreeMap<i64, Vec<PlotPoint>> = BTreeMap::new();
     for point in points {
         stops.entry((point.truth * 1e3).round() as i64).or_default().push(*point);
     }
-    let mean =
-        |of: fn(&Point) -> f64, points: &[Point]| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let mean = |of: fn(&PlotPoint) -> f64, points: &[PlotPoint]| {
+        points.iter().map(of).sum::<f64>() / points.len() as f64
+    };
     stops
         .values()
-        .map(|stop| Point { truth: mean(|p| p.truth, stop), error: mean(|p| p.error, stop) })
+        .map(|stop| PlotPoint { truth: mean(|p| p.truth, stop), error: mean(|p| p.error, stop) })
         .collect()
 }
 
@@ -249,7 +250,7 @@ mod tests {
 
     #[test]
     fn repeats_of_a_stop_are_averaged() {
-        let point = |truth, error| Point { truth, error };
+        let point = |truth, error| PlotPoint { truth, error };
         let points = [point(-1.0, 1.0), point(2.0, 4.0), point(-1.0 + 1e-9, 3.0)];
         let means = means_of_stops(&points);
         assert_eq!(means.iter().map(|mean| mean.error).collect::<Vec<_>>(), [2.0, 4.0]);

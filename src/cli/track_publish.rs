@@ -10,8 +10,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 
-use relief_tracking::igtl::{HEADER_BYTES, Header};
-use relief_tracking::pose::SensorPose;
+use relief_tracking::{IGTL_HEADER_BYTES, IgtlHeader, SensorPose};
 
 const DEVICE: &str = "WiimoteToBeacon";
 const TOOL: &str = "Wiimote";
@@ -80,11 +79,11 @@ impl Client {
         let Some((unix_ns, pose)) = published else { return Ok(()) };
         let mut bytes = Vec::new();
         if let Some(pose) = pose {
-            bytes.extend(relief_tracking::igtl::transform(DEVICE, *unix_ns, pose));
-            bytes.extend(relief_tracking::igtl::position(DEVICE, *unix_ns, pose));
+            bytes.extend(relief_tracking::igtl_transform(DEVICE, *unix_ns, pose));
+            bytes.extend(relief_tracking::igtl_position(DEVICE, *unix_ns, pose));
         }
         if self.wants_tracking_data {
-            bytes.extend(relief_tracking::igtl::tracking_data(DEVICE, *unix_ns, TOOL, pose.as_ref()));
+            bytes.extend(relief_tracking::igtl_tracking_data(DEVICE, *unix_ns, TOOL, pose.as_ref()));
         }
         self.stream.write_all(&bytes)
     }
@@ -101,17 +100,17 @@ impl Client {
             Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
             Err(error) => return Err(error),
         }
-        while let Some(head) = self.incoming.first_chunk::<HEADER_BYTES>() {
-            let header =
-                Header::decode(head).map_err(|error| std::io::Error::new(ErrorKind::InvalidData, error))?;
-            let whole = HEADER_BYTES + header.body_bytes;
+        while let Some(head) = self.incoming.first_chunk::<IGTL_HEADER_BYTES>() {
+            let header = IgtlHeader::decode(head)
+                .map_err(|error| std::io::Error::new(ErrorKind::InvalidData, error))?;
+            let whole = IGTL_HEADER_BYTES + header.body_bytes;
             if self.incoming.len() < whole {
                 break;
             }
             self.incoming.drain(..whole);
             if matches!(header.kind.as_str(), "STT_TDATA" | "STP_TDATA") {
                 self.wants_tracking_data = header.kind == "STT_TDATA";
-                self.stream.write_all(&relief_tracking::igtl::acknowledged(DEVICE, unix_ns))?;
+                self.stream.write_all(&relief_tracking::igtl_acknowledgement(DEVICE, unix_ns))?;
             }
         }
         Ok(())

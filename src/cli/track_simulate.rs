@@ -5,10 +5,10 @@ use std::process::ExitCode;
 
 use super::output::{print_json, say, write_whole};
 use super::track::SceneArguments;
-use relief_tracking::report::Buttons;
-use relief_tracking::report::recording::recording_line;
-use relief_tracking::sensor::ThinLens;
-use relief_tracking::simulate::{Delivery, Hand, Hidden, Pressed, Simulation, Survey};
+use relief_tracking::{
+    Buttons, HiddenLed, PointingHand, PressedButton, ReportDelivery, Simulation, SurveyingHand, ThinLens,
+    recording_line,
+};
 
 /// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried without one.
 #[derive(Debug, clap::Args)]
@@ -43,11 +43,11 @@ pub(super) struct Arguments {
     mishaps: bool,
     /// Hide LED number N (from 0) from one second to another; may be given several times
     #[arg(long, value_name = "N:FROM:TO", value_parser = parse_hidden)]
-    hide: Vec<Hidden>,
+    hide: Vec<HiddenLed>,
     /// Hold a button from one second to another; may be given several times. left, right, up, down, plus, minus, one, two, a, b,
     /// home
     #[arg(long, value_name = "BUTTON:FROM:TO", value_parser = parse_pressed)]
-    press: Vec<Pressed>,
+    press: Vec<PressedButton>,
     /// A lens that is sharp at one distance alone: focal length, aperture and focused distance, mm. Elsewhere LEDs are larger
     /// blobs, that merge sooner
     #[arg(long, value_name = "FOCAL,APERTURE,FOCUS", value_parser = parse_lens)]
@@ -102,13 +102,13 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     simulation.gyroscope = arguments.gyro;
     simulation.full = arguments.full;
     if arguments.mishaps {
-        simulation.delivery = Delivery::RADIO;
+        simulation.delivery = ReportDelivery::RADIO;
     }
     let seconds = f64::from(arguments.seconds);
-    let hand = Hand::before(&beacon, f64::from(arguments.distance_mm), arguments.seed);
+    let hand = PointingHand::before(&beacon, f64::from(arguments.distance_mm), arguments.seed);
     let made = match arguments.path {
         Moves::Point => simulation.record(&hand, seconds),
-        Moves::Survey => simulation.record(&Survey::around(&beacon, arguments.seed), seconds),
+        Moves::Survey => simulation.record(&SurveyingHand::around(&beacon, arguments.seed), seconds),
     };
     let line = |t_ns: u64, bytes: &[u8]| recording_line(t_ns, bytes) + "\n";
     let reports: String = made.iter().map(|made| line(made.t_ns, &made.report.encode())).collect();
@@ -147,20 +147,20 @@ fn lens_of([focal_mm, aperture_mm, focus_mm]: [f64; 3], focal_px: f64) -> anyhow
     Ok(ThinLens::new(focal_mm, aperture_mm, focus_mm, behind_mm / focal_px)?)
 }
 
-fn parse_hidden(text: &str) -> Result<Hidden, String> {
+fn parse_hidden(text: &str) -> Result<HiddenLed, String> {
     let expected = "expected N:FROM:TO with N from 0 to 5 and FROM before TO, in seconds, such as 0:2:3";
     let (led, seconds) = parse_while(text).ok_or(expected)?;
     let led = led.parse().ok().filter(|led| *led < relief_tracking::MAX_LEDS).ok_or(expected)?;
-    Ok(Hidden { led, seconds })
+    Ok(HiddenLed { led, seconds })
 }
 
-fn parse_pressed(text: &str) -> Result<Pressed, String> {
+fn parse_pressed(text: &str) -> Result<PressedButton, String> {
     let names: Vec<&str> = Buttons::ALL.iter().map(|(_, name)| *name).collect();
     let expected =
         || format!("expected BUTTON:FROM:TO, such as b:2:5, with one of the buttons {}", names.join(", "));
     let (name, seconds) = parse_while(text).ok_or_else(expected)?;
     let button = Buttons::ALL.iter().find(|(_, known)| *known == name).ok_or_else(expected)?;
-    Ok(Pressed { buttons: button.0, seconds })
+    Ok(PressedButton { buttons: button.0, seconds })
 }
 
 /// `WHAT:FROM:TO`, in seconds.

@@ -10,11 +10,10 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::Context;
 
 use super::output::GrowingFile;
-use relief_tracking::host::{Host, HostOptions, HostState, Sensitivity};
-use relief_tracking::report::calibration::AccelerometerCalibration;
-use relief_tracking::report::motion_plus::GyroCalibration;
-use relief_tracking::report::recording::{RecordingReader, recording_line};
-use relief_tracking::report::{MAX_REPORT_BYTES, Report};
+use relief_tracking::{
+    AccelerometerCalibration, GyroCalibration, Host, HostOptions, HostState, MAX_REPORT_BYTES,
+    RecordingReader, Report, Sensitivity, recording_line,
+};
 
 /// What a source gives.
 pub(super) enum Event {

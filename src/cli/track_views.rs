@@ -8,10 +8,7 @@ use anyhow::Context;
 
 use super::output::{say, write_whole};
 use super::track::SceneArguments;
-use relief_tracking::pose::Pose;
-use relief_tracking::sensor::Pinhole;
-use relief_tracking::solve::random::{Random, ViewRange, sightings};
-use relief_tracking::solve::{MAX_SEEN, View};
+use relief_tracking::{MAX_SEEN, Pinhole, Pose, PoseView, Random, ViewRange, random_sightings};
 
 /// Make random views of a beacon, solve each, and write pixels, poses and truth as JSON.
 ///
@@ -74,11 +71,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mut views = Vec::new();
     for at in 0..arguments.count {
         let truth = random.view(&beacon, &camera, &ViewRange::USUAL);
-        let mut seen = sightings(&beacon, &camera, &truth, arguments.scene.noise_px(), &mut random);
+        let mut seen = random_sightings(&beacon, &camera, &truth, arguments.scene.noise_px(), &mut random);
         if arguments.whole_pixels {
             seen.iter_mut().for_each(|sighting| sighting.pixel.apply(|c| *c = c.round()));
         }
-        let view = View { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
+        let view = PoseView { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
         let start = Instant::now();
         let solutions = view.solve().with_context(|| format!("view {at} has no pose"))?;
         let solve_us = start.elapsed().as_secs_f64() * 1e6;

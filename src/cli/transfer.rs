@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use serde_json::{Value, json};
 
 use relief_render::{SceneFile, Shading, shading_json, transfer_json};
-use relief_volume::transfer::{ImportChoice, Imported, MAX_IMPORT_BYTES, import};
+use relief_volume::{ImportedTransfer, MAX_IMPORT_BYTES, TransferImportChoice, import_transfer};
 
 /// A transfer function that goes before what a scene says.
 #[derive(Debug, clap::Args)]
@@ -59,9 +59,9 @@ pub(super) fn read_look(path: &Path, name: Option<&str>, range: Option<Range>) -
         }
         return Ok(own);
     }
-    let choice = ImportChoice { name, range_hu: range.map(|Range(range)| range) };
-    let found = import(&bytes, &choice).with_context(|| format!("cannot use {}", path.display()))?;
-    let Imported { transfer, light, left_out, .. } = found;
+    let choice = TransferImportChoice { name, range_hu: range.map(|Range(range)| range) };
+    let found = import_transfer(&bytes, &choice).with_context(|| format!("cannot use {}", path.display()))?;
+    let ImportedTransfer { transfer, light, left_out, .. } = found;
     for what in left_out {
         eprintln!("warning: left out: {what}");
     }

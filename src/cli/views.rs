@@ -2,11 +2,10 @@
 
 use anyhow::{Context, bail};
 
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_display::{FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, psnr_db};
 use relief_render::{Mode, RenderRequest, RenderedFrame, Renderer, Scene};
-use relief_volume::Volume;
-use relief_volume::camera::Camera;
+use relief_volume::{Camera, Volume};
 
 /// Which views are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]

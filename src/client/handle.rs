@@ -6,9 +6,8 @@ use std::time::Instant;
 use tokio::sync::{Notify, watch};
 
 use super::outbox::Outbox;
-use relief_live::interaction::Intent;
-use relief_live::{ClientMessage, PoseKind, Settings};
-use relief_tracking::report::Report;
+use relief_live::{ClientMessage, Intent, PoseKind, Settings};
+use relief_tracking::Report;
 
 /// What is said to the server through one session. Copies are the same end.
 #[derive(Clone, Debug)]

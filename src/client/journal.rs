@@ -52,7 +52,7 @@ pub enum JournalError {
 
 /// The first line of a file.
 #[must_use]
-pub fn first_line(hello: &Hello) -> String {
+pub fn journal_head(hello: &Hello) -> String {
     let hello = Hello { resume: None, ..hello.clone() };
     json!({ "relief_session": VERSION, "hello": object(&ClientMessage::Hello(Box::new(hello)).to_text()) })
         .to_string()
@@ -60,7 +60,7 @@ pub fn first_line(hello: &Hello) -> String {
 
 /// The line of an event; `None` for what is not kept.
 #[must_use]
-pub fn line(t_ns: u64, event: &Event) -> Option<String> {
+pub fn journal_line(t_ns: u64, event: &Event) -> Option<String> {
     let line = match event {
         Event::State(LinkState::Connecting) | Event::Unreadable(_) => return None,
         Event::State(LinkState::Connected { .. }) => json!({ "t_ns": t_ns, "state": "connected" }),
@@ -130,7 +130,7 @@ fn hex(bytes: &[u8]) -> String {
 
 /// What a line says, as far as a replay has to know it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Entry {
+pub enum JournalEntry {
     /// This was sent at that time, ns.
     Sent(u64, ClientMessage),
     /// A still lossless frame came, with this hash of its pixels.
@@ -198,21 +198,24 @@ impl<R: BufRead> Journal<R> {
         }
     }
 
-    fn entry(&self, text: &str) -> Result<Entry, JournalError> {
+    fn entry(&self, text: &str) -> Result<JournalEntry, JournalError> {
         let value: Value = serde_json::from_str(text).map_err(|error| self.wrong(error))?;
         if let Some(sent) = value.get("sent") {
             let t_ns = value.get("t_ns").and_then(Value::as_u64);
             let t_ns = t_ns.ok_or_else(|| self.wrong("t_ns is missing or no whole number"))?;
             let message = ClientMessage::parse(&sent.to_string());
-            return Ok(Entry::Sent(t_ns, message.map_err(|error| self.wrong(format!("sent.{error}")))?));
+            return Ok(JournalEntry::Sent(
+                t_ns,
+                message.map_err(|error| self.wrong(format!("sent.{error}")))?,
+            ));
         }
         let hash = value.get("frame").and_then(|frame| frame.get("pixels_sha256")).and_then(Value::as_str);
-        Ok(hash.map_or(Entry::Other, |hash| Entry::Still(hash.chars().take(64).collect())))
+        Ok(hash.map_or(JournalEntry::Other, |hash| JournalEntry::Still(hash.chars().take(64).collect())))
     }
 }
 
 impl<R: BufRead> Iterator for Journal<R> {
-    type Item = Result<Entry, JournalError>;
+    type Item = Result<JournalEntry, JournalError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         match self.next_line() {

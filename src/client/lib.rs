@@ -14,16 +14,16 @@ mod backoff;
 mod compose;
 mod error;
 mod handle;
-pub mod journal;
+mod journal;
 mod link;
 mod marks;
-pub mod measure;
+mod measure;
 mod outbox;
 mod place;
 mod restore;
 mod socket;
 #[cfg(feature = "window")]
-pub mod window;
+mod window;
 
 pub use address::{AddressError, ServerAddress};
 pub use compose::{Composed, Composer, PictureError};
@@ -33,3 +33,10 @@ pub use link::{Event, LinkState, Options, Received, run};
 pub use marks::{MARK_PX, Marks};
 pub use outbox::MAX_QUEUED;
 pub use socket::MAX_FRAME_BYTES;
+
+pub use journal::{
+    Journal, JournalEntry, JournalError, MAX_LINE_BYTES, VERSION, journal_head, journal_line, pixels_sha256,
+};
+pub use measure::{MeasurePlan, MeasureReport, measure};
+#[cfg(feature = "window")]
+pub use window::{Screen, Window, WindowError, WindowOptions};

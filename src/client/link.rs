@@ -22,8 +22,9 @@ use super::error::{ClientError, shown};
 use super::handle::Handle;
 use super::restore;
 use super::socket::{self, Socket};
-use relief_live::interaction::ViewRecord;
-use relief_live::{ClientMessage, FrameHeader, Hello, Parts, Role, ServerMessage, Settings, Welcome};
+use relief_live::{
+    ClientMessage, FrameHeader, Hello, Parts, Role, ServerMessage, Settings, ViewRecord, Welcome,
+};
 
 /// The server pings every 10 s: a connection from which nothing comes for longer is none.
 const SILENCE: Duration = Duration::from_secs(25);

@@ -2,7 +2,7 @@
 
 use super::place::PicturePlace;
 use relief_display::{Frame, Layout, LayoutError, Pixels};
-use relief_tracking::tracker::TrackingState;
+use relief_tracking::TrackingState;
 
 /// Side of a mark, in pixels of the picture.
 pub const MARK_PX: usize = 6;

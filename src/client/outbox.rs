@@ -2,8 +2,7 @@
 
 use std::collections::VecDeque;
 
-use relief_live::interaction::Intent;
-use relief_live::{Ack, ClientMessage, IntentMessage, Pose, PoseKind, Report, Settings};
+use relief_live::{Ack, ClientMessage, Intent, IntentMessage, Pose, PoseKind, Report, Settings};
 
 /// Most messages that wait; a connection that is this far behind is stalled, and takes no more.
 pub const MAX_QUEUED: usize = 512;
@@ -125,7 +124,7 @@ fn buttons(report: &Report) -> Option<(&str, &str)> {
 mod tests {
     use super::*;
     use relief_live::{OrbitPose, RemotePose};
-    use relief_tracking::tracker::TrackingState;
+    use relief_tracking::TrackingState;
 
     fn orbit(azimuth_deg: f64) -> PoseKind {
         PoseKind::Orbit(OrbitPose { azimuth_deg, elevation_deg: 0.0, zoom: None })

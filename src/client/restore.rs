@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use relief_live::interaction::{GrabMode, Intent, Pivot, ViewRecord};
+use relief_live::{GrabMode, Intent, Pivot, ViewRecord};
 
 /// What brings a new view to `wanted`; `look_at_mm` is its focal point now. The preset is hello's to set.
 ///
@@ -44,8 +44,8 @@ pub(super) fn intents(look_at_mm: [f64; 3], wanted: &ViewRecord) -> Vec<Intent> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::space::Point;
-    use relief_live::interaction::{Home, Stage, ViewState};
+    use relief_base::Point;
+    use relief_live::{Home, Stage, ViewState};
 
     #[test]
     fn a_view_that_was_turned_shifted_cut_and_pointed_at_comes_back() {

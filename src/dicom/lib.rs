@@ -31,7 +31,7 @@ mod discover;
 mod entropy;
 mod error;
 mod fingerprint;
-pub mod formats;
+mod formats;
 mod groups;
 mod header;
 mod identity;
@@ -41,17 +41,17 @@ mod object;
 mod part10;
 mod pixels;
 mod reference;
-pub mod report;
+mod report;
 mod resample;
 mod segmentation;
 mod segmentation_write;
 mod series;
 mod source;
 mod stack;
-pub mod structure_set;
+mod structure_set;
 mod warnings;
 mod whole;
-pub mod write;
+mod write;
 
 pub use discover::{Discovery, Skipped, Strictness, discover};
 pub use error::{Attribute, Defect, Error, Reasons};
@@ -67,3 +67,15 @@ pub use segmentation_write::{
 pub use series::SeriesEntry;
 pub use warnings::{Warning, WarningCode};
 pub use whole::ObjectError;
+
+pub use formats::{
+    FormatError, FormatLimits, ReadLabels, ReadLayers, ReadVolume, is_volume_file, read_grid,
+    read_label_layers, read_labels, read_labels_within, read_volume, read_volume_within, write_nifti_labels,
+    write_seg_nrrd, write_seg_nrrd_layers,
+};
+pub use report::{
+    LeftOut, ReadReport, ReportError, ReportReadOptions, ReportWriteOptions, WrittenReport, read_report,
+    write_report,
+};
+pub use structure_set::{Contour, ContourShape, Structure, StructureSet, read_structure_set};
+pub use write::{BESIDE_SLICES, ExistingFolder, SeriesFolder, SeriesLabels, WriteError, slice_file_name};

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use relief_base::space::Transform;
+use relief_base::Transform;
 use relief_volume::{Grid, Volume};
 
 use super::batches;

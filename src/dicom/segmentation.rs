@@ -24,7 +24,7 @@ use super::groups::Groups;
 use super::load::LoadLimits;
 use super::part10::{self, Object};
 use super::source::Bytes;
-use relief_base::space::Transform;
+use relief_base::Transform;
 use relief_volume::{Grid, LabelMap, Layers, Segment};
 
 /// A segmentation and what was unusual about it.

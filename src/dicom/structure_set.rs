@@ -15,7 +15,7 @@ use super::charset::Charset;
 use super::dataset::{Bounds, DataSet, Keep};
 use super::whole::{self, ObjectError};
 use relief_annotation::{FrameOfReference, Geometry, Item, Method, Placement};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// The largest file that is read: contours of a hundred structures have a tenth of it.
 const MOST_BYTES: usize = 1 << 29;
@@ -152,7 +152,7 @@ fn normal(points: &[Point<Patient>]) -> Option<DVec3> {
 ///
 /// # Errors
 /// When it is none, damaged, larger than any is, or a contour's numbers are no points.
-pub fn read(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
+pub fn read_structure_set(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
     let data = whole::read(bytes, MOST_BYTES, BOUNDS, keep)?;
     let modality = data.text(tags::MODALITY).unwrap_or_default();
     if modality != "RTSTRUCT" {

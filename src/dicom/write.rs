@@ -44,7 +44,7 @@ pub struct SeriesLabels {
 
 /// What to do with a folder that is already there and not empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Existing {
+pub enum ExistingFolder {
     /// Refuse.
     Keep,
     /// Replace it, provided that it holds nothing but files of this writer.
@@ -57,7 +57,7 @@ pub const BESIDE_SLICES: [&str; 3] = ["truth.json", "labels.seg.nrrd", "landmark
 /// Why a series could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The folder has content and [`Existing::Keep`] was asked for.
+    /// The folder has content and [`ExistingFolder::Keep`] was asked for.
     #[error("{} is not empty; choose another folder or replace it with --force", .0.display())]
     NotEmpty(PathBuf),
     /// Replacing would delete something that this writer did not make.
@@ -111,7 +111,7 @@ pub enum WriteError {
 #[derive(Debug)]
 pub struct SeriesFolder {
     place: PathBuf,
-    existing: Existing,
+    existing: ExistingFolder,
     staging: tempfile::TempDir,
 }
 
@@ -121,7 +121,7 @@ impl SeriesFolder {
     ///
     /// # Errors
     /// When something that may not be replaced is at `place`, or its parent cannot be written.
-    pub fn create(place: &Path, existing: Existing) -> Result<Self, WriteError> {
+    pub fn create(place: &Path, existing: ExistingFolder) -> Result<Self, WriteError> {
         check_place(place, existing)?;
         let parent = place.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         fs::create_dir_all(parent).map_err(io_error("create", parent))?;
@@ -224,7 +224,7 @@ fn io_error(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Writ
 }
 
 /// Whether a series may appear at `place`.
-fn check_place(place: &Path, existing: Existing) -> Result<(), WriteError> {
+fn check_place(place: &Path, existing: ExistingFolder) -> Result<(), WriteError> {
     let entries = match fs::read_dir(place) {
         Ok(entries) => entries,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -235,7 +235,7 @@ fn check_place(place: &Path, existing: Existing) -> Result<(), WriteError> {
     };
     for entry in entries {
         let entry = entry.map_err(io_error("read", place))?;
-        if existing == Existing::Keep {
+        if existing == ExistingFolder::Keep {
             return Err(WriteError::NotEmpty(place.to_owned()));
         }
         let found = entry.file_name().to_string_lossy().into_owned();
@@ -383,10 +383,10 @@ mod tests {
         let place = parent.path().join("series");
         fs::create_dir(&place).unwrap();
         fs::write(place.join("slice-00001.dcm"), b"old").unwrap();
-        assert!(matches!(SeriesFolder::create(&place, Existing::Keep), Err(WriteError::NotEmpty(_))));
-        assert!(SeriesFolder::create(&place, Existing::Replace).is_ok());
+        assert!(matches!(SeriesFolder::create(&place, ExistingFolder::Keep), Err(WriteError::NotEmpty(_))));
+        assert!(SeriesFolder::create(&place, ExistingFolder::Replace).is_ok());
         fs::write(place.join("thesis.txt"), b"precious").unwrap();
-        let refused = SeriesFolder::create(&place, Existing::Replace);
+        let refused = SeriesFolder::create(&place, ExistingFolder::Replace);
         assert!(matches!(refused, Err(WriteError::Foreign { found, .. }) if found == "thesis.txt"));
     }
 
@@ -406,7 +406,7 @@ mod tests {
     #[test]
     fn an_unfinished_folder_leaves_nothing_behind() {
         let parent = tempfile::tempdir().unwrap();
-        let folder = SeriesFolder::create(&parent.path().join("series"), Existing::Keep).unwrap();
+        let folder = SeriesFolder::create(&parent.path().join("series"), ExistingFolder::Keep).unwrap();
         folder.write_file("truth.json", b"{}").unwrap();
         drop(folder);
         assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);

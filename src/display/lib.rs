@@ -6,7 +6,7 @@
 //!
 //! The way of a frame: [`DisplaySettings`] (the request's JSON) becomes a [`FrameEncoder`], which says at which size
 //! to render, filters the depth ([`DepthFilter`]) and packs a [`Picture`] into a [`Frame`]; [`encode_png`] makes a file of it, [`inspect_png`] says what
-//! is in one. Layouts of views show without such a display what one would. Depth comes in as view depth in mm, is scaled to Z between [`relief_base::units::DepthLimits`], and leaves as
+//! is in one. Layouts of views show without such a display what one would. Depth comes in as view depth in mm, is scaled to Z between [`relief_base::DepthLimits`], and leaves as
 //! disparity bytes D (255 nearest) or as 16-bit Z.
 
 mod encode;

@@ -7,7 +7,7 @@
 //! is the display plane, vz the viewing distance in units of the depth range. The pole of the curve, the viewer, is
 //! at Z = Zd - vz, in front of the near limit; arguments outside their range are clamped to it.
 
-use relief_base::units::{Disparity, ScaledDepth};
+use relief_base::{Disparity, ScaledDepth};
 
 /// The disparity of the display plane where only the viewing distance is given.
 const SCREEN_DISPARITY: f64 = 127.5;

@@ -10,7 +10,7 @@ use super::filter::DepthFilter;
 use super::header::{ContentType, Header};
 use super::layout::{FrameEncoder, Layout, LayoutError};
 use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName, VZ_RANGE};
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 
 /// Eye separations between the outermost views: none, or more than any display's cone has.
 const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=16.0;

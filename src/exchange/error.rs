@@ -1,10 +1,8 @@
 //! Why a file is refused, or cannot be written: what, where, and what to do.
 
 use super::Format;
-use relief_annotation::ItemError;
-use relief_annotation::mesh::files::MeshFileError;
-use relief_dicom::report::ReportError;
-use relief_dicom::{Defect, ObjectError, SegmentationError};
+use relief_annotation::{ItemError, MeshFileError};
+use relief_dicom::{Defect, ObjectError, ReportError, SegmentationError};
 
 /// Why annotations could not be read from a file, or written to one.
 #[derive(Debug, thiserror::Error)]

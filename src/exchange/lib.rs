@@ -21,7 +21,7 @@ mod objects;
 mod outside;
 mod reading;
 mod regions;
-pub mod structures;
+mod structures;
 mod table;
 mod written_json;
 
@@ -30,9 +30,13 @@ pub use format::{Format, UnknownFormat};
 pub use loss::LeftOut;
 pub use merge::{Merged, Present};
 
+pub use structures::{
+    REGION_TYPE, StoredContent, StructureError, content_of_mesh, content_of_region, mask_of_content,
+    mesh_of_content,
+};
+
 use relief_annotation::{ContentId, FrameOfReference, Item};
-use relief_dicom::SeriesReference;
-use relief_dicom::formats::{nifti_labels, seg_nrrd_layers};
+use relief_dicom::{SeriesReference, write_nifti_labels, write_seg_nrrd_layers};
 use relief_volume::Grid;
 
 /// What a file does not say of its items.
@@ -136,8 +140,10 @@ pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Resu
             count = kept.len();
             match format {
                 Format::Seg => objects::write_segmentation(&maps, &kept, context),
-                Format::Nifti => nifti_labels(&maps[0]).map_err(|error| regions::failed(format, &error)),
-                _ => seg_nrrd_layers(&maps).map_err(|error| regions::failed(format, &error)),
+                Format::Nifti => {
+                    write_nifti_labels(&maps[0]).map_err(|error| regions::failed(format, &error))
+                }
+                _ => write_seg_nrrd_layers(&maps).map_err(|error| regions::failed(format, &error)),
             }
         }
         Format::Stl | Format::Ply | Format::Obj | Format::Glb => {

@@ -5,9 +5,7 @@
 
 use super::reading::Reading;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext, regions, structures};
-use relief_annotation::mesh::TriangleMesh;
-use relief_annotation::mesh::files::MeshFormat;
-use relief_annotation::{Geometry, Item};
+use relief_annotation::{Geometry, Item, MeshFormat, TriangleMesh};
 
 const fn kind(format: Format) -> MeshFormat {
     match format {
@@ -27,7 +25,7 @@ pub(super) fn read(
     bytes: &[u8],
     context: &ReadContext<'_>,
 ) -> Result<Imported, ExchangeError> {
-    let found = relief_annotation::mesh::files::read(kind(format), bytes)
+    let found = relief_annotation::read_mesh(kind(format), bytes)
         .map_err(|error| ExchangeError::Mesh(Box::new(error)))?;
     let mut reading = Reading::new(format, context);
     for warning in found.warnings {
@@ -44,7 +42,7 @@ pub(super) fn read(
     }) {
         reading.warn("", "the mesh lies outside of the volume; is it of the same scan?");
     }
-    let kept = structures::mesh(&mesh).map_err(|error| regions::failed(format, &error))?;
+    let kept = structures::content_of_mesh(&mesh).map_err(|error| regions::failed(format, &error))?;
     let name = if context.list.is_empty() { "mesh" } else { context.list };
     let item = reading.item(name, Some(Geometry::Mesh(kept.summary.clone())))?;
     reading.push("the mesh", item)?;
@@ -67,7 +65,7 @@ pub(super) fn write(
         let Some(Geometry::Mesh(summary)) = &item.geometry else { continue };
         let bytes =
             (context.contents)(&summary.content).ok_or_else(|| regions::no_content(format, item.id))?;
-        let mesh = relief_annotation::mesh::files::read(MeshFormat::Ply, &bytes)
+        let mesh = relief_annotation::read_mesh(MeshFormat::Ply, &bytes)
             .map_err(|error| ExchangeError::Mesh(Box::new(error)))?
             .mesh;
         let first = u32::try_from(joined.vertices.len()).unwrap_or(u32::MAX);
@@ -86,6 +84,6 @@ pub(super) fn write(
         });
     }
     let name = items.first().map_or("mesh", |item| item.name.as_str());
-    relief_annotation::mesh::files::write(kind(format), &joined, name)
+    relief_annotation::write_mesh(kind(format), &joined, name)
         .map_err(|error| regions::failed(format, &error))
 }

@@ -16,9 +16,9 @@ const LIMITS: LoadLimits = LoadLimits { voxel_bytes: 4 << 30 };
 /// # Errors
 /// As [`super::read`]; places are tags and numbers of items.
 pub(super) fn read_report(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
-    let options = relief_dicom::report::ReadOptions { author: context.author, series: context.series };
-    let found = relief_dicom::report::read(bytes, &options)
-        .map_err(|error| ExchangeError::Report(Box::new(error)))?;
+    let options = relief_dicom::ReportReadOptions { author: context.author, series: context.series };
+    let found =
+        relief_dicom::read_report(bytes, &options).map_err(|error| ExchangeError::Report(Box::new(error)))?;
     let mut reading = Reading::new(Format::Sr, context);
     for warning in found.warnings {
         reading.warn("", &warning);
@@ -54,7 +54,7 @@ fn frame(
 /// # Errors
 /// As [`super::read`]; places are tags and numbers of items.
 pub(super) fn read_structure_set(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
-    let found = relief_dicom::structure_set::read(bytes)
+    let found = relief_dicom::read_structure_set(bytes)
         .map_err(|error| ExchangeError::StructureSet(Box::new(error)))?;
     let (items, left_out) = found.items(context.author)?;
     let mut reading = Reading::new(Format::RtStruct, context);
@@ -98,10 +98,10 @@ pub(super) fn write_report(
     left_out: &mut Vec<LeftOut>,
 ) -> Result<(Vec<u8>, usize), ExchangeError> {
     let items: Vec<Item> = items.iter().copied().cloned().collect();
-    let written = relief_dicom::report::write(
+    let written = relief_dicom::write_report(
         &items,
         series(Format::Sr, context)?,
-        &relief_dicom::report::WriteOptions::default(),
+        &relief_dicom::ReportWriteOptions::default(),
     );
     let written = written.map_err(|error| ExchangeError::Report(Box::new(error)))?;
     let count = items.len() - written.left_out.len();

@@ -1,7 +1,7 @@
 //! Points that do not lie in the volume that a file is said to belong to.
 
 use relief_annotation::{Geometry, Item};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 use relief_volume::Grid;
 
 /// A warning if points lie outside of the volume, with a hint if they are a mirror image of points within.

@@ -6,7 +6,7 @@ use serde_path_to_error::Segment;
 
 use super::{ExchangeError, Format, Imported, ReadContext, outside};
 use relief_annotation::{ContentId, Edit, Geometry, Item, ItemId, Method, Placement, Timestamp};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// Largest file of text: a hundred thousand items with all they may have.
 pub(super) const MOST_BYTES: usize = 64 << 20;

@@ -28,7 +28,7 @@ pub(super) fn read(
     bytes: &[u8],
     context: &ReadContext<'_>,
 ) -> Result<Imported, ExchangeError> {
-    let found = file_of(format, bytes, relief_dicom::formats::read_label_layers)?;
+    let found = file_of(format, bytes, relief_dicom::read_label_layers)?;
     of_layers(format, &found.layers, found.warnings, context)
 }
 
@@ -45,7 +45,7 @@ pub(super) fn of_layers(
     }
     let mut found = Vec::new();
     for map in layers {
-        let bytes = relief_dicom::formats::seg_nrrd(map).map_err(|error| failed(format, &error))?;
+        let bytes = relief_dicom::write_seg_nrrd(map).map_err(|error| failed(format, &error))?;
         let content = ContentId::of(&bytes);
         found.extend(map.counted().map(|(segment, voxels)| (segment, voxels, content.clone(), map)));
         if map.labelled_voxels() > 0 {
@@ -94,7 +94,7 @@ pub(super) fn failed(format: Format, error: &dyn std::fmt::Display) -> ExchangeE
 fn file_of<T>(
     format: Format,
     bytes: &[u8],
-    read: impl FnOnce(&Path) -> Result<T, relief_dicom::formats::FormatError>,
+    read: impl FnOnce(&Path) -> Result<T, relief_dicom::FormatError>,
 ) -> Result<T, ExchangeError> {
     let mut file = tempfile::NamedTempFile::new().map_err(|error| failed(format, &error))?;
     file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| failed(format, &error))?;
@@ -127,7 +127,7 @@ pub(super) fn join(
         let Some(Geometry::Region(region)) = &item.geometry else { continue };
         if !maps.contains_key(&region.content) {
             let bytes = (context.contents)(&region.content).ok_or_else(|| no_content(format, item.id))?;
-            let map = file_of(Format::SegNrrd, &bytes, relief_dicom::formats::read_labels)?.map;
+            let map = file_of(Format::SegNrrd, &bytes, relief_dicom::read_labels)?.map;
             let grid = joined.as_ref().map(|joined| &joined.grid).or(context.grid).unwrap_or(map.grid());
             let map = if map.grid() == grid { map } else { map.resampled(grid) };
             maps.insert(region.content.clone(), map);

@@ -2,10 +2,10 @@
 //!
 //! A region's content is a `.seg.nrrd` file on the volume's grid, a mesh's a binary PLY in patient LPS mm.
 
-use relief_annotation::mesh::files::{MeshFileError, MeshFormat};
-use relief_annotation::mesh::{MeshError, TriangleMesh};
-use relief_annotation::{ContentId, MeshSummary, RegionSummary};
-use relief_dicom::formats::FormatError;
+use relief_annotation::{
+    ContentId, MeshError, MeshFileError, MeshFormat, MeshSummary, RegionSummary, TriangleMesh,
+};
+use relief_dicom::FormatError;
 use relief_volume::{Mask, Segment};
 
 /// The media type of a region's content.
@@ -13,7 +13,7 @@ pub const REGION_TYPE: &str = "application/x-seg-nrrd";
 
 /// A content and what an item says of it.
 #[derive(Clone, Debug)]
-pub struct Kept<T> {
+pub struct StoredContent<T> {
     /// For the item's geometry.
     pub summary: T,
     /// Media type of the content.
@@ -43,21 +43,25 @@ pub enum StructureError {
 ///
 /// # Errors
 /// Those of memory alone: it is written there.
-pub fn region(mask: &Mask, name: &str, rgb: Option<[f64; 3]>) -> Result<Kept<RegionSummary>, std::io::Error> {
-    let bytes = relief_dicom::formats::seg_nrrd(&mask.to_labels(Segment::new(1, Some(name), rgb)))?;
+pub fn content_of_region(
+    mask: &Mask,
+    name: &str,
+    rgb: Option<[f64; 3]>,
+) -> Result<StoredContent<RegionSummary>, std::io::Error> {
+    let bytes = relief_dicom::write_seg_nrrd(&mask.to_labels(Segment::new(1, Some(name), rgb)))?;
     let (voxels, volume_ml) = (mask.voxels(), mask.volume_ml());
     let summary = RegionSummary { content: ContentId::of(&bytes), label: 1, voxels, volume_ml };
-    Ok(Kept { summary, media_type: REGION_TYPE, bytes })
+    Ok(StoredContent { summary, media_type: REGION_TYPE, bytes })
 }
 
 /// Unpacks a region.
 ///
 /// # Errors
 /// When the content is no label map, or has no voxel of the region.
-pub fn mask(summary: &RegionSummary, bytes: &[u8]) -> Result<Mask, StructureError> {
+pub fn mask_of_content(summary: &RegionSummary, bytes: &[u8]) -> Result<Mask, StructureError> {
     let mut file = tempfile::NamedTempFile::new()?; // readers of label maps take files
     std::io::Write::write_all(&mut file, bytes)?;
-    let found = relief_dicom::formats::read_labels(file.path())?;
+    let found = relief_dicom::read_labels(file.path())?;
     let mask = Mask::of_label(&found.map, summary.label);
     if mask.voxels() == 0 {
         return Err(StructureError::Label(summary.label));
@@ -69,8 +73,8 @@ pub fn mask(summary: &RegionSummary, bytes: &[u8]) -> Result<Mask, StructureErro
 ///
 /// # Errors
 /// When it is empty or unsound: see [`MeshError`].
-pub fn mesh(mesh: &TriangleMesh) -> Result<Kept<MeshSummary>, MeshError> {
-    let bytes = relief_annotation::mesh::files::write(MeshFormat::Ply, mesh, "")?;
+pub fn content_of_mesh(mesh: &TriangleMesh) -> Result<StoredContent<MeshSummary>, MeshError> {
+    let bytes = relief_annotation::write_mesh(MeshFormat::Ply, mesh, "")?;
     let measures = mesh.measures();
     let summary = MeshSummary {
         content: ContentId::of(&bytes),
@@ -79,13 +83,13 @@ pub fn mesh(mesh: &TriangleMesh) -> Result<Kept<MeshSummary>, MeshError> {
         area_mm2: measures.area_mm2,
         volume_ml: measures.volume_ml,
     };
-    Ok(Kept { summary, media_type: MeshFormat::Ply.media_type(), bytes })
+    Ok(StoredContent { summary, media_type: MeshFormat::Ply.media_type(), bytes })
 }
 
 /// Unpacks a mesh.
 ///
 /// # Errors
 /// When the content is no PLY file.
-pub fn triangles(bytes: &[u8]) -> Result<TriangleMesh, StructureError> {
-    Ok(relief_annotation::mesh::files::read(MeshFormat::Ply, bytes)?.mesh)
+pub fn mesh_of_content(bytes: &[u8]) -> Result<TriangleMesh, StructureError> {
+    Ok(relief_annotation::read_mesh(MeshFormat::Ply, bytes)?.mesh)
 }

@@ -7,7 +7,7 @@
 use super::codec::{self, CodecError};
 use super::format::{ColorFormat, DepthFormat, LiveLayout};
 use super::header::{FrameError, FrameHeader, HEADER_BYTES};
-use relief_base::units::ScaledDepth;
+use relief_base::ScaledDepth;
 use relief_display::{
     DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout, LayoutError,
     MAX_FRAME_SIDE_PX, ProfileError,

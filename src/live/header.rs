@@ -6,10 +6,9 @@
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 use super::format::{ColorFormat, DepthFormat, LiveLayout};
-use relief_base::space::{Point, Vector};
-use relief_base::units::DepthLimits;
+use relief_base::{DepthLimits, Point, Vector};
 use relief_display::{Header as DisplayHeader, HeaderProblem, MAX_FRAME_SIDE_PX};
-use relief_volume::camera::{Camera, CameraError, Projection};
+use relief_volume::{Camera, CameraError, Projection};
 
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 128;

@@ -10,7 +10,7 @@ mod codec;
 mod format;
 mod frame;
 mod header;
-pub mod interaction;
+mod interaction;
 mod messages;
 
 pub use codec::{CodecError, decode_color, decode_d8, decode_z16, encode_color, encode_d8, encode_z16};
@@ -25,6 +25,11 @@ pub use messages::{
     IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, Peers, Pose,
     PoseKind, Quality, RemotePose, Report, Role, ServerMessage, Settings, SnapTarget, SnapTo, SnappedPlace,
     StateMessage, TrackingMessage, Welcome, check_view_name,
+};
+
+pub use interaction::{
+    AppliedIntent, CursorMark, CutPlane, Gestures, GrabMode, HandOptions, HandPose, HandSample, Home, Intent,
+    IntentEffect, IntentError, Pivot, PlacePhase, Seen, Stage, StageError, ViewRecord, ViewState,
 };
 
 /// The WebSocket subprotocol.

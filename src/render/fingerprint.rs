@@ -14,9 +14,8 @@ use super::overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius,
 use super::pathtrace::PathTrace;
 use super::request::{Clip, ClipPlane, ClipSphere, DepthRule, RenderRequest, Shading};
 use super::surface::Surface;
-use relief_base::space::{Point, Space, Vector};
-use relief_volume::camera::{Camera, Projection};
-use relief_volume::transfer::TransferFunction;
+use relief_base::{Point, Space, Vector};
+use relief_volume::{Camera, Projection, TransferFunction};
 
 impl RenderRequest {
     /// Bytes that are equal where requests are, in every process; see the module.
@@ -289,8 +288,7 @@ impl Form {
 #[cfg(test)]
 mod tests {
     use super::super::SceneFile;
-    use relief_volume::Grid;
-    use relief_volume::camera::Orbit;
+    use relief_volume::{Grid, Orbit};
 
     fn bytes(json: &str) -> Vec<u8> {
         let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.0; 3]).unwrap();

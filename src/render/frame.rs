@@ -1,8 +1,7 @@
 //! What a render gives back: a picture with the view depth of every pixel, and the camera it was made with.
 
-use relief_base::space::{Patient, Point, View};
-use relief_base::units::{DepthLimits, ViewDepth};
-use relief_volume::camera::Camera;
+use relief_base::{DepthLimits, Patient, Point, View, ViewDepth};
+use relief_volume::Camera;
 
 /// Where a frame's time went, ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -66,8 +65,8 @@ impl RenderedFrame {
         let y = (1.0 - (f64::from(pixel[1]) + 0.5) / f64::from(self.size_px[1]) * 2.0) * half_y + shift_y;
         let depth_mm = f64::from(depth.0);
         let spread = match self.camera.projection() {
-            relief_volume::camera::Projection::Perspective { .. } => depth_mm,
-            relief_volume::camera::Projection::Orthographic { .. } => 1.0,
+            relief_volume::Projection::Perspective { .. } => depth_mm,
+            relief_volume::Projection::Orthographic { .. } => 1.0,
         };
         let in_view = Point::<View>::new(x * spread, y * spread, -depth_mm);
         depth.is_hit().then(|| self.camera.patient_from_view() * in_view)

@@ -8,8 +8,7 @@ use std::sync::Arc;
 
 use super::mode::Mode;
 use super::request::{RenderRequest, RequestError};
-use relief_volume::transfer::TransferFunction;
-use relief_volume::{Grid, LabelMap};
+use relief_volume::{Grid, LabelMap, TransferFunction};
 
 /// How one segment is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,7 @@
 //! from the left, rows from the top.
 
 use super::frame::RenderedFrame;
-use relief_volume::camera::EdgeLabels;
+use relief_volume::EdgeLabels;
 
 /// Columns and rows of a letter.
 const GLYPH_PX: [i32; 2] = [5, 7];
@@ -89,9 +89,8 @@ fn put(frame: &mut RenderedFrame, at: [i32; 2], color: [u8; 4], depth_mm: f32) {
 mod tests {
     use super::*;
     use crate::frame::Timings;
-    use relief_base::space::Point;
-    use relief_base::units::DepthLimits;
-    use relief_volume::camera::NamedPlane;
+    use relief_base::{DepthLimits, Point};
+    use relief_volume::NamedPlane;
 
     fn burnt(plane: NamedPlane, size_px: [u32; 2]) -> RenderedFrame {
         let pixels = size_px[0] as usize * size_px[1] as usize;

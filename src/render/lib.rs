@@ -13,7 +13,7 @@ mod enlarge;
 mod error;
 mod fingerprint;
 mod frame;
-pub mod gpu;
+mod gpu;
 mod gradients;
 mod illumination;
 mod label_maps;
@@ -25,7 +25,7 @@ mod mode;
 mod overlay;
 mod pathtrace;
 mod pipelines;
-pub mod reference;
+mod reference;
 mod region;
 mod renderer;
 mod request;
@@ -57,3 +57,6 @@ pub use scene::{
 pub use store::{MemoryUse, VolumeLimits, VolumePlan};
 pub use surface::Surface;
 pub use watch::Progress;
+
+pub use gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, adapters};
+pub use reference::render_reference;

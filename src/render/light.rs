@@ -4,8 +4,8 @@
 //! camera, `Patient` lights stay with the patient. Lengths mm, angles in radians.
 
 use super::request::RequestError;
-use relief_base::space::{Patient, Point, Vector, View};
-use relief_volume::camera::Camera;
+use relief_base::{Patient, Point, Vector, View};
+use relief_volume::Camera;
 
 /// Where a light is.
 #[derive(Clone, Copy, Debug, PartialEq)]

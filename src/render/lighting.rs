@@ -4,7 +4,7 @@
 
 use super::light::{Light, Placement};
 use super::mode::Mode;
-use relief_base::space::Vector;
+use relief_base::Vector;
 
 /// A set of lights.
 #[derive(Clone, Copy, Debug, PartialEq)]

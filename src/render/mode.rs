@@ -5,7 +5,7 @@
 use serde::Deserialize;
 
 use super::request::RenderRequest;
-use relief_volume::transfer::TransferTable;
+use relief_volume::TransferTable;
 
 /// How the samples of a ray become a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]

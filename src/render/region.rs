@@ -7,9 +7,8 @@ use super::mode::Mode;
 use super::pipelines::WORKGROUP_SIDE;
 use super::request::RenderRequest;
 use super::upload::Appearance;
-use relief_base::space::{Patient, Point};
-use relief_volume::Grid;
-use relief_volume::camera::Camera;
+use relief_base::{Patient, Point};
+use relief_volume::{Camera, Grid};
 
 /// Pixels beyond the outermost that a box touches: far more than rays of 32 bits are off.
 const MARGIN_PX: f64 = 2.0;
@@ -97,8 +96,8 @@ impl Region {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::space::Vector;
-    use relief_volume::camera::Projection;
+    use relief_base::Vector;
+    use relief_volume::Projection;
 
     const SIZE_PX: [u32; 2] = [960, 540];
 

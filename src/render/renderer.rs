@@ -21,9 +21,8 @@ use super::uniform::FrameUniform;
 use super::upload::VoxelFormat;
 use super::watch::{Progress, Watch};
 use crate::gpu::{ErrorScope, Gpu, Readback};
-use relief_base::units::DepthLimits;
-use relief_volume::camera::Camera;
-use relief_volume::{ContentHash, Grid, Volume};
+use relief_base::DepthLimits;
+use relief_volume::{Camera, ContentHash, Grid, Volume};
 
 /// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn it off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

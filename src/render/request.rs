@@ -14,10 +14,8 @@ use super::mode::Mode;
 use super::overlay::Overlays;
 use super::pathtrace::PathTrace;
 use super::surface::{self, Surface};
-use relief_base::space::{Patient, Point, Vector};
-use relief_volume::Grid;
-use relief_volume::camera::{Camera, Projection};
-use relief_volume::transfer::TransferFunction;
+use relief_base::{Patient, Point, Vector};
+use relief_volume::{Camera, Grid, Projection, TransferFunction};
 
 /// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
 ///

@@ -217,7 +217,7 @@ mod tests {
     fn samples_reach_from_face_to_face_and_are_never_too_far_apart() {
         let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.0; 3]).unwrap();
         let scene = crate::SceneFile::parse(br#"{"mode": "slice"}"#).unwrap();
-        let mut request = scene.resolve(&grid, &relief_volume::camera::Orbit::default()).unwrap().request;
+        let mut request = scene.resolve(&grid, &relief_volume::Orbit::default()).unwrap().request;
         for (slab_mm, sample_distance_mm, pairs, spacing_mm) in
             [(0.0, 0.5, 0, 0.0), (10.0, 0.1, 50, 0.1), (10.0, 3.0, 2, 2.5), (1.0, 5.0, 1, 0.5)]
         {

@@ -9,8 +9,7 @@ use super::label_maps::LabelMaps;
 use super::request::{RenderRequest, RequestError};
 use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
 use crate::gpu::{AdapterKind, Gpu};
-use relief_volume::transfer::TransferTable;
-use relief_volume::{ContentHash, Volume};
+use relief_volume::{ContentHash, TransferTable, Volume};
 
 /// Most appearances: a look for one compares it with all.
 const KEPT_APPEARANCES: usize = 16;

@@ -4,7 +4,7 @@
 
 use super::mode::Mode;
 use super::request::RequestError;
-use relief_volume::transfer::TransferFunction;
+use relief_volume::TransferFunction;
 
 /// A surface at a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,8 +56,7 @@ impl Surface {
 pub(super) fn usual_hu(transfer: &TransferFunction) -> f64 {
     let points = transfer.points();
     let half = 0.5 * points.iter().map(|point| point.rgba[3]).fold(0.0, f64::max);
-    let reaches =
-        |pair: &&[relief_volume::transfer::ControlPoint]| pair[0].rgba[3] < half && pair[1].rgba[3] >= half;
+    let reaches = |pair: &&[relief_volume::ControlPoint]| pair[0].rgba[3] < half && pair[1].rgba[3] >= half;
     points.windows(2).find(reaches).map_or(points[0].hu, |pair| {
         let [low, high] = [pair[0].rgba[3], pair[1].rgba[3]];
         pair[0].hu + (half - low) / (high - low) * (pair[1].hu - pair[0].hu)
@@ -99,7 +98,7 @@ pub(super) fn validate(mode: Mode, surfaces: &[Surface]) -> Result<(), RequestEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_volume::transfer::{PRESETS, Window};
+    use relief_volume::{PRESETS, Window};
 
     #[test]
     fn the_usual_value_is_a_windows_middle_and_within_a_presets_rise() {

@@ -7,7 +7,7 @@ use super::classification::Classification;
 use super::labels::{Labels, Look};
 use super::mode::{Mode, is_of_interest};
 use super::request::RenderRequest;
-use relief_volume::transfer::{TransferFunction, TransferTable};
+use relief_volume::{TransferFunction, TransferTable};
 
 /// What samples look up.
 pub(super) struct Tables {
@@ -134,9 +134,7 @@ mod tests {
     use super::super::labels::Edges;
     use super::super::scene::SceneFile;
     use super::*;
-    use relief_volume::camera::Orbit;
-    use relief_volume::transfer::{PRESETS, preset};
-    use relief_volume::{Grid, LabelMap, Segment};
+    use relief_volume::{Grid, LabelMap, Orbit, PRESETS, Segment, preset};
 
     fn labelled(segments: u16, transfers: usize) -> RenderRequest {
         let grid = Grid::axis_aligned([4; 3], [1.0; 3], [0.0; 3]).unwrap();
@@ -152,7 +150,7 @@ mod tests {
         let labels = Labels {
             map: Arc::new(map),
             looks: (0..=usize::from(segments)).map(look).collect(),
-            transfers: PRESETS[..transfers].iter().map(relief_volume::transfer::Preset::transfer).collect(),
+            transfers: PRESETS[..transfers].iter().map(relief_volume::Preset::transfer).collect(),
             edges: Edges::Smooth,
         };
         RenderRequest { labels: Some(Arc::new(labels)), ..scene.request }

@@ -9,9 +9,8 @@ use super::renderer::{Skipping, depth_limits};
 use super::request::{Clip, RenderRequest};
 use super::surface::Surface;
 use super::upload::Appearance;
-use relief_base::space::{Transform, View, Voxel};
-use relief_volume::camera::{Camera, Projection};
-use relief_volume::{Grid, Volume};
+use relief_base::{Transform, View, Voxel};
+use relief_volume::{Camera, Grid, Projection, Volume};
 
 /// One frame's parameters as the shader has them; meanings and units are there.
 #[repr(C)]

@@ -10,10 +10,11 @@ use super::request::RenderRequest;
 use super::store::VolumePlan;
 use super::surface::Surface;
 use super::tables::{TableSet, Tables};
-use crate::gpu::{ErrorScope, Gpu, GpuError, Limits};
-use relief_base::space::{Patient, Point, Voxel};
-use relief_volume::transfer::{TransferFunction, TransferTable};
-use relief_volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, Volume};
+use crate::gpu::{ErrorScope, Gpu, GpuError, GpuLimits};
+use relief_base::{Patient, Point, Voxel};
+use relief_volume::{
+    BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, TransferFunction, TransferTable, Volume,
+};
 
 /// Bytes handed to the queue at once: staging memory stays small beside the volume.
 pub(super) const SLAB_BYTES: usize = 16 << 20;
@@ -28,7 +29,7 @@ pub(super) enum VoxelFormat {
 }
 
 impl VoxelFormat {
-    pub(super) fn of(limits: Limits) -> Self {
+    pub(super) fn of(limits: GpuLimits) -> Self {
         if limits.norm16_textures { Self::Norm16 } else { Self::Half }
     }
 

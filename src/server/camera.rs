@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 
-use relief_base::units::DepthLimits;
-use relief_volume::camera::{Camera, Projection};
+use relief_base::DepthLimits;
+use relief_volume::{Camera, Projection};
 
 /// The camera in a request's own words, with the size and the depth limits: the header `Relief-Camera`.
 pub(super) fn camera_json(camera: &Camera, size_px: [u32; 2], limits: DepthLimits) -> Value {

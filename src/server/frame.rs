@@ -26,8 +26,8 @@ use super::query::{Order, Query};
 use super::resident::with_voxels;
 use super::state::Server;
 use super::volumes::Entry;
-use relief_annotation::placing::value_at;
-use relief_base::space::{Patient, Point};
+use relief_annotation::value_at;
+use relief_base::{Patient, Point};
 use relief_render::{RenderedFrame, RequestError, Scene, depth_limits};
 use relief_session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, encode};
 

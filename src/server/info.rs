@@ -13,7 +13,7 @@ use super::problem::Problem;
 use super::state::Server;
 use relief_display::{DepthFilter, Layout, ProfileName};
 use relief_render::{DepthRule, Lighting, preset_json};
-use relief_volume::transfer::PRESETS;
+use relief_volume::PRESETS;
 
 /// OpenAPI 3.1, written by hand; tests compare its paths and parameters with the code's.
 const OPENAPI: &str = include_str!("openapi.json");

@@ -10,8 +10,7 @@ use serde_json::{Map, Value};
 use super::problem::Problem;
 use relief_annotation::Shown;
 use relief_render::{Overlays, SceneFile};
-use relief_volume::Grid;
-use relief_volume::camera::Orbit;
+use relief_volume::{Grid, Orbit};
 
 /// What the text of a parameter must be.
 #[derive(Clone, Copy, Debug)]

@@ -14,7 +14,7 @@ use super::problem::Problem;
 use super::query::Query;
 use super::state::Server;
 use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, thumbnail_scene};
-use relief_volume::transfer::{PRESETS, preset};
+use relief_volume::{PRESETS, preset};
 
 /// A thumbnail has no use for depth.
 const FORMATS: [FileFormat; 2] = [FileFormat::Png, FileFormat::Jpeg];

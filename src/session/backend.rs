@@ -3,8 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{BackendError, RenderBackend};
-use relief_render::gpu::GpuError;
-use relief_render::{MemoryUse, Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
+use relief_render::{GpuError, MemoryUse, Progress, RenderError, RenderRequest, RenderedFrame, Renderer};
 use relief_volume::{ContentHash, Volume};
 
 impl RenderBackend for Renderer {

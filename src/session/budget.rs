@@ -196,7 +196,7 @@ fn most_passes(request: &RenderRequest, wanted: u32, fits: impl Fn(&RenderReques
 mod tests {
     use super::*;
     use relief_render::SceneFile;
-    use relief_volume::camera::Orbit;
+    use relief_volume::Orbit;
 
     const VOLUME: ContentHash = ContentHash([7; 32]);
 

@@ -76,11 +76,9 @@ fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::units::DepthLimits;
+    use relief_base::DepthLimits;
     use relief_render::{SceneFile, Timings};
-    use relief_volume::Grid;
-    use relief_volume::camera::Orbit;
-    use relief_volume::transfer::{ControlPoint, TransferFunction};
+    use relief_volume::{ControlPoint, Grid, Orbit, TransferFunction};
 
     fn key(azimuth_deg: f64) -> FrameKey {
         let grid = Grid::axis_aligned([4; 3], [1.0; 3], [0.0; 3]).unwrap();

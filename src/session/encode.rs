@@ -6,13 +6,13 @@
 
 use std::collections::BTreeMap;
 
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_display::{
     CameraMatrices, DepthImage, DisplaySettings, EncodeError, FrameEncoder, Layout, LayoutError, Picture,
     SettingsError, encode_exr, encode_jpeg, encode_png, encode_views,
 };
 use relief_render::RenderedFrame;
-use relief_volume::camera::{Camera, Projection};
+use relief_volume::{Camera, Projection};
 
 /// Colour fringes of chroma subsampling stay invisible; half the bytes of 95.
 const JPEG_QUALITY: u8 = 90;
@@ -184,8 +184,8 @@ fn depth_bytes(frame: &RenderedFrame) -> impl Iterator<Item = u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::space::Point;
-    use relief_volume::camera::Orbit;
+    use relief_base::Point;
+    use relief_volume::Orbit;
 
     #[test]
     fn ndc_matches_the_cameras_own_projection() {

@@ -49,7 +49,7 @@ pub(super) fn dots(letter: char) -> impl Iterator<Item = [usize; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_volume::transfer::PRESETS;
+    use relief_volume::PRESETS;
 
     #[test]
     fn every_letter_of_every_preset_can_be_written_and_no_two_look_alike() {

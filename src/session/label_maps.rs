@@ -6,8 +6,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use relief_dicom::LoadLimits;
-use relief_dicom::formats::{FormatError, Limits};
+use relief_dicom::{FormatError, FormatLimits, LoadLimits};
 use relief_volume::{Grid, LabelMap};
 
 /// A label map on the grid of a volume.
@@ -65,8 +64,8 @@ fn read(path: &Path, most_voxels: u64) -> Result<(LabelMap, Vec<String>), Labels
     if path.is_dir() {
         return Err(LabelsError::Folder);
     }
-    if relief_dicom::formats::is_known(path) {
-        let found = relief_dicom::formats::read_labels_within(Limits { voxels: most_voxels }, path)?;
+    if relief_dicom::is_volume_file(path) {
+        let found = relief_dicom::read_labels_within(FormatLimits { voxels: most_voxels }, path)?;
         return Ok((found.map, found.warnings));
     }
     let limits = LoadLimits { voxel_bytes: most_voxels.saturating_mul(size_of::<u16>() as u64) };

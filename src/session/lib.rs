@@ -10,7 +10,6 @@ mod cache;
 mod drawn;
 mod encode;
 mod glyphs;
-pub mod golden;
 mod label_maps;
 mod service;
 mod thumbnail;

@@ -4,10 +4,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
 use super::*;
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_render::{SceneFile, Timings};
-use relief_volume::Grid;
-use relief_volume::camera::Orbit;
+use relief_volume::{Grid, Orbit};
 
 /// Renders 1x1 pictures; each one waits for a word from the test, unless nobody waits for it, and says which it is.
 struct Gated {

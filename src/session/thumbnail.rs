@@ -6,9 +6,7 @@
 use super::glyphs;
 use relief_display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
 use relief_render::{Scene, SceneError, SceneFile};
-use relief_volume::Grid;
-use relief_volume::camera::Orbit;
-use relief_volume::transfer::Preset;
+use relief_volume::{Grid, Orbit, Preset};
 
 /// Width and height of a thumbnail.
 pub const THUMBNAIL_SIZE_PX: [u32; 2] = [160, 120];
@@ -108,7 +106,7 @@ impl Sheet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_volume::transfer::PRESETS;
+    use relief_volume::PRESETS;
 
     fn grid() -> Grid {
         Grid::axis_aligned([64, 64, 32], [0.8, 0.8, 1.0], [0.0; 3]).unwrap()

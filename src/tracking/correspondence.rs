@@ -9,7 +9,7 @@ use nalgebra::Vector2;
 use super::beacon::{Beacon, MAX_LEDS};
 use super::pose::Pose;
 use super::sensor::Pinhole;
-use super::solve::{Gravity, MAX_SEEN, Refined, Sighting, View};
+use super::solve::{Gravity, MAX_SEEN, PoseView, Refined, Sighting};
 
 /// Chi-square that an assignment may have, per the number of equations beyond the six unknowns. A right one has more in
 /// 1 of 20,000 views with two, which is what four LEDs have.
@@ -22,7 +22,7 @@ const HOPELESS: f64 = 100.0 * (GATE + MARGIN);
 
 /// An earlier pose and how far it may have changed since.
 #[derive(Clone, Copy, Debug)]
-pub struct Earlier {
+pub struct EarlierPose {
     /// `sensor_from_beacon`.
     pub pose: Pose,
     /// Standard deviation of the turn since, radians.
@@ -35,11 +35,11 @@ pub struct Earlier {
 
 /// What is known besides the blobs.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Hints {
+pub struct IdentifyHints {
     /// Up.
     pub gravity: Option<Gravity>,
     /// An earlier pose.
-    pub earlier: Option<Earlier>,
+    pub earlier: Option<EarlierPose>,
 }
 
 /// Blobs with their LEDs: `leds[i]` is that of blob i.
@@ -73,12 +73,12 @@ pub enum Identified {
 ///
 /// Fewer than four blobs are explained by many assignments, so they are identified only with good hints.
 #[must_use]
-pub fn identify(
+pub fn identify_blobs(
     camera: &Pinhole,
     beacon: &Beacon,
     blobs: &[Vector2<f64>],
     noise_px: f64,
-    hints: &Hints,
+    hints: &IdentifyHints,
 ) -> Identified {
     let blobs = &blobs[..blobs.len().min(MAX_SEEN)];
     let mut search = Search { camera, beacon, blobs, noise_px, hints, best: None, rival: f64::INFINITY };
@@ -97,7 +97,7 @@ struct Search<'a> {
     beacon: &'a Beacon,
     blobs: &'a [Vector2<f64>],
     noise_px: f64,
-    hints: &'a Hints,
+    hints: &'a IdentifyHints,
     best: Option<(f64, Assignment, Refined)>,
     rival: f64,
 }
@@ -134,7 +134,7 @@ impl Search<'_> {
         let sightings: [Sighting; MAX_SEEN] = std::array::from_fn(sighting);
         let sightings = &sightings[..self.blobs.len()];
         let view =
-            View { camera: self.camera, sightings, noise_px: self.noise_px, gravity: self.hints.gravity };
+            PoseView { camera: self.camera, sightings, noise_px: self.noise_px, gravity: self.hints.gravity };
         let Some(solutions) = view.solve_below(HOPELESS) else { return };
         for refined in [Some(solutions.best), solutions.second].into_iter().flatten() {
             let score = refined.cost + self.hints.earlier.map_or(0.0, |earlier| earlier.cost(&refined.pose));
@@ -153,7 +153,7 @@ impl Search<'_> {
     }
 }
 
-impl Earlier {
+impl EarlierPose {
     fn cost(&self, pose: &Pose) -> f64 {
         let (angle, distance) = self.pose.inverse_distance(pose);
         (angle / self.sigma_angle).powi(2) + (distance / self.sigma_mm).powi(2)
@@ -164,14 +164,14 @@ impl Earlier {
 mod tests {
     use nalgebra::Rotation3;
 
-    use super::super::design::{Conditions, Score, score};
+    use super::super::design::{DesignConditions, DesignScore, score_design};
     use super::super::solve::random::{Random, ViewRange};
     use super::*;
 
-    fn counts(beacon: &Beacon, views: usize, seed: u64, with_gravity: bool) -> Score {
+    fn counts(beacon: &Beacon, views: usize, seed: u64, with_gravity: bool) -> DesignScore {
         let gravity_sigma = with_gravity.then_some(2_f64.to_radians());
-        let conditions = Conditions { views, seed, gravity_sigma, ..Conditions::default() };
-        score(beacon, &conditions)
+        let conditions = DesignConditions { views, seed, gravity_sigma, ..DesignConditions::default() };
+        score_design(beacon, &conditions)
     }
 
     /// A layout that looks the same from two sides: its views are ambiguous, and none is guessed.
@@ -204,8 +204,9 @@ mod tests {
                 beacon.leds().iter().map(|l| camera.project(&truth.place(l)).unwrap()).collect();
             let aside = Rotation3::from_scaled_axis(random.normal3() * 0.01);
             let pose = Pose { rotation: aside * truth.rotation, ..truth };
-            let earlier = Some(Earlier { pose, sigma_angle: 0.03, sigma_mm: 60.0, reach_px: 150.0 });
-            let found = identify(&camera, &beacon, &blobs, 0.58, &Hints { gravity: None, earlier });
+            let earlier = Some(EarlierPose { pose, sigma_angle: 0.03, sigma_mm: 60.0, reach_px: 150.0 });
+            let found =
+                identify_blobs(&camera, &beacon, &blobs, 0.58, &IdentifyHints { gravity: None, earlier });
             let Identified::Found { assignment, .. } = found else { panic!("{found:?}") };
             assert_eq!(assignment, [Some(0), Some(1), Some(2), Some(3)]);
         }
@@ -215,9 +216,16 @@ mod tests {
     fn blobs_of_something_else_are_unexplained() {
         let blobs =
             [(100.0, 100.0), (900.0, 120.0), (500.0, 130.0), (520.0, 110.0)].map(|(u, v)| Vector2::new(u, v));
-        let found = identify(&Pinhole::TYPICAL, &Beacon::recommended(), &blobs, 0.58, &Hints::default());
+        let found = identify_blobs(
+            &Pinhole::TYPICAL,
+            &Beacon::recommended(),
+            &blobs,
+            0.58,
+            &IdentifyHints::default(),
+        );
         assert!(matches!(found, Identified::Unexplained(_)), "{found:?}");
-        let none = identify(&Pinhole::TYPICAL, &Beacon::recommended(), &[], 0.58, &Hints::default());
+        let none =
+            identify_blobs(&Pinhole::TYPICAL, &Beacon::recommended(), &[], 0.58, &IdentifyHints::default());
         assert!(matches!(none, Identified::Unexplained(None)));
     }
 }

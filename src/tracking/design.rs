@@ -1,22 +1,22 @@
 //! Layouts of LEDs: how well a beacon's views are told apart, and how well poses are known from them.
 //!
-//! [`score`] identifies random views with noise, rounded to whole pixels, their blobs in any order. [`search`] tries layouts
+//! [`score_design`] identifies random views with noise, rounded to whole pixels, their blobs in any order. [`search_design`] tries layouts
 //! within a box: random ones first, then changes of the best. What counts is the margin of the rivals in the worst
 //! twentieth of the views: a beacon with a large one needs no guessing.
 
 use nalgebra::{Rotation3, Unit, Vector2};
 
 use super::beacon::Beacon;
-use super::correspondence::{Hints, Identified, identify};
+use super::correspondence::{Identified, IdentifyHints, identify_blobs};
 use super::pose::Pose;
 use super::sensor::Pinhole;
 use super::solve::bound::quantised_noise;
 use super::solve::random::{Random, ViewRange};
-use super::solve::{Gravity, Sighting, View};
+use super::solve::{Gravity, PoseView, Sighting};
 
 /// How layouts are tried.
 #[derive(Clone, Copy, Debug)]
-pub struct Conditions {
+pub struct DesignConditions {
     /// The camera.
     pub camera: Pinhole,
     /// From where it looks.
@@ -33,7 +33,7 @@ pub struct Conditions {
     pub seed: u64,
 }
 
-impl Default for Conditions {
+impl Default for DesignConditions {
     fn default() -> Self {
         Self {
             camera: Pinhole::TYPICAL,
@@ -49,7 +49,7 @@ impl Default for Conditions {
 
 /// What came of a layout.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Score {
+pub struct DesignScore {
     /// Views identified rightly.
     pub right: usize,
     /// Views identified wrongly.
@@ -73,9 +73,9 @@ const ENOUGH: f64 = 1000.0;
 
 /// Tries a beacon whose first four LEDs are seen.
 #[must_use]
-pub fn score(beacon: &Beacon, conditions: &Conditions) -> Score {
+pub fn score_design(beacon: &Beacon, conditions: &DesignConditions) -> DesignScore {
     let mut random = Random::new(conditions.seed);
-    let mut score = Score {
+    let mut score = DesignScore {
         right: 0,
         wrong: 0,
         ambiguous: 0,
@@ -102,22 +102,22 @@ pub fn score(beacon: &Beacon, conditions: &Conditions) -> Score {
     score
 }
 
-fn bound_of(beacon: &Beacon, conditions: &Conditions, truth: &Pose) -> Option<nalgebra::Matrix6<f64>> {
+fn bound_of(beacon: &Beacon, conditions: &DesignConditions, truth: &Pose) -> Option<nalgebra::Matrix6<f64>> {
     let see = |led: &nalgebra::Vector3<f64>| {
         Some(Sighting { led: *led, pixel: conditions.camera.project(&truth.place(led))? })
     };
     let seen: Vec<Sighting> = beacon.leds().iter().take(4).filter_map(see).collect();
     let noise_px = quantised_noise(conditions.noise_px);
-    View { camera: &conditions.camera, sightings: &seen, noise_px, gravity: None }.bound(truth)
+    PoseView { camera: &conditions.camera, sightings: &seen, noise_px, gravity: None }.bound(truth)
 }
 
 /// Identifies one view; gives the margin of its best rival.
 fn try_view(
     beacon: &Beacon,
-    conditions: &Conditions,
+    conditions: &DesignConditions,
     truth: &Pose,
     random: &mut Random,
-    score: &mut Score,
+    score: &mut DesignScore,
 ) -> f64 {
     let mut order = [0, 1, 2, 3];
     for i in (1..4).rev() {
@@ -137,8 +137,8 @@ fn try_view(
     let up_in_sensor = Unit::new_normalize(tilt * truth.rotation * beacon.up().into_inner());
     let gravity =
         conditions.gravity_sigma.map(|sigma| Gravity { up_in_beacon: *beacon.up(), up_in_sensor, sigma });
-    let hints = Hints { gravity, earlier: None };
-    match identify(&conditions.camera, beacon, &blobs, quantised_noise(conditions.noise_px), &hints) {
+    let hints = IdentifyHints { gravity, earlier: None };
+    match identify_blobs(&conditions.camera, beacon, &blobs, quantised_noise(conditions.noise_px), &hints) {
         Identified::Found { assignment, refined, rival } => {
             let is_right = assignment == order.map(Some);
             *(if is_right { &mut score.right } else { &mut score.wrong }) += 1;
@@ -158,14 +158,14 @@ fn try_view(
 /// Tries `layouts` layouts of four LEDs within a box of this size (mm, centred in x and y, from z = 0 on), coordinates in whole
 /// multiples of 5 mm; gives the best with its score. `tried` is told after each.
 #[must_use]
-pub fn search(
+pub fn search_design(
     size_mm: [f64; 3],
     layouts: usize,
-    conditions: &Conditions,
+    conditions: &DesignConditions,
     tried: &dyn Fn(usize),
-) -> Option<(Beacon, Score)> {
+) -> Option<(Beacon, DesignScore)> {
     let mut random = Random::new(conditions.seed ^ 0x5eed);
-    let mut best: Option<([[f64; 3]; 4], Beacon, Score)> = None;
+    let mut best: Option<([[f64; 3]; 4], Beacon, DesignScore)> = None;
     for at in 0..layouts {
         let positions: [[f64; 3]; 4] = match &best {
             Some((positions, ..)) if at >= layouts / 2 => {
@@ -176,12 +176,12 @@ pub fn search(
         tried(at + 1);
         let Ok(beacon) = Beacon::new(&positions) else { continue };
         // A layout that is worse than the best in its first views is not followed to the end.
-        let quick = Conditions { views: conditions.views / 4, ..*conditions };
+        let quick = DesignConditions { views: conditions.views / 4, ..*conditions };
         let so_far = best.as_ref().map_or(0.0, |(.., score)| merit(score));
-        if merit(&score(&beacon, &quick)) < 0.6 * so_far {
+        if merit(&score_design(&beacon, &quick)) < 0.6 * so_far {
             continue;
         }
-        let found = score(&beacon, conditions);
+        let found = score_design(&beacon, conditions);
         if merit(&found) > so_far {
             best = Some((positions, beacon, found));
         }
@@ -190,7 +190,7 @@ pub fn search(
 }
 
 /// The margin, and of equal margins the accuracy.
-fn merit(score: &Score) -> f64 {
+fn merit(score: &DesignScore) -> f64 {
     score.margin / (1.0 + score.position_mm / 20.0)
 }
 
@@ -212,12 +212,12 @@ mod tests {
     /// A small search beats the layout that everybody thinks of first.
     #[test]
     fn a_search_finds_a_better_layout_than_a_regular_one() {
-        let conditions = Conditions { views: 40, ..Conditions::default() };
+        let conditions = DesignConditions { views: 40, ..DesignConditions::default() };
         let regular =
             Beacon::new(&[[-100.0, -57.7, 0.0], [100.0, -57.7, 0.0], [0.0, 115.5, 0.0], [0.0, 0.0, 100.0]])
                 .unwrap();
-        let regular = score(&regular, &conditions);
-        let (beacon, found) = search([240.0, 160.0, 120.0], 24, &conditions, &|_| ()).unwrap();
+        let regular = score_design(&regular, &conditions);
+        let (beacon, found) = search_design([240.0, 160.0, 120.0], 24, &conditions, &|_| ()).unwrap();
         assert!(found.margin > regular.margin, "{found:?} {regular:?}");
         assert_eq!((found.wrong, regular.wrong), (0, 0));
         for led in beacon.leds() {

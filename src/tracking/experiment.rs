@@ -3,22 +3,22 @@
 //! Five runs: turns about the sensor's own X and Y axes, shifts along the beacon's X, Y and Z. In each the arm goes through
 //! a row of stops, half a second on the way and one second at each. What is compared with the truth is the one coordinate
 //! that moves, in the last tenth of a second of each stop: the angle about the axis, or the position along it, in the
-//! beacon's frame. The paper does not state its beacon and distance; here they are [`Setting`]'s.
+//! beacon's frame. The paper does not state its beacon and distance; here they are [`ExperimentSetting`]'s.
 
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 
 use super::beacon::Beacon;
-use super::filter::{ErrorStateFilter, Motion};
+use super::filter::{ErrorStateFilter, MotionDensity};
 use super::pose::SensorPose;
 use super::sensor::Pinhole;
-use super::simulate::{Delivery, Path, Sensing, Simulated, Simulation};
+use super::simulate::{ReportDelivery, Sensing, SensorPath, SimulatedReport, Simulation};
 use super::solve::bound::quantised_noise;
-use super::solve::{Sighting, View};
-use super::tracker::{FilterKind, Options, Sample, SolverKind, Tracker};
+use super::solve::{PoseView, Sighting};
+use super::tracker::{FilterKind, SolverKind, TrackedSample, Tracker, TrackerOptions};
 
 /// What the arm does in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Run {
+pub enum ExperimentRun {
     /// Turns about the sensor's X axis.
     TurnX,
     /// Turns about the sensor's Y axis.
@@ -31,7 +31,7 @@ pub enum Run {
     ShiftZ,
 }
 
-impl Run {
+impl ExperimentRun {
     /// All five, in the order of the paper's table.
     pub const ALL: [Self; 5] = [Self::TurnX, Self::TurnY, Self::ShiftX, Self::ShiftY, Self::ShiftZ];
 
@@ -110,7 +110,7 @@ impl Run {
 /// The arm's path: stops, and smooth ways between.
 #[derive(Clone, Debug)]
 pub struct Arm {
-    run: Run,
+    run: ExperimentRun,
     centre: SensorPose,
     stops: Vec<f64>,
 }
@@ -126,7 +126,7 @@ const STOPS: usize = 21;
 impl Arm {
     /// The arm of this run at this distance before the beacon.
     #[must_use]
-    pub fn new(run: Run, beacon: &Beacon, distance_mm: f64) -> Self {
+    pub fn new(run: ExperimentRun, beacon: &Beacon, distance_mm: f64) -> Self {
         let half_turn = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
         let centre =
             SensorPose { position: beacon.centroid() + Vector3::z() * distance_mm, orientation: half_turn };
@@ -149,7 +149,7 @@ impl Arm {
     }
 }
 
-impl Path for Arm {
+impl SensorPath for Arm {
     fn at(&self, seconds: f64) -> SensorPose {
         let period = WAY_S + STOP_S;
         let at = ((seconds.max(0.0) / period) as usize).min(self.stops.len() - 1);
@@ -173,7 +173,7 @@ impl Path for Arm {
 
 /// What is simulated.
 #[derive(Clone, Debug)]
-pub struct Setting {
+pub struct ExperimentSetting {
     /// The beacon.
     pub beacon: Beacon,
     /// From the beacon's middle to the sensor, mm.
@@ -188,7 +188,7 @@ pub struct Setting {
     pub seed: u64,
 }
 
-impl Setting {
+impl ExperimentSetting {
     /// The recommended beacon at a metre, half a pixel of noise, blobs as wide as 5 mm LEDs make them.
     #[must_use]
     pub fn new(camera: Pinhole, seed: u64) -> Self {
@@ -199,7 +199,7 @@ impl Setting {
 
 /// A way to track, to be compared with others.
 #[derive(Clone, Copy, Debug)]
-pub struct Way {
+pub struct TrackingMethod {
     /// Its name.
     pub name: &'static str,
     /// The camera that it believes in.
@@ -212,7 +212,7 @@ pub struct Way {
 
 /// A point of a plot: the true coordinate and the measured one, degrees or cm.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Point {
+pub struct PlotPoint {
     /// The commanded coordinate.
     pub truth: f64,
     /// Its error.
@@ -221,7 +221,7 @@ pub struct Point {
 
 /// What came of a run.
 #[derive(Clone, Debug, serde::Serialize)]
-pub struct Outcome {
+pub struct ExperimentOutcome {
     /// Mean of the errors' sizes, degrees or cm.
     pub mean: f64,
     /// Standard deviation of the errors.
@@ -233,21 +233,25 @@ pub struct Outcome {
     /// Frames without a pose.
     pub lost: usize,
     /// One for each stop of each repeat: the mean over its compared part.
-    pub points: Vec<Point>,
+    pub points: Vec<PlotPoint>,
 }
 
 /// Does one run in one way, as often as the setting says, each time with other noise.
 #[must_use]
-pub fn perform(setting: &Setting, run: Run, way: &Way) -> Outcome {
+pub fn run_experiment(
+    setting: &ExperimentSetting,
+    run: ExperimentRun,
+    way: &TrackingMethod,
+) -> ExperimentOutcome {
     let arm = Arm::new(run, &setting.beacon, setting.distance_mm);
     let mut outcome =
-        Outcome { mean: 0.0, deviation: 0.0, rms: 0.0, bound: 0.0, lost: 0, points: Vec::new() };
+        ExperimentOutcome { mean: 0.0, deviation: 0.0, rms: 0.0, bound: 0.0, lost: 0, points: Vec::new() };
     let mut errors = Vec::new();
     for repeat in 0..setting.repeats {
         let simulation = Simulation {
             camera: setting.camera,
             sensing: setting.sensing,
-            delivery: Delivery { jitter_ms: 0.4, ..Delivery::PERFECT },
+            delivery: ReportDelivery { jitter_ms: 0.4, ..ReportDelivery::PERFECT },
             ..Simulation::new(
                 setting.beacon.clone(),
                 setting.seed ^ (run as u64) << 32 ^ u64::from(repeat) << 40,
@@ -279,23 +283,23 @@ struct Compared {
 
 /// Tracks one recording, and adds the frames without a pose to `lost`.
 fn follow(
-    setting: &Setting,
-    run: Run,
+    setting: &ExperimentSetting,
+    run: ExperimentRun,
     arm: &Arm,
-    way: &Way,
-    reports: &[Simulated],
+    way: &TrackingMethod,
+    reports: &[SimulatedReport],
     lost: &mut usize,
 ) -> Vec<Compared> {
-    let options = Options {
+    let options = TrackerOptions {
         solver: way.solver,
         filter: way.filter,
         noise_px: quantised_noise(setting.sensing.noise_px),
-        motion: Motion::ARM,
-        ..Options::default()
+        motion: MotionDensity::ARM,
+        ..TrackerOptions::default()
     };
     let mut tracker = Tracker::new(way.camera, setting.beacon.clone(), options);
     let mut errors = Vec::new();
-    for Simulated { t_ns, report, truth } in reports {
+    for SimulatedReport { t_ns, report, truth } in reports {
         let Some(sample) = tracker.push(*t_ns, report) else { continue };
         let Some(pose) = sample.pose else {
             *lost += 1;
@@ -309,11 +313,11 @@ fn follow(
     errors
 }
 
-fn seconds_of(sample: &Sample) -> f64 {
+fn seconds_of(sample: &TrackedSample) -> f64 {
     sample.t_ns as f64 * 1e-9 - 1.0
 }
 
-fn summarise(outcome: &mut Outcome, errors: &[Compared]) {
+fn summarise(outcome: &mut ExperimentOutcome, errors: &[Compared]) {
     let count = errors.len().max(1) as f64;
     let mean = |of: &dyn Fn(f64) -> f64| errors.iter().map(|here| of(here.error)).sum::<f64>() / count;
     outcome.mean = mean(&f64::abs);
@@ -323,14 +327,14 @@ fn summarise(outcome: &mut Outcome, errors: &[Compared]) {
 }
 
 /// One point for each stop: the mean over its compared part.
-fn points_of(errors: &[Compared]) -> impl Iterator<Item = Point> {
-    errors.chunk_by(|a, b| a.stop == b.stop).map(|here| Point {
+fn points_of(errors: &[Compared]) -> impl Iterator<Item = PlotPoint> {
+    errors.chunk_by(|a, b| a.stop == b.stop).map(|here| PlotPoint {
         truth: here[0].truth,
         error: here.iter().map(|one| one.error).sum::<f64>() / here.len() as f64,
     })
 }
 
-fn sightings(setting: &Setting, truth: &SensorPose) -> Vec<Sighting> {
+fn sightings(setting: &ExperimentSetting, truth: &SensorPose) -> Vec<Sighting> {
     let pose = truth.inverse();
     let leds = setting.beacon.leds().iter().take(super::solve::MAX_SEEN);
     leds.filter_map(|led| Some(Sighting { led: *led, pixel: setting.camera.project(&pose.place(led))? }))
@@ -339,17 +343,18 @@ fn sightings(setting: &Setting, truth: &SensorPose) -> Vec<Sighting> {
 
 /// The information of all frames so far at the true poses, under the filter's own model of motion: what no filter with
 /// that model can be better than on average.
-fn bound_of(setting: &Setting, run: Run, arm: &Arm, reports: &[Simulated]) -> f64 {
+fn bound_of(setting: &ExperimentSetting, run: ExperimentRun, arm: &Arm, reports: &[SimulatedReport]) -> f64 {
     let noise_px = quantised_noise(setting.sensing.noise_px);
     let mut filter: Option<(ErrorStateFilter, u64)> = None;
     let (mut sum, mut count) = (0.0, 0);
-    for Simulated { t_ns, truth, .. } in reports {
+    for SimulatedReport { t_ns, truth, .. } in reports {
         let seen = sightings(setting, truth);
-        let view = View { camera: &setting.camera, sightings: &seen, noise_px, gravity: None };
+        let view = PoseView { camera: &setting.camera, sightings: &seen, noise_px, gravity: None };
         match &mut filter {
             None => {
                 let pose = truth.inverse();
-                let first = view.bound(&pose).map(|bound| ErrorStateFilter::new(&pose, &bound, Motion::ARM));
+                let first =
+                    view.bound(&pose).map(|bound| ErrorStateFilter::new(&pose, &bound, MotionDensity::ARM));
                 filter = first.map(|first| (first, *t_ns));
             }
             Some((filter, then)) => {
@@ -368,13 +373,13 @@ fn bound_of(setting: &Setting, run: Run, arm: &Arm, reports: &[Simulated]) -> f6
 }
 
 /// The bound of single frames.
-fn single_bound(setting: &Setting, run: Run, arm: &Arm) -> f64 {
+fn single_bound(setting: &ExperimentSetting, run: ExperimentRun, arm: &Arm) -> f64 {
     let noise_px = quantised_noise(setting.sensing.noise_px);
     let mut sum = 0.0;
     for stop in 0..STOPS {
         let truth = arm.at((stop as f64 + 1.0) * (WAY_S + STOP_S) - COMPARED_S / 2.0);
         let seen = sightings(setting, &truth);
-        let view = View { camera: &setting.camera, sightings: &seen, noise_px, gravity: None };
+        let view = PoseView { camera: &setting.camera, sightings: &seen, noise_px, gravity: None };
         sum += view.bound(&truth.inverse()).map_or(0.0, |bound| run.deviation(&bound, &arm.centre).powi(2));
     }
     (sum / STOPS as f64).sqrt()
@@ -387,23 +392,23 @@ mod tests {
     #[test]
     fn the_arm_stops_where_it_says() {
         let beacon = Beacon::recommended();
-        let arm = Arm::new(Run::ShiftZ, &beacon, 1000.0);
+        let arm = Arm::new(ExperimentRun::ShiftZ, &beacon, 1000.0);
         let stop = arm.at(1.4);
-        assert!((Run::ShiftZ.coordinate(&stop, &arm.centre) + 10.0).abs() < 1e-12);
+        assert!((ExperimentRun::ShiftZ.coordinate(&stop, &arm.centre) + 10.0).abs() < 1e-12);
         assert_eq!(arm.at(1.4), arm.at(1.1), "it rests");
         assert_eq!((arm.compared(1.2), arm.compared(1.45), arm.compared(2.95)), (None, Some(0), Some(1)));
-        let turn = Arm::new(Run::TurnX, &beacon, 1000.0);
-        assert!((Run::TurnX.coordinate(&turn.at(100.0), &turn.centre) - 9.97).abs() < 0.01);
+        let turn = Arm::new(ExperimentRun::TurnX, &beacon, 1000.0);
+        assert!((ExperimentRun::TurnX.coordinate(&turn.at(100.0), &turn.centre) - 9.97).abs() < 0.01);
     }
 
     /// With the true camera: within the project's own limits, and within 1.2 of the bound.
     #[test]
     fn the_filter_keeps_the_limits_of_the_experiment() {
-        let setting = Setting::new(Pinhole::simple(1360.0), 1);
+        let setting = ExperimentSetting::new(Pinhole::simple(1360.0), 1);
         let (solver, filter) = (SolverKind::Lm, FilterKind::ErrorState);
-        let way = Way { name: "ours", camera: setting.camera, solver, filter };
-        for (run, limit) in Run::ALL.into_iter().zip([0.05, 0.08, 0.1, 0.1, 0.5]) {
-            let outcome = perform(&setting, run, &way);
+        let way = TrackingMethod { name: "ours", camera: setting.camera, solver, filter };
+        for (run, limit) in ExperimentRun::ALL.into_iter().zip([0.05, 0.08, 0.1, 0.1, 0.5]) {
+            let outcome = run_experiment(&setting, run, &way);
             assert!(outcome.mean <= limit, "{}: {} above {limit}", run.name(), outcome.mean);
             assert!(outcome.rms <= 1.2 * outcome.bound, "{}: {outcome:?}", run.name());
             assert!(outcome.lost <= 2 && outcome.points.len() == STOPS, "{}: {}", run.name(), outcome.lost);
@@ -413,10 +418,11 @@ mod tests {
     /// A focal length that is 3 % off is seen as a distance that is 3 % off, whatever the solver.
     #[test]
     fn a_wrong_focal_length_shows_in_the_distance() {
-        let setting = Setting::new(Pinhole::simple(1320.0 * 1.03), 2);
+        let setting = ExperimentSetting::new(Pinhole::simple(1320.0 * 1.03), 2);
         let camera = Pinhole::simple(1320.0);
-        let way = Way { name: "paper", camera, solver: SolverKind::Paper, filter: FilterKind::Pose };
-        let outcome = perform(&setting, Run::ShiftZ, &way);
+        let way =
+            TrackingMethod { name: "paper", camera, solver: SolverKind::Paper, filter: FilterKind::Pose };
+        let outcome = run_experiment(&setting, ExperimentRun::ShiftZ, &way);
         assert!((2.0..4.0).contains(&outcome.mean), "{} cm", outcome.mean);
     }
 }

@@ -7,7 +7,7 @@
 use crate::pose::SensorPose;
 
 /// Bytes of a header.
-pub const HEADER_BYTES: usize = 58;
+pub const IGTL_HEADER_BYTES: usize = 58;
 /// The longest body that is read; what clients send is far shorter.
 pub const MAX_BODY_BYTES: u64 = 4096;
 
@@ -29,19 +29,19 @@ pub enum IgtlError {
 
 /// What a header says.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Header {
+pub struct IgtlHeader {
     /// Message type, such as `STT_TDATA`.
     pub kind: String,
     /// Bytes of the body.
     pub body_bytes: usize,
 }
 
-impl Header {
+impl IgtlHeader {
     /// Reads a header.
     ///
     /// # Errors
     /// When the version is unknown or the body too long.
-    pub fn decode(bytes: &[u8; HEADER_BYTES]) -> Result<Self, IgtlError> {
+    pub fn decode(bytes: &[u8; IGTL_HEADER_BYTES]) -> Result<Self, IgtlError> {
         let version = u16::from_be_bytes([bytes[0], bytes[1]]);
         if !(1..=3).contains(&version) {
             return Err(IgtlError::Version(version));
@@ -59,8 +59,8 @@ impl Header {
 
 /// A message of this type, from this device, at this time (ns since 1970).
 #[must_use]
-pub fn message(kind: &str, device: &str, unix_ns: u64, body: &[u8]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(HEADER_BYTES + body.len());
+pub fn igtl_message(kind: &str, device: &str, unix_ns: u64, body: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(IGTL_HEADER_BYTES + body.len());
     bytes.extend(VERSION.to_be_bytes());
     bytes.extend(padded::<12>(kind));
     bytes.extend(padded::<20>(device));
@@ -75,34 +75,34 @@ pub fn message(kind: &str, device: &str, unix_ns: u64, body: &[u8]) -> Vec<u8> {
 
 /// A TRANSFORM: `beacon_from_sensor`.
 #[must_use]
-pub fn transform(device: &str, unix_ns: u64, pose: &SensorPose) -> Vec<u8> {
-    message("TRANSFORM", device, unix_ns, &matrix(pose))
+pub fn igtl_transform(device: &str, unix_ns: u64, pose: &SensorPose) -> Vec<u8> {
+    igtl_message("TRANSFORM", device, unix_ns, &matrix(pose))
 }
 
 /// A POSITION with its quaternion.
 #[must_use]
-pub fn position(device: &str, unix_ns: u64, pose: &SensorPose) -> Vec<u8> {
+pub fn igtl_position(device: &str, unix_ns: u64, pose: &SensorPose) -> Vec<u8> {
     let numbers = pose.position.iter().copied().chain(pose.orientation_xyzw());
     let body: Vec<u8> = numbers.flat_map(|number| (number as f32).to_be_bytes()).collect();
-    message("POSITION", device, unix_ns, &body)
+    igtl_message("POSITION", device, unix_ns, &body)
 }
 
 /// A TDATA with one tool, or with none when it is not seen.
 #[must_use]
-pub fn tracking_data(device: &str, unix_ns: u64, tool: &str, pose: Option<&SensorPose>) -> Vec<u8> {
+pub fn igtl_tracking_data(device: &str, unix_ns: u64, tool: &str, pose: Option<&SensorPose>) -> Vec<u8> {
     let mut body = Vec::new();
     if let Some(pose) = pose {
         body.extend(padded::<20>(tool));
         body.extend([TOOL_6D, 0]);
         body.extend(matrix(pose));
     }
-    message("TDATA", device, unix_ns, &body)
+    igtl_message("TDATA", device, unix_ns, &body)
 }
 
 /// The answer to STT_TDATA and STP_TDATA.
 #[must_use]
-pub fn acknowledged(device: &str, unix_ns: u64) -> Vec<u8> {
-    message("RTS_TDATA", device, unix_ns, &[0])
+pub fn igtl_acknowledgement(device: &str, unix_ns: u64) -> Vec<u8> {
+    igtl_message("RTS_TDATA", device, unix_ns, &[0])
 }
 
 /// Columns of the rotation, then the translation, as big-endian 32-bit floats.
@@ -142,7 +142,7 @@ mod tests {
         ];
         let body: Vec<u8> =
             columns.into_iter().chain([46.0531, 19.4709, 46.0531]).flat_map(f32::to_be_bytes).collect();
-        let sent = message("TRANSFORM", "DeviceName", 0, &body);
+        let sent = igtl_message("TRANSFORM", "DeviceName", 0, &body);
         assert_eq!(sent[..2], [0, 1]);
         assert_eq!(sent[50..58], 0xf6dd_2b8e_b4df_6dd2_u64.to_be_bytes());
         assert_eq!(&sent[2..14], b"TRANSFORM\0\0\0");
@@ -151,14 +151,14 @@ mod tests {
 
         let position: [f32; 7] = [46.0531, 19.4709, 46.0531, 0.0, 0.577_350_26, 0.577_350_26, 0.333_333_34];
         let body: Vec<u8> = position.into_iter().flat_map(f32::to_be_bytes).collect();
-        assert_eq!(message("POSITION", "x", 0, &body)[50..58], 0x6bc8_d628_2b79_a3a1_u64.to_be_bytes());
-        let header = Header::decode(sent[..HEADER_BYTES].as_array().unwrap()).unwrap();
-        assert_eq!(header, Header { kind: "TRANSFORM".to_owned(), body_bytes: 48 });
+        assert_eq!(igtl_message("POSITION", "x", 0, &body)[50..58], 0x6bc8_d628_2b79_a3a1_u64.to_be_bytes());
+        let header = IgtlHeader::decode(sent[..IGTL_HEADER_BYTES].as_array().unwrap()).unwrap();
+        assert_eq!(header, IgtlHeader { kind: "TRANSFORM".to_owned(), body_bytes: 48 });
     }
 
     #[test]
     fn times_are_seconds_and_fractions_of_two() {
-        let sent = message("STATUS", "d", 1_234_567_890_500_000_000, &[]);
+        let sent = igtl_message("STATUS", "d", 1_234_567_890_500_000_000, &[]);
         assert_eq!(sent[34..42], (1_234_567_890_u64 << 32 | 1 << 31).to_be_bytes());
     }
 
@@ -172,17 +172,17 @@ mod tests {
             matrix(&pose).as_chunks::<4>().0.iter().map(|b| f32::from_be_bytes(*b)).collect();
         let expected = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0];
         assert!(floats.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{floats:?}");
-        assert_eq!(tracking_data("d", 0, "Wiimote", Some(&pose)).len(), HEADER_BYTES + 70);
-        assert_eq!(tracking_data("d", 0, "Wiimote", None).len(), HEADER_BYTES);
-        assert_eq!(position("d", 0, &pose).len(), HEADER_BYTES + 28);
+        assert_eq!(igtl_tracking_data("d", 0, "Wiimote", Some(&pose)).len(), IGTL_HEADER_BYTES + 70);
+        assert_eq!(igtl_tracking_data("d", 0, "Wiimote", None).len(), IGTL_HEADER_BYTES);
+        assert_eq!(igtl_position("d", 0, &pose).len(), IGTL_HEADER_BYTES + 28);
     }
 
     #[test]
     fn foreign_headers_are_refused() {
-        let mut bytes = [0; HEADER_BYTES];
-        assert_eq!(Header::decode(&bytes), Err(IgtlError::Version(0)));
+        let mut bytes = [0; IGTL_HEADER_BYTES];
+        assert_eq!(IgtlHeader::decode(&bytes), Err(IgtlError::Version(0)));
         bytes[1] = 2;
         bytes[42] = 1;
-        assert!(matches!(Header::decode(&bytes), Err(IgtlError::Body(_))));
+        assert!(matches!(IgtlHeader::decode(&bytes), Err(IgtlError::Body(_))));
     }
 }

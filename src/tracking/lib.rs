@@ -14,18 +14,65 @@
 //! | pixels | u right, v down, 1024 x 768; the raw y of reports points up, v = 767 - y |
 
 mod beacon;
-pub mod calibrate;
-pub mod correspondence;
-pub mod design;
-pub mod experiment;
-pub mod filter;
-pub mod host;
-pub mod igtl;
-pub mod pose;
-pub mod report;
-pub mod sensor;
-pub mod simulate;
-pub mod solve;
-pub mod tracker;
+mod calibrate;
+mod correspondence;
+mod design;
+mod experiment;
+mod filter;
+mod host;
+mod igtl;
+mod pose;
+mod report;
+mod sensor;
+mod simulate;
+mod solve;
+mod tracker;
 
 pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
+
+pub use calibrate::{
+    Adjusted, BlobIdentifier, Calibration, CalibrationError, CalibrationModel, CalibrationView, MIN_VIEWS,
+    Parameter, Square, adjust, calibrate_camera, choose_views, moving_views,
+};
+pub use correspondence::{Assignment, EarlierPose, GATE, Identified, IdentifyHints, MARGIN, identify_blobs};
+pub use design::{DesignConditions, DesignScore, score_design, search_design};
+pub use experiment::{
+    Arm, ExperimentOutcome, ExperimentRun, ExperimentSetting, PlotPoint, TrackingMethod, run_experiment,
+};
+pub use filter::{ErrorStateFilter, MotionDensity, PoseFilter, State, Update, Verdict};
+pub use host::{Host, HostOptions, HostState, RemoteSenses, Sensitivity, VirtualRemote};
+pub use igtl::{
+    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, MAX_BODY_BYTES, igtl_acknowledgement, igtl_message,
+    igtl_position, igtl_tracking_data, igtl_transform,
+};
+pub use pose::{Pose, SensorPose, cross_matrix};
+pub use report::calibration::{
+    AccelerometerCalibration, Calibrations, EEPROM_BYTES, EepromError, IrCalibration, decode_accelerometer,
+    decode_ir, encode_accelerometer, encode_ir,
+};
+pub use report::motion_plus::{GyroCalibration, GyroRange, MotionPlus};
+pub use report::output::{DataMode, MemorySpace, Output, OutputError};
+pub use report::recording::{
+    MAX_LINE_BYTES, RecordingError, RecordingReader, TimedReport, bytes_of_hex, hex_of_bytes, recording_line,
+};
+pub use report::{
+    Acceleration, Acknowledge, Blob, BlobExtent, Buttons, DataReport, Extension, Half, InterleavedHalf,
+    Interleaver, IrFormat, Layout, MAX_REPORT_BYTES, Memory, Report, ReportError, SENSOR_HEIGHT,
+    SENSOR_WIDTH, Status,
+};
+pub use sensor::file::{CameraFileError, CameraFormat, YamlError, read_camera, write_camera};
+pub use sensor::{LensError, Pinhole, PinholeError, TYPICAL_FOCAL_PX, ThinLens};
+pub use simulate::{
+    HiddenLed, PointingHand, PressedButton, REPORT_HZ, ReportDelivery, Sensing, SensorPath, SimulatedReport,
+    Simulation, SurveyingHand,
+};
+pub use solve::bound::{QUANTISATION_VARIANCE, quantised_noise};
+#[cfg(feature = "ipopt")]
+pub use solve::ipopt::solve_with_ipopt;
+pub use solve::paper::{PaperSolution, level_start, solve_as_published};
+pub use solve::random::{Random, ViewRange, is_seen, random_sightings};
+pub use solve::{Gravity, MAX_SEEN, PoseView, Refined, Sighting, Solutions};
+pub use tracker::{
+    DroppedReports, FilterKind, Frame, Frames, MAX_PREDICTION_S, PoseRecord, SolverKind, TrackedSample,
+    Tracker, TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,
+};

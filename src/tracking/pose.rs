@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
-use relief_base::space::{Beacon as BeaconSpace, Sensor, Transform};
+use relief_base::{Beacon as BeaconSpace, Sensor, Transform};
 
 /// `sensor_from_beacon`: a point P of the beacon is at `rotation * P + translation` before the sensor, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,7 +140,7 @@ mod tests {
         let (angle, distance) = pose.inverse().inverse().distance(&pose);
         assert!(angle < 1e-7 && distance < 1e-9, "{angle} {distance}");
         let typed = pose.inverse().beacon_from_sensor();
-        let point = typed * relief_base::space::Point::new(1.0, 2.0, 3.0);
+        let point = typed * relief_base::Point::new(1.0, 2.0, 3.0);
         let expected = pose.rotation.inverse() * (Vector3::new(1.0, 2.0, 3.0) - pose.translation);
         assert!((Vector3::from(point.xyz.to_array()) - expected).norm() < 1e-9);
     }

@@ -24,7 +24,7 @@ pub const REPORT_HZ: f64 = 98.27;
 const GRAVITY_MM_S2: f64 = 9806.65;
 
 /// Where the sensor is at a time (seconds): `beacon_from_sensor`.
-pub trait Path {
+pub trait SensorPath {
     /// The pose at this time.
     fn at(&self, seconds: f64) -> SensorPose;
 }
@@ -59,7 +59,7 @@ impl Sensing {
 
 /// What happens to reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Delivery {
+pub struct ReportDelivery {
     /// Standard deviation of the time between reports, ms.
     pub jitter_ms: f64,
     /// Share of reports that are lost.
@@ -70,7 +70,7 @@ pub struct Delivery {
     pub swapped: f64,
 }
 
-impl Delivery {
+impl ReportDelivery {
     /// All arrive, at even intervals.
     pub const PERFECT: Self = Self { jitter_ms: 0.0, lost: 0.0, doubled: 0.0, swapped: 0.0 };
     /// As over the air: the measured spread of 4 Hz is 0.4 ms, and 1 % of each mishap.
@@ -79,7 +79,7 @@ impl Delivery {
 
 /// An LED that is hidden for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hidden {
+pub struct HiddenLed {
     /// Which LED.
     pub led: usize,
     /// From when to when, seconds.
@@ -88,7 +88,7 @@ pub struct Hidden {
 
 /// A button that is held for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pressed {
+pub struct PressedButton {
     /// Which, or several.
     pub buttons: Buttons,
     /// From when to when, seconds.
@@ -105,11 +105,11 @@ pub struct Simulation {
     /// Noise.
     pub sensing: Sensing,
     /// Mishaps.
-    pub delivery: Delivery,
+    pub delivery: ReportDelivery,
     /// LEDs that are hidden at times.
-    pub hidden: Vec<Hidden>,
+    pub hidden: Vec<HiddenLed>,
     /// Buttons that are held at times.
-    pub pressed: Vec<Pressed>,
+    pub pressed: Vec<PressedButton>,
     /// Whether a MotionPlus is plugged in.
     pub gyroscope: bool,
     /// Whether blobs come in full, each picture in two reports; without a MotionPlus' rates then.
@@ -120,7 +120,7 @@ pub struct Simulation {
 
 /// A report, when it arrives, and the truth when it was made.
 #[derive(Clone, Debug)]
-pub struct Simulated {
+pub struct SimulatedReport {
     /// Time stamp, ns.
     pub t_ns: u64,
     /// The report.
@@ -137,7 +137,7 @@ impl Simulation {
             camera: Pinhole::TYPICAL,
             beacon,
             sensing: Sensing::TYPICAL,
-            delivery: Delivery::PERFECT,
+            delivery: ReportDelivery::PERFECT,
             hidden: Vec::new(),
             pressed: Vec::new(),
             gyroscope: false,
@@ -147,10 +147,10 @@ impl Simulation {
     }
 
     /// The reports of `seconds` along a path, in the order in which they arrive.
-    pub fn record(&self, path: &impl Path, seconds: f64) -> Vec<Simulated> {
+    pub fn record(&self, path: &impl SensorPath, seconds: f64) -> Vec<SimulatedReport> {
         let mut random = Random::new(self.seed);
         let mut slots = Slots::default();
-        let mut reports: Vec<Simulated> = Vec::new();
+        let mut reports: Vec<SimulatedReport> = Vec::new();
         let mut at = 0.0;
         while at < seconds {
             let truth = path.at(at);
@@ -158,7 +158,7 @@ impl Simulation {
             let report = self.report(path, at, slots.place(&seen), &mut random);
             for report in if self.full { halves(report) } else { vec![report] } {
                 let t_ns = (at * 1e9) as u64 + 1_000_000_000;
-                self.deliver(Simulated { t_ns, report, truth }, &mut reports, &mut random);
+                self.deliver(SimulatedReport { t_ns, report, truth }, &mut reports, &mut random);
                 let period = 1.0 / REPORT_HZ + self.delivery.jitter_ms * 1e-3 * random.normal();
                 at += period.max(1e-3);
             }
@@ -167,13 +167,13 @@ impl Simulation {
     }
 
     /// Lets a report arrive, if it does.
-    fn deliver(&self, made: Simulated, reports: &mut Vec<Simulated>, random: &mut Random) {
+    fn deliver(&self, made: SimulatedReport, reports: &mut Vec<SimulatedReport>, random: &mut Random) {
         let mishap = |share: f64, random: &mut Random| random.between(0.0, 1.0) < share;
         if mishap(self.delivery.lost, random) {
             return;
         }
         let again = mishap(self.delivery.doubled, random)
-            .then(|| Simulated { t_ns: made.t_ns + 300_000, ..made.clone() });
+            .then(|| SimulatedReport { t_ns: made.t_ns + 300_000, ..made.clone() });
         reports.push(made);
         reports.extend(again);
         let last = reports.len() - 1;
@@ -187,7 +187,7 @@ impl Simulation {
         let pose = truth.inverse();
         let mut seen: Vec<(usize, Vector2<f64>, f64)> = Vec::new();
         for (led, position) in self.beacon.leds().iter().enumerate() {
-            let is_hidden = |h: &Hidden| h.led == led && (h.seconds[0]..h.seconds[1]).contains(&at);
+            let is_hidden = |h: &HiddenLed| h.led == led && (h.seconds[0]..h.seconds[1]).contains(&at);
             let point = pose.place(position);
             // Noise is drawn for every LED, so that hiding one leaves the others as they were.
             let noise = Vector2::new(random.normal(), random.normal()) * self.sensing.noise_px;
@@ -225,7 +225,13 @@ impl Simulation {
         inside.then(|| Blob { size, ..Blob::at(x as u16, y as u16) })
     }
 
-    fn report(&self, path: &impl Path, at: f64, blobs: [Option<Blob>; 4], random: &mut Random) -> Report {
+    fn report(
+        &self,
+        path: &impl SensorPath,
+        at: f64,
+        blobs: [Option<Blob>; 4],
+        random: &mut Random,
+    ) -> Report {
         let pose = path.at(at);
         let to_sensor = pose.orientation.inverse();
         const STEP: f64 = 2e-3;
@@ -296,13 +302,13 @@ impl Slots {
 
 /// A hand that points at the beacon: slow sways of position, aim and roll, none of which repeat together.
 #[derive(Clone, Debug)]
-pub struct Hand {
+pub struct PointingHand {
     centre: Vector3<f64>,
     target: Vector3<f64>,
     phases: [f64; 9],
 }
 
-impl Hand {
+impl PointingHand {
     /// About `distance_mm` before the beacon.
     #[must_use]
     pub fn before(beacon: &Beacon, distance_mm: f64, seed: u64) -> Self {
@@ -313,7 +319,7 @@ impl Hand {
     }
 }
 
-impl Path for Hand {
+impl SensorPath for PointingHand {
     fn at(&self, seconds: f64) -> SensorPose {
         let wave = |at: usize, hertz: f64| (std::f64::consts::TAU * hertz * seconds + self.phases[at]).sin();
         let sway = Vector3::new(wave(0, 0.31) * 200.0, wave(1, 0.23) * 120.0, wave(2, 0.17) * 200.0)
@@ -327,12 +333,12 @@ impl Path for Hand {
 
 /// A hand that surveys: around the beacon, near and far, so that it comes everywhere in the picture. For calibrations.
 #[derive(Clone, Debug)]
-pub struct Survey {
+pub struct SurveyingHand {
     target: Vector3<f64>,
     phases: [f64; 6],
 }
 
-impl Survey {
+impl SurveyingHand {
     /// Around this beacon.
     #[must_use]
     pub fn around(beacon: &Beacon, seed: u64) -> Self {
@@ -342,7 +348,7 @@ impl Survey {
     }
 }
 
-impl Path for Survey {
+impl SensorPath for SurveyingHand {
     fn at(&self, seconds: f64) -> SensorPose {
         let wave = |at: usize, hertz: f64| (std::f64::consts::TAU * hertz * seconds + self.phases[at]).sin();
         let (yaw, pitch) = (wave(0, 0.061) * 0.7, wave(1, 0.083) * 0.5);

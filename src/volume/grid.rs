@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use relief_base::space::{Patient, Point, Transform, Voxel};
+use relief_base::{Patient, Point, Transform, Voxel};
 
 /// Dimensions of a volume and where its voxel centres lie in patient space.
 #[derive(Clone, Debug, PartialEq)]

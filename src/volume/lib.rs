@@ -7,12 +7,12 @@
 //! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z.
 
 mod bricks;
-pub mod camera;
+mod camera;
 mod grid;
 mod labels;
 mod mask;
-pub mod phantom;
-pub mod transfer;
+mod phantom;
+mod transfer;
 
 use std::sync::{Arc, OnceLock};
 
@@ -22,6 +22,21 @@ pub use bricks::{BrickRanges, DistanceMap};
 pub use grid::{Bounds, Grid, GridError};
 pub use labels::{BrickLabels, LabelCountError, LabelMap, Layers, LayersError, Places, Segment};
 pub use mask::Mask;
+
+pub use camera::{
+    Camera, CameraError, CameraFile, EdgeLabels, NamedPlane, Orbit, OrbitError, PlaneView, Projection,
+    ProjectionFile, head_up, orientation_label,
+};
+pub use phantom::{
+    Material, Phantom, PhantomKind, PhantomLandmark, PhantomRecipe, PhantomSizeError, PhantomTruth, Surface,
+    SurfaceShape, TRUTH_SCHEMA, UnknownPhantom,
+};
+pub use transfer::{
+    ControlPoint, GradientOpacity, GradientTable, ImportedLight, ImportedTransfer, IntegralTable,
+    MAX_IMPORT_BYTES, MediumTable, PRESETS, Preset, PresetGroup, PresetMode, TransferError, TransferFunction,
+    TransferImportChoice, TransferImportError, TransferTable, Window, WindowMap, import_transfer,
+    linear_from_srgb, preset,
+};
 
 /// A CT volume in HU. Cheap to clone: the voxels are shared.
 #[derive(Clone)]
@@ -211,7 +226,7 @@ mod tests {
         // The block at the origin holds 0 1 5 6 15 16 20 21; the one at the far corner 14 29.
         assert_eq!(small.hu([0, 0, 0]), 11);
         assert_eq!(small.hu([2, 1, 0]), 22);
-        let centre = small.grid().patient_from_voxel() * relief_base::space::Point::new(0.0, 0.0, 0.0);
+        let centre = small.grid().patient_from_voxel() * relief_base::Point::new(0.0, 0.0, 0.0);
         assert_eq!(centre.xyz, glam::DVec3::new(0.5, 0.5, 1.0));
     }
 }

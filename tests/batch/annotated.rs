@@ -1,12 +1,11 @@
 //! Views of landmarks and pictures with annotations: seen along true normals, drawn as `relief render` draws them, and known by
 //! their content.
 
-use relief_annotation::mesh::TriangleMesh;
-use relief_annotation::mesh::files::{MeshFormat, write};
 use relief_annotation::{
-    CameraRecord, Change, Edit, FrameOfReference, Geometry, Item, MeshSummary, Method, Placement, Set,
+    CameraRecord, Change, Edit, FrameOfReference, Geometry, Item, MeshFormat, MeshSummary, Method, Placement,
+    Set, TriangleMesh, write_mesh,
 };
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_store::Store;
 
 use super::*;
@@ -266,7 +265,7 @@ fn labels_are_the_nearest_structure_in_each_pixel() {
         let corners = [[from, -30.0], [to, -30.0], [to, 30.0], [from, 30.0]];
         let vertices = corners.map(|[x, z]| Point::new(x, y, z)).to_vec();
         let mesh = TriangleMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] };
-        let file = write(MeshFormat::Ply, &mesh, name).unwrap();
+        let file = write_mesh(MeshFormat::Ply, &mesh, name).unwrap();
         let content = runtime.block_on(async {
             let store = Store::open(&archive.text("ann.db")).await.unwrap();
             let content = store.put_content("model/ply", &file).await.unwrap();

@@ -8,15 +8,13 @@
 #![expect(clippy::unwrap_used, reason = "volumes are made here: what fails is the benchmark")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a benchmark says what it found")]
 
-use relief_annotation::segmentation::grow;
+use relief_annotation::grow_region;
 use std::path::Path;
 use std::time::Instant;
 
-use relief_annotation::mesh::{Decimation, Smoothing, surface_nets};
-use relief_annotation::segmentation::{Grow, Limits};
-use relief_base::space::Point;
-use relief_volume::phantom::{Kind, Recipe};
-use relief_volume::{Grid, Places, Segment, Volume};
+use relief_annotation::{Decimation, Smoothing, surface_nets, Grow, GrowLimits};
+use relief_base::Point;
+use relief_volume::{PhantomKind, PhantomRecipe, Grid, Places, Segment, Volume};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
@@ -59,7 +57,7 @@ fn main() {
 
 /// Bone of the head phantom.
 fn head(size: usize) -> Input {
-    let volume = Recipe::new(Kind::Head).with_size(size).unwrap().make().volume;
+    let volume = PhantomRecipe::new(PhantomKind::Head).with_size(size).unwrap().make().volume;
     let hu = [300, 3000];
     // The first bone from the middle upwards is the top of the skull.
     let [nx, ny, nz] = volume.grid().dims();
@@ -113,8 +111,8 @@ fn timed<T>(what: &str, repeat: usize, run: impl Fn() -> T) -> (f64, T) {
 fn measure(Input { name, volume, seed, hu }: &Input, repeat: usize) -> serde_json::Value {
     let seeds =
         vec![volume.grid().patient_from_voxel() * Point::new(seed[0] as f64, seed[1] as f64, seed[2] as f64)];
-    let what = Grow { seeds, hu: *hu, limits: Limits::default() };
-    let (grow_s, grown) = timed("grow", repeat, || grow(volume, &what, &|_| true).unwrap());
+    let what = Grow { seeds, hu: *hu, limits: GrowLimits::default() };
+    let (grow_s, grown) = timed("grow", repeat, || grow_region(volume, &what, &|_| true).unwrap());
     let (nets_s, mesh) = timed("surface", repeat, || surface_nets(&grown.mask).unwrap());
     let (smooth_s, smooth) = timed("smooth", 1, || mesh.smoothed(Smoothing::default()).unwrap());
     let (measure_s, measures) = timed("measure", 1, || smooth.measures());

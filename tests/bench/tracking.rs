@@ -10,17 +10,7 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
-use relief_tracking::Beacon;
-use relief_tracking::correspondence::{Earlier, Hints, identify};
-use relief_tracking::filter::{ErrorStateFilter, Motion};
-use relief_tracking::pose::Pose;
-use relief_tracking::report::Report;
-use relief_tracking::sensor::Pinhole;
-use relief_tracking::simulate::{Hand, Simulated, Simulation};
-use relief_tracking::solve::bound::quantised_noise;
-use relief_tracking::solve::random::{Random, ViewRange, sightings};
-use relief_tracking::solve::{Sighting, View};
-use relief_tracking::tracker::{FilterKind, Options, Tracker};
+use relief_tracking::{Beacon, EarlierPose, IdentifyHints, identify_blobs, ErrorStateFilter, MotionDensity, Pose, Report, Pinhole, PointingHand, SimulatedReport, Simulation, quantised_noise, Random, ViewRange, random_sightings, Sighting, PoseView, FilterKind, TrackerOptions, Tracker};
 
 const VIEWS: usize = 256;
 const CAMERA: Pinhole = Pinhole::TYPICAL;
@@ -30,13 +20,13 @@ fn views(beacon: &Beacon) -> Vec<(Pose, Vec<Sighting>)> {
     let mut random = Random::new(1);
     let mut view = || {
         let truth = random.view(beacon, &CAMERA, &ViewRange::USUAL);
-        (truth, sightings(beacon, &CAMERA, &truth, 0.5, &mut random))
+        (truth, random_sightings(beacon, &CAMERA, &truth, 0.5, &mut random))
     };
     (0..VIEWS).map(|_| view()).collect()
 }
 
-fn view_of(sightings: &[Sighting]) -> View<'_> {
-    View { camera: &CAMERA, sightings, noise_px: quantised_noise(0.5), gravity: None }
+fn view_of(sightings: &[Sighting]) -> PoseView<'_> {
+    PoseView { camera: &CAMERA, sightings, noise_px: quantised_noise(0.5), gravity: None }
 }
 
 fn solvers(criterion: &mut Criterion) {
@@ -53,14 +43,14 @@ fn solvers(criterion: &mut Criterion) {
             view_of(seen).refine(truth).unwrap().cost
         });
     });
-    let level = relief_tracking::solve::paper::level_start(1500.0);
+    let level = relief_tracking::level_start(1500.0);
     group.bench_function("the 2009 way from a level start", |b| {
-        b.iter(|| relief_tracking::solve::paper::solve(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
+        b.iter(|| relief_tracking::solve_as_published(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
     });
     #[cfg(feature = "ipopt")]
     group.bench_function("the 2009 way by IPOPT", |b| {
 
-        b.iter(|| relief_tracking::solve::ipopt::solve(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
+        b.iter(|| relief_tracking::solve_with_ipopt(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
     });
     group.finish();
 }
@@ -76,13 +66,13 @@ fn correspondence(criterion: &mut Criterion) {
     let mut next = || at.next().unwrap();
     let noise_px = quantised_noise(0.5);
     group.bench_function("four blobs, nothing known", |b| {
-        b.iter(|| identify(&CAMERA, &beacon, &black_box(next()).1, noise_px, &Hints::default()));
+        b.iter(|| identify_blobs(&CAMERA, &beacon, &black_box(next()).1, noise_px, &IdentifyHints::default()));
     });
     group.bench_function("four blobs, an earlier pose", |b| {
         b.iter(|| {
             let (pose, blobs) = black_box(next());
-            let earlier = Earlier { pose: *pose, sigma_angle: 0.03, sigma_mm: 60.0, reach_px: 150.0 };
-            identify(&CAMERA, &beacon, blobs, noise_px, &Hints { gravity: None, earlier: Some(earlier) })
+            let earlier = EarlierPose { pose: *pose, sigma_angle: 0.03, sigma_mm: 60.0, reach_px: 150.0 };
+            identify_blobs(&CAMERA, &beacon, blobs, noise_px, &IdentifyHints { gravity: None, earlier: Some(earlier) })
         });
     });
     group.finish();
@@ -95,7 +85,7 @@ fn filter(criterion: &mut Criterion) {
         let begin = || {
             let (truth, seen) = at.next().unwrap();
             let bound = view_of(seen).bound(truth).unwrap();
-            (ErrorStateFilter::new(truth, &bound, Motion::HAND), seen)
+            (ErrorStateFilter::new(truth, &bound, MotionDensity::HAND), seen)
         };
         let step = |(mut filter, seen): (ErrorStateFilter, &Vec<Sighting>)| {
             filter.predict(0.01);
@@ -108,7 +98,7 @@ fn filter(criterion: &mut Criterion) {
 
 fn reports(criterion: &mut Criterion) {
     let simulation = Simulation { gyroscope: true, ..Simulation::new(Beacon::recommended(), 1) };
-    let made = simulation.record(&Hand::before(&simulation.beacon, 1300.0, 1), 10.0);
+    let made = simulation.record(&PointingHand::before(&simulation.beacon, 1300.0, 1), 10.0);
     let bytes: Vec<_> = made.iter().map(|made| made.report.encode()).collect();
     let mut at = bytes.iter().cycle();
     criterion.bench_function("report/decode", |b| {
@@ -118,14 +108,14 @@ fn reports(criterion: &mut Criterion) {
     for (name, filter) in
         [("error-state", FilterKind::ErrorState), ("pose", FilterKind::Pose), ("none", FilterKind::None)]
     {
-        let options = Options { filter, use_gyroscope: true, ..Options::default() };
+        let options = TrackerOptions { filter, use_gyroscope: true, ..Options::default() };
         let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), options);
         // Time goes on when the recording begins anew.
         let period_ns = made.last().unwrap().t_ns;
         let (mut rounds, mut index) = (0, 0);
         group.bench_function(name, |b| {
             b.iter(|| {
-                let Simulated { t_ns, report, .. } = black_box(&made[index]);
+                let SimulatedReport { t_ns, report, .. } = black_box(&made[index]);
                 let sample = tracker.push(t_ns + rounds * period_ns, report);
                 index += 1;
                 if index == made.len() {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use relief_annotation::{Change, Edit, Geometry, Item};
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_store::Store;
 use serde_json::Value;
 

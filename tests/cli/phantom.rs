@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use relief_volume::phantom::{Phantom, Truth};
+use relief_volume::{Phantom, PhantomTruth};
 
 fn relief(arguments: &[&str], out: &Path) -> std::process::Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
@@ -22,7 +22,8 @@ fn the_command_writes_a_series_with_its_truth_and_keeps_what_is_there() {
     let made = relief(&["--kind", "axes", "--size", "24", "--json"], &out);
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let report: serde_json::Value = serde_json::from_slice(&made.stdout).unwrap();
-    let truth: Truth = serde_json::from_slice(&std::fs::read(out.join("truth.json")).unwrap()).unwrap();
+    let truth: PhantomTruth =
+        serde_json::from_slice(&std::fs::read(out.join("truth.json")).unwrap()).unwrap();
     assert_eq!(truth, Phantom::axes(24).unwrap().truth);
     assert_eq!(report["stack_sha256"], truth.stack_sha256.as_str());
     assert_eq!((&report["slices"], std::fs::read_dir(&out).unwrap().count()), (&24.into(), 25));
@@ -45,7 +46,8 @@ fn a_head_comes_with_its_organs_and_landmarks_and_can_be_replaced() {
     let parent = tempfile::tempdir().unwrap();
     let out = parent.path().join("head");
     assert!(relief(&["--size", "32"], &out).status.success());
-    let truth: Truth = serde_json::from_slice(&std::fs::read(out.join("truth.json")).unwrap()).unwrap();
+    let truth: PhantomTruth =
+        serde_json::from_slice(&std::fs::read(out.join("truth.json")).unwrap()).unwrap();
     let database = parent.path().join("head.db");
     let annotate = |arguments: &[&std::ffi::OsStr]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));

@@ -9,9 +9,9 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_display::{DisplaySettings, Layout, Picture, decode_wiggle, encode_png, read_png};
-use relief_render::gpu::{AdapterChoice, Gpu};
+use relief_render::{AdapterChoice, Gpu};
 use serde_json::{Value, json};
 
 fn relief(arguments: &[&str]) -> Output {

@@ -81,14 +81,12 @@ pub(crate) fn check_cursor(serving: &Serving, view: &str, cursor: &[f64]) {
     assert!(header.lossless() && header.full_size());
     let ReceivedDepth::Scaled16(z16) = &frame.depth else { panic!("no 16-bit depth") };
     let camera = header.camera().unwrap();
-    let at = relief_base::space::Point::new(cursor[0], cursor[1], cursor[2]);
+    let at = relief_base::Point::new(cursor[0], cursor[1], cursor[2]);
     let seen = (camera.view_from_patient() * at).xyz;
     let [width, height] = header.size_px.map(f64::from);
     let half_height = match camera.projection() {
-        relief_volume::camera::Projection::Perspective { vertical_fov } => {
-            (vertical_fov / 2.0).tan() * -seen.z
-        }
-        relief_volume::camera::Projection::Orthographic { height_mm } => height_mm / 2.0,
+        relief_volume::Projection::Perspective { vertical_fov } => (vertical_fov / 2.0).tan() * -seen.z,
+        relief_volume::Projection::Orthographic { height_mm } => height_mm / 2.0,
     };
     let mm_per_px = 2.0 * half_height / height;
     let (u, v) = (width / 2.0 + seen.x / mm_per_px, height / 2.0 - seen.y / mm_per_px);

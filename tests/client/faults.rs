@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use futures_util::SinkExt;
 use proptest::prelude::*;
-use relief_client::journal::{Entry, Journal};
-use relief_client::{ClientError, Composer, Event, LinkState, MAX_FRAME_BYTES, Received};
+use relief_client::{
+    ClientError, Composer, Event, Journal, JournalEntry, LinkState, MAX_FRAME_BYTES, Received,
+};
 use relief_display::{DisplayProfile, ProfileName};
 use relief_live::{FrameHeader, HEADER_BYTES};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -218,7 +219,7 @@ proptest! {
         if let Ok(journal) = Journal::open(text.as_bytes()) {
             for entry in journal.take(1000) {
                 let Ok(entry) = entry else { break };
-                prop_assert!(matches!(entry, Entry::Other | Entry::Sent(..) | Entry::Still(_)));
+                prop_assert!(matches!(entry, JournalEntry::Other | JournalEntry::Sent(..) | JournalEntry::Still(_)));
             }
         }
     }

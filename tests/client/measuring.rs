@@ -5,8 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use futures_util::SinkExt;
-use relief_client::Composer;
-use relief_client::measure::{Plan, Report, measure};
+use relief_client::{Composer, MeasurePlan, MeasureReport, measure};
 use relief_display::{DisplayProfile, DisplaySettings, ProfileName};
 use relief_live::{ClientMessage, FrameHeader};
 use tokio_tungstenite::tungstenite::Message;
@@ -54,7 +53,12 @@ async fn serve(mut socket: Socket, alter: Alter, still_after: Duration) {
     }
 }
 
-async fn measured(alter: Alter, clients: usize, stalled: usize, view: Option<&str>) -> (Report, usize) {
+async fn measured(
+    alter: Alter,
+    clients: usize,
+    stalled: usize,
+    view: Option<&str>,
+) -> (MeasureReport, usize) {
     let (listener, address) = listen(None).await;
     let watchers = Arc::new(AtomicUsize::new(0));
     let counted = Arc::clone(&watchers);
@@ -69,7 +73,8 @@ async fn measured(alter: Alter, clients: usize, stalled: usize, view: Option<&st
     options.hello.view = view.map(str::to_owned);
     let asked = DisplaySettings::default().header();
     let composer = Composer::new(DisplayProfile::named(ProfileName::Philips42), Some(asked));
-    let plan = Plan { options, seconds: 1.5, pose_hz: 60.0, clients, stalled, check_every: 1, composer };
+    let plan =
+        MeasurePlan { options, seconds: 1.5, pose_hz: 60.0, clients, stalled, check_every: 1, composer };
     let (report, last) = measure(&plan).await.unwrap();
     assert!(last.is_some());
     (report, watchers.load(Ordering::SeqCst))

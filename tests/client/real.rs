@@ -8,11 +8,8 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use relief_render::gpu::{AdapterChoice, Gpu};
-use relief_tracking::Beacon;
-use relief_tracking::pose::SensorPose;
-use relief_tracking::report::recording::recording_line;
-use relief_tracking::simulate::{Path as HandPath, Simulation};
+use relief_render::{AdapterChoice, Gpu};
+use relief_tracking::{Beacon, SensorPath as HandPath, SensorPose, Simulation, recording_line};
 use serde_json::Value;
 
 pub(crate) const RELIEF: &str = env!("CARGO_BIN_EXE_relief");

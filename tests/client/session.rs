@@ -5,8 +5,7 @@ use std::time::{Duration, Instant};
 use futures_util::SinkExt;
 use relief_client::{Composer, Event, LinkState};
 use relief_display::{DisplayProfile, DisplaySettings, Header, Layout, ProfileName};
-use relief_live::interaction::Intent;
-use relief_live::{ClientMessage, FrameHeader};
+use relief_live::{ClientMessage, FrameHeader, Intent};
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::stand_in::{

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use relief_render::gpu::{AdapterChoice, Gpu};
+use relief_render::{AdapterChoice, Gpu};
 
 /// The software adapter, or `None` after saying aloud that `what` was not tested.
 ///

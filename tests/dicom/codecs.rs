@@ -8,7 +8,7 @@ use crate::common;
 use std::path::Path;
 
 use common::{facts, numbers, shared_data};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 use relief_dicom::{Error, Loaded, Strictness};
 use relief_volume::Volume;
 use serde_json::Value;

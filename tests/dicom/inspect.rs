@@ -1,8 +1,7 @@
 //! `relief inspect` as programs use it: JSON, exit status, messages.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use crate::common;
-use crate::made;
+use crate::{common, made};
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -10,7 +10,7 @@ use dicom_core::value::{PixelFragmentSequence, PrimitiveValue};
 use dicom_core::{DataElement, Tag, VR};
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::{DefaultDicomObject, open_file};
-use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels, slice_file_name};
+use relief_dicom::{ExistingFolder, SeriesFolder, SeriesLabels, slice_file_name};
 use relief_volume::{Grid, Volume};
 
 /// Columns and rows of [`slice()`].
@@ -89,7 +89,7 @@ fn written() -> Vec<u8> {
     };
     let parent = tempfile::tempdir().unwrap();
     let place = parent.path().join("series");
-    let folder = SeriesFolder::create(&place, Existing::Keep).unwrap();
+    let folder = SeriesFolder::create(&place, ExistingFolder::Keep).unwrap();
     folder.write_slices(&volume, &labels, &|_| {}).unwrap();
     folder.finish().unwrap();
     read_slice(&place)

@@ -120,7 +120,7 @@ fn enhanced_ct_is_placed_by_its_functional_groups() {
     assert_eq!((x, y, z), (-glam::DVec3::X, glam::DVec3::Y, -glam::DVec3::Z)); // rows run to the right
     for frame in expected.as_array().unwrap() {
         let [px, py, pz] = numbers(&frame["ipp"])[..] else { panic!("{frame}") };
-        let index = (grid.voxel_from_patient() * relief_base::space::Point::new(px, py, pz)).xyz;
+        let index = (grid.voxel_from_patient() * relief_base::Point::new(px, py, pz)).xyz;
         assert!(index.distance(index.round()) < 1e-6 && index.x.abs() + index.y.abs() < 1e-6, "{index}");
         let slice = &loaded.volume.voxels_hu()[index.z.round() as usize * 512 * 512..][..512 * 512];
         let [low, high, mean] = numbers(&frame["hu_min_max_mean"])[..] else { panic!("{frame}") };

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use common::{facts, numbers, shared_data, unpacked};
 use glam::DVec3;
-use relief_base::space::{Point, Voxel};
+use relief_base::{Point, Voxel};
 use relief_dicom::{Loaded, Strictness, WarningCode};
 use serde_json::Value;
 

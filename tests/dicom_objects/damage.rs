@@ -1,6 +1,6 @@
 //! Damaged objects end in a result: never in a panic, an endless loop, or memory that a file only claims.
 
-use relief_dicom::report::ReadOptions;
+use relief_dicom::ReportReadOptions;
 
 use relief_dicom::{LoadLimits, SegmentationOptions, read_segmentation, write_segmentation};
 
@@ -9,7 +9,7 @@ use super::{made, reports, segmentations};
 type Reader = fn(&[u8]) -> bool;
 
 fn read_report(bytes: &[u8]) -> bool {
-    relief_dicom::report::read(bytes, &ReadOptions { author: "x", series: None }).is_ok()
+    relief_dicom::read_report(bytes, &ReportReadOptions { author: "x", series: None }).is_ok()
 }
 
 fn read_map(bytes: &[u8]) -> bool {
@@ -17,7 +17,7 @@ fn read_map(bytes: &[u8]) -> bool {
 }
 
 fn read_structures(bytes: &[u8]) -> bool {
-    relief_dicom::structure_set::read(bytes).is_ok()
+    relief_dicom::read_structure_set(bytes).is_ok()
 }
 
 /// A report, a segmentation and a structure set, each with its reader.
@@ -102,19 +102,19 @@ fn nesting_and_claims_are_bounded() {
         .repeat(100_000);
     let start = [0x08, 0, 0x60, 0, 2, 0, 0, 0, b'S', b'R'];
     let bytes = [&start[..], &deep].concat();
-    let options = ReadOptions { author: "x", series: None };
-    let refused = relief_dicom::report::read(&bytes, &options).unwrap_err().to_string();
+    let options = ReportReadOptions { author: "x", series: None };
+    let refused = relief_dicom::read_report(&bytes, &options).unwrap_err().to_string();
     assert!(
         refused.contains("nest deeper than 32 levels") && refused.starts_with("(0040,A730)[1]/"),
         "{refused}"
     );
     // Four gigabytes of coordinates that are not there.
     let claim = [&start[..], &[0x70, 0, 0x22, 0, 0xFE, 0xFF, 0xFF, 0xFF, 1, 2]].concat();
-    let refused = relief_dicom::report::read(&claim, &options).unwrap_err().to_string();
+    let refused = relief_dicom::read_report(&claim, &options).unwrap_err().to_string();
     assert!(refused.contains("(0070,0022): found 4294967294 bytes, expected at most"), "{refused}");
     let long = vec![0; (1 << 26) + 1];
     assert!(
-        relief_dicom::report::read(&long, &options)
+        relief_dicom::read_report(&long, &options)
             .unwrap_err()
             .to_string()
             .contains("allowed: at most 67108864")

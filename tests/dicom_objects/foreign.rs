@@ -1,8 +1,7 @@
 //! Reports that others wrote: highdicom's, also of coordinates in pixels, and dcmqi's.
 
 use relief_annotation::Geometry;
-use relief_dicom::report::ReadOptions;
-use relief_dicom::{SeriesReference, Strictness};
+use relief_dicom::{ReportReadOptions, SeriesReference, Strictness};
 use serde_json::Value;
 
 use super::common::{numbers, unpacked};
@@ -45,8 +44,8 @@ fn reports_of_highdicom_are_read() {
     if python("reports written by highdicom", HIGHDICOM, &arguments).is_none() {
         return;
     }
-    let options = ReadOptions { author: "importer", series: None };
-    let found = relief_dicom::report::read(&std::fs::read(&file).unwrap(), &options).unwrap();
+    let options = ReportReadOptions { author: "importer", series: None };
+    let found = relief_dicom::read_report(&std::fs::read(&file).unwrap(), &options).unwrap();
     let [apex, rim, oval] = &found.items[..] else { panic!("{:?}", found.items) };
     assert_eq!(apex.point().unwrap().xyz.to_array(), [-31.5, 20.25, -203.0]);
     assert_eq!((apex.name.as_str(), apex.author.as_str(), apex.id.number()), ("apex", "Doe^Jane", 1001));
@@ -82,7 +81,8 @@ fn a_circle_in_pixels_has_its_place_once_the_series_is_given() {
     let folder = interop.join("dicom/highdicom");
     let file = folder.join("sr_document.dcm");
     let bytes = std::fs::read(&file).unwrap();
-    let without = relief_dicom::report::read(&bytes, &ReadOptions { author: "x", series: None }).unwrap();
+    let without =
+        relief_dicom::read_report(&bytes, &ReportReadOptions { author: "x", series: None }).unwrap();
     assert!(without.items.is_empty());
     assert!(
         without.warnings.iter().any(|warning| warning.contains("give the series")),
@@ -93,7 +93,7 @@ fn a_circle_in_pixels_has_its_place_once_the_series_is_given() {
     let found = relief_dicom::discover(&image, Strictness::Lenient, &|_| ()).unwrap();
     let series = SeriesReference::of(found.select(None).unwrap()).unwrap();
     let with =
-        relief_dicom::report::read(&bytes, &ReadOptions { author: "x", series: Some(&series) }).unwrap();
+        relief_dicom::read_report(&bytes, &ReportReadOptions { author: "x", series: Some(&series) }).unwrap();
     let item = with.items.first().unwrap_or_else(|| panic!("{:?}", with.warnings));
     assert_eq!(item.name, "Planar ROI Measurements");
     assert_eq!(item.concept.as_ref().unwrap().code, "T-A7010");
@@ -110,12 +110,12 @@ fn a_circle_in_pixels_has_its_place_once_the_series_is_given() {
 fn a_report_without_coordinates_says_so() {
     let Some(interop) = unpacked("a report of dcmqi", "interop") else { return };
     let bytes = std::fs::read(interop.join("dicom/dcmqi/sr_tid1500.dcm")).unwrap();
-    let found = relief_dicom::report::read(&bytes, &ReadOptions { author: "x", series: None }).unwrap();
+    let found = relief_dicom::read_report(&bytes, &ReportReadOptions { author: "x", series: None }).unwrap();
     assert!(found.items.is_empty());
     assert_eq!(found.warnings.len(), 1, "{:?}", found.warnings);
     assert!(found.warnings[0].contains("without coordinates"), "{:?}", found.warnings);
     let image = std::fs::read(interop.join("dicom/highdicom/ct_image.dcm")).unwrap();
-    let refused = relief_dicom::report::read(&image, &ReadOptions { author: "x", series: None })
+    let refused = relief_dicom::read_report(&image, &ReportReadOptions { author: "x", series: None })
         .unwrap_err()
         .to_string();
     assert!(refused.starts_with("ValueType (0040,A040): found \"\", expected CONTAINER"), "{refused}");

@@ -2,9 +2,8 @@
 
 use glam::{DMat3, DVec3};
 use relief_annotation::{Concept, FrameOfReference, Geometry, Item, ItemId};
-use relief_base::space::{Patient, Point, Transform};
-use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels};
-use relief_dicom::{SeriesReference, Strictness};
+use relief_base::{Patient, Point, Transform};
+use relief_dicom::{ExistingFolder, SeriesFolder, SeriesLabels, SeriesReference, Strictness};
 use relief_volume::{Grid, Volume};
 
 /// A series in a folder of its own, and what other objects say of it.
@@ -37,7 +36,7 @@ pub(crate) fn series() -> Made {
         window_hu: (40, 400),
     };
     let place = folder.path().join("ct");
-    let series = SeriesFolder::create(&place, Existing::Keep).unwrap();
+    let series = SeriesFolder::create(&place, ExistingFolder::Keep).unwrap();
     series.write_slices(&volume, &labels, &|_| ()).unwrap();
     series.finish().unwrap();
     let found = relief_dicom::discover(&place, Strictness::Strict, &|_| ()).unwrap();

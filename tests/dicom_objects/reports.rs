@@ -1,20 +1,23 @@
 //! Reports that Relief writes, read by Relief: what is in them, what is told of what is not, and that nobody is named.
 
 use relief_annotation::{FrameOfReference, Geometry, Item, State};
-use relief_dicom::report::{ReadOptions, ReportError, WriteOptions, Written};
+use relief_dicom::{ReportError, ReportReadOptions, ReportWriteOptions, WrittenReport};
 
 use super::made::{self, at, item};
 
-pub(crate) fn options() -> WriteOptions {
-    WriteOptions { description: "Landmarks".to_owned(), made: "2026-02-01T08:09:10.111Z".parse().unwrap() }
+pub(crate) fn options() -> ReportWriteOptions {
+    ReportWriteOptions {
+        description: "Landmarks".to_owned(),
+        made: "2026-02-01T08:09:10.111Z".parse().unwrap(),
+    }
 }
 
-pub(crate) fn written(items: &[Item], made: &made::Made) -> Written {
-    relief_dicom::report::write(items, &made.reference, &options()).unwrap()
+pub(crate) fn written(items: &[Item], made: &made::Made) -> WrittenReport {
+    relief_dicom::write_report(items, &made.reference, &options()).unwrap()
 }
 
-pub(crate) fn read(bytes: &[u8]) -> relief_dicom::report::ReadReport {
-    relief_dicom::report::read(bytes, &ReadOptions { author: "importer", series: None }).unwrap()
+pub(crate) fn read(bytes: &[u8]) -> relief_dicom::ReadReport {
+    relief_dicom::read_report(bytes, &ReportReadOptions { author: "importer", series: None }).unwrap()
 }
 
 /// The largest distance between points of two geometries of one kind, mm.
@@ -100,7 +103,7 @@ fn what_a_report_cannot_hold_is_told() {
     assert!(told[1].0 == "missing" && told[1].1.contains("skipped"), "{told:?}");
     assert!(told[2].0 == "elsewhere" && told[2].1.contains("frame of reference"), "{told:?}");
     assert_eq!(made_report.notes.len(), 4, "{:?}", made_report.notes);
-    let nothing = relief_dicom::report::write(&items[1..], &made.reference, &options());
+    let nothing = relief_dicom::write_report(&items[1..], &made.reference, &options());
     let Err(ReportError::Nothing(left)) = nothing else { panic!("{nothing:?}") };
     assert_eq!(left.len(), 3);
 }
@@ -127,8 +130,10 @@ fn a_report_names_the_patient_and_nothing_else_does() {
         assert!(!shown.contains(secret), "{secret} is shown");
     }
     // A cut: the element is named by its path, and nothing of its content.
-    let cut =
-        relief_dicom::report::read(&bytes[..bytes.len() - 2000], &ReadOptions { author: "x", series: None });
+    let cut = relief_dicom::read_report(
+        &bytes[..bytes.len() - 2000],
+        &ReportReadOptions { author: "x", series: None },
+    );
     let message = cut.unwrap_err().to_string();
     assert!(message.starts_with("(0040,A730)[") && message.contains("expected"), "{message}");
     assert!(!message.contains("ring") && !message.contains("2.25."), "{message}");

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use relief_annotation::Concept;
-use relief_base::space::Transform;
+use relief_base::Transform;
 use relief_dicom::{
     LoadLimits, SegmentMeaning, SegmentationError, SegmentationOptions, read_segmentation, write_segmentation,
 };

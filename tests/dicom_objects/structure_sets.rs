@@ -1,9 +1,7 @@
 //! RT structure sets of two planning systems, contour by contour as pydicom has them.
 
-use relief_annotation::Geometry;
-use relief_annotation::segmentation::Contour;
-use relief_annotation::segmentation::fill;
-use relief_dicom::structure_set::ContourShape;
+use relief_annotation::{Contour, Geometry, fill_contours};
+use relief_dicom::ContourShape;
 use relief_volume::Mask;
 use serde_json::Value;
 
@@ -30,7 +28,7 @@ fn contours_are_those_that_pydicom_reads() {
     ] {
         let Some(folder) = unpacked("an RT structure set", series) else { return };
         let file = folder.join(file);
-        let found = relief_dicom::structure_set::read(&std::fs::read(&file).unwrap()).unwrap();
+        let found = relief_dicom::read_structure_set(&std::fs::read(&file).unwrap()).unwrap();
         let Some(peer) = python("structure sets read by pydicom", PYDICOM, &[&file]) else { return };
         let peer: Vec<Value> = serde_json::from_str(&peer).unwrap();
         assert_eq!(found.structures.len(), peer.len(), "{series}");
@@ -63,7 +61,7 @@ fn a_tumour_has_its_levels_and_becomes_items() {
     let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
     let facts = facts(&shared_data("an RT structure set").unwrap(), "sts-001-thigh.mask.facts.json");
     let found =
-        relief_dicom::structure_set::read(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
+        relief_dicom::read_structure_set(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
     let tumour = &found.structures[0];
     assert_eq!((tumour.name.as_str(), tumour.kind.as_deref()), ("GTV_Mass_CT", Some("GTV")));
     assert_eq!(tumour.contours.len() as u64, facts["rtstruct_n_contours"][0].as_u64().unwrap());
@@ -91,14 +89,14 @@ fn a_tumour_has_its_levels_and_becomes_items() {
 #[test]
 fn contours_filled_are_the_published_mask() {
     let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
-    let truth = relief_dicom::formats::read_labels(&folder.join("nifti_mask/mask.nii.gz")).unwrap().map;
+    let truth = relief_dicom::read_labels(&folder.join("nifti_mask/mask.nii.gz")).unwrap().map;
     let truth = Mask::of_label(&truth, 1);
     let found =
-        relief_dicom::structure_set::read(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
+        relief_dicom::read_structure_set(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
     let closed = found.structures[0].contours.iter().filter(|contour| contour.is_closed());
     let contours: Vec<Contour> =
         closed.map(|contour| Contour { points: contour.points_mm.clone() }).collect();
-    let filled = fill(truth.grid(), &contours).unwrap();
+    let filled = fill_contours(truth.grid(), &contours).unwrap();
     let both: u64 =
         filled.words().iter().zip(truth.words()).map(|(a, b)| u64::from((a & b).count_ones())).sum();
     let dice = 2.0 * both as f64 / (filled.voxels() + truth.voxels()) as f64;
@@ -110,13 +108,13 @@ fn contours_filled_are_the_published_mask() {
 fn other_objects_and_bad_numbers_are_refused_by_name() {
     let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
     let image = std::fs::read(folder.join("000000.dcm")).unwrap();
-    let refused = relief_dicom::structure_set::read(&image).unwrap_err().to_string();
+    let refused = relief_dicom::read_structure_set(&image).unwrap_err().to_string();
     assert_eq!(refused, "Modality (0008,0060): found \"CT\", expected RTSTRUCT, an RT structure set");
     let mut bytes = std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap();
     let data = [0x06, 0x30, 0x50, 0x00]; // (3006,0050), implicit VR: four bytes of length follow
     let at = bytes.windows(4).position(|window| window == data).unwrap();
     bytes[at + 8] = b'x';
-    let refused = relief_dicom::structure_set::read(&bytes).unwrap_err().to_string();
+    let refused = relief_dicom::read_structure_set(&bytes).unwrap_err().to_string();
     let path = "(3006,0039)[1]/(3006,0040)[1]/ContourData (3006,0050): found \"x";
     assert!(refused.starts_with(path), "{refused}");
 }

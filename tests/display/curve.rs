@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
-use relief_base::units::{Disparity, ScaledDepth};
+use relief_base::{Disparity, ScaledDepth};
 use relief_display::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 
 fn profile(constants: DisparityConstants) -> DisplayProfile {

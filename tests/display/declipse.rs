@@ -2,7 +2,7 @@
 //! background or is damaged is refused.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
-use relief_base::units::{DepthLimits, ScaledDepth};
+use relief_base::{DepthLimits, ScaledDepth};
 use relief_display::{
     DecodedDepth, DepthFilter, DisplayProfile, DisplaySettings, ExtendedPart, Frame, FrameEncoder,
     FrameProblem, Header, HeaderReading, Layout, LayoutError, Picture, Pixels, ProfileName, encode_png,

@@ -6,8 +6,7 @@ use std::io::Cursor;
 
 use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4};
 use proptest::prelude::*;
-use relief_base::space::Transform;
-use relief_base::units::DepthLimits;
+use relief_base::{DepthLimits, Transform};
 use relief_display::{
     Attribute, CameraMatrices, DepthImage, EncodeError, Frame, Pixels, decode_exr, encode_exr, encode_jpeg,
     encode_png,

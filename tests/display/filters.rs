@@ -7,7 +7,7 @@ use std::io::Write;
 use std::process::{Command, Stdio};
 
 use proptest::prelude::*;
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_display::{DecodedDepth, DepthFilter, DisplaySettings, FrameEncoder, Header, Layout, Picture};
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 100.0, far_mm: 900.0 };

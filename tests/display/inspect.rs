@@ -4,7 +4,7 @@
 use std::io::Cursor;
 
 use proptest::prelude::*;
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_display::{
     ContentType, DisplaySettings, Frame, FrameReport, InspectError, Layout, Picture, Pixels, encode_png,
     inspect_frame, inspect_png,

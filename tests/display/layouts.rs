@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
-use relief_base::units::{DepthLimits, ScaledDepth};
+use relief_base::{DepthLimits, ScaledDepth};
 use relief_display::{
     ContentType, DecodedDepth, DisparityConstants, DisplayProfile, DisplaySettings, ExtendedPart, Frame,
     FrameEncoder, FrameProblem, Header, HeaderPart, HeaderProblem, HeaderReading, Layout, LayoutError,

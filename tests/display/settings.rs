@@ -1,7 +1,7 @@
 //! The `display` object of a request: the documented example, its defaults, and what is refused and how.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_display::{
     ContentType, DisparityConstants, DisplayProfile, DisplaySettings, Layout, ProfileName, ProfileSetting,
     SettingsError,

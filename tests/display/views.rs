@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
-use relief_base::units::{DepthLimits, Disparity};
+use relief_base::{DepthLimits, Disparity};
 use relief_display::{
     DecodedLayer, DisplayProfile, DisplaySettings, Frame, FrameProblem, Layout, LayoutError, Parallax,
     Picture, Pixels, ProfileName, Views, decode_wiggle, encode_views, eyes, inspect_png, synthesize,

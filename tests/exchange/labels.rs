@@ -24,7 +24,7 @@ fn map(origin: f64, labels: &[u16; 24], names: &[&str]) -> Vec<u8> {
     let grid = Grid::axis_aligned([4, 3, 2], [2.0; 3], [origin, 10.0, 20.0]).unwrap();
     let segments =
         (1..).zip(names).map(|(label, name)| Segment::new(label, Some(name), Some([0.5, 0.25, 1.0])));
-    relief_dicom::formats::seg_nrrd(&LabelMap::new(grid, labels, segments.collect()).unwrap()).unwrap()
+    relief_dicom::write_seg_nrrd(&LabelMap::new(grid, labels, segments.collect()).unwrap()).unwrap()
 }
 
 #[test]

@@ -21,7 +21,7 @@ use relief_annotation::{
     CameraRecord, Concept, Device, FrameOfReference, Geometry, Item, ItemId, Method, Placement, State,
     Timestamp,
 };
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 use relief_exchange::{ExchangeError, Format, Imported, ReadContext, WriteContext, Written};
 
 /// What files of texts are written and read here.

@@ -1,10 +1,8 @@
 //! Meshes: a file of each format is an item with its triangles, and is written again where it lay.
 
 use super::{CONTEXT, read, refused};
-use relief_annotation::mesh::TriangleMesh;
-use relief_annotation::mesh::files::MeshFormat;
-use relief_annotation::{Geometry, MeshSummary};
-use relief_base::space::Point;
+use relief_annotation::{Geometry, MeshFormat, MeshSummary, TriangleMesh};
+use relief_base::Point;
 use relief_exchange::{Format, Imported, ReadContext, WriteContext};
 use relief_volume::Grid;
 
@@ -32,7 +30,7 @@ fn summary(imported: &Imported) -> &MeshSummary {
 #[test]
 fn meshes_of_every_format_come_back_where_they_lay() {
     for (format, kind) in FORMATS {
-        let file = relief_annotation::mesh::files::write(kind, &tetrahedron(), "horn").unwrap();
+        let file = relief_annotation::write_mesh(kind, &tetrahedron(), "horn").unwrap();
         let imported = read(format, &file).unwrap();
         assert_eq!(imported.warnings, [] as [&str; 0], "{format}");
         let found = summary(&imported);
@@ -42,7 +40,7 @@ fn meshes_of_every_format_come_back_where_they_lay() {
         assert_eq!((content, media_type.as_str()), (&found.content, "model/ply"));
         let context = WriteContext { contents: &|_| Some(bytes.clone()), grid: None, series: None };
         let written = relief_exchange::write(format, &imported.items, &context).unwrap();
-        let mesh = relief_annotation::mesh::files::read(kind, &written.bytes).unwrap().mesh;
+        let mesh = relief_annotation::read_mesh(kind, &written.bytes).unwrap().mesh;
         let [low, high] = mesh.span().map(|corner| corner.to_array());
         let is_near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
         assert!(
@@ -56,7 +54,7 @@ fn meshes_of_every_format_come_back_where_they_lay() {
 fn a_mesh_inside_out_is_turned_and_one_elsewhere_is_told() {
     let mut inside_out = tetrahedron();
     inside_out.triangles.iter_mut().for_each(|corners| corners.swap(0, 1));
-    let file = relief_annotation::mesh::files::write(MeshFormat::Ply, &inside_out, "horn").unwrap();
+    let file = relief_annotation::write_mesh(MeshFormat::Ply, &inside_out, "horn").unwrap();
     let grid = Grid::axis_aligned([4, 4, 4], [1.0; 3], [100.0, 0.0, 0.0]).unwrap();
     let context = ReadContext { grid: Some(&grid), ..CONTEXT };
     let imported = relief_exchange::read(Format::Ply, &file, &context).unwrap();
@@ -72,14 +70,14 @@ fn a_mesh_inside_out_is_turned_and_one_elsewhere_is_told() {
 
 #[test]
 fn several_meshes_are_one_in_a_file_and_damage_is_refused() {
-    let file = relief_annotation::mesh::files::write(MeshFormat::Ply, &tetrahedron(), "horn").unwrap();
+    let file = relief_annotation::write_mesh(MeshFormat::Ply, &tetrahedron(), "horn").unwrap();
     let [first, second] = [(); 2].map(|()| read(Format::Ply, &file).unwrap());
     let items = [first.items[0].clone(), second.items[0].clone()];
     let bytes = first.contents[0].2.clone();
     let context = WriteContext { contents: &|_| Some(bytes.clone()), grid: None, series: None };
     let written = relief_exchange::write(Format::Ply, &items, &context).unwrap();
     assert_eq!(
-        relief_annotation::mesh::files::read(MeshFormat::Ply, &written.bytes).unwrap().mesh.triangles.len(),
+        relief_annotation::read_mesh(MeshFormat::Ply, &written.bytes).unwrap().mesh.triangles.len(),
         8
     );
     assert!(written.left_out.iter().any(|lost| lost.what == "borders" && lost.items.len() == 2));
@@ -87,7 +85,7 @@ fn several_meshes_are_one_in_a_file_and_damage_is_refused() {
     let refusal = relief_exchange::write(Format::Ply, &items, &lost).unwrap_err().to_string();
     assert!(refusal.contains("is not there"), "{refusal}");
     for (format, kind) in FORMATS {
-        let whole = relief_annotation::mesh::files::write(kind, &tetrahedron(), "horn").unwrap();
+        let whole = relief_annotation::write_mesh(kind, &tetrahedron(), "horn").unwrap();
         let said = refused(format, &whole[..whole.len() / 2]);
         assert!(said.starts_with(format.name()) && said.contains("expected"), "{format}: {said}");
     }

@@ -61,7 +61,7 @@ fn regions_become_a_segmentation_of_the_series() {
     let segments =
         vec![Segment::new(1, Some("first"), Some([0.5, 0.25, 1.0])), Segment::new(2, Some("second"), None)];
     let map = LabelMap::new(series.grid.clone(), &labels, segments).unwrap();
-    let bytes = relief_dicom::formats::seg_nrrd(&map).unwrap();
+    let bytes = relief_dicom::write_seg_nrrd(&map).unwrap();
     let imported = relief_exchange::read(Format::SegNrrd, &bytes, &CONTEXT).unwrap();
     let content = imported.contents[0].2.clone();
     let contents = |_: &relief_annotation::ContentId| Some(content.clone());

@@ -27,7 +27,7 @@ fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_is_told() {
     let facts = common::facts(&common::shared_data("facts of files").unwrap(), "interop.facts.json");
     let known = facts["mouse_45_LM-skull"]["in_low_res_skull_only.nii.gz"].as_array().unwrap();
     let skull = folder.join("mouse_ct_atlas/low_res_skull_only.nii.gz");
-    let grid = relief_dicom::formats::read_volume(&skull).unwrap().volume.grid().clone();
+    let grid = relief_dicom::read_volume(&skull).unwrap().volume.grid().clone();
     let context = ReadContext { grid: Some(&grid), ..CONTEXT };
     let markups = std::fs::read(folder.join("mouse_ct_atlas/45_LM-skull.mrk.json")).unwrap();
     let list = std::fs::read(folder.join("mouse_ct_atlas/Skull_LMs.fcsv")).unwrap();
@@ -63,7 +63,7 @@ fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_is_told() {
 fn a_list_that_slicer_saved_keeps_its_names_and_locks() {
     let Some(folder) = common::unpacked("markups of 3D Slicer", "interop") else { return };
     let skull = folder.join("mouse_ct_atlas/A_J_.nii.gz");
-    let grid = relief_dicom::formats::read_volume(&skull).unwrap().volume.grid().clone();
+    let grid = relief_dicom::read_volume(&skull).unwrap().volume.grid().clone();
     let bytes = std::fs::read(folder.join("mouse_ct_atlas/A_J_.mrk.json")).unwrap();
     let imported =
         relief_exchange::read(Format::MrkJson, &bytes, &ReadContext { grid: Some(&grid), ..CONTEXT })

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::{CONTEXT, TEXTS, asymmetric, everything, frame, ids, landmark, read, same, write};
 use relief_annotation::{Geometry, Item, Method, State};
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_exchange::Format;
 
 /// A text as a format has it.

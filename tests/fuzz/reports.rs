@@ -5,29 +5,22 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use relief_tracking::report::calibration::Calibrations;
-use relief_tracking::report::motion_plus::MotionPlus;
-use relief_tracking::report::output::Output;
-use relief_tracking::report::recording::RecordingReader;
-use relief_tracking::report::{MAX_REPORT_BYTES, Report};
-use relief_tracking::sensor::Pinhole;
-use relief_tracking::tracker::{Options, Tracker};
-use relief_tracking::Beacon;
+use relief_tracking::{Calibrations, MotionPlus, Output, RecordingReader, MAX_REPORT_BYTES, Report, Pinhole, TrackerOptions, Tracker, Beacon};
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = Calibrations::decode(bytes);
     let _ = MotionPlus::decode(bytes);
-    let _ = bytes.first_chunk().map(relief_tracking::igtl::Header::decode);
+    let _ = bytes.first_chunk().map(relief_tracking::IgtlHeader::decode);
     for line in RecordingReader::new(bytes) {
         if line.is_err() {
             break;
         }
     }
     if let Ok(text) = std::str::from_utf8(bytes) {
-        let _ = relief_tracking::sensor::file::read(text);
+        let _ = relief_tracking::read_camera(text);
         let _ = Beacon::read(text);
     }
-    let mut tracker = Tracker::new(Pinhole::TYPICAL, Beacon::recommended(), Options::default());
+    let mut tracker = Tracker::new(Pinhole::TYPICAL, Beacon::recommended(), TrackerOptions::default());
     for (at, chunk) in bytes.chunks(MAX_REPORT_BYTES).enumerate() {
         if let Ok((output, rumble)) = Output::decode(chunk) {
             assert_eq!(Output::decode(&output.encode(rumble)), Ok((output, rumble)));

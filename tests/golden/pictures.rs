@@ -6,14 +6,14 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 use crate::common;
+use relief_golden::compare;
 use relief_session::encode;
-use relief_session::golden::compare;
 
 use std::path::{Path, PathBuf};
 
 use common::software_adapter;
+use relief_golden::{Artefacts, Aspect, Case, Collection, Harness, Raster, Samples, Tolerance};
 use relief_render::{Mode, RenderedFrame, Renderer, Scene};
-use relief_session::golden::{Artefacts, Aspect, Case, Collection, Harness, Raster, Samples, Tolerance};
 use relief_session::{FileFormat, Product};
 
 fn root() -> &'static Path {
@@ -57,7 +57,7 @@ fn every_golden_agrees_with_the_f64_twin() {
         let case = goldens.read(id).unwrap();
         let volume = case.recipe().make().volume;
         let scene = case.scene(volume.grid()).unwrap();
-        let frame = relief_render::reference::render(&volume, &scene.request).unwrap();
+        let frame = relief_render::render_reference(&volume, &scene.request).unwrap();
         for &aspect in case.aspects() {
             // The twin follows no paths; `tests/render/pathtrace.rs` holds them against closed forms.
             if scene.request.mode == Mode::PathTraced && aspect != Aspect::Depth {
@@ -103,7 +103,7 @@ fn every_suite_and_every_view_is_there() {
     {
         assert!(names.iter().any(|known| known == name), "{name} is gone");
     }
-    for preset in relief_volume::transfer::PRESETS {
+    for preset in relief_volume::PRESETS {
         assert!(names.contains(&format!("presets/{}", preset.name)), "preset {} has no golden", preset.name);
     }
 }
@@ -146,7 +146,7 @@ fn the_slanted_slabs_depth_is_a_plane() {
     let expected = (0..width * height).map(|index| {
         let x = ((f64::from(index % width) + 0.5) / f64::from(width) * 2.0 - 1.0) * half_x;
         let y = (1.0 - (f64::from(index / width) + 0.5) / f64::from(height) * 2.0) * half_y;
-        let at = |z: f64| (camera.patient_from_view() * relief_base::space::Point::new(x, y, z)).xyz.y;
+        let at = |z: f64| (camera.patient_from_view() * relief_base::Point::new(x, y, z)).xyz.y;
         let (start, slope) = (at(0.0), at(-1.0) - at(0.0));
         ((-50.0 - start) / slope) as f32
     });

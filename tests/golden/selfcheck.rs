@@ -4,14 +4,14 @@
 //! axes are rendered by the f64 twin. `command` has the same through the program.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
-use relief_session::golden::compare;
+use relief_golden::compare;
 use std::fs;
 use std::path::Path;
 
-use relief_render::RenderedFrame;
-use relief_session::golden::{
+use relief_golden::{
     Aspect, Case, Collection, Comparison, GoldenError, MAX_FILE_BYTES, Mismatch, Raster, Samples, Tolerance,
 };
+use relief_render::RenderedFrame;
 use relief_volume::Volume;
 
 fn golden_dir() -> &'static Path {
@@ -238,7 +238,7 @@ fn swapped_and_mirrored_axes_of_the_volume_fail_in_every_view() {
             ("k mirrored", rearranged(&volume, |[i, j, k]| [i, j, last - k])),
         ];
         for (what, volume) in wrong {
-            let frame = relief_render::reference::render(&volume, &request).unwrap();
+            let frame = relief_render::render_reference(&volume, &request).unwrap();
             for (aspect, actual) in both(&frame) {
                 let golden = case.expected(aspect).unwrap().expect("it is blessed");
                 // Even by the looser tolerance for renderers that round differently.

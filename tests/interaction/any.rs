@@ -2,11 +2,10 @@
 
 use glam::DQuat;
 use proptest::prelude::*;
-use relief_live::interaction::{
+use relief_live::{
     Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, Pivot, PlacePhase, ViewState,
 };
-use relief_tracking::report::Buttons;
-use relief_tracking::tracker::TrackingState;
+use relief_tracking::{Buttons, TrackingState};
 
 use super::{RADIUS_MM, center, stage};
 

@@ -1,8 +1,8 @@
 //! Holding the volume, by intents: what is grabbed stays under the hand.
 
 use glam::{DQuat, DVec3, EulerRot};
-use relief_base::space::{Patient, Point};
-use relief_live::interaction::{GrabMode, Intent, Pivot};
+use relief_base::{Patient, Point};
+use relief_live::{GrabMode, Intent, Pivot};
 
 use super::{Session, assert_near, center, grab, movement, points};
 

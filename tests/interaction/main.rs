@@ -7,9 +7,9 @@ mod views;
 mod wiimote;
 
 use glam::{DQuat, DVec3};
-use relief_base::space::{Patient, Point};
-use relief_live::interaction::{Applied, Home, Intent, Stage, ViewState};
-use relief_volume::camera::{Camera, Orbit};
+use relief_base::{Patient, Point};
+use relief_live::{AppliedIntent, Home, Intent, Stage, ViewState};
+use relief_volume::{Camera, Orbit};
 
 const SIZE_PX: [u32; 2] = [960, 540];
 const RADIUS_MM: f64 = 150.0;
@@ -45,12 +45,12 @@ impl Session {
         Self { stage, state, t_ns: 0 }
     }
 
-    fn apply(&mut self, intent: &Intent) -> Applied {
+    fn apply(&mut self, intent: &Intent) -> AppliedIntent {
         self.t_ns += 2_000_000_000;
         self.state.apply(&self.stage, self.t_ns, intent, None).unwrap()
     }
 
-    fn json(&mut self, json: &str) -> Applied {
+    fn json(&mut self, json: &str) -> AppliedIntent {
         self.apply(&Intent::from_json(json.as_bytes()).unwrap())
     }
 

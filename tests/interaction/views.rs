@@ -1,10 +1,9 @@
 //! Each intent that is no hand: orbit, look, turn, pan, zoom, clip, preset, cursor, place, undo.
 
 use glam::{DQuat, DVec3};
-use relief_base::space::Point;
-use relief_base::units::ViewDepth;
-use relief_live::interaction::{Event, Home, Intent, IntentError, Seen, ViewState};
-use relief_volume::camera::Orbit;
+use relief_base::{Point, ViewDepth};
+use relief_live::{Home, Intent, IntentEffect, IntentError, Seen, ViewState};
+use relief_volume::Orbit;
 
 use super::{RADIUS_MM, SIZE_PX, Session, assert_near, assert_same_view, center, points, stage, stage_of};
 
@@ -183,7 +182,7 @@ fn the_cursor_goes_to_what_is_seen_at_a_pixel() {
     }
 }
 
-fn in_depth(camera: &relief_volume::camera::Camera, point: Point<relief_base::space::Patient>) -> f64 {
+fn in_depth(camera: &relief_volume::Camera, point: Point<relief_base::Patient>) -> f64 {
     camera.project(point, SIZE_PX).unwrap().2
 }
 
@@ -209,17 +208,20 @@ fn placing_follows_the_cursor_until_it_is_done() {
     let refused = session.state.apply(&session.stage, 0, &preview, None);
     assert_eq!(refused, Err(IntentError::NoCursor));
     session.json(r#"{"intent":"cursor","point_mm":[10,-20,310]}"#);
-    assert_eq!(session.apply(&preview).event, Some(Event::Placing(Point::new(10.0, -20.0, 310.0))));
+    assert_eq!(session.apply(&preview).event, Some(IntentEffect::Placing(Point::new(10.0, -20.0, 310.0))));
     assert!(session.state.is_placing());
     let moved = session.json(r#"{"intent":"cursor","point_mm":[11,-20,310]}"#);
     let there = Point::new(11.0, -20.0, 310.0);
-    assert_eq!(moved.event, Some(Event::Placing(there)));
-    assert_eq!(session.json(r#"{"intent":"place","phase":"commit"}"#).event, Some(Event::Placed(there)));
+    assert_eq!(moved.event, Some(IntentEffect::Placing(there)));
+    assert_eq!(
+        session.json(r#"{"intent":"place","phase":"commit"}"#).event,
+        Some(IntentEffect::Placed(there))
+    );
     assert_eq!(session.json(r#"{"intent":"place","phase":"cancel"}"#).event, None, "nothing is being placed");
     session.apply(&preview);
     let cancelled = session.json(r#"{"intent":"place","phase":"cancel"}"#);
-    assert_eq!(cancelled.event, Some(Event::PlacingCancelled));
-    assert_eq!(session.json(r#"{"intent":"next_label"}"#).event, Some(Event::NextLabel));
+    assert_eq!(cancelled.event, Some(IntentEffect::PlacingCancelled));
+    assert_eq!(session.json(r#"{"intent":"next_label"}"#).event, Some(IntentEffect::NextLabel));
 }
 
 #[test]
@@ -265,7 +267,7 @@ fn the_record_is_the_documented_json() {
     let json = serde_json::to_string(&session.state.record()).unwrap();
     let wanted = r#"{"look_at_mm":[10.0,-20.0,300.0],"orientation_xyzw":[0.0,0.0,0.0,1.0],"zoom":1.4,"vertical_fov_deg":22.0,"preset":"bone","clip_mm":null,"cursor_mm":null,"grabbed":false,"placing":false,"undo":1,"revision":1}"#;
     assert_eq!(json, wanted);
-    let back: relief_live::interaction::ViewRecord = serde_json::from_str(&json).unwrap();
+    let back: relief_live::ViewRecord = serde_json::from_str(&json).unwrap();
     assert_eq!(back, session.state.record());
 }
 

@@ -2,15 +2,12 @@
 
 use glam::{DQuat, DVec3};
 use nalgebra::{UnitQuaternion, Vector3};
-use relief_base::space::{Patient, Point};
-use relief_live::interaction::{
-    Event, Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, ViewState,
+use relief_base::{Patient, Point};
+use relief_live::{Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, IntentEffect, ViewState};
+use relief_tracking::{
+    Beacon, Buttons, HiddenLed, PressedButton, Report, ReportDelivery, SensorPath, SensorPose,
+    SimulatedReport, Simulation, Tracker, TrackerOptions, TrackingState,
 };
-use relief_tracking::Beacon;
-use relief_tracking::pose::SensorPose;
-use relief_tracking::report::{Buttons, Report};
-use relief_tracking::simulate::{Delivery, Hidden, Path, Pressed, Simulated, Simulation};
-use relief_tracking::tracker::{Options, Tracker, TrackingState};
 
 use super::{Session, assert_near, in_view};
 
@@ -18,7 +15,7 @@ use super::{Session, assert_near, in_view};
 struct Remote {
     session: Session,
     gestures: Gestures,
-    events: Vec<Event>,
+    events: Vec<IntentEffect>,
 }
 
 impl Remote {
@@ -208,14 +205,14 @@ fn a_places_and_leaving_tracking_cancels() {
     assert!(remote.hold(5, Buttons::default()).is_empty());
     remote.at(10, start(), level());
     remote.hold(20, Buttons::A);
-    assert!(matches!(remote.events[..], [Event::Taking(at)] if at == remote.cursor()));
+    assert!(matches!(remote.events[..], [IntentEffect::Taking(at)] if at == remote.cursor()));
     remote.at(30, start() + DVec3::Y * 8.0, level());
-    assert!(matches!(remote.events[..], [_, .., Event::Placing(at)] if at == remote.cursor()));
+    assert!(matches!(remote.events[..], [_, .., IntentEffect::Placing(at)] if at == remote.cursor()));
     remote.hold(40, Buttons::default());
-    assert_eq!(remote.events.last(), Some(&Event::Placed(remote.cursor())));
+    assert_eq!(remote.events.last(), Some(&IntentEffect::Placed(remote.cursor())));
     remote.hold(50, Buttons::A);
     remote.unseen(60, TrackingState::Lost);
-    assert_eq!(remote.events.last(), Some(&Event::PlacingCancelled));
+    assert_eq!(remote.events.last(), Some(&IntentEffect::PlacingCancelled));
     let count = remote.events.len();
     remote.at(70, start(), level());
     remote.hold(80, Buttons::default());
@@ -249,7 +246,7 @@ fn a_leads_the_cursor_with_care() {
     }
     assert!(most < 0.06, "a quarter of the way, and of a quarter of the shaking: {most} mm off");
     remote.hold(6000, Buttons::default());
-    assert!(matches!(remote.events.last(), Some(Event::Placed(_))));
+    assert!(matches!(remote.events.last(), Some(IntentEffect::Placed(_))));
     remote.at(6010, shaken(6010), level());
     let loose = remote.session.in_view(remote.cursor());
     assert_near(loose, tip(shaken(6010), level()) - home, 1e-9, "the tip again");
@@ -345,7 +342,11 @@ fn buttons_of_dropped_poses_count() {
     {
         remote.hold(ms, buttons);
     }
-    assert!(matches!(remote.events[..], [Event::Taking(_), Event::Placed(_)]), "{:?}", remote.events);
+    assert!(
+        matches!(remote.events[..], [IntentEffect::Taking(_), IntentEffect::Placed(_)]),
+        "{:?}",
+        remote.events
+    );
 }
 
 #[test]
@@ -367,7 +368,7 @@ fn options_may_change_while_the_volume_is_held() {
 /// A hand that rests, rolls by 30 degrees and moves, rests, and goes away.
 struct Twist;
 
-impl Path for Twist {
+impl SensorPath for Twist {
     fn at(&self, seconds: f64) -> SensorPose {
         let smooth = |from: f64, to: f64| {
             let share = ((seconds - from) / (to - from)).clamp(0.0, 1.0);
@@ -384,11 +385,11 @@ impl Path for Twist {
 /// Reports of the twist with B held from 1 to 3.5 s, after each the state of the view, and the truth.
 fn play(simulation: &Simulation, options: &HandOptions) -> Vec<(f64, ViewState, SensorPose, TrackingState)> {
     let mut remote = Remote::new(options.clone());
-    let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), Options::default());
+    let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), TrackerOptions::default());
     let mut states = Vec::new();
     let mut simulation = simulation.clone();
-    simulation.pressed = vec![Pressed { buttons: Buttons::B, seconds: [1.0, 3.5] }];
-    for Simulated { t_ns, report, truth } in simulation.record(&Twist, 6.0) {
+    simulation.pressed = vec![PressedButton { buttons: Buttons::B, seconds: [1.0, 3.5] }];
+    for SimulatedReport { t_ns, report, truth } in simulation.record(&Twist, 6.0) {
         let seconds = t_ns as f64 * 1e-9 - 1.0;
         // As bytes, as they come from a remote.
         let report = Report::decode(&report.encode()).unwrap();
@@ -413,8 +414,10 @@ fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
     for (options, within_deg) in [(exact(), 1.0), (HandOptions::default(), 1.8)] {
         let mut worst_deg = 0f64;
         for seed in 0..10 {
-            let simulation =
-                Simulation { delivery: Delivery::RADIO, ..Simulation::new(Beacon::recommended(), seed) };
+            let simulation = Simulation {
+                delivery: ReportDelivery::RADIO,
+                ..Simulation::new(Beacon::recommended(), seed)
+            };
             let states = play(&simulation, &options);
             let at = |when: f64| states.iter().find(|(seconds, ..)| *seconds >= when).unwrap();
             let [before, after, end] = [0.9, 3.3, 5.9].map(|when| orientation(&at(when).1));
@@ -435,7 +438,7 @@ fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
 #[test]
 fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
     let mut simulation = Simulation::new(Beacon::recommended(), 3);
-    simulation.hidden = (0..4).map(|led| Hidden { led, seconds: [1.8, 2.2] }).collect();
+    simulation.hidden = (0..4).map(|led| HiddenLed { led, seconds: [1.8, 2.2] }).collect();
     let states = play(&simulation, &HandOptions::default());
     let lost: Vec<_> = states.iter().filter(|(.., state)| *state != TrackingState::Tracking).collect();
     assert!(lost.len() > 20, "{}", lost.len());
@@ -453,7 +456,7 @@ fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
 #[test]
 fn a_tip_at_the_beacon_is_ten_times_steadier() {
     struct Rest;
-    impl Path for Rest {
+    impl SensorPath for Rest {
         fn at(&self, _: f64) -> SensorPose {
             let target = Beacon::recommended().centroid();
             let position = target + Vector3::new(100.0, 50.0, 1200.0);
@@ -466,10 +469,11 @@ fn a_tip_at_the_beacon_is_ten_times_steadier() {
             let options = HandOptions { tip_mm, tip_center_mm: Some([0.0; 3]), ..exact() };
             let mut gestures = Gestures::new(options).unwrap();
             let simulation = Simulation::new(Beacon::recommended(), seed);
-            let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), Options::default());
+            let mut tracker =
+                Tracker::new(simulation.camera, simulation.beacon.clone(), TrackerOptions::default());
             let truth = Rest.at(0.0);
             let truth = truth.position + truth.orientation * Vector3::z() * tip_mm;
-            for Simulated { t_ns, report, .. } in simulation.record(&Rest, 2.0) {
+            for SimulatedReport { t_ns, report, .. } in simulation.record(&Rest, 2.0) {
                 let Some(sample) = tracker.push(t_ns, &report) else { continue };
                 for intent in gestures.track(&HandSample::from(&sample)) {
                     let Intent::Cursor { at_view_mm: Some([x, y, _]), .. } = intent else {

@@ -1,11 +1,7 @@
 //! IPOPT against the interior-point solver of our own, on random views: for builds with the feature `ipopt`.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic and talk")]
 
-use relief_tracking::Beacon;
-use relief_tracking::sensor::Pinhole;
-use relief_tracking::solve::ipopt::solve;
-use relief_tracking::solve::random::{Random, ViewRange, sightings};
-use relief_tracking::solve::View;
+use relief_tracking::{Beacon, Pinhole, solve_with_ipopt, Random, ViewRange, random_sightings, PoseView};
 
 const VIEWS: usize = 200;
 
@@ -16,10 +12,10 @@ fn ipopt_and_our_own_solver_find_the_same_minima() {
     let (mut largest, mut energies) = ((0.0_f64, 0.0_f64), 0.0_f64);
     for at in 0..VIEWS {
         let truth = random.view(&beacon, &camera, &ViewRange::USUAL);
-        let seen = sightings(&beacon, &camera, &truth, 0.5, &mut random);
-        let view = View { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
+        let seen = random_sightings(&beacon, &camera, &truth, 0.5, &mut random);
+        let view = PoseView { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
         let start = view.solve().unwrap().best.pose;
-        let (ours, theirs) = (relief_tracking::solve::paper::solve(&view, &start).unwrap(), solve(&view, &start).unwrap());
+        let (ours, theirs) = (relief_tracking::solve_as_published(&view, &start).unwrap(), solve_with_ipopt(&view, &start).unwrap());
         let (angle, distance) = ours.pose.distance(&theirs.pose);
         assert!(angle < 1e-6 && distance < 1e-3, "view {at}: {angle} rad, {distance} mm");
         largest = (largest.0.max(angle.to_degrees()), largest.1.max(distance));
@@ -36,10 +32,10 @@ fn both_come_from_a_level_start_to_the_same_minima() {
     let mut same = 0;
     for _ in 0..VIEWS {
         let truth = random.view(&beacon, &camera, &ViewRange::USUAL);
-        let seen = sightings(&beacon, &camera, &truth, 0.5, &mut random);
-        let view = View { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
-        let start = relief_tracking::solve::paper::level_start(1500.0);
-        let (Some(ours), Some(theirs)) = (relief_tracking::solve::paper::solve(&view, &start), solve(&view, &start)) else {
+        let seen = random_sightings(&beacon, &camera, &truth, 0.5, &mut random);
+        let view = PoseView { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
+        let start = relief_tracking::level_start(1500.0);
+        let (Some(ours), Some(theirs)) = (relief_tracking::solve_as_published(&view, &start), solve_with_ipopt(&view, &start)) else {
             continue;
         };
         let (angle, distance) = ours.pose.distance(&theirs.pose);
@@ -53,7 +49,7 @@ fn both_come_from_a_level_start_to_the_same_minima() {
 fn two_leds_have_no_minimum() {
     let (beacon, camera, mut random) = (Beacon::recommended(), Pinhole::TYPICAL, Random::new(9));
     let truth = random.view(&beacon, &camera, &ViewRange::USUAL);
-    let seen = sightings(&beacon, &camera, &truth, 0.0, &mut random);
-    let view = View { camera: &camera, sightings: &seen[..2], noise_px: 0.5, gravity: None };
-    assert!(solve(&view, &truth).is_none());
+    let seen = random_sightings(&beacon, &camera, &truth, 0.0, &mut random);
+    let view = PoseView { camera: &camera, sightings: &seen[..2], noise_px: 0.5, gravity: None };
+    assert!(solve_with_ipopt(&view, &truth).is_none());
 }

@@ -90,8 +90,8 @@ fn files_that_claim_more_than_they_hold_cost_what_they_hold() {
     let endless = gzipped(&[b"NRRD0004\n".as_slice(), &b"a: b\n".repeat(1 << 20)].concat());
     assert!(labels_of("endless.nrrd", &endless).unwrap_err().contains("more than 4194304 bytes"));
     let (_folder, path) = file_of("bomb.nii.gz", &gzipped(&nifti([512, 512, 64], &vec![0; 1 << 24])));
-    let small = relief_dicom::formats::Limits { voxels: 1 << 23 };
-    let refused = relief_dicom::formats::read_labels_within(small, &path).unwrap_err().to_string();
+    let small = relief_dicom::FormatLimits { voxels: 1 << 23 };
+    let refused = relief_dicom::read_labels_within(small, &path).unwrap_err().to_string();
     assert!(refused.contains("16777216 voxels, allowed: at most 8388608"), "{refused}");
 }
 

@@ -91,5 +91,5 @@ fn labels_of(name: &str, bytes: &[u8]) -> Result<LabelMap, String> {
 }
 
 fn read(path: &Path) -> Result<LabelMap, String> {
-    relief_dicom::formats::read_labels(path).map(|found| found.map).map_err(|error| error.to_string())
+    relief_dicom::read_labels(path).map(|found| found.map).map_err(|error| error.to_string())
 }

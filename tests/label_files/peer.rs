@@ -42,9 +42,8 @@ fn whatever_simpleitk_writes_is_read_where_it_lies() {
     assert_eq!(files.len(), 64);
     for file in &files {
         let path = std::path::Path::new(file["path"].as_str().unwrap());
-        let map =
-            relief_dicom::formats::read_labels(path).unwrap_or_else(|error| panic!("{path:?}: {error}")).map;
-        let volume = relief_dicom::formats::read_volume(path).unwrap().volume;
+        let map = relief_dicom::read_labels(path).unwrap_or_else(|error| panic!("{path:?}: {error}")).map;
+        let volume = relief_dicom::read_volume(path).unwrap().volume;
         assert_eq!(map.grid(), volume.grid());
         let values: Vec<i16> =
             file["values"].as_array().unwrap().iter().map(|v| v.as_i64().unwrap() as i16).collect();

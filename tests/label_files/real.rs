@@ -34,8 +34,7 @@ fn expect_labels(map: &LabelMap, volume: &Volume, expected: &serde_json::Value, 
 fn totalsegmentators_example_is_what_the_facts_say() {
     let Some(data) = shared_data("TotalSegmentator's example") else { return };
     let facts = &facts(&data, "volumes.facts.json")[0];
-    let read_volume =
-        relief_dicom::formats::read_volume(&data.join("volumes/totalseg_example_ct_sm.nii.gz")).unwrap();
+    let read_volume = relief_dicom::read_volume(&data.join("volumes/totalseg_example_ct_sm.nii.gz")).unwrap();
     let volume = read_volume.volume;
     assert_eq!(volume.grid().dims(), [122, 101, 30]);
     // RAS to LPS: x and y change sign.
@@ -76,7 +75,7 @@ fn a_published_mask_of_a_series_has_its_volume_and_centroid() {
     assert_eq!(facts["n_voxels"], voxels);
     assert!((facts["volume_ml"].as_f64().unwrap() - ml).abs() < 0.01, "{ml} ml");
     assert!(near(center, &numbers(&facts["centroid_lps"]), 0.01), "{center:?}");
-    let volume = relief_dicom::formats::read_volume(&series.join("nifti_image/image.nii.gz")).unwrap().volume;
+    let volume = relief_dicom::read_volume(&series.join("nifti_image/image.nii.gz")).unwrap().volume;
     let sum: i64 = volume.voxels_hu().iter().map(|&hu| i64::from(hu)).sum();
     assert_eq!(facts["image_sum"].as_f64().unwrap(), sum as f64);
 }
@@ -94,11 +93,11 @@ fn segmentations_of_3d_slicer_have_their_names_and_overlapping_ones_all_segments
     }
     assert!(near(map.grid().origin().xyz.to_array(), &numbers(&fact["origin"]), 1e-9));
     assert_eq!(map.segments()[4].rgb, Some([0.086_274_5, 0.772_549, 0.278_431]));
-    let volume = relief_dicom::formats::read_volume(&interop.join("slicer/CTChest4.nrrd")).unwrap().volume;
+    let volume = relief_dicom::read_volume(&interop.join("slicer/CTChest4.nrrd")).unwrap().volume;
     assert_eq!((volume.range_hu(), volume.grid()), ((-3024, 3070), map.grid()));
 
     let overlapping =
-        relief_dicom::formats::read_labels(&interop.join("slicer/SegmentationOverlapping.seg.nrrd")).unwrap();
+        relief_dicom::read_labels(&interop.join("slicer/SegmentationOverlapping.seg.nrrd")).unwrap();
     let names: Vec<_> = overlapping.map.segments().iter().filter_map(|s| s.name.as_deref()).collect();
     assert_eq!(names.last(), Some(&"overlapping sphere"));
     let counts: Vec<u64> = overlapping.map.counted().map(|(_, voxels)| voxels).collect();
@@ -114,5 +113,5 @@ fn a_mouse_is_as_small_as_it_is() {
     let map = read(&interop.join("mouse_ct_atlas/low_res_template_UCHAR-label.nii.gz")).unwrap();
     assert_eq!(map.grid().dims(), [130, 206, 114]);
     assert!((map.grid().spacing_mm()[0] - 0.141_113_4).abs() < 1e-6);
-    assert!(!relief_dicom::formats::is_known(Path::new("Cargo.toml")));
+    assert!(!relief_dicom::is_volume_file(Path::new("Cargo.toml")));
 }

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use glam::{DMat3, DVec3};
 
-use relief_base::space::Transform;
+use relief_base::Transform;
 use relief_volume::{Grid, LabelMap, Segment};
 use serde_json::Value;
 
@@ -51,7 +51,7 @@ fn nibabel_and_simpleitk_read_what_is_written_where_it_lies() {
     }
     for (axes, label) in grids().into_iter().flat_map(|axes| [(axes, 9), (axes, 700)]) {
         let map = map(axes, label);
-        let (_folder, path) = file_of("labels.nii.gz", &relief_dicom::formats::nifti_labels(&map).unwrap());
+        let (_folder, path) = file_of("labels.nii.gz", &relief_dicom::write_nifti_labels(&map).unwrap());
         let back = read(&path).unwrap();
         assert_eq!(back.places(), map.places());
         let named = back.segments().iter().find(|segment| segment.label == 2).unwrap();

@@ -1,7 +1,7 @@
 //! Frames, colour and depth as bytes: they read back, damage is named, and a composed frame is the encoder's own.
 
 use proptest::prelude::*;
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_display::{DisplayProfile, DisplaySettings, Layout, Picture, Pixels, ProfileName};
 use relief_live::{
     ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameError, FrameHeader, LiveLayout, Parts,

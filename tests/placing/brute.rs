@@ -1,7 +1,7 @@
 //! Snapping against a search of every place in f64: dense, plain, and with no code in common.
 
 use glam::DVec3;
-use relief_annotation::placing::{SnapError, Target, snap};
+use relief_annotation::{SnapError, SnapFeature, snap_point};
 use relief_volume::{Grid, Volume};
 
 use super::{at, to};
@@ -101,7 +101,7 @@ fn surfaces_are_as_near_as_any_place_on_them() {
                 .filter(|place| trilinear(&volume, *place) >= level)
                 .map(|place| place.distance(from))
                 .fold(f64::INFINITY, f64::min);
-            match snap(&volume, at(from.into()), None, &to(Target::Surface { hu: level }, 3.0)) {
+            match snap_point(&volume, at(from.into()), None, &to(SnapFeature::Surface { hu: level }, 3.0)) {
                 Ok(found) => {
                     let distance = found.shift.length();
                     assert!((distance - near).abs() < 0.1, "{seed}, {from}: {distance} for {near}");
@@ -130,8 +130,9 @@ fn crossings_along_rays_are_the_nearest() {
                     [1.0, -1.0].into_iter().any(|side| trilinear(&volume, from + ray * side * *off) < drawn)
                 };
                 let near = offs.clone().find(crossed);
-                let ray = Some(relief_base::space::Vector::from_xyz(ray * 3.0));
-                let found = snap(&volume, at(from.into()), ray, &to(Target::Surface { hu: level }, 3.0));
+                let ray = Some(relief_base::Vector::from_xyz(ray * 3.0));
+                let found =
+                    snap_point(&volume, at(from.into()), ray, &to(SnapFeature::Surface { hu: level }, 3.0));
                 match (near, found) {
                     (Some(near), Ok(found)) => {
                         assert!((found.shift.length() - near).abs() < 0.001, "{found:?} for {near}");
@@ -163,7 +164,7 @@ fn edges_are_the_steepest_and_nearest_on_them() {
                 .map(|place| (place, gradient(&volume, place).length()))
                 .collect();
             let best = edges.iter().map(|(place, steep)| steep * nearness(*place)).fold(0.0, f64::max);
-            match snap(&volume, at(from.into()), None, &to(Target::Gradient, radius)) {
+            match snap_point(&volume, at(from.into()), None, &to(SnapFeature::Gradient, radius)) {
                 Ok(found) => {
                     let steep = gradient(&volume, found.at.xyz).length();
                     assert!((steep - found.gradient_hu_per_mm).abs() < 0.01 * steep, "{found:?}: {steep}");
@@ -209,7 +210,7 @@ fn extremes_are_the_nearest_that_stand_out() {
                 })
             };
             let near: Vec<DVec3> = ball(from, radius, 0.25).filter(is_peak).collect();
-            match snap(&volume, at(from.into()), None, &to(Target::Maximum, radius)) {
+            match snap_point(&volume, at(from.into()), None, &to(SnapFeature::Maximum, radius)) {
                 Ok(found) => {
                     let place = found.at.xyz;
                     let one = near.iter().map(|peak| peak.distance(place)).fold(f64::INFINITY, f64::min);

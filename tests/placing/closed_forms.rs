@@ -1,10 +1,9 @@
 //! Balls, slabs and blobs: where surfaces, edges and extremes are is known.
 
 use glam::DVec3;
-use relief_annotation::placing::Target;
-use relief_base::space::{Patient, Transform, Voxel};
-use relief_volume::phantom::Phantom;
-use relief_volume::{Grid, Volume};
+use relief_annotation::SnapFeature;
+use relief_base::{Patient, Transform, Voxel};
+use relief_volume::{Grid, Phantom, Volume};
 
 use super::{snapped, to};
 
@@ -63,7 +62,7 @@ fn a_balls_surface_is_met_along_rays_and_at_its_nearest_point() {
         for (number, direction) in (0..).zip(directions(60)) {
             let off = f64::from(number % 13) * 0.4 - 2.4;
             let from = direction * (radius_mm + off);
-            let how = to(Target::Surface { hu: BALL_HU }, 4.0);
+            let how = to(SnapFeature::Surface { hu: BALL_HU }, 4.0);
             let nearest = snapped(&volume, from.into(), None, &how).at.xyz;
             // A ray across the surface at an angle of its own.
             let ray = (direction + DVec3::new(0.3, -0.2, 0.4)).normalize();
@@ -89,7 +88,7 @@ fn a_balls_edge_is_where_its_surface_is() {
     let volume = Phantom::sphere(256).unwrap().volume;
     for (number, direction) in (0..).zip(directions(24)) {
         let from = direction * (80.0 + f64::from(number % 7) * 0.5 - 1.5);
-        let how = to(Target::Gradient, 4.0);
+        let how = to(SnapFeature::Gradient, 4.0);
         let found = snapped(&volume, from.into(), None, &how);
         assert!((found.at.xyz.length() - 80.0).abs() < 0.05, "{direction}: {found:?}");
         assert!(found.at.xyz.distance(direction * 80.0) < 0.1, "{direction}: {found:?}");
@@ -118,7 +117,8 @@ fn a_slabs_faces_are_met_at_the_foot_of_the_perpendicular() {
         assert!((drawn_face_mm(size) - 50.0).abs() < 0.086 * 256.0 / size as f64);
         for (x, y, z) in [(3.3, 48.7, -7.1), (-20.2, 51.4, 0.6), (0.0, -49.2, 11.9)] {
             // The smoothed edge has its steepest place where the true face is.
-            let targets = [(Target::Surface { hu: SLAB_HU }, drawn_face_mm(size)), (Target::Gradient, 50.0)];
+            let targets =
+                [(SnapFeature::Surface { hu: SLAB_HU }, drawn_face_mm(size)), (SnapFeature::Gradient, 50.0)];
             for (target, face_mm) in targets {
                 let face = DVec3::new(x, face_mm.copysign(y), z);
                 let found = snapped(&volume, [x, y, z], None, &to(target, 5.0));
@@ -142,7 +142,7 @@ fn blob(middle: DVec3, width_mm: f64, height: f64) -> Volume {
     let grid = Grid::new([40, 40, 24], placed).unwrap();
     let mut hus = Vec::new();
     for (k, j, i) in (0..24).flat_map(|k| (0..40).flat_map(move |j| (0..40).map(move |i| (k, j, i)))) {
-        let place = placed * relief_base::space::Point::new(f64::from(i), f64::from(j), f64::from(k));
+        let place = placed * relief_base::Point::new(f64::from(i), f64::from(j), f64::from(k));
         let off = place.xyz.distance(middle) / width_mm;
         hus.push((40.0 + height * (-0.5 * off * off).exp()).round() as i16);
     }
@@ -152,7 +152,7 @@ fn blob(middle: DVec3, width_mm: f64, height: f64) -> Volume {
 #[test]
 fn the_middle_of_a_blob_is_found_between_voxels() {
     let middle = DVec3::new(1.234, -0.777, 2.345);
-    for (target, height) in [(Target::Maximum, 900.0), (Target::Minimum, -900.0)] {
+    for (target, height) in [(SnapFeature::Maximum, 900.0), (SnapFeature::Minimum, -900.0)] {
         let volume = blob(middle, 2.5, height);
         for direction in directions(12) {
             let from = middle + direction * 2.0;
@@ -174,7 +174,7 @@ fn the_nearest_of_two_peaks_counts_and_a_bump_beside_does_not() {
     };
     let volume = sum(&sum(&one, &other), &bump);
     for (from, expected) in [([0.0; 3], near), ([1.4, 0.5, 0.0], far)] {
-        let found = snapped(&volume, from, None, &to(Target::Maximum, 6.0));
+        let found = snapped(&volume, from, None, &to(SnapFeature::Maximum, 6.0));
         assert!(found.at.xyz.distance(expected) < 0.1, "{from:?}: {found:?}");
     }
 }

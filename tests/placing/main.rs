@@ -5,11 +5,11 @@ mod brute;
 mod closed_forms;
 mod refusals;
 
-use relief_annotation::placing::{Snap, SnapError, Snapped, Target, snap};
-use relief_base::space::{Patient, Point, Vector};
+use relief_annotation::{Snap, SnapError, SnapFeature, Snapped, snap_point};
+use relief_base::{Patient, Point, Vector};
 use relief_volume::Volume;
 
-fn to(target: Target, radius_mm: f64) -> Snap {
+fn to(target: SnapFeature, radius_mm: f64) -> Snap {
     Snap { to: target, radius_mm }
 }
 
@@ -19,14 +19,14 @@ fn at(place: [f64; 3]) -> Point<Patient> {
 
 fn snapped(volume: &Volume, place: [f64; 3], ray: Option<[f64; 3]>, how: &Snap) -> Snapped {
     let ray = ray.map(|ray| Vector::from_xyz(ray.into()));
-    let found = snap(volume, at(place), ray, how).unwrap_or_else(|error| panic!("{place:?}: {error}"));
+    let found = snap_point(volume, at(place), ray, how).unwrap_or_else(|error| panic!("{place:?}: {error}"));
     assert!(found.at.distance(at(place) + found.shift) < 1e-9, "the shift leads there");
     assert!(found.shift.length() <= how.radius_mm + 1e-9, "{found:?}");
-    let again = snap(volume, at(place), ray, how).unwrap();
+    let again = snap_point(volume, at(place), ray, how).unwrap();
     assert_eq!(found, again, "the same twice");
     found
 }
 
 fn error(volume: &Volume, place: [f64; 3], ray: Option<[f64; 3]>, how: &Snap) -> SnapError {
-    snap(volume, at(place), ray.map(|ray| Vector::from_xyz(ray.into())), how).unwrap_err()
+    snap_point(volume, at(place), ray.map(|ray| Vector::from_xyz(ray.into())), how).unwrap_err()
 }

@@ -1,9 +1,8 @@
 //! Simulated readers: what the comparison says is what they were made with.
 
 use relief_annotation::{Geometry, Item, State};
-use relief_base::space::Point;
-use relief_study::agreement::compare;
-use relief_study::agreement::{Absence, AgreementError, Comparison, Figure, Reading, Relation, Study};
+use relief_base::Point;
+use relief_study::{Absence, AgreementError, Comparison, Figure, Reading, Relation, Study, compare_readings};
 
 use crate::normal::Normal;
 
@@ -20,7 +19,7 @@ fn reading(set: &str, reader: &str, items: Vec<Item>) -> Reading {
 }
 
 fn study(readings: Vec<Reading>, truth: Option<Reading>) -> Result<Comparison, AgreementError> {
-    compare(Study { readings, truth })
+    compare_readings(Study { readings, truth })
 }
 
 /// So many landmarks of a head.
@@ -129,7 +128,7 @@ fn repeats_of_a_reader_are_within_and_first_sets_between() {
     ];
     let found = study(readings, None).unwrap();
     let single = |relation, reader: Option<&str>| {
-        let of = |a: &&relief_study::agreement::Agreement| {
+        let of = |a: &&relief_study::Agreement| {
             a.relation == relation && a.reader.as_deref() == reader && a.quantity == "L"
         };
         let agreement = found.agreements.iter().find(of).unwrap();

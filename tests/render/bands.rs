@@ -3,9 +3,7 @@
 use std::ops::ControlFlow;
 
 use relief_render::{DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, SceneFile};
-use relief_volume::Volume;
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
+use relief_volume::{Orbit, Phantom, Volume};
 
 use super::{in_mode, renderer};
 

@@ -1,12 +1,9 @@
 //! The sphere that is cut away: the walls of its hole are where the sphere is, nothing else changes, and moving it uploads
 //! nothing.
 
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{ClipSphere, DepthRule, Mode, RenderRequest, SceneFile, Shading, Skipping};
-use relief_volume::Volume;
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::{ControlPoint, TransferFunction, Window};
+use relief_volume::{Camera, ControlPoint, Orbit, Phantom, Projection, TransferFunction, Volume, Window};
 
 use super::twin::{compare, oblique_head, request as head_request};
 use super::{in_mode, renderer};

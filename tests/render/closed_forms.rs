@@ -1,12 +1,12 @@
 //! Pictures whose pixels can be written down: absorption of a slab, depth of a sphere, orientation, step invariance.
 
 use glam::DVec3;
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading};
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::{Phantom, SurfaceShape};
-use relief_volume::transfer::{ControlPoint, GradientOpacity, TransferFunction};
-use relief_volume::{Grid, Volume};
+use relief_volume::{
+    Camera, ControlPoint, GradientOpacity, Grid, Orbit, Phantom, Projection, SurfaceShape, TransferFunction,
+    Volume,
+};
 
 use super::renderer;
 

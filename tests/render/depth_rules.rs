@@ -1,13 +1,11 @@
 //! Depth rules: where they put the depth of layers of known opacity, on the GPU and in the f64 twin; that the two agree on
 //! a head; and that skipping changes no byte.
 
-use relief_base::space::{Point, Vector};
-use relief_render::reference;
-use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping};
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::{ControlPoint, TransferFunction};
-use relief_volume::{Grid, Volume};
+use relief_base::{Point, Vector};
+use relief_render::{
+    DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping, render_reference,
+};
+use relief_volume::{Camera, ControlPoint, Grid, Orbit, Phantom, Projection, TransferFunction, Volume};
 
 use super::renderer;
 use super::twin::{compare, oblique_head, request as head_request};
@@ -64,7 +62,7 @@ fn pictures(layers: &Layers, depth: DepthRule) -> Vec<RenderedFrame> {
     let volume = layered(layers);
     let request = layers_request(&volume, depth);
     let gpu = renderer("depth rules").map(|mut renderer| renderer.render(&volume, &request).unwrap());
-    gpu.into_iter().chain([reference::render(&volume, &request).unwrap()]).collect()
+    gpu.into_iter().chain([render_reference(&volume, &request).unwrap()]).collect()
 }
 
 fn expect_depth(layers: &Layers, depth: DepthRule, behind_face_mm: f64, tolerance_mm: f64) {
@@ -227,7 +225,7 @@ fn gpu_and_twin_agree_about_what_lies_behind() {
             ..head_request(&volume, preset, 25.0)
         };
         let gpu = renderer.render(&volume, &request).unwrap().back.unwrap();
-        let twin = reference::render(&volume, &request).unwrap().back.unwrap();
+        let twin = render_reference(&volume, &request).unwrap().back.unwrap();
         let pairs = || gpu.depth_mm.iter().zip(&twin.depth_mm);
         let depths =
             pairs().filter(|(a, b)| a.is_finite() != b.is_finite() || (*a - *b).abs() > 0.05).count();

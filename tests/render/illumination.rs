@@ -2,15 +2,15 @@
 //! leave alone. Solids are 96³ voxels of 1 mm, centred; pictures look down on a floor, 1 mm a pixel, x to the right.
 
 use glam::DVec3;
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{
     Classification, Illumination, Light, Mode, Occlusion, PathTrace, Placement, RenderRequest, RenderedFrame,
     SceneFile, Shading, Skipping, Surface,
 };
-use relief_volume::camera::{Camera, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::{ControlPoint, GradientOpacity, TransferFunction, linear_from_srgb};
-use relief_volume::{Grid, Volume};
+use relief_volume::{
+    Camera, ControlPoint, GradientOpacity, Grid, Phantom, Projection, TransferFunction, Volume,
+    linear_from_srgb,
+};
 
 use super::twin::{compare, oblique_head, request};
 use super::{in_mode, renderer};
@@ -62,7 +62,7 @@ fn looking_down(volume: &Volume, lights: Vec<Light>, illumination: Illumination)
     let projection = Projection::Orthographic { height_mm: 90.0 };
     let camera = Camera::new(eye, at, Vector::new(0.0, 1.0, 0.0), projection).unwrap();
     let scene = SceneFile::default().with_size([90, 90]);
-    let request = scene.resolve(volume.grid(), &relief_volume::camera::Orbit::default()).unwrap().request;
+    let request = scene.resolve(volume.grid(), &relief_volume::Orbit::default()).unwrap().request;
     let shading = Shading { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
     let transfer = transfer();
     RenderRequest { camera, transfer, shading, lights, illumination, sample_distance_mm: 0.5, ..request }

@@ -1,10 +1,9 @@
 //! Words and instruments over a picture: where they stand, at which depth, and what they say of the patient's sides.
 
 use glam::{DMat3, DVec2, DVec3};
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{RenderRequest, RenderedFrame, SceneFile};
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::{Grid, Volume};
+use relief_volume::{Camera, Grid, Orbit, Projection, Volume};
 use serde_json::{Value, json};
 
 const SIZE: [u32; 2] = [320, 240];
@@ -23,7 +22,7 @@ fn over_air(camera: Camera, overlays: &Value) -> RenderedFrame {
     let volume = air();
     let json = json!({ "overlays": overlays, "size_px": SIZE }).to_string();
     let scene = SceneFile::parse(json.as_bytes()).unwrap().resolve(volume.grid(), &Orbit::default()).unwrap();
-    relief_render::reference::render(&volume, &RenderRequest { camera, ..scene.request }).unwrap()
+    relief_render::render_reference(&volume, &RenderRequest { camera, ..scene.request }).unwrap()
 }
 
 const PARALLEL: Projection = Projection::Orthographic { height_mm: 120.0 };

@@ -1,12 +1,10 @@
 //! Isosurfaces with closed forms: where they lie, how they are lit, in which order they come, and what clips them.
 
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{
     ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping, Surface,
 };
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::{Grid, Volume};
+use relief_volume::{Camera, Grid, Orbit, Phantom, Projection, Volume};
 
 use super::closed_forms::sphere_depth_errors;
 use super::renderer;

@@ -3,15 +3,14 @@
 
 use std::sync::Arc;
 
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 use relief_render::{
     ClipPlane, DepthRule, Illumination, Labels, Light, Mode, Occlusion, Placement, RenderRequest,
     RenderedFrame, SceneFile, Shading, Skipping, SlabBlend,
 };
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::{ControlPoint, TransferFunction};
-use relief_volume::{Grid, LabelMap, Segment, Volume};
+use relief_volume::{
+    Camera, ControlPoint, Grid, LabelMap, Orbit, Phantom, Projection, Segment, TransferFunction, Volume,
+};
 
 use super::renderer;
 use super::twin::{compare, oblique_head};
@@ -155,7 +154,7 @@ fn hiding_half_of_a_volume_is_cutting_it_off() {
     let head = Phantom::head(64).unwrap().volume;
     let turn = glam::DAffine3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 0.5).normalize(), 0.6);
     let affine = turn * head.grid().patient_from_voxel().affine;
-    let placed = Grid::new(head.grid().dims(), relief_base::space::Transform::from_affine(affine)).unwrap();
+    let placed = Grid::new(head.grid().dims(), relief_base::Transform::from_affine(affine)).unwrap();
     let volume = Volume::new(placed, head.voxels_hu().to_vec()).unwrap();
     // Least values of a head are air's: turned upside down, they are bone's.
     let negated = volume.voxels_hu().iter().map(|hu| -hu).collect();

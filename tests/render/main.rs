@@ -34,8 +34,7 @@ mod views;
 
 use std::sync::{Mutex, MutexGuard, OnceLock};
 
-use relief_render::gpu::{AdapterChoice, Gpu};
-use relief_render::{Mode, RenderRequest, Renderer, Surface};
+use relief_render::{AdapterChoice, Gpu, Mode, RenderRequest, Renderer, Surface};
 
 /// The one renderer of this test program: software adapters compile pipelines slowly. `None` without an adapter.
 fn renderer(test: &str) -> Option<MutexGuard<'static, Renderer>> {

@@ -3,9 +3,7 @@
 use std::sync::MutexGuard;
 
 use relief_render::{Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, Skipping, VolumeLimits};
-use relief_volume::Volume;
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
+use relief_volume::{Orbit, Phantom, Volume};
 
 use super::{in_mode, renderer};
 

@@ -3,14 +3,11 @@
 //! Pictures are those of the f64 renderer, so that most of this needs no adapter; the formulas are written down anew here.
 
 use glam::{DMat3, DVec2, DVec3};
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_display::inspect_png;
 use relief_render::{RenderRequest, RenderedFrame, SceneFile};
-use relief_session::encode;
-use relief_session::{FileFormat, Product};
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::{Grid, Volume};
+use relief_session::{FileFormat, Product, encode};
+use relief_volume::{Camera, Grid, Orbit, Phantom, Projection, Volume};
 use serde_json::{Value, json};
 
 use super::renderer;
@@ -37,7 +34,7 @@ fn request(volume: &Volume, camera: Camera, size_px: [u32; 2], overlays: &Value)
 
 fn over_air(camera: Camera, size_px: [u32; 2], overlays: &Value) -> RenderedFrame {
     let volume = air();
-    relief_render::reference::render(&volume, &request(&volume, camera, size_px, overlays)).unwrap()
+    relief_render::render_reference(&volume, &request(&volume, camera, size_px, overlays)).unwrap()
 }
 
 /// Origin and unit direction of the ray through a place of the picture, in patient space, and the viewing axis.
@@ -273,7 +270,7 @@ fn the_sphere_hides_what_is_inside_of_it() {
             .unwrap()
             .request
             .transfer;
-        relief_render::reference::render(&volume, &request).unwrap()
+        relief_render::render_reference(&volume, &request).unwrap()
     };
     let alone = with(&json!({}));
     // One in the middle, and one on the surface towards the eye, half of it outside.
@@ -318,11 +315,11 @@ fn the_bounding_box_joins_the_projected_corners() {
     let axes = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(0.3);
     let (step, origin) =
         (axes * DMat3::from_diagonal(DVec3::new(10.0, 14.0, 18.0)), DVec3::new(-30.0, -60.0, -30.0));
-    let placed = relief_base::space::Transform::from_axes(step.x_axis, step.y_axis, step.z_axis, origin);
+    let placed = relief_base::Transform::from_axes(step.x_axis, step.y_axis, step.z_axis, origin);
     let volume = Volume::new(Grid::new([7, 6, 5], placed).unwrap(), vec![-1000; 210]).unwrap();
     let size = [160, 120];
     let camera = camera(PROJECTIONS[0]);
-    let frame = relief_render::reference::render(
+    let frame = relief_render::render_reference(
         &volume,
         &request(&volume, camera, size, &json!({ "bounding_box": true })),
     )
@@ -370,7 +367,7 @@ fn a_frame_with_overlays_still_decodes_and_its_depth_is_that_of_the_overlay() {
     let scene = SceneFile::parse(json.to_string().as_bytes()).unwrap();
     let scene = scene.resolve(volume.grid(), &Orbit::default()).unwrap();
     let frame = renderer.render(&volume, &scene.request).unwrap();
-    let twin = relief_render::reference::render(&volume, &scene.request).unwrap();
+    let twin = relief_render::render_reference(&volume, &scene.request).unwrap();
     let png = encode(&frame, &scene.display, Product::Frame, FileFormat::Png).unwrap();
     let report = inspect_png(&png).unwrap();
     assert!(report.problems.is_empty(), "{:?}", report.problems);

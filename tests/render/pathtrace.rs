@@ -4,14 +4,13 @@
 
 use std::ops::ControlFlow;
 
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{
     Light, Mode, PathTrace, Placement, Progress, RenderRequest, RenderedFrame, Renderer, SceneFile, Shading,
 };
-use relief_volume::camera::{Camera, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::{ControlPoint, TransferFunction, linear_from_srgb};
-use relief_volume::{Grid, Volume};
+use relief_volume::{
+    Camera, ControlPoint, Grid, Phantom, Projection, TransferFunction, Volume, linear_from_srgb,
+};
 
 use super::renderer;
 
@@ -35,7 +34,7 @@ fn along_y(height_mm: f64) -> Camera {
 /// No light but what is given, no surfaces: a scattering medium alone.
 fn dark(volume: &Volume, transfer: TransferFunction, camera: Camera, side_px: u32) -> RenderRequest {
     let scene = SceneFile::default().with_mode(Mode::PathTraced).with_size([side_px, side_px]);
-    let request = scene.resolve(volume.grid(), &relief_volume::camera::Orbit::default()).unwrap().request;
+    let request = scene.resolve(volume.grid(), &relief_volume::Orbit::default()).unwrap().request;
     let path_trace = PathTrace { environment: 0.0, exposure: 1.0, surface: 0.0, ..PathTrace::default() };
     RenderRequest {
         camera,
@@ -61,7 +60,7 @@ fn distant(direction: [f64; 3]) -> Light {
 /// The head, lit as by default, small.
 fn head_request(volume: &Volume, passes: u32) -> RenderRequest {
     let scene = SceneFile::default().with_mode(Mode::PathTraced).with_size([32, 32]).with_passes(passes);
-    let orbit = relief_volume::camera::Orbit { azimuth_deg: 25.0, zoom: 1.3, ..Default::default() };
+    let orbit = relief_volume::Orbit { azimuth_deg: 25.0, zoom: 1.3, ..Default::default() };
     scene.resolve(volume.grid(), &orbit).unwrap().request
 }
 

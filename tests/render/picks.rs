@@ -1,14 +1,11 @@
 //! Picks against what is displayed: in every mode, by every depth rule, under every kind of clip and in every layout, a picked place
 //! lies on its pixel's ray in the depth that the frame was packed from, and that is the f64 twin's.
 
-use relief_base::space::{Point, Vector};
-use relief_base::units::{Disparity, ScaledDepth, ViewDepth};
+use relief_base::{Disparity, Point, ScaledDepth, Vector, ViewDepth};
 use relief_display::{DecodedDepth, DepthFilter, DisplaySettings, Layout, Picture, decode_exr};
 use relief_render::{Clip, ClipPlane, ClipSphere, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile};
-use relief_session::encode;
-use relief_session::{FileFormat, Product};
-use relief_volume::Volume;
-use relief_volume::camera::Orbit;
+use relief_session::{FileFormat, Product, encode};
+use relief_volume::{Orbit, Volume};
 
 use super::twin::oblique_head;
 use super::{in_mode, renderer};
@@ -68,7 +65,7 @@ fn expect_picks(frame: &RenderedFrame, what: &str) -> usize {
 }
 
 fn expect_twin(volume: &Volume, request: &RenderRequest, frame: &RenderedFrame, what: &str) {
-    let twin = relief_render::reference::render(volume, request).unwrap();
+    let twin = relief_render::render_reference(volume, request).unwrap();
     let mut apart = 0;
     for row in 0..SIZE[1] {
         for column in 0..SIZE[0] {

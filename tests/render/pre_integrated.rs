@@ -1,11 +1,8 @@
 //! Pre-integrated classification: a thin layer's closed form, the twin, skipping, and what a double sample distance costs.
 
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{Classification, DepthRule, RenderRequest, RenderedFrame, Shading, Skipping};
-use relief_volume::Volume;
-use relief_volume::camera::{Camera, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::{ControlPoint, TransferFunction};
+use relief_volume::{Camera, ControlPoint, Phantom, Projection, TransferFunction, Volume};
 
 use super::renderer;
 use super::twin::{compare, oblique_head, request};

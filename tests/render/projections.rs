@@ -1,11 +1,10 @@
 //! Projections with closed forms: extremes of a cone, sums through a slab, what clip planes and misses do to them.
 
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{Clip, ClipPlane, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping};
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::{ControlPoint, TransferFunction, Window};
-use relief_volume::{Grid, Volume};
+use relief_volume::{
+    Camera, ControlPoint, Grid, Orbit, Phantom, Projection, TransferFunction, Volume, Window,
+};
 
 use super::{in_mode, renderer};
 

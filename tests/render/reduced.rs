@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use relief_render::{Overlays, RenderRequest, SceneFile};
 use relief_session::SpeedBook;
-use relief_volume::Volume;
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
+use relief_volume::{Orbit, Phantom, Volume};
 
 use super::renderer;
 

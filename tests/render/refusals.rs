@@ -1,9 +1,7 @@
 //! What cannot be rendered is refused in words that help.
 
 use relief_render::SceneFile;
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
-use relief_volume::{Grid, Volume};
+use relief_volume::{Grid, Orbit, Phantom, Volume};
 
 use super::renderer;
 

@@ -3,10 +3,7 @@
 use std::sync::Arc;
 
 use relief_render::{DepthRule, Mode, Overlays, RenderRequest, Renderer, SceneFile, Skipping};
-use relief_volume::Volume;
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::GradientOpacity;
+use relief_volume::{Camera, GradientOpacity, Orbit, Phantom, Projection, Volume};
 
 use super::{in_mode, renderer};
 
@@ -23,7 +20,7 @@ fn requests(volume: &Volume) -> Vec<RenderRequest> {
     }
     let far = requests[2].camera;
     let arm = (far.eye().xyz - far.look_at().xyz) * 400.0;
-    let eye = relief_base::space::Point::from_xyz(far.look_at().xyz + arm);
+    let eye = relief_base::Point::from_xyz(far.look_at().xyz + arm);
     let narrow = Projection::Perspective { vertical_fov: 0.12f64.to_radians() };
     let camera = Camera::new(eye, far.look_at(), far.up(), narrow).unwrap();
     requests.push(RenderRequest { camera, ..requests[2].clone() });

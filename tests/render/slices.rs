@@ -1,11 +1,9 @@
 //! Slices whose pixels can be written down: ramps, slabs of ramps, the balls of the axes phantom; and the f64 twin.
 
 use glam::DVec3;
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{Clip, ClipPlane, RenderRequest, RenderedFrame, SceneFile};
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
-use relief_volume::{Grid, Volume};
+use relief_volume::{Grid, Orbit, Phantom, Volume};
 
 use super::renderer;
 use super::twin::{compare, oblique_head};
@@ -110,7 +108,7 @@ fn every_ball_lies_where_the_convention_puts_it() {
     let mut seen = 0;
     for (plane, right, up, along) in CONVENTION {
         for landmark in phantom.truth.surfaces.iter().filter_map(|surface| match surface.shape {
-            relief_volume::phantom::SurfaceShape::Sphere { center_mm, .. } => Some(DVec3::from(center_mm)),
+            relief_volume::SurfaceShape::Sphere { center_mm, .. } => Some(DVec3::from(center_mm)),
             _ => None,
         }) {
             let scene = format!(

@@ -7,8 +7,7 @@ use std::process::Command;
 
 use glam::DVec3;
 use relief_render::{RenderRequest, SceneFile};
-use relief_volume::Volume;
-use relief_volume::camera::Orbit;
+use relief_volume::{Orbit, Volume};
 use serde_json::json;
 
 use super::renderer;

@@ -1,14 +1,10 @@
 //! The GPU against the f64 twin, over mode x projection x depth rule x shading.
 
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_render::{
     Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, VolumeLimits,
 };
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
-use relief_volume::transfer::GradientOpacity;
-use relief_volume::transfer::Window;
-use relief_volume::{Grid, Volume};
+use relief_volume::{GradientOpacity, Grid, Orbit, Phantom, Volume, Window};
 
 use super::{in_mode, renderer};
 
@@ -20,7 +16,7 @@ pub(super) fn compare(volume: &Volume, request: &RenderRequest, what: &str) {
     let Some(mut renderer) = renderer(what) else { return };
     let gpu = renderer.render(volume, request).unwrap();
     drop(renderer);
-    expect_equal(&gpu, &relief_render::reference::render(volume, request).unwrap(), what);
+    expect_equal(&gpu, &relief_render::render_reference(volume, request).unwrap(), what);
 }
 
 fn expect_equal(gpu: &RenderedFrame, twin: &RenderedFrame, what: &str) {
@@ -49,8 +45,7 @@ pub(super) fn oblique_head() -> Volume {
     let grid = head.grid();
     let turn = glam::DAffine3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 0.5).normalize(), 0.6);
     let stretch = glam::DAffine3::from_scale(glam::DVec3::new(1.0, 1.1, 0.8));
-    let placed =
-        relief_base::space::Transform::from_affine(turn * stretch * grid.patient_from_voxel().affine);
+    let placed = relief_base::Transform::from_affine(turn * stretch * grid.patient_from_voxel().affine);
     Volume::new(Grid::new(grid.dims(), placed).unwrap(), head.voxels_hu().to_vec()).unwrap()
 }
 
@@ -143,7 +138,7 @@ fn gpu_and_twin_agree_where_gradients_are_not_precomputed() {
     expect_equal(&values, &precomputed, "gradients of values and precomputed ones");
     expect_equal(
         &values,
-        &relief_render::reference::render(&volume, &request).unwrap(),
+        &relief_render::render_reference(&volume, &request).unwrap(),
         "gradients of values",
     );
 }

@@ -1,12 +1,10 @@
 //! Views beside each other: shifted lenses against point projection and the f64 twin, and the views that a display would
 //! make of one picture against true renders.
 
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_display::{DisplaySettings, Layout, Picture, psnr_db};
 use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, depth_limits};
-use relief_volume::Volume;
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Phantom;
+use relief_volume::{Orbit, Phantom, Volume};
 use serde_json::json;
 
 use super::renderer;

@@ -3,7 +3,7 @@
 use axum::body::Body;
 use axum::http::{Method, Request};
 use relief_annotation::{Change, Edit, FrameOfReference, Geometry, Item};
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_store::{Filter, Store};
 use serde_json::{Value, json};
 

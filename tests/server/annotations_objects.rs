@@ -96,7 +96,7 @@ async fn a_report_goes_out_and_comes_in_over_http() {
 async fn a_segmentation_goes_out_and_comes_in_over_http() {
     let (stage, series) = stage().await;
     // The third slice from the bottom: 120 voxels of 0.7 x 0.9 x 1.3 mm.
-    let seed = series.grid.patient_from_voxel() * relief_base::space::Point::new(4.0, 5.0, 2.0);
+    let seed = series.grid.patient_from_voxel() * relief_base::Point::new(4.0, 5.0, 2.0);
     let wanted = json!({ "seed_mm": seed.xyz.to_array(), "hu": [-300, -71], "name": "slab" });
     let grown = stage.annotate(Method::POST, "/grow", "anna", wanted).await;
     assert_eq!(grown.json()["events"][0]["item"]["geometry"]["voxels"], 120, "{}", grown.text());

@@ -2,7 +2,7 @@
 
 use relief_display::{DecodedDepth, Frame, Layout, Pixels, decode_exr, inspect_png};
 use relief_render::{RenderRequest, SceneFile};
-use relief_volume::camera::Orbit;
+use relief_volume::Orbit;
 use serde_json::{Value, json};
 
 use crate::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depth};
@@ -239,7 +239,7 @@ async fn a_pick_is_the_patient_position_under_the_pixel() {
     let depth = f64::from(sphere_depth(&request, [18, 10]));
     assert!((found["depth_mm"].as_f64().unwrap() - depth).abs() < 1e-4);
     let at: Vec<f64> = found["patient_mm"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
-    let point = relief_base::space::Point::new(at[0], at[1], at[2]);
+    let point = relief_base::Point::new(at[0], at[1], at[2]);
     assert!((point.distance(request.camera.look_at()) - SPHERE_MM).abs() < 1e-4, "on the sphere: {at:?}");
     let (u, v, z) = request.camera.project(point, [32, 24]).unwrap();
     assert!((u - 18.5).abs() < 1e-6 && (v - 10.5).abs() < 1e-6 && (z - depth).abs() < 1e-4, "{u} {v} {z}");

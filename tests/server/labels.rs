@@ -1,6 +1,6 @@
 //! Label maps over HTTP: uploaded, listed, in queries, in picks; and what is refused.
 
-use relief_dicom::formats::seg_nrrd;
+use relief_dicom::write_seg_nrrd;
 use relief_server::Config;
 use relief_session::QueueConfig;
 use relief_volume::{LabelMap, Segment};
@@ -13,7 +13,7 @@ const BYTES: &str = "application/octet-stream";
 fn halves() -> Vec<u8> {
     let labels: Vec<u16> = (0..64).map(|at| if at < 32 { 3 } else { 40 }).collect();
     let described = vec![Segment::new(3, Some("low"), Some([1.0, 0.5, 0.0]))];
-    seg_nrrd(&LabelMap::new(cube().grid().clone(), &labels, described).unwrap()).unwrap()
+    write_seg_nrrd(&LabelMap::new(cube().grid().clone(), &labels, described).unwrap()).unwrap()
 }
 
 #[tokio::test]

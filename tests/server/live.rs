@@ -6,9 +6,7 @@ use image::ImageDecoder;
 use relief_display::{DisplayProfile, Pixels, ProfileName};
 use relief_live::{ReceivedFrame, SUBPROTOCOL};
 use relief_server::{Config, Drained, LiveConfig};
-use relief_tracking::Beacon;
-use relief_tracking::report::recording::hex_of_bytes;
-use relief_tracking::simulate::Simulation;
+use relief_tracking::{Beacon, Simulation, hex_of_bytes};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::{Error, Message};
 
@@ -323,7 +321,7 @@ async fn a_wiimotes_hand_moves_the_view_by_poses_and_by_reports() {
     while client.event("state").await["state"]["grabbed"] != false {}
 
     let beacon = Beacon::recommended();
-    let path = relief_tracking::simulate::Hand::before(&beacon, 1500.0, 3);
+    let path = relief_tracking::PointingHand::before(&beacon, 1500.0, 3);
     let mut reports = Simulation::new(beacon, 3).record(&path, 0.4).into_iter();
     let mut seq = 100;
     let tracking = loop {

@@ -148,7 +148,7 @@ async fn presets_and_layouts_are_listed() {
     let listed = Stage::new().get("/v1/presets").await.json();
     let names: Vec<&str> =
         listed["presets"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
-    let known: Vec<&str> = relief_volume::transfer::PRESETS.iter().map(|preset| preset.name).collect();
+    let known: Vec<&str> = relief_volume::PRESETS.iter().map(|preset| preset.name).collect();
     assert_eq!(names, known);
     assert!(listed["presets"].as_array().unwrap().iter().all(|p| !p["purpose"].as_str().unwrap().is_empty()));
     assert!(listed["layouts"].as_array().unwrap().contains(&json!("wowvx")));

@@ -1,7 +1,7 @@
 //! Slices over HTTP: the query's scene, its orientation letters, its picks and its refusals.
 
 use relief_render::SceneFile;
-use relief_volume::camera::Orbit;
+use relief_volume::Orbit;
 use serde_json::{Value, json};
 
 use crate::stage::{Stage, cube};

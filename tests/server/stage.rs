@@ -9,14 +9,13 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 use relief_dicom::{SeriesIdentity, Strictness};
 use relief_render::{OverlayItem, Progress, RenderRequest, RenderedFrame, Timings};
 use relief_server::{Config, LabelsLoader, LoadedVolume, Server, VolumeLoader, app};
 use relief_session::{BackendError, QueueConfig, RenderBackend, RenderService};
 use relief_store::Store;
-use relief_volume::camera::Projection;
-use relief_volume::{Grid, Volume};
+use relief_volume::{Grid, Projection, Volume};
 use serde_json::Value;
 use tower::ServiceExt;
 
@@ -330,7 +329,7 @@ fn ball() -> Volume {
 
 fn labels_loader() -> LabelsLoader {
     Arc::new(|path, grid| {
-        let found = relief_dicom::formats::read_labels(path).map_err(|error| error.to_string())?;
+        let found = relief_dicom::read_labels(path).map_err(|error| error.to_string())?;
         Ok(Arc::new(found.map.resampled(grid)))
     })
 }

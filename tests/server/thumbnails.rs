@@ -1,6 +1,6 @@
 //! Thumbnails: one small picture of a volume for each preset, with tags, and refusals by name.
 
-use relief_volume::transfer::PRESETS;
+use relief_volume::PRESETS;
 use serde_json::json;
 
 use crate::stage::Stage;

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::http::Request;
-use relief_dicom::write::{Existing, SeriesFolder, SeriesLabels};
+use relief_dicom::{ExistingFolder, SeriesFolder, SeriesLabels};
 use relief_server::{Config, LoadedVolume, UploadLimits};
 use relief_session::QueueConfig;
 use relief_volume::{Grid, Volume};
@@ -22,7 +22,7 @@ pub(crate) fn series_zip(value: i16) -> Vec<u8> {
     let grid = Grid::axis_aligned([8, 8, 4], [2.0, 2.0, 3.0], [0.0; 3]).unwrap();
     let volume = Volume::new(grid, (0..256).map(|i| i + value).collect()).unwrap();
     let place = tempfile::tempdir().unwrap();
-    let folder = SeriesFolder::create(&place.path().join("series"), Existing::Keep).unwrap();
+    let folder = SeriesFolder::create(&place.path().join("series"), ExistingFolder::Keep).unwrap();
     let labels = SeriesLabels {
         patient_name: "SECRET^NAME".to_owned(),
         patient_id: "SECRET-ID".to_owned(),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use relief_annotation::{Change, Edit, Event, Geometry, Item, ItemId, Timestamp};
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_store::{Filter, Store};
 
 /// A log in a folder that goes with it.

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use relief_annotation::{Geometry, Item};
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_store::{LogFilter, Store, StoreError};
 
 use crate::made::{Made, create, edit, point, update};

@@ -1,8 +1,7 @@
 //! Mesh files that are damaged or made up: an error with its place, or a mesh that is sound; never more memory than bytes.
 
 use proptest::prelude::*;
-use relief_annotation::mesh::files::{At, MeshFormat, read, write};
-use relief_annotation::mesh::{TriangleMesh, surface_nets};
+use relief_annotation::{MeshFilePlace, MeshFormat, TriangleMesh, read_mesh, surface_nets, write_mesh};
 
 use super::shapes::noise;
 
@@ -11,7 +10,7 @@ fn mesh() -> TriangleMesh {
 }
 
 fn says(format: MeshFormat, bytes: impl AsRef<[u8]>, text: &str) {
-    let refused = read(format, bytes.as_ref()).unwrap_err().to_string();
+    let refused = read_mesh(format, bytes.as_ref()).unwrap_err().to_string();
     assert!(refused.contains(text), "{refused}");
 }
 
@@ -19,7 +18,7 @@ fn says(format: MeshFormat, bytes: impl AsRef<[u8]>, text: &str) {
 fn lines_bytes_and_keys_are_named() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
-    assert_eq!(read(MeshFormat::Ply, ply.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
+    assert_eq!(read_mesh(MeshFormat::Ply, ply.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
     says(MeshFormat::Ply, ply.replace("1 0 0", "1 zero 0"), "ply, line 11: found zero, expected a number");
     says(
         MeshFormat::Ply,
@@ -36,7 +35,7 @@ fn lines_bytes_and_keys_are_named() {
     says(MeshFormat::Ply, "ply\nformat ascii 1.0\ncomment x\n", "no end_header");
 
     let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/4 -2//3 3\n";
-    assert_eq!(read(MeshFormat::Obj, obj.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
+    assert_eq!(read_mesh(MeshFormat::Obj, obj.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
     says(
         MeshFormat::Obj,
         obj.replace("v 1 0 0", "v 1 inf 0"),
@@ -48,7 +47,7 @@ fn lines_bytes_and_keys_are_named() {
     says(MeshFormat::Obj, "nothing\n", "found no triangle");
 
     let stl = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
-    assert_eq!(read(MeshFormat::Stl, stl.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
+    assert_eq!(read_mesh(MeshFormat::Stl, stl.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2]]);
     says(
         MeshFormat::Stl,
         stl.replace("vertex 1 0 0", "vertex 1 0"),
@@ -60,7 +59,7 @@ fn lines_bytes_and_keys_are_named() {
         "line 7: found endfacet, expected three vertices",
     );
     says(MeshFormat::Stl, stl.replace("outer", "inner"), "line 3: found inner loop");
-    let binary = write(MeshFormat::Stl, &mesh(), "").unwrap();
+    let binary = write_mesh(MeshFormat::Stl, &mesh(), "").unwrap();
     says(MeshFormat::Stl, &binary[..binary.len() - 1], "byte 84: found");
     says(
         MeshFormat::Stl,
@@ -68,7 +67,7 @@ fn lines_bytes_and_keys_are_named() {
         "byte 0: found the end after 50 bytes, expected 80 bytes of the header",
     );
 
-    let glb = write(MeshFormat::Glb, &mesh(), "a").unwrap();
+    let glb = write_mesh(MeshFormat::Glb, &mesh(), "a").unwrap();
     let changed = |from: &str, to: &str| {
         assert_eq!(from.len(), to.len());
         let at = glb.windows(from.len()).position(|part| part == from.as_bytes()).unwrap();
@@ -89,7 +88,7 @@ fn lines_bytes_and_keys_are_named() {
 
 #[test]
 fn nodes_in_a_ring_and_meshes_shown_too_often_end() {
-    let glb = write(MeshFormat::Glb, &mesh(), "a").unwrap();
+    let glb = write_mesh(MeshFormat::Glb, &mesh(), "a").unwrap();
     let size = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
     let with = |nodes: &str| {
         let mut json: serde_json::Value = serde_json::from_slice(&glb[20..20 + size]).unwrap();
@@ -103,8 +102,10 @@ fn nodes_in_a_ring_and_meshes_shown_too_often_end() {
     let many = format!(r#"[{{"children":[{}]}},{}]"#, children.join(","), many.join(","));
     says(MeshFormat::Glb, with(&many), "no more than the file has bytes");
     // A node that mirrors turns triangles inside out, so they are turned back; metres and Y up become mm and LPS.
-    let mirrored =
-        read(MeshFormat::Glb, &with(r#"[{"mesh":0,"scale":[-0.001,0.001,0.001],"translation":[1,0,0]}]"#));
+    let mirrored = read_mesh(
+        MeshFormat::Glb,
+        &with(r#"[{"mesh":0,"scale":[-0.001,0.001,0.001],"translation":[1,0,0]}]"#),
+    );
     let (own, found) = (mesh().measures(), mirrored.unwrap().mesh);
     assert!((found.measures().volume_ml.unwrap() - own.volume_ml.unwrap()).abs() < 1e-6);
     let [[low, high], [own_low, own_high]] = [found.span(), mesh().span()];
@@ -116,7 +117,7 @@ fn nodes_in_a_ring_and_meshes_shown_too_often_end() {
 
 /// A mesh that was read can be used: no corner is missing, none is nowhere.
 fn is_sound(format: MeshFormat, bytes: &[u8]) {
-    match read(format, bytes) {
+    match read_mesh(format, bytes) {
         Ok(found) => {
             found.mesh.check().unwrap();
             assert!(found.mesh.triangles.len() <= bytes.len() && found.mesh.vertices.len() <= bytes.len());
@@ -124,7 +125,7 @@ fn is_sound(format: MeshFormat, bytes: &[u8]) {
         }
         Err(error) => {
             assert!(error.to_string().len() < 400, "{error}");
-            if let At::Byte(at) = error.at {
+            if let MeshFilePlace::Byte(at) = error.at {
                 assert!(at <= bytes.len());
             }
         }
@@ -149,7 +150,7 @@ proptest! {
     fn damaged_files_end_well(places in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
                               cut in any::<prop::sample::Index>(), which in 0..4usize, is_cut in any::<bool>()) {
         let format = MeshFormat::ALL[which];
-        let mut bytes = write(format, &mesh(), "name").unwrap();
+        let mut bytes = write_mesh(format, &mesh(), "name").unwrap();
         for (place, value) in places {
             let at = place.index(bytes.len());
             bytes[at] = value;

@@ -1,11 +1,11 @@
 //! Region growing: limits against leaks, seeds, and stopping.
 
-use relief_annotation::segmentation::grow;
+use relief_annotation::grow_region;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use relief_annotation::segmentation::{Ended, Grow, GrowError, Grown, Limits, Stage};
-use relief_base::space::Point;
+use relief_annotation::{Grow, GrowError, GrowLimits, GrowStage, GrownRegion, GrowthEnd};
+use relief_base::Point;
 use relief_volume::Volume;
 
 use super::shapes::{grid, mask, volume};
@@ -24,19 +24,19 @@ fn in_ball(p: DVec3, x: f64) -> bool {
     p.distance(DVec3::new(x, 0.0, 0.0)) <= 12.0
 }
 
-fn from(x: f64, limits: Limits) -> Grow {
+fn from(x: f64, limits: GrowLimits) -> Grow {
     Grow { seeds: vec![Point::new(x, 0.0, 0.0)], hu: [0, 200], limits }
 }
 
-fn grown(what: &Grow) -> Result<Grown, GrowError> {
-    grow(&dumbbell(), what, &|_| true)
+fn grown(what: &Grow) -> Result<GrownRegion, GrowError> {
+    grow_region(&dumbbell(), what, &|_| true)
 }
 
 #[test]
 fn without_limits_it_is_everything_that_is_connected() {
-    let found = grown(&from(-20.0, Limits::default())).unwrap();
+    let found = grown(&from(-20.0, GrowLimits::default())).unwrap();
     assert_eq!(found.mask, mask(dumbbell().grid(), is_dumbbell));
-    assert_eq!(found.ended, Ended::Complete);
+    assert_eq!(found.ended, GrowthEnd::Complete);
     assert_eq!(found.voxels, found.mask.voxels());
     assert!((found.volume_ml - found.mask.volume_ml()).abs() < 1e-12);
 }
@@ -44,26 +44,26 @@ fn without_limits_it_is_everything_that_is_connected() {
 #[test]
 fn a_region_larger_than_allowed_has_leaked() {
     let ball_ml = 4.0 / 3.0 * std::f64::consts::PI * 1.728;
-    let limits = Limits { max_ml: Some(ball_ml * 1.2), ..Limits::default() };
+    let limits = GrowLimits { max_ml: Some(ball_ml * 1.2), ..GrowLimits::default() };
     let Err(GrowError::Leaked { reached_ml, allowed_ml }) = grown(&from(-20.0, limits)) else {
         panic!("it goes through the bridge")
     };
     assert!(reached_ml > allowed_ml && allowed_ml == ball_ml * 1.2, "{reached_ml} {allowed_ml}");
     let message = grown(&from(-20.0, limits)).unwrap_err().to_string();
     assert!(message.contains("leaked") && message.contains("allowed: 8.7 ml"), "{message}");
-    let enough = Limits { max_ml: Some(ball_ml * 2.5), ..Limits::default() };
-    assert_eq!(grown(&from(-20.0, enough)).unwrap().ended, Ended::Complete);
+    let enough = GrowLimits { max_ml: Some(ball_ml * 2.5), ..GrowLimits::default() };
+    assert_eq!(grown(&from(-20.0, enough)).unwrap().ended, GrowthEnd::Complete);
 }
 
 #[test]
 fn a_radius_cuts_and_says_so() {
-    let limits = Limits { max_radius_mm: Some(15.0), ..Limits::default() };
+    let limits = GrowLimits { max_radius_mm: Some(15.0), ..GrowLimits::default() };
     let found = grown(&from(-20.0, limits)).unwrap();
     let near = |p: DVec3| is_dumbbell(p) && p.distance(DVec3::new(-20.0, 0.0, 0.0)) <= 15.0;
     assert_eq!(found.mask, mask(dumbbell().grid(), near));
-    assert_eq!(found.ended, Ended::AtRadius);
-    let wide = Limits { max_radius_mm: Some(60.0), ..Limits::default() };
-    assert_eq!(grown(&from(-20.0, wide)).unwrap().ended, Ended::Complete);
+    assert_eq!(found.ended, GrowthEnd::AtRadius);
+    let wide = GrowLimits { max_radius_mm: Some(60.0), ..GrowLimits::default() };
+    assert_eq!(grown(&from(-20.0, wide)).unwrap().ended, GrowthEnd::Complete);
     // Of two seeds the nearer one counts: both balls, and the bridge but for its middle.
     let both =
         Grow { seeds: vec![Point::new(-20.0, 0.0, 0.0), Point::new(20.0, 0.0, 0.0)], ..from(0.0, limits) };
@@ -76,9 +76,9 @@ fn a_radius_cuts_and_says_so() {
 
 #[test]
 fn a_neck_is_not_passed_and_the_leak_behind_it_does_not_count() {
-    let limits = Limits { neck_mm: Some(6.0), max_ml: Some(9.0), ..Limits::default() };
+    let limits = GrowLimits { neck_mm: Some(6.0), max_ml: Some(9.0), ..GrowLimits::default() };
     let found = grown(&from(-20.0, limits)).unwrap();
-    assert_eq!(found.ended, Ended::AtNeck);
+    assert_eq!(found.ended, GrowthEnd::AtNeck);
     let ball = mask(dumbbell().grid(), |p| in_ball(p, -20.0)).voxels();
     let share = found.voxels as f64 / ball as f64;
     // A ball of 6 mm does not reach into the bridge by more than its own curvature, and misses few voxels of the large ball.
@@ -90,7 +90,7 @@ fn a_neck_is_not_passed_and_the_leak_behind_it_does_not_count() {
         }
     }
     // A bridge that is thick enough is passed.
-    let thin = Limits { neck_mm: Some(1.5), ..Limits::default() };
+    let thin = GrowLimits { neck_mm: Some(1.5), ..GrowLimits::default() };
     let through = grown(&from(-20.0, thin)).unwrap();
     assert!(through.voxels > 19 * ball / 10, "{} of {ball}", through.voxels);
     let refused = grown(&from(0.0, limits)).unwrap_err();
@@ -108,7 +108,7 @@ fn seeds_and_arguments_that_are_wrong_are_named() {
         let refused = grown(what).unwrap_err().to_string();
         assert!(refused.contains(text), "{refused}");
     };
-    let none = Limits::default();
+    let none = GrowLimits::default();
     says(&from(500.0, none), "seed 500.0 0.0 0.0 mm is outside of the volume");
     says(&from(f64::NAN, none), "outside of the volume");
     says(
@@ -117,32 +117,32 @@ fn seeds_and_arguments_that_are_wrong_are_named() {
     );
     says(&Grow { seeds: vec![], ..from(0.0, none) }, "seeds is 0 points, allowed: 1 to 1000");
     says(&Grow { hu: [10, 5], ..from(0.0, none) }, "hu is 10 to 5");
-    says(&from(-20.0, Limits { max_ml: Some(0.0), ..none }), "max_ml is 0, allowed: more than 0");
-    says(&from(-20.0, Limits { max_radius_mm: Some(f64::NAN), ..none }), "max_radius_mm is NaN");
+    says(&from(-20.0, GrowLimits { max_ml: Some(0.0), ..none }), "max_ml is 0, allowed: more than 0");
+    says(&from(-20.0, GrowLimits { max_radius_mm: Some(f64::NAN), ..none }), "max_radius_mm is NaN");
     says(
-        &from(-20.0, Limits { neck_mm: Some(51.0), ..none }),
+        &from(-20.0, GrowLimits { neck_mm: Some(51.0), ..none }),
         "neck_mm is 51, allowed: more than 0, at most 50",
     );
 }
 
 #[test]
 fn growing_stops_when_nobody_waits_at_every_stage() {
-    let neck = from(-20.0, Limits { neck_mm: Some(6.0), ..Limits::default() });
+    let neck = from(-20.0, GrowLimits { neck_mm: Some(6.0), ..GrowLimits::default() });
     let calls = AtomicUsize::new(0);
     let stages = std::sync::Mutex::new(Vec::new());
-    let found = grow(&dumbbell(), &neck, &|progress| {
+    let found = grow_region(&dumbbell(), &neck, &|progress| {
         calls.fetch_add(1, Ordering::Relaxed);
         stages.lock().unwrap().push(progress.stage);
         true
     });
     found.unwrap();
-    for stage in [Stage::Range, Stage::Growing, Stage::Necks] {
+    for stage in [GrowStage::Range, GrowStage::Growing, GrowStage::Necks] {
         assert!(stages.lock().unwrap().contains(&stage), "{stage:?} is told");
     }
     let total = calls.into_inner();
     for allowed in [0, 1, 2, total / 4, total / 2, total - 1] {
         let asked = AtomicUsize::new(0);
-        let found = grow(&dumbbell(), &neck, &|_| asked.fetch_add(1, Ordering::Relaxed) < allowed);
+        let found = grow_region(&dumbbell(), &neck, &|_| asked.fetch_add(1, Ordering::Relaxed) < allowed);
         assert_eq!(found.unwrap_err(), GrowError::Cancelled, "after {allowed} of {total}");
     }
 }
@@ -157,11 +157,11 @@ fn regions_are_the_same_on_any_number_of_threads() {
     let seed = Point::new(seed[0] as f64, seed[1] as f64, seed[2] as f64);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let limited = Limits { max_ml: Some(0.02), ..Limits::default() };
+        let limited = GrowLimits { max_ml: Some(0.02), ..GrowLimits::default() };
         let what = |limits| Grow { seeds: vec![seed], hu: [1, 1], limits };
         pool.install(|| {
-            let whole = grow(&noisy_volume, &what(Limits::default()), &|_| true).unwrap().mask;
-            (whole, grow(&noisy_volume, &what(limited), &|_| true).map(|grown| grown.voxels))
+            let whole = grow_region(&noisy_volume, &what(GrowLimits::default()), &|_| true).unwrap().mask;
+            (whole, grow_region(&noisy_volume, &what(limited), &|_| true).map(|grown| grown.voxels))
         })
     };
     let alone = on(1);

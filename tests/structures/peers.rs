@@ -1,14 +1,14 @@
 //! What others make of our regions and meshes, and we of theirs: SimpleITK, VTK and trimesh.
 
-use relief_annotation::segmentation::grow;
+use relief_annotation::grow_region;
 use std::path::Path;
 use std::process::Command;
 
 use glam::DVec3;
-use relief_annotation::mesh::files::{MeshFormat, read, write};
-use relief_annotation::mesh::{Smoothing, TriangleMesh, surface_nets};
-use relief_annotation::segmentation::{Grow, Limits};
-use relief_base::space::Point;
+use relief_annotation::{
+    Grow, GrowLimits, MeshFormat, Smoothing, TriangleMesh, read_mesh, surface_nets, write_mesh,
+};
+use relief_base::Point;
 use relief_volume::{Mask, Places, Segment, Volume};
 
 use super::shapes::{grid, indices, mask, noise};
@@ -85,7 +85,7 @@ fn vtk_reads_our_files_and_we_read_vtks() {
     let folder = tempfile::tempdir().unwrap();
     for format in [MeshFormat::Ply, MeshFormat::Stl, MeshFormat::Obj] {
         let path = folder.path().join(format!("ours.{}", format.name()));
-        std::fs::write(path, write(format, &mesh, "lump").unwrap()).unwrap();
+        std::fs::write(path, write_mesh(format, &mesh, "lump").unwrap()).unwrap();
     }
     let found = run(&python, VTK, folder.path());
     let own = mesh.measures();
@@ -103,7 +103,7 @@ fn vtk_reads_our_files_and_we_read_vtks() {
     for name in ["b.ply", "a.ply", "b.stl", "a.stl", "a.obj"] {
         let path = folder.path().join(name);
         let format = MeshFormat::of(&path).unwrap();
-        let theirs = read(format, &std::fs::read(&path).unwrap()).unwrap();
+        let theirs = read_mesh(format, &std::fs::read(&path).unwrap()).unwrap();
         let measures = theirs.mesh.measures();
         assert!(measures.is_manifold, "{name}: {measures:?}");
         // ASCII of VTK has six digits.
@@ -139,7 +139,7 @@ fn trimesh_reads_our_files_and_we_read_trimeshs() {
     let folder = tempfile::tempdir().unwrap();
     for format in MeshFormat::ALL {
         let path = folder.path().join(format!("ours.{}", format.name()));
-        std::fs::write(path, write(format, &mesh, "lump").unwrap()).unwrap();
+        std::fs::write(path, write_mesh(format, &mesh, "lump").unwrap()).unwrap();
     }
     let found = run(&python, TRIMESH, folder.path());
     let own = mesh.measures();
@@ -162,7 +162,7 @@ fn trimesh_reads_our_files_and_we_read_trimeshs() {
             near(&found["bounds"][0][axis], expected, 1e-5, name);
         }
         let theirs = std::fs::read(folder.path().join(format!("theirs.{name}"))).unwrap();
-        let theirs = read(format, &theirs).unwrap().mesh;
+        let theirs = read_mesh(format, &theirs).unwrap().mesh;
         assert!(theirs.measures().is_manifold, "{name}");
         assert!(
             (theirs.span()[0] - low).length() < 1e-3 && (theirs.span()[1] - high).length() < 1e-3,
@@ -203,8 +203,8 @@ pub(crate) fn same_as_simpleitk(python: &str, cases: &[Case<'_>]) -> Vec<u64> {
         let place = |seed: &[usize; 3]| {
             volume.grid().patient_from_voxel() * Point::new(seed[0] as f64, seed[1] as f64, seed[2] as f64)
         };
-        let what = Grow { seeds: seeds.iter().map(place).collect(), hu: *hu, limits: Limits::default() };
-        let grown = grow(volume, &what, &|_| true).unwrap();
+        let what = Grow { seeds: seeds.iter().map(place).collect(), hu: *hu, limits: GrowLimits::default() };
+        let grown = grow_region(volume, &what, &|_| true).unwrap();
         assert_eq!(found["voxels"], grown.voxels, "{seeds:?} {hu:?}");
         let map = grown.mask.to_labels(Segment::new(1, None, None));
         let Places::Bytes(places) = map.places() else { panic!("one segment") };

@@ -1,9 +1,7 @@
 //! Real series: bone of a chest and a vessel with contrast, grown, meshed and told.
 
-use relief_annotation::mesh::{Decimation, Smoothing, surface_nets};
-use relief_annotation::segmentation::grow;
-use relief_annotation::segmentation::{Grow, GrowError, Limits};
-use relief_base::space::Point;
+use relief_annotation::{Decimation, Grow, GrowError, GrowLimits, Smoothing, grow_region, surface_nets};
+use relief_base::Point;
 use relief_dicom::Strictness;
 use relief_volume::Volume;
 
@@ -46,7 +44,7 @@ fn bone_of_a_chest_is_simpleitks_and_has_a_closed_surface() {
     let place =
         volume.grid().patient_from_voxel() * Point::new(seed[0] as f64, seed[1] as f64, seed[2] as f64);
     let what = |limits| Grow { seeds: vec![place], hu: [200, 3000], limits };
-    let grown = grow(&volume, &what(Limits::default()), &|_| true).unwrap();
+    let grown = grow_region(&volume, &what(GrowLimits::default()), &|_| true).unwrap();
     let mesh = surface_nets(&grown.mask).unwrap();
     let smooth = mesh.smoothed(Smoothing::default()).unwrap();
     let light = smooth.decimated(Decimation::to(smooth.triangles.len() / 10)).unwrap();
@@ -65,10 +63,10 @@ fn bone_of_a_chest_is_simpleitks_and_has_a_closed_surface() {
         assert!((measures.volume_ml.unwrap() / grown.volume_ml - 1.0).abs() < share, "{measures:?}");
     }
     // Half of it allowed: it leaks, and says how much it had reached.
-    let half = Limits { max_ml: Some(grown.volume_ml / 2.0), ..Limits::default() };
-    assert!(matches!(grow(&volume, &what(half), &|_| true), Err(GrowError::Leaked { .. })));
-    let near = Limits { max_radius_mm: Some(30.0), ..Limits::default() };
-    let near = grow(&volume, &what(near), &|_| true).unwrap();
+    let half = GrowLimits { max_ml: Some(grown.volume_ml / 2.0), ..GrowLimits::default() };
+    assert!(matches!(grow_region(&volume, &what(half), &|_| true), Err(GrowError::Leaked { .. })));
+    let near = GrowLimits { max_radius_mm: Some(30.0), ..GrowLimits::default() };
+    let near = grow_region(&volume, &what(near), &|_| true).unwrap();
     let farthest = super::shapes::indices(volume.grid())
         .filter(|at| near.mask.contains(*at))
         .map(|at| {

@@ -1,6 +1,6 @@
 //! Shapes with closed forms as masks, on grids of any axes.
 
-use relief_base::space::{Patient, Point, Transform};
+use relief_base::{Patient, Point, Transform};
 use relief_volume::{Grid, Mask, Volume};
 
 use glam::{DMat3, DVec3};

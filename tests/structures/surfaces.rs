@@ -3,9 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use relief_annotation::mesh::{Decimation, MeshError, Smoothing, TriangleMesh, surface_nets};
-use relief_volume::phantom::{Kind, Recipe};
-use relief_volume::{Grid, Mask};
+use relief_annotation::{Decimation, MeshError, Smoothing, TriangleMesh, surface_nets};
+use relief_volume::{Grid, Mask, PhantomKind, PhantomRecipe};
 
 use super::shapes::{grid, mask, noise};
 
@@ -18,7 +17,7 @@ const GRIDS: [([f64; 3], [f64; 3], bool); 4] = [
 
 #[test]
 fn a_sphere_of_80_mm_has_its_volume_and_smoothed_its_area() {
-    let volume = Recipe::new(Kind::Sphere).make().volume;
+    let volume = PhantomRecipe::new(PhantomKind::Sphere).make().volume;
     let mask = Mask::of_range(&volume, [-250, 600]);
     let (truth_ml, truth_mm2) = (4.0 / 3.0 * PI * 512.0, 4.0 * PI * 6400.0);
     let mesh = surface_nets(&mask).unwrap();
@@ -151,13 +150,13 @@ fn meshes_are_the_same_on_any_number_of_threads() {
 
 #[test]
 fn the_asymmetric_phantom_is_not_mirrored() {
-    let phantom = Recipe::new(Kind::Axes).make();
+    let phantom = PhantomRecipe::new(PhantomKind::Axes).make();
     let mesh = surface_nets(&Mask::of_range(&phantom.volume, [50, i16::MAX])).unwrap();
     assert!(mesh.measures().is_manifold);
     // Six balls; each has corners around its own centre and nowhere else.
     let mut seen = 0;
     for surface in &phantom.truth.surfaces {
-        if let relief_volume::phantom::SurfaceShape::Sphere { center_mm, radius_mm } = &surface.shape {
+        if let relief_volume::SurfaceShape::Sphere { center_mm, radius_mm } = &surface.shape {
             let center = DVec3::from(*center_mm);
             let own = mesh.vertices.iter().filter(|vertex| vertex.xyz.distance(center) < radius_mm + 2.0);
             let distances: Vec<f64> = own.map(|vertex| vertex.xyz.distance(center)).collect();
@@ -221,7 +220,7 @@ fn noise_is_decimated_without_coming_apart() {
 #[test]
 fn open_and_broken_meshes_say_so() {
     let corners = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
-    let vertices = corners.map(|[x, y, z]| relief_base::space::Point::new(x, y, z)).to_vec();
+    let vertices = corners.map(|[x, y, z]| relief_base::Point::new(x, y, z)).to_vec();
     let closed = TriangleMesh { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] };
     let measures = closed.measures();
     assert!((measures.volume_ml.unwrap() - 1.0 / 6.0).abs() < 1e-12 && measures.euler == Some(2));
@@ -238,7 +237,7 @@ fn open_and_broken_meshes_say_so() {
     assert!((inside_out.measures().volume_ml.unwrap() + 1.0 / 6.0).abs() < 1e-12);
     // Two tetrahedra that share a corner: closed, but no manifold.
     let mut pinched = closed.clone();
-    pinched.vertices.extend(closed.vertices[1..].iter().map(|v| relief_base::space::Point::from_xyz(-v.xyz)));
+    pinched.vertices.extend(closed.vertices[1..].iter().map(|v| relief_base::Point::from_xyz(-v.xyz)));
     pinched.triangles.extend([[0, 4, 5], [0, 6, 4], [0, 5, 6], [4, 6, 5]]);
     let measures = pinched.measures();
     assert!(measures.is_closed && !measures.is_manifold, "{measures:?}");

@@ -195,13 +195,13 @@ fn poses_are_published_over_openigtlink() {
     std::io::BufRead::read_line(&mut errors, &mut line).unwrap();
     let address = line.trim().strip_prefix("OpenIGTLink on ").unwrap().to_owned();
     let mut stream = TcpStream::connect(address).unwrap();
-    let request = relief_tracking::igtl::message("STT_TDATA", "", 0, &[0; 36]);
+    let request = relief_tracking::igtl_message("STT_TDATA", "", 0, &[0; 36]);
     stream.write_all(&request).unwrap();
     let mut kinds = std::collections::BTreeMap::new();
     while kinds.get("TDATA").is_none_or(|count: &usize| *count < 20) {
         let mut head = [0; 58];
         stream.read_exact(&mut head).unwrap();
-        let header = relief_tracking::igtl::Header::decode(&head).unwrap();
+        let header = relief_tracking::IgtlHeader::decode(&head).unwrap();
         let mut body = vec![0; header.body_bytes];
         stream.read_exact(&mut body).unwrap();
         // A tool that is not seen yet is left out of TDATA.
@@ -237,7 +237,7 @@ fn a_camera_is_calibrated_from_a_survey() {
     assert!((matrix[0] - 1340.0).abs() < 4.0 * sigma[0] && sigma[0] < 10.0, "{report}");
     assert!(report["held_out_rms_px"].as_f64().unwrap() < 0.7, "{report}");
     let written = std::fs::read_to_string(&camera).unwrap();
-    let read = relief_tracking::sensor::file::read(&written).unwrap();
+    let read = relief_tracking::read_camera(&written).unwrap();
     assert_eq!(read.fx, matrix[0]);
 
     std::fs::remove_file(&camera).unwrap();
@@ -296,7 +296,7 @@ fn a_lens_makes_blobs_larger_out_of_focus() {
 fn a_calibration_starts_at_what_the_eeprom_says() {
     let folder = tempfile::tempdir().unwrap();
     let (survey, _) = recording(folder.path(), &["--path", "survey", "--seconds", "30"]);
-    let block = |hex: &str| relief_tracking::report::recording::bytes_of_hex(hex).unwrap();
+    let block = |hex: &str| relief_tracking::bytes_of_hex(hex).unwrap();
     let (ir, accelerometer) = (block("88858b8b8a973f308c39cd"), block("848286309f9d9f02402e"));
     let eeprom = folder.path().join("eeprom.bin");
     let camera = folder.path().join("camera.yaml");

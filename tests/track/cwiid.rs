@@ -10,10 +10,9 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
-use relief_tracking::host::{Senses, VirtualRemote};
-use relief_tracking::report::output::Output;
-use relief_tracking::report::recording::{bytes_of_hex, hex_of_bytes};
-use relief_tracking::report::{Blob, Buttons, Report};
+use relief_tracking::{
+    Blob, Buttons, Output, RemoteSenses, Report, VirtualRemote, bytes_of_hex, hex_of_bytes,
+};
 use serde_json::{Value, json};
 
 /// libcwiid in a process of its own, and the remote that it talks to.
@@ -44,7 +43,7 @@ impl Bench {
     }
 
     /// Obeys what the host says for a while, reporting what is sensed; gives the host's last state.
-    fn run(&mut self, senses: &Senses, until: impl Fn(&Value) -> bool) -> Option<Value> {
+    fn run(&mut self, senses: &RemoteSenses, until: impl Fn(&Value) -> bool) -> Option<Value> {
         let start = Instant::now();
         let mut state = None;
         while start.elapsed() < Duration::from_secs(10) {
@@ -107,7 +106,7 @@ fn libcwiid_brings_the_remote_up_and_decodes_its_reports() {
         ([None; 4], Buttons::default()),
     ];
     for (blobs, buttons) in cases {
-        let senses = Senses { buttons, acceleration: [538, 554, 660], blobs, rates: None };
+        let senses = RemoteSenses { buttons, acceleration: [538, 554, 660], blobs, rates: None };
         let shown = blobs.map(|blob| blob.map(|b| json!([b.x, b.y, b.size])));
         let expected = json!({
             "buttons": u16::from_be_bytes(buttons.to_bytes()), "acc": [538 >> 2, 554 >> 2, 660 >> 2], "blobs": shown,

@@ -14,12 +14,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use relief_tracking::Beacon;
-use relief_tracking::host::{Senses, VirtualRemote};
-use relief_tracking::pose::SensorPose;
-use relief_tracking::report::Report;
-use relief_tracking::report::output::Output;
-use relief_tracking::simulate::Simulation;
+use relief_tracking::{Beacon, Output, RemoteSenses, Report, SensorPose, Simulation, VirtualRemote};
 use serde_json::Value;
 
 /// `enum uhid_event_type` of linux/uhid.h.
@@ -124,12 +119,12 @@ struct Device {
     uhid: File,
     events: Receiver<Vec<u8>>,
     remote: VirtualRemote,
-    senses: Vec<Senses>,
+    senses: Vec<RemoteSenses>,
     reported: usize,
 }
 
 impl Device {
-    fn create(mut uhid: File, senses: Vec<Senses>) -> Self {
+    fn create(mut uhid: File, senses: Vec<RemoteSenses>) -> Self {
         uhid.write_all(&create()).unwrap();
         let mut reading = uhid.try_clone().unwrap();
         let (sender, events) = sync_channel(256);
@@ -226,13 +221,13 @@ fn found_by_kernel() -> Option<(String, String, bool)> {
 /// A sensor that rests before the recommended beacon, and what it senses.
 struct Still(SensorPose);
 
-impl relief_tracking::simulate::Path for Still {
+impl relief_tracking::SensorPath for Still {
     fn at(&self, _: f64) -> SensorPose {
         self.0
     }
 }
 
-fn rest() -> (SensorPose, Vec<Senses>) {
+fn rest() -> (SensorPose, Vec<RemoteSenses>) {
     let simulation = Simulation::new(Beacon::recommended(), 1);
     let (centroid, up) = (simulation.beacon.centroid(), *simulation.beacon.up());
     let pose =
@@ -240,7 +235,7 @@ fn rest() -> (SensorPose, Vec<Senses>) {
     let senses = |report: &Report| {
         let Report::Data(data) = report else { return None };
         let acceleration = data.acceleration?;
-        Some(Senses { acceleration, blobs: data.blobs?, ..Senses::default() })
+        Some(RemoteSenses { acceleration, blobs: data.blobs?, ..RemoteSenses::default() })
     };
     let reports = simulation.record(&Still(pose), 1.0);
     (pose, reports.iter().filter_map(|made| senses(&made.report)).collect())

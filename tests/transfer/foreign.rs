@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use proptest::prelude::*;
-use relief_volume::transfer::{ImportChoice, ImportError, TransferFunction, import};
+use relief_volume::{TransferFunction, TransferImportChoice, TransferImportError, import_transfer};
 use serde_json::{Value, json};
 
 use super::common::software_adapter;
@@ -61,12 +61,12 @@ fn color_map(space: &str) -> Value {
     }])
 }
 
-fn imported(text: &str, name: Option<&str>, range_hu: Option<[f64; 2]>) -> relief_volume::transfer::Imported {
-    import(text.as_bytes(), &ImportChoice { name, range_hu }).unwrap()
+fn imported(text: &str, name: Option<&str>, range_hu: Option<[f64; 2]>) -> relief_volume::ImportedTransfer {
+    import_transfer(text.as_bytes(), &TransferImportChoice { name, range_hu }).unwrap()
 }
 
 fn refused(text: &str, name: Option<&str>) -> String {
-    import(text.as_bytes(), &ImportChoice { name, range_hu: None }).unwrap_err().to_string()
+    import_transfer(text.as_bytes(), &TransferImportChoice { name, range_hu: None }).unwrap_err().to_string()
 }
 
 #[test]
@@ -143,12 +143,20 @@ fn files_that_are_wrong_are_told_where_and_what() {
         }
     }
     assert!(refused(SLICER_XML, Some("Other")).contains("no function called \"Other\"; it has Plain"));
-    let flat =
-        import(br#"{"RGBPoints":[5,0,0,0]}"#, &ImportChoice { name: None, range_hu: Some([0.0, 1.0]) });
+    let flat = import_transfer(
+        br#"{"RGBPoints":[5,0,0,0]}"#,
+        &TransferImportChoice { name: None, range_hu: Some([0.0, 1.0]) },
+    );
     assert!(flat.unwrap_err().to_string().contains("range is 5 to 5"));
-    assert_eq!(import(&vec![b' '; (16 << 20) + 1], &ImportChoice::default()), Err(ImportError::TooLarge));
+    assert_eq!(
+        import_transfer(&vec![b' '; (16 << 20) + 1], &TransferImportChoice::default()),
+        Err(TransferImportError::TooLarge)
+    );
     let deep = "[".repeat(100_000);
-    assert!(matches!(import(deep.as_bytes(), &ImportChoice::default()), Err(ImportError::Syntax { .. })));
+    assert!(matches!(
+        import_transfer(deep.as_bytes(), &TransferImportChoice::default()),
+        Err(TransferImportError::Syntax { .. })
+    ));
 }
 
 /// Every function here as VTK's classes evaluate it: `x r g b a` lines.
@@ -272,7 +280,7 @@ fn convert_prints_what_a_request_takes() {
     );
     let scene = relief_render::SceneFile::parse(printed.to_string().as_bytes()).unwrap();
     let grid = relief_volume::Grid::axis_aligned([8; 3], [1.0; 3], [0.0; 3]).unwrap();
-    let request = scene.resolve(&grid, &relief_volume::camera::Orbit::default()).unwrap().request;
+    let request = scene.resolve(&grid, &relief_volume::Orbit::default()).unwrap().request;
     assert_eq!(request.transfer, imported(SLICER_XML, Some("Lit & stepped"), None).transfer);
 
     let property = write(folder.path(), "look.vp.json", &slicer_json().to_string());
@@ -343,7 +351,7 @@ proptest! {
             bytes.truncate(cut % length);
         }
         for name in [None, Some("Plain"), Some("Lit & stepped")] {
-            if let Ok(look) = import(&bytes, &ImportChoice { name, range_hu: None }) {
+            if let Ok(look) = import_transfer(&bytes, &TransferImportChoice { name, range_hu: None }) {
                 prop_assert!(look.transfer.points().len() <= TransferFunction::MAX_POINTS);
                 prop_assert!(look.transfer.at(100.0).iter().all(|value| (0.0..=1.0).contains(value)));
             }
@@ -355,8 +363,8 @@ proptest! {
         let words: Vec<String> = values.iter().map(|value| format!("{value:e}")).collect();
         let count = values.len();
         let text = format!("1\n1\n1\n0\n0\n1\n{count} {0}\n0\n{count} {0}\n", words.join(" "));
-        let _ = import(text.as_bytes(), &ImportChoice::default());
+        let _ = import_transfer(text.as_bytes(), &TransferImportChoice::default());
         let map = json!({ "RGBPoints": values, "Points": values, "ColorSpace": "Diverging" }).to_string();
-        let _ = import(map.as_bytes(), &ImportChoice::default());
+        let _ = import_transfer(map.as_bytes(), &TransferImportChoice::default());
     }
 }

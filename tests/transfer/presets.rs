@@ -1,6 +1,6 @@
 //! `relief presets`: the list, the JSON, and the thumbnails.
 
-use relief_volume::transfer::PRESETS;
+use relief_volume::PRESETS;
 use serde_json::Value;
 
 use super::common::software_adapter;

@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::TriangleMesh;
 use super::fans::{Fan, Fans};
-use relief_base::space::Point;
+use relief_base::Point;
 
 /// A side of a triangle: the triangle, and the corner (0 to 2) at which it begins.
 type Side = (usize, usize);

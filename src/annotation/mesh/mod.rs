@@ -21,7 +21,7 @@ pub use measure::Measures;
 pub use nets::surface_nets;
 pub use smooth::Smoothing;
 
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// A surface of triangles in patient LPS mm.
 #[derive(Clone, Debug, Default, PartialEq)]

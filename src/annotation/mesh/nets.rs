@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::cells::{CELLS, edge, face};
 use super::{MeshError, TriangleMesh};
-use relief_base::space::{Patient, Point, Transform, Voxel};
+use relief_base::{Patient, Point, Transform, Voxel};
 use relief_volume::Mask;
 
 /// Layers of cells that are worked on by one thread at a time; the layer before them is looked at again.

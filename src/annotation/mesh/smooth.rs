@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::fans::{Fan, Fans};
 use super::{MeshError, TriangleMesh};
-use relief_base::space::Point;
+use relief_base::Point;
 
 /// How much to smooth.
 #[derive(Clone, Copy, Debug, PartialEq)]

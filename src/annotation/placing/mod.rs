@@ -1,6 +1,6 @@
 //! Where something is set down: a picked or pointed place, moved to the surface, edge or extremum that was meant.
 //!
-//! What it is: [`snap`], on the voxels alone, without noise of its own: the same input gives the same place. What it is not: it
+//! What it is: [`snap_point`], on the voxels alone, without noise of its own: the same input gives the same place. What it is not: it
 //! reads no device and renders nothing. Space: patient LPS, mm; values in HU.
 //!
 //! | to | with a ray | without |
@@ -25,12 +25,12 @@ mod surface;
 use field::Field;
 use glam::DVec3;
 
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 use relief_volume::Volume;
 
 /// What a place is moved to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Target {
+pub enum SnapFeature {
     /// Where the values cross a level.
     Surface {
         /// The level, HU: -32768 to 32767.
@@ -48,7 +48,7 @@ pub enum Target {
     Maximum,
 }
 
-impl Target {
+impl SnapFeature {
     /// The names of targets, in the order of the enumeration.
     pub const NAMES: [&str; 5] = ["surface", "boundary", "gradient", "minimum", "maximum"];
 
@@ -69,7 +69,7 @@ impl Target {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snap {
     /// To what.
-    pub to: Target,
+    pub to: SnapFeature,
     /// By at most so much, mm: [`Snap::RADII_MM`].
     pub radius_mm: f64,
 }
@@ -141,7 +141,7 @@ pub fn value_at(volume: &Volume, at: Point<Patient>) -> Option<f64> {
 ///
 /// # Errors
 /// When a value is out of range, or nothing of the kind is within the radius, or all of it is outside the volume.
-pub fn snap(
+pub fn snap_point(
     volume: &Volume,
     at: Point<Patient>,
     ray: Option<Vector<Patient>>,
@@ -164,28 +164,28 @@ pub fn snap(
     let search = Search { at: at.xyz, ray: along.map(|ray| ray.xyz), radius_mm };
     let field = Field::new(volume);
     let found = match to {
-        Target::Surface { hu } => {
+        SnapFeature::Surface { hu } => {
             if !Snap::LEVELS_HU.contains(&hu) {
                 let allowed = format!("{} to {} HU", Snap::LEVELS_HU.start(), Snap::LEVELS_HU.end());
                 return Err(out_of_range("hu", &hu, &allowed));
             }
             surface::find(&field, &search, hu)?
         }
-        Target::Boundary => match level::around(&field, &search)? {
+        SnapFeature::Boundary => match level::around(&field, &search)? {
             Some(hu) => surface::find(&field, &search, hu)?,
             None => None,
         },
-        Target::Gradient => edge::find(&field, &search)?,
-        Target::Minimum => extremum::find(&field, &search, -1.0)?,
-        Target::Maximum => extremum::find(&field, &search, 1.0)?,
+        SnapFeature::Gradient => edge::find(&field, &search)?,
+        SnapFeature::Minimum => extremum::find(&field, &search, -1.0)?,
+        SnapFeature::Maximum => extremum::find(&field, &search, 1.0)?,
     };
     let settled = found.and_then(|place| Some((place, field.value(place)?)));
     let Some((place, hu)) = settled else {
         let what = match to {
-            Target::Surface { hu } => format!("surface of {hu} HU"),
-            Target::Boundary => "boundary between two kinds of matter".to_owned(),
-            Target::Gradient => "edge".to_owned(),
-            Target::Minimum | Target::Maximum => format!("local {}", to.name()),
+            SnapFeature::Surface { hu } => format!("surface of {hu} HU"),
+            SnapFeature::Boundary => "boundary between two kinds of matter".to_owned(),
+            SnapFeature::Gradient => "edge".to_owned(),
+            SnapFeature::Minimum | SnapFeature::Maximum => format!("local {}", to.name()),
         };
         return Err(SnapError::NotFound { what, radius_mm });
     };

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 use relief_volume::{Grid, Mask};
 
 /// The voxels of row (., j, k) whose centres are at most `radius_mm` from `center`.
@@ -210,7 +210,7 @@ fn shift_down(words: &mut [u64], by: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::space::Transform;
+    use relief_base::Transform;
 
     /// Axes that are neither orthogonal to the patient's nor of equal length.
     fn oblique(dims: [usize; 3]) -> Grid {

@@ -1,4 +1,4 @@
-//! Closed curves as levels of one direction: what [`fill`](super::fill::fill) works on.
+//! Closed curves as levels of one direction: what [`fill_contours`](super::fill::fill) works on.
 //!
 //! Tolerances, all named below: a curve's points are within 2 mm of its plane (they are moved into it, along its normal), planes
 //! are parallel to 5 degrees (all get the mean normal), and curves less than 0.05 mm apart are on one level.
@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use crate::{Geometry, catmull_rom};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// A closed curve: straight between its points, the last joined to the first. Patient LPS mm.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,7 +14,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::contours::{Contour, FillError, Level, Levels};
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_volume::{Grid, Mask};
 
 /// Most places of all rasters together: half a GiB.
@@ -24,7 +24,7 @@ const MOST_PLACES: f64 = (1u64 << 27) as f64;
 ///
 /// # Errors
 /// When there is no contour, or one that is not planar, not parallel to the others, without area, or far away: see [`FillError`].
-pub fn fill(grid: &Grid, contours: &[Contour]) -> Result<Mask, FillError> {
+pub fn fill_contours(grid: &Grid, contours: &[Contour]) -> Result<Mask, FillError> {
     let Levels { axes, levels } = Levels::of(contours)?;
     let linear = grid.patient_from_voxel().linear();
     let smallest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
@@ -254,7 +254,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use relief_base::space::{Patient, Transform};
+    use relief_base::{Patient, Transform};
 
     fn ring(at: impl Fn(f64) -> DVec3, count: usize) -> Contour {
         let points = (0..count)
@@ -278,7 +278,7 @@ mod tests {
             dims,
             Transform::from_axes(DVec3::X * axes[0], DVec3::Y * axes[1], DVec3::Z * axes[2], corner),
         );
-        fill(&grid.unwrap(), &contours).unwrap().volume_ml()
+        fill_contours(&grid.unwrap(), &contours).unwrap().volume_ml()
     }
 
     #[test]
@@ -307,7 +307,7 @@ mod tests {
             contours.push(ring(|t| DVec3::new(8.0 * t.sin(), 8.0 * t.cos(), z), 60));
         }
         let grid = Grid::axis_aligned([101, 101, 8], [0.5, 0.5, 3.0], [-25.0, -25.0, -6.0]).unwrap();
-        let mask = fill(&grid, &contours).unwrap();
+        let mask = fill_contours(&grid, &contours).unwrap();
         let slices: Vec<u64> = (0..8)
             .map(|k| (0..101).flat_map(|j| mask.row(j, k).unwrap()).map(|w| u64::from(w.count_ones())).sum())
             .collect();
@@ -346,7 +346,7 @@ mod tests {
         let grid = Grid::axis_aligned([10, 10, 10], [1.0; 3], [0.0; 3]).unwrap();
         let good = ring(|t| DVec3::new(5.0 * t.cos(), 5.0 * t.sin(), 4.0), 12);
         let says = |contours: &[Contour], text: &str| {
-            let refused = fill(&grid, contours).unwrap_err().to_string();
+            let refused = fill_contours(&grid, contours).unwrap_err().to_string();
             assert!(refused.contains(text), "{refused}");
         };
         says(&[], "no contour");

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::ball::{Ball, set_bits, span};
 use super::flood::flood;
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 use relief_volume::{Mask, Volume};
 
 /// What is to grow, and how far at most.
@@ -15,12 +15,12 @@ pub struct Grow {
     /// Smallest and largest value of voxels that are taken, HU.
     pub hu: [i16; 2],
     /// Limits against leaks.
-    pub limits: Limits,
+    pub limits: GrowLimits,
 }
 
 /// How far a region may grow. Without any it is everything that is connected.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Limits {
+pub struct GrowLimits {
     /// Larger regions are refused as leaked, ml.
     pub max_ml: Option<f64>,
     /// Voxels whose centres are farther from the nearest seed are left out, mm.
@@ -32,7 +32,7 @@ pub struct Limits {
 
 /// A grown region.
 #[derive(Clone, Debug)]
-pub struct Grown {
+pub struct GrownRegion {
     /// Its voxels.
     pub mask: Mask,
     /// How many.
@@ -40,13 +40,13 @@ pub struct Grown {
     /// Their volume.
     pub volume_ml: f64,
     /// Why it is not larger.
-    pub ended: Ended,
+    pub ended: GrowthEnd,
 }
 
 /// Why a region is not larger than it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Ended {
+pub enum GrowthEnd {
     /// There is nothing more that is connected.
     Complete,
     /// It goes on beyond `max_radius_mm`.
@@ -57,16 +57,16 @@ pub enum Ended {
 
 /// What is being done, for those who wait.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
+pub struct GrowProgress {
     /// What.
-    pub stage: Stage,
+    pub stage: GrowStage,
     /// Voxels taken so far by this stage.
     pub voxels: u64,
 }
 
 /// The parts of the work, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub enum GrowStage {
     /// Values are compared with the range.
     Range,
     /// The region grows.
@@ -76,7 +76,7 @@ pub enum Stage {
 }
 
 /// Told of progress; false stops the work.
-pub type Watch<'a> = dyn Fn(Progress) -> bool + Sync + 'a;
+pub type GrowWatch<'a> = dyn Fn(GrowProgress) -> bool + Sync + 'a;
 
 /// Why no region was made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -139,7 +139,7 @@ pub enum GrowError {
     Cancelled,
 }
 
-impl Limits {
+impl GrowLimits {
     /// Widest neck: what a ball of it costs grows with its square.
     pub const WIDEST_NECK_MM: f64 = 50.0;
     /// Most rows of voxels across that ball, which is what thinning costs for each row of the volume.
@@ -208,10 +208,10 @@ impl Grow {
 ///
 /// # Errors
 /// See [`GrowError`]: arguments out of range, seeds outside or on other values, a leak, or a stop.
-pub fn grow(volume: &Volume, what: &Grow, watch: &Watch) -> Result<Grown, GrowError> {
+pub fn grow_region(volume: &Volume, what: &Grow, watch: &GrowWatch) -> Result<GrownRegion, GrowError> {
     what.check()?;
     let seeds = what.seed_mask(volume)?;
-    goes_on(watch, Stage::Range, 0)?;
+    goes_on(watch, GrowStage::Range, 0)?;
     let mut candidates = Mask::of_range(volume, what.hu);
     let within = what.limits.max_radius_mm.map(|radius_mm| {
         let within = Within { seeds: &what.seeds, radius_mm };
@@ -220,34 +220,34 @@ pub fn grow(volume: &Volume, what: &Grow, watch: &Watch) -> Result<Grown, GrowEr
     });
     let limited = what.limits.neck_mm.is_none().then_some(what.limits.max_ml).flatten();
     let connected = run(&candidates, &seeds, limited, watch)?;
-    let mut ended = Ended::Complete;
+    let mut ended = GrowthEnd::Complete;
     let mask = match what.limits.neck_mm {
         None => connected,
         Some(neck_mm) => {
             drop(candidates);
             let (opened, is_all) = open(&connected, &seeds, neck_mm, watch)?;
-            ended = if is_all { ended } else { Ended::AtNeck };
+            ended = if is_all { ended } else { GrowthEnd::AtNeck };
             opened
         }
     };
     if within.is_some_and(|within| within.is_cut(&mask, volume, what.hu)) {
-        ended = Ended::AtRadius;
+        ended = GrowthEnd::AtRadius;
     }
     let (voxels, volume_ml) = (mask.voxels(), mask.volume_ml());
     match what.limits.max_ml {
         Some(allowed_ml) if volume_ml > allowed_ml => {
             Err(GrowError::Leaked { reached_ml: volume_ml, allowed_ml })
         }
-        _ => Ok(Grown { mask, voxels, volume_ml, ended }),
+        _ => Ok(GrownRegion { mask, voxels, volume_ml, ended }),
     }
 }
 
-fn goes_on(watch: &Watch, stage: Stage, voxels: u64) -> Result<(), GrowError> {
-    watch(Progress { stage, voxels }).then_some(()).ok_or(GrowError::Cancelled)
+fn goes_on(watch: &GrowWatch, stage: GrowStage, voxels: u64) -> Result<(), GrowError> {
+    watch(GrowProgress { stage, voxels }).then_some(()).ok_or(GrowError::Cancelled)
 }
 
 /// Floods until done, stopped, or larger than allowed.
-fn run(candidates: &Mask, seeds: &Mask, max_ml: Option<f64>, watch: &Watch) -> Result<Mask, GrowError> {
+fn run(candidates: &Mask, seeds: &Mask, max_ml: Option<f64>, watch: &GrowWatch) -> Result<Mask, GrowError> {
     let mut failed = GrowError::Cancelled;
     let found = flood(candidates, seeds, &mut |voxels| {
         let reached_ml = voxels as f64 * candidates.voxel_ml();
@@ -255,21 +255,21 @@ fn run(candidates: &Mask, seeds: &Mask, max_ml: Option<f64>, watch: &Watch) -> R
             failed = GrowError::Leaked { reached_ml, allowed_ml };
             return false;
         }
-        watch(Progress { stage: Stage::Growing, voxels })
+        watch(GrowProgress { stage: GrowStage::Growing, voxels })
     });
     found.ok_or(failed)
 }
 
 /// What a ball of diameter `neck_mm` reaches in the region from the seeds on, and whether that is all it reaches anywhere.
-fn open(connected: &Mask, seeds: &Mask, neck_mm: f64, watch: &Watch) -> Result<(Mask, bool), GrowError> {
+fn open(connected: &Mask, seeds: &Mask, neck_mm: f64, watch: &GrowWatch) -> Result<(Mask, bool), GrowError> {
     let ball = Ball::new(connected.grid(), neck_mm / 2.0);
-    if ball.rows() > Limits::MOST_ROWS {
+    if ball.rows() > GrowLimits::MOST_ROWS {
         let allowed =
-            format!("a ball of at most {} rows of voxels, found {}", Limits::MOST_ROWS, ball.rows());
+            format!("a ball of at most {} rows of voxels, found {}", GrowLimits::MOST_ROWS, ball.rows());
         return Err(GrowError::Argument { key: "neck_mm", found: neck_mm.to_string(), allowed });
     }
     let voxels = connected.voxels();
-    let is_wanted = || watch(Progress { stage: Stage::Necks, voxels });
+    let is_wanted = || watch(GrowProgress { stage: GrowStage::Necks, voxels });
     let middles = ball.thinned(connected, &is_wanted).ok_or(GrowError::Cancelled)?;
     // A seed stands for all places of the ball that cover it.
     let covering = ball.thickened(seeds, &is_wanted).ok_or(GrowError::Cancelled)?;

@@ -1,14 +1,14 @@
 //! Structures from annotations: growing from a seed, filling between contours, painting.
 //!
-//! What it is: [`grow()`] takes what is connected to seeds and has values in a range, within limits against leaks; [`fill()`] takes
-//! what lies within closed curves on several levels; [`paint()`] takes balls in and out. All of them make or change a
+//! What it is: [`grow_region()`] takes what is connected to seeds and has values in a range, within limits against leaks; [`fill_contours()`] takes
+//! what lies within closed curves on several levels; [`paint_strokes()`] takes balls in and out. All of them make or change a
 //! [`Mask`](relief_volume::Mask), which becomes a label map by `Mask::to_labels`. What it is not: no learning and no thresholds for
 //! whole organs; people say where.
 //!
 //! Spaces: patient LPS mm in, voxels of the volume's grid out. Values in HU. Voxels are neighbours where they share a face.
 //!
 //! Equal input gives equal voxels, whatever the number of threads. Memory: bits, one for each voxel and mask, at most four
-//! masks at once; of `fill` besides the rasters of its levels (see there).
+//! masks at once; of `fill_contours` besides the rasters of its levels (see there).
 
 mod ball;
 mod contours;
@@ -18,6 +18,8 @@ mod grow;
 mod paint;
 
 pub use contours::{Contour, FillError};
-pub use fill::fill;
-pub use grow::{Ended, Grow, GrowError, Grown, Limits, Progress, Stage, Watch, grow};
-pub use paint::{PaintError, Stroke, paint};
+pub use fill::fill_contours;
+pub use grow::{
+    Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrowWatch, GrownRegion, GrowthEnd, grow_region,
+};
+pub use paint::{PaintError, Stroke, paint_strokes};

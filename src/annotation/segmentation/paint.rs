@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::ball::span;
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 use relief_volume::Mask;
 
 /// What painting does.
@@ -38,7 +38,7 @@ const LARGEST_MM: f64 = 1000.0;
 ///
 /// # Errors
 /// When the radius is not above 0 and at most 1000 mm, or the centre is no place.
-pub fn paint(
+pub fn paint_strokes(
     mask: &mut Mask,
     center: Point<Patient>,
     radius_mm: f64,
@@ -109,7 +109,7 @@ fn near(grid: &relief_volume::Grid, center: Point<Patient>, radius_mm: f64) -> [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::space::Transform;
+    use relief_base::Transform;
     use relief_volume::Grid;
 
     #[test]
@@ -121,12 +121,16 @@ mod tests {
             let grid = Grid::new(dims, Transform::from_axes(axes[0], axes[1], axes[2], DVec3::ZERO)).unwrap();
             let mut mask = Mask::empty(grid.clone());
             let center = Point::from_xyz(grid.center().xyz + DVec3::new(0.3, -0.2, 0.4));
-            let added = paint(&mut mask, center, 20.0, Stroke::Add).unwrap();
+            let added = paint_strokes(&mut mask, center, 20.0, Stroke::Add).unwrap();
             let truth = 4.0 / 3.0 * std::f64::consts::PI * 8.0;
             assert!((mask.volume_ml() / truth - 1.0).abs() < 0.004, "{} of {truth} ml", mask.volume_ml());
             assert_eq!(added, mask.voxels());
-            assert_eq!(paint(&mut mask, center, 20.0, Stroke::Add).unwrap(), 0, "it is there already");
-            assert_eq!(paint(&mut mask, center, 20.0, Stroke::Erase).unwrap(), added);
+            assert_eq!(
+                paint_strokes(&mut mask, center, 20.0, Stroke::Add).unwrap(),
+                0,
+                "it is there already"
+            );
+            assert_eq!(paint_strokes(&mut mask, center, 20.0, Stroke::Erase).unwrap(), added);
             assert_eq!(mask.voxels(), 0);
         }
     }
@@ -135,12 +139,12 @@ mod tests {
     fn a_ball_smaller_than_voxels_is_the_voxel_that_it_lies_in() {
         let grid = Grid::axis_aligned([4, 4, 4], [2.0; 3], [0.0; 3]).unwrap();
         let mut mask = Mask::empty(grid);
-        assert_eq!(paint(&mut mask, Point::new(2.9, 4.2, 1.2), 0.1, Stroke::Add), Ok(1));
+        assert_eq!(paint_strokes(&mut mask, Point::new(2.9, 4.2, 1.2), 0.1, Stroke::Add), Ok(1));
         assert!(mask.contains([1, 2, 1]));
-        assert_eq!(paint(&mut mask, Point::new(-20.0, 0.0, 0.0), 0.1, Stroke::Add), Ok(0), "outside");
+        assert_eq!(paint_strokes(&mut mask, Point::new(-20.0, 0.0, 0.0), 0.1, Stroke::Add), Ok(0), "outside");
         for bad in [0.0, -1.0, f64::NAN, 1e4] {
-            assert!(paint(&mut mask, Point::new(0.0, 0.0, 0.0), bad, Stroke::Add).is_err());
+            assert!(paint_strokes(&mut mask, Point::new(0.0, 0.0, 0.0), bad, Stroke::Add).is_err());
         }
-        assert!(paint(&mut mask, Point::new(f64::NAN, 0.0, 0.0), 1.0, Stroke::Add).is_err());
+        assert!(paint_strokes(&mut mask, Point::new(f64::NAN, 0.0, 0.0), 1.0, Stroke::Add).is_err());
     }
 }

@@ -17,7 +17,7 @@ const LARGEST_TOKEN: u64 = 64 << 10;
 
 /// How to get in. Nothing of it is ever logged.
 #[derive(Clone, Default)]
-pub struct Access {
+pub struct QueueAccess {
     /// Servers of one cluster, with commas between them: `nats://HOST:4222`, `tls://HOST:4222`, or `HOST:4222`.
     pub url: String,
     /// A file of credentials, as `nsc` writes them.
@@ -42,7 +42,7 @@ impl Queue {
     ///
     /// # Errors
     /// When the name is none of a stream, credentials cannot be read, or the server is not there or lets nobody in.
-    pub async fn connect(access: &Access, stream: &str) -> Result<Self, QueueError> {
+    pub async fn connect(access: &QueueAccess, stream: &str) -> Result<Self, QueueError> {
         let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_".contains(letter);
         if !(1..=100).contains(&stream.len()) || !stream.chars().all(is_good) {
             return Err(QueueError::Name(stream.to_owned()));
@@ -102,7 +102,7 @@ fn decoded(text: &str) -> String {
     percent_encoding::percent_decode_str(text).decode_utf8_lossy().into_owned()
 }
 
-async fn options(access: &Access) -> Result<ConnectOptions, QueueError> {
+async fn options(access: &QueueAccess) -> Result<ConnectOptions, QueueError> {
     let unreadable = |what| move |source| QueueError::Credentials { what, source };
     let is_lost = Arc::new(AtomicBool::new(false));
     let mut options = ConnectOptions::new()

@@ -17,7 +17,7 @@ use tokio::sync::mpsc::{Receiver, Sender};
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
-use super::work::Ended;
+use super::work::WorkEnd;
 use super::{Queue, QueueError};
 use crate::manifest::{Job, JobKey, read_manifest};
 
@@ -123,7 +123,7 @@ impl Courier {
     }
 
     /// Feeds the worker until `stop` is done, there is nothing left to do, or the worker says that it is unfit.
-    pub(super) async fn run(mut self, feed: Sender<Taken>, stop: impl Future<Output = ()>) -> Ended {
+    pub(super) async fn run(mut self, feed: Sender<Taken>, stop: impl Future<Output = ()>) -> WorkEnd {
         let mut stop = pin!(stop);
         let mut beat = interval(self.ack_wait / 3);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -134,11 +134,11 @@ impl Courier {
                 fetching = Some(Box::pin(fetch(queue, consumer, self.take, self.ack_wait)));
             }
             tokio::select! {
-                () = &mut stop => break Ended::Stopped,
+                () = &mut stop => break WorkEnd::Stopped,
                 word = self.words.recv() => match word {
                     Some(Word::Of(job, verdict)) => self.settle(&job, verdict),
-                    Some(Word::Unfit) => break Ended::Unfit,
-                    None => break Ended::Stopped,
+                    Some(Word::Unfit) => break WorkEnd::Unfit,
+                    None => break WorkEnd::Stopped,
                 },
                 _ = beat.tick() => self.beat().await,
                 room = feed.reserve(), if !self.waiting.is_empty() => {
@@ -149,7 +149,7 @@ impl Courier {
                 fetched = wait(&mut fetching) => {
                     fetching = None;
                     if self.receive(fetched) {
-                        break Ended::Idle;
+                        break WorkEnd::Idle;
                     }
                 }
             }

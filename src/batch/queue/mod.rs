@@ -1,7 +1,7 @@
 //! A work queue: jobs in a stream of NATS JetStream, taken by as many workers as there are.
 //!
 //! What it is: [`Queue::submit`] puts jobs into a stream, each under a subject of its own key, so that a job that waits there is
-//! never there twice; [`work()`] takes jobs through one durable consumer that all workers share. A job leaves the stream when a
+//! never there twice; [`work_queue()`] takes jobs through one durable consumer that all workers share. A job leaves the stream when a
 //! worker says that its outputs are there, or that it can never be done. A worker that holds jobs says so again and again; those
 //! of one that is not heard of are given to another. What it is not: no scheduler, and no queue of our own making.
 //!
@@ -19,10 +19,10 @@ use std::time::Duration;
 use async_nats::jetstream::consumer::{AckPolicy, pull};
 use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType, Stream};
 
-pub use connect::{Access, Queue};
-pub use setback::Setback;
+pub use connect::{Queue, QueueAccess};
+pub use setback::FailedAttempt;
 pub use submit::Submitted;
-pub use work::{Ended, WorkOptions, Worked, work};
+pub use work::{WorkEnd, WorkOptions, WorkSummary, work_queue};
 
 /// The consumer that all workers of a stream share.
 const CONSUMER: &str = "workers";

@@ -8,7 +8,7 @@ use crate::sink::Sink;
 
 /// A job that was begun and is not done: it failed, or a worker that was killed had it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Setback {
+pub struct FailedAttempt {
     /// The job, why it is not done, and whether trying again may help.
     #[serde(flatten)]
     pub failure: Failure,
@@ -21,7 +21,7 @@ pub struct Setback {
 /// Largest setback that is read, bytes.
 const LARGEST: u64 = 1 << 20;
 
-impl Setback {
+impl FailedAttempt {
     fn file_name(name: &str) -> String {
         format!("{name}.failed.json")
     }

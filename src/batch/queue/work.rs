@@ -10,7 +10,7 @@ use tokio::runtime::Runtime;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
 use super::courier::{Courier, STUCK, Taken, Verdict, Word};
-use super::setback::Setback;
+use super::setback::FailedAttempt;
 use super::{Queue, QueueError};
 use crate::copies::Copies;
 use crate::error::{Failure, Lasting};
@@ -44,7 +44,7 @@ pub struct WorkOptions {
 
 /// Why a worker left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum WorkEnd {
     /// There was nothing left to do.
     Idle,
     /// It was told to.
@@ -55,7 +55,7 @@ pub enum Ended {
 
 /// What a worker did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Worked {
+pub struct WorkSummary {
     /// Rendered.
     pub done: usize,
     /// Done before, by another worker or another run.
@@ -69,7 +69,7 @@ pub struct Worked {
     /// Series that were loaded.
     pub loaded: usize,
     /// Why it left.
-    pub ended: Ended,
+    pub ended: WorkEnd,
 }
 
 /// Words that may wait for the courier, who is never busy for long.
@@ -84,13 +84,13 @@ const PAUSES: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(300)]
 ///
 /// # Errors
 /// When the stream or the place of the outputs cannot be opened. Later ones are waited out.
-pub fn work(
+pub fn work_queue(
     renderer: &mut Renderer,
     (runtime, queue): (&Runtime, &Queue),
     options: &WorkOptions,
     stop: impl Future<Output = ()> + Send + 'static,
     report: &(dyn Fn(Step<'_>) + Sync),
-) -> Result<Worked, QueueError> {
+) -> Result<WorkSummary, QueueError> {
     options.out.prepare()?;
     let (feed, jobs) = channel(1);
     let (words, heard) = channel(WORDS);
@@ -119,7 +119,15 @@ pub fn work(
     drop(bench); // the courier waits for words no longer
     let ended = runtime.block_on(courier).map_err(std::io::Error::other)?;
     let Counts { skipped, failed, put_off, handed_back } = counts;
-    Ok(Worked { done: summary.done, skipped, failed, put_off, handed_back, loaded: summary.loaded, ended })
+    Ok(WorkSummary {
+        done: summary.done,
+        skipped,
+        failed,
+        put_off,
+        handed_back,
+        loaded: summary.loaded,
+        ended,
+    })
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -215,7 +223,7 @@ impl Bench<'_> {
             return false;
         }
         // One that was handed back, or lay behind one that killed its worker, comes again, too: it was begun if it left a trace.
-        let traced = || Setback::read(job, self.sink).filter(|known| known.message == *message);
+        let traced = || FailedAttempt::read(job, self.sink).filter(|known| known.message == *message);
         let before = (*delivered > 1).then(traced).flatten().map_or(0, |known| known.tries);
         let begun = Begun { message: *message, tries: before.saturating_add(1) };
         lock(&self.begun).insert(job.job.clone(), begun);
@@ -236,7 +244,7 @@ impl Bench<'_> {
             self.fail(&failure);
             return false;
         }
-        let setback = Setback { failure, tries: begun.tries, message: *message };
+        let setback = FailedAttempt { failure, tries: begun.tries, message: *message };
         if let Err(error) = setback.write(self.sink) {
             self.fail(&Failure { reason: format!("cannot write: {error}"), ..setback.failure });
             return false;
@@ -250,7 +258,7 @@ impl Bench<'_> {
             Step::Done(job, _) => {
                 self.in_a_row.store(0, Ordering::Relaxed);
                 self.end(&job.job);
-                if let Err(error) = Setback::remove(&job.name(), self.sink) {
+                if let Err(error) = FailedAttempt::remove(&job.name(), self.sink) {
                     tracing::debug!("a setback stays beside the outputs: {error}");
                 }
                 (self.report)(step);
@@ -264,7 +272,7 @@ impl Bench<'_> {
     fn fail(&self, failure: &Failure) {
         let job = JobKey(failure.job.clone());
         let Begun { message, tries } = self.end(&job);
-        let setback = Setback { failure: failure.clone(), tries, message };
+        let setback = FailedAttempt { failure: failure.clone(), tries, message };
         let is_recorded = setback.write(self.sink).is_ok();
         let is_over = failure.kind == Lasting::Permanent || tries >= self.limit;
         // What cannot be recorded must not be lost.

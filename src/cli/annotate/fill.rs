@@ -1,6 +1,6 @@
 //! `relief annotate fill`: a region between closed curves.
 
-use relief_annotation::segmentation::fill;
+use relief_annotation::fill_contours;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -11,7 +11,7 @@ use super::LogArguments;
 use super::structure::{NewArguments, Scan, find, keep_new, report};
 use relief_annotation::Geometry;
 
-use relief_annotation::segmentation::Contour;
+use relief_annotation::Contour;
 
 /// Fill closed curves on one or several levels
 #[derive(Debug, clap::Args)]
@@ -46,11 +46,11 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
         contours.push(contour);
     }
     let scan = Scan::load(&arguments.series)?;
-    let mask = fill(scan.volume.grid(), &contours)?;
+    let mask = fill_contours(scan.volume.grid(), &contours)?;
     if mask.voxels() == 0 {
         bail!("no voxel of the volume lies within the curves; are they of the same scan?");
     }
-    let kept = relief_exchange::structures::region(&mask, &arguments.new.name, None)?;
+    let kept = relief_exchange::content_of_region(&mask, &arguments.new.name, None)?;
     let item = keep_new(&log, &arguments.new, Some(scan.frame), kept, Geometry::Region)?;
     report(&item, &json!({ "voxels": mask.voxels(), "curves": contours.len() }), arguments.json)?;
     Ok(ExitCode::SUCCESS)

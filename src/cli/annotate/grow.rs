@@ -1,6 +1,6 @@
 //! `relief annotate grow`: a region from seeds.
 
-use relief_annotation::segmentation::grow;
+use relief_annotation::grow_region;
 use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -11,8 +11,8 @@ use super::LogArguments;
 use super::structure::{NewArguments, Scan, keep_new, parse_place, report};
 use relief_annotation::Geometry;
 
-use relief_annotation::segmentation::{Grow, Limits, Stage};
-use relief_base::space::{Patient, Point};
+use relief_annotation::{Grow, GrowLimits, GrowStage};
+use relief_base::{Patient, Point};
 
 /// Grow a region from seeds through voxels with values in a range
 #[derive(Debug, clap::Args)]
@@ -50,7 +50,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let scan = Scan::load(&arguments.series)?;
-    let limits = Limits {
+    let limits = GrowLimits {
         max_ml: arguments.max_ml,
         max_radius_mm: arguments.max_radius_mm,
         neck_mm: arguments.neck_mm,
@@ -59,18 +59,18 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10)).with_style(
         ProgressStyle::with_template("{spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
     );
-    let grown = grow(&scan.volume, &what, &|progress| {
+    let grown = grow_region(&scan.volume, &what, &|progress| {
         let doing = match progress.stage {
-            Stage::Range => "comparing values",
-            Stage::Growing => "growing",
-            Stage::Necks => "looking for thin bridges",
+            GrowStage::Range => "comparing values",
+            GrowStage::Growing => "growing",
+            GrowStage::Necks => "looking for thin bridges",
         };
         bar.set_message(format!("{doing}: {} voxels", progress.voxels));
         true
     });
     bar.finish_and_clear();
     let grown = grown?;
-    let kept = relief_exchange::structures::region(&grown.mask, &arguments.new.name, None)?;
+    let kept = relief_exchange::content_of_region(&grown.mask, &arguments.new.name, None)?;
     let log = log.open()?;
     let item = keep_new(&log, &arguments.new, Some(scan.frame), kept, Geometry::Region)?;
     let extra = json!({ "voxels": grown.voxels, "ended": grown.ended });

@@ -11,8 +11,7 @@ use super::structure::{NewArguments, find, keep_new, mask_of, report};
 use super::{ByArguments, LogArguments};
 use relief_annotation::Geometry;
 
-use relief_annotation::mesh::files::MeshFormat;
-use relief_annotation::mesh::{Decimation, Smoothing, TriangleMesh, surface_nets};
+use relief_annotation::{Decimation, MeshFormat, Smoothing, TriangleMesh, surface_nets};
 
 /// Make a closed mesh of a region, and a file of it
 #[derive(Debug, clap::Args)]
@@ -57,7 +56,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     let (mut mesh, is_made) = match &found.geometry {
         Some(Geometry::Mesh(summary)) => {
             let (_, bytes) = log.wait(log.store().content(&summary.content))?;
-            let mesh = relief_exchange::structures::triangles(&bytes)
+            let mesh = relief_exchange::mesh_of_content(&bytes)
                 .with_context(|| format!("cannot use {:?}", found.name))?;
             (mesh, arguments.smooth.is_some() || arguments.triangles.is_some())
         }
@@ -71,13 +70,13 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     }
     let name = arguments.name.clone().unwrap_or_else(|| found.name.clone());
     if let (Some(path), Some(format)) = (&arguments.out, format) {
-        write_whole(path, &relief_annotation::mesh::files::write(format, &mesh, &name)?)?;
+        write_whole(path, &relief_annotation::write_mesh(format, &mesh, &name)?)?;
     }
     let mut item = found.clone();
     if is_made && !arguments.only_file {
         let by = ByArguments { who: arguments.by.who.clone(), reason: arguments.by.reason.clone() };
         let new = NewArguments { name, set: found.set.clone(), by };
-        let kept = relief_exchange::structures::mesh(&mesh)?;
+        let kept = relief_exchange::content_of_mesh(&mesh)?;
         item = keep_new(&log, &new, found.frame_of_reference.clone(), kept, Geometry::Mesh)?;
     } else if arguments.out.is_none() {
         bail!("item {:?} is a mesh already; give --out FILE, --smooth or --triangles", found.name);

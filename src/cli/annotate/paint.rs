@@ -1,6 +1,6 @@
 //! `relief annotate paint`: balls of voxels that come into a region, or go.
 
-use relief_annotation::segmentation::paint;
+use relief_annotation::paint_strokes;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -11,8 +11,8 @@ use super::structure::{NewArguments, Scan, find, keep, keep_new, mask_of, parse_
 use super::{Log, LogArguments};
 use relief_annotation::{Change, Geometry, Item, Versioned};
 
-use relief_annotation::segmentation::Stroke;
-use relief_base::space::{Patient, Point};
+use relief_annotation::Stroke;
+use relief_base::{Patient, Point};
 use relief_store::Filter;
 use relief_volume::Mask;
 
@@ -55,12 +55,12 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     let stroke = if arguments.erase { Stroke::Erase } else { Stroke::Add };
     let mut changed = 0;
     for center in &arguments.at {
-        changed += paint(&mut mask, *center, arguments.radius_mm, stroke)?;
+        changed += paint_strokes(&mut mask, *center, arguments.radius_mm, stroke)?;
     }
     if mask.voxels() == 0 {
         bail!("nothing would be left of the region; delete the item instead, or paint within the volume");
     }
-    let kept = relief_exchange::structures::region(&mask, &arguments.new.name, None)?;
+    let kept = relief_exchange::content_of_region(&mask, &arguments.new.name, None)?;
     let item = match existing {
         None => keep_new(&log, &arguments.new, Some(scan.frame), kept, Geometry::Region)?,
         Some(found) => {

@@ -34,7 +34,7 @@ impl SeriesArguments {
     pub(super) fn load(&self) -> anyhow::Result<Option<Series>> {
         let Some(path) = &self.series else { return Ok(None) };
         let uid = self.series_uid.as_deref();
-        if relief_dicom::formats::is_known(path) {
+        if relief_dicom::is_volume_file(path) {
             let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
             return Ok(Some(Series::of(&source::load(path, &options)?, None)));
         }

@@ -9,8 +9,8 @@ use super::{ByArguments, Log};
 use relief_annotation::{
     Change, ContentId, Edit, FrameOfReference, Geometry, Item, ItemId, Method, Placement, Versioned,
 };
-use relief_base::space::{Patient, Point};
-use relief_exchange::structures::Kept;
+use relief_base::{Patient, Point};
+use relief_exchange::StoredContent;
 use relief_store::Filter;
 use relief_volume::{Mask, Volume};
 
@@ -78,7 +78,7 @@ pub(super) fn mask_of(log: &Log, item: &Item) -> anyhow::Result<Mask> {
         bail!("item {:?} is a {kind}, expected a region", item.name);
     };
     let (_, bytes) = log.wait(log.store().content(&summary.content))?;
-    relief_exchange::structures::mask(summary, &bytes)
+    relief_exchange::mask_of_content(summary, &bytes)
         .with_context(|| format!("cannot use the voxels of item {:?}", item.name))
 }
 
@@ -87,7 +87,7 @@ pub(super) fn keep_new<T>(
     log: &Log,
     new: &NewArguments,
     frame: Option<FrameOfReference>,
-    kept: Kept<T>,
+    kept: StoredContent<T>,
     geometry: impl FnOnce(T) -> Geometry,
 ) -> anyhow::Result<Item> {
     let author = new.by.who.name()?;

@@ -15,7 +15,7 @@ use super::memory::process_mib;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
-use relief_volume::phantom::{Kind, Recipe};
+use relief_volume::{PhantomKind, PhantomRecipe};
 
 /// What to measure for, and how to say it.
 #[derive(Debug, clap::Args)]
@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &CapacityArguments, order: &Order<'_>) -> anyhow::R
             let labels = series.load_labels(loaded.volume.grid())?;
             (loaded.volume, labels)
         }
-        None => (Recipe::new(Kind::Head).make().volume, None),
+        None => (PhantomRecipe::new(PhantomKind::Head).make().volume, None),
     };
     let scene = scene_file.resolve_labelled(volume.grid(), &order.scene.orbit(), labels.as_ref())?;
     scene.expect_no_annotations()?;

@@ -1,6 +1,6 @@
 //! How quick a server is, as its clients see it: poses that never rest, and what comes back.
 //!
-//! Each client turns its view about the patient, [`Plan::pose_hz`] poses a second, for a while, and then keeps still until the
+//! Each client turns its view about the patient, [`MeasurePlan::pose_hz`] poses a second, for a while, and then keeps still until the
 //! lossless frame is there. Clients of one shared view look while the first one turns it. Stalled clients are there to be a
 //! burden: some take nothing from their connection, others acknowledge nothing.
 //!
@@ -24,7 +24,7 @@ use super::link;
 use meter::Meter;
 use relief_live::{Hello, OrbitPose, PoseKind, Role};
 
-pub use report::Report;
+pub use report::MeasureReport;
 
 /// How long a first frame may take: a volume may have to be prepared.
 const FIRST_FRAME: Duration = Duration::from_secs(60);
@@ -33,7 +33,7 @@ const STILL: Duration = Duration::from_secs(30);
 
 /// What to measure.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct MeasurePlan {
     /// Server and session; where its view has a name, all clients share that.
     pub options: link::Options,
     /// How long the view moves, seconds.
@@ -54,7 +54,7 @@ pub struct Plan {
 ///
 /// # Errors
 /// When a client gets no session or no frame, or loses it for good.
-pub async fn measure(plan: &Plan) -> Result<(Report, Option<Composed>), ClientError> {
+pub async fn measure(plan: &MeasurePlan) -> Result<(MeasureReport, Option<Composed>), ClientError> {
     let stop_stalled = Handle::new();
     let mut stalled = JoinSet::new();
     for at in 0..plan.stalled {
@@ -98,7 +98,7 @@ pub async fn measure(plan: &Plan) -> Result<(Report, Option<Composed>), ClientEr
         burden = burden.with(flat(&plan.options.server, outcome.map(Ok))?);
     }
     let last = meters.first().and_then(|meter| meter.take_last());
-    Ok((Report::of(plan, &meters, burden), last))
+    Ok((MeasureReport::of(plan, &meters, burden), last))
 }
 
 /// What came of a task. One that panicked is a client that is lost.
@@ -111,12 +111,12 @@ fn flat<T>(
 }
 
 /// Whether a client turns the view: its own, or the shared one where it is the first.
-fn moves(plan: &Plan, at: usize) -> bool {
+fn moves(plan: &MeasurePlan, at: usize) -> bool {
     let hello = &plan.options.hello;
     hello.role == Role::Presenter && (hello.view.is_none() || at == 0)
 }
 
-fn hello_of(plan: &Plan, at: usize) -> Hello {
+fn hello_of(plan: &MeasurePlan, at: usize) -> Hello {
     let hello = plan.options.hello.clone();
     let shares = hello.view.is_some() && at > 0;
     // A watcher may not say what is shown; the first one has.

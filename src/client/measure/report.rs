@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::Plan;
+use super::MeasurePlan;
 use super::meter::{Meter, Seen};
 use super::stalled::Burden;
 
 /// What was measured. Times in ms; percentiles are of all frames of all healthy clients while the view moved; `None` where there
 /// was nothing to measure.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Report {
+pub struct MeasureReport {
     /// How long the view moved.
     pub seconds: f64,
     /// Clients that took and acknowledged their frames.
@@ -76,8 +76,8 @@ pub struct Report {
     pub stalled_failed: u64,
 }
 
-impl Report {
-    pub(super) fn of(plan: &Plan, meters: &[Arc<Meter>], burden: Burden) -> Self {
+impl MeasureReport {
+    pub(super) fn of(plan: &MeasurePlan, meters: &[Arc<Meter>], burden: Burden) -> Self {
         let all = |values: fn(&Seen) -> &Vec<u32>| -> Vec<u32> {
             meters.iter().flat_map(|meter| values(&meter.seen()).clone()).collect()
         };

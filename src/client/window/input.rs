@@ -4,7 +4,7 @@ use winit::event::{ElementState, MouseButton, MouseScrollDelta};
 use winit::keyboard::{Key, ModifiersState, NamedKey};
 
 use crate::place::PicturePlace;
-use relief_live::interaction::{Intent, PlacePhase};
+use relief_live::{Intent, PlacePhase};
 
 /// Degrees for each pixel of the picture that is dragged.
 const DEG_PER_PX: f64 = 0.4;

@@ -19,7 +19,7 @@ use super::link::{Event, LinkState, Received};
 use super::marks::Marks;
 use relief_display::Layout;
 use relief_live::ServerMessage;
-use relief_tracking::tracker::TrackingState;
+use relief_tracking::TrackingState;
 
 /// How the window is.
 #[derive(Clone, Copy, Debug)]

@@ -17,8 +17,7 @@ use crate::handle::Handle;
 use crate::marks::Marks;
 use crate::place::PicturePlace;
 use relief_display::{Frame, Layout, Pixels};
-use relief_live::LiveLayout;
-use relief_live::interaction::Intent;
+use relief_live::{Intent, LiveLayout};
 
 type Pane = Surface<OwnedDisplayHandle, Rc<Window>>;
 

@@ -2,7 +2,7 @@
 
 use super::bytes::{Kind, Source};
 use super::values::Voxel;
-use super::{FormatError, Limits, nifti, nrrd};
+use super::{FormatError, FormatLimits, nifti, nrrd};
 use relief_volume::Grid;
 
 /// A stored number times `slope`, plus `intercept`.
@@ -44,7 +44,7 @@ pub(super) struct Described {
 }
 
 impl Header {
-    pub(super) fn check(&self, limits: Limits) -> Result<(), FormatError> {
+    pub(super) fn check(&self, limits: FormatLimits) -> Result<(), FormatError> {
         let needed = (self.grid.voxel_count() as u64).saturating_mul(self.layers as u64);
         let allowed = limits.voxels;
         if needed > allowed { Err(FormatError::TooLarge { needed, allowed }) } else { Ok(()) }

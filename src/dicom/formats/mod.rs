@@ -5,7 +5,7 @@
 //! images that point to other files (detached headers, which could name any file of this machine).
 //!
 //! Spaces: patient LPS mm. NIfTI is RAS, NRRD says what it is. Voxels: HU as `i16` of a volume, `u16` labels of a map.
-//! Memory grows with what a file really holds, never with what its header claims, and ends at [`Limits`].
+//! Memory grows with what a file really holds, never with what its header claims, and ends at [`FormatLimits`].
 
 mod bytes;
 mod error;
@@ -20,9 +20,9 @@ mod write;
 use std::path::Path;
 
 pub use error::FormatError;
-pub use nifti_write::nifti_labels;
+pub use nifti_write::write_nifti_labels;
 pub use segmentation::{ReadLabels, ReadLayers};
-pub use write::{seg_nrrd, seg_nrrd_layers};
+pub use write::{write_seg_nrrd, write_seg_nrrd_layers};
 
 use bytes::Source;
 use header::{Described, Header};
@@ -30,12 +30,12 @@ use relief_volume::{Grid, Volume};
 
 /// How much a file may hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct FormatLimits {
     /// Most voxels; of several layers of a segmentation together.
     pub voxels: u64,
 }
 
-impl Default for Limits {
+impl Default for FormatLimits {
     /// 2³¹: 1290 voxels along each side.
     fn default() -> Self {
         Self { voxels: 1 << 31 }
@@ -53,16 +53,16 @@ pub struct ReadVolume {
 
 /// Whether a file begins as one of these formats does. A file that cannot be read does not.
 #[must_use]
-pub fn is_known(path: &Path) -> bool {
+pub fn is_volume_file(path: &Path) -> bool {
     Source::open(path).and_then(|mut source| source.kind()).is_ok()
 }
 
-/// Reads a label map within the default [`Limits`].
+/// Reads a label map within the default [`FormatLimits`].
 ///
 /// # Errors
 /// As [`read_labels_within`].
 pub fn read_labels(path: &Path) -> Result<ReadLabels, FormatError> {
-    read_labels_within(Limits::default(), path)
+    read_labels_within(FormatLimits::default(), path)
 }
 
 /// Reads a label map: whole numbers from 0 to 65535, 0 for no segment.
@@ -70,7 +70,7 @@ pub fn read_labels(path: &Path) -> Result<ReadLabels, FormatError> {
 /// # Errors
 /// When the file cannot be read, is of no known format, cut short or larger than allowed, does not say where its voxels
 /// lie, or holds values that are no labels.
-pub fn read_labels_within(limits: Limits, path: &Path) -> Result<ReadLabels, FormatError> {
+pub fn read_labels_within(limits: FormatLimits, path: &Path) -> Result<ReadLabels, FormatError> {
     let mut source = Source::open(path)?;
     let Described { header, segments } = header::read(&mut source)?;
     header.check(limits)?;
@@ -83,34 +83,34 @@ pub fn read_labels_within(limits: Limits, path: &Path) -> Result<ReadLabels, For
 /// When the file cannot be read, is of no known format or larger than allowed, or does not say where its voxels lie.
 pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
     let Described { header, .. } = header::read(&mut Source::open(path)?)?;
-    header.check(Limits::default())?;
+    header.check(FormatLimits::default())?;
     Ok(header.grid)
 }
 
-/// Reads every layer of a label map, within the default [`Limits`]: nothing of segments that overlap is lost.
+/// Reads every layer of a label map, within the default [`FormatLimits`]: nothing of segments that overlap is lost.
 ///
 /// # Errors
 /// As [`read_labels_within`].
 pub fn read_label_layers(path: &Path) -> Result<ReadLayers, FormatError> {
     let mut source = Source::open(path)?;
     let Described { header, segments } = header::read(&mut source)?;
-    header.check(Limits::default())?;
+    header.check(FormatLimits::default())?;
     segmentation::read_layers(&mut source, &header, &segments)
 }
 
-/// Reads a volume in HU, within the default [`Limits`].
+/// Reads a volume in HU, within the default [`FormatLimits`].
 ///
 /// # Errors
 /// As [`read_volume_within`].
 pub fn read_volume(path: &Path) -> Result<ReadVolume, FormatError> {
-    read_volume_within(Limits::default(), path)
+    read_volume_within(FormatLimits::default(), path)
 }
 
 /// Reads a volume in HU; values are rounded to whole HU and kept within -32768..=32767.
 ///
 /// # Errors
 /// As [`read_labels_within`], but for the values: these are refused when they are not finite.
-pub fn read_volume_within(limits: Limits, path: &Path) -> Result<ReadVolume, FormatError> {
+pub fn read_volume_within(limits: FormatLimits, path: &Path) -> Result<ReadVolume, FormatError> {
     let mut source = Source::open(path)?;
     let Described { header, .. } = header::read(&mut source)?;
     header.check(limits)?;

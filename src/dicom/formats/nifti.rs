@@ -8,7 +8,7 @@ use super::FormatError;
 use super::bytes::Source;
 use super::header::{Described, Header, NamedSegment, Scale};
 use super::values::{Number, Voxel};
-use relief_base::space::Transform;
+use relief_base::Transform;
 use relief_volume::Grid;
 
 /// Longest stretch from the header to the voxels: extensions are notes of a few kilobytes.
@@ -175,7 +175,7 @@ fn grid(fields: &Fields) -> Result<Grid, FormatError> {
     Ok(Grid::new(dims, lps_from_voxel(fields)?)?)
 }
 
-type LpsFromVoxel = Transform<relief_base::space::Patient, relief_base::space::Voxel>;
+type LpsFromVoxel = Transform<relief_base::Patient, relief_base::Voxel>;
 
 /// The affine map of the s-form, or else of the q-form. What says neither has no place in the patient.
 fn lps_from_voxel(fields: &Fields) -> Result<LpsFromVoxel, FormatError> {

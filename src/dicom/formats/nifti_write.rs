@@ -26,7 +26,7 @@ const RIGHT_ANGLE: f64 = 1e-6;
 ///
 /// # Errors
 /// When an axis has more than 32767 voxels, which the format cannot say.
-pub fn nifti_labels(map: &LabelMap) -> io::Result<Vec<u8>> {
+pub fn write_nifti_labels(map: &LabelMap) -> io::Result<Vec<u8>> {
     let dims = map.grid().dims();
     if dims.iter().any(|&n| n > MOST_ALONG) {
         let problem = format!("found {dims:?} voxels, NIfTI-1 has at most {MOST_ALONG} along an axis");

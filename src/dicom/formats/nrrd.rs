@@ -11,7 +11,7 @@ use super::FormatError;
 use super::bytes::Source;
 use super::header::{Described, Header, NamedSegment, Scale};
 use super::values::{Number, Voxel};
-use relief_base::space::Transform;
+use relief_base::Transform;
 use relief_volume::{Grid, Layers};
 
 /// Longest line: names and terms of a segment in one.
@@ -139,7 +139,7 @@ fn sizes(lines: &Lines) -> Result<(usize, [usize; 3]), FormatError> {
     }
 }
 
-type LpsFromVoxel = Transform<relief_base::space::Patient, relief_base::space::Voxel>;
+type LpsFromVoxel = Transform<relief_base::Patient, relief_base::Voxel>;
 
 /// The directions of the axes of space, behind that of layers, and the origin.
 fn lps_from_voxel(lines: &Lines, has_layers: bool) -> Result<LpsFromVoxel, FormatError> {

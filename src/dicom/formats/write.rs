@@ -9,15 +9,15 @@ use relief_volume::{Grid, LabelMap, Segment};
 ///
 /// # Errors
 /// None but those of memory: it is written there.
-pub fn seg_nrrd(map: &LabelMap) -> std::io::Result<Vec<u8>> {
-    seg_nrrd_layers(std::slice::from_ref(map))
+pub fn write_seg_nrrd(map: &LabelMap) -> std::io::Result<Vec<u8>> {
+    write_seg_nrrd_layers(std::slice::from_ref(map))
 }
 
 /// The bytes of a `.seg.nrrd` file of several layers, whose segments may overlap: maps of one grid, whose labels differ.
 ///
 /// # Errors
 /// When there is no map, or they are of different grids.
-pub fn seg_nrrd_layers(maps: &[LabelMap]) -> std::io::Result<Vec<u8>> {
+pub fn write_seg_nrrd_layers(maps: &[LabelMap]) -> std::io::Result<Vec<u8>> {
     let wrong = |why| std::io::Error::new(std::io::ErrorKind::InvalidInput, why);
     let first = maps.first().ok_or_else(|| wrong("there is no layer to be written"))?;
     if maps.iter().any(|map| map.grid() != first.grid()) {

@@ -11,7 +11,7 @@ use super::read::{Node, Warnings};
 use crate::reference::{Plane, SeriesReference};
 use crate::whole::ObjectError;
 use relief_annotation::{Geometry, Item};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// Corners of the closed curve that an ellipse or a circle becomes.
 const ELLIPSE_POINTS: u32 = 32;

@@ -27,8 +27,8 @@ mod groups;
 mod read;
 mod write;
 
-pub use read::{ReadOptions, ReadReport, read};
-pub use write::{LeftOut, WriteOptions, Written, write};
+pub use read::{ReadReport, ReportReadOptions, read_report};
+pub use write::{LeftOut, ReportWriteOptions, WrittenReport, write_report};
 
 use super::whole::ObjectError;
 

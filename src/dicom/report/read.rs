@@ -30,7 +30,7 @@ const MOST_ITEMS: usize = 100_000;
 
 /// What a reader knows that a report does not say.
 #[derive(Clone, Copy, Debug)]
-pub struct ReadOptions<'a> {
+pub struct ReportReadOptions<'a> {
     /// The author of items that name no observer.
     pub author: &'a str,
     /// The series that coordinates in pixels are of, where it is at hand.
@@ -61,7 +61,7 @@ pub(super) struct Warnings(BTreeMap<&'static str, (usize, String)>);
 ///
 /// # Errors
 /// When it is no report, damaged, or larger than any is; when coordinates are not as many as their type has.
-pub fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<ReadReport, ReportError> {
+pub fn read_report(bytes: &[u8], options: &ReportReadOptions<'_>) -> Result<ReadReport, ReportError> {
     let data = whole::read(bytes, MOST_BYTES, BOUNDS, keep)?;
     let charset = Charset::of(&data);
     let root = Node { data: &data, path: String::new(), charset: &charset };
@@ -208,7 +208,7 @@ impl Warnings {
 }
 
 struct Reader<'a> {
-    options: &'a ReadOptions<'a>,
+    options: &'a ReportReadOptions<'a>,
     root: &'a Node<'a>,
     items: Vec<Item>,
     ids: HashSet<ItemId>,

@@ -17,14 +17,14 @@ const NAME_CHARS: usize = 64;
 
 /// What a report says of itself.
 #[derive(Clone, Debug)]
-pub struct WriteOptions {
+pub struct ReportWriteOptions {
     /// Series description; viewers list it. Nothing of the patient belongs here.
     pub description: String,
     /// When it was made.
     pub made: Timestamp,
 }
 
-impl Default for WriteOptions {
+impl Default for ReportWriteOptions {
     fn default() -> Self {
         Self { description: "Relief annotations".to_owned(), made: Timestamp::now() }
     }
@@ -32,7 +32,7 @@ impl Default for WriteOptions {
 
 /// A report as a file, and what is not in it.
 #[derive(Debug)]
-pub struct Written {
+pub struct WrittenReport {
     /// The file.
     pub bytes: Vec<u8>,
     /// Items that are not in it.
@@ -56,11 +56,11 @@ pub struct LeftOut {
 ///
 /// # Errors
 /// When the series has no frame of reference, or no item can be in a report.
-pub fn write(
+pub fn write_report(
     items: &[Item],
     series: &SeriesReference,
-    options: &WriteOptions,
-) -> Result<Written, ReportError> {
+    options: &ReportWriteOptions,
+) -> Result<WrittenReport, ReportError> {
     let frame_of_reference = series.frame_of_reference().ok_or(ReportError::NoFrameOfReference)?;
     let authors = authors(items);
     let (mut groups, mut kept, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
@@ -81,7 +81,7 @@ pub fn write(
     let mut report = root(series, frame_of_reference, &authors, groups).build();
     put_modules(&mut report, series, options, &kept);
     let bytes = object::file_bytes(report, is_long).map_err(ReportError::Encoding)?;
-    Ok(Written { bytes, left_out, notes: notes(&kept) })
+    Ok(WrittenReport { bytes, left_out, notes: notes(&kept) })
 }
 
 fn authors(items: &[Item]) -> Vec<&str> {
@@ -125,7 +125,7 @@ fn root(series: &SeriesReference, frame_of_reference: &str, authors: &[&str], gr
 fn put_modules(
     report: &mut InMemDicomObject,
     series: &SeriesReference,
-    options: &WriteOptions,
+    options: &ReportWriteOptions,
     items: &[&Item],
 ) {
     series.put_patient_and_study(report);

@@ -22,8 +22,7 @@ use half::f16;
 
 use super::{EncodeError, check_count};
 use crate::MAX_FRAME_SIDE_PX;
-use relief_base::space::{Patient, Transform, View};
-use relief_base::units::DepthLimits;
+use relief_base::{DepthLimits, Patient, Transform, View};
 
 /// The most memory that the channels of a file may take.
 const MAX_DECODED_BYTES: u64 = 2 << 30;

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::{DepthFilter, Padded, miss_if_unknown};
 use crate::layout::Picture;
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 
 /// Neighbours whose depths differ by more than this share of the depth range have an edge between them: four of 255
 /// disparities.

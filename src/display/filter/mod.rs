@@ -18,7 +18,7 @@ mod median;
 use std::borrow::Cow;
 
 use super::layout::Picture;
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 
 /// What is done to depth before it becomes Z or D.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

@@ -5,7 +5,7 @@
 //! goes the few steps to its own.
 
 use crate::profile::DisplayProfile;
-use relief_base::units::{DepthLimits, ViewDepth};
+use relief_base::{DepthLimits, ViewDepth};
 
 /// Cells between the limits: several for each byte, so that few steps are needed.
 const CELLS: usize = 4096;

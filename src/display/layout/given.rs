@@ -3,7 +3,7 @@
 use super::disparity::DisparityTable;
 use super::{DecodedLayer, DisparityLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, frame, pack};
 use crate::views::{Views, synthesize};
-use relief_base::units::{DepthLimits, ViewDepth};
+use relief_base::{DepthLimits, ViewDepth};
 
 impl FrameEncoder {
     /// D of every pixel, as [`FrameEncoder::encode`] puts it into frames: depth filtered, scaled between the limits and bent by the

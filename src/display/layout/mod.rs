@@ -31,7 +31,7 @@ use super::filter::DepthFilter;
 use super::header::{ExtendedPart, Header};
 use super::profile::DisplayProfile;
 use super::views::{self, MAX_VIEWS, Parallax, ViewGrid, Views, eyes};
-use relief_base::units::DepthLimits;
+use relief_base::DepthLimits;
 
 pub use decode::{DecodedDepth, DecodedFrame, DecodedLayer};
 pub(super) use decode::{depth_problems, odd_and_even_lines};

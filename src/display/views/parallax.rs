@@ -12,7 +12,7 @@
 //! the profile's width.
 
 use crate::profile::{DisparityConstants, DisplayProfile};
-use relief_base::units::{DepthLimits, Disparity};
+use relief_base::{DepthLimits, Disparity};
 
 /// Separation of a viewer's eyes, mm.
 const EYE_SEPARATION_MM: f64 = 65.0;
@@ -99,7 +99,7 @@ impl Parallax {
 mod tests {
     use super::*;
     use crate::profile::ProfileName;
-    use relief_base::units::ScaledDepth;
+    use relief_base::ScaledDepth;
 
     /// Two eyes, a screen and a point, by intersecting lines, without any of the formulas above.
     #[test]

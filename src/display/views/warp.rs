@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::{Parallax, Views, check_size};
 use crate::layout::{DecodedLayer, LayoutError};
-use relief_base::units::Disparity;
+use relief_base::Disparity;
 
 /// A pixel's width.
 const UNIT: i32 = 4096;

@@ -8,7 +8,7 @@ use super::super::reading::{self, Reading};
 use super::super::{ExchangeError, Format, Imported, ReadContext};
 use super::wire::{Annotation, Listed};
 use relief_annotation::{FrameOfReference, Geometry};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 const FORMAT: Format = Format::Cornerstone;
 

@@ -6,7 +6,7 @@ use super::super::extra::Extra;
 use super::super::{ExchangeError, Format, written_json};
 use super::wire::{Annotation, Contour, Data, Handles, Metadata, Spline};
 use relief_annotation::{Geometry, Item, catmull_rom};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// Straight parts between two points of a smooth curve.
 const PARTS: usize = 16;

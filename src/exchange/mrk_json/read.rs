@@ -7,7 +7,7 @@ use super::super::{ExchangeError, Format, Imported, ReadContext};
 use super::plane::{self, NoPlane};
 use super::wire::{ControlPoint, CoordinateSystem, File, Head, Kind, Markup, PointId, PositionStatus, Units};
 use relief_annotation::{Geometry, Item};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 const FORMAT: Format = Format::MrkJson;
 

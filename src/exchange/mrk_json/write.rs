@@ -9,7 +9,7 @@ use super::wire::{
 };
 use glam::DVec3;
 use relief_annotation::{Geometry, Item, measures};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// Writes items that are sorted by list.
 ///

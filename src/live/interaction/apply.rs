@@ -6,25 +6,24 @@ use super::grab::{Grab, Hand};
 use super::intent::{Intent, IntentError, PlacePhase, unit};
 use super::stage::Stage;
 use super::view::{Aspect, Seen, Step, ViewState, ZOOMS, orientation_of};
-use relief_base::space::{Patient, Point, Vector, View};
-use relief_base::units::ViewDepth;
-use relief_volume::camera::{Camera, CameraError};
+use relief_base::{Patient, Point, Vector, View, ViewDepth};
+use relief_volume::{Camera, CameraError};
 
 /// Changes of one kind that follow one another faster than this are one step back, ns.
 const ONE_STEP_NS: u64 = 1_000_000_000;
 
 /// What came of an intent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Applied {
+pub struct AppliedIntent {
     /// Whether the state is another one now; its revision has gone up then.
     pub changed: bool,
     /// What others have to do about it.
-    pub event: Option<Event>,
+    pub event: Option<IntentEffect>,
 }
 
 /// What goes beyond the view.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Event {
+pub enum IntentEffect {
     /// Something is to be set down here; until then it follows the cursor.
     Placing(Point<Patient>),
     /// As placing; or what is here is to be taken hold of, if anything is.
@@ -49,17 +48,17 @@ impl ViewState {
         t_ns: u64,
         intent: &Intent,
         seen: Option<&Seen<'_>>,
-    ) -> Result<Applied, IntentError> {
+    ) -> Result<AppliedIntent, IntentError> {
         intent.validate()?;
         match intent {
             Intent::Cursor { .. } => {
                 let wanted = stage.clamped_cursor(self.wanted_cursor(stage, intent, seen)?);
                 let changed = self.cursor.replace(wanted) != Some(wanted);
-                let event = (changed && self.placing).then_some(Event::Placing(wanted));
+                let event = (changed && self.placing).then_some(IntentEffect::Placing(wanted));
                 Ok(self.applied(changed, event))
             }
             Intent::Place { phase } => self.place(*phase),
-            Intent::NextLabel {} => Ok(self.applied(false, Some(Event::NextLabel))),
+            Intent::NextLabel {} => Ok(self.applied(false, Some(IntentEffect::NextLabel))),
             Intent::Grab { position_mm, orientation_xyzw, mode, pivot } => {
                 let hand = hand(position_mm, orientation_xyzw)?;
                 let was_held = self.grab.is_some();
@@ -88,7 +87,7 @@ impl ViewState {
     }
 
     /// The intents that change the aspect at once.
-    fn alter(&mut self, stage: &Stage, t_ns: u64, intent: &Intent) -> Result<Applied, IntentError> {
+    fn alter(&mut self, stage: &Stage, t_ns: u64, intent: &Intent) -> Result<AppliedIntent, IntentError> {
         let mut aspect = self.aspect.clone();
         let step = match intent {
             Intent::Orbit { azimuth_deg, elevation_deg } => {
@@ -130,7 +129,7 @@ impl ViewState {
                 aspect = Aspect::home(stage);
                 Step::Single
             }
-            _ => return Ok(Applied::default()),
+            _ => return Ok(AppliedIntent::default()),
         };
         let changed = self.take(aspect, step, t_ns);
         if changed {
@@ -140,8 +139,8 @@ impl ViewState {
     }
 
     /// Moves what is held.
-    fn carry(&mut self, stage: &Stage, t_ns: u64, hand: Hand) -> Applied {
-        let Some(mut grab) = self.grab.take() else { return Applied::default() };
+    fn carry(&mut self, stage: &Stage, t_ns: u64, hand: Hand) -> AppliedIntent {
+        let Some(mut grab) = self.grab.take() else { return AppliedIntent::default() };
         let (look_at, patient_from_view) = grab.moved(hand);
         self.grab = Some(grab);
         let aspect =
@@ -183,18 +182,18 @@ impl ViewState {
         self.grab = self.grab.take().map(|grab| grab.renewed(&self.aspect, self.cursor));
     }
 
-    fn applied(&mut self, changed: bool, event: Option<Event>) -> Applied {
+    fn applied(&mut self, changed: bool, event: Option<IntentEffect>) -> AppliedIntent {
         self.revision += u64::from(changed);
-        Applied { changed, event }
+        AppliedIntent { changed, event }
     }
 
-    fn place(&mut self, phase: PlacePhase) -> Result<Applied, IntentError> {
+    fn place(&mut self, phase: PlacePhase) -> Result<AppliedIntent, IntentError> {
         let was_placing = self.placing;
         let event = match phase {
-            PlacePhase::Preview => Some(Event::Placing(self.cursor.ok_or(IntentError::NoCursor)?)),
-            PlacePhase::Take => Some(Event::Taking(self.cursor.ok_or(IntentError::NoCursor)?)),
-            PlacePhase::Commit => Some(Event::Placed(self.cursor.ok_or(IntentError::NoCursor)?)),
-            PlacePhase::Cancel => was_placing.then_some(Event::PlacingCancelled),
+            PlacePhase::Preview => Some(IntentEffect::Placing(self.cursor.ok_or(IntentError::NoCursor)?)),
+            PlacePhase::Take => Some(IntentEffect::Taking(self.cursor.ok_or(IntentError::NoCursor)?)),
+            PlacePhase::Commit => Some(IntentEffect::Placed(self.cursor.ok_or(IntentError::NoCursor)?)),
+            PlacePhase::Cancel => was_placing.then_some(IntentEffect::PlacingCancelled),
         };
         self.placing = matches!(phase, PlacePhase::Preview | PlacePhase::Take);
         Ok(self.applied(self.placing != was_placing, event))
@@ -289,8 +288,8 @@ fn at_pixel(camera: &Camera, size_px: [u32; 2], [u, v]: [f64; 2], depth_mm: f64)
     let [width, height] = size_px.map(f64::from);
     let [half_x, half_y] = camera.half_extent(size_px);
     let spread = match camera.projection() {
-        relief_volume::camera::Projection::Perspective { .. } => depth_mm,
-        relief_volume::camera::Projection::Orthographic { .. } => 1.0,
+        relief_volume::Projection::Perspective { .. } => depth_mm,
+        relief_volume::Projection::Orthographic { .. } => 1.0,
     };
     let x = (2.0 * u / width - 1.0) * half_x * spread;
     let y = (1.0 - 2.0 * v / height) * half_y * spread;

@@ -10,8 +10,7 @@ use glam::{DQuat, DVec3};
 
 use super::hand::{HandOptions, HandSample};
 use super::intent::{Intent, IntentError, PlacePhase, unit};
-use relief_tracking::report::Buttons;
-use relief_tracking::tracker::TrackingState;
+use relief_tracking::{Buttons, TrackingState};
 
 /// Longest time that a held button counts for between two reports, ns: a connection that stands still does not zoom.
 const LONGEST_GAP_NS: u64 = 100_000_000;

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 
 use super::intent::{GrabMode, Pivot};
 use super::view::Aspect;
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 
 /// A hand in view space: already scaled, its axes turned into view axes.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,8 +7,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::intent::{GrabMode, IntentError, Pivot, unit, within};
-use relief_tracking::pose::SensorPose;
-use relief_tracking::tracker::{Sample, TrackingState};
+use relief_tracking::{SensorPose, TrackedSample, TrackingState};
 
 /// Where a Wiimote's camera is, and how it is turned: `beacon_from_sensor`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,9 +142,9 @@ impl HandPose {
     }
 }
 
-impl From<&Sample> for HandSample {
+impl From<&TrackedSample> for HandSample {
     /// A pose that is out of range is none: nothing moves by it.
-    fn from(sample: &Sample) -> Self {
+    fn from(sample: &TrackedSample) -> Self {
         let of_numbers = |pose: SensorPose| HandPose::new(pose.position.into(), pose.orientation_xyzw()).ok();
         Self { t_ns: sample.t_ns, state: sample.state, pose: sample.pose.and_then(of_numbers) }
     }

@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 use glam::DQuat;
 use serde::{Deserialize, Serialize};
 
-use relief_volume::camera::Orbit;
+use relief_volume::Orbit;
 
 /// One wish. Angles and lengths are changes unless said otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

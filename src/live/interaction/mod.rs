@@ -1,6 +1,6 @@
 //! From hands to views: what is wanted, by whatever device, and what it does to a view.
 //!
-//! What it is: arithmetic on [`Intent`]s. A [`ViewState`] takes one after another and says which [`relief_volume::camera::Camera`],
+//! What it is: arithmetic on [`Intent`]s. A [`ViewState`] takes one after another and says which [`relief_volume::Camera`],
 //! clip plane, preset and cursor the next picture has. What it is not: it reads no device and no clock, opens no socket and
 //! renders nothing; times come in as ns, pictures as [`Seen`].
 //!
@@ -52,7 +52,7 @@ mod intent;
 mod stage;
 mod view;
 
-pub use apply::{Applied, Event};
+pub use apply::{AppliedIntent, IntentEffect};
 pub use gestures::Gestures;
 pub use hand::{HandOptions, HandPose, HandSample};
 pub use intent::{GrabMode, Intent, IntentError, Pivot, PlacePhase};

@@ -1,8 +1,7 @@
 //! What is shown, as far as a view has to know it.
 
-use relief_base::space::{Patient, Point, Vector};
-use relief_volume::Grid;
-use relief_volume::camera::Orbit;
+use relief_base::{Patient, Point, Vector};
+use relief_volume::{Grid, Orbit};
 
 /// The volume's bounding sphere, the picture, the presets, and the view to begin with.
 #[derive(Clone, Debug, PartialEq)]

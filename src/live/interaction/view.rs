@@ -11,9 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::grab::Grab;
 use super::stage::{Home, Stage};
-use relief_base::space::{Patient, Point, Vector, View};
-use relief_base::units::ViewDepth;
-use relief_volume::camera::{Camera, CameraError, Orbit, Projection};
+use relief_base::{Patient, Point, Vector, View, ViewDepth};
+use relief_volume::{Camera, CameraError, Orbit, Projection};
 
 /// Zooms of a view: those of the page.
 pub(super) const ZOOMS: RangeInclusive<f64> = 0.2..=40.0;

@@ -4,10 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{MessageError, refused};
 use crate::interaction::Intent;
-use relief_tracking::report::recording::bytes_of_hex;
-use relief_tracking::report::{Buttons, MAX_REPORT_BYTES};
-use relief_tracking::tracker::TrackingState;
-use relief_volume::camera::CameraFile;
+use relief_tracking::{Buttons, MAX_REPORT_BYTES, TrackingState, bytes_of_hex};
+use relief_volume::CameraFile;
 
 /// A pose: of the tracked Wiimote, of an orbit, or a camera.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,7 @@ use super::hello::{ColorFormats, Role};
 use super::{MessageError, object, read, refused, written};
 use crate::format::DepthFormat;
 use crate::interaction::ViewRecord;
-use relief_tracking::tracker::TrackingState;
+use relief_tracking::TrackingState;
 
 /// What the server sends beside frames.
 #[derive(Clone, Debug, PartialEq)]

@@ -58,7 +58,7 @@ pub enum GpuError {
 
 /// What an adapter can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Limits {
+pub struct GpuLimits {
     /// Largest side of a 3D texture, voxels.
     pub texture_3d_side: u32,
     /// Largest buffer that a shader can write, bytes.
@@ -73,7 +73,7 @@ pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     description: AdapterDescription,
-    limits: Limits,
+    limits: GpuLimits,
 }
 
 impl Gpu {
@@ -99,7 +99,7 @@ impl Gpu {
         device.on_uncaptured_error(std::sync::Arc::new(
             |error| tracing::error!(%error, "uncaptured GPU error"),
         ));
-        let limits = Limits {
+        let limits = GpuLimits {
             texture_3d_side: limits.max_texture_dimension_3d,
             storage_bytes: limits.max_storage_buffer_binding_size,
             norm16_textures: !features.is_empty(),
@@ -115,7 +115,7 @@ impl Gpu {
 
     /// What the adapter can hold.
     #[must_use]
-    pub fn limits(&self) -> Limits {
+    pub fn limits(&self) -> GpuLimits {
         self.limits
     }
 

@@ -8,4 +8,4 @@ mod device;
 
 pub use adapter::{AdapterChoice, AdapterDescription, AdapterKind, adapters};
 pub(crate) use device::{ErrorScope, Readback, SubmissionIndex};
-pub use device::{Gpu, GpuError, Limits};
+pub use device::{Gpu, GpuError, GpuLimits};

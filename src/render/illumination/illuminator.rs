@@ -18,10 +18,8 @@ use crate::surface::Surface;
 use crate::tables::Tables;
 use crate::uniform::FrameUniform;
 use crate::upload::{Appearance, VolumeOnGpu, VoxelFormat, upload_table};
-use relief_base::space::Vector;
-use relief_volume::camera::{Camera, Projection};
-use relief_volume::transfer::TransferFunction;
-use relief_volume::{ContentHash, Grid, Volume};
+use relief_base::Vector;
+use relief_volume::{Camera, ContentHash, Grid, Projection, TransferFunction, Volume};
 
 /// What cells are kept in: every adapter can write and filter it. Drivers in software interpolate 8-bit texels by weights
 /// of 8 bits, which showed in pictures.

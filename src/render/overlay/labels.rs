@@ -257,8 +257,8 @@ impl Taken {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_base::space::Point;
-    use relief_volume::camera::Orbit;
+    use relief_base::Point;
+    use relief_volume::Orbit;
 
     fn lens() -> Lens {
         Lens::new(&Orbit::default().camera(Point::new(0.0, 0.0, 0.0), 100.0).unwrap(), [400, 300])

@@ -6,8 +6,8 @@
 
 use glam::{DVec2, DVec3};
 
-use relief_base::space::{Patient, Point, Transform, Vector, View};
-use relief_volume::camera::{Camera, Projection};
+use relief_base::{Patient, Point, Transform, Vector, View};
+use relief_volume::{Camera, Projection};
 
 /// Nothing nearer to the eye's plane is drawn, mm.
 pub(super) const NEAR_MM: f64 = 0.1;

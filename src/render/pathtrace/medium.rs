@@ -3,8 +3,7 @@
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::request::RenderRequest;
 use crate::upload::{VolumeOnGpu, texture_3d, write_layers};
-use relief_volume::ContentHash;
-use relief_volume::transfer::{MediumTable, TransferFunction};
+use relief_volume::{ContentHash, MediumTable, TransferFunction};
 
 /// The medium of one volume under one transfer function and density.
 pub(super) struct Medium {

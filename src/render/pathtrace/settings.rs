@@ -2,7 +2,7 @@
 
 use crate::light::{Light, Placement};
 use crate::request::RequestError;
-use relief_base::space::Vector;
+use relief_base::Vector;
 
 /// What a path-traced picture takes beside the rest of its request.
 #[derive(Clone, Copy, Debug, PartialEq)]

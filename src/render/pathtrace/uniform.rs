@@ -4,8 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::light::{InView, Light};
 use crate::request::RenderRequest;
-use relief_volume::camera::Camera;
-use relief_volume::transfer::{MediumTable, linear_from_srgb};
+use relief_volume::{Camera, MediumTable, linear_from_srgb};
 
 /// One light as the shader has it.
 #[repr(C)]

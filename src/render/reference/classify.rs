@@ -3,7 +3,7 @@
 use glam::{DVec3, DVec4};
 
 use crate::request::Shading;
-use relief_volume::transfer::{GradientTable, TransferTable};
+use relief_volume::{GradientTable, TransferTable};
 
 /// Colour and opacity of one sample.
 pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {

@@ -15,7 +15,7 @@ use crate::mode::Mode;
 use crate::request::RenderRequest;
 use crate::tables::Tables;
 use crate::uniform::patient_from_voxel_gradient;
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 use relief_volume::Volume;
 
 /// Samples that lie on a face but for rounding count as outside.

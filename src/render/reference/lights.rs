@@ -6,7 +6,7 @@ use super::classify::shade;
 use super::illumination::CellsOfLight;
 use crate::light::{InPatient, Light};
 use crate::request::RenderRequest;
-use relief_base::space::Point;
+use relief_base::Point;
 use relief_volume::Volume;
 
 /// The light of a request.

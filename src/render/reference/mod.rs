@@ -48,7 +48,7 @@ use relief_volume::Volume;
 ///
 /// # Errors
 /// When the request is out of range.
-pub fn render(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
+pub fn render_reference(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
     request.validate_on(volume.grid())?;
     let drawing = Drawing::new(request, volume.grid())?;
     let scene = cast::Caster::new(volume, request);

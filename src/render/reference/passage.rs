@@ -6,7 +6,7 @@ use super::cast::Caster;
 use super::classify::classify;
 use super::field::sample_hu;
 use super::ray::Ray;
-use relief_volume::transfer::{IntegralTable, TransferTable};
+use relief_volume::{IntegralTable, TransferTable};
 
 const ALIKE_ENTRIES: f64 = 8.0;
 const LITTLE: f64 = 0.125;

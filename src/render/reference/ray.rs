@@ -4,8 +4,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use crate::request::{Clip, RenderRequest};
 use crate::uniform::{clip_planes_in_view, voxel_from_view};
-use relief_volume::Grid;
-use relief_volume::camera::Projection;
+use relief_volume::{Grid, Projection};
 
 /// A sample that lies on a face but for rounding, in sample distances.
 const ON_FACE: f64 = 1e-3;

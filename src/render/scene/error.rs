@@ -2,8 +2,7 @@
 
 use crate::request::RequestError;
 use relief_display::SettingsError;
-use relief_volume::camera::{CameraError, OrbitError};
-use relief_volume::transfer::{GradientOpacity, TransferError, TransferFunction};
+use relief_volume::{CameraError, GradientOpacity, OrbitError, TransferError, TransferFunction};
 
 /// Why a scene was refused.
 #[derive(Debug, thiserror::Error)]

@@ -13,8 +13,7 @@ use crate::classification::Classification;
 use crate::labels::{Edges, Labels, Look};
 use crate::mode::Mode;
 use crate::request::RequestError;
-use relief_volume::LabelMap;
-use relief_volume::transfer::TransferFunction;
+use relief_volume::{LabelMap, TransferFunction};
 
 /// How strongly segments are tinted where nothing is written.
 const USUAL_TINT: f64 = 0.5;

@@ -9,7 +9,7 @@ use crate::lighting::Lighting;
 use crate::mode::Mode;
 use crate::pathtrace::PathTrace;
 use crate::request::RequestError;
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 
 /// A set's name, or each light.
 #[derive(Clone, Debug)]
@@ -143,8 +143,7 @@ impl PathTraceFile {
 #[cfg(test)]
 mod tests {
     use crate::SceneFile;
-    use relief_volume::Grid;
-    use relief_volume::camera::Orbit;
+    use relief_volume::{Grid, Orbit};
 
     #[test]
     fn lights_and_paths_that_are_wrong_are_named_with_path_value_and_range() {

@@ -33,8 +33,7 @@ use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
 use relief_annotation::Shown;
 use relief_display::DisplaySettings;
-use relief_volume::camera::{CameraFile, Orbit};
-use relief_volume::{Grid, LabelMap};
+use relief_volume::{CameraFile, Grid, LabelMap, Orbit};
 
 pub use error::SceneError;
 pub use slice::{SliceFile, SlicePlane};

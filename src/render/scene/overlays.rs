@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use crate::overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 use crate::request::RequestError;
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// Radius of a landmark and width of lines where none is written, px.
 const USUAL_RADIUS_PX: f64 = 6.0;
@@ -184,8 +184,7 @@ fn point(mm: [f64; 3]) -> Point<Patient> {
 #[cfg(test)]
 mod tests {
     use crate::SceneFile;
-    use relief_volume::Grid;
-    use relief_volume::camera::Orbit;
+    use relief_volume::{Grid, Orbit};
 
     fn refused(overlays: &str) -> String {
         let grid = Grid::axis_aligned([10, 10, 10], [1.0; 3], [0.0; 3]).unwrap();

@@ -9,9 +9,9 @@ use super::labels::{ClipLabelsFile, label_objects};
 use super::overlays::OverlaysFile;
 use crate::mode::Mode;
 use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, RequestError, Shading};
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 use relief_display::DisplaySettings;
-use relief_volume::transfer::{
+use relief_volume::{
     ControlPoint, GradientOpacity, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
 };
 

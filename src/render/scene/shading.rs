@@ -93,8 +93,7 @@ impl ShadingFile {
 #[cfg(test)]
 mod tests {
     use crate::{Illumination, Occlusion, RenderRequest, SceneFile, Shading};
-    use relief_volume::Grid;
-    use relief_volume::camera::Orbit;
+    use relief_volume::{Grid, Orbit};
 
     fn resolved(json: &str) -> Result<RenderRequest, String> {
         let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.0; 3]).unwrap();

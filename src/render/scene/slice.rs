@@ -9,9 +9,8 @@ use serde::{Deserialize, Deserializer};
 
 use crate::mode::SlabBlend;
 use crate::request::RequestError;
-use relief_base::space::{Patient, Point, Vector};
-use relief_volume::Grid;
-use relief_volume::camera::{Camera, CameraError, NamedPlane, Orbit, PlaneView};
+use relief_base::{Patient, Point, Vector};
+use relief_volume::{Camera, CameraError, Grid, NamedPlane, Orbit, PlaneView};
 
 /// A slice through the volume: where, how thick and how large.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
@@ -58,7 +57,7 @@ impl Default for SlicePlane {
 #[serde(deny_unknown_fields)]
 struct ObliqueFile {
     normal: [f64; 3],
-    #[serde(default = "relief_volume::camera::head_up")]
+    #[serde(default = "relief_volume::head_up")]
     up: [f64; 3],
 }
 
@@ -190,7 +189,7 @@ mod tests {
     use super::*;
     use crate::mode::Mode;
     use crate::request::RenderRequest;
-    use relief_volume::camera::Projection;
+    use relief_volume::Projection;
 
     fn resolve(json: &str) -> Result<RenderRequest, String> {
         let grid = Grid::axis_aligned([11, 21, 31], [1.0; 3], [0.0; 3]).unwrap();

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use crate::mode::Mode;
 use crate::request::RequestError;
 use crate::surface::{Surface, usual_hu};
-use relief_volume::transfer::TransferFunction;
+use relief_volume::TransferFunction;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

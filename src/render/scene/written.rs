@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::parts::default_shading;
 use crate::request::Shading;
-use relief_volume::transfer::{Preset, TransferFunction};
+use relief_volume::{Preset, TransferFunction};
 
 /// The value of `transfer`.
 #[must_use]
@@ -46,9 +46,7 @@ pub fn preset_json(preset: &Preset) -> Value {
 mod tests {
     use super::super::SceneFile;
     use super::*;
-    use relief_volume::Grid;
-    use relief_volume::camera::Orbit;
-    use relief_volume::transfer::PRESETS;
+    use relief_volume::{Grid, Orbit, PRESETS};
 
     #[test]
     fn a_preset_written_out_renders_as_its_name_does() {

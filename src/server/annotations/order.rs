@@ -20,7 +20,7 @@ use crate::problem::Problem;
 use relief_annotation::{
     Change, Geometry, Item, ItemId, Method, Placement, RegionSummary, Set, State, Versioned,
 };
-use relief_dicom::formats::seg_nrrd;
+use relief_dicom::write_seg_nrrd;
 use relief_session::region_of_content;
 use relief_volume::{Mask, Segment};
 
@@ -134,7 +134,8 @@ impl Order {
         }
         let segment = Segment::new(LABEL, Some(&self.name), rgb);
         let job = move |_: &Waiting| {
-            seg_nrrd(&mask.to_labels(segment)).map_err(|error| Problem::internal("writing a region", error))
+            write_seg_nrrd(&mask.to_labels(segment))
+                .map_err(|error| Problem::internal("writing a region", error))
         };
         let bytes = self.work("writing a region", job).await?;
         let content = self.asked.annotations.store.put_content(REGION, &bytes).await?;

@@ -15,8 +15,8 @@ use crate::problem::Problem;
 use crate::resident::with_voxels;
 use crate::state::Server;
 use crate::volumes::Entry;
-use relief_annotation::placing::{Snap, SnapError, Snapped, Target, snap as snapped};
-use relief_base::space::{Patient, Point, Vector};
+use relief_annotation::{Snap, SnapError, SnapFeature, Snapped, snap_point as snapped};
+use relief_base::{Patient, Point, Vector};
 use relief_render::RequestError;
 
 /// Largest body: a scene with all it may have.
@@ -85,25 +85,31 @@ fn answer(from: Point<Patient>, found: &Snapped) -> Value {
 ///
 /// # Errors
 /// When there is none of that name, or a level is missing or has no meaning.
-pub(crate) fn target(to: &str, hu: Option<f64>) -> Result<Target, Problem> {
+pub(crate) fn target(to: &str, hu: Option<f64>) -> Result<SnapFeature, Problem> {
     let target = match (to, hu) {
-        ("surface", Some(hu)) => Target::Surface { hu },
-        ("boundary", None) => Target::Boundary,
-        ("gradient", None) => Target::Gradient,
-        ("minimum", None) => Target::Minimum,
-        ("maximum", None) => Target::Maximum,
+        ("surface", Some(hu)) => SnapFeature::Surface { hu },
+        ("boundary", None) => SnapFeature::Boundary,
+        ("gradient", None) => SnapFeature::Gradient,
+        ("minimum", None) => SnapFeature::Minimum,
+        ("maximum", None) => SnapFeature::Maximum,
         ("surface", None) => {
             let allowed = "the level of the surface, HU, or to boundary";
             return Err(Problem::out_of_range(&refuse("hu", "missing", allowed)));
         }
-        (name, Some(_)) if Target::NAMES.contains(&name) => {
+        (name, Some(_)) if SnapFeature::NAMES.contains(&name) => {
             return Err(Problem::out_of_range(&refuse(
                 "hu",
                 "there",
                 "nothing beside another target than surface",
             )));
         }
-        _ => return Err(Problem::out_of_range(&refuse("to", &format!("{to:?}"), &Target::NAMES.join(", ")))),
+        _ => {
+            return Err(Problem::out_of_range(&refuse(
+                "to",
+                &format!("{to:?}"),
+                &SnapFeature::NAMES.join(", "),
+            )));
+        }
     };
     Ok(target)
 }

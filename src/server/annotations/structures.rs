@@ -17,13 +17,12 @@ use super::{Asked, Sent};
 use crate::blocking::Waiting;
 use crate::problem::Problem;
 use crate::resident::with_voxels;
-use relief_annotation::mesh::files::{MeshFormat, write as written};
-use relief_annotation::mesh::{Decimation, MeshError, Smoothing, surface_nets};
-use relief_annotation::segmentation::{
-    Contour, Grow, GrowError, Limits, Stroke, fill as filled, grow as grown, paint as painted,
+use relief_annotation::{
+    Change, Contour, Decimation, Geometry, Grow, GrowError, GrowLimits, Item, ItemError, ItemId, MeshError,
+    MeshFormat, MeshSummary, Smoothing, Stroke, Versioned, fill_contours as filled, grow_region as grown,
+    paint_strokes as painted, surface_nets, write_mesh as written,
 };
-use relief_annotation::{Change, Geometry, Item, ItemError, ItemId, MeshSummary, Versioned};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 use relief_volume::Mask;
 
 /// Most curves between which one region is filled.
@@ -79,7 +78,7 @@ struct MeshBody {
 pub(super) async fn grow(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Response, Problem> {
     let (order, body) = Order::read::<GrowBody>(asked, body, "Region")?;
     let GrowBody { seed_mm, hu, max_ml, max_radius_mm, neck_mm, preview } = body;
-    let limits = Limits { max_ml: max_ml.or(Some(USUAL_ML)), max_radius_mm, neck_mm };
+    let limits = GrowLimits { max_ml: max_ml.or(Some(USUAL_ML)), max_radius_mm, neck_mm };
     let wanted = Grow { seeds: vec![point(seed_mm)], hu, limits };
     let volume = with_voxels(&order.asked.server, &order.asked.entry).await?;
     let job = move |waiting: &Waiting| {

@@ -9,10 +9,9 @@ use serde_json::{Map, Value, json};
 
 use super::parameters::{Method, Parameters, Reformat, Shape, View, Window};
 use crate::problem::Problem;
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 use relief_render::{Scene, SceneFile};
-use relief_volume::Grid;
-use relief_volume::camera::{Orbit, PlaneView};
+use relief_volume::{Grid, Orbit, PlaneView};
 
 /// Side of a picture whose viewport is not said.
 const USUAL_PX: u32 = 512;

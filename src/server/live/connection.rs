@@ -28,10 +28,9 @@ use super::wished::{Happened, Wished};
 use crate::annotations::Published;
 use crate::problem::Problem;
 use crate::state::Server;
-use relief_live::interaction::Intent;
 use relief_live::{
-    AnnotationsMessage, ClientMessage, Formats, FrameHeader, MAX_TEXT_BYTES, MessageError, Pose, PoseKind,
-    Report, Role, ServerMessage, Settings, Welcome, assemble,
+    AnnotationsMessage, ClientMessage, Formats, FrameHeader, Intent, MAX_TEXT_BYTES, MessageError, Pose,
+    PoseKind, Report, Role, ServerMessage, Settings, Welcome, assemble,
 };
 
 /// Refused messages that end a connection.

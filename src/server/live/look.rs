@@ -14,18 +14,15 @@ use super::wished::Carried;
 use crate::annotations::target;
 use crate::problem::Problem;
 use crate::volumes::Entry;
-use relief_annotation::Shown;
-use relief_annotation::placing::Snap;
+use relief_annotation::{Shown, Snap};
 use relief_display::DisplaySettings;
-use relief_live::interaction::{Home, Stage, ViewState};
-use relief_live::{LiveLayout, Quality, Settings, SnapTo};
+use relief_live::{Home, LiveLayout, Quality, Settings, SnapTo, Stage, ViewState};
 use relief_render::{
     Clip, ClipPlane, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
     SceneFile, depth_limits,
 };
 use relief_session::Drawables;
-use relief_volume::camera::{Camera, Orbit};
-use relief_volume::transfer::PRESETS;
+use relief_volume::{Camera, Orbit, PRESETS};
 
 /// Most pixels of a live picture: memory for frames that wait.
 const MAX_PIXELS: u64 = 1 << 23;

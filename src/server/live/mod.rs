@@ -35,8 +35,7 @@ use self::session::Sessions;
 use self::view::{View, lock};
 use super::problem::Problem;
 use super::state::Server;
-use relief_tracking::Beacon;
-use relief_tracking::sensor::Pinhole;
+use relief_tracking::{Beacon, Pinhole};
 
 pub(super) use plain::{intent, mjpeg, next_frame};
 pub(super) use socket::{connect, protocol};

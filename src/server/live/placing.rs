@@ -16,14 +16,13 @@ use crate::annotations::{Annotations, Snapshot, Step, Visible, missing_author, o
 use crate::problem::Problem;
 use crate::state::Server;
 use crate::volumes::Entry;
-use relief_annotation::placing::Snap;
 use relief_annotation::{
     CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
-    Shown, State, Versioned,
+    Shown, Snap, State, Versioned,
 };
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 use relief_live::{AnnotationsMessage, NextLabel, ServerMessage};
-use relief_volume::camera::{Camera, Projection};
+use relief_volume::{Camera, Projection};
 
 /// Why an item came to be where it is, in the log.
 const REASON: &str = "live session";
@@ -378,13 +377,13 @@ pub(super) fn pointer() -> Device {
 }
 
 /// How a cursor came to its place.
-pub(super) fn method_of(intent: &relief_live::interaction::Intent, is_slice: bool) -> Option<Method> {
+pub(super) fn method_of(intent: &relief_live::Intent, is_slice: bool) -> Option<Method> {
     match intent {
-        relief_live::interaction::Intent::Cursor { at_px: Some(_), .. } => {
+        relief_live::Intent::Cursor { at_px: Some(_), .. } => {
             Some(if is_slice { Method::Slice } else { Method::Pick })
         }
-        relief_live::interaction::Intent::Cursor { point_mm: Some(_), .. } => Some(Method::Typed),
-        relief_live::interaction::Intent::Cursor { .. } => Some(Method::Tip),
+        relief_live::Intent::Cursor { point_mm: Some(_), .. } => Some(Method::Typed),
+        relief_live::Intent::Cursor { .. } => Some(Method::Tip),
         _ => None,
     }
 }

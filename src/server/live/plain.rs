@@ -28,8 +28,9 @@ use crate::negotiate::negotiate;
 use crate::problem::Problem;
 use crate::state::Server;
 use relief_display::encode_png;
-use relief_live::interaction::{Intent, PlacePhase};
-use relief_live::{ColorFormat, DepthFormat, MAX_TEXT_BYTES, Role, Settings, check_view_name};
+use relief_live::{
+    ColorFormat, DepthFormat, Intent, MAX_TEXT_BYTES, PlacePhase, Role, Settings, check_view_name,
+};
 use relief_session::FileFormat;
 
 static RELIEF_FRAME: HeaderName = HeaderName::from_static("relief-frame");

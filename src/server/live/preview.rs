@@ -11,8 +11,8 @@ use super::view::View;
 use crate::annotations::snap_in;
 use crate::state::Server;
 use crate::volumes::Entry;
-use relief_annotation::placing::{Snap, Snapped};
-use relief_base::space::{Patient, Point, Vector};
+use relief_annotation::{Snap, Snapped};
+use relief_base::{Patient, Point, Vector};
 
 /// The longest rest of a search.
 const LONGEST_REST: Duration = Duration::from_secs(1);

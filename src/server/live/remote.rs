@@ -6,12 +6,10 @@ use axum::http::StatusCode;
 
 use crate::problem::Problem;
 use relief_annotation::Device;
-use relief_live::interaction::{Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent};
-use relief_live::{RemotePose, Report, TrackingMessage};
-use relief_tracking::Beacon;
-use relief_tracking::report::Buttons;
-use relief_tracking::sensor::Pinhole;
-use relief_tracking::tracker::{Options, Tracker, TrackingState};
+use relief_live::{
+    Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, RemotePose, Report, TrackingMessage,
+};
+use relief_tracking::{Beacon, Buttons, Pinhole, Tracker, TrackerOptions, TrackingState};
 
 /// Between two messages about an unchanged state of tracking.
 const TELL: Duration = Duration::from_millis(250);
@@ -75,11 +73,10 @@ impl Remote {
             Problem::new(StatusCode::BAD_REQUEST, "malformed-report", detail).with("path", "report")
         };
         let bytes = message.bytes().map_err(|error| malformed(error.to_string()))?;
-        let report =
-            relief_tracking::report::Report::decode(&bytes).map_err(|error| malformed(error.to_string()))?;
-        let tracker = self
-            .tracker
-            .get_or_insert_with(|| Box::new(Tracker::new(*sensor, beacon.clone(), Options::default())));
+        let report = relief_tracking::Report::decode(&bytes).map_err(|error| malformed(error.to_string()))?;
+        let tracker = self.tracker.get_or_insert_with(|| {
+            Box::new(Tracker::new(*sensor, beacon.clone(), TrackerOptions::default()))
+        });
         let held = report.buttons().map(|held| self.gestures.hold(message.t_ns, held));
         let mut intents = held.unwrap_or_default();
         let Some(sample) = tracker.push(message.t_ns, &report) else { return Ok((intents, None)) };

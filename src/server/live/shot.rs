@@ -8,7 +8,7 @@ use tokio::sync::OnceCell;
 use crate::blocking::on_blocking_thread;
 use crate::problem::Problem;
 use crate::state::Server;
-use relief_base::units::{DepthLimits, ViewDepth};
+use relief_base::{DepthLimits, ViewDepth};
 use relief_display::{DisplaySettings, Frame, Picture};
 use relief_live::{
     ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameHeader, LiveLayout, ReceivedDepth,

@@ -22,13 +22,13 @@ use super::slot::Slot;
 use super::wished::{Carried, Ground, Happened, Wanted, Wished};
 use crate::problem::Problem;
 use crate::volumes::Entry;
-use relief_annotation::placing::Snap;
-use relief_annotation::{Method, Shown};
-use relief_base::units::ViewDepth;
-use relief_live::interaction::{Event, Intent, Seen, ViewRecord, ViewState};
-use relief_live::{ErrorMessage, Peers, Role, ServerMessage, Settings};
+use relief_annotation::{Method, Shown, Snap};
+use relief_base::ViewDepth;
+use relief_live::{
+    ErrorMessage, Intent, IntentEffect, Peers, Role, Seen, ServerMessage, Settings, ViewRecord, ViewState,
+};
 use relief_session::Drawables;
-use relief_volume::camera::Camera;
+use relief_volume::Camera;
 
 /// See the module.
 pub(super) struct View {
@@ -407,16 +407,16 @@ impl Inner {
             self.changed(now);
         }
         let happened = match applied.event.filter(|_| annotates) {
-            Some(Event::Placed(at)) => {
+            Some(IntentEffect::Placed(at)) => {
                 let camera = self.look.seen_through(&self.state, camera)?;
                 Some(Happened::Placed { at, camera, method: self.method })
             }
-            Some(Event::Taking(at)) => {
+            Some(IntentEffect::Taking(at)) => {
                 let reach_mm = self.state.reach_mm(&self.look.stage).map_err(refused)?;
                 Some(Happened::Taking { at, reach_mm })
             }
-            Some(Event::PlacingCancelled) => Some(Happened::Cancelled),
-            Some(Event::NextLabel) => Some(Happened::NextLabel),
+            Some(IntentEffect::PlacingCancelled) => Some(Happened::Cancelled),
+            Some(IntentEffect::NextLabel) => Some(Happened::NextLabel),
             _ => None,
         };
         Ok(happened)

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::problem::Problem;
 use crate::volumes::Entry;
 use relief_annotation::{Method, Shown};
-use relief_base::space::{Patient, Point, Vector};
-use relief_volume::camera::Camera;
+use relief_base::{Patient, Point, Vector};
+use relief_volume::Camera;
 
 /// What a wish means beyond the view, while annotations are drawn.
 pub(super) enum Happened {

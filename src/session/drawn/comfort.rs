@@ -6,7 +6,7 @@
 //! `display`), so that the rule is a range of D around the screen's, and by the curve a range of view depths. On the 42" display at
 //! 960x540 it is about six tenths of the display's range; on the 20" one about a quarter.
 
-use relief_base::units::{DepthLimits, Disparity};
+use relief_base::{DepthLimits, Disparity};
 use relief_display::DisplayProfile;
 use relief_render::{Overlays, label_height_px, label_stroke_px};
 

@@ -4,8 +4,7 @@ use std::io::Write;
 
 use super::Shape;
 
-use relief_annotation::mesh::files::{MeshFormat, read};
-use relief_annotation::mesh::{Decimation, Smoothing, TriangleMesh, surface_nets};
+use relief_annotation::{Decimation, MeshFormat, Smoothing, TriangleMesh, read_mesh, surface_nets};
 use relief_volume::Mask;
 
 /// The surface of a content: of a label map that of one label, of a mesh (label 0) all of it; decimated to what can be drawn.
@@ -15,7 +14,7 @@ use relief_volume::Mask;
 /// Why the file gives none, without anything of the file.
 pub fn shape_of_content(bytes: &[u8], label: u16) -> Result<Shape, String> {
     let mesh = if label == 0 {
-        read(MeshFormat::Ply, bytes).map_err(|error| error.to_string())?.mesh
+        read_mesh(MeshFormat::Ply, bytes).map_err(|error| error.to_string())?.mesh
     } else {
         let mask = region_of_content(bytes, label)?;
         let mesh = surface_nets(&mask).and_then(|mesh| mesh.smoothed(Smoothing::default()));
@@ -38,7 +37,7 @@ pub fn region_of_content(bytes: &[u8], label: u16) -> Result<Mask, String> {
     // Readers of label maps take files.
     let mut file = tempfile::NamedTempFile::new().map_err(|error| error.to_string())?;
     file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| error.to_string())?;
-    let found = relief_dicom::formats::read_labels(file.path());
+    let found = relief_dicom::read_labels(file.path());
     let map =
         found.map_err(|error| error.to_string().replace(&file.path().display().to_string(), "the file"))?.map;
     Ok(Mask::of_label(&map, label))

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::Shape;
 use super::slice::{Cut, between};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 /// An edge by its corners, the lower index first: where it crosses the plane is one place for both of its triangles.
 type Edge = [u32; 2];

@@ -26,7 +26,7 @@ mod tests;
 use std::sync::Arc;
 
 use relief_annotation::{Geometry, Item, catmull_rom, measures};
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 use relief_display::DisplaySettings;
 use relief_render::{
     Curve, Landmark, Line, Mesh, Mode, OverlayItem, Overlays, Radius, RenderRequest, depth_limits,

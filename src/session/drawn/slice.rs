@@ -1,6 +1,6 @@
 //! What lies in a slice, as lines in its plane.
 
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 use relief_render::RenderRequest;
 
 /// How far from the slab a point may be and is still shown, mm: about a slice of a CT series.

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use super::*;
 use relief_annotation::{ContentId, MeshSummary, State};
-use relief_base::units::ViewDepth;
+use relief_base::ViewDepth;
 use relief_render::{Scene, SceneFile};
-use relief_volume::camera::{NamedPlane, Orbit};
+use relief_volume::{NamedPlane, Orbit};
 
 fn grid() -> Grid {
     Grid::axis_aligned([40; 3], [5.0; 3], [-97.5; 3]).unwrap()

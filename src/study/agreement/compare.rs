@@ -118,7 +118,7 @@ pub struct Missing {
 ///
 /// # Errors
 /// Where there is nothing to compare: one set alone, a set that is empty or named twice, sets without anything in common.
-pub fn compare(study: Study) -> Result<Comparison, AgreementError> {
+pub fn compare_readings(study: Study) -> Result<Comparison, AgreementError> {
     let Study { readings, truth } = study;
     check(&readings, truth.as_ref())?;
     let items: Vec<Vec<&Item>> =

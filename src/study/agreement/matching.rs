@@ -134,7 +134,7 @@ mod tests {
     use super::super::tests::{named, point};
     use super::*;
     use relief_annotation::Geometry;
-    use relief_base::space::Point;
+    use relief_base::Point;
 
     fn matched<'a>(readings: &[&'a [Item]]) -> Vec<Target<'a>> {
         let readings: Vec<Vec<&Item>> = readings.iter().map(|items| items.iter().collect()).collect();

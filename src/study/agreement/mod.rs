@@ -22,7 +22,7 @@ mod spread;
 mod tests;
 
 pub use bland_altman::{BlandAltman, bland_altman};
-pub use compare::{Comparison, Landmark, Missing, Placed, Reading, ReadingErrors, Study, compare};
+pub use compare::{Comparison, Landmark, Missing, Placed, Reading, ReadingErrors, Study, compare_readings};
 pub use icc::{Icc, icc_2_1};
 pub use matching::Absence;
 pub use quantity::{Agreement, MeasureRow, Pairing, ReadingMeasures, Relation};

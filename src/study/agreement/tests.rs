@@ -6,7 +6,7 @@ mod normal;
 pub(super) use normal::Normal;
 
 use relief_annotation::{Geometry, Item};
-use relief_base::space::Point;
+use relief_base::Point;
 
 pub(super) fn named(name: &str, geometry: Option<Geometry>) -> Item {
     Item::new(name, "anna", geometry).unwrap()

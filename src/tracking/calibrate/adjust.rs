@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2x3, Matrix2x6, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector6};
 
-use super::{CalibrationView, Model};
+use super::{CalibrationModel, CalibrationView};
 use crate::pose::{Pose, cross_matrix};
 use crate::sensor::Pinhole;
 
@@ -51,17 +51,17 @@ pub struct Adjusted {
 
 /// How the camera follows from the numbers that are looked for.
 struct Free {
-    model: Model,
+    model: CalibrationModel,
 }
 
 impl Free {
     fn is_free(&self, at: usize) -> bool {
         match self.model {
             // With one focal length, fy follows fx.
-            Model::Square => matches!(at, 0 | 3 | 4),
-            Model::Pinhole => matches!(at, 0 | 1 | 3 | 4),
-            Model::Skew => at <= 4,
-            Model::Radial => matches!(at, 0 | 1 | 3 | 4 | 5),
+            CalibrationModel::Square => matches!(at, 0 | 3 | 4),
+            CalibrationModel::Pinhole => matches!(at, 0 | 1 | 3 | 4),
+            CalibrationModel::Skew => at <= 4,
+            CalibrationModel::Radial => matches!(at, 0 | 1 | 3 | 4 | 5),
         }
     }
 
@@ -71,7 +71,7 @@ impl Free {
 
     /// The covariance of what is looked for, as one of all numbers: fy goes with fx where there is one focal length.
     fn spread(&self, covariance: &Square) -> Square {
-        let source = |at: usize| if self.model == Model::Square && at == 1 { 0 } else { at };
+        let source = |at: usize| if self.model == CalibrationModel::Square && at == 1 { 0 } else { at };
         let is_known = |at: usize| self.is_free(source(at));
         Square::from_fn(|row, column| {
             let of = (source(row), source(column));
@@ -82,7 +82,7 @@ impl Free {
     fn moved(&self, camera: &Pinhole, step: &Numbers) -> Pinhole {
         let mut moved = *camera;
         moved.fx += step[0];
-        moved.fy += if self.model == Model::Square { step[0] } else { step[1] };
+        moved.fy += if self.model == CalibrationModel::Square { step[0] } else { step[1] };
         moved.skew += step[2];
         moved.cx += step[3];
         moved.cy += step[4];
@@ -102,7 +102,7 @@ impl Free {
             Vector2::new(camera.fx * x + camera.skew * y, camera.fy * y)
         };
         let mut jacobian = ByNumbers::zeros();
-        let square = self.model == Model::Square;
+        let square = self.model == CalibrationModel::Square;
         jacobian.set_column(0, &Vector2::new(bent.x, if square { bent.y } else { 0.0 }));
         jacobian.set_column(1, &Vector2::new(0.0, bent.y));
         jacobian.set_column(2, &Vector2::new(bent.y, 0.0));
@@ -182,7 +182,7 @@ fn reduced(free: &Free, blocks: &[Block], damping: f64) -> Option<(Square, Numbe
 
 /// Adjusts camera and poses from `start`; `None` when it breaks down.
 #[must_use]
-pub fn adjust(views: &[CalibrationView], start: &Pinhole, model: Model) -> Option<Adjusted> {
+pub fn adjust(views: &[CalibrationView], start: &Pinhole, model: CalibrationModel) -> Option<Adjusted> {
     let free = Free { model };
     let mut camera = *start;
     let mut poses: Vec<Pose> = views.iter().map(|view| view.pose).collect();

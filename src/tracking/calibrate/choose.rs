@@ -3,12 +3,12 @@
 use nalgebra::Vector2;
 
 use crate::beacon::Beacon;
-use crate::correspondence::{Earlier, Hints, Identified, identify};
+use crate::correspondence::{EarlierPose, Identified, IdentifyHints, identify_blobs};
 use crate::pose::Pose;
 use crate::report::{Report, SENSOR_HEIGHT, SENSOR_WIDTH};
 use crate::sensor::Pinhole;
 use crate::solve::{MAX_SEEN, Sighting};
-use crate::tracker::{Frames, Options};
+use crate::tracker::{Frames, TrackerOptions};
 
 /// The nominal camera may be wrong by 3 % and 25 px, which leaves errors of a few pixels in a view.
 const NOMINAL_NOISE_PX: f64 = 2.0;
@@ -27,19 +27,19 @@ pub struct CalibrationView {
 
 /// Identifies the blobs of a recording, frame after frame.
 #[derive(Clone, Debug)]
-pub struct Identifier {
+pub struct BlobIdentifier {
     frames: Frames,
     beacon: Beacon,
     camera: Pinhole,
     last: Option<(u64, Pose)>,
-    options: Options,
+    options: TrackerOptions,
 }
 
-impl Identifier {
+impl BlobIdentifier {
     /// With the nominal camera.
     #[must_use]
     pub fn new(beacon: Beacon, camera: Pinhole) -> Self {
-        let options = Options::default();
+        let options = TrackerOptions::default();
         Self {
             frames: Frames::new(options.accelerometer, options.gyroscope),
             beacon,
@@ -57,16 +57,16 @@ impl Identifier {
             return None;
         }
         let recent = self.last.map(|(then, pose)| (pose, t_ns.saturating_sub(then) as f64 * 1e-9));
-        let earlier = recent.filter(|(_, seconds)| *seconds < 0.1).map(|(pose, seconds)| Earlier {
+        let earlier = recent.filter(|(_, seconds)| *seconds < 0.1).map(|(pose, seconds)| EarlierPose {
             pose,
             sigma_angle: 0.05 + seconds,
             sigma_mm: 50.0 + 500.0 * seconds,
             reach_px: 15.0 + 2.0 * self.camera.fx * seconds,
         });
         let gravity = frame.gravity(&self.beacon, self.options.search_gravity_sigma);
-        let hints = Hints { gravity, earlier };
+        let hints = IdentifyHints { gravity, earlier };
         let Identified::Found { assignment, refined, .. } =
-            identify(&self.camera, &self.beacon, blobs, NOMINAL_NOISE_PX, &hints)
+            identify_blobs(&self.camera, &self.beacon, blobs, NOMINAL_NOISE_PX, &hints)
         else {
             return None;
         };
@@ -82,7 +82,7 @@ impl Identifier {
 /// The views in which a blob is at least two pixels from where it was in the last one: a remote that rests says the same
 /// again, with the same errors of rounding.
 #[must_use]
-pub fn moving(mut views: Vec<CalibrationView>) -> Vec<CalibrationView> {
+pub fn moving_views(mut views: Vec<CalibrationView>) -> Vec<CalibrationView> {
     const MOVED_PX: f64 = 2.0;
     views.dedup_by(|view, last| {
         let pairs = view.sightings.iter().zip(&last.sightings);
@@ -93,7 +93,7 @@ pub fn moving(mut views: Vec<CalibrationView>) -> Vec<CalibrationView> {
 
 /// At most `count` views, none like another, those first that differ most.
 #[must_use]
-pub fn choose(mut views: Vec<CalibrationView>, count: usize) -> Vec<CalibrationView> {
+pub fn choose_views(mut views: Vec<CalibrationView>, count: usize) -> Vec<CalibrationView> {
     let mut chosen: Vec<CalibrationView> = Vec::new();
     let mut nearest = vec![f64::INFINITY; views.len()];
     let mut at = 0;

@@ -9,14 +9,14 @@ mod adjust;
 mod choose;
 
 pub use adjust::{Adjusted, Parameter, Square, adjust};
-pub use choose::{CalibrationView, Identifier, choose, moving};
+pub use choose::{BlobIdentifier, CalibrationView, choose_views, moving_views};
 
 use super::sensor::{Pinhole, PinholeError};
-use super::solve::{Sighting, View};
+use super::solve::{PoseView, Sighting};
 
 /// Which of the camera's numbers are looked for; the others stay as they were at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Model {
+pub enum CalibrationModel {
     /// One focal length and the principal point.
     Square,
     /// Two focal lengths and the principal point.
@@ -101,10 +101,10 @@ pub enum CalibrationError {
 ///
 /// # Errors
 /// When the views are too few or too alike, or the result is not known well.
-pub fn calibrate(
+pub fn calibrate_camera(
     views: &[CalibrationView],
     start: &Pinhole,
-    model: Model,
+    model: CalibrationModel,
 ) -> Result<Calibration, CalibrationError> {
     if views.len() < MIN_VIEWS {
         return Err(CalibrationError::Views(views.len()));
@@ -149,7 +149,7 @@ pub fn calibrate(
 
 /// What is left of a view when its pose is found with this camera.
 fn rms_of(camera: &Pinhole, sightings: &[Sighting]) -> Option<f64> {
-    let view = View { camera, sightings, noise_px: 1.0, gravity: None };
+    let view = PoseView { camera, sightings, noise_px: 1.0, gravity: None };
     view.rms_px(&view.solve()?.best.pose)
 }
 

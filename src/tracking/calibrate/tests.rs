@@ -2,20 +2,20 @@
 
 use super::*;
 use crate::beacon::Beacon;
-use crate::simulate::{Hand, Path, Simulation, Survey};
+use crate::simulate::{PointingHand, SensorPath, Simulation, SurveyingHand};
 
-fn views(camera: Pinhole, path: &impl Path, seed: u64) -> Vec<CalibrationView> {
+fn views(camera: Pinhole, path: &impl SensorPath, seed: u64) -> Vec<CalibrationView> {
     views_of(&Beacon::recommended(), camera, path, seed)
 }
 
-fn views_of(beacon: &Beacon, camera: Pinhole, path: &impl Path, seed: u64) -> Vec<CalibrationView> {
+fn views_of(beacon: &Beacon, camera: Pinhole, path: &impl SensorPath, seed: u64) -> Vec<CalibrationView> {
     let simulation = Simulation { camera, ..Simulation::new(beacon.clone(), seed) };
-    let mut identifier = Identifier::new(beacon.clone(), Pinhole::TYPICAL);
+    let mut identifier = BlobIdentifier::new(beacon.clone(), Pinhole::TYPICAL);
     let reports = simulation.record(path, 60.0);
     // Every fourth report: the blobs are followed as well, in a quarter of the time.
     let some = reports.iter().step_by(4);
     let found = some.filter_map(|made| identifier.push(made.t_ns, &made.report)).collect();
-    choose(found, 250)
+    choose_views(found, 250)
 }
 
 /// Four LEDs on a sheet, in an uneven quadrangle: views of a plane, which know a focal length by their slant alone.
@@ -23,9 +23,12 @@ fn views_of(beacon: &Beacon, camera: Pinhole, path: &impl Path, seed: u64) -> Ve
 fn a_flat_target_calibrates_too() {
     let sheet = Beacon::new(&[[0.0, 0.0, 0.0], [210.0, 20.0, 0.0], [170.0, 140.0, 0.0], [-30.0, 90.0, 0.0]]);
     let sheet = sheet.unwrap();
-    let found =
-        calibrate(&views_of(&sheet, TRUE, &Survey::around(&sheet, 4), 4), &Pinhole::TYPICAL, Model::Pinhole)
-            .unwrap();
+    let found = calibrate_camera(
+        &views_of(&sheet, TRUE, &SurveyingHand::around(&sheet, 4), 4),
+        &Pinhole::TYPICAL,
+        CalibrationModel::Pinhole,
+    )
+    .unwrap();
     let errors = [found.camera.fx - TRUE.fx, found.camera.fy - TRUE.fy, found.camera.cx - TRUE.cx];
     for (error, sigma) in errors.into_iter().zip([0, 1, 3].map(|at| found.sigma[at])) {
         assert!(error.abs() < 4.0 * sigma && sigma < 13.7, "{error} beyond {sigma}: {found:?}");
@@ -35,17 +38,18 @@ fn a_flat_target_calibrates_too() {
 
 #[test]
 fn a_remote_that_rests_is_one_view() {
-    let all = views(TRUE, &Survey::around(&Beacon::recommended(), 5), 5);
+    let all = views(TRUE, &SurveyingHand::around(&Beacon::recommended(), 5), 5);
     let resting: Vec<_> = all.iter().flat_map(|view| [view.clone(), view.clone(), view.clone()]).collect();
-    assert_eq!(moving(resting).len(), all.len());
+    assert_eq!(moving_views(resting).len(), all.len());
 }
 
 const TRUE: Pinhole = Pinhole { fx: 1372.0, fy: 1365.0, cx: 525.0, cy: 360.0, ..Pinhole::TYPICAL };
 
 #[test]
 fn a_camera_is_found_within_its_own_uncertainty() {
-    let survey = Survey::around(&Beacon::recommended(), 1);
-    let found = calibrate(&views(TRUE, &survey, 1), &Pinhole::TYPICAL, Model::Pinhole).unwrap();
+    let survey = SurveyingHand::around(&Beacon::recommended(), 1);
+    let found =
+        calibrate_camera(&views(TRUE, &survey, 1), &Pinhole::TYPICAL, CalibrationModel::Pinhole).unwrap();
     let errors = [
         found.camera.fx - TRUE.fx,
         found.camera.fy - TRUE.fy,
@@ -64,26 +68,26 @@ fn a_camera_is_found_within_its_own_uncertainty() {
 #[test]
 fn radial_distortion_is_found_where_it_is_looked_for() {
     let bent = Pinhole { distortion: [-0.15, 0.0, 0.0, 0.0, 0.0], ..TRUE };
-    let survey = Survey::around(&Beacon::recommended(), 2);
+    let survey = SurveyingHand::around(&Beacon::recommended(), 2);
     let views = views(bent, &survey, 2);
-    let found = calibrate(&views, &Pinhole::TYPICAL, Model::Radial).unwrap();
+    let found = calibrate_camera(&views, &Pinhole::TYPICAL, CalibrationModel::Radial).unwrap();
     assert!((found.camera.distortion[0] + 0.15).abs() < 4.0 * found.sigma[5], "{found:?}");
     assert!(found.sigma[5] < 0.06, "{found:?}");
-    let without = calibrate(&views, &Pinhole::TYPICAL, Model::Pinhole).unwrap();
+    let without = calibrate_camera(&views, &Pinhole::TYPICAL, CalibrationModel::Pinhole).unwrap();
     assert!(without.rms_px > found.rms_px, "{} {}", without.rms_px, found.rms_px);
 }
 
 #[test]
 fn views_that_tell_nothing_are_refused_with_the_reason() {
-    let survey = Survey::around(&Beacon::recommended(), 3);
+    let survey = SurveyingHand::around(&Beacon::recommended(), 3);
     let good = views(TRUE, &survey, 3);
     let refused = |views: &[CalibrationView]| {
-        calibrate(views, &Pinhole::TYPICAL, Model::Pinhole).unwrap_err().to_string()
+        calibrate_camera(views, &Pinhole::TYPICAL, CalibrationModel::Pinhole).unwrap_err().to_string()
     };
     assert!(refused(&good[..5]).contains("5 different views"));
     let same = vec![good[0].clone(); 20];
     assert!(refused(&same).contains("within 0 degrees"), "{}", refused(&same));
-    let still = views(TRUE, &Hand::before(&Beacon::recommended(), 1500.0, 1), 1);
+    let still = views(TRUE, &PointingHand::before(&Beacon::recommended(), 1500.0, 1), 1);
     let message = refused(&still);
     assert!(
         message.contains("degrees") || message.contains("cover") || message.contains("different"),
@@ -95,5 +99,5 @@ fn views_that_tell_nothing_are_refused_with_the_reason() {
         sighting.led.z *= 0.5;
         sighting.led.x *= 1.2;
     }
-    assert!(calibrate(&other, &Pinhole::TYPICAL, Model::Pinhole).is_err());
+    assert!(calibrate_camera(&other, &Pinhole::TYPICAL, CalibrationModel::Pinhole).is_err());
 }

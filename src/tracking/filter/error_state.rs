@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Matrix6, RowVector3, SMatrix, SVector, UnitQuaternion, Vector3};
 
-use super::Motion;
+use super::MotionDensity;
 use crate::pose::{Pose, SensorPose, cross_matrix};
 use crate::sensor::Pinhole;
 use crate::solve::{Gravity, Sighting};
@@ -68,7 +68,7 @@ pub struct Update {
 pub struct ErrorStateFilter {
     state: State,
     covariance: Covariance,
-    motion: Motion,
+    motion: MotionDensity,
 }
 
 /// Gates by how many numbers are measured: a right one is beyond in 1 of 100,000 cases.
@@ -101,7 +101,7 @@ impl Correction {
 impl ErrorStateFilter {
     /// Begins at a solved pose and the covariance of its position (mm) and turn (radians, beacon axes).
     #[must_use]
-    pub fn new(pose: &Pose, covariance: &Matrix6<f64>, motion: Motion) -> Self {
+    pub fn new(pose: &Pose, covariance: &Matrix6<f64>, motion: MotionDensity) -> Self {
         let mut full = Covariance::zeros();
         let to_sensor = pose.rotation.into_inner();
         let block = |row: usize, column: usize| covariance.fixed_view::<3, 3>(row, column).into_owned();

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix2, Matrix6, UnitQuaternion, Vector2, Vector3};
 
-use super::Motion;
+use super::MotionDensity;
 use crate::pose::SensorPose;
 
 /// A coordinate, its speed, and their covariance.
@@ -44,13 +44,13 @@ pub struct PoseFilter {
     /// The turn since `reference`, of which the value is always zero but for the update itself.
     turn: [Axis; 3],
     reference: UnitQuaternion<f64>,
-    motion: Motion,
+    motion: MotionDensity,
 }
 
 impl PoseFilter {
     /// Begins at a solved pose and the covariance of its position (mm) and turn (radians).
     #[must_use]
-    pub fn new(pose: &SensorPose, covariance: &Matrix6<f64>, motion: Motion) -> Self {
+    pub fn new(pose: &SensorPose, covariance: &Matrix6<f64>, motion: MotionDensity) -> Self {
         Self {
             position: std::array::from_fn(|i| Axis::new(pose.position[i], covariance[(i, i)], 500.0 * 500.0)),
             turn: std::array::from_fn(|i| Axis::new(0.0, covariance[(i + 3, i + 3)], 4.0)),

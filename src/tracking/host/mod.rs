@@ -7,7 +7,7 @@
 
 mod remote;
 
-pub use remote::{Senses, VirtualRemote};
+pub use remote::{RemoteSenses, VirtualRemote};
 
 use super::report::calibration::{Calibrations, EEPROM_BYTES};
 use super::report::motion_plus::GyroCalibration;

@@ -17,7 +17,7 @@ const CAMERA: u32 = 0xb0_0000;
 
 /// What it feels and sees.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Senses {
+pub struct RemoteSenses {
     /// Buttons held.
     pub buttons: Buttons,
     /// Acceleration, raw.
@@ -172,7 +172,7 @@ impl VirtualRemote {
     }
 
     /// The next data report.
-    pub fn report(&mut self, senses: &Senses) -> Report {
+    pub fn report(&mut self, senses: &RemoteSenses) -> Report {
         let layout = match self.mode {
             DataMode::Interleaved => return self.half(senses),
             DataMode::Single(layout) => layout,
@@ -197,7 +197,7 @@ impl VirtualRemote {
         })
     }
 
-    fn half(&mut self, senses: &Senses) -> Report {
+    fn half(&mut self, senses: &RemoteSenses) -> Report {
         let half = if self.second_half { Half::Second } else { Half::First };
         self.second_half = !self.second_half;
         let [x, y, z] = senses.acceleration.map(|count| (count >> 2) as u8);

@@ -6,7 +6,8 @@ use crate::report::calibration::AccelerometerCalibration;
 
 /// Lets both talk for some seconds of 10 ms steps; every `lose`-th answer is lost. Gives what was reported.
 fn talk(host: &mut Host, remote: &mut VirtualRemote, from_ns: u64, seconds: u64, lose: usize) -> Vec<Report> {
-    let senses = Senses { blobs: [Some(Blob::at(500, 300)), None, None, None], ..Senses::default() };
+    let senses =
+        RemoteSenses { blobs: [Some(Blob::at(500, 300)), None, None, None], ..RemoteSenses::default() };
     let (mut reports, mut answers) = (Vec::new(), 0);
     for step in 0..seconds * 100 {
         let now = from_ns + step * 10_000_000;

@@ -50,7 +50,7 @@ pub enum CameraFileError {
 ///
 /// # Errors
 /// When it is no camera file, of another distortion model, of another size than 1024 x 768, or of a camera that cannot be.
-pub fn read(text: &str) -> Result<Pinhole, CameraFileError> {
+pub fn read_camera(text: &str) -> Result<Pinhole, CameraFileError> {
     let flat = yaml::parse(text)?;
     for (key, expected) in [("image_width", SENSOR_WIDTH), ("image_height", SENSOR_HEIGHT)] {
         let Some(value) = flat.get(key) else { continue };
@@ -119,7 +119,7 @@ fn describe(value: &Value) -> String {
 
 /// Writes a camera file; numbers are written so that they read back as they are.
 #[must_use]
-pub fn write(camera: &Pinhole, format: CameraFormat) -> String {
+pub fn write_camera(camera: &Pinhole, format: CameraFormat) -> String {
     let Pinhole { fx, fy, skew, cx, cy, distortion } = *camera;
     let (opencv, mut text) = match format {
         CameraFormat::OpenCv => (true, "%YAML:1.0\n---\n".to_owned()),
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn files_of_opencv_are_read() {
-        let camera = read(OPENCV).unwrap();
+        let camera = read_camera(OPENCV).unwrap();
         assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (1320.0, 1321.0, 512.0, 384.0));
         assert_eq!(camera.distortion, [-0.1, 0.01, 0.0, 0.0, 0.0]);
     }
@@ -177,8 +177,8 @@ mod tests {
     #[test]
     fn lists_may_have_an_item_a_line() {
         let ros = ROS.replace("{rows: 1}", "\n  rows: 1\n  cols: 4\n  data: [0.1, 0, 0, 0]");
-        assert_eq!(read(&ros).unwrap().fy, 1321.0);
-        assert_eq!(read(&ros).unwrap().distortion, [0.1, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(read_camera(&ros).unwrap().fy, 1321.0);
+        assert_eq!(read_camera(&ros).unwrap().distortion, [0.1, 0.0, 0.0, 0.0, 0.0]);
     }
 
     #[test]
@@ -192,7 +192,7 @@ mod tests {
             distortion: [0.1, -0.2, 3e-4, 0.0, 1.0 / 3.0],
         };
         for format in [CameraFormat::OpenCv, CameraFormat::Ros] {
-            assert_eq!(read(&write(&camera, format)), Ok(camera), "{format:?}");
+            assert_eq!(read_camera(&write_camera(&camera, format)), Ok(camera), "{format:?}");
         }
     }
 
@@ -207,19 +207,19 @@ mod tests {
             ("board: ", "board ", "line 5: expected `key: value`"),
             ("0., 1. ]", "0., 1.", "line 10: a list without its `]`"),
         ] {
-            let error = read(&OPENCV.replace(from, to)).unwrap_err().to_string();
+            let error = read_camera(&OPENCV.replace(from, to)).unwrap_err().to_string();
             assert!(error.contains(message) || from == "0., 1. ]", "{to}: {error}");
         }
         let other = format!("{OPENCV}distortion_model: equidistant\n");
-        assert!(read(&other).unwrap_err().to_string().contains("`distortion_model` is equidistant"));
-        assert!(read(&"a".repeat(70_000)).unwrap_err().to_string().contains("65536 bytes"));
+        assert!(read_camera(&other).unwrap_err().to_string().contains("`distortion_model` is equidistant"));
+        assert!(read_camera(&"a".repeat(70_000)).unwrap_err().to_string().contains("65536 bytes"));
     }
 
     proptest::proptest! {
         #[test]
         fn any_text_is_read_or_refused(text in "[ -~\n]{0,200}", cut in 0_usize..400) {
-            let _ = read(&text);
-            let _ = read(&OPENCV[..cut.min(OPENCV.len())]);
+            let _ = read_camera(&text);
+            let _ = read_camera(&OPENCV[..cut.min(OPENCV.len())]);
         }
     }
 }

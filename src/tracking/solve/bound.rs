@@ -5,7 +5,7 @@
 
 use nalgebra::Matrix6;
 
-use super::View;
+use super::PoseView;
 use crate::pose::Pose;
 
 /// Variance of rounding to whole pixels.
@@ -17,7 +17,7 @@ pub fn quantised_noise(noise_px: f64) -> f64 {
     (noise_px * noise_px + QUANTISATION_VARIANCE).sqrt()
 }
 
-impl View<'_> {
+impl PoseView<'_> {
     /// The least covariance of position (mm) and turn (radians) of the sensor in beacon axes at this true pose; `None`
     /// when the view leaves a direction open.
     #[must_use]

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use ipopt::{BasicProblem, ConstrainedProblem, Index, Ipopt, SolveStatus};
 use nalgebra::{Vector3, Vector4};
 
-use super::View;
+use super::PoseView;
 use super::paper::{Energy, Form, PaperSolution, Point};
 use crate::pose::Pose;
 
@@ -163,7 +163,7 @@ impl ConstrainedProblem for Problem {
 /// Minimises the energy from `start`; `None` when there are fewer than three LEDs, or IPOPT ends without a minimum.
 /// Steps are not counted.
 #[must_use]
-pub fn solve(view: &View<'_>, start: &Pose) -> Option<PaperSolution> {
+pub fn solve_with_ipopt(view: &PoseView<'_>, start: &Pose) -> Option<PaperSolution> {
     let energy = Energy::new(view)?;
     let scale = energy.scale;
     let start = Point::of_pose(start, scale);

@@ -1,7 +1,7 @@
 //! Poses from one view: pixels of known LEDs, and which way is up.
 //!
-//! [`View::solve`] finds the pose with the least sum of squared pixel errors: global starts ([`start`]), each refined by
-//! Levenberg-Marquardt on SE(3) ([`View::refine`]). [`paper`] keeps the way of the 2009 paper; `ipopt`, of builds with that
+//! [`PoseView::solve`] finds the pose with the least sum of squared pixel errors: global starts ([`start`]), each refined by
+//! Levenberg-Marquardt on SE(3) ([`PoseView::refine`]). [`paper`] keeps the way of the 2009 paper; `ipopt`, of builds with that
 //! feature, has its solver. [`bound`] says how well it could be done at all. Nothing here allocates, but `ipopt`.
 
 pub mod bound;
@@ -43,7 +43,7 @@ pub struct Gravity {
 
 /// One view to find a pose from.
 #[derive(Clone, Copy, Debug)]
-pub struct View<'a> {
+pub struct PoseView<'a> {
     /// The camera.
     pub camera: &'a Pinhole,
     /// Two to four LEDs.
@@ -67,7 +67,7 @@ pub struct Solutions {
 const SAME_ANGLE: f64 = 1e-3;
 const SAME_MM: f64 = 0.5;
 
-impl View<'_> {
+impl PoseView<'_> {
     /// The pose with the least cost, and the next best minimum; `None` when the view has fewer than three LEDs
     /// (two with gravity), or no pose has them before the camera.
     #[must_use]

@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix4, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector4, Vector6};
 
-use super::{MAX_SEEN, View};
+use super::{MAX_SEEN, PoseView};
 use crate::pose::Pose;
 
 /// Where it ended.
@@ -122,7 +122,7 @@ pub(super) struct Energy {
 
 impl Energy {
     /// Lengths in units of the beacon's radius, errors in units of the focal length.
-    pub(super) fn new(view: &View<'_>) -> Option<Self> {
+    pub(super) fn new(view: &PoseView<'_>) -> Option<Self> {
         let camera = view.camera;
         let count = view.sightings.len().min(MAX_SEEN);
         let scale = view.sightings.iter().map(|s| s.led.norm()).fold(0.0, f64::max);
@@ -197,7 +197,7 @@ pub fn level_start(distance_mm: f64) -> Pose {
 /// Minimises the energy from `start`; `None` when there are fewer than three LEDs, or one is not before the camera at
 /// the start.
 #[must_use]
-pub fn solve(view: &View<'_>, start: &Pose) -> Option<PaperSolution> {
+pub fn solve_as_published(view: &PoseView<'_>, start: &Pose) -> Option<PaperSolution> {
     let energy = Energy::new(view)?;
     let mut at = Point::of_pose(start, energy.scale);
     let mut barrier = FIRST_BARRIER;

@@ -92,7 +92,7 @@ impl ViewRange {
 
 /// The first four LEDs as a camera at this pose sees them, with normal noise of `noise_px`; LEDs behind it are left out.
 #[must_use]
-pub fn sightings(
+pub fn random_sightings(
     beacon: &Beacon,
     camera: &Pinhole,
     pose: &Pose,

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix2x6, Matrix3, Matrix6, Vector3, Vector6};
 
-use super::{Gravity, View};
+use super::{Gravity, PoseView};
 use crate::pose::{Pose, cross_matrix};
 
 /// A minimum.
@@ -40,7 +40,7 @@ pub(super) struct Linear {
 
 const MAX_ITERATIONS: usize = 60;
 
-impl View<'_> {
+impl PoseView<'_> {
     /// Chi-square of the view at this pose; `None` when an LED is not before the camera.
     #[must_use]
     pub fn cost(&self, pose: &Pose) -> Option<f64> {

@@ -9,7 +9,7 @@
 
 use nalgebra::{Matrix3, Matrix3x1, Rotation3, SMatrix, SVector, Unit, Vector3};
 
-use super::{MAX_SEEN, View};
+use super::{MAX_SEEN, PoseView};
 use crate::pose::{Pose, cross_matrix};
 
 type Matrix9 = SMatrix<f64, 9, 9>;
@@ -56,7 +56,7 @@ struct ObjectSpace {
 
 impl ObjectSpace {
     /// `None` when a pixel has no ray, or all rays are one.
-    fn new(view: &View<'_>) -> Option<Self> {
+    fn new(view: &PoseView<'_>) -> Option<Self> {
         let count = view.sightings.len().min(MAX_SEEN);
         let centre = view.sightings.iter().map(|s| s.led).sum::<Vector3<f64>>() / count as f64;
         let scale = view.sightings.iter().map(|s| (s.led - centre).norm()).fold(0.0, f64::max);
@@ -157,7 +157,7 @@ fn nearest_rotation(numbers: &Vector9) -> Option<Rotation3<f64>> {
 }
 
 /// Starts for three or four LEDs.
-pub fn global(view: &View<'_>, starts: &mut Starts) {
+pub fn global(view: &PoseView<'_>, starts: &mut Starts) {
     let Some(object) = ObjectSpace::new(view) else { return };
     let Some(eigen) = object.omega.try_symmetric_eigen(f64::EPSILON, 200) else { return };
     let mut order: [usize; 9] = std::array::from_fn(|i| i);
@@ -174,12 +174,12 @@ pub fn global(view: &View<'_>, starts: &mut Starts) {
     }
 }
 
-fn is_before_camera(view: &View<'_>, pose: &Pose) -> bool {
+fn is_before_camera(view: &PoseView<'_>, pose: &Pose) -> bool {
     view.sightings.iter().all(|sighting| pose.place(&sighting.led).z > 1.0)
 }
 
 /// Starts for two to four LEDs and a known up.
-pub fn upright(view: &View<'_>, starts: &mut Starts) {
+pub fn upright(view: &PoseView<'_>, starts: &mut Starts) {
     let (Some(gravity), Some(object)) = (view.gravity, ObjectSpace::new(view)) else { return };
     let Some(level) = turn_between(&gravity.up_in_beacon, &gravity.up_in_sensor) else { return };
     let axis = gravity.up_in_sensor;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, Unit, Vector6};
 
-use super::random::{Random, ViewRange, sightings};
+use super::random::{Random, ViewRange, random_sightings};
 use super::*;
 use crate::beacon::Beacon;
 
@@ -30,23 +30,23 @@ fn exact_pixels_give_the_exact_pose() {
     let (beacon, mut random) = (tetra(), Random::new(1));
     for at in 0..1000 {
         let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-        let seen = sightings(&beacon, &BENT, &truth, 0.0, &mut random);
-        let view = View { camera: &BENT, sightings: &seen, noise_px: 0.5, gravity: None };
+        let seen = random_sightings(&beacon, &BENT, &truth, 0.0, &mut random);
+        let view = PoseView { camera: &BENT, sightings: &seen, noise_px: 0.5, gravity: None };
         let best = view.solve().unwrap().best;
         let (angle, distance) = best.pose.distance(&truth);
         assert!(angle < 1e-7 && distance < 1e-4, "view {at}: {angle} rad, {distance} mm");
     }
 }
 
-/// No start out of 300 random ones leads lower than the starts that [`View::solve`] tries.
+/// No start out of 300 random ones leads lower than the starts that [`PoseView::solve_as_published`] tries.
 #[test]
 fn the_minimum_found_is_the_global_one() {
     let (beacon, mut random) = (tetra(), Random::new(2));
     let range = ViewRange { tilt: 1.0, roll: 3.0, ..ViewRange::USUAL };
     for at in 0..150 {
         let truth = random.view(&beacon, &BENT, &range);
-        let seen = sightings(&beacon, &BENT, &truth, 2.0, &mut random);
-        let view = View { camera: &BENT, sightings: &seen, noise_px: 0.5, gravity: None };
+        let seen = random_sightings(&beacon, &BENT, &truth, 2.0, &mut random);
+        let view = PoseView { camera: &BENT, sightings: &seen, noise_px: 0.5, gravity: None };
         let best = view.solve().unwrap().best;
         for _ in 0..300 {
             let rotation = Rotation3::from_scaled_axis(random.normal3() * 2.0);
@@ -66,11 +66,11 @@ fn errors_reach_the_bound() {
     const VIEWS: usize = 3000;
     for _ in 0..VIEWS {
         let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-        let mut seen = sightings(&beacon, &BENT, &truth, 0.5, &mut random);
+        let mut seen = random_sightings(&beacon, &BENT, &truth, 0.5, &mut random);
         for sighting in &mut seen {
             sighting.pixel.apply(|c| *c = c.round());
         }
-        let view = View { camera: &BENT, sightings: &seen, noise_px, gravity: None };
+        let view = PoseView { camera: &BENT, sightings: &seen, noise_px, gravity: None };
         let found = view.solve().unwrap().best.pose.inverse();
         let bound = view.bound(&truth).unwrap();
         let turn = (found.orientation * truth.inverse().orientation.inverse()).scaled_axis();
@@ -93,10 +93,10 @@ fn fewer_leds_do_with_gravity() {
         let (mut inside, mut sum) = (0, 0.0);
         for _ in 0..400 {
             let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-            let mut seen = sightings(&beacon, &BENT, &truth, 0.4, &mut random);
+            let mut seen = random_sightings(&beacon, &BENT, &truth, 0.4, &mut random);
             seen.truncate(count);
             let gravity = Some(gravity(&truth, &beacon, &mut random, sigma));
-            let view = View { camera: &BENT, sightings: &seen, noise_px: 0.4, gravity };
+            let view = PoseView { camera: &BENT, sightings: &seen, noise_px: 0.4, gravity };
             let solutions = view.solve().unwrap();
             // Two LEDs leave two poses that can be equally good: one of them is the truth.
             let nearest = [Some(solutions.best), solutions.second]
@@ -127,9 +127,9 @@ fn fewer_leds_do_with_gravity() {
 fn two_leds_alone_and_no_leds_have_no_pose() {
     let (beacon, mut random) = (tetra(), Random::new(5));
     let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-    let seen = sightings(&beacon, &BENT, &truth, 0.0, &mut random);
+    let seen = random_sightings(&beacon, &BENT, &truth, 0.0, &mut random);
     for count in [0, 1, 2] {
-        let view = View { camera: &BENT, sightings: &seen[..count], noise_px: 0.5, gravity: None };
+        let view = PoseView { camera: &BENT, sightings: &seen[..count], noise_px: 0.5, gravity: None };
         assert!(view.solve().is_none(), "{count}");
     }
 }
@@ -142,17 +142,17 @@ fn the_papers_way_finds_its_minimum() {
     let (mut converged, mut worse) = (0, 0);
     for _ in 0..200 {
         let truth = random.view(&beacon, &BENT, &ViewRange::USUAL);
-        let exact = sightings(&beacon, &BENT, &truth, 0.0, &mut random);
-        let view = View { camera: &BENT, sightings: &exact, noise_px: 0.5, gravity: None };
-        let found = paper::solve(&view, &paper::level_start(1500.0)).unwrap();
+        let exact = random_sightings(&beacon, &BENT, &truth, 0.0, &mut random);
+        let view = PoseView { camera: &BENT, sightings: &exact, noise_px: 0.5, gravity: None };
+        let found = paper::solve_as_published(&view, &paper::level_start(1500.0)).unwrap();
         let (angle, distance) = found.pose.distance(&truth);
         let reached = angle < 1e-6 && distance < 1e-3;
         converged += usize::from(found.converged && reached);
 
-        let noisy = sightings(&beacon, &BENT, &truth, 0.5, &mut random);
-        let view = View { camera: &BENT, sightings: &noisy, noise_px: 0.5, gravity: None };
+        let noisy = random_sightings(&beacon, &BENT, &truth, 0.5, &mut random);
+        let view = PoseView { camera: &BENT, sightings: &noisy, noise_px: 0.5, gravity: None };
         let ours = view.refine(&truth).unwrap();
-        let theirs = paper::solve(&view, &ours.pose).unwrap();
+        let theirs = paper::solve_as_published(&view, &ours.pose).unwrap();
         assert!(theirs.converged, "{theirs:?}");
         assert!(view.cost(&theirs.pose).unwrap() >= ours.cost - 1e-9);
         worse += usize::from(view.cost(&theirs.pose).unwrap() > ours.cost * 3.0 + 3.0);
@@ -170,7 +170,7 @@ fn the_papers_way_finds_its_minimum() {
 }
 
 /// The energy written out, without forms.
-fn paper_energy(view: &View<'_>, pose: &Pose) -> f64 {
+fn paper_energy(view: &PoseView<'_>, pose: &Pose) -> f64 {
     let scale = view.sightings.iter().map(|s| s.led.norm()).fold(0.0, f64::max);
     let mut sum = 0.0;
     for sighting in view.sightings {

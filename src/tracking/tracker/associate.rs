@@ -5,7 +5,7 @@
 
 use nalgebra::Vector2;
 
-use super::{Options, Sightings};
+use super::{Sightings, TrackerOptions};
 use crate::beacon::{Beacon, MAX_LEDS};
 use crate::filter::ErrorStateFilter;
 use crate::sensor::Pinhole;
@@ -34,7 +34,7 @@ pub(super) fn associate(
     camera: &Pinhole,
     beacon: &Beacon,
     blobs: &[Vector2<f64>],
-    options: &Options,
+    options: &TrackerOptions,
 ) -> Association {
     let mut search = Search {
         filter,

@@ -2,7 +2,7 @@
 
 use nalgebra::{Unit, Vector2, Vector3};
 
-use super::Dropped;
+use super::DroppedReports;
 use crate::beacon::Beacon;
 use crate::report::calibration::AccelerometerCalibration;
 use crate::report::motion_plus::{GyroCalibration, MotionPlus};
@@ -74,7 +74,7 @@ pub struct Frames {
     /// Mean acceleration in sensor axes, g, and its time.
     acceleration: Option<(u64, Vector3<f64>)>,
     rates: Option<Vector3<f64>>,
-    dropped: Dropped,
+    dropped: DroppedReports,
 }
 
 impl Frames {
@@ -88,7 +88,7 @@ impl Frames {
             last: None,
             acceleration: None,
             rates: None,
-            dropped: Dropped::default(),
+            dropped: DroppedReports::default(),
         }
     }
 
@@ -104,7 +104,7 @@ impl Frames {
 
     /// Reports dropped so far.
     #[must_use]
-    pub fn dropped(&self) -> Dropped {
+    pub fn dropped(&self) -> DroppedReports {
         self.dropped
     }
 

@@ -1,6 +1,6 @@
 //! From reports to poses, one after another.
 //!
-//! A [`Tracker`] takes timed reports and gives a [`Sample`] for each that shows the camera's picture. It is searching until
+//! A [`Tracker`] takes timed reports and gives a [`TrackedSample`] for each that shows the camera's picture. It is searching until
 //! four blobs are identified, then tracking: blobs are matched to the LEDs where the filter expects them, and one LED is
 //! enough to correct it. Without any for [`MAX_PREDICTION_S`] it is lost, and searches with the last pose as a hint. What
 //! cannot be told apart is ambiguous, and has no pose.
@@ -14,19 +14,19 @@ mod options;
 mod record;
 
 pub use frames::{Frame, Frames, body_from_sensor, sensor_from_body};
-pub use options::{FilterKind, Options, SolverKind};
+pub use options::{FilterKind, SolverKind, TrackerOptions};
 pub use record::PoseRecord;
 
 use nalgebra::Matrix6;
 
 use super::beacon::Beacon;
-use super::correspondence::{Assignment, Earlier, Hints, Identified, identify};
+use super::correspondence::{Assignment, EarlierPose, Identified, IdentifyHints, identify_blobs};
 use super::filter::{ErrorStateFilter, PoseFilter, Verdict};
 use super::pose::{Pose, SensorPose};
 use super::report::calibration::AccelerometerCalibration;
 use super::report::motion_plus::GyroCalibration;
 use super::sensor::Pinhole;
-use super::solve::{MAX_SEEN, Sighting, View, paper};
+use super::solve::{MAX_SEEN, PoseView, Sighting, paper};
 use associate::Association;
 
 /// For how long a pose is predicted without seeing an LED, seconds.
@@ -53,7 +53,7 @@ pub enum TrackingState {
 
 /// What a report says about the pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct TrackedSample {
     /// Time of the report, ns.
     pub t_ns: u64,
     /// What is known.
@@ -70,7 +70,7 @@ pub struct Sample {
 
 /// How many reports were dropped, and why.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Dropped {
+pub struct DroppedReports {
     /// Not newer than the last.
     pub late: u64,
     /// The same as the last, within 2 ms.
@@ -100,7 +100,7 @@ struct Fix {
 pub struct Tracker {
     camera: Pinhole,
     beacon: Beacon,
-    options: Options,
+    options: TrackerOptions,
     frames: Frames,
     estimate: Estimate,
     had_pose: bool,
@@ -109,7 +109,7 @@ pub struct Tracker {
 impl Tracker {
     /// A tracker that has seen nothing yet.
     #[must_use]
-    pub fn new(camera: Pinhole, beacon: Beacon, options: Options) -> Self {
+    pub fn new(camera: Pinhole, beacon: Beacon, options: TrackerOptions) -> Self {
         let frames = Frames::new(options.accelerometer, options.gyroscope);
         Self { camera, beacon, options, frames, estimate: Estimate::None, had_pose: false }
     }
@@ -125,18 +125,18 @@ impl Tracker {
 
     /// Reports that were dropped so far.
     #[must_use]
-    pub fn dropped(&self) -> Dropped {
+    pub fn dropped(&self) -> DroppedReports {
         self.frames.dropped()
     }
 
     /// Takes a report; gives a sample if it completes a picture of the camera.
-    pub fn push(&mut self, t_ns: u64, report: &super::report::Report) -> Option<Sample> {
+    pub fn push(&mut self, t_ns: u64, report: &super::report::Report) -> Option<TrackedSample> {
         let frame = self.frames.push(t_ns, report)?;
         Some(self.take(&frame))
     }
 
     /// Takes a picture of the camera; its time is newer than that of the last one.
-    pub fn take(&mut self, frame: &Frame) -> Sample {
+    pub fn take(&mut self, frame: &Frame) -> TrackedSample {
         let sample = match &self.estimate {
             Estimate::ErrorState { .. } => self.follow(frame),
             _ => None,
@@ -156,7 +156,7 @@ impl Tracker {
     }
 
     /// One step of the error-state filter; `None` when it has lost the LEDs and they must be found again.
-    fn follow(&mut self, frame: &Frame) -> Option<Sample> {
+    fn follow(&mut self, frame: &Frame) -> Option<TrackedSample> {
         let Estimate::ErrorState { filter, t_ns, seen_ns } = &mut self.estimate else { return None };
         let seconds = seconds_between(*t_ns, frame.t_ns);
         filter.predict(seconds);
@@ -193,18 +193,18 @@ impl Tracker {
             return None;
         }
         if ambiguous {
-            return Some(Sample::without_pose(frame.t_ns, TrackingState::Ambiguous));
+            return Some(TrackedSample::without_pose(frame.t_ns, TrackingState::Ambiguous));
         }
         let pose = filter.pose();
         let rms_px = match association {
             Association::Matched(seen) if taken > 0 => {
                 let sightings = seen.as_slice();
                 let (camera, noise_px) = (&self.camera, self.options.noise_px);
-                View { camera, sightings, noise_px, gravity: None }.rms_px(&pose)
+                PoseView { camera, sightings, noise_px, gravity: None }.rms_px(&pose)
             }
             _ => None,
         };
-        Some(Sample {
+        Some(TrackedSample {
             t_ns: frame.t_ns,
             state: TrackingState::Tracking,
             pose: Some(filter.state().pose),
@@ -215,26 +215,26 @@ impl Tracker {
     }
 
     /// Identifies the blobs of a frame on their own, and begins or corrects the estimate with the pose.
-    fn find(&mut self, frame: &Frame) -> Sample {
+    fn find(&mut self, frame: &Frame) -> TrackedSample {
         let without = if self.had_pose { TrackingState::Lost } else { TrackingState::Searching };
         let hints = self.hints(frame);
         let enough = frame.blobs().len() >= if hints.earlier.is_some() { 3 } else { 4 };
         if !enough {
-            return Sample::without_pose(frame.t_ns, without);
+            return TrackedSample::without_pose(frame.t_ns, without);
         }
-        match identify(&self.camera, &self.beacon, frame.blobs(), self.options.noise_px, &hints) {
+        match identify_blobs(&self.camera, &self.beacon, frame.blobs(), self.options.noise_px, &hints) {
             Identified::Found { assignment, refined, .. } => {
                 match self.fix(frame, &assignment, &refined.pose) {
                     Some(fix) => self.accept(frame.t_ns, &fix),
-                    None => Sample::without_pose(frame.t_ns, without),
+                    None => TrackedSample::without_pose(frame.t_ns, without),
                 }
             }
-            Identified::Ambiguous { .. } => Sample::without_pose(frame.t_ns, TrackingState::Ambiguous),
-            Identified::Unexplained(_) => Sample::without_pose(frame.t_ns, without),
+            Identified::Ambiguous { .. } => TrackedSample::without_pose(frame.t_ns, TrackingState::Ambiguous),
+            Identified::Unexplained(_) => TrackedSample::without_pose(frame.t_ns, without),
         }
     }
 
-    fn hints(&self, frame: &Frame) -> Hints {
+    fn hints(&self, frame: &Frame) -> IdentifyHints {
         let last = match &self.estimate {
             Estimate::None => None,
             Estimate::Solved { pose, t_ns } => Some((*pose, *t_ns)),
@@ -242,14 +242,14 @@ impl Tracker {
             Estimate::Plain { filter, t_ns } => Some((filter.pose().inverse(), *t_ns)),
         };
         let earlier = last.map(|(pose, t_ns)| (pose, seconds_between(t_ns, frame.t_ns)));
-        let earlier = earlier.filter(|(_, seconds)| *seconds < HINT_S).map(|(pose, seconds)| Earlier {
+        let earlier = earlier.filter(|(_, seconds)| *seconds < HINT_S).map(|(pose, seconds)| EarlierPose {
             pose,
             // A single view is known to a degree and 20 mm, and a hand turns by a radian and moves by 0.5 m in a second.
             sigma_angle: 0.02 + seconds,
             sigma_mm: 20.0 + 500.0 * seconds,
             reach_px: 10.0 + 2.0 * self.camera.fx * seconds, // and it turns by 2 radians at most
         });
-        Hints { gravity: frame.gravity(&self.beacon, self.options.search_gravity_sigma), earlier }
+        IdentifyHints { gravity: frame.gravity(&self.beacon, self.options.search_gravity_sigma), earlier }
     }
 
     /// The pose of identified blobs by the chosen solver, from pixels alone where four are seen.
@@ -264,9 +264,9 @@ impl Tracker {
         }
         let pose = match self.options.solver {
             SolverKind::Lm => view.refine(found)?.pose,
-            SolverKind::Paper => paper::solve(&view, found)?.pose,
+            SolverKind::Paper => paper::solve_as_published(&view, found)?.pose,
             #[cfg(feature = "ipopt")]
-            SolverKind::Ipopt => super::solve::ipopt::solve(&view, found)?.pose,
+            SolverKind::Ipopt => super::solve::ipopt::solve_with_ipopt(&view, found)?.pose,
         };
         Some(Fix {
             pose,
@@ -276,7 +276,7 @@ impl Tracker {
         })
     }
 
-    fn accept(&mut self, t_ns: u64, fix: &Fix) -> Sample {
+    fn accept(&mut self, t_ns: u64, fix: &Fix) -> TrackedSample {
         let motion = self.options.motion;
         let (mut pose, mut covariance) = (fix.pose.inverse(), fix.covariance);
         self.estimate = match (self.options.filter, std::mem::replace(&mut self.estimate, Estimate::None)) {
@@ -297,7 +297,7 @@ impl Tracker {
                 Estimate::Plain { filter: PoseFilter::new(&pose, &fix.covariance, motion), t_ns }
             }
         };
-        Sample {
+        TrackedSample {
             t_ns,
             state: TrackingState::Tracking,
             pose: Some(pose),
@@ -307,12 +307,12 @@ impl Tracker {
         }
     }
 
-    fn view<'a>(&'a self, sightings: &'a [Sighting]) -> View<'a> {
-        View { camera: &self.camera, sightings, noise_px: self.options.noise_px, gravity: None }
+    fn view<'a>(&'a self, sightings: &'a [Sighting]) -> PoseView<'a> {
+        PoseView { camera: &self.camera, sightings, noise_px: self.options.noise_px, gravity: None }
     }
 }
 
-impl Sample {
+impl TrackedSample {
     fn without_pose(t_ns: u64, state: TrackingState) -> Self {
         Self { t_ns, state, pose: None, covariance: None, rms_px: None, leds: 0 }
     }

@@ -1,6 +1,6 @@
 //! How a tracker works: filter, solver, noise.
 
-use crate::filter::Motion;
+use crate::filter::MotionDensity;
 use crate::report::calibration::AccelerometerCalibration;
 use crate::report::motion_plus::GyroCalibration;
 use crate::solve::bound::quantised_noise;
@@ -28,9 +28,9 @@ pub enum SolverKind {
     Ipopt,
 }
 
-/// See the fields; [`Options::default`] suits a hand that holds a Wiimote.
+/// See the fields; [`TrackerOptions::default`] suits a hand that holds a Wiimote.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
+pub struct TrackerOptions {
     /// What joins frames.
     pub filter: FilterKind,
     /// How single frames are solved.
@@ -38,7 +38,7 @@ pub struct Options {
     /// Standard deviation of a blob's coordinate, px, rounding to whole pixels included.
     pub noise_px: f64,
     /// How the Wiimote may move.
-    pub motion: Motion,
+    pub motion: MotionDensity,
     /// Standard deviation of up by the accelerometer while tracking fewer than four LEDs, radians. A hand's acceleration
     /// is the largest part of it, and lasts for about 0.15 s.
     pub gravity_sigma: f64,
@@ -56,13 +56,13 @@ pub struct Options {
     pub gyroscope: GyroCalibration,
 }
 
-impl Default for Options {
+impl Default for TrackerOptions {
     fn default() -> Self {
         Self {
             filter: FilterKind::ErrorState,
             solver: SolverKind::Lm,
             noise_px: quantised_noise(0.5),
-            motion: Motion::HAND,
+            motion: MotionDensity::HAND,
             gravity_sigma: 3_f64.to_radians(),
             search_gravity_sigma: 3_f64.to_radians(),
             use_gyroscope: false,

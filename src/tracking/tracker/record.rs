@@ -1,6 +1,6 @@
 //! A pose as it is written: one JSON object a line.
 
-use super::{Sample, TrackingState};
+use super::{TrackedSample, TrackingState};
 
 /// A line of a poses file.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -27,7 +27,7 @@ pub struct PoseRecord {
 impl PoseRecord {
     /// The record of a sample that took `solve_us`.
     #[must_use]
-    pub fn new(sample: &Sample, solve_us: f64) -> Self {
+    pub fn new(sample: &TrackedSample, solve_us: f64) -> Self {
         let row_major = |covariance: nalgebra::Matrix6<f64>| covariance.transpose().iter().copied().collect();
         Self {
             t_ns: sample.t_ns,

@@ -3,17 +3,17 @@
 use nalgebra::Vector6;
 
 use super::*;
-use crate::simulate::{Delivery, Hand, Hidden, Simulated, Simulation};
+use crate::simulate::{HiddenLed, PointingHand, ReportDelivery, SimulatedReport, Simulation};
 
 struct Outcome {
-    samples: Vec<(Sample, SensorPose)>,
-    dropped: Dropped,
+    samples: Vec<(TrackedSample, SensorPose)>,
+    dropped: DroppedReports,
 }
 
-fn track(simulation: &Simulation, reports: &[Simulated], options: Options) -> Outcome {
+fn track(simulation: &Simulation, reports: &[SimulatedReport], options: TrackerOptions) -> Outcome {
     let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), options);
     let mut samples = Vec::new();
-    for Simulated { t_ns, report, truth } in reports {
+    for SimulatedReport { t_ns, report, truth } in reports {
         samples.extend(tracker.push(*t_ns, report).map(|sample| (sample, *truth)));
     }
     Outcome { samples, dropped: tracker.dropped() }
@@ -28,7 +28,7 @@ fn error(pose: &SensorPose, truth: &SensorPose) -> Vector6<f64> {
 
 /// Mean squared error over its covariance: 6 for a filter that knows its own errors.
 fn mean_chi_square(outcome: &Outcome) -> f64 {
-    let chi = |(sample, truth): &(Sample, SensorPose)| {
+    let chi = |(sample, truth): &(TrackedSample, SensorPose)| {
         let error = error(sample.pose.as_ref()?, truth);
         Some(error.dot(&sample.covariance?.cholesky()?.solve(&error)))
     };
@@ -53,9 +53,10 @@ fn states(outcome: &Outcome, state: TrackingState) -> usize {
 
 #[test]
 fn a_hand_is_followed_within_the_covariance() {
-    let simulation = Simulation { delivery: Delivery::RADIO, ..Simulation::new(Beacon::recommended(), 1) };
-    let reports = simulation.record(&Hand::before(&simulation.beacon, 1300.0, 1), 20.0);
-    let outcome = track(&simulation, &reports, Options::default());
+    let simulation =
+        Simulation { delivery: ReportDelivery::RADIO, ..Simulation::new(Beacon::recommended(), 1) };
+    let reports = simulation.record(&PointingHand::before(&simulation.beacon, 1300.0, 1), 20.0);
+    let outcome = track(&simulation, &reports, TrackerOptions::default());
     assert!(outcome.dropped.late > 5 && outcome.dropped.repeated > 5, "{:?}", outcome.dropped);
     let total = outcome.samples.len();
     assert!(total > 1800, "{total}");
@@ -64,20 +65,29 @@ fn a_hand_is_followed_within_the_covariance() {
     let chi_square = mean_chi_square(&outcome);
     assert!((3.0..9.0).contains(&chi_square), "{chi_square}");
     // Against frame by frame: the filter is better in both.
-    let single = track(&simulation, &reports, Options { filter: FilterKind::None, ..Options::default() });
+    let single = track(
+        &simulation,
+        &reports,
+        TrackerOptions { filter: FilterKind::None, ..TrackerOptions::default() },
+    );
     assert!(rms(&outcome, 0..3) < 0.7 * rms(&single, 0..3), "{} {}", rms(&outcome, 0..3), rms(&single, 0..3));
     assert!(rms(&outcome, 3..6) < 0.7 * rms(&single, 3..6), "{} {}", rms(&outcome, 3..6), rms(&single, 3..6));
     // The paper's filter on poses lies between.
-    let plain = track(&simulation, &reports, Options { filter: FilterKind::Pose, ..Options::default() });
+    let plain = track(
+        &simulation,
+        &reports,
+        TrackerOptions { filter: FilterKind::Pose, ..TrackerOptions::default() },
+    );
     assert!(rms(&plain, 3..6) < rms(&single, 3..6), "{} {}", rms(&plain, 3..6), rms(&single, 3..6));
 }
 
 #[test]
 fn a_gyroscope_steadies_the_turn() {
     let simulation = Simulation { gyroscope: true, ..Simulation::new(Beacon::recommended(), 2) };
-    let reports = simulation.record(&Hand::before(&simulation.beacon, 1500.0, 2), 10.0);
-    let without = track(&simulation, &reports, Options::default());
-    let with = track(&simulation, &reports, Options { use_gyroscope: true, ..Options::default() });
+    let reports = simulation.record(&PointingHand::before(&simulation.beacon, 1500.0, 2), 10.0);
+    let without = track(&simulation, &reports, TrackerOptions::default());
+    let with =
+        track(&simulation, &reports, TrackerOptions { use_gyroscope: true, ..TrackerOptions::default() });
     assert!(rms(&with, 3..6) < 0.8 * rms(&without, 3..6), "{} {}", rms(&with, 3..6), rms(&without, 3..6));
     assert!((2.5..9.0).contains(&mean_chi_square(&with)), "{}", mean_chi_square(&with));
 }
@@ -86,7 +96,7 @@ fn a_gyroscope_steadies_the_turn() {
 #[test]
 fn hidden_leds_make_the_pose_less_certain_until_it_is_lost() {
     let mut simulation = Simulation::new(Beacon::recommended(), 3);
-    let hide = |led, from, to| Hidden { led, seconds: [from, to] };
+    let hide = |led, from, to| HiddenLed { led, seconds: [from, to] };
     simulation.hidden = vec![
         hide(0, 2.0, 3.0),
         hide(1, 2.5, 3.0),
@@ -95,15 +105,15 @@ fn hidden_leds_make_the_pose_less_certain_until_it_is_lost() {
         hide(2, 4.0, 5.0),
         hide(3, 4.0, 5.0),
     ];
-    let reports = simulation.record(&Hand::before(&simulation.beacon, 1300.0, 3), 8.0);
-    let outcome = track(&simulation, &reports, Options::default());
-    let during = |from: f64, to: f64| -> Vec<&Sample> {
-        let inside = |s: &&Sample| (from..to).contains(&(s.t_ns as f64 * 1e-9 - 1.0));
+    let reports = simulation.record(&PointingHand::before(&simulation.beacon, 1300.0, 3), 8.0);
+    let outcome = track(&simulation, &reports, TrackerOptions::default());
+    let during = |from: f64, to: f64| -> Vec<&TrackedSample> {
+        let inside = |s: &&TrackedSample| (from..to).contains(&(s.t_ns as f64 * 1e-9 - 1.0));
         outcome.samples.iter().map(|(sample, _)| sample).filter(inside).collect()
     };
     assert!(during(0.2, 4.0).iter().all(|s| s.state == TrackingState::Tracking));
     assert!(during(2.6, 2.9).iter().all(|s| s.leds == 2));
-    let spread = |s: &Sample| s.covariance.unwrap().trace();
+    let spread = |s: &TrackedSample| s.covariance.unwrap().trace();
     assert!(spread(during(2.9, 3.0)[0]) > spread(during(1.9, 2.0)[0]));
     assert!(during(4.0, 4.04).iter().all(|s| s.state == TrackingState::Tracking), "50 ms are predicted");
     assert!(during(4.07, 5.0).iter().all(|s| s.state == TrackingState::Lost && s.pose.is_none()));
@@ -116,9 +126,9 @@ fn hidden_leds_make_the_pose_less_certain_until_it_is_lost() {
 fn a_stray_blob_is_left_out() {
     use crate::report::{Blob, Report};
     let mut simulation = Simulation::new(Beacon::recommended(), 4);
-    simulation.hidden = vec![Hidden { led: 2, seconds: [1.0, 3.0] }];
-    let mut reports = simulation.record(&Hand::before(&simulation.beacon, 1300.0, 4), 3.0);
-    for Simulated { t_ns, report, .. } in &mut reports {
+    simulation.hidden = vec![HiddenLed { led: 2, seconds: [1.0, 3.0] }];
+    let mut reports = simulation.record(&PointingHand::before(&simulation.beacon, 1300.0, 4), 3.0);
+    for SimulatedReport { t_ns, report, .. } in &mut reports {
         if let Report::Data(data) = report
             && let Some(slot) = data.blobs.iter_mut().flatten().find(|slot| slot.is_none())
             && *t_ns > 2_000_000_000
@@ -126,7 +136,7 @@ fn a_stray_blob_is_left_out() {
             *slot = Some(Blob { size: Some(2), ..Blob::at(60, 700) });
         }
     }
-    let outcome = track(&simulation, &reports, Options::default());
+    let outcome = track(&simulation, &reports, TrackerOptions::default());
     let late = outcome.samples.iter().filter(|(sample, _)| sample.t_ns > 2_000_000_000);
     assert!(late.clone().count() > 150);
     for (sample, truth) in late {
@@ -140,17 +150,17 @@ fn a_stray_blob_is_left_out() {
 #[test]
 fn predictions_are_short() {
     let simulation = Simulation::new(Beacon::recommended(), 5);
-    let path = Hand::before(&simulation.beacon, 1300.0, 5);
-    let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), Options::default());
+    let path = PointingHand::before(&simulation.beacon, 1300.0, 5);
+    let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), TrackerOptions::default());
     assert_eq!(tracker.predicted(0.01), None);
     let mut last = None;
-    for Simulated { t_ns, report, truth } in simulation.record(&path, 3.0) {
+    for SimulatedReport { t_ns, report, truth } in simulation.record(&path, 3.0) {
         last = tracker.push(t_ns, &report).map(|sample| (sample, truth));
     }
     assert_eq!(tracker.predicted(0.05), tracker.predicted(9.0));
     let (sample, _) = last.unwrap();
     let seconds = sample.t_ns as f64 * 1e-9 - 1.0 + 0.04;
-    let ahead = crate::simulate::Path::at(&path, seconds);
+    let ahead = crate::simulate::SensorPath::at(&path, seconds);
     let [with, without] = [tracker.predicted(0.04), sample.pose].map(|pose| error(&pose.unwrap(), &ahead));
     assert!(with.fixed_rows::<3>(0).norm() < 30.0 && with != without, "{with} {without}");
 }
@@ -158,15 +168,15 @@ fn predictions_are_short() {
 #[test]
 fn records_are_the_documented_json() {
     let simulation = Simulation::new(Beacon::recommended(), 6);
-    let reports = simulation.record(&Hand::before(&simulation.beacon, 1300.0, 6), 0.5);
-    let outcome = track(&simulation, &reports, Options::default());
+    let reports = simulation.record(&PointingHand::before(&simulation.beacon, 1300.0, 6), 0.5);
+    let outcome = track(&simulation, &reports, TrackerOptions::default());
     let (sample, _) = outcome.samples.last().unwrap();
     let json = serde_json::to_value(PoseRecord::new(sample, 12.5)).unwrap();
     assert_eq!(json["state"], "tracking");
     assert_eq!(json["covariance"].as_array().unwrap().len(), 36);
     let position = sample.pose.unwrap().position;
     assert_eq!(json["position_mm"][2], position.z);
-    let none = PoseRecord::new(&Sample::without_pose(7, TrackingState::Ambiguous), 0.5);
+    let none = PoseRecord::new(&TrackedSample::without_pose(7, TrackingState::Ambiguous), 0.5);
     let text = serde_json::to_string(&none).unwrap();
     assert_eq!(
         text,

@@ -10,7 +10,7 @@ mod written;
 
 use glam::DVec3;
 
-use relief_base::space::{Patient, Point, Transform, Vector, View};
+use relief_base::{Patient, Point, Transform, Vector, View};
 
 pub use orbit::{Orbit, OrbitError};
 pub use slice::{EdgeLabels, NamedPlane, PlaneView, orientation_label};

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Camera, CameraError, Projection};
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 
 /// A view of something round from outside: angles, zoom and shift, independent of its size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

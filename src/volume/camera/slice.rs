@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::{Camera, CameraError, Projection};
-use relief_base::space::{Patient, Point, Vector};
+use relief_base::{Patient, Point, Vector};
 
 /// The planes that have names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Camera, CameraError, Projection};
-use relief_base::space::{Point, Vector};
+use relief_base::{Point, Vector};
 
 /// A camera as written: patient mm, and degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::{ContentHash, Grid};
-use relief_base::space::{Patient, Point};
+use relief_base::{Patient, Point};
 
 pub use bricks::BrickLabels;
 pub use layers::{Layers, LayersError};
@@ -319,7 +319,7 @@ mod tests {
         assert_eq!(*coarse.resampled(&fine).places(), Places::Bytes(vec![0, 1, 1, 2, 2, 0, 0]));
         let turned = Grid::new(
             [2, 1, 1],
-            relief_base::space::Transform::from_axes(
+            relief_base::Transform::from_axes(
                 -glam::DVec3::X * 2.0,
                 glam::DVec3::Y,
                 glam::DVec3::Z,

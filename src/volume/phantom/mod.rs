@@ -1,6 +1,6 @@
-//! Procedural phantoms: volumes made by formula, each with its [`Truth`].
+//! Procedural phantoms: volumes made by formula, each with its [`PhantomTruth`].
 //!
-//! A [`Recipe`] (kind, size, seed) makes a [`Phantom`] (volume and truth). Equal recipes make equal voxels,
+//! A [`PhantomRecipe`] (kind, size, seed) makes a [`Phantom`] (volume and truth). Equal recipes make equal voxels,
 //! whatever the number of threads. Nothing is read or written here: `dicom::write` makes files of it.
 //!
 //! | kind | size is | what it is for |
@@ -22,11 +22,11 @@ mod truth;
 use std::str::FromStr;
 
 use super::{Grid, LabelMap, Segment, Volume, stack_sha256};
-pub use truth::{Landmark, Material, Surface, SurfaceShape, TRUTH_SCHEMA, Truth};
+pub use truth::{Material, PhantomLandmark, PhantomTruth, Surface, SurfaceShape, TRUTH_SCHEMA};
 
 /// What a phantom shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum PhantomKind {
     /// A human head with skin, skull, teeth, brain, vessels and air cavities.
     Head,
     /// A ball of 80 mm radius, 500 HU, in air.
@@ -39,7 +39,7 @@ pub enum Kind {
     Axes,
 }
 
-impl Kind {
+impl PhantomKind {
     /// All kinds.
     pub const ALL: [Self; 5] = [Self::Head, Self::Sphere, Self::Slab, Self::Ramp, Self::Axes];
 
@@ -68,21 +68,21 @@ impl Kind {
 /// A name that is no phantom's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no phantom is called {0:?}; there are head, sphere, slab, ramp and axes")]
-pub struct UnknownKind(String);
+pub struct UnknownPhantom(String);
 
-impl FromStr for Kind {
-    type Err = UnknownKind;
+impl FromStr for PhantomKind {
+    type Err = UnknownPhantom;
 
-    fn from_str(name: &str) -> Result<Self, UnknownKind> {
+    fn from_str(name: &str) -> Result<Self, UnknownPhantom> {
         let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
-        found.ok_or_else(|| UnknownKind(name.to_owned()))
+        found.ok_or_else(|| UnknownPhantom(name.to_owned()))
     }
 }
 
-/// A size outside [`Recipe::SIZES`].
+/// A size outside [`PhantomRecipe::SIZES`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a phantom of {found} voxels across is out of range; sizes are {low} to {high}")]
-pub struct SizeError {
+pub struct PhantomSizeError {
     found: usize,
     low: usize,
     high: usize,
@@ -90,8 +90,8 @@ pub struct SizeError {
 
 /// Everything that decides a phantom's voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Recipe {
-    kind: Kind,
+pub struct PhantomRecipe {
+    kind: PhantomKind,
     size: usize,
     seed: u64,
 }
@@ -102,27 +102,27 @@ pub struct Phantom {
     /// The voxels.
     pub volume: Volume,
     /// What was put where.
-    pub truth: Truth,
+    pub truth: PhantomTruth,
 }
 
-impl Recipe {
+impl PhantomRecipe {
     /// Voxels across that can be asked for. The largest makes about 2 GiB of voxels.
     pub const SIZES: std::ops::RangeInclusive<usize> = 16..=1024;
 
     /// The kind in its default size, seed 0.
     #[must_use]
-    pub const fn new(kind: Kind) -> Self {
+    pub const fn new(kind: PhantomKind) -> Self {
         Self { kind, size: kind.default_size(), seed: 0 }
     }
 
     /// The same with `size` voxels across.
     ///
     /// # Errors
-    /// When the size is outside [`Recipe::SIZES`].
-    pub fn with_size(self, size: usize) -> Result<Self, SizeError> {
+    /// When the size is outside [`PhantomRecipe::SIZES`].
+    pub fn with_size(self, size: usize) -> Result<Self, PhantomSizeError> {
         if !Self::SIZES.contains(&size) {
             let (low, high) = (*Self::SIZES.start(), *Self::SIZES.end());
-            return Err(SizeError { found: size, low, high });
+            return Err(PhantomSizeError { found: size, low, high });
         }
         Ok(Self { size, ..self })
     }
@@ -150,11 +150,11 @@ impl Recipe {
     pub fn make_reporting(&self, report: &(dyn Fn(usize) + Sync)) -> Phantom {
         let placement = self.placement();
         let (voxels, facts) = match self.kind {
-            Kind::Sphere => solids::sphere(&placement, report),
-            Kind::Slab => solids::slab(&placement, report),
-            Kind::Ramp => solids::ramp(&placement, report),
-            Kind::Axes => solids::axes(&placement, report),
-            Kind::Head => head::head(&placement, self.seed, report),
+            PhantomKind::Sphere => solids::sphere(&placement, report),
+            PhantomKind::Slab => solids::slab(&placement, report),
+            PhantomKind::Ramp => solids::ramp(&placement, report),
+            PhantomKind::Axes => solids::axes(&placement, report),
+            PhantomKind::Head => head::head(&placement, self.seed, report),
         };
         self.assemble(&placement, voxels, facts)
     }
@@ -162,7 +162,7 @@ impl Recipe {
     /// The organs of the phantom as segments on its grid; only the head has any.
     #[must_use]
     pub fn label_map(&self) -> Option<LabelMap> {
-        if self.kind != Kind::Head {
+        if self.kind != PhantomKind::Head {
             return None;
         }
         let placement = self.placement();
@@ -176,7 +176,7 @@ impl Recipe {
 
     fn assemble(&self, placement: &Placement, voxels: Vec<i16>, facts: Facts) -> Phantom {
         let Placement { dims, spacing_mm, origin_mm } = *placement;
-        let truth = Truth {
+        let truth = PhantomTruth {
             schema: TRUTH_SCHEMA.to_owned(),
             kind: self.kind.name().to_owned(),
             size: self.size,
@@ -201,10 +201,10 @@ impl Recipe {
     fn placement(&self) -> Placement {
         let n = self.size;
         match self.kind {
-            Kind::Sphere | Kind::Slab => Placement::centered([n; 3], [256.0; 3], [0.0; 3]),
-            Kind::Ramp => Placement::centered([n; 3], [n as f64; 3], [0.0; 3]),
-            Kind::Axes => Placement::centered([n; 3], [128.0; 3], [0.0; 3]),
-            Kind::Head => head::placement(n),
+            PhantomKind::Sphere | PhantomKind::Slab => Placement::centered([n; 3], [256.0; 3], [0.0; 3]),
+            PhantomKind::Ramp => Placement::centered([n; 3], [n as f64; 3], [0.0; 3]),
+            PhantomKind::Axes => Placement::centered([n; 3], [128.0; 3], [0.0; 3]),
+            PhantomKind::Head => head::placement(n),
         }
     }
 }
@@ -213,41 +213,41 @@ impl Phantom {
     /// The ball of 80 mm radius with `size` voxels across.
     ///
     /// # Errors
-    /// When the size is outside [`Recipe::SIZES`]; so for the others.
-    pub fn sphere(size: usize) -> Result<Self, SizeError> {
-        Ok(Recipe::new(Kind::Sphere).with_size(size)?.make())
+    /// When the size is outside [`PhantomRecipe::SIZES`]; so for the others.
+    pub fn sphere(size: usize) -> Result<Self, PhantomSizeError> {
+        Ok(PhantomRecipe::new(PhantomKind::Sphere).with_size(size)?.make())
     }
 
     /// The slab of 100 mm along y with `size` voxels across.
     ///
     /// # Errors
     /// As [`Phantom::sphere`].
-    pub fn slab(size: usize) -> Result<Self, SizeError> {
-        Ok(Recipe::new(Kind::Slab).with_size(size)?.make())
+    pub fn slab(size: usize) -> Result<Self, PhantomSizeError> {
+        Ok(PhantomRecipe::new(PhantomKind::Slab).with_size(size)?.make())
     }
 
     /// The head with `size` voxels across, seed 0.
     ///
     /// # Errors
     /// As [`Phantom::sphere`].
-    pub fn head(size: usize) -> Result<Self, SizeError> {
-        Ok(Recipe::new(Kind::Head).with_size(size)?.make())
+    pub fn head(size: usize) -> Result<Self, PhantomSizeError> {
+        Ok(PhantomRecipe::new(PhantomKind::Head).with_size(size)?.make())
     }
 
     /// The linear ramp of `size` voxels of 1 mm across.
     ///
     /// # Errors
     /// As [`Phantom::sphere`].
-    pub fn ramp(size: usize) -> Result<Self, SizeError> {
-        Ok(Recipe::new(Kind::Ramp).with_size(size)?.make())
+    pub fn ramp(size: usize) -> Result<Self, PhantomSizeError> {
+        Ok(PhantomRecipe::new(PhantomKind::Ramp).with_size(size)?.make())
     }
 
     /// The six balls with `size` voxels across.
     ///
     /// # Errors
     /// As [`Phantom::sphere`].
-    pub fn axes(size: usize) -> Result<Self, SizeError> {
-        Ok(Recipe::new(Kind::Axes).with_size(size)?.make())
+    pub fn axes(size: usize) -> Result<Self, PhantomSizeError> {
+        Ok(PhantomRecipe::new(PhantomKind::Axes).with_size(size)?.make())
     }
 }
 
@@ -285,5 +285,5 @@ struct Facts {
     gradient_hu_per_mm: Option<[f64; 3]>,
     materials: Vec<Material>,
     surfaces: Vec<Surface>,
-    landmarks: Vec<Landmark>,
+    landmarks: Vec<PhantomLandmark>,
 }

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{Facts, Landmark, Material, Placement, Surface, SurfaceShape};
+use super::{Facts, Material, PhantomLandmark, Placement, Surface, SurfaceShape};
 
 const AIR_HU: f64 = -1000.0;
 const SPHERE_HU: f64 = 500.0;
@@ -172,11 +172,11 @@ impl Ball {
     }
 
     /// The six points of the surface on the patient axes through the centre.
-    fn poles(&self, on: &str, inside_hu: f64) -> Vec<Landmark> {
+    fn poles(&self, on: &str, inside_hu: f64) -> Vec<PhantomLandmark> {
         let pole = |(name, axis, side): (&str, usize, f64)| {
             let mut outward = [0.0; 3];
             outward[axis] = side;
-            Landmark {
+            PhantomLandmark {
                 name: name.to_owned(),
                 position_mm: std::array::from_fn(|a| self.center_mm[a] + self.radius_mm * outward[a]),
                 on: on.to_owned(),

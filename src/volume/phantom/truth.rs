@@ -7,13 +7,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a [`Truth`] document calls its own format.
+/// What a [`PhantomTruth`] document calls its own format.
 pub const TRUTH_SCHEMA: &str = "relief.phantom.truth/1";
 
 /// Everything that is known about a phantom without looking at its voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Truth {
+pub struct PhantomTruth {
     /// [`TRUTH_SCHEMA`].
     pub schema: String,
     /// The name of the phantom's kind, as on the command line.
@@ -40,23 +40,23 @@ pub struct Truth {
     /// Surfaces with a closed form.
     pub surfaces: Vec<Surface>,
     /// Named points.
-    pub landmarks: Vec<Landmark>,
+    pub landmarks: Vec<PhantomLandmark>,
 }
 
-impl Truth {
+impl PhantomTruth {
     /// The landmarks as a table of points, LPS mm, that Relief and 3D Slicer import.
     #[must_use]
     pub fn landmark_table(&self) -> String {
-        let rows = self
-            .landmarks
-            .iter()
-            .map(|Landmark { name, position_mm: [l, p, s], on, .. }| format!("{name},{l},{p},{s},on {on}\n"));
+        let rows =
+            self.landmarks.iter().map(|PhantomLandmark { name, position_mm: [l, p, s], on, .. }| {
+                format!("{name},{l},{p},{s},on {on}\n")
+            });
         std::iter::once("label,l,p,s,description\n".to_owned()).chain(rows).collect()
     }
 
     /// The landmark of this name.
     #[must_use]
-    pub fn landmark(&self, name: &str) -> Option<&Landmark> {
+    pub fn landmark(&self, name: &str) -> Option<&PhantomLandmark> {
         self.landmarks.iter().find(|landmark| landmark.name == name)
     }
 
@@ -121,7 +121,7 @@ pub enum SurfaceShape {
 /// A named point on the boundary of a tissue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Landmark {
+pub struct PhantomLandmark {
     /// Anatomical name in lower case; `left` and `right` are the patient's.
     pub name: String,
     /// Position, patient LPS mm.

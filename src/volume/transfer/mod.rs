@@ -14,7 +14,10 @@ mod presets;
 mod table;
 mod window;
 
-pub use foreign::{ImportChoice, ImportError, Imported, ImportedLight, MAX_IMPORT_BYTES, import};
+pub use foreign::{
+    ImportedLight, ImportedTransfer, MAX_IMPORT_BYTES, TransferImportChoice, TransferImportError,
+    import_transfer,
+};
 pub use gradient::{GradientOpacity, GradientTable};
 pub use integral::IntegralTable;
 pub use medium::{MediumTable, linear_from_srgb};

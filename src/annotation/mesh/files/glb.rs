@@ -7,9 +7,9 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
 
 use super::source::Bytes;
-use super::{At, MeshFileError, MeshFormat, ReadMesh, drop_degenerate};
+use super::{MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate};
 use crate::mesh::TriangleMesh;
-use relief_base::space::Point;
+use relief_base::Point;
 
 const FORMAT: MeshFormat = MeshFormat::Glb;
 /// The words that a file and its chunks begin with.
@@ -128,13 +128,14 @@ struct View {
 }
 
 fn refuse(key: &str, found: impl std::fmt::Display, expected: &str) -> MeshFileError {
-    MeshFileError::new(FORMAT, At::Key(key.to_owned()), found, expected)
+    MeshFileError::new(FORMAT, MeshFilePlace::Key(key.to_owned()), found, expected)
 }
 
 pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let mut source = Bytes::new(FORMAT, bytes, 0);
-    let wrong =
-        |at, found: u32, expected: &str| Err(MeshFileError::new(FORMAT, At::Byte(at), found, expected));
+    let wrong = |at, found: u32, expected: &str| {
+        Err(MeshFileError::new(FORMAT, MeshFilePlace::Byte(at), found, expected))
+    };
     let [magic, version, _length] =
         [source.u32("a header")?, source.u32("a header")?, source.u32("a header")?];
     if magic != MAGIC {

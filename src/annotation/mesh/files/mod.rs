@@ -17,7 +17,7 @@ mod stl;
 use glam::DVec3;
 
 use super::{MeshError, TriangleMesh};
-use relief_base::space::Point;
+use relief_base::Point;
 
 /// A mesh file's format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub struct MeshFileError {
     /// The format's name.
     pub format: &'static str,
     /// Where.
-    pub at: At,
+    pub at: MeshFilePlace,
     /// What is there.
     pub found: String,
     /// What should be.
@@ -57,7 +57,7 @@ pub struct MeshFileError {
 
 /// A place in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum At {
+pub enum MeshFilePlace {
     /// A line of text, from 1.
     Line(usize),
     /// A byte, from 0.
@@ -66,7 +66,7 @@ pub enum At {
     Key(String),
 }
 
-impl std::fmt::Display for At {
+impl std::fmt::Display for MeshFilePlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
@@ -77,7 +77,12 @@ impl std::fmt::Display for At {
 }
 
 impl MeshFileError {
-    fn new(format: MeshFormat, at: At, found: impl std::fmt::Display, expected: impl Into<String>) -> Self {
+    fn new(
+        format: MeshFormat,
+        at: MeshFilePlace,
+        found: impl std::fmt::Display,
+        expected: impl Into<String>,
+    ) -> Self {
         // What a file says may be anything, and is shown in one short line.
         let clean = |c: char| if c.is_control() { '?' } else { c };
         let found = found.to_string().chars().map(clean).take(60).collect();
@@ -123,7 +128,7 @@ impl MeshFormat {
 ///
 /// # Errors
 /// When [`TriangleMesh::check`] fails, or there are no triangles.
-pub fn write(format: MeshFormat, mesh: &TriangleMesh, name: &str) -> Result<Vec<u8>, MeshError> {
+pub fn write_mesh(format: MeshFormat, mesh: &TriangleMesh, name: &str) -> Result<Vec<u8>, MeshError> {
     mesh.check()?;
     if mesh.triangles.is_empty() {
         return Err(MeshError::Empty);
@@ -140,7 +145,7 @@ pub fn write(format: MeshFormat, mesh: &TriangleMesh, name: &str) -> Result<Vec<
 ///
 /// # Errors
 /// When they are not of the format, cut short, or hold a triangle without its corners, a corner that is no place, or nothing.
-pub fn read(format: MeshFormat, bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
+pub fn read_mesh(format: MeshFormat, bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let found = match format {
         MeshFormat::Ply => ply::read(bytes),
         MeshFormat::Stl => stl::read(bytes),
@@ -148,7 +153,12 @@ pub fn read(format: MeshFormat, bytes: &[u8]) -> Result<ReadMesh, MeshFileError>
         MeshFormat::Glb => glb::read(bytes),
     }?;
     if found.mesh.triangles.is_empty() {
-        return Err(MeshFileError::new(format, At::Byte(bytes.len()), "no triangle", "at least one"));
+        return Err(MeshFileError::new(
+            format,
+            MeshFilePlace::Byte(bytes.len()),
+            "no triangle",
+            "at least one",
+        ));
     }
     Ok(found)
 }
@@ -173,7 +183,7 @@ impl Axes {
     }
 
     /// The place in LPS. RAS is LPS turned by half a turn about z, so triangles keep their sense.
-    fn place(self, xyz: DVec3) -> Point<relief_base::space::Patient> {
+    fn place(self, xyz: DVec3) -> Point<relief_base::Patient> {
         Point::from_xyz(if self == Self::Ras { DVec3::new(-xyz.x, -xyz.y, xyz.z) } else { xyz })
     }
 
@@ -213,7 +223,8 @@ mod tests {
         let mesh = tetrahedron();
         assert!(mesh.measures().volume_ml.unwrap() > 0.0);
         for format in MeshFormat::ALL {
-            let found = read(format, &write(format, &mesh, "a \"name\"\nof two lines").unwrap()).unwrap();
+            let found =
+                read_mesh(format, &write_mesh(format, &mesh, "a \"name\"\nof two lines").unwrap()).unwrap();
             assert_eq!(found.warnings, Vec::<String>::new(), "{format:?}");
             let [found, mesh] = [&found.mesh, &mesh].map(TriangleMesh::measures);
             assert!((found.volume_ml.unwrap() - mesh.volume_ml.unwrap()).abs() < 1e-9, "{format:?}");
@@ -224,12 +235,12 @@ mod tests {
     #[test]
     fn files_in_ras_and_files_that_say_nothing_are_told_apart() {
         for format in [MeshFormat::Ply, MeshFormat::Stl, MeshFormat::Obj] {
-            let bytes = write(format, &tetrahedron(), "a").unwrap();
+            let bytes = write_mesh(format, &tetrahedron(), "a").unwrap();
             let changed = |to: &[u8]| {
                 let at = bytes.windows(9).position(|part| part == b"SPACE=LPS").unwrap();
                 [&bytes[..at], to, &bytes[at + 9..]].concat()
             };
-            let ras = read(format, &changed(b"SPACE=RAS")).unwrap();
+            let ras = read_mesh(format, &changed(b"SPACE=RAS")).unwrap();
             let [low, high] = ras.mesh.span();
             assert_eq!(
                 [low, high],
@@ -237,7 +248,7 @@ mod tests {
                 "{format:?}"
             );
             assert!(ras.mesh.measures().volume_ml.unwrap() > 0.0, "turned, not mirrored");
-            let unsaid = read(format, &changed(b"123456789")).unwrap();
+            let unsaid = read_mesh(format, &changed(b"123456789")).unwrap();
             assert_eq!(unsaid.mesh.span()[0], DVec3::new(1.0, 2.0, 3.0));
             assert!(unsaid.warnings[0].contains("SPACE=LPS"), "{:?}", unsaid.warnings);
         }
@@ -247,10 +258,10 @@ mod tests {
     fn what_cannot_be_written_is_named() {
         let mut mesh = tetrahedron();
         mesh.triangles[2][1] = 4;
-        let refused = write(MeshFormat::Stl, &mesh, "").unwrap_err().to_string();
+        let refused = write_mesh(MeshFormat::Stl, &mesh, "").unwrap_err().to_string();
         assert_eq!(refused, "triangle 2 has corner 4, allowed: 0 to 4 (not included)");
         mesh.vertices[1] = Point::new(0.0, f64::NAN, 0.0);
-        assert_eq!(write(MeshFormat::Ply, &mesh, ""), Err(MeshError::Vertex(1)));
-        assert_eq!(write(MeshFormat::Ply, &TriangleMesh::default(), ""), Err(MeshError::Empty));
+        assert_eq!(write_mesh(MeshFormat::Ply, &mesh, ""), Err(MeshError::Vertex(1)));
+        assert_eq!(write_mesh(MeshFormat::Ply, &TriangleMesh::default(), ""), Err(MeshError::Empty));
     }
 }

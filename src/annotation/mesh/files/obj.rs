@@ -5,7 +5,7 @@ use std::fmt::Write;
 use glam::DVec3;
 
 use super::source::{lines, number};
-use super::{At, Axes, MeshFileError, MeshFormat, ReadMesh, drop_degenerate, fan};
+use super::{Axes, MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate, fan};
 use crate::mesh::TriangleMesh;
 
 const FORMAT: MeshFormat = MeshFormat::Obj;
@@ -50,7 +50,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
                 if polygon.len() < 3 {
                     return Err(MeshFileError::new(
                         FORMAT,
-                        At::Line(line),
+                        MeshFilePlace::Line(line),
                         &text,
                         "a face of three corners or more",
                     ));
@@ -67,7 +67,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     if !triangles.is_empty() && farthest.0 as usize >= places.len() {
         let found = format!("corner {}", farthest.0 + 1);
         let expected = format!("one of the {} that the file has", places.len());
-        return Err(MeshFileError::new(FORMAT, At::Line(farthest.1), found, expected));
+        return Err(MeshFileError::new(FORMAT, MeshFilePlace::Line(farthest.1), found, expected));
     }
     let mut warnings = Vec::new();
     if left_out > 0 {
@@ -90,7 +90,7 @@ fn corner(word: &str, known: usize, line: usize) -> Result<u32, MeshFileError> {
     from_start.and_then(|index| u32::try_from(index).ok()).ok_or_else(|| {
         MeshFileError::new(
             FORMAT,
-            At::Line(line),
+            MeshFilePlace::Line(line),
             word,
             "the number of a corner, from 1, or -1 for the last one",
         )

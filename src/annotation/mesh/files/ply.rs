@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::source::{Bytes, lines};
-use super::{At, Axes, MeshFileError, MeshFormat, ReadMesh, drop_degenerate, fan};
+use super::{Axes, MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate, fan};
 use crate::mesh::TriangleMesh;
 
 const FORMAT: MeshFormat = MeshFormat::Ply;
@@ -138,8 +138,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
 }
 
 fn read_header(bytes: &[u8]) -> Result<Header, MeshFileError> {
-    let refuse =
-        |line, found: &str, expected: &str| Err(MeshFileError::new(FORMAT, At::Line(line), found, expected));
+    let refuse = |line, found: &str, expected: &str| {
+        Err(MeshFileError::new(FORMAT, MeshFilePlace::Line(line), found, expected))
+    };
     let (mut encoding, mut elements, mut axes) = (None, Vec::<Element>::new(), Axes::default());
     let head = &bytes[..bytes.len().min(LONGEST_HEADER)];
     let mut end = 0;
@@ -188,7 +189,12 @@ fn read_header(bytes: &[u8]) -> Result<Header, MeshFileError> {
             _ => return refuse(line, &text, "format, comment, element, property or end_header"),
         }
     }
-    Err(MeshFileError::new(FORMAT, At::Byte(head.len()), "no end_header", "one within the first 64 KiB"))
+    Err(MeshFileError::new(
+        FORMAT,
+        MeshFilePlace::Byte(head.len()),
+        "no end_header",
+        "one within the first 64 KiB",
+    ))
 }
 
 fn property(words: &[&str]) -> Option<Property> {
@@ -256,8 +262,8 @@ fn read_face(
 impl Values<'_> {
     fn refuse(&self, found: &dyn std::fmt::Display, expected: &str) -> MeshFileError {
         let at = match self {
-            Self::Text { line, .. } => At::Line(*line),
-            Self::Binary { source, .. } => At::Byte(source.at),
+            Self::Text { line, .. } => MeshFilePlace::Line(*line),
+            Self::Binary { source, .. } => MeshFilePlace::Byte(source.at),
         };
         MeshFileError::new(FORMAT, at, found, expected)
     }
@@ -266,11 +272,17 @@ impl Values<'_> {
         match self {
             Self::Text { words, line } => {
                 let Some((at, word)) = words.next() else {
-                    return Err(MeshFileError::new(FORMAT, At::Line(*line), "the end", "another number"));
+                    return Err(MeshFileError::new(
+                        FORMAT,
+                        MeshFilePlace::Line(*line),
+                        "the end",
+                        "another number",
+                    ));
                 };
                 *line = at;
                 let word = String::from_utf8_lossy(word);
-                word.parse().map_err(|_| MeshFileError::new(FORMAT, At::Line(at), &word, "a number"))
+                word.parse()
+                    .map_err(|_| MeshFileError::new(FORMAT, MeshFilePlace::Line(at), &word, "a number"))
             }
             Self::Binary { source, is_big } => binary(source, kind, *is_big),
         }

@@ -1,6 +1,6 @@
 //! Bytes and words of a file, with the place where they are.
 
-use super::{At, MeshFileError, MeshFormat};
+use super::{MeshFileError, MeshFilePlace, MeshFormat};
 
 /// Goes through bytes from front to back.
 pub(super) struct Bytes<'a> {
@@ -25,7 +25,7 @@ impl<'a> Bytes<'a> {
         let Some(end) = end else {
             let found = format!("the end after {} bytes", self.left());
             let expected = format!("{count} bytes of {what}");
-            return Err(MeshFileError::new(self.format, At::Byte(self.at), found, expected));
+            return Err(MeshFileError::new(self.format, MeshFilePlace::Byte(self.at), found, expected));
         };
         let part = &self.bytes[self.at..end];
         self.at = end;
@@ -55,5 +55,5 @@ pub(super) fn number(format: MeshFormat, line: usize, word: Option<&str>) -> Res
         .parse::<f64>()
         .ok()
         .filter(|number| number.is_finite())
-        .ok_or_else(|| MeshFileError::new(format, At::Line(line), found, "a finite number"))
+        .ok_or_else(|| MeshFileError::new(format, MeshFilePlace::Line(line), found, "a finite number"))
 }

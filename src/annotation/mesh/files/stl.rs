@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::source::{Bytes, lines, number};
-use super::{At, Axes, MeshFileError, MeshFormat, ReadMesh, drop_degenerate};
+use super::{Axes, MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate};
 use crate::mesh::TriangleMesh;
 
 const FORMAT: MeshFormat = MeshFormat::Stl;
@@ -73,7 +73,12 @@ fn read_binary(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let count = source.u32("the number of triangles")?;
     if (source.left() as u64) < u64::from(count) * TRIANGLE as u64 {
         let found = format!("{} bytes for {count} triangles", source.left());
-        return Err(MeshFileError::new(FORMAT, At::Byte(source.at), found, format!("{TRIANGLE} for each")));
+        return Err(MeshFileError::new(
+            FORMAT,
+            MeshFilePlace::Byte(source.at),
+            found,
+            format!("{TRIANGLE} for each"),
+        ));
     }
     for _ in 0..count {
         source.take(12, "a normal")?;
@@ -87,7 +92,7 @@ fn read_binary(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
             if !xyz.iter().all(|x| x.is_finite()) {
                 return Err(MeshFileError::new(
                     FORMAT,
-                    At::Byte(at),
+                    MeshFilePlace::Byte(at),
                     format!("{xyz:?}"),
                     "finite coordinates",
                 ));
@@ -108,7 +113,8 @@ fn read_text(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let mut triangle = Vec::new();
     for (line, text) in lines(bytes) {
         let mut words = text.split_ascii_whitespace();
-        let refuse = |expected: &str| Err(MeshFileError::new(FORMAT, At::Line(line), &text, expected));
+        let refuse =
+            |expected: &str| Err(MeshFileError::new(FORMAT, MeshFilePlace::Line(line), &text, expected));
         match words.next().map(str::to_ascii_lowercase).as_deref() {
             Some("solid") => corners.axes.read(&text),
             Some("vertex") => {
@@ -129,7 +135,7 @@ fn read_text(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
         }
     }
     if !triangle.is_empty() {
-        return Err(MeshFileError::new(FORMAT, At::Byte(bytes.len()), "the end", "endfacet"));
+        return Err(MeshFileError::new(FORMAT, MeshFilePlace::Byte(bytes.len()), "the end", "endfacet"));
     }
     Ok(corners.finish())
 }

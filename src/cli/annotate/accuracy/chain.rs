@@ -4,13 +4,11 @@ use anyhow::Context;
 use glam::DVec3;
 
 use super::Way;
-use relief_annotation::placing::{Snap, Target, snap};
-use relief_base::space::{Patient, Point, Vector, View};
+use relief_annotation::{Snap, SnapFeature, snap_point};
+use relief_base::{Patient, Point, Vector, View};
 use relief_render::{ClipPlane, RenderRequest, RenderedFrame, Renderer, SceneFile};
-use relief_tracking::solve::random::Random;
-use relief_volume::Volume;
-use relief_volume::camera::{Camera, Orbit, Projection};
-use relief_volume::phantom::Landmark;
+use relief_tracking::Random;
+use relief_volume::{Camera, Orbit, PhantomLandmark, Projection, Volume};
 
 /// The picture, and how much of the patient it shows: the user came closer.
 const SIZE_PX: [u32; 2] = [960, 540];
@@ -56,7 +54,7 @@ impl Shown {
     pub(super) fn new(
         renderer: &mut Renderer,
         volume: &Volume,
-        landmark: &Landmark,
+        landmark: &PhantomLandmark,
         (seed, cuts): (u64, bool),
     ) -> anyhow::Result<Self> {
         let truth = Point::from_xyz(landmark.position_mm.into());
@@ -98,12 +96,12 @@ impl Shown {
             return;
         };
         let to = match way.snap {
-            "boundary" => Some(Target::Boundary),
-            "gradient" => Some(Target::Gradient),
+            "boundary" => Some(SnapFeature::Boundary),
+            "gradient" => Some(SnapFeature::Gradient),
             _ => None,
         };
         let ray = is_ray.then(|| placed - self.frame.camera.eye());
-        let snapped = to.and_then(|to| snap(volume, placed, ray, &Snap { to, radius_mm }).ok());
+        let snapped = to.and_then(|to| snap_point(volume, placed, ray, &Snap { to, radius_mm }).ok());
         way.missed += usize::from(way.snap != "none" && snapped.is_none());
         let at = snapped.map_or(placed, |found| found.at);
         way.errors_mm.push(at.distance(self.truth));

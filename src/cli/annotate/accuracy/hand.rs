@@ -10,15 +10,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::track_experiment::survey;
-use relief_live::interaction::{Gestures, HandOptions, HandPose, HandSample, Intent, PlacePhase};
-use relief_tracking::Beacon;
-use relief_tracking::experiment::Setting;
-use relief_tracking::pose::SensorPose;
-use relief_tracking::report::Buttons;
-use relief_tracking::sensor::{Pinhole, TYPICAL_FOCAL_PX};
-use relief_tracking::simulate::{Delivery, Hand, Path, Simulation};
-use relief_tracking::solve::random::Random;
-use relief_tracking::tracker::{Options, Tracker, TrackingState};
+use relief_live::{Gestures, HandOptions, HandPose, HandSample, Intent, PlacePhase};
+use relief_tracking::{
+    Beacon, Buttons, ExperimentSetting, Pinhole, PointingHand, Random, ReportDelivery, SensorPath,
+    SensorPose, Simulation, TYPICAL_FOCAL_PX, Tracker, TrackerOptions, TrackingState,
+};
 
 /// By how much the focal length differs from a typical one, as the experiment has it.
 const FOCAL_ERROR: f64 = 0.03;
@@ -95,7 +91,7 @@ impl Unsteady {
     }
 }
 
-impl Path for Unsteady {
+impl SensorPath for Unsteady {
     fn at(&self, seconds: f64) -> SensorPose {
         let mut off = [0.0; 6];
         for Wave { axis, hertz, amplitude, phase } in &self.waves {
@@ -124,10 +120,10 @@ pub(super) fn place(
     count: usize,
 ) -> anyhow::Result<Vec<Vec<DVec3>>> {
     let Placer { distance_mm, tremor_g, seed } = placer;
-    let setting = Setting::new(Pinhole::simple(TYPICAL_FOCAL_PX * (1.0 + FOCAL_ERROR)), seed);
+    let setting = ExperimentSetting::new(Pinhole::simple(TYPICAL_FOCAL_PX * (1.0 + FOCAL_ERROR)), seed);
     let camera = survey(&setting).context("the simulated survey did not calibrate the camera")?.camera;
     let beacon = Beacon::recommended();
-    let hand = Hand::before(&beacon, distance_mm, seed);
+    let hand = PointingHand::before(&beacon, distance_mm, seed);
     (0..count)
         .into_par_iter()
         .map(|number| {
@@ -137,10 +133,10 @@ pub(super) fn place(
             let simulation = Simulation {
                 camera: setting.camera,
                 sensing: setting.sensing,
-                delivery: Delivery::RADIO,
+                delivery: ReportDelivery::RADIO,
                 ..Simulation::new(beacon.clone(), own)
             };
-            let mut tracker = Tracker::new(camera, beacon.clone(), Options::default());
+            let mut tracker = Tracker::new(camera, beacon.clone(), TrackerOptions::default());
             let path = Unsteady::new(rest, tremor_g, &mut Random::new(own));
             let seconds = PRESS_S[1] + LET_GO_S[1] + 1.0;
             let mut tracked = Tracked::new();

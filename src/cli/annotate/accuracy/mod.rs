@@ -13,8 +13,8 @@ use anyhow::Context;
 use self::chain::Sight;
 use crate::adapter::AdapterArguments;
 use crate::output::{print_json, say, write_whole};
-use relief_live::interaction::HandOptions;
-use relief_volume::phantom::{Kind, Recipe};
+use relief_live::HandOptions;
+use relief_volume::{PhantomKind, PhantomRecipe};
 
 /// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they are missed.
 ///
@@ -125,7 +125,7 @@ fn mappings(distance_mm: f64) -> [(&'static str, HandOptions); 3] {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let recipe = Recipe::new(Kind::Head).with_size(arguments.size as usize)?;
+    let recipe = PhantomRecipe::new(PhantomKind::Head).with_size(arguments.size as usize)?;
     let phantom = recipe.make();
     let mut renderer = arguments.adapter.open_renderer_for(recipe.dims())?;
     let distance_mm = f64::from(arguments.distance_mm);

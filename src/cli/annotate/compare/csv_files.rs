@@ -3,7 +3,7 @@
 use anyhow::Context;
 use csv::Writer;
 
-use relief_study::agreement::{Absence, Comparison, Ellipsoid, ErrorSummary, Figure, Undefined};
+use relief_study::{Absence, Comparison, Ellipsoid, ErrorSummary, Figure, Undefined};
 
 /// Names and contents of the files.
 pub(super) fn files(comparison: &Comparison) -> anyhow::Result<Vec<(&'static str, Vec<u8>)>> {
@@ -145,7 +145,7 @@ fn why<T>(figure: &Figure<T>) -> String {
 }
 
 fn icc(comparison: &Comparison) -> anyhow::Result<Vec<u8>> {
-    let line = |of: &relief_study::agreement::Agreement| {
+    let line = |of: &relief_study::Agreement| {
         let icc = of.icc.known();
         let count = |of: Option<usize>| of.map(|count| count.to_string()).unwrap_or_default();
         vec![
@@ -181,7 +181,7 @@ fn icc(comparison: &Comparison) -> anyhow::Result<Vec<u8>> {
 }
 
 fn bland_altman(comparison: &Comparison) -> anyhow::Result<Vec<u8>> {
-    let line = |of: &relief_study::agreement::Pairing| {
+    let line = |of: &relief_study::Pairing| {
         let limits = of.limits.known();
         let mut line = vec![
             of.relation.name().to_owned(),
@@ -241,7 +241,7 @@ fn measures(comparison: &Comparison) -> anyhow::Result<Vec<u8>> {
 }
 
 fn missing(comparison: &Comparison) -> anyhow::Result<Vec<u8>> {
-    let line = |of: &relief_study::agreement::Missing| {
+    let line = |of: &relief_study::Missing| {
         let why = Absence::words(of.why).to_owned();
         vec![of.set.clone(), of.case.to_string(), of.list.clone(), of.name.clone(), why]
     };

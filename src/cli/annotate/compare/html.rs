@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::super::super::drawing::escaped;
 use super::plots;
 use super::svg::{Svg, minus};
-use relief_study::agreement::{Agreement, Comparison, ErrorSummary, Figure, Pairing, Relation};
+use relief_study::{Agreement, Comparison, ErrorSummary, Figure, Pairing, Relation};
 
 const STYLE: &str = include_str!("style.css");
 /// Most pairs of sets that have plots; the table has all.
@@ -157,7 +157,7 @@ fn sides(page: &mut String, comparison: &Comparison) {
                    the biases, outlines hold 95 % of a set's further errors, where it has four or more and if they are normal.</p>\n");
     key(page, comparison);
     page.push_str(&plots::from_three_sides(comparison));
-    let line = |of: &relief_study::agreement::ReadingErrors| {
+    let line = |of: &relief_study::ReadingErrors| {
         let ellipsoid = of.ellipsoid?;
         let mut cells = vec![escaped(&of.set)];
         for (axis, direction) in ellipsoid.semi_axes_mm.iter().zip(ellipsoid.directions) {
@@ -331,7 +331,7 @@ fn missing(page: &mut String, comparison: &Comparison) {
         return;
     }
     page.push_str("<section>\n<h2>What is missing</h2>\n");
-    let line = |of: &relief_study::agreement::Missing| {
+    let line = |of: &relief_study::Missing| {
         let name = plots::label(comparison.cases > 1, of.case, &of.list, &of.name);
         vec![escaped(&of.set), escaped(&name), of.why.words().to_owned()]
     };

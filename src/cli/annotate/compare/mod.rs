@@ -5,7 +5,7 @@ mod html;
 mod plots;
 mod svg;
 
-use relief_study::agreement::compare;
+use relief_study::compare_readings;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -15,7 +15,7 @@ use super::super::output::{print_json, say, write_whole};
 use super::{Log, LogArguments, table};
 use relief_annotation::Set;
 use relief_store::Filter;
-use relief_study::agreement::{
+use relief_study::{
     Agreement, BlandAltman, Comparison, Figure, Icc, Missing, Pairing, Reading, ReadingMeasures, Study,
 };
 
@@ -55,7 +55,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     let read = |set: &String| read(&log, &known, set, arguments.repeats.as_deref());
     let readings = arguments.sets.iter().map(read).collect::<anyhow::Result<_>>()?;
     let truth = arguments.truth.as_ref().map(read).transpose()?;
-    let comparison = compare(Study { readings, truth })?;
+    let comparison = compare_readings(Study { readings, truth })?;
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for (name, bytes) in csv_files::files(&comparison)? {

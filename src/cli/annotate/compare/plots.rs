@@ -1,7 +1,7 @@
 //! The plots of the report: errors by set and by landmark, errors from three sides, limits of agreement.
 
 use super::svg::{Anchor, Panel, SERIES, Svg, about_zero, around, minus, shortened};
-use relief_study::agreement::{Comparison, Ellipsoid, Landmark, Pairing};
+use relief_study::{Comparison, Ellipsoid, Landmark, Pairing};
 
 const WIDTH: f64 = 1000.0;
 /// Most rows of the plot by landmark: those with the greatest errors are shown.

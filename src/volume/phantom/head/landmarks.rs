@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use super::super::sdf::Box3;
-use super::super::{Landmark, Material, Surface, SurfaceShape};
+use super::super::{Material, PhantomLandmark, Surface, SurfaceShape};
 use super::soft::{EYE_CENTER, EYE_RADIUS, LENS_CENTER, LENS_RADII};
 use super::tissue::{self, Anatomy};
 use super::{Edge, brain};
@@ -130,13 +130,13 @@ const RIGHT_NAMES: [(&str, &str); 4] = [
 ];
 
 /// All landmarks. Each definition hits the model: a test holds every seed tried to 20 of them.
-pub(super) fn landmarks(anatomy: &Anatomy) -> Vec<Landmark> {
+pub(super) fn landmarks(anatomy: &Anatomy) -> Vec<PhantomLandmark> {
     definitions().iter().filter_map(|definition| definition.find(anatomy)).collect()
 }
 
 impl Definition {
     /// Searches the start points in three rounds, each finer around the best of the one before.
-    fn find(&self, anatomy: &Anatomy) -> Option<Landmark> {
+    fn find(&self, anatomy: &Anatomy) -> Option<PhantomLandmark> {
         let toward = Vec3::from(self.toward).normalize();
         let [u, v] = self.spread.map(Vec3::from);
         let level = self.on.level_hu();
@@ -157,7 +157,7 @@ impl Definition {
         }
         let (way, start) = best?;
         let exact = |v: Vec3| v.to_array().map(|c| (f64::from(c) * 1e3).round() / 1e3);
-        Some(Landmark {
+        Some(PhantomLandmark {
             name: self.name.to_owned(),
             position_mm: exact(start + toward * way),
             on: self.on.name().to_owned(),

@@ -5,7 +5,7 @@
 //! last node the value stays. The formulas are those of `vtkPiecewiseFunction` and `vtkColorTransferFunction`; a test
 //! compares with both.
 
-use super::ImportError;
+use super::TransferImportError;
 use super::space::{ColorSpace, Way};
 
 /// One value, or red, green and blue.
@@ -55,21 +55,29 @@ impl<const N: usize> Curve<N> {
     ///
     /// # Errors
     /// When there is none or too many, or a number is out of range.
-    pub(super) fn new(mut nodes: Vec<Node<N>>, twins: Twins, what: &str) -> Result<Self, ImportError> {
+    pub(super) fn new(
+        mut nodes: Vec<Node<N>>,
+        twins: Twins,
+        what: &str,
+    ) -> Result<Self, TransferImportError> {
         if nodes.is_empty() || nodes.len() > Self::MAX_NODES {
             let allowed = format!("1 to {}", Self::MAX_NODES);
-            return Err(ImportError::range(&format!("{what}: number of points"), &nodes.len(), &allowed));
+            return Err(TransferImportError::range(
+                &format!("{what}: number of points"),
+                &nodes.len(),
+                &allowed,
+            ));
         }
         for (i, node) in nodes.iter().enumerate() {
             let at = |part: &str| format!("{what}: point {i}: {part}");
             if !(-1e5..=1e5).contains(&node.x) {
-                return Err(ImportError::range(&at("x"), &node.x, "-100000 to 100000"));
+                return Err(TransferImportError::range(&at("x"), &node.x, "-100000 to 100000"));
             }
             let parts = node.value.into_iter().map(|value| ("value", value));
             let bends = [("midpoint", node.midpoint), ("sharpness", node.sharpness)];
             for (part, value) in parts.chain(bends) {
                 if !(0.0..=1.0).contains(&value) {
-                    return Err(ImportError::range(&at(part), &value, "0 to 1"));
+                    return Err(TransferImportError::range(&at(part), &value, "0 to 1"));
                 }
             }
         }

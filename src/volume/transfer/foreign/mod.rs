@@ -21,7 +21,7 @@ pub const MAX_IMPORT_BYTES: usize = 16 << 20;
 
 /// Which function of a file, and where to put it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct ImportChoice<'a> {
+pub struct TransferImportChoice<'a> {
     /// The name of one of several.
     pub name: Option<&'a str>,
     /// Stretches the function's own range of colours to this one, HU: for colour maps of 0 to 1.
@@ -30,7 +30,7 @@ pub struct ImportChoice<'a> {
 
 /// A look that another program saved.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Imported {
+pub struct ImportedTransfer {
     /// Its name, where the file has one.
     pub name: Option<String>,
     /// Colour and opacity.
@@ -52,7 +52,7 @@ pub struct ImportedLight {
 
 /// Why bytes did not become a transfer function.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ImportError {
+pub enum TransferImportError {
     /// None of the formats.
     #[error(
         "this is none of the files that are known: volume properties of 3D Slicer (XML, .vp, .vp.json), colour maps \
@@ -101,7 +101,7 @@ pub enum ImportError {
     Transfer(#[from] TransferError),
 }
 
-impl ImportError {
+impl TransferImportError {
     fn range(place: &str, found: &impl ToString, allowed: &str) -> Self {
         Self::Range { place: place.to_owned(), found: found.to_string(), allowed: allowed.to_owned() }
     }
@@ -126,22 +126,25 @@ struct Draft {
 }
 
 /// A function that has been found and not yet been read: of a file of many, only one is.
-type Found<'a> = (Option<String>, Box<dyn Fn() -> Result<Draft, ImportError> + 'a>);
+type Found<'a> = (Option<String>, Box<dyn Fn() -> Result<Draft, TransferImportError> + 'a>);
 
 /// Reads the transfer function in a file's bytes, whatever their format.
 ///
 /// # Errors
 /// When the format is none of those known, a number is out of range, or there are several functions and none is named.
-pub fn import(bytes: &[u8], choice: &ImportChoice<'_>) -> Result<Imported, ImportError> {
+pub fn import_transfer(
+    bytes: &[u8],
+    choice: &TransferImportChoice<'_>,
+) -> Result<ImportedTransfer, TransferImportError> {
     if bytes.len() > MAX_IMPORT_BYTES {
-        return Err(ImportError::TooLarge);
+        return Err(TransferImportError::TooLarge);
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii();
     match bytes.first() {
         Some(b'<') => choose(&slicer::properties_in_xml(bytes)?, choice),
         Some(b'{' | b'[') => {
             let json: serde_json::Value =
-                serde_json::from_slice(bytes).map_err(|error| ImportError::syntax("JSON", &error))?;
+                serde_json::from_slice(bytes).map_err(|error| TransferImportError::syntax("JSON", &error))?;
             if json.get("volumeProperties").is_some() {
                 choose(&slicer_json::properties(&json)?, choice)
             } else {
@@ -149,30 +152,33 @@ pub fn import(bytes: &[u8], choice: &ImportChoice<'_>) -> Result<Imported, Impor
             }
         }
         Some(b'0'..=b'9') => finish(slicer::property_in_lines(bytes)?, choice),
-        _ => Err(ImportError::Unknown),
+        _ => Err(TransferImportError::Unknown),
     }
 }
 
 /// The one that is wanted, or the only one.
-fn choose(found: &[Found<'_>], choice: &ImportChoice<'_>) -> Result<Imported, ImportError> {
+fn choose(
+    found: &[Found<'_>],
+    choice: &TransferImportChoice<'_>,
+) -> Result<ImportedTransfer, TransferImportError> {
     let names = || {
         let known = found.iter().take(100).map(|(name, _)| name.as_deref().unwrap_or("(no name)"));
         known.collect::<Vec<_>>().join(", ")
     };
     let read = match (choice.name, found) {
         (None, [(_, read)]) => read,
-        (None, []) => return Err(ImportError::Unknown),
-        (None, several) => return Err(ImportError::Several { count: several.len(), names: names() }),
+        (None, []) => return Err(TransferImportError::Unknown),
+        (None, several) => return Err(TransferImportError::Several { count: several.len(), names: names() }),
         (Some(wanted), all) => {
             let same = |(name, _): &&Found<'_>| name.as_deref() == Some(wanted);
-            let missing = || ImportError::NoSuchName { wanted: wanted.to_owned(), names: names() };
+            let missing = || TransferImportError::NoSuchName { wanted: wanted.to_owned(), names: names() };
             &all.iter().find(same).ok_or_else(missing)?.1
         }
     };
     finish(read()?, choice)
 }
 
-fn finish(draft: Draft, choice: &ImportChoice<'_>) -> Result<Imported, ImportError> {
+fn finish(draft: Draft, choice: &TransferImportChoice<'_>) -> Result<ImportedTransfer, TransferImportError> {
     let Draft { name, color, space, opacity, gradient, opacity_unit_mm, light, left_out } = draft;
     let (color, opacity) = match choice.range_hu {
         Some(range_hu) => stretched(color, opacity, range_hu)?,
@@ -184,7 +190,7 @@ fn finish(draft: Draft, choice: &ImportChoice<'_>) -> Result<Imported, ImportErr
     if let Some(gradient) = gradient.filter(acts) {
         transfer = transfer.with_gradient_opacity(GradientOpacity::new(points::over_magnitudes(&gradient))?);
     }
-    Ok(Imported { name, transfer, light, left_out })
+    Ok(ImportedTransfer { name, transfer, light, left_out })
 }
 
 /// Both curves, moved so that the colours span `low..high`.
@@ -192,14 +198,14 @@ fn stretched(
     color: Curve<3>,
     opacity: Curve<1>,
     [low, high]: [f64; 2],
-) -> Result<(Curve<3>, Curve<1>), ImportError> {
+) -> Result<(Curve<3>, Curve<1>), TransferImportError> {
     if !(low < high && (-1e5..=1e5).contains(&low) && (-1e5..=1e5).contains(&high)) {
         let allowed = "LOW below HIGH, within -100000 to 100000";
-        return Err(ImportError::range("range_hu", &format!("{low}, {high}"), allowed));
+        return Err(TransferImportError::range("range_hu", &format!("{low}, {high}"), allowed));
     }
     let [first, last] = color.ends();
     if last - first < 1e-9 {
-        return Err(ImportError::range(
+        return Err(TransferImportError::range(
             "the colours' own range",
             &format!("{first} to {last}"),
             "a longer one",
@@ -211,14 +217,19 @@ fn stretched(
 }
 
 /// Light of a volume property, checked; unlit ones show their colours as they are.
-fn light(place: &str, is_lit: bool, shares: [f64; 3], power: f64) -> Result<ImportedLight, ImportError> {
+fn light(
+    place: &str,
+    is_lit: bool,
+    shares: [f64; 3],
+    power: f64,
+) -> Result<ImportedLight, TransferImportError> {
     for (what, share) in ["ambient", "diffuse", "specular"].into_iter().zip(shares) {
         if !(0.0..=1.0).contains(&share) {
-            return Err(ImportError::range(&format!("{place}: {what}"), &share, "0 to 1"));
+            return Err(TransferImportError::range(&format!("{place}: {what}"), &share, "0 to 1"));
         }
     }
     if !(0.0..=1e6).contains(&power) {
-        return Err(ImportError::range(&format!("{place}: specularPower"), &power, "0 to 1000000"));
+        return Err(TransferImportError::range(&format!("{place}: specularPower"), &power, "0 to 1000000"));
     }
     let shares = if is_lit { shares } else { [1.0, 0.0, 0.0] };
     Ok(ImportedLight { shares, shininess: power.clamp(1.0, 1000.0) })

@@ -8,7 +8,7 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::curve::{Curve, Node, Twins};
 use super::space::ColorSpace;
-use super::{Draft, Found, ImportError, light};
+use super::{Draft, Found, TransferImportError, light};
 
 /// Most elements of a file that are looked at.
 const MAX_PROPERTIES: usize = 4096;
@@ -28,16 +28,16 @@ struct Property {
 }
 
 /// All properties of a file.
-pub(super) fn properties_in_xml(bytes: &[u8]) -> Result<Vec<Found<'_>>, ImportError> {
-    let text = std::str::from_utf8(bytes).map_err(|error| ImportError::syntax("XML", &error))?;
+pub(super) fn properties_in_xml(bytes: &[u8]) -> Result<Vec<Found<'_>>, TransferImportError> {
+    let text = std::str::from_utf8(bytes).map_err(|error| TransferImportError::syntax("XML", &error))?;
     let mut reader = Reader::from_str(text);
     let mut found: Vec<Found<'_>> = Vec::new();
     loop {
         let place = format!("XML, byte {}", reader.buffer_position());
-        match reader.read_event().map_err(|error| ImportError::syntax(&place, &error))? {
+        match reader.read_event().map_err(|error| TransferImportError::syntax(&place, &error))? {
             Event::Start(element) | Event::Empty(element) if element.name().as_ref() == "VolumeProperty" => {
                 if found.len() == MAX_PROPERTIES {
-                    return Err(ImportError::syntax(
+                    return Err(TransferImportError::syntax(
                         &place,
                         &format!("more than {MAX_PROPERTIES} properties"),
                     ));
@@ -51,13 +51,13 @@ pub(super) fn properties_in_xml(bytes: &[u8]) -> Result<Vec<Found<'_>>, ImportEr
     }
 }
 
-fn property_of(element: &BytesStart<'_>, place: &str) -> Result<Property, ImportError> {
+fn property_of(element: &BytesStart<'_>, place: &str) -> Result<Property, TransferImportError> {
     let mut property = Property::default();
     for attribute in element.attributes() {
-        let attribute = attribute.map_err(|error| ImportError::syntax(place, &error))?;
+        let attribute = attribute.map_err(|error| TransferImportError::syntax(place, &error))?;
         let value = attribute
             .normalized_value(XmlVersion::Implicit1_0)
-            .map_err(|error| ImportError::syntax(place, &error))?
+            .map_err(|error| TransferImportError::syntax(place, &error))?
             .into_owned();
         match attribute.key.as_ref() {
             "name" => property.name = Some(value),
@@ -77,11 +77,11 @@ fn property_of(element: &BytesStart<'_>, place: &str) -> Result<Property, Import
 }
 
 /// The property of a `.vp` file: nine lines in a fixed order.
-pub(super) fn property_in_lines(bytes: &[u8]) -> Result<Draft, ImportError> {
-    let text = std::str::from_utf8(bytes).map_err(|_| ImportError::Unknown)?;
+pub(super) fn property_in_lines(bytes: &[u8]) -> Result<Draft, TransferImportError> {
+    let text = std::str::from_utf8(bytes).map_err(|_| TransferImportError::Unknown)?;
     let mut lines = text.lines().map(str::trim);
     let mut next = |what: &str| {
-        let missing = || ImportError::syntax(".vp", &format!("the line of {what} is missing"));
+        let missing = || TransferImportError::syntax(".vp", &format!("the line of {what} is missing"));
         lines.next().filter(|line| !line.is_empty()).map(str::to_owned).ok_or_else(missing)
     };
     next("interpolation")?;
@@ -96,13 +96,14 @@ pub(super) fn property_in_lines(bytes: &[u8]) -> Result<Draft, ImportError> {
 }
 
 impl Property {
-    fn draft(&self) -> Result<Draft, ImportError> {
+    fn draft(&self) -> Result<Draft, TransferImportError> {
         let name = self.name.as_deref().unwrap_or("volume property");
         let at = |what: &str| format!("{name}: {what}");
         let number = |what: &str, text: Option<&String>, otherwise: f64| match text {
-            Some(text) => {
-                text.trim().parse().map_err(|_| ImportError::range(&at(what), &shortened(text), "a number"))
-            }
+            Some(text) => text
+                .trim()
+                .parse()
+                .map_err(|_| TransferImportError::range(&at(what), &shortened(text), "a number")),
             None => Ok(otherwise),
         };
         let [ambient, diffuse, specular] = &self.shares;
@@ -129,27 +130,35 @@ impl Property {
 }
 
 /// A function from its number of values and the values.
-fn curve<const N: usize>(text: &str, what: &str) -> Result<Curve<N>, ImportError> {
+fn curve<const N: usize>(text: &str, what: &str) -> Result<Curve<N>, TransferImportError> {
     let mut words = text.split_ascii_whitespace();
     let stated: usize = match words.next().map(str::parse) {
         Some(Ok(stated)) => stated,
         Some(Err(_)) | None => {
-            return Err(ImportError::range(what, &shortened(text), "the number of values, then the values"));
+            return Err(TransferImportError::range(
+                what,
+                &shortened(text),
+                "the number of values, then the values",
+            ));
         }
     };
     let most = (N + 1) * Curve::<N>::MAX_NODES;
     if stated > most || !stated.is_multiple_of(N + 1) {
         let allowed = format!("a multiple of {} up to {most}", N + 1);
-        return Err(ImportError::range(&format!("{what}: number of values"), &stated, &allowed));
+        return Err(TransferImportError::range(&format!("{what}: number of values"), &stated, &allowed));
     }
     let values: Vec<f64> = words
         .by_ref()
         .take(stated)
-        .map(|word| word.parse().map_err(|_| ImportError::range(what, &shortened(word), "numbers")))
+        .map(|word| word.parse().map_err(|_| TransferImportError::range(what, &shortened(word), "numbers")))
         .collect::<Result<_, _>>()?;
     if values.len() < stated || words.next().is_some() {
         let found = if values.len() < stated { values.len().to_string() } else { "more".to_owned() };
-        return Err(ImportError::range(&format!("{what}: values"), &found, &format!("{stated}, as it says")));
+        return Err(TransferImportError::range(
+            &format!("{what}: values"),
+            &found,
+            &format!("{stated}, as it says"),
+        ));
     }
     let node = |point: &[f64]| Node::plain(point[0], std::array::from_fn(|c| point[1 + c]));
     Curve::new(values.chunks_exact(N + 1).map(node).collect(), Twins::Step, what)

@@ -8,13 +8,13 @@ use serde_json::Value;
 
 use super::curve::{Curve, Node, Twins};
 use super::space::ColorSpace;
-use super::{Draft, Found, ImportError, light};
+use super::{Draft, Found, TransferImportError, light};
 
 const PROPERTIES: &str = "volumeProperties";
 
-pub(super) fn properties(json: &Value) -> Result<Vec<Found<'_>>, ImportError> {
+pub(super) fn properties(json: &Value) -> Result<Vec<Found<'_>>, TransferImportError> {
     let listed = json[PROPERTIES].as_array();
-    let listed = listed.ok_or_else(|| ImportError::syntax(PROPERTIES, &"not a list"))?;
+    let listed = listed.ok_or_else(|| TransferImportError::syntax(PROPERTIES, &"not a list"))?;
     Ok(listed.iter().enumerate().map(found).collect())
 }
 
@@ -26,11 +26,11 @@ fn name_of(property: &Value) -> Option<String> {
     property["name"].as_str().map(str::to_owned)
 }
 
-fn draft(property: &Value, place: &str) -> Result<Draft, ImportError> {
+fn draft(property: &Value, place: &str) -> Result<Draft, TransferImportError> {
     let components = property["components"].as_array().map_or(&[][..], Vec::as_slice);
     let place = format!("{place}.components");
     let [component, others @ ..] = components else {
-        return Err(ImportError::syntax(&place, &"missing, or not a list of one or more"));
+        return Err(TransferImportError::syntax(&place, &"missing, or not a list of one or more"));
     };
     let place = format!("{place}[0]");
     let lighting = &component["lighting"];
@@ -78,31 +78,36 @@ fn draft(property: &Value, place: &str) -> Result<Draft, ImportError> {
 }
 
 /// A number, or another where there is none.
-fn number(json: &Value, otherwise: f64, place: &str) -> Result<f64, ImportError> {
+fn number(json: &Value, otherwise: f64, place: &str) -> Result<f64, TransferImportError> {
     match json {
         Value::Null => Ok(otherwise),
-        other => other.as_f64().ok_or_else(|| ImportError::syntax(place, &"not a number")),
+        other => other.as_f64().ok_or_else(|| TransferImportError::syntax(place, &"not a number")),
     }
 }
 
 /// A function; `key` is where a point has its value, one number or `N` of them.
-fn curve<const N: usize>(json: &Value, key: &str, place: &str) -> Result<Curve<N>, ImportError> {
+fn curve<const N: usize>(json: &Value, key: &str, place: &str) -> Result<Curve<N>, TransferImportError> {
     let points = json["points"].as_array();
-    let points = points.ok_or_else(|| ImportError::syntax(place, &"no list of points"))?;
+    let points = points.ok_or_else(|| TransferImportError::syntax(place, &"no list of points"))?;
     if points.len() > Curve::<N>::MAX_NODES {
         let allowed = format!("1 to {}", Curve::<N>::MAX_NODES);
-        return Err(ImportError::range(&format!("{place}: number of points"), &points.len(), &allowed));
+        return Err(TransferImportError::range(
+            &format!("{place}: number of points"),
+            &points.len(),
+            &allowed,
+        ));
     }
-    let node = |(i, point): (usize, &Value)| -> Result<Node<N>, ImportError> {
+    let node = |(i, point): (usize, &Value)| -> Result<Node<N>, TransferImportError> {
         let place = format!("{place}.points[{i}]");
         let numbers: Option<Vec<f64>> = match &point[key] {
             Value::Array(values) => values.iter().map(Value::as_f64).collect(),
             one => one.as_f64().map(|value| vec![value]),
         };
         let value = numbers.and_then(|numbers| numbers.try_into().ok());
-        let value =
-            value.ok_or_else(|| ImportError::syntax(&place, &format!("{key} is not {N} number(s)")))?;
-        let x = point["x"].as_f64().ok_or_else(|| ImportError::syntax(&place, &"x is not a number"))?;
+        let value = value
+            .ok_or_else(|| TransferImportError::syntax(&place, &format!("{key} is not {N} number(s)")))?;
+        let x =
+            point["x"].as_f64().ok_or_else(|| TransferImportError::syntax(&place, &"x is not a number"))?;
         let midpoint = number(&point["midpoint"], 0.5, &format!("{place}.midpoint"))?;
         let sharpness = number(&point["sharpness"], 0.0, &format!("{place}.sharpness"))?;
         Ok(Node { x, value, midpoint, sharpness })

@@ -4,10 +4,10 @@
 use std::path::PathBuf;
 
 use super::raster::MAX_FILE_BYTES;
-use crate::EncodingError;
 use relief_display::Layout;
 use relief_render::{RenderError, SceneError};
-use relief_volume::phantom::{SizeError, UnknownKind};
+use relief_session::EncodingError;
+use relief_volume::{PhantomSizeError, UnknownPhantom};
 
 /// Why a case, a golden or an artefact could not be handled.
 #[derive(Debug, thiserror::Error)]
@@ -95,10 +95,10 @@ pub enum GoldenError {
     },
     /// The phantom's name.
     #[error(transparent)]
-    Kind(#[from] UnknownKind),
+    Kind(#[from] UnknownPhantom),
     /// The phantom's size.
     #[error(transparent)]
-    Size(#[from] SizeError),
+    Size(#[from] PhantomSizeError),
     /// A golden that is no picture of the kind it should be.
     #[error("{}: {reason}", path.display())]
     Decode {

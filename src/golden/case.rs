@@ -10,9 +10,7 @@ use super::compare::Tolerance;
 use super::error::GoldenError;
 use super::raster::{Raster, read_bounded};
 use relief_render::{Scene, SceneFile};
-use relief_volume::Grid;
-use relief_volume::camera::Orbit;
-use relief_volume::phantom::Recipe;
+use relief_volume::{Grid, Orbit, PhantomRecipe};
 
 const CASE_FILE: &str = "case.toml";
 const SCENE_FILE: &str = "scene.json";
@@ -63,7 +61,7 @@ pub struct Case {
     id: CaseId,
     folder: PathBuf,
     purpose: String,
-    recipe: Recipe,
+    recipe: PhantomRecipe,
     is_labelled: bool,
     tolerance: Tolerance,
     aspects: Vec<Aspect>,
@@ -148,7 +146,7 @@ impl Case {
 
     /// The procedural volume.
     #[must_use]
-    pub fn recipe(&self) -> Recipe {
+    pub fn recipe(&self) -> PhantomRecipe {
         self.recipe
     }
 
@@ -219,7 +217,7 @@ impl ToleranceName {
 }
 
 impl VolumeFile {
-    fn recipe(&self, path: &Path) -> Result<Recipe, GoldenError> {
+    fn recipe(&self, path: &Path) -> Result<PhantomRecipe, GoldenError> {
         if self.size > MAX_PHANTOM_SIZE {
             return Err(GoldenError::Range {
                 path: path.to_owned(),
@@ -228,7 +226,7 @@ impl VolumeFile {
                 allowed: format!("at most {MAX_PHANTOM_SIZE}"),
             });
         }
-        Ok(Recipe::new(self.phantom.parse()?).with_size(self.size)?.with_seed(self.seed))
+        Ok(PhantomRecipe::new(self.phantom.parse()?).with_size(self.size)?.with_seed(self.seed))
     }
 }
 

@@ -12,17 +12,15 @@ use super::collection::{CaseId, Collection};
 use super::compare::{Comparison, Tolerance, compare, is_depth};
 use super::error::GoldenError;
 use super::raster::{Raster, Samples, check_size, decode_png, rgb_png, rgba_png};
-use crate::{FileFormat, Product, encode};
 use relief_display::DisplaySettings;
-use relief_render::gpu::{AdapterDescription, AdapterKind};
-use relief_render::{RenderedFrame, Renderer};
-use relief_volume::Volume;
-use relief_volume::phantom::Recipe;
+use relief_render::{AdapterDescription, AdapterKind, RenderedFrame, Renderer};
+use relief_session::{FileFormat, Product, encode};
+use relief_volume::{PhantomRecipe, Volume};
 
 /// Renders cases. Keeps the phantoms it has made: many cases show the same.
 pub struct Harness {
     renderer: Renderer,
-    volumes: HashMap<Recipe, Volume>,
+    volumes: HashMap<PhantomRecipe, Volume>,
 }
 
 /// What became of a check.

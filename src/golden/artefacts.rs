@@ -20,7 +20,7 @@ use super::compare::is_depth;
 use super::error::GoldenError;
 use super::html;
 use super::raster::{Raster, Samples, rgb_png};
-use relief_render::gpu::AdapterDescription;
+use relief_render::AdapterDescription;
 
 /// Brightness of the smallest difference, and of each step beyond.
 const FAINTEST: f64 = 80.0;
