@@ -10,7 +10,7 @@
 mod cells;
 mod decimate;
 mod fans;
-pub mod files;
+pub(crate) mod files;
 mod measure;
 mod mend;
 mod nets;

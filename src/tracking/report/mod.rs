@@ -10,12 +10,12 @@
 
 mod blobs;
 mod buttons;
-pub mod calibration;
+pub(crate) mod calibration;
 mod data;
 mod interleaved;
-pub mod motion_plus;
-pub mod output;
-pub mod recording;
+pub(crate) mod motion_plus;
+pub(crate) mod output;
+pub(crate) mod recording;
 
 pub use blobs::{Blob, BlobExtent, IrFormat, SENSOR_HEIGHT, SENSOR_WIDTH};
 pub use buttons::Buttons;

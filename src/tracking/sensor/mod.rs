@@ -4,7 +4,7 @@
 //! `plumb_bob` distortion (k1, k2, p1, p2, k3). A published tracker writes the skew as `-tan(Q) fx`; here it is the
 //! number itself. [`ThinLens`] says how distance defocuses a dot. [`mod@file`] reads and writes the YAML of OpenCV and ROS.
 
-pub mod file;
+pub(crate) mod file;
 mod lens;
 mod yaml;
 

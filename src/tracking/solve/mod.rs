@@ -4,13 +4,13 @@
 //! Levenberg-Marquardt on SE(3) ([`PoseView::refine`]). [`paper`] keeps the way of the 2009 paper; `ipopt`, of builds with that
 //! feature, has its solver. [`bound`] says how well it could be done at all. Nothing here allocates, but `ipopt`.
 
-pub mod bound;
+pub(crate) mod bound;
 #[cfg(feature = "ipopt")]
-pub mod ipopt;
-pub mod paper;
-pub mod random;
-pub mod refine;
-pub mod start;
+pub(crate) mod ipopt;
+pub(crate) mod paper;
+pub(crate) mod random;
+mod refine;
+mod start;
 
 use nalgebra::{Unit, Vector2, Vector3};
 

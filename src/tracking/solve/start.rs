@@ -18,7 +18,7 @@ type Vector9 = SVector<f64, 9>;
 
 /// Poses to begin at.
 #[derive(Clone, Debug, Default)]
-pub struct Starts {
+pub(crate) struct Starts {
     poses: [Option<Pose>; CAPACITY],
     count: usize,
 }
@@ -29,7 +29,7 @@ const CAPACITY: usize = 2 * EIGENVECTORS + 4;
 
 impl Starts {
     /// The poses found.
-    pub fn poses(&self) -> impl Iterator<Item = &Pose> {
+    pub(crate) fn poses(&self) -> impl Iterator<Item = &Pose> {
         self.poses[..self.count].iter().flatten()
     }
 
@@ -157,7 +157,7 @@ fn nearest_rotation(numbers: &Vector9) -> Option<Rotation3<f64>> {
 }
 
 /// Starts for three or four LEDs.
-pub fn global(view: &PoseView<'_>, starts: &mut Starts) {
+pub(crate) fn global(view: &PoseView<'_>, starts: &mut Starts) {
     let Some(object) = ObjectSpace::new(view) else { return };
     let Some(eigen) = object.omega.try_symmetric_eigen(f64::EPSILON, 200) else { return };
     let mut order: [usize; 9] = std::array::from_fn(|i| i);
@@ -179,7 +179,7 @@ fn is_before_camera(view: &PoseView<'_>, pose: &Pose) -> bool {
 }
 
 /// Starts for two to four LEDs and a known up.
-pub fn upright(view: &PoseView<'_>, starts: &mut Starts) {
+pub(crate) fn upright(view: &PoseView<'_>, starts: &mut Starts) {
     let (Some(gravity), Some(object)) = (view.gravity, ObjectSpace::new(view)) else { return };
     let Some(level) = turn_between(&gravity.up_in_beacon, &gravity.up_in_sensor) else { return };
     let axis = gravity.up_in_sensor;
