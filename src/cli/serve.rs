@@ -26,10 +26,9 @@ use super::track::{read_beacon, read_camera};
 use relief_dicom::{LoadLimits, Strictness};
 use relief_render::VolumeLimits;
 use relief_server::{
-    Config, ConnectionLimits, Drained, LabelsLoader, LiveConfig, LoadedVolume, Server, UploadLimits,
-    VolumeLoader,
+    Config, ConnectionLimits, Drained, LabelsLoader, LiveConfig, Server, UploadLimits, VolumeLoader,
 };
-use relief_session::{QueueConfig, RenderService};
+use relief_session::{LoadedVolume, QueueConfig, RenderService};
 use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
@@ -221,16 +220,18 @@ fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
         Ok(relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map(served)?)
     };
     Arc::new(move |path| {
-        read(path)
-            .map_err(|error| error.to_string().replace(&path.display().to_string(), "the uploaded file"))
+        read(path).map_err(|error| {
+            error.to_string().replace(&path.display().to_string(), "the uploaded file").into()
+        })
     })
 }
 
 /// Reads an uploaded label map; what it is called here is nobody else's business either.
 fn labels_loader() -> LabelsLoader {
     Arc::new(|path, grid| {
-        labels::load(path, grid)
-            .map_err(|error| format!("{error:#}").replace(&path.display().to_string(), "that was uploaded"))
+        labels::load(path, grid).map_err(|error| {
+            format!("{error:#}").replace(&path.display().to_string(), "that was uploaded").into()
+        })
     })
 }
 

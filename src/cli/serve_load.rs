@@ -11,9 +11,9 @@ use super::labels;
 use super::source::{self, SeriesOptions};
 use relief_batch::{Copies, Location};
 use relief_dicom::Strictness;
-
 use relief_render::VolumeLimits;
-use relief_server::{LoadedVolume, Server};
+use relief_server::Server;
+use relief_session::LoadedVolume;
 
 /// A place that there is a series in.
 #[derive(Clone, Debug)]
@@ -167,10 +167,8 @@ impl Loading<'_> {
         drop(local); // a copy may go when there is no room for others
         let (copies, path, options) = (self.copies.clone(), place.path.clone(), options.clone());
         let read = move || {
-            // What failed may name files, and those patients: not for the log.
-            let gone = |_| "its files cannot be read any more".to_owned();
-            let local = copies.local(&path).map_err(|error| gone(error.into()))?;
-            source::load(local.path(), &options).map(|loaded| loaded.volume).map_err(gone)
+            let local = copies.local(&path).map_err(|_| Unreadable)?;
+            Ok(source::load(local.path(), &options).map_err(|_| Unreadable)?.volume)
         };
         let served = served(loaded);
         let labels = place.labels.as_deref();
@@ -180,7 +178,12 @@ impl Loading<'_> {
     }
 }
 
-/// What a server takes of what was loaded.
+/// A series that was read before and cannot be read again. The cause may name files and patients, so the log does not get it.
+#[derive(Debug, thiserror::Error)]
+#[error("the files of the series can no longer be read")]
+struct Unreadable;
+
+/// A loaded series as the server takes it.
 pub(super) fn served(loaded: relief_dicom::Loaded) -> LoadedVolume {
     let relief_dicom::Loaded { volume, warnings, identity, reference, .. } = loaded;
     LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), reference, labels: None }

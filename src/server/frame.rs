@@ -16,20 +16,17 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::annotations::draw;
-use super::blocking::on_blocking_thread;
 use super::camera::camera_json;
 use super::guard::read_body;
 use super::negotiate::{knows_tag, negotiate};
 use super::problem::Problem;
 use super::quality::within_budget;
 use super::query::{Order, Query};
-use super::resident::with_voxels;
-use super::state::Server;
-use super::volumes::Entry;
+use super::state::{AppState, Pictures};
 use relief_annotation::value_at;
 use relief_base::{Patient, Point};
 use relief_render::{RenderedFrame, RequestError, Scene, depth_limits};
-use relief_session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, encode};
+use relief_session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, VolumeEntry, encode};
 
 /// A browser asks again after a minute, and gets 304 for what has not changed.
 const CACHE_CONTROL: &str = "private, max-age=60";
@@ -41,84 +38,84 @@ static RELIEF_ANNOTATIONS: HeaderName = HeaderName::from_static("relief-annotati
 static RELIEF_CAMERA: HeaderName = HeaderName::from_static("relief-camera");
 static SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
-type Shared = State<Arc<Server>>;
-
 /// The routes of a product: a scene in the query of a GET or in the body of a POST.
-pub(super) fn routes(product: Product) -> MethodRouter<Arc<Server>> {
-    let by_query = move |State(server): Shared, Path(id): Path<String>, uri: Uri, headers: HeaderMap| async move {
-        by_query(&server, &id, &uri, &headers, product).await
+pub(super) fn routes(product: Product) -> MethodRouter<AppState> {
+    let by_query = move |State(pictures): State<Pictures>,
+                         Path(id): Path<String>,
+                         uri: Uri,
+                         headers: HeaderMap| async move {
+        by_query(&pictures, &id, &uri, &headers, product).await
     };
-    let by_body = move |State(server): Shared,
-                        Path(id): Path<String>,
-                        uri: Uri,
-                        headers: HeaderMap,
-                        body: Body| async move {
-        by_body(&server, &id, &uri, &headers, body, product).await
-    };
+    let by_body =
+        move |State(pictures): State<Pictures>,
+              Path(id): Path<String>,
+              uri: Uri,
+              headers: HeaderMap,
+              body: Body| async move { by_body(&pictures, &id, &uri, &headers, body, product).await };
     get(by_query).post(by_body)
 }
 
 /// A slice, by its query.
 pub(super) async fn get_slice(
-    State(server): Shared,
+    State(pictures): State<Pictures>,
     Path(id): Path<String>,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let entry = server.volumes.find(&id)?;
+    let entry = pictures.engine.volumes.find(&id)?;
     let media = negotiate(&headers, Product::Frame.formats())?;
-    answer_query(&server, &entry, &Query::of_slice(&uri)?, &headers, (Product::Frame, media)).await
+    answer_query(&pictures, &entry, &Query::of_slice(&uri)?, &headers, (Product::Frame, media)).await
 }
 
 pub(super) async fn get_pick(
-    State(server): Shared,
+    State(pictures): State<Pictures>,
     Path(id): Path<String>,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Json<Value>, Problem> {
-    let entry = server.volumes.find(&id)?;
+    let entry = pictures.engine.volumes.find(&id)?;
     let mut query = Query::of(&uri)?;
     let at = [query.take_number("u")?, query.take_number("v")?];
     let picked = async {
         let mut scene = resolve(Order::from_query(&query, &entry.grid)?, &entry, SizeRule::Any)?;
-        draw(&server, &entry, &mut scene, &headers).await?;
-        pick(&server, &entry, scene, at).await
+        draw(&pictures, &entry, &mut scene, &headers).await?;
+        pick(&pictures, &entry, scene, at).await
     };
     picked.await.map_err(|problem| query.blame(problem))
 }
 
 pub(super) async fn post_pick(
-    State(server): Shared,
+    State(pictures): State<Pictures>,
     Path(id): Path<String>,
     uri: Uri,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<Value>, Problem> {
-    let entry = server.volumes.find(&id)?;
+    let entry = pictures.engine.volumes.find(&id)?;
     let mut query = Query::of(&uri)?;
     let at = [query.take_number("u")?, query.take_number("v")?];
     query.expect_empty()?;
-    let order = read_order(&server, &headers, body).await?;
+    let order = read_order(&pictures, &headers, body).await?;
     let mut scene = resolve(order, &entry, SizeRule::Any)?;
-    draw(&server, &entry, &mut scene, &headers).await?;
-    pick(&server, &entry, scene, at).await
+    draw(&pictures, &entry, &mut scene, &headers).await?;
+    pick(&pictures, &entry, scene, at).await
 }
 
 async fn by_query(
-    server: &Server,
+    pictures: &Pictures,
     id: &str,
     uri: &Uri,
     headers: &HeaderMap,
     product: Product,
 ) -> Result<Response, Problem> {
-    let entry = server.volumes.find(id)?;
+    let entry = pictures.engine.volumes.find(id)?;
     let media = negotiate(headers, product.formats())?;
-    answer_query(server, &entry, &Query::of(uri)?, headers, (product, media)).await
+    answer_query(pictures, &entry, &Query::of(uri)?, headers, (product, media)).await
 }
 
 async fn answer_query(
-    server: &Server,
-    entry: &Entry,
+    pictures: &Pictures,
+    entry: &VolumeEntry,
     query: &Query,
     headers: &HeaderMap,
     (product, media): (Product, FileFormat),
@@ -126,37 +123,37 @@ async fn answer_query(
     let answered = async {
         let order = Order::from_query(query, &entry.grid)?;
         let scene = resolve(order, entry, SizeRule::of(product, media))?;
-        answer_annotated(server, entry, scene, headers, (Method::GET, product, media)).await
+        answer_annotated(pictures, entry, scene, headers, (Method::GET, product, media)).await
     };
     answered.await.map_err(|problem| query.blame(problem))
 }
 
 async fn by_body(
-    server: &Server,
+    pictures: &Pictures,
     id: &str,
     uri: &Uri,
     headers: &HeaderMap,
     body: Body,
     product: Product,
 ) -> Result<Response, Problem> {
-    let entry = server.volumes.find(id)?;
+    let entry = pictures.engine.volumes.find(id)?;
     let media = negotiate(headers, product.formats())?;
     Query::of(uri)?.expect_empty()?;
-    let scene = resolve(read_order(server, headers, body).await?, &entry, SizeRule::of(product, media))?;
-    answer_annotated(server, &entry, scene, headers, (Method::POST, product, media)).await
+    let scene = resolve(read_order(pictures, headers, body).await?, &entry, SizeRule::of(product, media))?;
+    answer_annotated(pictures, &entry, scene, headers, (Method::POST, product, media)).await
 }
 
 /// Draws the annotations that the scene wants, and answers.
 async fn answer_annotated(
-    server: &Server,
-    entry: &Entry,
+    pictures: &Pictures,
+    entry: &VolumeEntry,
     mut scene: Scene,
     headers: &HeaderMap,
     what: (Method, Product, FileFormat),
 ) -> Result<Response, Problem> {
     // Before the tag: what is drawn is part of the scene, so the tag changes with it.
-    let drawn = draw(server, entry, &mut scene, headers).await?;
-    let mut answered = answer(server, entry, scene, headers, what).await?;
+    let drawn = draw(pictures, entry, &mut scene, headers).await?;
+    let mut answered = answer(pictures, entry, scene, headers, what).await?;
     if let Some(Drawn { drawn, left_out, unlabelled }) = drawn {
         let headers = answered.headers_mut();
         let silent = if unlabelled > 0 { format!(", unlabelled={unlabelled}") } else { String::new() };
@@ -166,9 +163,9 @@ async fn answer_annotated(
     Ok(answered)
 }
 
-async fn read_order(server: &Server, headers: &HeaderMap, body: Body) -> Result<Order, Problem> {
+async fn read_order(pictures: &Pictures, headers: &HeaderMap, body: Body) -> Result<Order, Problem> {
     super::guard::expect_content_type(headers, "application/json")?;
-    let body = read_body(body, SCENE_BYTES, server.config.body_timeout).await?;
+    let body = read_body(body, SCENE_BYTES, pictures.config.body_timeout).await?;
     Order::from_body(&body)
 }
 
@@ -189,7 +186,7 @@ impl SizeRule {
 
 /// The complete scene. A size that contradicts the layout is refused where the answer has that layout, and a depth
 /// limit that contradicts the volume's always: nothing is rendered for what cannot be answered.
-fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem> {
+fn resolve(order: Order, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
     let scene = order.file.resolve_labelled(&entry.grid, &order.orbit, entry.labels.as_ref())?;
     if rule == SizeRule::OfLayout {
         scene.expect_size_of_layout()?;
@@ -200,37 +197,37 @@ fn resolve(order: Order, entry: &Entry, rule: SizeRule) -> Result<Scene, Problem
 
 /// Answers from the tag alone where that will do, else renders and encodes.
 pub(super) async fn answer(
-    server: &Server,
-    entry: &Entry,
+    pictures: &Pictures,
+    entry: &VolumeEntry,
     mut scene: Scene,
     headers: &HeaderMap,
     (method, product, media): (Method, Product, FileFormat),
 ) -> Result<Response, Problem> {
-    let quality = within_budget(server, entry, &mut scene);
-    let tag = entity_tag(server, entry, &scene, &format!("{} {}", product.name(), media.media_type()));
+    let quality = within_budget(&pictures.engine, entry, &mut scene);
+    let tag = entity_tag(pictures, entry, &scene, &format!("{} {}", product.name(), media.media_type()));
     let display = scene.display.clone();
     let job = move |frame: &RenderedFrame| encode(frame, &display, product, media);
-    let answered = answer_as(server, entry, &scene, headers, (method, media, &tag), job).await?;
+    let answered = answer_as(pictures, entry, &scene, headers, (method, media, &tag), job).await?;
     Ok(quality.mark(answered))
 }
 
 /// As [`answer`], with the tag and the encoder of one's own.
 pub(super) async fn answer_as(
-    server: &Server,
-    entry: &Entry,
+    pictures: &Pictures,
+    entry: &VolumeEntry,
     scene: &Scene,
     headers: &HeaderMap,
     (method, media, tag): (Method, FileFormat, &str),
     encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
 ) -> Result<Response, Problem> {
     if let Some(status) = unchanged(headers, tag, &method) {
-        server.metrics.not_modified();
+        pictures.metrics.not_modified();
         return Ok((status, validators(tag)).into_response());
     }
-    let rendered = render(server, entry, scene).await?;
+    let rendered = render(pictures, entry, scene).await?;
     let limits = scene.display.limits(rendered.frame.limits)?;
     let camera = camera_json(&rendered.frame.camera, rendered.frame.size_px, limits).to_string();
-    let (bytes, encode_ms) = encode_apart(server, &rendered, encoder).await?;
+    let (bytes, encode_ms) = encode_apart(pictures, &rendered, encoder).await?;
     let mut response = (validators(tag), bytes).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media.media_type()));
@@ -239,47 +236,44 @@ pub(super) async fn answer_as(
     Ok(response)
 }
 
-async fn render(server: &Server, entry: &Entry, scene: &Scene) -> Result<Rendered, Problem> {
-    let volume = with_voxels(server, entry).await?;
-    let ticket = server.service.render(&volume, scene.request.clone());
+async fn render(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene) -> Result<Rendered, Problem> {
+    let volume = pictures.engine.voxels(entry).await?;
+    let ticket = pictures.engine.service.render(&volume, scene.request.clone());
     drop(volume); // the order has its own
     let outcome = match ticket {
         Ok(ticket) => ticket.await,
         Err(refused) => Err(refused),
     };
-    server.metrics.rendered(&outcome);
-    if !server.volumes.has(entry) {
+    pictures.metrics.rendered(&outcome);
+    if !pictures.engine.volumes.has(entry) {
         // Removed since it was found: the frame must not outlive it.
-        server.service.forget(entry.hash);
+        pictures.engine.service.forget(entry.hash);
     }
     Ok(outcome?)
 }
 
 /// Encodes on a blocking thread, as many at a time as there are cores, those whose clients have left included.
 async fn encode_apart(
-    server: &Server,
+    pictures: &Pictures,
     rendered: &Rendered,
     encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
 ) -> Result<(Bytes, f64), Problem> {
-    let place = Arc::clone(&server.encoders).acquire_owned().await;
-    let place = place.map_err(|closed| Problem::internal("encoding", closed))?;
     let frame = Arc::clone(&rendered.frame);
     let since = Instant::now();
-    let job = move || encoder(&frame);
-    let encoded = on_blocking_thread(place, "encoding", job).await?;
+    let encoded = pictures.engine.blocking("encoding", move || encoder(&frame)).await?;
     let bytes = encoded.map_err(|error| Problem::internal("encoding", error))?;
     Ok((bytes.into(), since.elapsed().as_secs_f64() * 1e3))
 }
 
 async fn pick(
-    server: &Server,
-    entry: &Entry,
+    pictures: &Pictures,
+    entry: &VolumeEntry,
     mut scene: Scene,
     at: [f64; 2],
 ) -> Result<Json<Value>, Problem> {
     let pixel = pixel_at(at, scene.request.size_px)?;
-    within_budget(server, entry, &mut scene);
-    let frame = render(server, entry, &scene).await?.frame;
+    within_budget(&pictures.engine, entry, &mut scene);
+    let frame = render(pictures, entry, &scene).await?.frame;
     let limits = scene.display.limits(frame.limits)?;
     let depth = frame.depth_at(pixel);
     let mut found = camera_json(&frame.camera, frame.size_px, limits);
@@ -292,7 +286,7 @@ async fn pick(
     let point = frame.pick(pixel);
     found["patient_mm"] = point.map(|point| point.xyz.to_array()).map_or(Value::Null, Value::from);
     if let Some(point) = point {
-        let volume = with_voxels(server, entry).await?;
+        let volume = pictures.engine.voxels(entry).await?;
         found["hu"] = json!(value_at(&volume, point));
     }
     let segment = point.zip(entry.labels.as_ref()).and_then(|(point, labels)| labels.at(point));
@@ -302,15 +296,15 @@ async fn pick(
 
 /// The patient position that a pixel of a scene's picture shows, if any, and where its eye is.
 pub(super) async fn pick_scene(
-    server: &Server,
-    entry: &Entry,
+    pictures: &Pictures,
+    entry: &VolumeEntry,
     scene: &[u8],
     at: [f64; 2],
 ) -> Result<(Option<Point<Patient>>, Point<Patient>), Problem> {
     let mut scene = resolve(Order::from_body(scene)?, entry, SizeRule::Any)?;
     let pixel = pixel_at(at, scene.request.size_px)?;
-    within_budget(server, entry, &mut scene);
-    let frame = render(server, entry, &scene).await?.frame;
+    within_budget(&pictures.engine, entry, &mut scene);
+    let frame = render(pictures, entry, &scene).await?.frame;
     Ok((frame.pick(pixel), frame.camera.eye()))
 }
 
@@ -335,9 +329,9 @@ fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
 ///
 /// The scene enters by forms that are the same in every process ([`relief_render::RenderRequest::stable_bytes`], JSON), so that
 /// servers of one build before adapters of one kind agree, and one may answer for another. `form` is how the picture is written.
-pub(super) fn entity_tag(server: &Server, entry: &Entry, scene: &Scene, form: &str) -> String {
+pub(super) fn entity_tag(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene, form: &str) -> String {
     let Scene { request, display, budget_ms, annotations } = scene;
-    let around = json!([server.config.identity, form, display, budget_ms, annotations]).to_string();
+    let around = json!([pictures.config.identity, form, display, budget_ms, annotations]).to_string();
     let hash = Sha256::new()
         .chain_update(entry.hash.0)
         .chain_update(around)

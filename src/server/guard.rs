@@ -15,12 +15,12 @@ use axum::response::{IntoResponse, Response};
 use http_body_util::BodyExt;
 
 use super::problem::Problem;
-use super::state::Server;
+use super::state::Config;
 
 /// Refuses requests under a foreign name, and writes that come from another site's page.
-pub(super) async fn same_site(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
+pub(super) async fn same_site(State(config): State<Arc<Config>>, request: Request, next: Next) -> Response {
     let named = authority(request.headers().get(header::HOST)).or_else(|| request.uri().authority().cloned());
-    if let Some(allowed) = &server.config.allowed_hosts {
+    if let Some(allowed) = &config.allowed_hosts {
         let known =
             named.as_ref().is_some_and(|name| allowed.iter().any(|a| a.eq_ignore_ascii_case(name.host())));
         if !known {
@@ -49,8 +49,8 @@ fn authority(host: Option<&HeaderValue>) -> Option<Authority> {
 
 /// Ends a request that takes too long. Its order leaves the render queue with it. That is no 503: the same order
 /// would take as long again.
-pub(super) async fn deadline(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
-    let limit = server.config.request_timeout;
+pub(super) async fn deadline(State(config): State<Arc<Config>>, request: Request, next: Next) -> Response {
+    let limit = config.request_timeout;
     match tokio::time::timeout(limit, next.run(request)).await {
         Ok(response) => response,
         Err(_) => {

@@ -9,10 +9,12 @@ use axum::response::IntoResponse;
 use serde_json::{Value, json};
 
 use super::metrics::Gauges;
+use super::metrics::Metrics;
 use super::problem::Problem;
-use super::state::Server;
+use super::state::{Config, Started};
 use relief_display::{DepthFilter, Layout, ProfileName};
 use relief_render::{DepthRule, Lighting, preset_json};
+use relief_session::Engine;
 use relief_volume::PRESETS;
 
 /// OpenAPI 3.1, written by hand; tests compare its paths and parameters with the code's.
@@ -34,12 +36,12 @@ pub(super) async fn healthz() -> Json<Value> {
 
 /// The number of volumes when the server can do what it is for: the renderer works, every series of the operator is
 /// loaded, and there is a volume or a client may bring one.
-fn readiness(server: &Server) -> Result<usize, Problem> {
-    let (volumes, loading) = server.volumes.count();
-    if !server.service.is_alive() {
+fn readiness(engine: &Engine, config: &Config) -> Result<usize, Problem> {
+    let (volumes, loading) = engine.volumes.count();
+    if !engine.service.is_alive() {
         return Err(Problem::unavailable("renderer-ended", "the render thread has ended"));
     }
-    if !server.service.is_healthy() {
+    if !engine.service.is_healthy() {
         return Err(Problem::unavailable(
             "renderer-failed",
             "the last picture failed in the graphics adapter",
@@ -49,29 +51,37 @@ fn readiness(server: &Server) -> Result<usize, Problem> {
         let detail = format!("{loading} series are being loaded");
         return Err(Problem::unavailable("loading", detail).with("loading", loading));
     }
-    if volumes == 0 && server.config.uploads.is_none() {
+    if volumes == 0 && config.uploads.is_none() {
         return Err(Problem::unavailable("no-volume", "no volume is loaded, and uploads are off"));
     }
     Ok(volumes)
 }
 
 /// Whether requests should be sent here.
-pub(super) async fn readyz(State(server): State<Arc<Server>>) -> Result<Json<Value>, Problem> {
-    let volumes = readiness(&server)?;
-    Ok(Json(json!({ "status": "ready", "adapter": server.config.adapter, "volumes": volumes })))
+pub(super) async fn readyz(
+    State(engine): State<Arc<Engine>>,
+    State(config): State<Arc<Config>>,
+) -> Result<Json<Value>, Problem> {
+    let volumes = readiness(&engine, &config)?;
+    Ok(Json(json!({ "status": "ready", "adapter": config.adapter, "volumes": volumes })))
 }
 
-pub(super) async fn metrics(State(server): State<Arc<Server>>) -> impl IntoResponse {
+pub(super) async fn metrics(
+    State(engine): State<Arc<Engine>>,
+    State(config): State<Arc<Config>>,
+    State(metrics): State<Arc<Metrics>>,
+    State(Started(started)): State<Started>,
+) -> impl IntoResponse {
     let gauges = Gauges {
-        waiting: server.service.waiting(),
-        counts: server.service.counts(),
-        memory: server.service.memory(),
-        host: server.volumes.memory(),
-        volumes: server.volumes.count().0,
-        ready: readiness(&server).is_ok(),
-        uptime: server.started.elapsed(),
+        waiting: engine.service.waiting(),
+        counts: engine.service.counts(),
+        memory: engine.service.memory(),
+        host: engine.volumes.memory(),
+        volumes: engine.volumes.count().0,
+        ready: readiness(&engine, &config).is_ok(),
+        uptime: started.elapsed(),
     };
-    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], server.metrics.text(gauges))
+    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], metrics.text(gauges))
 }
 
 pub(super) async fn openapi() -> impl IntoResponse {

@@ -28,7 +28,6 @@
 //! | `/` and its files | GET | the page |
 
 mod annotations;
-mod blocking;
 mod camera;
 mod dicomweb;
 mod frame;
@@ -44,7 +43,6 @@ mod page;
 mod problem;
 mod quality;
 mod query;
-mod resident;
 mod state;
 mod thumbnail;
 mod upload;
@@ -61,15 +59,15 @@ use tower_http::catch_panic::CatchPanicLayer;
 
 use problem::Problem;
 use relief_session::Product;
+use state::AppState;
 
 pub use listen::{ConnectionLimits, Drained, serve};
 pub use live::LiveConfig;
-pub use resident::{NoRoom, VolumeReader};
-pub use state::{Config, LabelsLoader, Server, UploadLimits, VolumeLoader};
-pub use volumes::LoadedVolume;
+pub use state::{Config, LabelsLoader, LoadError, Server, UploadLimits, VolumeLoader};
 
 /// All routes of a server.
 pub fn app(server: Arc<Server>) -> Router {
+    let state = AppState(server);
     let bounded = Router::new()
         .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
         .route("/v1/volumes/{id}/frame", frame::routes(Product::Frame))
@@ -92,7 +90,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/openapi.json", get(info::openapi))
         .merge(annotations::routes())
         .merge(page::routes())
-        .layer(from_fn_with_state(Arc::clone(&server), guard::deadline));
+        .layer(from_fn_with_state(state.clone(), guard::deadline));
     // An upload takes as long as it takes; it has limits of its own.
     let unbounded = Router::new()
         .route("/v1/volumes", get(volumes::list).post(upload::upload))
@@ -101,13 +99,13 @@ pub fn app(server: Arc<Server>) -> Router {
         .merge(unbounded)
         .fallback(not_found)
         .method_not_allowed_fallback(wrong_method)
-        .layer(from_fn_with_state(Arc::clone(&server), guard::same_site))
+        .layer(from_fn_with_state(state.clone(), guard::same_site))
         .layer(CatchPanicLayer::custom(guard::on_panic))
-        .layer(from_fn_with_state(Arc::clone(&server), observe::observe))
+        .layer(from_fn_with_state(state.clone(), observe::observe))
         .layer(from_fn(guard::harden))
         // Handlers read bodies with their own limits.
         .layer(DefaultBodyLimit::disable())
-        .with_state(server)
+        .with_state(state)
 }
 
 async fn not_found() -> Problem {

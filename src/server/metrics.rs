@@ -6,9 +6,8 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use super::resident::HostMemory;
 use relief_render::MemoryUse;
-use relief_session::{Counts, Origin, Rendered, ServiceError};
+use relief_session::{Counts, HostMemory, Origin, Rendered, ServiceError};
 
 /// Method, route pattern and status of an answer.
 type Answer = (&'static str, String, u16);

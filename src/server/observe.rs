@@ -13,23 +13,23 @@ use axum::middleware::Next;
 use axum::response::Response;
 use tracing::Instrument;
 
+use super::metrics::Metrics;
 use super::problem::Cause;
-use super::state::Server;
 
 static REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-pub(super) async fn observe(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
+pub(super) async fn observe(State(metrics): State<Arc<Metrics>>, request: Request, next: Next) -> Response {
     let id = request_id(request.headers().get(&REQUEST_ID));
     let route =
         request.extensions().get::<MatchedPath>().map_or("unmatched", |path| path.as_str()).to_owned();
     let method = method_label(request.method());
     let since = Instant::now();
-    let in_flight = server.metrics.enter();
+    let in_flight = metrics.enter();
     let span = tracing::info_span!("request", id = %id.to_str().unwrap_or(""), method, route);
     let mut response = next.run(request).instrument(span.clone()).await;
     drop(in_flight);
     let status = response.status().as_u16();
-    server.metrics.answered(method, &route, status);
+    metrics.answered(method, &route, status);
     span.in_scope(|| {
         let ms = since.elapsed().as_secs_f64() * 1e3;
         match response.extensions().get::<Cause>() {

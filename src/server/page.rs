@@ -1,6 +1,6 @@
 //! The page at `/`: files built into the program, so that it loads nothing from anywhere else.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use axum::Router;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -9,7 +9,7 @@ use axum::routing::get;
 use sha2::{Digest, Sha256};
 
 use super::negotiate::knows_tag;
-use super::state::Server;
+use super::state::AppState;
 
 /// Own scripts and styles only; pictures arrive as blobs. The same for all files: only the page itself obeys it.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
@@ -90,7 +90,7 @@ const FILES: [(&str, &str, &str); 66] = [
 ];
 
 /// Routes of all files.
-pub(super) fn routes() -> Router<Arc<Server>> {
+pub(super) fn routes() -> Router<AppState> {
     FILES.into_iter().fold(Router::new(), |routes, (path, media, content)| {
         routes.route(path, get(move |headers: HeaderMap| async move { file(&headers, media, content) }))
     })

@@ -9,15 +9,18 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
 
+use relief_annotation::SnapError;
 use relief_display::SettingsError;
 use relief_render::{RequestError, SceneError};
-use relief_session::{BackendError, ServiceError};
+use relief_session::{
+    BackendError, JobError, LiveError, OpenError, ReadError, ServiceError, UploadRefused, VolumeError,
+};
 
 /// The media type of a problem document.
 pub(super) const MEDIA_TYPE: &str = "application/problem+json";
 
 /// A refusal or failure, as told to the client.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Problem {
     status: StatusCode,
     /// Last part of the problem's type.
@@ -54,12 +57,12 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, kind, detail)
     }
 
-    /// Whether the same may go well later: something here failed, and nothing was wrong with what was asked for.
-    pub(super) fn is_passing(&self) -> bool {
-        self.status.is_server_error()
+    /// The view refuses an intent.
+    pub(super) fn refused_intent(error: impl Display) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "refused-intent", error).with("path", "intent")
     }
 
-    /// A value that may not be so.
+    /// A value out of range.
     pub(super) fn out_of_range(error: &RequestError) -> Self {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)
             .with("path", error.path.as_str())
@@ -96,28 +99,28 @@ impl Problem {
     }
 }
 
-impl From<SceneError> for Problem {
-    fn from(error: SceneError) -> Self {
-        match &error {
+impl From<&SceneError> for Problem {
+    fn from(error: &SceneError) -> Self {
+        match error {
             SceneError::Syntax { path, .. } => {
-                Self::new(StatusCode::BAD_REQUEST, "malformed-scene", &error).with("path", path.as_str())
+                Self::new(StatusCode::BAD_REQUEST, "malformed-scene", error).with("path", path.as_str())
             }
             SceneError::Range(range) => Self::out_of_range(range),
         }
     }
 }
 
-impl From<SettingsError> for Problem {
-    fn from(error: SettingsError) -> Self {
-        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", &error)
+impl From<&SettingsError> for Problem {
+    fn from(error: &SettingsError) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)
             .with("path", error.path)
-            .with("found", error.value)
-            .with("allowed", error.allowed)
+            .with("found", error.value.clone())
+            .with("allowed", error.allowed.clone())
     }
 }
 
-impl From<ServiceError> for Problem {
-    fn from(error: ServiceError) -> Self {
+impl From<&ServiceError> for Problem {
+    fn from(error: &ServiceError) -> Self {
         match error {
             ServiceError::Busy(_) => Self::unavailable("busy", error),
             ServiceError::Stopped => Self::unavailable("stopping", "the renderer has stopped"),
@@ -130,6 +133,120 @@ impl From<ServiceError> for Problem {
         }
     }
 }
+
+impl From<&VolumeError> for Problem {
+    fn from(error: &VolumeError) -> Self {
+        let (status, kind) = match error {
+            VolumeError::UnknownId => (StatusCode::NOT_FOUND, "no-such-volume"),
+            VolumeError::NoVolume => (StatusCode::SERVICE_UNAVAILABLE, "no-volume"),
+            VolumeError::UnknownSeries => (StatusCode::NOT_FOUND, "no-such-series"),
+            VolumeError::NotRemovable => (StatusCode::FORBIDDEN, "not-removable"),
+        };
+        Self::new(status, kind, error)
+    }
+}
+
+impl From<UploadRefused> for Problem {
+    fn from(error: UploadRefused) -> Self {
+        Self::new(StatusCode::INSUFFICIENT_STORAGE, "uploads-full", error)
+    }
+}
+
+impl From<&JobError> for Problem {
+    fn from(error: &JobError) -> Self {
+        match error {
+            JobError::Panicked { what, source } => Self::internal(what, source),
+            JobError::Closed { what } => Self::internal(what, error),
+            JobError::Abandoned => Self::unavailable("stopped", error),
+        }
+    }
+}
+
+impl From<&ReadError> for Problem {
+    fn from(error: &ReadError) -> Self {
+        match error {
+            ReadError::NoRoom(full) => Self::new(StatusCode::INSUFFICIENT_STORAGE, "memory-full", full)
+                .with("needed_bytes", full.needed)
+                .with("available_bytes", full.available),
+            ReadError::Changed => Self::new(StatusCode::CONFLICT, "series-changed", error),
+            ReadError::Job(job) => job.into(),
+            ReadError::NoReader | ReadError::Reader(_) => Self::internal("reading the series again", error),
+        }
+    }
+}
+
+impl From<OpenError> for Problem {
+    fn from(error: OpenError) -> Self {
+        Self::unavailable("views-full", error)
+    }
+}
+
+impl From<&SnapError> for Problem {
+    fn from(error: &SnapError) -> Self {
+        match error {
+            SnapError::OutOfRange { key, found, allowed } => Self::out_of_range(&RequestError {
+                path: (*key).to_owned(),
+                found: found.clone(),
+                allowed: allowed.clone(),
+            }),
+            SnapError::NotFound { radius_mm, .. } => {
+                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-to-snap-to", error)
+                    .with("radius_mm", *radius_mm)
+            }
+        }
+    }
+}
+
+impl From<&LiveError> for Problem {
+    fn from(error: &LiveError) -> Self {
+        match error {
+            LiveError::Scene(error) => error.into(),
+            LiveError::Range(error) => Self::out_of_range(error),
+            LiveError::Display(error) => error.into(),
+            LiveError::Snap(error) => error.into(),
+            LiveError::Voxels(error) => error.into(),
+            LiveError::Service(error) => error.into(),
+            LiveError::Job(error) => error.into(),
+            LiveError::Encoding { what, source } => Self::internal(what, source),
+            LiveError::Annotations(cause) => match cause.downcast_ref::<Self>() {
+                Some(problem) => problem.clone(),
+                None => Self::internal("reading the annotations", cause),
+            },
+            LiveError::Intent(_) | LiveError::Camera(_) => Self::refused_intent(error),
+            LiveError::Stage(_)
+            | LiveError::SnapRadius { .. }
+            | LiveError::SceneKey { .. }
+            | LiveError::Layout { .. } => {
+                let problem = Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error);
+                match error.path() {
+                    Some(path) => problem.with("path", path),
+                    None => problem,
+                }
+            }
+        }
+    }
+}
+
+/// `From` for owned errors, so that handlers can use `?`.
+macro_rules! owned {
+    ($($error:ty),* $(,)?) => {$(
+        impl From<$error> for Problem {
+            fn from(error: $error) -> Self {
+                Self::from(&error)
+            }
+        }
+    )*};
+}
+
+owned!(SceneError, SettingsError, ServiceError, JobError, ReadError, SnapError, VolumeError, LiveError);
+
+impl Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.detail)
+    }
+}
+
+impl std::error::Error for Problem {}
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {

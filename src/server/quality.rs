@@ -4,9 +4,8 @@ use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::Response;
 use serde_json::json;
 
-use super::state::Server;
-use super::volumes::Entry;
 use relief_render::{Mode, Scene};
+use relief_session::{Engine, VolumeEntry};
 
 static RELIEF_QUALITY: HeaderName = HeaderName::from_static("relief-quality");
 
@@ -15,9 +14,9 @@ static RELIEF_QUALITY: HeaderName = HeaderName::from_static("relief-quality");
 pub(super) struct Quality(Option<HeaderValue>);
 
 /// Reduces a scene that has a budget as far as it must be, so that equal answers have equal scenes, and equal tags.
-pub(super) fn within_budget(server: &Server, entry: &Entry, scene: &mut Scene) -> Quality {
+pub(super) fn within_budget(engine: &Engine, entry: &VolumeEntry, scene: &mut Scene) -> Quality {
     let Some(budget_ms) = scene.budget_ms else { return Quality(None) };
-    let planned = server.service.plan(entry.hash, &entry.grid, &scene.request, budget_ms);
+    let planned = engine.service.plan(entry.hash, &entry.grid, &scene.request, budget_ms);
     scene.request = planned.request;
     let request = &scene.request;
     let mut used = json!({

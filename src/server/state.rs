@@ -1,60 +1,62 @@
-//! What all handlers share: the render service, the volumes, the counters and the configuration.
+//! The parts of a server. Handlers extract the parts that they need from the router's state, never the whole server.
 
+use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use axum::extract::FromRef;
 use tokio::sync::Semaphore;
 
 use super::annotations::Annotations;
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
-use super::resident::{NoRoom, VolumeReader};
-use super::volumes::{LoadedVolume, Volumes};
-use relief_session::RenderService;
+use relief_session::{Engine, LoadedVolume, NoRoom, RenderService, VolumeReader};
 use relief_store::Store;
 use relief_volume::{Grid, LabelMap};
 
-/// Reads a series from a file that was uploaded. Blocks. Its error is told to the client, so it names no path here.
-pub type VolumeLoader = Arc<dyn Fn(&Path) -> Result<LoadedVolume, String> + Send + Sync>;
+/// An error of a loader. Clients see its message, so it must not name paths or patients.
+pub type LoadError = Box<dyn Error + Send + Sync>;
 
-/// Reads a label map from a file that was uploaded, onto the grid of a volume. As [`VolumeLoader`] otherwise.
-pub type LabelsLoader = Arc<dyn Fn(&Path, &Grid) -> Result<Arc<LabelMap>, String> + Send + Sync>;
+/// Reads the series of an uploaded file. Blocks.
+pub type VolumeLoader = Arc<dyn Fn(&Path) -> Result<LoadedVolume, LoadError> + Send + Sync>;
 
-/// How a server behaves.
+/// Reads the label map of an uploaded file onto the grid of a volume. Blocks.
+pub type LabelsLoader = Arc<dyn Fn(&Path, &Grid) -> Result<Arc<LabelMap>, LoadError> + Send + Sync>;
+
+/// The configuration of a server.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// What besides the request decides a frame's bytes: build and adapter. Part of every `ETag`.
+    /// Build and adapter: what decides the bytes of a frame besides the request. Part of every `ETag`.
     pub identity: String,
-    /// The adapter's name, for `/readyz`.
+    /// Name of the adapter, for `/readyz`.
     pub adapter: String,
-    /// Values of `Host` (without port) that are served; `None` serves all. A list defends a loopback address
-    /// against web pages whose name was made to point at it.
+    /// Accepted values of `Host`, without port; `None` accepts all. A list defends a loopback address against web pages whose
+    /// host name resolves to it (DNS rebinding).
     pub allowed_hosts: Option<Vec<String>>,
-    /// Longest time from a request to its answer, uploads apart.
+    /// Longest time from a request to its answer, except for uploads.
     pub request_timeout: Duration,
     /// Longest wait for the next part of a request's body.
     pub body_timeout: Duration,
-    /// Limits of uploads; `None` refuses them.
+    /// Limits of uploads; `None` refuses uploads.
     pub uploads: Option<UploadLimits>,
-    /// Most bytes of voxels in memory, of all volumes together; orders that wait keep theirs beside. Of the series that can
-    /// be read again the least recently shown goes first.
+    /// Most bytes of voxels in host memory, of all volumes together. Render requests that wait or run hold theirs in addition.
     pub memory_bytes: u64,
     /// Live sessions.
     pub live: LiveConfig,
 }
 
-/// How much may be uploaded.
+/// Limits of uploads.
 #[derive(Clone, Copy, Debug)]
 pub struct UploadLimits {
     /// Largest file, bytes.
     pub file_bytes: u64,
-    /// Slowest mean rate at which a file may come, bytes per second, after a first [`Config::body_timeout`]: an
-    /// upload holds the only place for uploads.
+    /// Lowest mean rate of an upload, bytes per second, after an initial [`Config::body_timeout`]. One upload is received at a time,
+    /// so a slow one would block the others.
     pub slowest_bytes_per_s: u64,
-    /// Most volumes that uploads may add.
+    /// Most uploaded volumes at a time.
     pub volumes: usize,
-    /// Most bytes of voxels that uploads may add.
+    /// Most bytes of their voxels together.
     pub voxel_bytes: usize,
 }
 
@@ -79,90 +81,158 @@ impl Default for UploadLimits {
     }
 }
 
-/// A server's parts, shared by all handlers.
+/// A server: volumes, the render queue, live sessions and annotations.
 pub struct Server {
-    pub(super) config: Config,
-    pub(super) service: Arc<RenderService>,
-    pub(super) volumes: Volumes,
-    pub(super) metrics: Metrics,
-    pub(super) live: Live,
+    pub(super) config: Arc<Config>,
+    pub(super) engine: Arc<Engine>,
+    pub(super) metrics: Arc<Metrics>,
+    pub(super) live: Arc<Live>,
+    pub(super) uploads: Uploads,
+    pub(super) annotations: Option<Arc<Annotations>>,
+    started: Started,
+}
+
+/// When the server was started.
+#[derive(Clone, Copy)]
+pub(super) struct Started(pub(super) Instant);
+
+/// The parts that receive uploads.
+#[derive(Clone)]
+pub(super) struct Uploads {
     pub(super) loader: VolumeLoader,
     pub(super) labels_loader: Option<LabelsLoader>,
+    /// One upload is received at a time.
+    pub(super) turn: Arc<Semaphore>,
+}
+
+/// The parts that answer with pictures.
+#[derive(Clone)]
+pub(super) struct Pictures {
+    pub(super) config: Arc<Config>,
+    pub(super) engine: Arc<Engine>,
+    pub(super) metrics: Arc<Metrics>,
     pub(super) annotations: Option<Arc<Annotations>>,
-    /// Places of encoders at work, so that they leave the async threads and the machine's memory alone.
-    pub(super) encoders: Arc<Semaphore>,
-    /// The place of an upload at work: one at a time.
-    pub(super) upload: Arc<Semaphore>,
-    /// The place of a series that is read again: one at a time, or each would make room for itself alone.
-    pub(super) reading: Arc<Semaphore>,
-    pub(super) started: Instant,
+}
+
+/// The parts of a live session.
+#[derive(Clone)]
+pub(super) struct LiveParts {
+    pub(super) engine: Arc<Engine>,
+    pub(super) metrics: Arc<Metrics>,
+    pub(super) live: Arc<Live>,
+    pub(super) annotations: Option<Arc<Annotations>>,
+}
+
+/// The router's state.
+#[derive(Clone)]
+pub(super) struct AppState(pub(super) Arc<Server>);
+
+/// `FromRef` for parts that are a clone of a field.
+macro_rules! parts {
+    ($($part:ty = $field:ident),* $(,)?) => {$(
+        impl FromRef<AppState> for $part {
+            fn from_ref(AppState(server): &AppState) -> Self {
+                server.$field.clone()
+            }
+        }
+    )*};
+}
+
+parts! {
+    Arc<Config> = config,
+    Arc<Engine> = engine,
+    Arc<Metrics> = metrics,
+    Arc<Live> = live,
+    Uploads = uploads,
+    Option<Arc<Annotations>> = annotations,
+    Started = started,
+}
+
+impl FromRef<AppState> for Pictures {
+    fn from_ref(AppState(server): &AppState) -> Self {
+        Self {
+            config: Arc::clone(&server.config),
+            engine: Arc::clone(&server.engine),
+            metrics: Arc::clone(&server.metrics),
+            annotations: server.annotations.clone(),
+        }
+    }
+}
+
+impl FromRef<AppState> for LiveParts {
+    fn from_ref(AppState(server): &AppState) -> Self {
+        Self {
+            engine: Arc::clone(&server.engine),
+            metrics: Arc::clone(&server.metrics),
+            live: Arc::clone(&server.live),
+            annotations: server.annotations.clone(),
+        }
+    }
 }
 
 impl Server {
     /// A server without volumes.
     #[must_use]
     pub fn new(service: Arc<RenderService>, loader: VolumeLoader, config: Config) -> Self {
-        let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
+        let metrics = Arc::new(Metrics::default());
+        let counter = Arc::clone(&metrics);
+        let observer = Box::new(move |outcome: &_| counter.rendered(outcome));
         Self {
-            service,
-            volumes: Volumes::within(config.memory_bytes),
-            reading: Arc::new(Semaphore::new(1)),
-            metrics: Metrics::default(),
-            live: Live::new(config.live.clone()),
-            loader,
-            labels_loader: None,
+            engine: Arc::new(Engine::new(service, config.memory_bytes, observer)),
+            metrics,
+            live: Arc::new(Live::new(config.live.clone())),
+            uploads: Uploads { loader, labels_loader: None, turn: Arc::new(Semaphore::new(1)) },
             annotations: None,
-            encoders: Arc::new(Semaphore::new(cores)),
-            upload: Arc::new(Semaphore::new(1)),
-            started: Instant::now(),
-            config,
+            started: Started(Instant::now()),
+            config: Arc::new(config),
         }
     }
 
-    /// The same server, which takes label maps and reads them so.
+    /// Sets the loader of label maps; without one the server refuses them.
     #[must_use]
-    pub fn reading_labels(self, loader: LabelsLoader) -> Self {
-        Self { labels_loader: Some(loader), ..self }
+    pub fn reading_labels(mut self, loader: LabelsLoader) -> Self {
+        self.uploads.labels_loader = Some(loader);
+        self
     }
 
-    /// The same server, which keeps annotations there.
+    /// Sets the store of annotations; without one the server has none.
     #[must_use]
     pub fn annotating(self, store: Store) -> Self {
         Self { annotations: Some(Arc::new(Annotations::new(store))), ..self }
     }
 
-    /// Says that this many volumes will be added: the server is not ready before.
+    /// Announces volumes that are still being read. The server is not ready before they have been added.
     pub fn expect_volumes(&self, count: usize) {
-        self.volumes.expect(count);
+        self.engine.volumes.expect(count);
     }
 
-    /// Says that this many of those that were expected do not come.
+    /// Withdraws the announcement of volumes that could not be read.
     pub fn expect_fewer_volumes(&self, count: usize) {
-        self.volumes.expect_fewer(count);
+        self.engine.volumes.expect_fewer(count);
     }
 
-    /// Adds a volume of the operator's own; it cannot be removed over HTTP, and its voxels stay.
+    /// Adds a volume of the operator. Clients cannot remove it, and its voxels stay in memory.
     ///
     /// # Panics
-    /// When there is no room for it, which only [`Server::add_series`] expects.
+    /// When there is no room for it. Use [`Server::add_series`] where that can happen.
     pub fn add_volume(&self, loaded: LoadedVolume) {
-        self.volumes.add_own(loaded, None).expect("room for a volume that stays");
+        self.engine.volumes.add_own(loaded, None).expect("room for a volume that stays");
     }
 
-    /// Adds a series of the operator's own, whose voxels may go when others need the room: `reader` reads them again.
+    /// Adds a series of the operator, whose voxels may be evicted: `reader` reads them again.
     ///
     /// # Errors
-    /// When there is no room for it even without all that can go.
+    /// When there is no room for it, even after evicting everything that can be read again.
     pub fn add_series(&self, loaded: LoadedVolume, reader: VolumeReader) -> Result<(), NoRoom> {
-        self.volumes.add_own(loaded, Some(reader))
+        self.engine.volumes.add_own(loaded, Some(reader))
     }
 
-    /// Lets voxels go until so many bytes have room: before a series is read.
+    /// Evicts voxels until so many bytes are free, before a series is read.
     ///
     /// # Errors
-    /// When there is no room even without all that can go.
+    /// When evicting everything that can be read again does not free enough.
     pub fn make_room(&self, bytes: u64) -> Result<(), NoRoom> {
-        self.volumes.make_room(bytes)
+        self.engine.volumes.make_room(bytes)
     }
 }
 

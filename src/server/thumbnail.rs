@@ -2,8 +2,6 @@
 //!
 //! They are frames like any other: rendered in the same queue, named by the same tags, remembered as shortly.
 
-use std::sync::Arc;
-
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, Method, StatusCode, Uri};
 use axum::response::Response;
@@ -12,7 +10,7 @@ use super::frame::answer;
 use super::negotiate::negotiate;
 use super::problem::Problem;
 use super::query::Query;
-use super::state::Server;
+use super::state::Pictures;
 use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, thumbnail_scene};
 use relief_volume::{PRESETS, preset};
 
@@ -20,17 +18,17 @@ use relief_volume::{PRESETS, preset};
 const FORMATS: [FileFormat; 2] = [FileFormat::Png, FileFormat::Jpeg];
 
 pub(super) async fn thumbnail(
-    State(server): State<Arc<Server>>,
+    State(pictures): State<Pictures>,
     Path((id, name)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let entry = server.volumes.find(&id)?;
+    let entry = pictures.engine.volumes.find(&id)?;
     let preset = preset(&name).ok_or_else(unknown)?;
     let media = negotiate(&headers, &FORMATS)?;
     Query::of(&uri)?.expect_empty()?;
     let scene = thumbnail_scene(preset, &entry.grid, THUMBNAIL_SIZE_PX)?;
-    answer(&server, &entry, scene, &headers, (Method::GET, Product::Frame, media)).await
+    answer(&pictures, &entry, scene, &headers, (Method::GET, Product::Frame, media)).await
 }
 
 fn unknown() -> Problem {

@@ -16,27 +16,29 @@ use tempfile::TempPath;
 use tokio::io::AsyncWriteExt;
 use tokio::sync::OwnedSemaphorePermit;
 
-use super::blocking::on_blocking_thread;
 use super::guard::{expect_content_type, next_part, too_large};
 use super::problem::Problem;
-use super::state::{Server, UploadLimits};
-use super::volumes::{Added, Entry};
+use super::state::{Config, UploadLimits, Uploads, VolumeLoader};
+use super::volumes::describe;
+use relief_session::{Added, Engine, UploadedVolumes, VolumeEntry, on_blocking_thread};
 
 pub(super) async fn upload(
-    State(server): State<Arc<Server>>,
+    State(engine): State<Arc<Engine>>,
+    State(config): State<Arc<Config>>,
+    State(uploads): State<Uploads>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let Received { limits, turn, path } = take_in(&server, &headers, body, "application/zip").await?;
-    let reader = Arc::clone(&server);
-    let job = move || read(&reader, &path, limits);
+    let Received { limits, turn, path } =
+        take_in(&config, &uploads, &headers, body, "application/zip").await?;
+    let job = move || read(&engine, &uploads.loader, &path, limits);
     let (entry, added) = on_blocking_thread(turn, "reading the upload", job).await??;
     let status = match added {
         Added::New => StatusCode::CREATED,
         Added::Known => StatusCode::OK,
     };
     let location = [(header::LOCATION, format!("/v1/volumes/{}", entry.id))];
-    Ok((status, location, Json(entry.describe())).into_response())
+    Ok((status, location, Json(describe(&entry))).into_response())
 }
 
 /// An upload that has arrived.
@@ -49,21 +51,22 @@ pub(super) struct Received {
 
 /// What all uploads go through: whether there may be any, their type, the one place for them, and the way to a file.
 pub(super) async fn take_in(
-    server: &Server,
+    config: &Config,
+    uploads: &Uploads,
     headers: &HeaderMap,
     body: Body,
     media_type: &'static str,
 ) -> Result<Received, Problem> {
-    let Some(limits) = server.config.uploads else {
+    let Some(limits) = config.uploads else {
         let detail = "uploads are off; start the server with --uploads on";
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
     };
     expect_content_type(headers, media_type)?;
     check_length(headers, limits.file_bytes)?;
-    let turn = Arc::clone(&server.upload)
+    let turn = Arc::clone(&uploads.turn)
         .try_acquire_owned()
         .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let path = receive(body, server.config.body_timeout, limits).await?;
+    let path = receive(body, config.body_timeout, limits).await?;
     Ok(Received { limits, turn, path })
 }
 
@@ -108,9 +111,14 @@ fn too_slow(limits: UploadLimits) -> Problem {
 }
 
 /// Reads the series and adds its volume. Blocks.
-fn read(server: &Server, path: &Path, limits: UploadLimits) -> Result<(Arc<Entry>, Added), Problem> {
-    let loaded = (server.loader)(path)
+fn read(
+    engine: &Engine,
+    loader: &VolumeLoader,
+    path: &Path,
+    limits: UploadLimits,
+) -> Result<(Arc<VolumeEntry>, Added), Problem> {
+    let loaded = loader(path)
         .map_err(|reason| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unreadable-series", reason))?;
-    let added = server.volumes.add_upload(loaded, limits);
-    added.map_err(|full| Problem::new(StatusCode::INSUFFICIENT_STORAGE, "uploads-full", full))
+    let limits = UploadedVolumes { volumes: limits.volumes, voxel_bytes: limits.voxel_bytes };
+    Ok(engine.volumes.add_upload(loaded, limits)?)
 }

@@ -5,15 +5,19 @@
 //! be awaited anywhere or waited for. Camera and depth are those of `render`: patient mm and view depth in mm.
 
 mod backend;
+mod blocking;
 mod budget;
 mod cache;
 mod drawn;
 mod encode;
+mod engine;
 mod glyphs;
 mod label_maps;
+mod live;
 mod service;
 mod thumbnail;
 mod ticket;
+mod volumes;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -21,13 +25,24 @@ use std::sync::Arc;
 use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use relief_volume::{ContentHash, Volume};
 
+pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
 pub use budget::{INTERACTIVE_MS, Planned, SpeedBook};
 pub use drawn::{Drawables, Drawn, Shape, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
+pub use engine::{Engine, RenderObserver};
 pub use label_maps::{LabelsError, PlacedLabels, load_labels};
+pub use live::{
+    DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, Flow, HeldPoint, LiveError,
+    OpenError, Outcome, Pace, Patience, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer, Views, lock,
+    micros, search_preview,
+};
 pub use service::{Counts, QueueConfig, RenderService};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
+pub use volumes::{
+    Added, HostMemory, LoadedVolume, NoRoom, ReadError, UploadRefused, UploadedVolumes, VolumeEntry,
+    VolumeError, VolumeReader, Volumes,
+};
 
 /// Whatever turns requests into frames. It lives on the service's thread and is called by it alone.
 pub trait RenderBackend: Send + 'static {

@@ -3,7 +3,7 @@
 use axum::body::Body;
 use axum::http::{Method, Request};
 use relief_dicom::Strictness;
-use relief_server::LoadedVolume;
+use relief_session::LoadedVolume;
 use serde_json::{Value, json};
 
 use crate::made;

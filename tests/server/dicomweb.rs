@@ -1,8 +1,8 @@
 //! Rendered volumes by study and series: DICOM Supplement 228, from outside.
 
 use relief_dicom::SeriesIdentity;
-use relief_server::{Config, LoadedVolume};
-use relief_session::QueueConfig;
+use relief_server::Config;
+use relief_session::{LoadedVolume, QueueConfig};
 use serde_json::{Value, json};
 
 use crate::stage::{Answer, Stage, cube};

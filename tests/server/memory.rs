@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use relief_server::{Config, LoadedVolume, VolumeReader};
-use relief_session::QueueConfig;
+use relief_server::Config;
+use relief_session::{LoadedVolume, QueueConfig, VolumeReader};
 use relief_volume::{Grid, Volume};
 
 use crate::stage::{Stage, cube};
@@ -95,7 +95,7 @@ async fn a_series_that_changed_or_cannot_be_read_again_is_a_problem_that_names_n
     let limit = Config { memory_bytes: EACH, ..Config::default() };
     let stage = Stage::empty(limit, QueueConfig::default());
     let changed: VolumeReader = Arc::new(|| Ok(marked(9)));
-    let gone: VolumeReader = Arc::new(|| Err("secret/patient-name.dcm is gone".to_owned()));
+    let gone: VolumeReader = Arc::new(|| Err("secret/patient-name.dcm is gone".into()));
     for (mark, reader) in [(1, changed), (2, gone), (3, Arc::new(|| Ok(marked(3))) as VolumeReader)] {
         stage.server.add_series(loaded(marked(mark)), reader).unwrap();
     }

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use axum::body::Body;
 use axum::http::Request;
-use relief_server::{Config, LoadedVolume};
-use relief_session::QueueConfig;
+use relief_server::Config;
+use relief_session::{LoadedVolume, QueueConfig};
 use serde_json::json;
 
 use crate::stage::{FAILS, REFUSES, Stage, cube};

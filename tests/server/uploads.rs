@@ -11,8 +11,8 @@ use std::time::Duration;
 use axum::body::{Body, Bytes};
 use axum::http::Request;
 use relief_dicom::{ExistingFolder, SeriesFolder, SeriesLabels};
-use relief_server::{Config, LoadedVolume, UploadLimits};
-use relief_session::QueueConfig;
+use relief_server::{Config, UploadLimits};
+use relief_session::{LoadedVolume, QueueConfig};
 use relief_volume::{Grid, Volume};
 
 use crate::stage::{Answer, Stage, cube};

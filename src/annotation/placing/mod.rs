@@ -52,6 +52,29 @@ impl SnapFeature {
     /// The names of targets, in the order of the enumeration.
     pub const NAMES: [&str; 5] = ["surface", "boundary", "gradient", "minimum", "maximum"];
 
+    /// The feature of a name; `hu` is the level of a surface.
+    ///
+    /// # Errors
+    /// When no feature has this name, a surface has no level, or another feature has one.
+    pub fn from_name(name: &str, hu: Option<f64>) -> Result<Self, SnapError> {
+        let refuse = |key: &'static str, found: &str, allowed: &str| {
+            let found = found.chars().take(60).collect();
+            Err(SnapError::OutOfRange { key, found, allowed: allowed.to_owned() })
+        };
+        match (name, hu) {
+            ("surface", Some(hu)) => Ok(Self::Surface { hu }),
+            ("boundary", None) => Ok(Self::Boundary),
+            ("gradient", None) => Ok(Self::Gradient),
+            ("minimum", None) => Ok(Self::Minimum),
+            ("maximum", None) => Ok(Self::Maximum),
+            ("surface", None) => refuse("hu", "missing", "the level of the surface, HU, or to boundary"),
+            (known, Some(_)) if Self::NAMES.contains(&known) => {
+                refuse("hu", "there", "nothing beside another target than surface")
+            }
+            _ => refuse("to", &format!("{name:?}"), &Self::NAMES.join(", ")),
+        }
+    }
+
     /// The name of this target.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -10,8 +10,8 @@ use super::refusal::no_such_item;
 use super::visible::Visible;
 use super::{Annotations, Snapshot};
 use crate::problem::Problem;
-use crate::volumes::Entry;
 use relief_annotation::{Change, Edit, Event, FrameOfReference, Item, ItemId, Set, Timestamp, Versioned};
+use relief_session::VolumeEntry;
 use relief_store::{LogFilter, StoreError};
 
 /// Items whose home is asked for one by one; of more the whole log is read once.
@@ -55,7 +55,7 @@ impl Annotations {
     /// 404 for items that are not there or not the author's to see, 403 for sets of others, and whatever the store refuses.
     pub(crate) async fn apply(
         &self,
-        entry: &Entry,
+        entry: &VolumeEntry,
         author: &str,
         reason: &str,
         changes: Vec<Change>,
@@ -103,7 +103,7 @@ impl Annotations {
     /// 409 where there is none, or it is of another volume, 403 for sets of others, and whatever the store refuses.
     pub(crate) async fn step(
         &self,
-        entry: &Entry,
+        entry: &VolumeEntry,
         author: &str,
         reason: &str,
         step: Step,

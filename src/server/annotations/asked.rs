@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
+use axum::extract::{FromRef, FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -14,31 +14,36 @@ use super::author::{self, author_of};
 use super::edit::parse;
 use super::{Annotations, of, outward_event};
 use crate::guard::{expect_content_type, read_body, too_large};
+use crate::live::Live;
 use crate::problem::Problem;
-use crate::state::Server;
-use crate::volumes::Entry;
+use crate::state::{AppState, Config, Pictures, Uploads};
 use relief_annotation::{Change, Event};
+use relief_session::VolumeEntry;
 
 /// Who asks what of which volume: the path's `id`, and the header `Relief-Author`.
 pub(super) struct Asked {
-    pub(super) server: Arc<Server>,
+    pub(super) pictures: Pictures,
+    pub(super) uploads: Uploads,
+    live: Arc<Live>,
     pub(super) annotations: Arc<Annotations>,
-    pub(super) entry: Arc<Entry>,
+    pub(super) entry: Arc<VolumeEntry>,
     pub(super) author: Option<String>,
 }
 
-impl FromRequestParts<Arc<Server>> for Asked {
+impl FromRequestParts<AppState> for Asked {
     type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, server: &Arc<Server>) -> Result<Self, Problem> {
-        let annotations = Arc::clone(of(server)?);
-        let path = RawPathParams::from_request_parts(parts, server).await;
+    async fn from_request_parts(parts: &mut Parts, state: &AppState) -> Result<Self, Problem> {
+        let pictures = Pictures::from_ref(state);
+        let annotations = Arc::clone(of(pictures.annotations.as_ref())?);
+        let path = RawPathParams::from_request_parts(parts, state).await;
         let path = path.map_err(|error| {
             Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error.body_text())
         })?;
         let id = path.iter().find(|(name, _)| *name == "id").map_or("", |(_, id)| id);
-        let (entry, author) = (server.volumes.find(id)?, author_of(&parts.headers)?);
-        Ok(Self { server: Arc::clone(server), annotations, entry, author })
+        let (entry, author) = (pictures.engine.volumes.find(id)?, author_of(&parts.headers)?);
+        let (uploads, live) = (Uploads::from_ref(state), Arc::from_ref(state));
+        Ok(Self { pictures, uploads, live, annotations, entry, author })
     }
 }
 
@@ -56,7 +61,17 @@ impl Asked {
         Ok(author)
     }
 
-    /// Makes an edit, and tells whoever looks.
+    /// Wakes the live views that draw annotations.
+    pub(super) fn notify_views(&self) {
+        self.live.views.wake();
+    }
+
+    /// The server's configuration.
+    pub(super) fn config(&self) -> &Config {
+        &self.pictures.config
+    }
+
+    /// Makes an edit, and wakes the live views.
     pub(super) async fn edit(
         &self,
         author: &str,
@@ -64,7 +79,7 @@ impl Asked {
         changes: Vec<Change>,
     ) -> Result<Vec<(Event, Home)>, Problem> {
         let events = self.annotations.apply(&self.entry, author, reason, changes).await?;
-        self.server.live.annotations_changed();
+        self.notify_views();
         Ok(events)
     }
 }
@@ -72,18 +87,18 @@ impl Asked {
 /// A body that is one JSON object, of at most so many bytes.
 pub(super) struct Sent<const MOST_BYTES: usize>(pub(super) Value);
 
-impl<const MOST_BYTES: usize> FromRequest<Arc<Server>> for Sent<MOST_BYTES> {
+impl<const MOST_BYTES: usize> FromRequest<AppState> for Sent<MOST_BYTES> {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, server: &Arc<Server>) -> Result<Self, Problem> {
+    async fn from_request(request: Request, AppState(server): &AppState) -> Result<Self, Problem> {
         let (parts, body) = request.into_parts();
-        read_json(server, &parts.headers, body, MOST_BYTES).await.map(Self)
+        read_json(&server.config, &parts.headers, body, MOST_BYTES).await.map(Self)
     }
 }
 
 /// A body of JSON.
 pub(super) async fn read_json(
-    server: &Server,
+    config: &Config,
     headers: &HeaderMap,
     body: axum::body::Body,
     limit: usize,
@@ -94,7 +109,7 @@ pub(super) async fn read_json(
     if length.is_some_and(|length| length > limit) {
         return Err(too_large(limit as u64));
     }
-    let body = read_body(body, limit, server.config.body_timeout).await?;
+    let body = read_body(body, limit, config.body_timeout).await?;
     let value: Value = parse(&body)?;
     if value.is_object() {
         return Ok(value);

@@ -1,24 +1,24 @@
 //! Annotations over pictures: which items a picture shows to whom, and the shapes of those that are surfaces.
 
+use std::error::Error;
 use std::sync::Arc;
 
 use axum::http::HeaderMap;
 
 use super::{Annotations, Visible, author_of, of};
 use crate::problem::Problem;
-use crate::state::Server;
-use crate::volumes::Entry;
+use crate::state::Pictures;
 use relief_annotation::{Item, Shown};
 use relief_render::Scene;
-use relief_session::{Drawables, Drawn};
+use relief_session::{DrawableSource, Drawables, DrawablesWanted, Drawn, VolumeEntry};
 
 /// Adds what a scene wants of the annotations to its overlays; `None` where it wants nothing.
 ///
 /// # Errors
 /// 404 where this server keeps none, and whatever the store says.
 pub(crate) async fn draw(
-    server: &Server,
-    entry: &Entry,
+    pictures: &Pictures,
+    entry: &VolumeEntry,
     scene: &mut Scene,
     headers: &HeaderMap,
 ) -> Result<Option<Drawn>, Problem> {
@@ -26,15 +26,16 @@ pub(crate) async fn draw(
         return Ok(None);
     }
     let author = author_of(headers)?;
-    let drawables = of(server)?.drawables(entry, &scene.annotations, author.as_deref()).await?;
+    let drawables =
+        of(pictures.annotations.as_ref())?.drawables_of(entry, &scene.annotations, author.as_deref()).await?;
     Ok(Some(drawables.draw(&mut scene.request, &scene.display, &entry.grid)))
 }
 
 impl Annotations {
     /// What is drawn of a volume's items for this author.
-    pub(crate) async fn drawables(
+    pub(crate) async fn drawables_of(
         &self,
-        entry: &Entry,
+        entry: &VolumeEntry,
         shown: &Shown,
         author: Option<&str>,
     ) -> Result<Drawables, Problem> {
@@ -45,5 +46,16 @@ impl Annotations {
             snapshot.items.iter().map(|known| &known.item).filter(|item| is_drawn(item)).collect();
         let shapes = self.shapes(&items).await?;
         Ok(Drawables::new(items, |geometry| shapes.of(geometry).map(Arc::clone)))
+    }
+}
+
+impl DrawableSource for Annotations {
+    fn revision(&self) -> u64 {
+        self.changes()
+    }
+
+    async fn drawables(&self, wanted: &DrawablesWanted) -> Result<Drawables, Arc<dyn Error + Send + Sync>> {
+        let DrawablesWanted { entry, shown, author } = wanted;
+        self.drawables_of(entry, shown, author.as_deref()).await.map_err(|problem| Arc::new(problem) as _)
     }
 }

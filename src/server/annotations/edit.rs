@@ -1,7 +1,5 @@
 //! Edits over HTTP: changes that happen together or not at all, taking back, making again.
 
-use std::sync::Arc;
-
 use axum::Json;
 use axum::body::Body;
 use axum::http::{HeaderMap, StatusCode};
@@ -15,7 +13,7 @@ use super::asked::{Asked, Sent, created, events_json};
 use super::refusal::invalid;
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
-use crate::state::Server;
+use crate::state::AppState;
 use relief_annotation::{Edit, ItemId, Timestamp};
 
 /// Largest edit: 10,000 items with all they may have but long curves.
@@ -37,7 +35,7 @@ pub(super) async fn post(asked: Asked, Sent(mut wanted): Sent<MOST_BYTES>) -> Re
 }
 
 /// A step of an author through the own edits.
-pub(super) fn steps(step: Step) -> MethodRouter<Arc<Server>> {
+pub(super) fn steps(step: Step) -> MethodRouter<AppState> {
     routing::post(move |asked: Asked, headers: HeaderMap, body: Body| take(asked, headers, body, step))
 }
 
@@ -49,7 +47,7 @@ struct StepBody {
 }
 
 async fn take(asked: Asked, headers: HeaderMap, body: Body, step: Step) -> Result<Json<Value>, Problem> {
-    let body = read_body(body, 64 << 10, asked.server.config.body_timeout).await?;
+    let body = read_body(body, 64 << 10, asked.config().body_timeout).await?;
     let StepBody { author, reason } = if body.is_empty() {
         StepBody::default()
     } else {
@@ -58,7 +56,7 @@ async fn take(asked: Asked, headers: HeaderMap, body: Body, step: Step) -> Resul
     };
     let author = asked.author(author)?;
     let events = asked.annotations.step(&asked.entry, &author, &reason, step).await?;
-    asked.server.live.annotations_changed();
+    asked.notify_views();
     Ok(Json(json!({ "events": events_json(&events) })))
 }
 

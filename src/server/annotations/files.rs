@@ -17,11 +17,11 @@ use serde_json::json;
 
 use super::asked::events_json;
 use super::{Annotations, Asked, Visible, query};
-use crate::blocking::on_blocking_thread;
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
 use relief_annotation::{ContentId, Item, Set, Shown, Versioned};
 use relief_exchange::{ExchangeError, Format, Imported, Merged, Present, ReadContext, WriteContext};
+use relief_session::on_blocking_thread;
 use relief_store::Filter;
 
 /// A content never changes.
@@ -84,10 +84,10 @@ pub(super) async fn import(
     Set::check_name(&set).map_err(|error| super::refusal::invalid(&error))?;
     let format = format.map(|format| parse_format(&format)).transpose()?;
     expect_content_type(&headers, "application/octet-stream")?;
-    let turn = Arc::clone(&asked.server.upload)
+    let turn = Arc::clone(&asked.uploads.turn)
         .try_acquire_owned()
         .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let bytes = read_body(body, MOST_BYTES, asked.server.config.body_timeout).await?;
+    let bytes = read_body(body, MOST_BYTES, asked.config().body_timeout).await?;
     let (entry, by) = (Arc::clone(&asked.entry), author.clone());
     let job = move || {
         let name = name.unwrap_or_default();
@@ -156,8 +156,7 @@ pub(super) async fn export(asked: Asked, uri: Uri) -> Result<Response, Problem> 
     let format = parse_format(format.as_deref().unwrap_or_default())?;
     let items = visible_items(&asked, &shown).await?;
     let contents = contents_of(&asked.annotations, &items).await?;
-    let place = Arc::clone(&asked.server.encoders).acquire_owned().await;
-    let place = place.map_err(|closed| Problem::internal("writing annotations", closed))?;
+    let engine = Arc::clone(&asked.pictures.engine);
     let entry = Arc::clone(&asked.entry);
     let job = move || {
         let of = |id: &ContentId| contents.get(id).cloned();
@@ -165,7 +164,7 @@ pub(super) async fn export(asked: Asked, uri: Uri) -> Result<Response, Problem> 
             WriteContext { contents: &of, grid: Some(&entry.grid), series: entry.reference.as_deref() };
         relief_exchange::write(format, &items, &context)
     };
-    let written = on_blocking_thread(place, "writing annotations", job).await?;
+    let written = engine.blocking("writing annotations", job).await?;
     let written = written.map_err(|error| refused(&error, "not-in-this-format"))?;
     if report {
         return Ok(Json(json!({ "items": written.items, "left_out": written.left_out })).into_response());

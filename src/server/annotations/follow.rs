@@ -46,7 +46,7 @@ impl Server {
 async fn look_again(server: &Server, annotations: &Annotations) {
     let mut changes = annotations.changes.subscribe();
     while changes.changed().await.is_ok() {
-        server.live.annotations_changed();
+        server.live.views.wake();
     }
 }
 

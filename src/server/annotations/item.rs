@@ -51,7 +51,7 @@ pub(super) async fn put(
     let ItemQuery { author, reason } = query(&uri)?;
     let condition = Condition::of(&headers)?;
     let mut item_id = Value::from(item.as_str());
-    let mut wanted = read_json(&asked.server, &headers, body, MOST_BYTES).await?;
+    let mut wanted = read_json(asked.config(), &headers, body, MOST_BYTES).await?;
     let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
     let author = asked.author(author.or(of_body))?;
     if let Some(found) = wanted.get("id").filter(|found| **found != item_id) {

@@ -41,14 +41,13 @@ use self::asked::{Asked, Sent};
 use self::shapes::ShapeCache;
 use self::snapshot::Snapshots;
 use super::problem::Problem;
-use super::state::Server;
+use super::state::AppState;
 use relief_store::Store;
 
 pub(super) use apply::{Home, Published, Step};
 pub(super) use author::{author_of, missing as missing_author};
 pub(super) use drawing::draw;
 pub(super) use outward::outward_event;
-pub(super) use snap::{snap_in, target};
 pub(super) use snapshot::Snapshot;
 pub(super) use visible::Visible;
 
@@ -111,15 +110,15 @@ impl Annotations {
 ///
 /// # Errors
 /// 404 where it has none.
-pub(super) fn of(server: &Server) -> Result<&Arc<Annotations>, Problem> {
-    server.annotations.as_ref().ok_or_else(|| {
+pub(super) fn of(annotations: Option<&Arc<Annotations>>) -> Result<&Arc<Annotations>, Problem> {
+    annotations.ok_or_else(|| {
         let detail = "this server keeps no annotations; start it with --annotations PLACE";
         Problem::new(StatusCode::NOT_FOUND, "annotations-off", detail)
     })
 }
 
 /// The routes under a volume.
-pub(super) fn routes() -> Router<Arc<Server>> {
+pub(super) fn routes() -> Router<AppState> {
     Router::new()
         .route("/v1/volumes/{id}/annotations", get(list::list).post(edit::post))
         .route("/v1/volumes/{id}/annotations/undo", edit::steps(Step::Undo))

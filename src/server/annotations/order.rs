@@ -15,13 +15,12 @@ use super::Visible;
 use super::asked::{Asked, Sent, created};
 use super::edit::parse;
 use super::refusal::{invalid, no_such_item};
-use crate::blocking::{Waiting, while_awaited};
 use crate::problem::Problem;
 use relief_annotation::{
     Change, Geometry, Item, ItemId, Method, Placement, RegionSummary, Set, State, Versioned,
 };
 use relief_dicom::write_seg_nrrd;
-use relief_session::region_of_content;
+use relief_session::{JobError, Waiting, region_of_content, while_awaited};
 use relief_volume::{Mask, Segment};
 
 /// Largest body.
@@ -117,11 +116,11 @@ impl Order {
     /// Does the work that takes all cores, in its turn. It is told when nobody waits for it any more.
     pub(super) async fn work<T: Send + 'static>(
         &self,
-        what: &str,
+        what: &'static str,
         job: impl FnOnce(&Waiting) -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
         let place = Arc::clone(&self.asked.annotations.structures).acquire_owned().await;
-        let place = place.map_err(|closed| Problem::internal(what, closed))?;
+        let place = place.map_err(|_| JobError::Closed { what })?;
         while_awaited(place, what, job).await
     }
 

@@ -50,6 +50,6 @@ pub(super) async fn put(
     let set = Set { name, reader, blinded, template };
     asked.annotations.store.put_set(&set, &author).await?;
     asked.annotations.sets_changed().await;
-    asked.server.live.annotations_changed();
+    asked.notify_views();
     Ok(Json(json!(set)))
 }

@@ -14,15 +14,14 @@ use serde_json::json;
 use super::order::{MOST_BYTES, Order, unusable};
 use super::refusal::invalid;
 use super::{Asked, Sent};
-use crate::blocking::Waiting;
 use crate::problem::Problem;
-use crate::resident::with_voxels;
 use relief_annotation::{
     Change, Contour, Decimation, Geometry, Grow, GrowError, GrowLimits, Item, ItemError, ItemId, MeshError,
     MeshFormat, MeshSummary, Smoothing, Stroke, Versioned, fill_contours as filled, grow_region as grown,
     paint_strokes as painted, surface_nets, write_mesh as written,
 };
 use relief_base::{Patient, Point};
+use relief_session::Waiting;
 use relief_volume::Mask;
 
 /// Most curves between which one region is filled.
@@ -80,7 +79,7 @@ pub(super) async fn grow(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Respons
     let GrowBody { seed_mm, hu, max_ml, max_radius_mm, neck_mm, preview } = body;
     let limits = GrowLimits { max_ml: max_ml.or(Some(USUAL_ML)), max_radius_mm, neck_mm };
     let wanted = Grow { seeds: vec![point(seed_mm)], hu, limits };
-    let volume = with_voxels(&order.asked.server, &order.asked.entry).await?;
+    let volume = order.asked.pictures.engine.voxels(&order.asked.entry).await?;
     let job = move |waiting: &Waiting| {
         grown(&volume, &wanted, &|_| waiting.is_there()).map_err(|error| not_grown(&error))
     };

@@ -10,8 +10,6 @@
 mod parameters;
 mod rendering;
 
-use std::sync::Arc;
-
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -21,7 +19,7 @@ use self::rendering::{Rendering, rendering};
 use super::frame::{answer_as, entity_tag};
 use super::negotiate::{accepts, negotiate};
 use super::problem::Problem;
-use super::state::Server;
+use super::state::Pictures;
 use relief_display::encode_jpeg;
 use relief_session::{FileFormat, Product, encode};
 
@@ -37,32 +35,32 @@ type Target = Path<(String, String)>;
 
 /// A parallel projection of the series.
 pub(super) async fn rendered_3d(
-    State(server): State<Arc<Server>>,
+    State(pictures): State<Pictures>,
     Path((study, series)): Target,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    rendered(&server, [&study, &series], &uri, &headers, Reformat::ThreeD).await
+    rendered(&pictures, [&study, &series], &uri, &headers, Reformat::ThreeD).await
 }
 
 /// A slice or slab of the series.
 pub(super) async fn rendered_mpr(
-    State(server): State<Arc<Server>>,
+    State(pictures): State<Pictures>,
     Path((study, series)): Target,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    rendered(&server, [&study, &series], &uri, &headers, Reformat::Mpr).await
+    rendered(&pictures, [&study, &series], &uri, &headers, Reformat::Mpr).await
 }
 
 async fn rendered(
-    server: &Server,
+    pictures: &Pictures,
     [study, series]: [&str; 2],
     uri: &Uri,
     headers: &HeaderMap,
     reformat: Reformat,
 ) -> Result<Response, Problem> {
-    let entry = server.volumes.find_series(study, series)?;
+    let entry = pictures.engine.volumes.find_series(study, series)?;
     let parameters = Parameters::of(uri, reformat)?;
     let accept = parameters.accept(headers)?;
     let Rendering { scene, module } = rendering(&parameters, reformat, &entry.grid)?;
@@ -71,13 +69,13 @@ async fn rendered(
     }
     let media = negotiate(&accept, &PICTURES)?;
     let quality = parameters.quality.unwrap_or(USUAL_QUALITY);
-    let tag = entity_tag(server, &entry, &scene, &format!("rendered {} {quality}", media.media_type()));
+    let tag = entity_tag(pictures, &entry, &scene, &format!("rendered {} {quality}", media.media_type()));
     let display = scene.display.clone();
     let job = move |frame: &relief_render::RenderedFrame| match media {
         FileFormat::Jpeg => Ok(encode_jpeg(frame.size_px, &frame.color_rgba, quality)?),
         _ => encode(frame, &display, Product::Frame, media),
     };
-    answer_as(server, &entry, &scene, headers, (Method::GET, media, &tag), job).await
+    answer_as(pictures, &entry, &scene, headers, (Method::GET, media, &tag), job).await
 }
 
 fn metadata(accept: &HeaderMap, module: &str) -> Result<Response, Problem> {

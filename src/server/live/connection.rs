@@ -13,24 +13,22 @@ use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{broadcast, mpsc};
 use tokio_tungstenite::tungstenite;
 
-use super::pace::USUAL_QUALITY;
-use super::placing::{self, Hand, happen, next, pointer};
-use super::preview;
+use super::placing::{self, Hand, apply_effect, next, pointer};
 use super::session::Session;
-use super::shot::{Echo, Shot, micros};
-use super::slot::Slot;
 use super::socket::{
     End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error,
     expect_annotations, malformed, text,
 };
-use super::view::lock;
-use super::wished::{Happened, Wished};
 use crate::annotations::Published;
 use crate::problem::Problem;
-use crate::state::Server;
+use crate::state::LiveParts;
+use crate::volumes::describe;
 use relief_live::{
-    AnnotationsMessage, ClientMessage, Formats, FrameHeader, Intent, MAX_TEXT_BYTES, MessageError, Pose,
-    PoseKind, Report, Role, ServerMessage, Settings, Welcome, assemble,
+    AnnotationsMessage, ClientMessage, ErrorMessage, Formats, FrameHeader, Intent, MAX_TEXT_BYTES,
+    MessageError, Pose, PoseKind, Report, Role, ServerMessage, Settings, Welcome, assemble,
+};
+use relief_session::{
+    Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, lock, micros, search_preview,
 };
 
 /// Refused messages that end a connection.
@@ -40,9 +38,9 @@ const STILL_QUALITY: u8 = 95;
 
 /// See the module.
 pub(super) struct Connected {
-    pub(super) server: Arc<Server>,
+    pub(super) parts: LiveParts,
     pub(super) session: Arc<Session>,
-    pub(super) slot: Arc<Slot>,
+    pub(super) viewer: Arc<Viewer>,
     pub(super) formats: Formats,
     /// Number of this connection of the session.
     pub(super) number: u64,
@@ -57,7 +55,7 @@ impl Connected {
         let welcome = Welcome {
             session: token.clone(),
             view: view.name.clone(),
-            volume: view.entry().describe(),
+            volume: describe(&view.entry()),
             role: *role,
             color: self.formats.color,
             depth: self.formats.depth,
@@ -70,10 +68,10 @@ impl Connected {
     /// What a lost connection leaves behind: a session that may be resumed, and no hand that holds the volume.
     pub(super) fn leave(&self) {
         let now = Instant::now();
-        self.session.view.leave(&self.slot);
+        self.session.view.leave(&self.viewer);
         if *self.session.connection.borrow() == self.number {
             let intents = lock(&self.session.remote).end();
-            self.session.view.wish(None, &intents, 0, now); // letting go is never refused
+            self.session.view.apply_intents(None, &intents, 0, now); // letting go is never refused
             placing::abandon(&self.session.task, &self.session.view);
         }
         self.session.lose(self.number, now);
@@ -86,14 +84,14 @@ impl Connected {
             return;
         }
         let hand = Hand { author: author.as_deref(), task, device: pointer() };
-        if let Ok(message) = next(&self.server, view, &hand).await {
+        if let Ok(message) = next(&self.parts, view, &hand).await {
             let _ = outbox.try_send(placing::text(message));
         }
     }
 
     /// What ends a connection from outside.
     pub(super) async fn interrupted(&self) -> End {
-        let mut closing = self.server.live.closing.subscribe();
+        let mut closing = self.parts.live.closing.subscribe();
         let mut ended = self.session.view.ended.subscribe();
         let mut connection = self.session.connection.subscribe();
         tokio::select! {
@@ -109,7 +107,7 @@ impl Connected {
     pub(super) async fn read(&self, reader: &mut SplitStream<WebSocket>, outbox: &Outbox) -> End {
         let mut errors = 0;
         loop {
-            let next = tokio::time::timeout(self.server.live.config.silence, reader.next()).await;
+            let next = tokio::time::timeout(self.parts.live.config.silence, reader.next()).await;
             let message = match next {
                 Err(_) | Ok(None) => return None,
                 // The only error that says what the other side did wrong and leaves it able to hear so.
@@ -125,8 +123,8 @@ impl Connected {
                 }
                 Message::Text(text) => match ClientMessage::parse(&text) {
                     Ok(message) => {
-                        let outcome = self.obey_all(&message, outbox).await;
-                        preview::search(&self.server, &self.session.view);
+                        let outcome = self.handle_message(&message, outbox).await;
+                        search_preview(&self.parts.engine, &self.session.view);
                         outcome
                     }
                     Err(error) => Err(malformed(&error)),
@@ -146,13 +144,13 @@ impl Connected {
     }
 
     /// Obeys a message, and does what it means beyond the view: all of it, and the first that is refused is told.
-    async fn obey_all(&self, message: &ClientMessage, outbox: &Outbox) -> Result<(), Problem> {
-        let wished = self.obey(message, outbox)?;
+    async fn handle_message(&self, message: &ClientMessage, outbox: &Outbox) -> Result<(), Problem> {
+        let outcome = self.handle(message, outbox)?;
         let is_shown = matches!(message, ClientMessage::Settings(settings)
             if settings.annotations.as_ref().is_some_and(|shown| !shown.is_nothing()));
-        let is_done = wished.as_ref().is_none_or(|wished| wished.happened.is_empty());
+        let is_done = outcome.as_ref().is_none_or(|outcome| outcome.effects.is_empty());
         if is_done && !is_shown {
-            return wished.and_then(|wished| wished.refused).map_or(Ok(()), Err);
+            return outcome.and_then(|outcome| outcome.refused).map_or(Ok(()), |error| Err(error.into()));
         }
         let Session { author, task, view, .. } = &*self.session;
         let device = match message {
@@ -161,10 +159,10 @@ impl Connected {
         };
         let hand = Hand { author: author.as_deref(), task, device };
         let (mut said, mut refused) = (None, None);
-        if let Some(Wished { happened, ground, refused: wish, .. }) = wished {
-            for happened in happened {
-                let is_taking = matches!(happened, Happened::Taking { .. });
-                match happen(&self.server, view, &hand, (happened, &ground)).await {
+        if let Some(Outcome { effects, context, refused: first, .. }) = outcome {
+            for effect in effects {
+                let is_taking = matches!(effect, Effect::Take { .. });
+                match apply_effect(&self.parts, view, &hand, (effect, &context)).await {
                     Ok(message) => said = Some(message),
                     Err(problem) => {
                         refused = refused.or(Some(problem));
@@ -174,10 +172,10 @@ impl Connected {
                     }
                 }
             }
-            refused = refused.or(wish);
+            refused = refused.or(first.map(Problem::from));
         }
         if is_shown {
-            said = Some(next(&self.server, view, &hand).await?);
+            said = Some(next(&self.parts, view, &hand).await?);
         }
         if let Some(said) = said {
             let _ = outbox.try_send(placing::text(said));
@@ -186,13 +184,13 @@ impl Connected {
     }
 
     /// What a message wishes, where it does, done in the view.
-    fn obey(&self, message: &ClientMessage, outbox: &Outbox) -> Result<Option<Wished>, Problem> {
+    fn handle(&self, message: &ClientMessage, outbox: &Outbox) -> Result<Option<Outcome>, Problem> {
         let now = Instant::now();
         let is_watcher = self.session.role == Role::Watcher;
         match message {
             ClientMessage::Ack(ack) => {
-                if self.slot.flow().pace.acknowledged(ack.frame, now) {
-                    self.slot.freed.notify_one();
+                if self.viewer.flow().pace.acknowledged(ack.frame, now) {
+                    self.viewer.freed.notify_one();
                     self.session.view.work.notify_one();
                 }
                 Ok(None)
@@ -201,79 +199,79 @@ impl Connected {
                 Err(Problem::new(StatusCode::CONFLICT, "hello-again", "this session is open already"))
             }
             _ if is_watcher => {
-                let detail = "watchers look; say hello as presenter to move the view or to change it";
+                let detail = "watchers presentation; say hello as presenter to move the view or to change it";
                 Err(Problem::new(StatusCode::FORBIDDEN, "watcher", detail))
             }
             ClientMessage::Pose(pose) => self.pose(pose, now),
             ClientMessage::Report(report) => self.report(report, outbox, now).map(Some),
             ClientMessage::Intent(message) => {
                 let echo = Echo { seq: message.seq, t_ns: message.t_ns };
-                Ok(Some(self.wish(echo, std::slice::from_ref(&message.intent), now)))
+                Ok(Some(self.apply_intents(echo, std::slice::from_ref(&message.intent), now)))
             }
             ClientMessage::Settings(settings) => self.settings(settings, now).map(|()| None),
         }
     }
 
-    fn wish(&self, echo: Echo, intents: &[Intent], now: Instant) -> Wished {
-        self.session.view.wish(Some((&self.slot, echo)), intents, echo.t_ns, now)
+    fn apply_intents(&self, echo: Echo, intents: &[Intent], now: Instant) -> Outcome {
+        self.session.view.apply_intents(Some((&self.viewer, echo)), intents, echo.t_ns, now)
     }
 
-    fn pose(&self, pose: &Pose, now: Instant) -> Result<Option<Wished>, Problem> {
-        let is_newest = self.slot.is_newer(pose.seq);
+    fn pose(&self, pose: &Pose, now: Instant) -> Result<Option<Outcome>, Problem> {
+        let is_newest = self.viewer.is_newer(pose.seq);
         let echo = Echo { seq: pose.seq, t_ns: pose.t_ns };
-        let wished = match &pose.what {
+        let outcome = match &pose.what {
             // Buttons count, however late they come.
             PoseKind::Remote(remote) => {
                 let intents = lock(&self.session.remote).pose(pose.t_ns, remote, is_newest)?;
-                let from = is_newest.then_some((&*self.slot, echo));
-                Some(self.session.view.wish(from, &intents, pose.t_ns, now))
+                let from = is_newest.then_some((&*self.viewer, echo));
+                Some(self.session.view.apply_intents(from, &intents, pose.t_ns, now))
             }
             _ if !is_newest => None,
             PoseKind::Orbit(orbit) => {
                 let (azimuth_deg, elevation_deg) = (orbit.azimuth_deg, orbit.elevation_deg);
                 let look =
                     Intent::Look { azimuth_deg, elevation_deg, zoom: orbit.zoom, vertical_fov_deg: None };
-                Some(self.wish(echo, &[look], now))
+                Some(self.apply_intents(echo, &[look], now))
             }
             PoseKind::Camera(camera) => {
                 if camera.lens_shift != [0.0; 2] {
-                    let detail = "camera.lens_shift is not 0, which frames of a live session cannot tell";
+                    let detail = "camera.lens_shift is not 0, which frames of a live session cannot notify";
                     return Err(malformed(&MessageError {
                         path: "camera.lens_shift".to_owned(),
                         reason: detail.to_owned(),
                     }));
                 }
-                let camera = camera.resolve().map_err(super::view::refused)?;
-                let unseen = self.session.view.look_through((&self.slot, echo), camera, now);
-                self.note(unseen);
+                let camera = camera.resolve().map_err(Problem::refused_intent)?;
+                let replaced = self.session.view.set_camera((&self.viewer, echo), camera, now);
+                self.note(replaced);
                 None
             }
         };
-        self.note(wished.as_ref().is_some_and(|wished| wished.unseen && wished.refused.is_none()));
-        Ok(wished)
+        self.note(outcome.as_ref().is_some_and(|outcome| outcome.replaced && outcome.refused.is_none()));
+        Ok(outcome)
     }
 
     /// Counts a pose that no picture showed.
-    fn note(&self, unseen: bool) {
-        if unseen {
-            self.server.metrics.live.pose_dropped();
+    fn note(&self, replaced: bool) {
+        if replaced {
+            self.parts.metrics.live.pose_dropped();
         }
     }
 
-    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<Wished, Problem> {
-        let config = &self.server.live.config;
+    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<Outcome, Problem> {
+        let config = &self.parts.live.config;
         let tracked = lock(&self.session.remote).report(report, (&config.sensor, &config.beacon), now)?;
         let (intents, tracking) = tracked;
         if let Some(tracking) = tracking {
             let _ = outbox.try_send(ServerMessage::Tracking(tracking).to_text());
         }
-        Ok(self.wish(Echo { seq: report.seq, t_ns: report.t_ns }, &intents, now))
+        Ok(self.apply_intents(Echo { seq: report.seq, t_ns: report.t_ns }, &intents, now))
     }
 
     fn settings(&self, settings: &Settings, now: Instant) -> Result<(), Problem> {
-        let entry = settings.volume.as_ref().map(|id| self.server.volumes.find(id)).transpose()?;
-        expect_annotations(&self.server, Some(settings))?;
-        self.session.view.settle(settings, entry, self.session.author.as_deref(), now)?;
+        let entry = settings.volume.as_ref().map(|id| self.parts.engine.volumes.find(id)).transpose()?;
+        expect_annotations(&self.parts, Some(settings))?;
+        self.session.view.configure(settings, entry, self.session.author.as_deref(), now)?;
         match settings.grab_mode {
             Some(grab_mode) => lock(&self.session.remote).set_grab_mode(grab_mode),
             None => Ok(()),
@@ -283,16 +281,16 @@ impl Connected {
     /// Sends what there is to send, until the connection ends.
     pub(super) async fn write(&self, writer: &mut Writer, mut messages: mpsc::Receiver<String>) -> End {
         let view = &self.session.view;
-        let (mut shots, mut failures) = (view.shots.subscribe(), view.failures.subscribe());
+        let (mut frames, mut failures) = (view.frames.subscribe(), view.failures.subscribe());
         let mut peers = view.peers.subscribe();
-        let mut edits = self.server.annotations.as_ref().map(|annotations| annotations.listen());
+        let mut edits = self.parts.annotations.as_ref().map(|annotations| annotations.listen());
         peers.mark_changed();
-        shots.mark_changed();
-        let mut ping = tokio::time::interval(self.server.live.config.ping);
+        frames.mark_changed();
+        let mut ping = tokio::time::interval(self.parts.live.config.ping);
         ping.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         let mut told = None;
         loop {
-            let has_room = self.slot.flow().has_room();
+            let has_capacity = self.viewer.flow().has_capacity();
             let sent = tokio::select! {
                 biased;
                 message = messages.recv() => match message {
@@ -311,15 +309,15 @@ impl Connected {
                 _ = failures.changed() => {
                     let failure = failures.borrow_and_update().clone();
                     match failure {
-                        Some(failure) => writer.send(text(&failure)).await,
+                        Some(failure) => writer.send(text(&failure_message(&failure))).await,
                         None => Ok(()),
                     }
                 }
-                () = self.slot.freed.notified(), if !has_room => Ok(()),
-                _ = shots.changed(), if has_room => {
-                    let shot = shots.borrow_and_update().clone();
-                    match shot {
-                        Some(shot) => match self.send_shot(writer, shot, &mut told).await {
+                () = self.viewer.freed.notified(), if !has_capacity => Ok(()),
+                _ = frames.changed(), if has_capacity => {
+                    let view_frame = frames.borrow_and_update().clone();
+                    match view_frame {
+                        Some(view_frame) => match self.send_frame(writer, view_frame, &mut told).await {
                             Ok(sent) => sent,
                             Err(problem) => {
                                 let _ = writer.send(text(&error(&problem, true))).await;
@@ -344,7 +342,7 @@ impl Connected {
                 placing::told(&published, &frame, self.session.author.as_deref())?
             }
             None => {
-                let seq = self.server.annotations.as_ref().map_or(0, |annotations| annotations.newest());
+                let seq = self.parts.annotations.as_ref().map_or(0, |annotations| annotations.newest());
                 AnnotationsMessage { seq, events: Vec::new(), more: true, next: None }
             }
         };
@@ -352,17 +350,17 @@ impl Connected {
     }
 
     /// Encodes a picture, or takes what is encoded, and hands it over, behind the state that it shows.
-    async fn send_shot(
+    async fn send_frame(
         &self,
         writer: &mut Writer,
-        shot: Arc<Shot>,
+        view_frame: Arc<ViewFrame>,
         told: &mut Option<Arc<str>>,
     ) -> Result<Result<(), axum::Error>, Problem> {
         let quality = {
-            let mut flow = self.slot.flow();
+            let mut flow = self.viewer.flow();
             flow.is_busy = true;
-            flow.taken = shot.number;
-            match (shot.is_still, shot.adapts) {
+            flow.taken = view_frame.number;
+            match (view_frame.is_still, view_frame.adapts) {
                 (true, _) => STILL_QUALITY,
                 (false, true) => flow.pace.level().1,
                 (false, false) => USUAL_QUALITY,
@@ -371,40 +369,46 @@ impl Connected {
         // There may be room for one more, which can be rendered while this one is encoded.
         self.session.view.work.notify_one();
         let colors = self.formats.color;
-        let format = if shot.is_still { colors.still } else { colors.moving };
-        let parts = shot.parts(&self.server, (format, quality), self.formats.depth).await;
+        let format = if view_frame.is_still { colors.still } else { colors.moving };
+        let parts = view_frame.parts(&self.parts.engine, (format, quality), self.formats.depth).await;
         let header = {
-            let mut flow = self.slot.flow();
+            let mut flow = self.viewer.flow();
             flow.is_busy = false;
             let now = Instant::now();
             match &parts {
                 Ok(parts) => FrameHeader {
-                    sequence: flow.pace.sent(now, shot.is_still),
-                    total_us: micros(now.saturating_duration_since(shot.arrived)),
+                    sequence: flow.pace.sent(now, view_frame.is_still),
+                    total_us: micros(now.saturating_duration_since(view_frame.arrived)),
                     encode_us: micros(parts.took()),
-                    ..shot.header(self.slot.id)
+                    ..view_frame.header(self.viewer.id)
                 },
-                Err(_) => shot.header(self.slot.id),
+                Err(_) => view_frame.header(self.viewer.id),
             }
         };
         let parts = parts?;
         let (color, depth) = parts.get().ok_or_else(|| Problem::internal("encoding", "nothing was made"))?;
         let frame = assemble(&header, color, depth);
-        let metrics = &self.server.metrics.live;
-        metrics.sent(shot.is_still, frame.len());
-        if !shot.is_still {
+        let metrics = &self.parts.metrics.live;
+        metrics.sent(view_frame.is_still, frame.len());
+        if !view_frame.is_still {
             metrics.overhead(f64::from(header.overhead_us()) / 1e3);
         }
-        if told.as_ref() != Some(&shot.state) {
-            *told = Some(Arc::clone(&shot.state));
-            if let Err(error) = writer.feed(text(&shot.state)).await {
+        if told.as_ref() != Some(&view_frame.state) {
+            *told = Some(Arc::clone(&view_frame.state));
+            if let Err(error) = writer.feed(text(&view_frame.state)).await {
                 return Ok(Err(error));
             }
         }
         // A connection that takes nothing keeps the bytes of its frame alone.
-        drop((parts, shot));
+        drop((parts, view_frame));
         Ok(writer.send(Message::Binary(frame.into())).await)
     }
+}
+
+/// The message about a frame that could not be rendered. The view has logged the cause.
+fn failure_message(failure: &LiveError) -> String {
+    let problem = Problem::from(failure).document();
+    ServerMessage::Error(ErrorMessage { problem, fatal: false }).to_text()
 }
 
 /// Whether an error says that a message was larger than allowed.

@@ -1,66 +1,53 @@
-//! Live sessions: views that move, and those who look at them, over WebSockets and without.
+//! Live sessions over HTTP: WebSocket connections, MJPEG streams, single frames and intents by POST.
 //!
-//! What it is: [`Live`], the views and sessions of a server, and the routes under `/v1/session`. A view is rendered by its `director`
-//! when somebody has room for a picture; each connection has a reader and a writer (`socket`). What it is not: the protocol, which
-//! is in `relief_live`. Names of views and tokens of sessions are keys: they appear in no log and no metric.
+//! What it is: [`Live`], the sessions of a server, and the routes under `/v1/session`. Each connection has a reader and a writer (see
+//! `connection`). What it is not: views and their rendering (see `relief_session`), the protocol (see `relief_live`). Names of views
+//! and tokens of sessions are keys: they appear in no log and no metric.
 
 mod connection;
-mod director;
-mod look;
-mod motion;
-mod order;
-mod pace;
 mod placing;
 mod plain;
-mod preview;
 mod remote;
 mod session;
-mod shot;
-mod slot;
 mod socket;
-mod view;
-mod wished;
 
-use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axum::http::StatusCode;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
-use self::look::Look;
-use self::motion::Patience;
 use self::session::Sessions;
-use self::view::{View, lock};
 use super::problem::Problem;
-use super::state::Server;
+use super::state::{LiveParts, Server};
+use relief_session::{Patience, Presentation, View, Views};
 use relief_tracking::{Beacon, Pinhole};
 
 pub(super) use plain::{intent, mjpeg, next_frame};
 pub(super) use socket::{connect, protocol};
 
-/// A view is kept so long beyond the sessions that may come back to it.
+/// How long a view outlives the last session that may come back to it.
 const LINGER_BEYOND: Duration = Duration::from_secs(5);
 
-/// How live sessions behave.
+/// The configuration of live sessions.
 #[derive(Clone, Debug)]
 pub struct LiveConfig {
-    /// Sessions and plain viewers at a time.
+    /// Most sessions and plain viewers at a time.
     pub sessions: usize,
     /// Longest wait for `hello`.
     pub hello_timeout: Duration,
-    /// From one ping to the next.
+    /// Interval of pings.
     pub ping: Duration,
-    /// A connection from which nothing has come for so long is let go.
+    /// A connection that sends nothing for this time is closed.
     pub silence: Duration,
-    /// How long a session may be resumed after its connection was lost.
+    /// How long a session can be resumed after its connection was lost.
     pub resume: Duration,
-    /// A view is still so long after its last change, or later where changes come slowly.
+    /// From the last change until a view counts as still; longer where changes arrive slowly.
     pub still_after: Duration,
-    /// The camera of Wiimotes whose reports are relayed.
+    /// The infrared camera of Wiimotes whose reports are relayed.
     pub sensor: Pinhole,
-    /// The beacon that they look at.
+    /// The beacon that they see.
     pub beacon: Beacon,
 }
 
@@ -79,12 +66,12 @@ impl Default for LiveConfig {
     }
 }
 
-/// The views and sessions of a server.
+/// The live sessions of a server.
 pub(super) struct Live {
     config: LiveConfig,
-    views: Mutex<HashMap<String, Arc<View>>>,
+    pub(super) views: Arc<Views>,
     sessions: Mutex<Sessions>,
-    /// Of connections and plain viewers.
+    /// Permits of connections and plain viewers.
     places: Arc<Semaphore>,
     closing: watch::Sender<bool>,
     ids: AtomicU64,
@@ -92,22 +79,19 @@ pub(super) struct Live {
 
 impl Live {
     pub(super) fn new(config: LiveConfig) -> Self {
-        let places = Arc::new(Semaphore::new(config.sessions));
+        let patience = Patience { still_after: config.still_after, linger: config.resume + LINGER_BEYOND };
+        // One view for each session, and one to which a session may come back.
         Self {
-            views: Mutex::default(),
+            views: Views::new(2 * config.sessions, patience),
             sessions: Mutex::new(Sessions::new(config.resume, 2 * config.sessions)),
-            places,
+            places: Arc::new(Semaphore::new(config.sessions)),
             closing: watch::Sender::new(false),
             ids: AtomicU64::new(1),
             config,
         }
     }
 
-    fn patience(&self) -> Patience {
-        Patience { still_after: self.config.still_after, linger: self.config.resume + LINGER_BEYOND }
-    }
-
-    /// A place for one more who looks.
+    /// A permit for one more viewer.
     fn place(&self) -> Result<OwnedSemaphorePermit, Problem> {
         if *self.closing.borrow() {
             return Err(Problem::unavailable("stopping", "the server stops"));
@@ -122,67 +106,18 @@ impl Live {
     fn next_id(&self) -> u64 {
         self.ids.fetch_add(1, Ordering::Relaxed)
     }
+}
 
-    /// The view of this name, kept for a while from now on.
-    fn find(&self, name: &str) -> Option<Arc<View>> {
-        let views = lock(&self.views);
-        let view = views.get(name)?;
-        view.touch(); // under the lock, under which views are removed
-        Some(Arc::clone(view))
-    }
-
-    /// The view of this name, or a new one with this look.
-    fn find_or_open(server: &Arc<Server>, name: &str, look: Look) -> Result<Arc<View>, Problem> {
-        let live = &server.live;
-        let mut views = lock(&live.views);
-        if let Some(view) = views.get(name) {
-            view.touch();
-            return Ok(Arc::clone(view));
-        }
-        // As many as can be looked at, and as many that somebody may come back to.
-        if views.len() >= 2 * live.config.sessions {
-            return Err(Problem::unavailable(
-                "views-full",
-                "there are as many views as allowed; try again soon",
-            ));
-        }
-        let view = Arc::new(View::new(name.to_owned(), look, Instant::now()));
-        views.insert(name.to_owned(), Arc::clone(&view));
-        drop(views);
-        tokio::spawn(director::direct(Arc::clone(server), Arc::clone(&view)));
-        Ok(view)
-    }
-
-    /// Removes a view at which nobody has looked for long; false where somebody came back to it.
-    fn remove_forgotten(&self, view: &Arc<View>) -> bool {
-        let mut views = lock(&self.views);
-        let is_forgotten = view.is_forgotten(Instant::now(), self.patience().linger);
-        if is_forgotten {
-            views.remove(&view.name);
-        }
-        is_forgotten
-    }
-
-    /// Annotations have changed: views that draw them look again.
-    pub(super) fn annotations_changed(&self) {
-        lock(&self.views).values().for_each(|view| view.work.notify_one());
-    }
-
-    /// A volume was removed: views of it end.
-    pub(super) fn volume_removed(&self) {
-        lock(&self.views).values().for_each(|view| view.work.notify_one());
-    }
-
-    fn remove(&self, view: &Arc<View>) {
-        let mut views = lock(&self.views);
-        if views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {
-            views.remove(&view.name);
-        }
+impl LiveParts {
+    /// The view of this name, or a new one with this presentation.
+    fn find_or_open(&self, name: &str, presentation: Presentation) -> Result<Arc<View>, Problem> {
+        let views = &self.live.views;
+        Ok(views.find_or_open(&self.engine, self.annotations.clone(), name, presentation)?)
     }
 }
 
 impl Server {
-    /// Closes all live sessions, and waits for them for so long. From now on none is taken.
+    /// Closes all live sessions and refuses new ones; waits until they have ended, at most `patience`.
     pub async fn close_sessions(&self, patience: Duration) {
         self.live.closing.send_replace(true);
         let all = u32::try_from(self.live.config.sessions).unwrap_or(u32::MAX);
@@ -190,7 +125,7 @@ impl Server {
     }
 }
 
-/// 128 bits that nobody can guess, in hexadecimal digits.
+/// 128 random bits in hexadecimal digits.
 fn random_name() -> Result<String, Problem> {
     let mut bytes = [0u8; 16];
     getrandom::fill(&mut bytes).map_err(|error| Problem::internal("drawing a random name", error))?;

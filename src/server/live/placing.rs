@@ -10,18 +10,16 @@ use std::time::Instant;
 
 use serde_json::Value;
 
-use super::view::{View, lock};
-use super::wished::{Carried, Ground, Happened};
-use crate::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of, snap_in};
+use crate::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of};
 use crate::problem::Problem;
-use crate::state::Server;
-use crate::volumes::Entry;
+use crate::state::LiveParts;
 use relief_annotation::{
     CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
     Shown, Snap, State, Versioned,
 };
 use relief_base::{Patient, Point, Vector};
 use relief_live::{AnnotationsMessage, NextLabel, ServerMessage};
+use relief_session::{EditContext, Effect, Engine, HeldPoint, View, VolumeEntry, lock};
 use relief_volume::{Camera, Projection};
 
 /// Why an item came to be where it is, in the log.
@@ -53,56 +51,56 @@ struct Moved {
     /// Which of its points.
     index: usize,
     /// From the cursor to the point.
-    off: Vector<Patient>,
-    /// The cursor and `off`: the point but for rounding.
+    offset: Vector<Patient>,
+    /// The cursor and `offset`: the point but for rounding.
     from: Point<Patient>,
     /// The era of the view in which it was taken hold of.
-    era: u64,
+    epoch: u64,
 }
 
 /// Does what happened in a view, in what it showed then, and says what is next.
 ///
 /// # Errors
 /// When no author is known, and whatever the store refuses.
-pub(super) async fn happen(
-    server: &Arc<Server>,
+pub(super) async fn apply_effect(
+    parts: &LiveParts,
     view: &View,
     hand: &Hand<'_>,
-    (happened, ground): (Happened, &Ground),
+    (effect, context): (Effect, &EditContext),
 ) -> Result<AnnotationsMessage, Problem> {
-    let annotations = of(server)?;
+    let annotations = of(parts.annotations.as_ref())?;
     let author = hand.author.ok_or_else(missing_author)?;
-    let Ground { entry, shown, era } = ground;
+    let EditContext { entry, shown, epoch } = context;
     let by = By { annotations, entry, shown, author };
-    match happened {
-        Happened::Taking { at, reach_mm } => {
-            lock(hand.task).began = Some(*era);
-            let moved = by.nearest((at, reach_mm), *era).await?;
-            let carried = moved.as_ref().map(|Moved { known, off, from, .. }| Carried {
+    match effect {
+        Effect::Take { at, reach_mm } => {
+            lock(hand.task).began = Some(*epoch);
+            let moved = by.nearest((at, reach_mm), *epoch).await?;
+            let held = moved.as_ref().map(|Moved { known, offset, from, .. }| HeldPoint {
                 name: known.item.name.clone(),
-                off: *off,
+                offset: *offset,
                 from: *from,
             });
             lock(hand.task).moved = moved;
-            view.carry(carried, *era, Instant::now());
-            return next(server, view, hand).await; // nothing has changed yet
+            view.hold(held, *epoch, Instant::now());
+            return next(parts, view, hand).await; // nothing has changed yet
         }
-        Happened::Cancelled => {
+        Effect::Cancel => {
             abandon(hand.task, view);
-            return next(server, view, hand).await;
+            return next(parts, view, hand).await;
         }
-        Happened::Placed { at, camera, method } => {
+        Effect::Place { at, camera, method } => {
             let began = lock(hand.task).began.take();
             let moved = let_go(hand.task, view);
-            let wanted = moved.as_ref().map_or(at, |moved| at + moved.off);
+            let wanted = moved.as_ref().map_or(at, |moved| at + moved.offset);
             // A hand that closed before the view came to show something else means nothing here, and a point that was taken
             // hold of and not moved stays where it is.
-            let is_stale = began.is_some_and(|began| began != *era);
+            let is_stale = began.is_some_and(|began| began != *epoch);
             if is_stale || moved.as_ref().is_some_and(|moved| moved.from == wanted) {
-                return next(server, view, hand).await;
+                return next(parts, view, hand).await;
             }
             let ray = (method == Method::Pick).then(|| wanted - camera.eye());
-            let (to, snapped_mm) = snapped(server, view.snap(), entry, (wanted, ray)).await?;
+            let (to, snapped_mm) = snapped(&parts.engine, view.snap(), entry, (wanted, ray)).await?;
             let (device, camera) = (Some(hand.device.clone()), Some(record(&camera)));
             let placement = Placement { method, device, camera, snapped_mm };
             match moved {
@@ -110,18 +108,18 @@ pub(super) async fn happen(
                 None => by.place(hand, to, placement).await?,
             }
         }
-        Happened::NextLabel => {
+        Effect::NextLabel => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
             let list = List::of(annotations, &snapshot, shown, author).await;
             let mut task = lock(hand.task);
             task.label = list.target(task.label).and_then(|target| list.following(target.item.id));
         }
-        Happened::Undo => {
+        Effect::Undo => {
             annotations.step(entry, author, REASON, Step::Undo).await?;
         }
     }
-    server.live.annotations_changed();
-    next(server, view, hand).await
+    parts.live.views.wake();
+    next(parts, view, hand).await
 }
 
 /// What the next `place` sets down.
@@ -129,12 +127,12 @@ pub(super) async fn happen(
 /// # Errors
 /// Whatever the store says.
 pub(super) async fn next(
-    server: &Server,
+    parts: &LiveParts,
     view: &View,
     hand: &Hand<'_>,
 ) -> Result<AnnotationsMessage, Problem> {
-    let annotations = of(server)?;
-    let Ground { entry, shown, era } = view.ground();
+    let annotations = of(parts.annotations.as_ref())?;
+    let EditContext { entry, shown, epoch } = view.context();
     let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
     let author = hand.author.unwrap_or_default();
     let list = List::of(annotations, &snapshot, &shown, author).await;
@@ -144,7 +142,7 @@ pub(super) async fn next(
         name: known.item.name.clone(),
         id: Some(known.item.id.to_string()),
     };
-    let moved = task.moved.filter(|moved| moved.era == era);
+    let moved = task.moved.filter(|moved| moved.epoch == epoch);
     let next = match (&moved, list.target(task.label)) {
         (Some(moved), _) => of(&moved.known),
         (None, Some(target)) => of(target),
@@ -155,13 +153,13 @@ pub(super) async fn next(
 
 /// Where something is set down in a view that snaps, and by how much it was moved; where nothing of the kind is near, it stays.
 async fn snapped(
-    server: &Arc<Server>,
+    engine: &Engine,
     wanted: Option<Snap>,
-    entry: &Arc<Entry>,
+    entry: &VolumeEntry,
     (at, ray): (Point<Patient>, Option<Vector<Patient>>),
 ) -> Result<(Point<Patient>, Option<[f64; 3]>), Problem> {
     let Some(wanted) = wanted else { return Ok((at, None)) };
-    let found = snap_in(server, entry, (at, ray), wanted).await?;
+    let found = engine.snap(entry, (at, ray), wanted).await?;
     Ok(found.map_or((at, None), |found| (found.at, Some(found.shift.xyz.to_array()))))
 }
 
@@ -178,7 +176,7 @@ fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
         task.moved.take()
     };
     if let Some(moved) = &moved {
-        view.carry(None, moved.era, Instant::now());
+        view.hold(None, moved.epoch, Instant::now());
     }
     moved
 }
@@ -186,7 +184,7 @@ fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
 /// Who changes what is drawn of a volume.
 struct By<'a> {
     annotations: &'a Annotations,
-    entry: &'a Entry,
+    entry: &'a VolumeEntry,
     shown: &'a Shown,
     author: &'a str,
 }
@@ -196,7 +194,7 @@ impl By<'_> {
     async fn nearest(
         &self,
         (at, reach_mm): (Point<Patient>, f64),
-        era: u64,
+        epoch: u64,
     ) -> Result<Option<Moved>, Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, Some(self.author));
@@ -210,8 +208,8 @@ impl By<'_> {
             for (index, point) in points.iter().enumerate() {
                 let distance = point.distance(at);
                 if distance <= nearest.as_ref().map_or(reach_mm, |(least, _)| *least) {
-                    let (known, off) = (Arc::clone(known), *point - at);
-                    nearest = Some((distance, Moved { known, index, off, from: at + off, era }));
+                    let (known, offset) = (Arc::clone(known), *point - at);
+                    nearest = Some((distance, Moved { known, index, offset, from: at + offset, epoch }));
                 }
             }
         }
@@ -328,7 +326,7 @@ impl<'a> List<'a> {
         let item = Item::new(&self.number(), author, geometry)
             .map_err(|error| Problem::internal("drawing a random id", error))?;
         let order =
-            self.items.iter().map(|known| known.item.order).max().map_or(0, |order| order.saturating_add(1));
+            self.items.iter().map(|known| known.item.order).max().map_or(0, |last| last.saturating_add(1));
         Ok(Change::Create { item: Box::new(Item { set: self.set.to_owned(), order, placement, ..item }) })
     }
 }
@@ -374,16 +372,4 @@ fn record(camera: &Camera) -> CameraRecord {
 /// What a session without a tracked device holds.
 pub(super) fn pointer() -> Device {
     Device { kind: "pointer".to_owned(), position_mm: None, orientation_xyzw: None }
-}
-
-/// How a cursor came to its place.
-pub(super) fn method_of(intent: &relief_live::Intent, is_slice: bool) -> Option<Method> {
-    match intent {
-        relief_live::Intent::Cursor { at_px: Some(_), .. } => {
-            Some(if is_slice { Method::Slice } else { Method::Pick })
-        }
-        relief_live::Intent::Cursor { point_mm: Some(_), .. } => Some(Method::Typed),
-        relief_live::Intent::Cursor { .. } => Some(Method::Tip),
-        _ => None,
-    }
 }

@@ -14,24 +14,18 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
-use super::placing::{Hand, happen, pointer};
-use super::preview;
-use super::shot::Shot;
-use super::slot::Slot;
-use super::view::View;
-use super::wished::Wished;
-use super::{Live, Look, no_such_view};
+use super::no_such_view;
+use super::placing::{Hand, apply_effect, pointer};
 use crate::annotations::author_of;
-use crate::blocking::on_blocking_thread;
 use crate::guard::{expect_content_type, read_body};
 use crate::negotiate::negotiate;
 use crate::problem::Problem;
-use crate::state::Server;
+use crate::state::{Config, LiveParts, Started};
 use relief_display::encode_png;
 use relief_live::{
     ColorFormat, DepthFormat, Intent, MAX_TEXT_BYTES, PlacePhase, Role, Settings, check_view_name,
 };
-use relief_session::FileFormat;
+use relief_session::{FileFormat, LiveError, Outcome, Presentation, View, ViewFrame, Viewer, search_preview};
 
 static RELIEF_FRAME: HeaderName = HeaderName::from_static("relief-frame");
 const BOUNDARY: &str = "relief-frame-boundary";
@@ -40,79 +34,78 @@ const JPEG_QUALITY: u8 = 90;
 const USUAL_WAIT_MS: u64 = 10_000;
 const LONGEST_WAIT_MS: u64 = 30_000;
 
-/// Somebody who looks without acknowledging, until dropped.
-struct Viewer {
-    server: Arc<Server>,
+/// A viewer without acknowledgements; it leaves the view when dropped.
+struct PlainViewer {
+    parts: LiveParts,
     view: Arc<View>,
-    slot: Arc<Slot>,
-    shots: watch::Receiver<Option<Arc<Shot>>>,
+    viewer: Arc<Viewer>,
+    frames: watch::Receiver<Option<Arc<ViewFrame>>>,
     _place: OwnedSemaphorePermit,
 }
 
-impl Viewer {
-    fn new(server: Arc<Server>, name: &str) -> Result<Self, Problem> {
+impl PlainViewer {
+    fn new(parts: LiveParts, name: &str) -> Result<Self, Problem> {
         check_name(name)?;
-        let place = server.live.place()?;
-        let view = server.live.find(name).ok_or_else(no_such_view)?;
-        let slot = Slot::new(server.live.next_id(), Role::Watcher, true, Instant::now());
-        let mut shots = view.shots.subscribe();
-        shots.mark_changed();
-        view.join(&slot);
-        Ok(Self { server, view, slot, shots, _place: place })
+        let place = parts.live.place()?;
+        let view = parts.live.views.find(name).ok_or_else(no_such_view)?;
+        let viewer = Viewer::new(parts.live.next_id(), Role::Watcher, true, Instant::now());
+        let mut frames = view.frames.subscribe();
+        frames.mark_changed();
+        view.join(&viewer);
+        Ok(Self { parts, view, viewer, frames, _place: place })
     }
 
     /// The next picture; `None` when there will be none.
-    async fn next(&mut self) -> Option<Arc<Shot>> {
-        let mut closing = self.server.live.closing.subscribe();
+    async fn next(&mut self) -> Option<Arc<ViewFrame>> {
+        let mut closing = self.parts.live.closing.subscribe();
         let mut ended = self.view.ended.subscribe();
         loop {
             tokio::select! {
                 _ = closing.wait_for(|closing| *closing) => return None,
                 _ = ended.wait_for(|ended| *ended) => return None,
-                changed = self.shots.changed() => changed.ok()?,
+                changed = self.frames.changed() => changed.ok()?,
             }
-            let shot = self.shots.borrow_and_update().clone();
-            if let Some(shot) = shot {
-                self.slot.flow().taken = shot.number;
+            let view_frame = self.frames.borrow_and_update().clone();
+            if let Some(view_frame) = view_frame {
+                self.viewer.flow().taken = view_frame.number;
                 self.view.work.notify_one();
-                return Some(shot);
+                return Some(view_frame);
             }
         }
     }
 
-    async fn jpeg(&self, shot: &Arc<Shot>) -> Result<Bytes, Problem> {
-        let parts = shot.parts(&self.server, (ColorFormat::Jpeg, JPEG_QUALITY), DepthFormat::None).await?;
+    async fn jpeg(&self, view_frame: &Arc<ViewFrame>) -> Result<Bytes, Problem> {
+        let parts = view_frame
+            .parts(&self.parts.engine, (ColorFormat::Jpeg, JPEG_QUALITY), DepthFormat::None)
+            .await?;
         let (color, _) = parts.get().ok_or_else(|| Problem::internal("encoding", "nothing was made"))?;
-        self.server.metrics.live.sent(shot.is_still, color.bytes.len());
+        self.parts.metrics.live.sent(view_frame.is_still, color.bytes.len());
         Ok(color.bytes.clone().into())
     }
 
-    async fn png(&self, shot: &Arc<Shot>) -> Result<Bytes, Problem> {
-        let place = Arc::clone(&self.server.encoders).acquire_owned().await;
-        let place = place.map_err(|closed| Problem::internal("encoding", closed))?;
-        let still = shot.is_still;
-        let shot = Arc::clone(shot);
-        let encoded = on_blocking_thread(place, "encoding", move || {
-            encode_png(&shot.composed()?).map_err(|error| Problem::internal("encoding", error))
-        });
-        let png = encoded.await??;
-        self.server.metrics.live.sent(still, png.len());
+    async fn png(&self, view_frame: &Arc<ViewFrame>) -> Result<Bytes, Problem> {
+        let still = view_frame.is_still;
+        let view_frame = Arc::clone(view_frame);
+        let job = move || Ok::<_, LiveError>(encode_png(&view_frame.composed()?));
+        let encoded = self.parts.engine.blocking("encoding", job).await??;
+        let png = encoded.map_err(|error| Problem::internal("encoding", error))?;
+        self.parts.metrics.live.sent(still, png.len());
         Ok(png.into())
     }
 }
 
-impl Drop for Viewer {
+impl Drop for PlainViewer {
     fn drop(&mut self) {
-        self.view.leave(&self.slot);
+        self.view.leave(&self.viewer);
     }
 }
 
 /// `GET /v1/session/{view}/mjpeg`.
 pub(crate) async fn mjpeg(
-    State(server): State<Arc<Server>>,
+    State(parts): State<LiveParts>,
     Path(name): Path<String>,
 ) -> Result<Response, Problem> {
-    let viewer = Viewer::new(server, &name)?;
+    let viewer = PlainViewer::new(parts, &name)?;
     // A browser shows a picture when the next boundary comes: it comes right behind.
     let part = |jpeg: &Bytes| {
         let head = format!("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len());
@@ -124,8 +117,8 @@ pub(crate) async fn mjpeg(
         if let Some(start) = start {
             return Some((Ok::<_, Infallible>(start), (viewer, None)));
         }
-        let shot = viewer.next().await?;
-        let jpeg = viewer.jpeg(&shot).await.ok()?;
+        let view_frame = viewer.next().await?;
+        let jpeg = viewer.jpeg(&view_frame).await.ok()?;
         Some((Ok(part(&jpeg)), (viewer, None)))
     });
     let kind = format!("multipart/x-mixed-replace; boundary={BOUNDARY}");
@@ -149,7 +142,7 @@ impl Default for FrameQuery {
 
 /// `GET /v1/session/{view}/frame`.
 pub(crate) async fn next_frame(
-    State(server): State<Arc<Server>>,
+    State(parts): State<LiveParts>,
     Path(name): Path<String>,
     uri: Uri,
     headers: HeaderMap,
@@ -162,14 +155,14 @@ pub(crate) async fn next_frame(
         );
     }
     let media = negotiate(&headers, &[FileFormat::Png, FileFormat::Jpeg])?;
-    let mut viewer = Viewer::new(server, &name)?;
+    let mut viewer = PlainViewer::new(parts, &name)?;
     let mut newest = None;
     let waiting = async {
-        while let Some(shot) = viewer.next().await {
-            let is_new = shot.number > after && shot.revision == viewer.view.revision();
+        while let Some(view_frame) = viewer.next().await {
+            let is_new = view_frame.number > after && view_frame.revision == viewer.view.revision();
             // A frame for a display is worth the wait for the best one.
-            let is_good = media == FileFormat::Jpeg || shot.is_still;
-            newest = Some(shot).filter(|_| is_new).or_else(|| newest.take());
+            let is_good = media == FileFormat::Jpeg || view_frame.is_still;
+            newest = Some(view_frame).filter(|_| is_new).or_else(|| newest.take());
             if is_new && is_good {
                 return;
             }
@@ -178,12 +171,14 @@ pub(crate) async fn next_frame(
     let _ = tokio::time::timeout(Duration::from_millis(wait_ms), waiting).await;
     let no_store = (header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     let vary = (header::VARY, HeaderValue::from_static("Accept"));
-    let Some(shot) = newest else { return Ok((StatusCode::NO_CONTENT, [no_store, vary]).into_response()) };
-    let bytes = match media {
-        FileFormat::Jpeg => viewer.jpeg(&shot).await?,
-        _ => viewer.png(&shot).await?,
+    let Some(view_frame) = newest else {
+        return Ok((StatusCode::NO_CONTENT, [no_store, vary]).into_response());
     };
-    let number = (RELIEF_FRAME.clone(), HeaderValue::from(shot.number));
+    let bytes = match media {
+        FileFormat::Jpeg => viewer.jpeg(&view_frame).await?,
+        _ => viewer.png(&view_frame).await?,
+    };
+    let number = (RELIEF_FRAME.clone(), HeaderValue::from(view_frame.number));
     let kind = (header::CONTENT_TYPE, HeaderValue::from_static(media.media_type()));
     Ok(([no_store, vary, number, kind], bytes).into_response())
 }
@@ -197,7 +192,9 @@ struct IntentQuery {
 
 /// `POST /v1/session/{view}/intent`.
 pub(crate) async fn intent(
-    State(server): State<Arc<Server>>,
+    State(parts): State<LiveParts>,
+    State(config): State<Arc<Config>>,
+    State(Started(started)): State<Started>,
     Path(name): Path<String>,
     uri: Uri,
     headers: HeaderMap,
@@ -206,7 +203,7 @@ pub(crate) async fn intent(
     check_name(&name)?;
     let IntentQuery { volume } = query(&uri)?;
     expect_content_type(&headers, "application/json")?;
-    let body = read_body(body, MAX_TEXT_BYTES, server.config.body_timeout).await?;
+    let body = read_body(body, MAX_TEXT_BYTES, config.body_timeout).await?;
     let intent = Intent::from_json(&body).map_err(|error| {
         Problem::new(StatusCode::BAD_REQUEST, "malformed-intent", error).with("path", "intent")
     })?;
@@ -216,30 +213,30 @@ pub(crate) async fn intent(
         other => other,
     };
     let now = Instant::now();
-    let entry = volume.map(|id| server.volumes.find(&id)).transpose()?;
-    let view = if let Some(view) = server.live.find(&name) {
+    let entry = volume.map(|id| parts.engine.volumes.find(&id)).transpose()?;
+    let view = if let Some(view) = parts.live.views.find(&name) {
         if entry.is_some() {
-            view.settle(&Settings::default(), entry, None, now)?;
+            view.configure(&Settings::default(), entry, None, now)?;
         }
         view
     } else {
-        let entry = entry.map_or_else(|| server.volumes.first(), Ok)?;
-        Live::find_or_open(&server, &name, Look::new(entry, &Settings::default(), None)?)?
+        let entry = entry.map_or_else(|| parts.engine.volumes.first(), Ok)?;
+        parts.find_or_open(&name, Presentation::new(entry, &Settings::default(), None)?)?
     };
     // Times tell which changes are taken back together.
-    let t_ns = u64::try_from(server.started.elapsed().as_nanos()).unwrap_or(u64::MAX);
-    let Wished { happened, ground, refused, .. } = view.wish(None, &[intent], t_ns, now);
-    if let Some(problem) = refused {
-        return Err(problem); // the only one there was
+    let t_ns = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    let Outcome { effects, context, refused, .. } = view.apply_intents(None, &[intent], t_ns, now);
+    if let Some(error) = refused {
+        return Err(error.into());
     }
-    preview::search(&server, &view);
+    search_preview(&parts.engine, &view);
     let mut answer = json!({ "state": view.record(), "volume": view.entry().id });
-    if !happened.is_empty() {
+    if !effects.is_empty() {
         let author = author_of(&headers)?;
         let task = std::sync::Mutex::default();
         let hand = Hand { author: author.as_deref(), task: &task, device: pointer() };
-        for happened in happened {
-            answer["next"] = json!(happen(&server, &view, &hand, (happened, &ground)).await?.next);
+        for effect in effects {
+            answer["next"] = json!(apply_effect(&parts, &view, &hand, (effect, &context)).await?.next);
         }
     }
     Ok(Json(answer))

@@ -36,7 +36,7 @@ impl Remote {
 
     pub(super) fn set_grab_mode(&mut self, grab_mode: GrabMode) -> Result<(), Problem> {
         self.options.grab_mode = grab_mode;
-        self.gestures.configure(self.options.clone()).map_err(super::view::refused)
+        self.gestures.configure(self.options.clone()).map_err(Problem::refused_intent)
     }
 
     /// What a pose and its buttons mean; of one that came late the buttons alone.
@@ -50,7 +50,7 @@ impl Remote {
         is_newest: bool,
     ) -> Result<Vec<Intent>, Problem> {
         let hand = pose.pose.map(|(position, orientation)| HandPose::new(position, orientation));
-        let hand = hand.transpose().map_err(super::view::refused)?;
+        let hand = hand.transpose().map_err(Problem::refused_intent)?;
         self.last = hand.filter(|_| is_newest).or(self.last);
         let mut intents = self.gestures.hold(t_ns, buttons(&pose.buttons));
         if is_newest {

@@ -8,8 +8,8 @@ use tokio::sync::watch;
 
 use super::placing::Task;
 use super::remote::Remote;
-use super::view::{View, lock};
 use relief_live::Role;
+use relief_session::{View, lock};
 
 /// Whoever knows the token may go on with it.
 pub(super) struct Session {

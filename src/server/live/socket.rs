@@ -16,20 +16,19 @@ use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{OwnedSemaphorePermit, mpsc};
 
 use super::connection::Connected;
-use super::look::Look;
+use super::random_name;
 use super::remote::Remote;
 use super::session::Session;
-use super::slot::Slot;
-use super::view::lock;
-use super::{Live, random_name};
 use crate::annotations;
 use crate::guard::is_cross_site;
+use crate::metrics::Metrics;
 use crate::problem::Problem;
-use crate::state::Server;
+use crate::state::LiveParts;
 use relief_live::{
     ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, PROTOCOL, Role, SUBPROTOCOL, ServerMessage,
     Settings,
 };
+use relief_session::{Presentation, Viewer, lock};
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
@@ -56,7 +55,7 @@ pub(crate) async fn protocol() -> impl IntoResponse {
 
 /// `GET /v1/session`.
 pub(crate) async fn connect(
-    State(server): State<Arc<Server>>,
+    State(parts): State<LiveParts>,
     headers: HeaderMap,
     uri: Uri,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
@@ -74,39 +73,40 @@ pub(crate) async fn connect(
         let detail = format!("Sec-WebSocket-Protocol does not name {SUBPROTOCOL}");
         return Err(Problem::new(StatusCode::BAD_REQUEST, "unknown-subprotocol", detail));
     }
-    let place = server.live.place()?;
+    let place = parts.live.place()?;
     let upgrade = upgrade
         .max_message_size(2 * MAX_TEXT_BYTES)
         .max_frame_size(2 * MAX_TEXT_BYTES)
         .read_buffer_size(16 << 10)
         .write_buffer_size(0)
         .max_write_buffer_size(SOCKET_BUFFER);
-    Ok(upgrade.on_upgrade(move |socket| run(server, socket, place)))
+    Ok(upgrade.on_upgrade(move |socket| run(parts, socket, place)))
 }
 
 /// Counts a session while it is connected.
-struct Counted<'a>(&'a Server);
+struct Counted<'a>(&'a Metrics);
 
 impl<'a> Counted<'a> {
-    fn new(server: &'a Server) -> Self {
-        server.metrics.live.sessions.fetch_add(1, Ordering::Relaxed);
-        Self(server)
+    fn new(metrics: &'a Metrics) -> Self {
+        metrics.live.sessions.fetch_add(1, Ordering::Relaxed);
+        Self(metrics)
     }
 }
 
 impl Drop for Counted<'_> {
     fn drop(&mut self) {
-        self.0.metrics.live.sessions.fetch_sub(1, Ordering::Relaxed);
+        self.0.live.sessions.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
 /// A whole connection.
-async fn run(server: Arc<Server>, mut socket: WebSocket, place: OwnedSemaphorePermit) {
+async fn run(parts: LiveParts, mut socket: WebSocket, place: OwnedSemaphorePermit) {
     let _place = place;
-    let _counted = Counted::new(&server);
-    let mut closing = server.live.closing.subscribe();
+    let metrics = Arc::clone(&parts.metrics);
+    let _counted = Counted::new(&metrics);
+    let mut closing = parts.live.closing.subscribe();
     let waited = tokio::select! {
-        hello = tokio::time::timeout(server.live.config.hello_timeout, first_message(&mut socket)) => Some(hello),
+        hello = tokio::time::timeout(parts.live.config.hello_timeout, first_message(&mut socket)) => Some(hello),
         () = async { drop(closing.wait_for(|closing| *closing).await) } => None,
     };
     let Some(hello) = waited else {
@@ -116,7 +116,7 @@ async fn run(server: Arc<Server>, mut socket: WebSocket, place: OwnedSemaphorePe
         Err(_) => return farewell(&mut socket, Some((POLICY, "no hello in time"))).await,
         Ok(None) => return,
         Ok(Some(Err(problem))) => Err(problem),
-        Ok(Some(Ok(hello))) => open(&server, &hello),
+        Ok(Some(Ok(hello))) => open(&parts, &hello),
     };
     let (session, number, formats, resumed) = match opened {
         Ok(opened) => opened,
@@ -125,9 +125,9 @@ async fn run(server: Arc<Server>, mut socket: WebSocket, place: OwnedSemaphorePe
             return farewell(&mut socket, Some((POLICY, "hello refused"))).await;
         }
     };
-    let slot = Slot::new(server.live.next_id(), session.role, false, Instant::now());
-    session.view.join(&slot);
-    let connected = Connected { server: Arc::clone(&server), session, slot, formats, number };
+    let viewer = Viewer::new(parts.live.next_id(), session.role, false, Instant::now());
+    session.view.join(&viewer);
+    let connected = Connected { parts: parts.clone(), session, viewer, formats, number };
     let (mut writer, mut reader) = socket.split();
     let (outbox, messages) = mpsc::channel(OUTBOX);
     let _ = outbox.try_send(connected.welcome(resumed));
@@ -172,53 +172,53 @@ pub(super) fn malformed(error: &relief_live::MessageError) -> Problem {
 }
 
 /// The session of a hello, the number of its connection, the formats agreed on, and whether it was resumed.
-fn open(server: &Arc<Server>, hello: &Hello) -> Result<(Arc<Session>, u64, Formats, bool), Problem> {
+fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats, bool), Problem> {
     let now = Instant::now();
     let formats = hello.accept.negotiate().map_err(|error| {
         let path = format!("accept.{}", error.what);
         Problem::new(StatusCode::NOT_ACCEPTABLE, "no-common-format", &error).with("path", path)
     })?;
     if let Some(token) = &hello.resume
-        && let Some((session, connection)) = lock(&server.live.sessions).resume(token, now)
+        && let Some((session, connection)) = lock(&parts.live.sessions).resume(token, now)
     {
         session.view.touch();
         return Ok((session, connection, formats, true));
     }
     // A token that nobody knows any more, since the server was started anew, begins a new session.
     let entry = match &hello.volume {
-        Some(id) => Some(server.volumes.find(id)?),
+        Some(id) => Some(parts.engine.volumes.find(id)?),
         None => None,
     };
     let author = hello.author.as_deref();
-    expect_annotations(server, hello.settings.as_ref())?;
+    expect_annotations(parts, hello.settings.as_ref())?;
     let mut settings = hello.settings.clone().unwrap_or_default();
     settings.size_px = settings.size_px.or(hello.size_px);
-    let known = hello.view.as_ref().and_then(|name| server.live.find(name));
+    let known = hello.view.as_ref().and_then(|name| parts.live.views.find(name));
     let view = if let Some(view) = known {
         if hello.role == Role::Presenter && (settings != Settings::default() || entry.is_some()) {
-            view.settle(&settings, entry, author, now)?;
+            view.configure(&settings, entry, author, now)?;
         }
         view
     } else {
-        let entry = entry.map_or_else(|| server.volumes.first(), Ok)?;
-        let look = Look::new(entry, &settings, author)?;
+        let entry = entry.map_or_else(|| parts.engine.volumes.first(), Ok)?;
+        let presentation = Presentation::new(entry, &settings, author)?;
         let name = hello.view.clone().map_or_else(random_name, Ok)?;
-        Live::find_or_open(server, &name, look)?
+        parts.find_or_open(&name, presentation)?
     };
     let mut remote = Remote::new()?;
     if let Some(grab_mode) = settings.grab_mode {
         remote.set_grab_mode(grab_mode)?;
     }
     let session = Session::new(random_name()?, view, (hello.role, hello.author.clone()), remote);
-    lock(&server.live.sessions).add(&session, now);
+    lock(&parts.live.sessions).add(&session, now);
     Ok((session, 1, formats, false))
 }
 
 /// Refuses to draw annotations where there are none.
-pub(super) fn expect_annotations(server: &Server, settings: Option<&Settings>) -> Result<(), Problem> {
+pub(super) fn expect_annotations(parts: &LiveParts, settings: Option<&Settings>) -> Result<(), Problem> {
     let shown = settings.and_then(|settings| settings.annotations.as_ref());
     match shown.filter(|shown| !shown.is_nothing()) {
-        Some(_) => annotations::of(server).map(drop),
+        Some(_) => annotations::of(parts.annotations.as_ref()).map(drop),
         None => Ok(()),
     }
 }

@@ -1,36 +1,38 @@
-//! When a moving view is still, what is waited for, and when a picture that failed is tried again.
+//! When a moving view counts as still, how long to wait for the next change, and when to retry a failed frame.
 //!
-//! What it is: arithmetic on times that come in. What it is not: a clock, or a view.
+//! What it is: arithmetic on times that the caller passes. What it is not: a clock, or a view.
 
 use std::time::{Duration, Instant};
 
-/// A change that comes after so long follows no other.
+/// A change after a longer gap starts a new motion.
 const STANDS_ALONE: Duration = Duration::from_millis(250);
-/// A view is still after so long, however slowly changes come.
+/// Longest time after the last change until a view counts as still.
 const LONGEST_STILL: Duration = Duration::from_millis(150);
-/// A change that is due within so long is waited for, and shown with what was before it.
+/// The render loop waits for a change that is due within this time.
 const NEARLY_DUE: Duration = Duration::from_millis(6);
-/// Nothing is waited for longer than this.
+/// Longest wait for a change.
 const LONGEST_HOLD: Duration = Duration::from_millis(30);
-/// Best pictures that take longer have a quick one before them in any case.
+/// A quick frame precedes every full-quality frame that takes longer than this.
 const QUICK_STILL: Duration = Duration::from_millis(500);
-/// What failed is tried again after so long, and after twice as long each time, up to the longest.
+/// First delay before a retry. It doubles with each failure, up to `LONGEST_RETRY`.
 const FIRST_RETRY: Duration = Duration::from_millis(250);
 const LONGEST_RETRY: Duration = Duration::from_secs(30);
 
-/// How long after the last change a view is still, and how long it is kept while nobody looks.
+/// Delays of a view.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Patience {
-    pub(super) still_after: Duration,
-    pub(super) linger: Duration,
+pub struct Patience {
+    /// From the last change until the view counts as still.
+    pub still_after: Duration,
+    /// From the leave of the last viewer until the view is removed.
+    pub linger: Duration,
 }
 
 /// The changes of a view.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
-    /// Arrival of the newest one.
+    /// When the newest change arrived.
     pub(super) arrived: Instant,
-    /// Mean time between those that follow one another; 0 for one that stands alone.
+    /// Mean interval between changes; 0 for a single change.
     rhythm: Duration,
 }
 
@@ -45,14 +47,14 @@ impl Motion {
         self.arrived = now;
     }
 
-    /// From when on a view is still that is so after this long, or later where changes come slowly: a hand that is heard slowly is
-    /// not still between two messages.
+    /// When the view counts as still: `after` the last change, or later where changes arrive slowly, so that a view does not count
+    /// as still between two messages of a moving hand.
     pub(super) fn still_at(&self, after: Duration) -> Instant {
         self.arrived + after.max(self.rhythm * 5 / 2).min(LONGEST_STILL.max(after))
     }
 
-    /// Whether the motion may be about to end: the next change is due, and if none comes, the view is still soon. A quick picture would
-    /// show what is replaced at once, or hold up the best one, which took `still_took`.
+    /// Whether to wait instead of rendering a quick frame: the next change is due, and without it the view is still soon. A quick frame
+    /// would be replaced at once, or would delay the full-quality frame, which takes `still_took`.
     pub(super) fn comes_to_rest(
         &self,
         now: Instant,
@@ -65,26 +67,26 @@ impl Motion {
     }
 }
 
-/// A picture that could not be made.
+/// A frame that could not be rendered.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Failure {
     pub(super) revision: u64,
-    /// How often.
+    /// Number of failures of this revision.
     pub(super) times: u32,
-    /// When it is tried again; never where that is of no use.
+    /// Time of the next try; `None` for an invalid request.
     pub(super) again: Option<Instant>,
 }
 
 impl Failure {
-    /// A failure now, after another one; what passes by itself is tried again.
-    pub(super) fn new(before: Option<Self>, revision: u64, is_passing: bool, now: Instant) -> Self {
+    /// A failure now, after an earlier one. Only temporary failures are retried.
+    pub(super) fn new(before: Option<Self>, revision: u64, is_temporary: bool, now: Instant) -> Self {
         let before = before.filter(|known| known.revision == revision).map_or(0, |known| known.times);
         let wait = FIRST_RETRY.saturating_mul(1 << before.min(10)).min(LONGEST_RETRY);
-        Self { revision, times: before + 1, again: is_passing.then(|| now + wait) }
+        Self { revision, times: before + 1, again: is_temporary.then(|| now + wait) }
     }
 
-    /// Whether a picture of this revision is not to be tried now.
-    pub(super) fn holds(&self, revision: u64, now: Instant) -> bool {
+    /// Whether rendering this revision has to wait.
+    pub(super) fn blocks(&self, revision: u64, now: Instant) -> bool {
         self.revision == revision && self.again.is_none_or(|again| now < again)
     }
 }
@@ -140,11 +142,11 @@ mod tests {
         for _ in 0..12 {
             let new = Failure::new(failure, 7, true, now);
             waits.push((new.again.unwrap() - now).as_millis());
-            assert!(new.holds(7, now) && !new.holds(7, new.again.unwrap()) && !new.holds(8, now));
+            assert!(new.blocks(7, now) && !new.blocks(7, new.again.unwrap()) && !new.blocks(8, now));
             failure = Some(new);
         }
         assert_eq!(waits, [250, 500, 1000, 2000, 4000, 8000, 16000, 30000, 30000, 30000, 30000, 30000]);
         assert_eq!(Failure::new(failure, 8, true, now).times, 1, "another revision");
-        assert!(Failure::new(None, 7, false, now).holds(7, now + ms(1_000_000)));
+        assert!(Failure::new(None, 7, false, now).blocks(7, now + ms(1_000_000)));
     }
 }

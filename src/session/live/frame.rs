@@ -1,13 +1,12 @@
-//! A rendered picture of a view, and its encodings: made when the first client asks for one, and shared by all.
+//! A rendered frame of a view and its encodings. The first client that needs an encoding has it made; all share it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::OnceCell;
 
-use crate::blocking::on_blocking_thread;
-use crate::problem::Problem;
-use crate::state::Server;
+use super::LiveError;
+use crate::engine::Engine;
 use relief_base::{DepthLimits, ViewDepth};
 use relief_display::{DisplaySettings, Frame, Picture};
 use relief_live::{
@@ -16,75 +15,87 @@ use relief_live::{
 };
 use relief_render::RenderedFrame;
 
-/// The newest message of a connection that a picture shows.
+/// The newest message of a viewer that a frame shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Echo {
-    pub(super) seq: u64,
-    pub(super) t_ns: u64,
+pub struct Echo {
+    /// Sequence number of the message.
+    pub seq: u64,
+    /// Time of the message on the clock of the client, ns.
+    pub t_ns: u64,
 }
 
-/// Something encoded, and how long that took.
+/// An encoding and the time that it took.
+#[derive(Debug)]
 struct Encoded<T> {
     value: T,
     took: Duration,
 }
 
-/// Encodings by their format, each made once.
-type Made<K, T> = Mutex<Vec<(K, Arc<OnceCell<Encoded<T>>>)>>;
+/// Encodings by format, each made once.
+type Cells<K, T> = Mutex<Vec<(K, Arc<OnceCell<Encoded<T>>>)>>;
 
-/// What was encoded of a picture.
-#[derive(Default)]
+/// The encodings of a frame.
+#[derive(Debug, Default)]
 pub(super) struct Encodings {
-    colors: Made<(ColorFormat, u8), EncodedColor>,
-    depths: Made<DepthFormat, EncodedDepth>,
+    colors: Cells<(ColorFormat, u8), EncodedColor>,
+    depths: Cells<DepthFormat, EncodedDepth>,
 }
 
-/// See the module.
-pub(super) struct Shot {
-    /// Number of the picture in its view, from 1.
-    pub(super) number: u64,
-    pub(super) frame: Arc<RenderedFrame>,
-    pub(super) display: DisplaySettings,
-    /// Width and height that the picture stands for.
-    pub(super) full_px: [u32; 2],
-    /// Revision of the view that it shows.
-    pub(super) revision: u64,
-    /// Whether it is the best there is of that.
-    pub(super) is_still: bool,
-    /// Whether the quality of JPEG follows the connection.
-    pub(super) adapts: bool,
-    /// Arrival of the newest change that it shows.
-    pub(super) arrived: Instant,
-    pub(super) rendering: Duration,
-    pub(super) waiting: Duration,
-    /// The newest message of each connection that it shows.
-    pub(super) shows: Vec<(u64, Echo)>,
-    /// The view as told to clients.
-    pub(super) state: Arc<str>,
-    pub(super) limits: DepthLimits,
+/// A rendered frame of a view.
+pub struct ViewFrame {
+    /// Number of the frame in its view, from 1.
+    pub number: u64,
+    /// Colour and view depth.
+    pub frame: Arc<RenderedFrame>,
+    /// Settings of the display.
+    pub display: DisplaySettings,
+    /// Full width and height of the view; the frame may be smaller.
+    pub full_px: [u32; 2],
+    /// Revision of the view.
+    pub revision: u64,
+    /// Whether it has full quality, rendered at rest.
+    pub is_still: bool,
+    /// Whether the JPEG quality follows the connection.
+    pub adapts: bool,
+    /// When the newest change that it shows arrived.
+    pub arrived: Instant,
+    /// Time of rendering.
+    pub rendering: Duration,
+    /// Time of waiting for the renderer or for a viewer.
+    pub waiting: Duration,
+    /// The newest message of each viewer that it shows.
+    pub shows: Vec<(u64, Echo)>,
+    /// The state message for clients.
+    pub state: Arc<str>,
+    /// View depths of Z = 0 and Z = 1.
+    pub limits: DepthLimits,
     pub(super) encodings: Encodings,
 }
 
-/// A frame's two parts for one client.
-pub(super) struct Parts {
+/// The encoded colour and depth of a frame.
+#[derive(Debug)]
+pub struct EncodedParts {
     color: Arc<OnceCell<Encoded<EncodedColor>>>,
     depth: Arc<OnceCell<Encoded<EncodedDepth>>>,
 }
 
-impl Parts {
-    pub(super) fn get(&self) -> Option<(&EncodedColor, &EncodedDepth)> {
+impl EncodedParts {
+    /// Colour and depth.
+    #[must_use]
+    pub fn get(&self) -> Option<(&EncodedColor, &EncodedDepth)> {
         Some((&self.color.get()?.value, &self.depth.get()?.value))
     }
 
-    /// How long encoding took, colour and depth side by side.
-    pub(super) fn took(&self) -> Duration {
+    /// How long encoding took; colour and depth are encoded in parallel.
+    #[must_use]
+    pub fn took(&self) -> Duration {
         let took = [self.color.get().map(|made| made.took), self.depth.get().map(|made| made.took)];
         took.into_iter().flatten().max().unwrap_or_default()
     }
 }
 
-impl Shot {
-    /// View depth of a picture at a place of its full size.
+impl ViewFrame {
+    /// View depth at a pixel of the full size.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -101,10 +112,11 @@ impl Shot {
         self.frame.depth_at([place(0).min(last[0]), place(1).min(last[1])])
     }
 
-    /// The header of this picture, for a connection; formats and lengths come with the parts.
-    pub(super) fn header(&self, slot: u64) -> FrameHeader {
+    /// The header of this frame for a viewer. Formats and lengths are added with the parts.
+    #[must_use]
+    pub fn header(&self, viewer: u64) -> FrameHeader {
         let side = |side: u32| u16::try_from(side).unwrap_or(u16::MAX);
-        let shows = self.shows.iter().find(|(id, _)| *id == slot).map(|(_, echo)| *echo);
+        let shows = self.shows.iter().find(|(id, _)| *id == viewer).map(|(_, echo)| *echo);
         let Echo { seq, t_ns } = shows.unwrap_or(Echo { seq: 0, t_ns: 0 });
         #[expect(clippy::cast_possible_truncation, reason = "the header has single precision")]
         let limits_mm = [self.limits.near_mm as f32, self.limits.far_mm as f32];
@@ -139,53 +151,54 @@ impl Shot {
         self.frame.back.is_some() && self.display.layout.needs_background()
     }
 
-    /// Width and rows of what is sent.
+    /// Width and rows of the sent picture.
     fn size(&self) -> [usize; 2] {
         let [width, height] = self.frame.size_px.map(|side| side as usize);
         [width, height * if self.back_layer() { 2 } else { 1 }]
     }
 
-    /// Colour and depth in these formats: encoded now, both at once, or known already.
-    pub(super) async fn parts(
+    /// Colour and depth in these formats; encodes those that do not exist yet.
+    ///
+    /// # Errors
+    /// When encoding fails.
+    pub async fn parts(
         self: &Arc<Self>,
-        server: &Server,
+        engine: &Engine,
         (color, quality): (ColorFormat, u8),
         depth: DepthFormat,
-    ) -> Result<Parts, Problem> {
-        // Of a lossless format there is one quality alone.
+    ) -> Result<EncodedParts, LiveError> {
+        // Lossless formats have one quality.
         let quality = if color.is_lossless() { 0 } else { quality };
-        let parts = Parts {
+        let parts = EncodedParts {
             color: cell(&self.encodings.colors, (color, quality)),
             depth: cell(&self.encodings.depths, depth),
         };
         let make_color = parts.color.get_or_try_init(|| {
-            self.encoded(server, "encoding colour", move |shot| shot.encode_color(color, quality))
+            self.encoded(engine, "encoding colour", move |frame| frame.encode_color(color, quality))
         });
-        let make_depth = parts
-            .depth
-            .get_or_try_init(|| self.encoded(server, "encoding depth", move |shot| shot.encode_depth(depth)));
+        let make_depth = parts.depth.get_or_try_init(|| {
+            self.encoded(engine, "encoding depth", move |frame| frame.encode_depth(depth))
+        });
         tokio::try_join!(make_color, make_depth)?;
         Ok(parts)
     }
 
     async fn encoded<T: Send + 'static>(
         self: &Arc<Self>,
-        server: &Server,
-        what: &str,
-        encoder: impl FnOnce(&Self) -> Result<T, Problem> + Send + 'static,
-    ) -> Result<Encoded<T>, Problem> {
-        let place = Arc::clone(&server.encoders).acquire_owned().await;
-        let place = place.map_err(|closed| Problem::internal(what, closed))?;
-        let shot = Arc::clone(self);
-        on_blocking_thread(place, what, move || {
+        engine: &Engine,
+        what: &'static str,
+        encoder: impl FnOnce(&Self) -> Result<T, LiveError> + Send + 'static,
+    ) -> Result<Encoded<T>, LiveError> {
+        let frame = Arc::clone(self);
+        let job = move || {
             let since = Instant::now();
-            encoder(&shot).map(|value| Encoded { value, took: since.elapsed() })
-        })
-        .await?
+            encoder(&frame).map(|value| Encoded { value, took: since.elapsed() })
+        };
+        engine.blocking(what, job).await?
     }
 
-    fn encode_color(&self, format: ColorFormat, quality: u8) -> Result<EncodedColor, Problem> {
-        let failed = |error| Problem::internal("encoding colour", error);
+    fn encode_color(&self, format: ColorFormat, quality: u8) -> Result<EncodedColor, LiveError> {
+        let failed = |error| LiveError::encoding("encoding colour", error);
         let bytes = match &self.frame.back {
             Some(back) if self.back_layer() => {
                 let both = [&self.frame.color_rgba[..], &back.color_rgba].concat();
@@ -196,8 +209,8 @@ impl Shot {
         Ok(EncodedColor { format, bytes: bytes.map_err(failed)? })
     }
 
-    fn encode_depth(&self, format: DepthFormat) -> Result<EncodedDepth, Problem> {
-        let failed = |error| Problem::internal("encoding depth", error);
+    fn encode_depth(&self, format: DepthFormat) -> Result<EncodedDepth, LiveError> {
+        let failed = |error| LiveError::encoding("encoding depth", error);
         let bytes = if format == DepthFormat::None {
             Vec::new()
         } else if format.is_z16() {
@@ -211,23 +224,26 @@ impl Shot {
         Ok(EncodedDepth { format, bytes })
     }
 
-    /// The picture, and what lies behind where the layout has that.
-    fn pictures(&self) -> Result<Vec<Picture<'_>>, Problem> {
+    /// The picture, and the back layer where the layout has one.
+    fn pictures(&self) -> Result<Vec<Picture<'_>>, LiveError> {
         let frame = &self.frame;
-        let failed = |error| Problem::internal("encoding depth", error);
+        let failed = |error| LiveError::encoding("encoding depth", error);
         let front = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm).map_err(failed)?;
         let back = frame.back.as_ref().filter(|_| self.back_layer());
         let back = back.map(|back| Picture::new(frame.size_px, &back.color_rgba, &back.depth_mm));
         Ok(std::iter::once(front).chain(back.transpose().map_err(failed)?).collect())
     }
 
-    fn disparity(&self) -> Result<Vec<u8>, Problem> {
+    fn disparity(&self) -> Result<Vec<u8>, LiveError> {
         let encoder = self.display.encoder()?;
         Ok(self.pictures()?.iter().flat_map(|picture| encoder.disparity(picture, self.limits)).collect())
     }
 
-    /// The display's frame, for viewers that compose nothing themselves.
-    pub(super) fn composed(&self) -> Result<Frame, Problem> {
+    /// The composed frame of the display, for plain viewers.
+    ///
+    /// # Errors
+    /// When composing fails.
+    pub fn composed(&self) -> Result<Frame, LiveError> {
         let rgb = |color: &[[u8; 4]]| color.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect::<Vec<_>>();
         let mut color = rgb(&self.frame.color_rgba);
         if let Some(back) = self.frame.back.as_ref().filter(|_| self.back_layer()) {
@@ -236,12 +252,12 @@ impl Shot {
         let depth = ReceivedDepth::Disparity(self.disparity()?);
         let received = ReceivedFrame { header: self.header(0), color, depth };
         let curve = self.display.profile()?;
-        received.compose(&curve).map_err(|error| Problem::internal("composing", error))
+        received.compose(&curve).map_err(|error| LiveError::encoding("composing", error))
     }
 }
 
-/// The cell of a key, made if there is none.
-fn cell<K: PartialEq, T>(made: &Made<K, T>, key: K) -> Arc<OnceCell<Encoded<T>>> {
+/// The cell of a key; adds one if the key is new.
+fn cell<K: PartialEq, T>(made: &Cells<K, T>, key: K) -> Arc<OnceCell<Encoded<T>>> {
     let mut made: MutexGuard<'_, _> = made.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some((_, cell)) = made.iter().find(|(known, _)| *known == key) {
         return Arc::clone(cell);
@@ -251,6 +267,8 @@ fn cell<K: PartialEq, T>(made: &Made<K, T>, key: K) -> Arc<OnceCell<Encoded<T>>>
     cell
 }
 
-pub(super) fn micros(duration: Duration) -> u32 {
+/// Whole microseconds, at most `u32::MAX`.
+#[must_use]
+pub fn micros(duration: Duration) -> u32 {
     u32::try_from(duration.as_micros()).unwrap_or(u32::MAX)
 }

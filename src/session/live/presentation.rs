@@ -1,35 +1,32 @@
-//! What a view shows apart from where one looks from: volume, scene, preset, display, size.
+//! What a view shows, except for its camera: volume, scene, preset, display settings, size.
 //!
-//! A [`Look`] is whole and valid: a change makes another one or is refused, and what was there stays. The scene is a JSON merge
-//! patch (RFC 7396) of an empty request, kept as such, so that a later patch can take keys back.
+//! A [`Presentation`] is complete and valid: a change returns a new one, or an error that leaves the old one in place. The scene is
+//! stored as a JSON merge patch (RFC 7396) on an empty request, so that a later patch can remove keys.
 
 use std::sync::Arc;
 
-use axum::http::StatusCode;
 use serde_json::{Map, Value};
 
+use super::LiveError;
+use super::effect::HeldPoint;
 use super::preview::Ghost;
-use super::view::refused;
-use super::wished::Carried;
-use crate::annotations::target;
-use crate::problem::Problem;
-use crate::volumes::Entry;
-use relief_annotation::{Shown, Snap};
+use crate::Drawables;
+use crate::volumes::VolumeEntry;
+use relief_annotation::{Shown, Snap, SnapFeature};
 use relief_display::DisplaySettings;
 use relief_live::{Home, LiveLayout, Quality, Settings, SnapTo, Stage, ViewState};
 use relief_render::{
     Clip, ClipPlane, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
     SceneFile, depth_limits,
 };
-use relief_session::Drawables;
 use relief_volume::{Camera, Orbit, PRESETS};
 
-/// Most pixels of a live picture: memory for frames that wait.
+/// Most pixels of a live frame. It bounds the memory of frames that wait.
 const MAX_PIXELS: u64 = 1 << 23;
-/// What shows where something would be set down.
+/// Colour of the preview of snapping.
 const GHOST_RGB: [f64; 3] = [0.25, 0.95, 1.0];
 const GHOST_WIDTH_PX: f64 = 2.0;
-/// Keys of a scene that belong elsewhere, and where.
+/// Keys of a scene that live sessions set elsewhere, and where.
 const ELSEWHERE: [(&str, &str); 5] = [
     ("camera", "a pose with a camera, or intents"),
     ("size_px", "size_px beside scene"),
@@ -38,33 +35,37 @@ const ELSEWHERE: [(&str, &str); 5] = [
     ("annotations", "annotations beside scene"),
 ];
 
-/// See the module.
-#[derive(Clone)]
-pub(super) struct Look {
-    pub(super) entry: Arc<Entry>,
+/// What a view shows, except for its camera.
+#[derive(Clone, Debug)]
+pub struct Presentation {
+    pub(super) entry: Arc<VolumeEntry>,
     pub(super) stage: Stage,
     pub(super) quality: Quality,
-    /// `None` where the scene has a transfer function of its own.
+    /// `None` when the scene has its own transfer function.
     pub(super) preset: Option<String>,
     patch: Map<String, Value>,
     display: DisplaySettings,
     size_px: Option<[u32; 2]>,
-    /// The sets of annotations that are drawn, as whoever said so may see them.
+    /// The sets of annotations that are drawn, as `shown_to` may see them.
     pub(super) shown: Shown,
     pub(super) shown_to: Option<String>,
     drawables: Drawables,
-    /// What landmarks are moved to as they are set down.
+    /// How landmarks snap when they are placed.
     pub(super) snap: Option<Snap>,
-    /// Resolved, with some camera.
+    /// The resolved scene with a default camera.
     base: Arc<Scene>,
 }
 
-impl Look {
-    /// A look at a volume.
+impl Presentation {
+    /// The presentation of a volume with these settings.
     ///
     /// # Errors
-    /// Whatever is wrong with the settings.
-    pub(super) fn new(entry: Arc<Entry>, settings: &Settings, author: Option<&str>) -> Result<Self, Problem> {
+    /// When a setting is invalid.
+    pub fn new(
+        entry: Arc<VolumeEntry>,
+        settings: &Settings,
+        author: Option<&str>,
+    ) -> Result<Self, LiveError> {
         let preset = Some(PRESETS[0].name.to_owned());
         let (patch, display) = (Map::new(), DisplaySettings::default());
         let base = resolve(&entry, &patch, &display, None, preset.as_deref())?;
@@ -89,16 +90,16 @@ impl Look {
         plain.with(settings, None, author)
     }
 
-    /// The look with these changes.
+    /// The presentation with these changes.
     ///
     /// # Errors
-    /// Whatever is wrong with them.
+    /// When a setting is invalid.
     pub(super) fn with(
         &self,
         settings: &Settings,
-        entry: Option<Arc<Entry>>,
+        entry: Option<Arc<VolumeEntry>>,
         author: Option<&str>,
-    ) -> Result<Self, Problem> {
+    ) -> Result<Self, LiveError> {
         let mut next = self.clone();
         if let Some(shown) = &settings.annotations {
             next.shown = shown.clone();
@@ -112,10 +113,9 @@ impl Look {
                 let radius_mm = wanted.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM);
                 if !Snap::RADII_MM.contains(&radius_mm) {
                     let (least, most) = (Snap::RADII_MM.start(), Snap::RADII_MM.end());
-                    let detail = format!("snap.radius_mm is {radius_mm}, allowed: {least} to {most}");
-                    return Err(malformed(detail, "snap.radius_mm"));
+                    return Err(LiveError::SnapRadius { found: radius_mm, least: *least, most: *most });
                 }
-                next.snap = Some(Snap { to: target(&wanted.to, wanted.hu)?, radius_mm });
+                next.snap = Some(Snap { to: SnapFeature::from_name(&wanted.to, wanted.hu)?, radius_mm });
             }
         }
         if let Some(entry) = entry {
@@ -127,8 +127,7 @@ impl Look {
         if let Some(patch) = &settings.scene {
             for (key, instead) in ELSEWHERE {
                 if patch.contains_key(key) {
-                    let detail = format!("scene.{key} has no place in a live scene; use {instead}");
-                    return Err(malformed(detail, &format!("scene.{key}")));
+                    return Err(LiveError::SceneKey { key, instead });
                 }
             }
             merge(&mut next.patch, patch);
@@ -142,10 +141,12 @@ impl Look {
             if LiveLayout::of(display.layout) == LiveLayout::None {
                 let known = LiveLayout::ALL.into_iter().filter(|layout| *layout != LiveLayout::None);
                 let known: Vec<_> = known.map(LiveLayout::name).collect();
-                let detail = format!("display.layout is {}, allowed: {}", display.layout, known.join(", "));
-                return Err(malformed(detail, "display.layout"));
+                return Err(LiveError::Layout {
+                    found: display.layout.to_string(),
+                    allowed: known.join(", "),
+                });
             }
-            // Another layout has another size.
+            // The size depends on the layout.
             if display.layout != next.display.layout {
                 next.size_px = None;
             }
@@ -160,11 +161,11 @@ impl Look {
         next.resolved()
     }
 
-    /// The look with this preset.
+    /// The presentation with this preset.
     ///
     /// # Errors
-    /// When there is none, or it does not go with the rest of the scene.
-    pub(super) fn with_preset(&self, preset: Option<&str>) -> Result<Self, Problem> {
+    /// When no preset has this name, or it conflicts with the rest of the scene.
+    pub(super) fn with_preset(&self, preset: Option<&str>) -> Result<Self, LiveError> {
         let mut next = self.clone();
         next.preset = preset.map(str::to_owned);
         if preset.is_some() {
@@ -173,7 +174,7 @@ impl Look {
         next.resolved()
     }
 
-    fn resolved(self) -> Result<Self, Problem> {
+    fn resolved(self) -> Result<Self, LiveError> {
         let base = resolve(&self.entry, &self.patch, &self.display, self.size_px, self.preset.as_deref())?;
         let stage = stage_of(&self.entry, &base)?;
         Ok(Self { base, stage, ..self })
@@ -183,44 +184,44 @@ impl Look {
         &self.display
     }
 
-    /// Whether the scene itself draws over the picture, or annotations are.
+    /// Whether the scene has overlays or annotations are drawn.
     pub(super) fn has_overlays(&self) -> bool {
         *self.base.request.overlays != Overlays::default() || !self.drawables.is_empty()
     }
 
-    /// Replaces what is drawn of the annotations.
+    /// Replaces the annotations that are drawn.
     pub(super) fn set_drawables(&mut self, drawables: Drawables) {
         self.drawables = drawables;
     }
 
-    /// Whether pictures are slices.
+    /// Whether the view shows a slice.
     pub(super) fn is_slice(&self) -> bool {
         matches!(self.base.request.mode, Mode::Slice(_))
     }
 
-    /// The camera of the picture: a slice's own, one that was sent, or that of the view's state.
+    /// The camera of the frame: that of the slice, one that was sent, or that of the view's state.
     ///
     /// # Errors
-    /// When the state has none on this stage.
-    pub(super) fn seen_through(&self, state: &ViewState, sent: Option<Camera>) -> Result<Camera, Problem> {
-        let own = || state.camera(&self.stage).map_err(refused);
+    /// When the state is invalid on this stage.
+    pub(super) fn seen_through(&self, state: &ViewState, sent: Option<Camera>) -> Result<Camera, LiveError> {
+        let own = || state.camera(&self.stage).map_err(LiveError::Camera);
         self.is_slice().then_some(self.base.request.camera).or(sent).map_or_else(own, Ok)
     }
 
-    /// The request for the picture of a view, of full size.
+    /// The request for a frame at full size.
     ///
     /// # Errors
-    /// When the view and the scene do not go together.
+    /// When camera and scene conflict.
     pub(super) fn request(
         &self,
         state: &ViewState,
         camera: Option<Camera>,
-        (carried, ghost): (Option<&Carried>, Option<Ghost>),
-    ) -> Result<RenderRequest, Problem> {
+        (held, ghost): (Option<&HeldPoint>, Option<Ghost>),
+    ) -> Result<RenderRequest, LiveError> {
         let mut request = self.base.request.clone();
         if !matches!(request.mode, Mode::Slice(_)) {
             let own = || state.camera(&self.stage).map_err(RequestError::from);
-            request.camera = camera.map_or_else(own, Ok).map_err(|error| Problem::out_of_range(&error))?;
+            request.camera = camera.map_or_else(own, Ok)?;
             if let Some(cut) = state.cut_plane(&self.stage)
                 && request.clip.planes.len() < Clip::MAX_PLANES
             {
@@ -230,8 +231,8 @@ impl Look {
         if let Some(mark) = state.cursor_mark(&self.stage) {
             let mut overlays = Overlays::clone(&request.overlays);
             let (radius, rgb) = (Radius::Px(mark.radius_px), mark.rgb);
-            if let Some(Carried { name, off, .. }) = carried {
-                let (at, label) = (mark.at + *off, Some(name.as_str().into()));
+            if let Some(HeldPoint { name, offset, .. }) = held {
+                let (at, label) = (mark.at + *offset, Some(name.as_str().into()));
                 overlays.items.push(OverlayItem::Landmark(Landmark { at, radius, rgb, label }));
             }
             overlays.items.push(OverlayItem::Landmark(Landmark { at: mark.at, radius, rgb, label: None }));
@@ -239,13 +240,13 @@ impl Look {
             request.overlays = Arc::new(overlays);
         }
         self.drawables.draw(&mut request, &self.display, &self.entry.grid);
-        request.validate_on(&self.entry.grid).map_err(|error| Problem::out_of_range(&error))?;
+        request.validate_on(&self.entry.grid)?;
         self.display.limits(depth_limits(&request.camera, &self.entry.grid))?;
         Ok(request)
     }
 }
 
-/// Where something would be set down: a ball with its distance from where it was pointed at, and the way there.
+/// The preview of snapping: a line from the cursor to a ball, which is labelled with the distance.
 fn ghost_marks(Ghost { from, at }: Ghost, radius: Radius) -> [OverlayItem; 2] {
     let label = Some(format!("{:.1} mm", from.distance(at)).into());
     [
@@ -254,7 +255,7 @@ fn ghost_marks(Ghost { from, at }: Ghost, radius: Radius) -> [OverlayItem; 2] {
     ]
 }
 
-/// The request for a smaller picture. The cursor shrinks with it.
+/// The request for a smaller frame. Overlays shrink with it.
 pub(super) fn shrunk(mut request: RenderRequest, size_px: [u32; 2]) -> RenderRequest {
     let share = f64::from(size_px[1]) / f64::from(request.size_px[1]);
     request.size_px = size_px;
@@ -274,12 +275,12 @@ pub(super) fn shrunk(mut request: RenderRequest, size_px: [u32; 2]) -> RenderReq
 }
 
 fn resolve(
-    entry: &Entry,
+    entry: &VolumeEntry,
     patch: &Map<String, Value>,
     display: &DisplaySettings,
     size_px: Option<[u32; 2]>,
     preset: Option<&str>,
-) -> Result<Arc<Scene>, Problem> {
+) -> Result<Arc<Scene>, LiveError> {
     let mut file = SceneFile::parse(Value::Object(patch.clone()).to_string().as_bytes())?;
     file = file.with_display(display.clone());
     file = size_px.map_or(file.clone(), |size_px| file.with_size(size_px));
@@ -291,19 +292,18 @@ fn resolve(
         let [width, height] = scene.request.size_px;
         let (path, found) = ("size_px".to_owned(), format!("{width} x {height}"));
         let allowed = format!("at most {MAX_PIXELS} pixels in a live session");
-        return Err(Problem::out_of_range(&RequestError { path, found, allowed }));
+        return Err(RequestError { path, found, allowed }.into());
     }
     Ok(Arc::new(scene))
 }
 
-fn stage_of(entry: &Entry, base: &Scene) -> Result<Stage, Problem> {
+fn stage_of(entry: &VolumeEntry, base: &Scene) -> Result<Stage, LiveError> {
     let presets = PRESETS.iter().map(|preset| preset.name.to_owned()).collect();
     let home = Home { orbit: Home::ORBIT, preset: Some(PRESETS[0].name.to_owned()) };
-    Stage::of_grid(&entry.grid, base.request.size_px, presets, home)
-        .map_err(|error| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error))
+    Ok(Stage::of_grid(&entry.grid, base.request.size_px, presets, home)?)
 }
 
-/// RFC 7396.
+/// Applies a JSON merge patch (RFC 7396).
 fn merge(target: &mut Map<String, Value>, patch: &Map<String, Value>) {
     for (key, value) in patch {
         match value {
@@ -324,10 +324,6 @@ fn merge(target: &mut Map<String, Value>, patch: &Map<String, Value>) {
             }
         }
     }
-}
-
-fn malformed(detail: String, path: &str) -> Problem {
-    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail).with("path", path)
 }
 
 #[cfg(test)]

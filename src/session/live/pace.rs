@@ -1,33 +1,33 @@
-//! The pace of one connection: what is out, how long it takes, and what pictures it can have while the view moves.
+//! Flow control of one connection: frames in flight, their delay, and the size and quality that the connection carries.
 //!
-//! What it is: arithmetic on the times of hand-overs and acknowledgements. A frame whose acknowledgement takes longer than the
-//! quickest one by more than two frames' time waits for the connection: pictures become smaller, then coarser. What it is not: a
-//! clock or a socket; all times come in.
+//! What it is: arithmetic on the times of sent frames and acknowledgements. When an acknowledgement is later than the fastest one by
+//! more than two frame intervals, the connection is the bottleneck: frames become smaller, then coarser. What it is not: a clock or a
+//! socket; the caller passes all times.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use relief_live::MAX_IN_FLIGHT;
 
-/// JPEG while the view moves, where the connection has room. From 90 on the encoder keeps all of the colour, at twice the time.
-pub(super) const USUAL_QUALITY: u8 = LEVELS[0].1;
+/// JPEG quality of a moving view on a fast connection. From 90 on the encoder keeps full chroma, at twice the time.
+pub const USUAL_QUALITY: u8 = LEVELS[0].1;
 
-/// What a connection gets while the view moves: the share of width and height, and the quality of JPEG. Resolution goes first: a
-/// picture that moves is forgiven blur sooner than blocks.
-pub(super) const LEVELS: [(f64, u8); 9] =
+/// Levels of a moving view: share of width and height, JPEG quality. Resolution drops first, because blur disturbs less than blocks
+/// in a moving picture.
+const LEVELS: [(f64, u8); 9] =
     [(1.0, 85), (0.84, 85), (0.71, 85), (0.59, 85), (0.5, 85), (0.5, 75), (0.5, 65), (0.5, 55), (0.5, 45)];
 
-/// Longer than the quickest by this: the connection is slow, ms. Two frames at 20 a second.
+/// Delay beyond the fastest acknowledgement from which a connection counts as slow, ms: two frames at 20 per second.
 const SLOW_MS: f64 = 100.0;
-/// Longer than the quickest by less than this: there is room, ms.
+/// Delay beyond the fastest acknowledgement below which a connection has spare bandwidth, ms.
 const ROOMY_MS: f64 = 40.0;
-/// One step down at most so often.
+/// Shortest time between two steps down.
 const STEP_DOWN: Duration = Duration::from_millis(250);
-/// One step up after so long with room.
+/// Time with spare bandwidth before a step up.
 const STEP_UP: Duration = Duration::from_secs(1);
-/// How much of the way to a new measurement the smoothed one goes.
+/// Weight of a new measurement in the smoothed delay.
 const SMOOTHING: f64 = 0.3;
-/// How fast the quickest is forgotten, for each frame: paths change.
+/// Growth of the fastest delay per frame, because network paths change.
 const FORGETTING: f64 = 1.002;
 
 #[derive(Clone, Copy, Debug)]
@@ -37,9 +37,9 @@ struct Sent {
     is_still: bool,
 }
 
-/// See the module.
+/// Flow control of one connection.
 #[derive(Debug)]
-pub(super) struct Pace {
+pub struct Pace {
     out: VecDeque<Sent>,
     last_sequence: u32,
     quickest_ms: Option<f64>,
@@ -62,25 +62,27 @@ impl Pace {
         }
     }
 
-    /// How many frames are out.
-    pub(super) fn in_flight(&self) -> usize {
+    /// Number of frames in flight.
+    #[must_use]
+    pub fn in_flight(&self) -> usize {
         self.out.len()
     }
 
-    /// What the connection can have while the view moves.
-    pub(super) fn level(&self) -> (f64, u8) {
+    /// Share of width and height, and JPEG quality, of a moving view.
+    #[must_use]
+    pub fn level(&self) -> (f64, u8) {
         LEVELS[self.level]
     }
 
-    /// A frame is handed over; its sequence.
-    pub(super) fn sent(&mut self, now: Instant, is_still: bool) -> u32 {
+    /// Records a sent frame; returns its sequence number.
+    pub fn sent(&mut self, now: Instant, is_still: bool) -> u32 {
         self.last_sequence = self.last_sequence.wrapping_add(1).max(1);
         self.out.push_back(Sent { sequence: self.last_sequence, at: now, is_still });
         self.last_sequence
     }
 
-    /// A frame was shown, and with it those before; false where no such frame is out.
-    pub(super) fn acknowledged(&mut self, sequence: u32, now: Instant) -> bool {
+    /// Records that a frame was shown, and all frames before it; false when no such frame is in flight.
+    pub fn acknowledged(&mut self, sequence: u32, now: Instant) -> bool {
         let Some(at) = self.out.iter().position(|sent| sent.sequence == sequence) else { return false };
         let shown = self.out.drain(..=at).next_back();
         if let Some(Sent { at, is_still: false, .. }) = shown {
@@ -137,7 +139,7 @@ mod tests {
                 seen.push(pace.level());
             }
         }
-        assert_eq!(seen, LEVELS, "each step in its order");
+        assert_eq!(seen, LEVELS, "each step in its job");
         run(&mut pace, &mut now, 1500, 12);
         assert_eq!(pace.level(), (1.0, USUAL_QUALITY), "quick again");
     }

@@ -1,0 +1,113 @@
+//! Errors of live views.
+
+use std::error::Error;
+use std::sync::Arc;
+
+use crate::volumes::ReadError;
+use crate::{JobError, ServiceError};
+use relief_annotation::SnapError;
+use relief_display::SettingsError;
+use relief_live::{IntentError, StageError};
+use relief_render::{RequestError, SceneError};
+use relief_volume::CameraError;
+
+/// A change of a view was refused, or its next frame could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// The scene has a syntax error or a value out of range.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A value of the request is out of range.
+    #[error(transparent)]
+    Range(#[from] RequestError),
+    /// A display setting is out of range.
+    #[error(transparent)]
+    Display(#[from] SettingsError),
+    /// The volume leaves no room for a camera.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// The view refuses an intent.
+    #[error(transparent)]
+    Intent(#[from] IntentError),
+    /// The state of the view gives no valid camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// A setting for snapping is out of range.
+    #[error(transparent)]
+    Snap(#[from] SnapError),
+    /// The radius for snapping is out of range.
+    #[error("snap.radius_mm is {found}, allowed: {least} to {most}")]
+    SnapRadius {
+        /// The radius, mm.
+        found: f64,
+        /// Smallest radius, mm.
+        least: f64,
+        /// Largest radius, mm.
+        most: f64,
+    },
+    /// A key of a scene that is set elsewhere in a live session.
+    #[error("scene.{key} has no place in a live scene; use {instead}")]
+    SceneKey {
+        /// The key.
+        key: &'static str,
+        /// Where to set it.
+        instead: &'static str,
+    },
+    /// A display layout that cannot be streamed.
+    #[error("display.layout is {found}, allowed: {allowed}")]
+    Layout {
+        /// Name of the layout.
+        found: String,
+        /// Names of the layouts that can be streamed.
+        allowed: String,
+    },
+    /// The voxels of the volume could not be read again.
+    #[error(transparent)]
+    Voxels(#[from] ReadError),
+    /// The render queue refused or failed.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+    /// A frame could not be encoded.
+    #[error("{what} failed: {source}")]
+    Encoding {
+        /// What was encoded.
+        what: &'static str,
+        /// Why it failed.
+        source: Box<dyn Error + Send + Sync>,
+    },
+    /// A blocking job did not finish.
+    #[error(transparent)]
+    Job(#[from] JobError),
+    /// The annotations could not be read.
+    #[error("the annotations could not be read: {0}")]
+    Annotations(#[source] Arc<dyn Error + Send + Sync>),
+}
+
+impl LiveError {
+    pub(super) fn encoding(what: &'static str, source: impl Error + Send + Sync + 'static) -> Self {
+        Self::Encoding { what, source: Box::new(source) }
+    }
+
+    /// The JSON path of the setting that is wrong, where the error is about one.
+    #[must_use]
+    pub fn path(&self) -> Option<String> {
+        match self {
+            Self::SnapRadius { .. } => Some("snap.radius_mm".to_owned()),
+            Self::SceneKey { key, .. } => Some(format!("scene.{key}")),
+            Self::Layout { .. } => Some("display.layout".to_owned()),
+            Self::Intent(_) | Self::Camera(_) => Some("intent".to_owned()),
+            _ => None,
+        }
+    }
+
+    /// Whether the same change may succeed later: the request is valid, and the failure was the server's.
+    #[must_use]
+    pub fn is_temporary(&self) -> bool {
+        match self {
+            Self::Voxels(error) => !matches!(error, ReadError::Changed),
+            Self::Service(error) => !matches!(error, ServiceError::Backend(crate::BackendError::Refused(_))),
+            Self::Encoding { .. } | Self::Job(_) | Self::Annotations(_) => true,
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Live views: their state, the frames that they show, and the loop that renders them. No sockets and no HTTP.
+//!
+//! A [`View`] is shared by its viewers. Clients send poses, intents and settings, which change the view at once; its render loop
+//! makes the next frame when a viewer has capacity for one. What it is not: the protocol (see `relief_live`), routes,
+//! connections (see `relief_server`).
+
+mod effect;
+mod error;
+mod frame;
+mod job;
+mod motion;
+mod pace;
+mod presentation;
+mod preview;
+mod render_loop;
+mod view;
+mod viewer;
+mod views;
+
+pub use effect::{DrawablesWanted, EditContext, Effect, HeldPoint, Outcome};
+pub use error::LiveError;
+pub use frame::{Echo, EncodedParts, ViewFrame, micros};
+pub use motion::Patience;
+pub use pace::{Pace, USUAL_QUALITY};
+pub use presentation::Presentation;
+pub use preview::search_preview;
+pub use render_loop::DrawableSource;
+pub use view::View;
+pub use viewer::{Flow, Viewer};
+pub use views::{OpenError, Views};
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Locks a value that is whole between statements, so that a panic elsewhere leaves it usable.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,91 @@
+//! The registry of views: found by name, opened on demand, removed when abandoned.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use super::motion::Patience;
+use super::presentation::Presentation;
+use super::render_loop::{self, DrawableSource};
+use super::{View, lock};
+use crate::engine::Engine;
+
+/// The live views of a server.
+#[derive(Debug)]
+pub struct Views {
+    views: Mutex<HashMap<String, Arc<View>>>,
+    /// Most views at a time.
+    most: usize,
+    pub(super) patience: Patience,
+}
+
+/// A view could not be opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there are as many views as allowed; try again soon")]
+pub struct OpenError;
+
+impl Views {
+    /// An empty registry for at most so many views.
+    #[must_use]
+    pub fn new(most: usize, patience: Patience) -> Arc<Self> {
+        Arc::new(Self { views: Mutex::default(), most, patience })
+    }
+
+    /// The view of this name. It is kept for a while from now on.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<Arc<View>> {
+        let views = lock(&self.views);
+        let view = views.get(name)?;
+        view.touch(); // under the lock, under which views are removed
+        Some(Arc::clone(view))
+    }
+
+    /// The view of this name, or a new one with this presentation. Call it inside a tokio runtime, which runs the render loop.
+    ///
+    /// # Errors
+    /// When there are as many views as allowed.
+    pub fn find_or_open(
+        self: &Arc<Self>,
+        engine: &Arc<Engine>,
+        drawables: Option<Arc<impl DrawableSource>>,
+        name: &str,
+        presentation: Presentation,
+    ) -> Result<Arc<View>, OpenError> {
+        let mut views = lock(&self.views);
+        if let Some(view) = views.get(name) {
+            view.touch();
+            return Ok(Arc::clone(view));
+        }
+        if views.len() >= self.most {
+            return Err(OpenError);
+        }
+        let view = Arc::new(View::new(name.to_owned(), presentation, Instant::now()));
+        views.insert(name.to_owned(), Arc::clone(&view));
+        drop(views);
+        let (registry, engine) = (Arc::clone(self), Arc::clone(engine));
+        tokio::spawn(render_loop::run(registry, engine, drawables, Arc::clone(&view)));
+        Ok(view)
+    }
+
+    /// Wakes all render loops: annotations or volumes have changed.
+    pub fn wake(&self) {
+        lock(&self.views).values().for_each(|view| view.work.notify_one());
+    }
+
+    /// Removes a view that nobody has watched for long; false where a viewer came back to it.
+    pub(super) fn remove_abandoned(&self, view: &Arc<View>) -> bool {
+        let mut views = lock(&self.views);
+        let is_abandoned = view.is_abandoned(Instant::now(), self.patience.linger);
+        if is_abandoned {
+            views.remove(&view.name);
+        }
+        is_abandoned
+    }
+
+    pub(super) fn remove(&self, view: &Arc<View>) {
+        let mut views = lock(&self.views);
+        if views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {
+            views.remove(&view.name);
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! One volume of the registry.
+
+use std::sync::Arc;
+
+use super::residents::{VolumeReader, Voxels};
+use relief_annotation::FrameOfReference;
+use relief_dicom::{SeriesIdentity, SeriesReference};
+use relief_volume::{ContentHash, Grid, LabelMap, Volume};
+
+/// A volume as its reader returns it.
+#[derive(Clone, Debug)]
+pub struct LoadedVolume {
+    /// Voxels in HU and their grid in patient mm.
+    pub volume: Volume,
+    /// Number of warnings of the reader.
+    pub warnings: usize,
+    /// Study and series UIDs by which DICOMweb requests find the volume; `None` where they are unknown.
+    pub identity: Option<SeriesIdentity>,
+    /// Attributes for exported reports and segmentations. They name the patient: for files only.
+    pub reference: Option<Arc<SeriesReference>>,
+    /// Label map on the grid of the volume.
+    pub labels: Option<Arc<LabelMap>>,
+}
+
+/// Who added a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Owner {
+    Operator,
+    Upload,
+}
+
+/// A volume of the registry. Its voxels may be out of memory (see [`crate::Engine::voxels`]).
+#[derive(Clone, Debug)]
+pub struct VolumeEntry {
+    /// First 16 hexadecimal digits of the content hash.
+    pub id: String,
+    /// Voxel grid in patient mm.
+    pub grid: Grid,
+    /// Content hash of the voxels and the grid.
+    pub hash: ContentHash,
+    /// Shared with earlier entries of the same volume, which had another label map.
+    pub(super) voxels: Arc<Voxels>,
+    /// Smallest and largest HU.
+    pub range_hu: (i16, i16),
+    /// Number of warnings of the reader.
+    pub warnings: usize,
+    pub(super) owner: Owner,
+    pub(super) identity: Option<SeriesIdentity>,
+    /// Attributes for exported reports and segmentations. They name the patient: for files only.
+    pub reference: Option<Arc<SeriesReference>>,
+    /// Label map on the grid of the volume.
+    pub labels: Option<Arc<LabelMap>>,
+}
+
+impl VolumeEntry {
+    pub(super) fn new(loaded: LoadedVolume, owner: Owner, reader: Option<VolumeReader>) -> Arc<Self> {
+        let LoadedVolume { volume, warnings, identity, reference, labels } = loaded;
+        let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
+        let voxels = Arc::new(Voxels::new(volume, reader));
+        let id = hash.short();
+        Arc::new(Self { id, grid, hash, voxels, range_hu, warnings, owner, identity, reference, labels })
+    }
+
+    /// The frame of reference of annotations in this volume. It may hold a UID, which leads to a patient: for the store, not
+    /// for answers.
+    #[must_use]
+    pub fn frame_of_reference(&self) -> FrameOfReference {
+        let of_series = self.identity.as_ref().and_then(SeriesIdentity::frame_of_reference);
+        FrameOfReference::of(of_series, &self.id)
+    }
+
+    /// Bytes of the voxels in memory.
+    #[must_use]
+    pub fn voxel_bytes(&self) -> u64 {
+        (self.grid.voxel_count() * size_of::<i16>()) as u64
+    }
+
+    /// Whether a client uploaded the volume and may remove it.
+    #[must_use]
+    pub fn is_upload(&self) -> bool {
+        self.owner == Owner::Upload
+    }
+
+    pub(super) fn is_of_series(&self, study_uid: &str, series_uid: &str) -> bool {
+        self.identity.as_ref().is_some_and(|identity| identity.is(study_uid, series_uid))
+    }
+}

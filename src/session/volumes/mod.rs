@@ -1,0 +1,215 @@
+//! The volumes that a server holds: geometry, label maps and voxels; nothing that names a patient leaves it.
+//!
+//! What it is: a registry of [`VolumeEntry`]s, limits for uploads, and voxels that leave memory and are read again (see
+//! `residents`). What it is not: HTTP, files, graphics memory (see `relief_render`).
+//!
+//! A volume's id is the first half of its content hash, so one series has one id on every server.
+
+mod entry;
+mod error;
+mod residents;
+
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+pub use entry::{LoadedVolume, VolumeEntry};
+pub use error::{NoRoom, ReadError, UploadRefused, VolumeError};
+pub(crate) use residents::voxels;
+pub use residents::{HostMemory, VolumeReader};
+
+use entry::Owner;
+use relief_volume::LabelMap;
+use residents::Residents;
+
+/// Limits of the volumes that clients upload.
+#[derive(Clone, Copy, Debug)]
+pub struct UploadedVolumes {
+    /// Most uploaded volumes at a time.
+    pub volumes: usize,
+    /// Most bytes of their voxels together.
+    pub voxel_bytes: usize,
+}
+
+/// Whether an upload added a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Added {
+    /// The volume was not there before.
+    New,
+    /// An equal volume was there already.
+    Known,
+}
+
+/// All volumes, in the order of their arrival.
+#[derive(Debug)]
+pub struct Volumes {
+    inner: RwLock<Inner>,
+    residents: Residents,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    entries: Vec<Arc<VolumeEntry>>,
+    /// Volumes that the operator named and that are still being read.
+    loading: usize,
+}
+
+impl Volumes {
+    /// An empty registry whose voxels together take at most `limit_bytes` of memory.
+    #[must_use]
+    pub fn within(limit_bytes: u64) -> Self {
+        Self { inner: RwLock::default(), residents: Residents::new(limit_bytes) }
+    }
+
+    pub(crate) fn residents(&self) -> &Residents {
+        &self.residents
+    }
+
+    /// Evicts voxels that can be read again, least recently used first, until `bytes` are free.
+    ///
+    /// # Errors
+    /// When evicting all of them does not free enough.
+    pub fn make_room(&self, bytes: u64) -> Result<(), NoRoom> {
+        self.residents.make_room(&self.read().entries, bytes)
+    }
+
+    /// Bytes of voxels in memory, evictions and reads.
+    #[must_use]
+    pub fn memory(&self) -> HostMemory {
+        self.residents.memory(&self.read().entries)
+    }
+
+    /// Announces volumes that are still being read.
+    pub fn expect(&self, count: usize) {
+        self.write().loading += count;
+    }
+
+    /// Withdraws the announcement of volumes that could not be read.
+    pub fn expect_fewer(&self, count: usize) {
+        let mut inner = self.write();
+        inner.loading = inner.loading.saturating_sub(count);
+    }
+
+    /// Adds a volume of the operator; `reader` reads its voxels again after an eviction. Without one they stay in memory.
+    ///
+    /// # Errors
+    /// When there is no room for its voxels.
+    pub fn add_own(&self, loaded: LoadedVolume, reader: Option<VolumeReader>) -> Result<(), NoRoom> {
+        let entry = VolumeEntry::new(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
+        let mut inner = self.write();
+        inner.entries.retain(|known| known.id != entry.id);
+        self.residents.make_room(&inner.entries, entry.voxel_bytes())?;
+        inner.loading = inner.loading.saturating_sub(1);
+        self.residents.touch(&entry.voxels);
+        inner.entries.push(entry);
+        Ok(())
+    }
+
+    /// Adds an uploaded volume, or finds an equal one.
+    ///
+    /// # Errors
+    /// When the upload exceeds `limits` or the memory.
+    pub fn add_upload(
+        &self,
+        loaded: LoadedVolume,
+        limits: UploadedVolumes,
+    ) -> Result<(Arc<VolumeEntry>, Added), UploadRefused> {
+        let entry = VolumeEntry::new(loaded, Owner::Upload, None);
+        let mut inner = self.write();
+        if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
+            return Ok((Arc::clone(known), Added::Known));
+        }
+        let uploads = inner.entries.iter().filter(|known| known.is_upload());
+        let (count, bytes) =
+            uploads.fold((0, 0u64), |(n, bytes), known| (n + 1, bytes + known.voxel_bytes()));
+        if count >= limits.volumes {
+            return Err(UploadRefused::Count(count));
+        }
+        let (needed, allowed) = (entry.voxel_bytes(), limits.voxel_bytes as u64);
+        let free = allowed.saturating_sub(bytes);
+        if needed > free {
+            return Err(UploadRefused::Bytes { needed, free, allowed });
+        }
+        self.residents.make_room(&inner.entries, needed)?;
+        inner.entries.push(Arc::clone(&entry));
+        Ok((entry, Added::New))
+    }
+
+    /// Replaces the label map of a volume.
+    ///
+    /// # Errors
+    /// When no volume has this id.
+    pub fn set_labels(&self, id: &str, labels: Arc<LabelMap>) -> Result<Arc<VolumeEntry>, VolumeError> {
+        let mut inner = self.write();
+        let known = inner.entries.iter_mut().find(|entry| entry.id == id).ok_or(VolumeError::UnknownId)?;
+        *known = Arc::new(VolumeEntry { labels: Some(labels), ..VolumeEntry::clone(known) });
+        Ok(Arc::clone(known))
+    }
+
+    /// The volume with this id.
+    ///
+    /// # Errors
+    /// When no volume has this id.
+    pub fn find(&self, id: &str) -> Result<Arc<VolumeEntry>, VolumeError> {
+        let inner = self.read();
+        inner.entries.iter().find(|entry| entry.id == id).cloned().ok_or(VolumeError::UnknownId)
+    }
+
+    /// The volume that was added first.
+    ///
+    /// # Errors
+    /// When there is no volume.
+    pub fn first(&self) -> Result<Arc<VolumeEntry>, VolumeError> {
+        self.read().entries.first().cloned().ok_or(VolumeError::NoVolume)
+    }
+
+    /// The volume of this study and series; the first stack of a series that has several.
+    ///
+    /// # Errors
+    /// When no volume has this identity.
+    pub fn find_series(&self, study_uid: &str, series_uid: &str) -> Result<Arc<VolumeEntry>, VolumeError> {
+        let inner = self.read();
+        let found = inner.entries.iter().find(|entry| entry.is_of_series(study_uid, series_uid));
+        found.cloned().ok_or(VolumeError::UnknownSeries)
+    }
+
+    /// All volumes and the number of those still being read.
+    #[must_use]
+    pub fn list(&self) -> (Vec<Arc<VolumeEntry>>, usize) {
+        let inner = self.read();
+        (inner.entries.clone(), inner.loading)
+    }
+
+    /// Numbers of volumes that are there, and that are still being read.
+    #[must_use]
+    pub fn count(&self) -> (usize, usize) {
+        let inner = self.read();
+        (inner.entries.len(), inner.loading)
+    }
+
+    /// Whether the volume of this entry is still there.
+    #[must_use]
+    pub fn has(&self, entry: &VolumeEntry) -> bool {
+        self.read().entries.iter().any(|known| known.id == entry.id)
+    }
+
+    /// Removes an uploaded volume.
+    ///
+    /// # Errors
+    /// When no volume has this id, or the operator added it.
+    pub fn remove(&self, id: &str) -> Result<Arc<VolumeEntry>, VolumeError> {
+        let mut inner = self.write();
+        let at = inner.entries.iter().position(|entry| entry.id == id).ok_or(VolumeError::UnknownId)?;
+        if !inner.entries[at].is_upload() {
+            return Err(VolumeError::NotRemovable);
+        }
+        Ok(inner.entries.remove(at))
+    }
+
+    /// Entries are whole between statements, so a panic elsewhere leaves them usable.
+    fn read(&self) -> RwLockReadGuard<'_, Inner> {
+        self.inner.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, Inner> {
+        self.inner.write().unwrap_or_else(PoisonError::into_inner)
+    }
+}
