@@ -8,11 +8,11 @@ use anyhow::bail;
 
 use super::adapter::AdapterArguments;
 use super::capacity::{self, CapacityArguments};
-use super::memory::process_mib;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::{SeriesArguments, SeriesOptions};
 use relief_render::{Clip, ClipPlane, RenderError, RenderRequest, RenderedFrame, Renderer, Skipping};
+use relief_study::process_mib;
 use relief_volume::{TransferFunction, Volume};
 
 /// Measure frame times and samples per second of a scene.
@@ -87,7 +87,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
     if capacity.capacity {
         let frames = frames as usize;
         let order =
-            capacity::Order { series: series.as_ref(), scene: &scene, adapter: &adapter, frames, json };
+            capacity::CapacityRun { series: series.as_ref(), scene: &scene, adapter: &adapter, frames, json };
         return capacity::run(&capacity, &order);
     }
     let Some(series) = series else { bail!("there is no --series") };

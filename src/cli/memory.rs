@@ -30,14 +30,6 @@ pub(super) fn available_bytes() -> Option<u64> {
     kib.checked_mul(1024)
 }
 
-/// A line of this process' memory, in MiB, where the system says: `VmHWM:` for the most it has held, `VmRSS:` for now.
-pub(super) fn process_mib(field: &str) -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with(field))?;
-    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib / 1024.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

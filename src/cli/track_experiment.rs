@@ -12,9 +12,8 @@ use super::output::{print_json, say, write_whole};
 use super::track::read_text;
 use super::track_plots;
 use relief_tracking::{
-    Beacon, BlobIdentifier, Calibration, CalibrationModel, ExperimentOutcome, ExperimentRun,
-    ExperimentSetting, FilterKind, Pinhole, Simulation, SolverKind, SurveyingHand, TYPICAL_FOCAL_PX,
-    TrackingMethod, calibrate_camera, moving_views, run_experiment,
+    Beacon, Calibration, ExperimentOutcome, ExperimentRun, ExperimentSetting, FilterKind, Pinhole,
+    SolverKind, TrackingMethod, run_experiment, simulate_survey,
 };
 
 /// Repeat the paper's experiment in simulation: a robot's arm turns and shifts a Wiimote before a beacon.
@@ -104,7 +103,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     setting.distance_mm = f64::from(arguments.distance_mm);
     setting.sensing.noise_px = arguments.noise_px;
     setting.repeats = arguments.repeats;
-    let calibration = survey(&setting).context("the simulated survey did not calibrate the camera")?;
+    let calibration =
+        simulate_survey(&setting).context("the simulated survey did not calibrate the camera")?;
+    tracing::info!("calibrated:\n{}", table_of(&calibration));
     let ways = ways(&calibration, setting.camera);
     let perform_all = |way: &TrackingMethod| WayReport {
         way: way.name,
@@ -130,22 +131,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         print_table(&report);
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Calibrates the setting's camera as a user would: four minutes of a hand that moves around the beacon.
-pub(super) fn survey(setting: &ExperimentSetting) -> anyhow::Result<Calibration> {
-    let simulation = Simulation {
-        camera: setting.camera,
-        sensing: setting.sensing,
-        ..Simulation::new(setting.beacon.clone(), setting.seed ^ 0xca1)
-    };
-    let nominal = Pinhole::simple(TYPICAL_FOCAL_PX);
-    let mut identifier = BlobIdentifier::new(setting.beacon.clone(), nominal);
-    let reports = simulation.record(&SurveyingHand::around(&setting.beacon, setting.seed), 240.0);
-    let views = reports.iter().filter_map(|made| identifier.push(made.t_ns, &made.report)).collect();
-    let calibration = calibrate_camera(&moving_views(views), &nominal, CalibrationModel::Square)?;
-    tracing::info!("calibrated:\n{}", table_of(&calibration));
-    Ok(calibration)
 }
 
 fn ways(calibration: &Calibration, truth: Pinhole) -> [TrackingMethod; 5] {

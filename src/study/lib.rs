@@ -1,9 +1,27 @@
-//! Studies: how accurately people annotate, how well readers agree, how many viewers a server carries.
+//! Studies: the accuracy of annotation, the agreement between readers, and the capacity of a server.
+//!
+//! What it is: simulations, statistics and measurements, as values. What it is not: arguments, files, plots (see `relief_cli`).
+//!
+//! | module | question |
+//! |---|---|
+//! | `accuracy` | how far from a landmark does a simulated user place it? |
+//! | `agreement` | how well do several readers agree with each other and with a reference? |
+//! | `capacity` | how many viewers does this machine serve, and what would more of them need? |
+//!
+//! Lengths in patient LPS mm.
 
+mod accuracy;
 mod agreement;
+mod capacity;
+mod error;
 
+pub use accuracy::{AccuracyReport, AccuracySettings, WayReport, measure_accuracy};
 pub use agreement::{
     Absence, Agreement, AgreementError, BlandAltman, Comparison, Ellipsoid, ErrorSummary, Figure, Icc,
     Landmark, MeasureRow, Missing, Pairing, Placed, Reading, ReadingErrors, ReadingMeasures, Relation, Study,
     Undefined, bland_altman, compare_readings, icc_2_1,
 };
+pub use capacity::{
+    Capacity, CapacityMeasurement, FrameRates, GroupNeeds, ViewerHabits, measure_capacity, process_mib,
+};
+pub use error::StudyError;

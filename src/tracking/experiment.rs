@@ -10,11 +10,14 @@ use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 use super::beacon::Beacon;
 use super::filter::{ErrorStateFilter, MotionDensity};
 use super::pose::SensorPose;
-use super::sensor::Pinhole;
-use super::simulate::{ReportDelivery, Sensing, SensorPath, SimulatedReport, Simulation};
+use super::sensor::{Pinhole, TYPICAL_FOCAL_PX};
+use super::simulate::{ReportDelivery, Sensing, SensorPath, SimulatedReport, Simulation, SurveyingHand};
 use super::solve::bound::quantised_noise;
 use super::solve::{PoseView, Sighting};
 use super::tracker::{FilterKind, SolverKind, TrackedSample, Tracker, TrackerOptions};
+use crate::calibrate::{
+    BlobIdentifier, Calibration, CalibrationError, CalibrationModel, calibrate_camera, moving_views,
+};
 
 /// What the arm does in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -234,6 +237,23 @@ pub struct ExperimentOutcome {
     pub lost: usize,
     /// One for each stop of each repeat: the mean over its compared part.
     pub points: Vec<PlotPoint>,
+}
+
+/// Calibrates the camera of a setting as a user would: from four simulated minutes of a hand that moves around the beacon.
+///
+/// # Errors
+/// As [`crate::calibrate_camera`].
+pub fn simulate_survey(setting: &ExperimentSetting) -> Result<Calibration, CalibrationError> {
+    let simulation = Simulation {
+        camera: setting.camera,
+        sensing: setting.sensing,
+        ..Simulation::new(setting.beacon.clone(), setting.seed ^ 0xca1)
+    };
+    let nominal = Pinhole::simple(TYPICAL_FOCAL_PX);
+    let mut identifier = BlobIdentifier::new(setting.beacon.clone(), nominal);
+    let reports = simulation.record(&SurveyingHand::around(&setting.beacon, setting.seed), 240.0);
+    let views = reports.iter().filter_map(|made| identifier.push(made.t_ns, &made.report)).collect();
+    calibrate_camera(&moving_views(views), &nominal, CalibrationModel::Square)
 }
 
 /// Does one run in one way, as often as the setting says, each time with other noise.

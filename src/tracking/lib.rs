@@ -38,6 +38,7 @@ pub use correspondence::{Assignment, EarlierPose, GATE, Identified, IdentifyHint
 pub use design::{DesignConditions, DesignScore, score_design, search_design};
 pub use experiment::{
     Arm, ExperimentOutcome, ExperimentRun, ExperimentSetting, PlotPoint, TrackingMethod, run_experiment,
+    simulate_survey,
 };
 pub use filter::{ErrorStateFilter, MotionDensity, PoseFilter, State, Update, Verdict};
 pub use host::{Host, HostOptions, HostState, RemoteSenses, Sensitivity, VirtualRemote};

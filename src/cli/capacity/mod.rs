@@ -1,23 +1,19 @@
 //! `relief bench --capacity`: how many viewers this machine carries, and what more of them would need.
 
-mod measure;
-mod plan;
 mod print;
 
 use std::process::ExitCode;
 
 use serde::Serialize;
 
-use self::measure::{Measured, measure};
-use self::plan::{Carried, GROUPS, Habits, Needed};
 use super::adapter::AdapterArguments;
-use super::memory::process_mib;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
+use relief_study::{Capacity, CapacityMeasurement, GroupNeeds, ViewerHabits, measure_capacity, process_mib};
 use relief_volume::{PhantomKind, PhantomRecipe};
 
-/// What to measure for, and how to say it.
+/// Options of `relief bench --capacity`.
 #[derive(Debug, clap::Args)]
 pub(super) struct CapacityArguments {
     /// Measure how many viewers and views per hour this machine carries, of a procedural head where no --series is given
@@ -36,26 +32,26 @@ pub(super) struct CapacityArguments {
 
 /// The JSON form, documented in CAPACITY.md.
 #[derive(Debug, Serialize)]
-struct Report {
-    measured: Measured,
-    habits: Habits,
-    carried: Carried,
-    /// Of 1 to 10,000 viewers; empty where this machine does not carry one.
-    needed: Vec<Needed>,
+struct CapacityReport {
+    measured: CapacityMeasurement,
+    habits: ViewerHabits,
+    carried: Capacity,
+    /// For 1 to 10,000 viewers; empty where this machine is too slow for one.
+    needed: Vec<GroupNeeds>,
 }
 
-/// What is measured with.
-pub(super) struct Order<'a> {
-    /// A procedural head where there is none.
+/// The inputs of the measurement.
+pub(super) struct CapacityRun<'a> {
+    /// `None` measures with a procedural head.
     pub(super) series: Option<&'a SeriesArguments>,
     pub(super) scene: &'a SceneArguments,
     pub(super) adapter: &'a AdapterArguments,
-    /// Frames of full size that are measured.
+    /// Number of still frames.
     pub(super) frames: usize,
     pub(super) json: bool,
 }
 
-pub(super) fn run(arguments: &CapacityArguments, order: &Order<'_>) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &CapacityArguments, order: &CapacityRun<'_>) -> anyhow::Result<ExitCode> {
     let &CapacityArguments { viewer_fps, moving_share, markdown, .. } = arguments;
     let scene_file = order.scene.read()?;
     let renderer = order.adapter.open_renderer()?;
@@ -71,11 +67,10 @@ pub(super) fn run(arguments: &CapacityArguments, order: &Order<'_>) -> anyhow::R
     };
     let scene = scene_file.resolve_labelled(volume.grid(), &order.scene.orbit(), labels.as_ref())?;
     scene.expect_no_annotations()?;
-    let measured = measure(renderer, &volume, &scene, order.frames, base_mib)?;
-    let habits = Habits { viewer_fps, moving_share, ..Habits::default() };
-    let rates = measured.rates();
-    let needed = GROUPS.into_iter().filter_map(|viewers| rates.needed(&habits, viewers)).collect();
-    let report = Report { carried: rates.carried(&habits), measured, habits, needed };
+    let measured = measure_capacity(renderer, &volume, &scene, order.frames, base_mib)?;
+    let habits = ViewerHabits { viewer_fps, moving_share, ..ViewerHabits::default() };
+    let (carried, needed) = (measured.capacity(&habits), measured.needs(&habits));
+    let report = CapacityReport { measured, habits, carried, needed };
     if order.json {
         print_json(&report)?;
     } else {

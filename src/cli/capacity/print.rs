@@ -2,18 +2,18 @@
 
 use std::fmt::Write;
 
-use super::Report;
-use super::measure::Frames;
+use super::CapacityReport;
+use relief_study::FrameRates;
 
 /// For a terminal.
-pub(super) fn text(report: &Report) -> String {
-    let Report { measured, habits, carried, needed } = report;
+pub(super) fn text(report: &CapacityReport) -> String {
+    let CapacityReport { measured, habits, carried, needed } = report;
     let mut text = format!(
         "{} ({}), {} cores, {} build\n",
         measured.adapter, measured.driver, measured.cores, measured.build
     );
-    let mut line = |what: &str, frames: &Frames| {
-        let Frames { per_s, size_px: [width, height], bytes, render_ms, encode_ms } = frames;
+    let mut line = |what: &str, frames: &FrameRates| {
+        let FrameRates { per_s, size_px: [width, height], bytes, render_ms, encode_ms } = frames;
         let kb = bytes / 1e3;
         let _ = writeln!(
             text,
@@ -65,8 +65,8 @@ pub(super) fn text(report: &Report) -> String {
 }
 
 /// For CAPACITY.md.
-pub(super) fn markdown(report: &Report) -> String {
-    let Report { measured, habits, carried, needed } = report;
+pub(super) fn markdown(report: &CapacityReport) -> String {
+    let CapacityReport { measured, habits, carried, needed } = report;
     let [nx, ny, nz] = measured.dims;
     let mut text = format!(
         "Measured by `relief bench --capacity --markdown`: {} ({}), {} cores, {} build, a volume of {nx}x{ny}x{nz}.\n\n",
@@ -78,7 +78,7 @@ pub(super) fn markdown(report: &Report) -> String {
         ("still: lossless", measured.still),
         ("by request: PNG", measured.view),
     ] {
-        let Frames { per_s, size_px: [width, height], bytes, render_ms, encode_ms } = frames;
+        let FrameRates { per_s, size_px: [width, height], bytes, render_ms, encode_ms } = frames;
         let kb = bytes / 1e3;
         let _ = writeln!(
             text,

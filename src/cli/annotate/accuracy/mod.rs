@@ -1,19 +1,15 @@
 //! `relief annotate accuracy`: how near landmarks come to where they are, by the whole chain, in simulation.
 
-mod chain;
-mod hand;
 mod plot;
 
-use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
 
-use self::chain::Sight;
 use crate::adapter::AdapterArguments;
 use crate::output::{print_json, say, write_whole};
-use relief_live::HandOptions;
+use relief_study::{AccuracyReport, AccuracySettings, measure_accuracy};
 use relief_volume::{PhantomKind, PhantomRecipe};
 
 /// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they are missed.
@@ -71,96 +67,24 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// What came of it.
-#[derive(Debug, serde::Serialize)]
-struct Report {
-    distance_mm: f64,
-    landmarks: usize,
-    repeats: u32,
-    seeds: Vec<u64>,
-    radius_mm: f64,
-    tremor_g: f64,
-    /// Landmarks that no standard view shows but with what lies before them cut away.
-    cut: usize,
-    /// Landmarks that no view shows.
-    hidden: usize,
-    ways: Vec<Way>,
-}
-
-/// One way to place landmarks.
-#[derive(Debug, serde::Serialize)]
-struct Way {
-    /// `ray` or `tip`.
-    way: &'static str,
-    /// `direct`, `lever` or `default`.
-    mapping: &'static str,
-    /// From the remote's camera to the tip, mm.
-    lever_mm: f64,
-    /// `none`, `boundary` or `gradient`.
-    snap: &'static str,
-    median_mm: f64,
-    /// The medians of each seed alone.
-    medians_mm: Vec<f64>,
-    p95_mm: f64,
-    max_mm: f64,
-    /// Placings where there was nothing under the cursor, or nothing to snap to: those keep their place where they have one.
-    missed: usize,
-    /// Seed by seed, landmark by landmark.
-    errors_mm: Vec<f64>,
-    /// Errors before those of the seed that is being placed.
-    #[serde(skip)]
-    before: usize,
-}
-
 fn gravities(text: &str) -> Result<f64, String> {
     let gravities: f64 = text.parse().map_err(|error| format!("{error}"))?;
     if (0.0..=0.2).contains(&gravities) { Ok(gravities) } else { Err("allowed: 0 to 0.2".to_owned()) }
-}
-
-/// What a hand's movements mean, by name.
-fn mappings(distance_mm: f64) -> [(&'static str, HandOptions); 3] {
-    let direct = HandOptions { precise_gain: 1.0, steady_s: 0.0, ..HandOptions::default() };
-    let lever = HandOptions { tip_mm: distance_mm, ..direct.clone() };
-    [("direct", direct), ("lever", lever), ("default", HandOptions::default())]
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let recipe = PhantomRecipe::new(PhantomKind::Head).with_size(arguments.size as usize)?;
     let phantom = recipe.make();
     let mut renderer = arguments.adapter.open_renderer_for(recipe.dims())?;
-    let distance_mm = f64::from(arguments.distance_mm);
-    let radius_mm = f64::from(arguments.radius_mm);
-    let (names, options): (Vec<_>, Vec<_>) = mappings(distance_mm).into_iter().unzip();
-    let mut ways = Way::all(&names, &options);
-    let landmarks = &phantom.truth.landmarks;
-    let repeats = arguments.repeats as usize;
-    let (mut cut, mut hidden) = (BTreeSet::new(), BTreeSet::new());
-    for &seed in &arguments.seeds {
-        let placer = hand::Placer { distance_mm, tremor_g: arguments.tremor_g, seed };
-        let offsets = hand::place(placer, &options, landmarks.len() * repeats)?;
-        for (at, landmark) in landmarks.iter().enumerate() {
-            let cuts = arguments.cut;
-            let shown = chain::Shown::new(&mut renderer, &phantom.volume, landmark, (seed ^ at as u64, cuts))
-                .with_context(|| format!("cannot show {}", landmark.name))?;
-            let told = match shown.sight {
-                Sight::Plain => None,
-                Sight::Cut => Some(&mut cut),
-                Sight::Hidden => Some(&mut hidden),
-            };
-            told.map(|landmarks| landmarks.insert(at));
-            for offsets in &offsets[at * repeats..][..repeats] {
-                for way in &mut ways {
-                    let mapping = names.iter().position(|name| *name == way.mapping).unwrap_or_default();
-                    shown.place(&phantom.volume, offsets[mapping], radius_mm, way);
-                }
-            }
-        }
-        ways.iter_mut().for_each(Way::end_seed);
-    }
-    ways.iter_mut().for_each(Way::summarise);
-    let (repeats, tremor_g, seeds) = (arguments.repeats, arguments.tremor_g, arguments.seeds.clone());
-    let (landmarks, cut, hidden) = (landmarks.len(), cut.len(), hidden.len());
-    let report = Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, cut, hidden, ways };
+    let settings = AccuracySettings {
+        distance_mm: f64::from(arguments.distance_mm),
+        repeats: arguments.repeats,
+        radius_mm: f64::from(arguments.radius_mm),
+        tremor_g: arguments.tremor_g,
+        cut: arguments.cut,
+        seeds: arguments.seeds.clone(),
+    };
+    let report = measure_accuracy(&settings, &phantom, &mut renderer)?;
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let drawing = plot::draw(&report);
@@ -175,54 +99,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-impl Way {
-    /// Every way, nothing placed yet.
-    fn all(names: &[&'static str], options: &[HandOptions]) -> Vec<Self> {
-        let mut ways = Vec::new();
-        for way in ["ray", "tip"] {
-            for (mapping, options) in names.iter().zip(options) {
-                for snap in ["none", "boundary", "gradient"] {
-                    ways.push(Self {
-                        way,
-                        mapping,
-                        lever_mm: options.tip_mm,
-                        snap,
-                        median_mm: f64::NAN,
-                        medians_mm: Vec::new(),
-                        p95_mm: f64::NAN,
-                        max_mm: f64::NAN,
-                        missed: 0,
-                        errors_mm: Vec::new(),
-                        before: 0,
-                    });
-                }
-            }
-        }
-        ways
-    }
-
-    /// The errors that came since this was called last are those of one seed.
-    fn end_seed(&mut self) {
-        self.medians_mm.push(quantile(&self.errors_mm[self.before..], 0.5));
-        self.before = self.errors_mm.len();
-    }
-
-    fn summarise(&mut self) {
-        [self.median_mm, self.p95_mm, self.max_mm] =
-            [0.5, 0.95, 1.0].map(|share| quantile(&self.errors_mm, share));
-    }
-}
-
-/// The error that this share of all is no larger than.
-fn quantile(errors_mm: &[f64], share: f64) -> f64 {
-    let mut sorted = errors_mm.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = ((sorted.len() as f64 - 1.0) * share).round();
-    sorted.get(at as usize).copied().unwrap_or(f64::NAN)
-}
-
-fn print(report: &Report) {
-    let Report { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, cut, hidden, ways } = report;
+fn print(report: &AccuracyReport) {
+    let AccuracyReport { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, cut, hidden, ways } =
+        report;
     say!(
         "{landmarks} landmarks of the head, {repeats} times each for each of {} seeds, with a remote {distance_mm:.0} mm before the beacon; a tremor of {tremor_g} g;",
         seeds.len()

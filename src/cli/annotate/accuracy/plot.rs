@@ -1,7 +1,7 @@
 //! The errors of all ways: a dot each, their median and the bar of 1 mm.
 
-use super::Report;
 use crate::drawing::{Anchor, Color, Drawing, Pen};
+use relief_study::AccuracyReport;
 
 const SIZE: [u16; 2] = [760, 640];
 const LEFT: f64 = 230.0;
@@ -16,7 +16,7 @@ const MEDIAN: Color = [200, 60, 40];
 const RANGE_MM: [f64; 2] = [0.02, 30.0];
 const TICKS_MM: [f64; 6] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 
-pub(super) fn draw(report: &Report) -> Drawing {
+pub(super) fn draw(report: &AccuracyReport) -> Drawing {
     let title = format!("Error of {} landmarks, placed from {:.0} mm", report.landmarks, report.distance_mm);
     let mut drawing = Drawing::new(SIZE, &title);
     drawing.text([20.0, 30.0], Anchor::Start, 13.0, INK, &title);

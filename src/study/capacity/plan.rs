@@ -1,53 +1,53 @@
-//! From what one server was measured to do, to what many viewers need: arithmetic, and nothing else.
+//! The capacity model: from the measured rates of one server to the needs of many viewers. Arithmetic only.
 //!
-//! A viewer moves the view for a share of the time, in stretches of some seconds. While it moves, so many frames a second are
-//! rendered small enough for that; each stretch ends in one lossless picture of full size. Viewers move independently of one another.
+//! A viewer moves its view for a share of the time, in stretches of a few seconds. A moving view is rendered at a fixed frame rate and
+//! a reduced size; each stretch ends with one lossless frame of full size. Viewers move independently of one another.
 
 use serde::Serialize;
 use statrs::function::beta::beta_reg;
 
-/// Groups of viewers that are planned for.
+/// Numbers of viewers in the report.
 pub(super) const GROUPS: [u64; 5] = [1, 10, 100, 1_000, 10_000];
 
-/// What one server does, measured.
+/// The measured rates of one server.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Rates {
-    /// Frames per second while views move, rendered, encoded, of all viewers together.
-    pub(super) moving_per_s: f64,
+pub(super) struct ServerRates {
+    /// Frames of moving views per second, of all viewers together.
+    pub moving_per_s: f64,
     /// Bytes of one.
-    pub(super) moving_bytes: f64,
-    /// Lossless pictures of full size per second, of all viewers together.
-    pub(super) still_per_s: f64,
+    pub moving_bytes: f64,
+    /// Lossless frames of full size per second, of all viewers together.
+    pub still_per_s: f64,
     /// Bytes of one.
-    pub(super) still_bytes: f64,
-    /// Frames of full size as PNG per second, by request.
-    pub(super) view_per_s: f64,
+    pub still_bytes: f64,
+    /// Pictures of full size per second, by request.
+    pub view_per_s: f64,
     /// Memory of the process without volumes, MiB.
-    pub(super) base_mib: f64,
-    /// Memory of one volume that is shown, MiB: voxels, and what the adapter has of it.
-    pub(super) volume_mib: f64,
+    pub base_mib: f64,
+    /// Memory of one volume, MiB: voxels and adapter.
+    pub volume_mib: f64,
 }
 
-/// What viewers do, and what is kept in reserve.
+/// The assumed behaviour of viewers, and the reserve of a server.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Habits {
-    /// Frames per second that a viewer is to have while moving.
-    pub(super) viewer_fps: f64,
+pub struct ViewerHabits {
+    /// Frames per second of a moving view.
+    pub viewer_fps: f64,
     /// Share of the time in which a viewer moves, 0 to 1.
-    pub(super) moving_share: f64,
+    pub moving_share: f64,
     /// Length of one stretch of moving, s.
-    pub(super) stretch_s: f64,
+    pub stretch_s: f64,
     /// Viewers of one volume at a time.
-    pub(super) viewers_per_volume: f64,
+    pub viewers_per_volume: f64,
     /// Edits of annotations per viewer and hour.
-    pub(super) edits_per_hour: f64,
-    /// Most of a server's time that is planned for.
-    pub(super) load: f64,
-    /// Most of the time in which more may move at once than a server draws at that rate.
-    pub(super) crowded: f64,
+    pub edits_per_hour: f64,
+    /// Highest planned load of a server, 0 to 1.
+    pub load: f64,
+    /// Highest share of the time in which more views move at once than the server can render.
+    pub crowded: f64,
 }
 
-impl Default for Habits {
+impl Default for ViewerHabits {
     fn default() -> Self {
         Self {
             viewer_fps: 20.0,
@@ -61,49 +61,51 @@ impl Default for Habits {
     }
 }
 
-/// What one server carries.
+/// The capacity of one server.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Carried {
-    /// Viewers; 0 where not even one gets its frames.
-    pub(super) viewers: u64,
-    /// Share of the time in which more of them move at once than get their frames.
-    pub(super) crowded: f64,
-    /// Share of the server's time that they take.
-    pub(super) load: f64,
-    /// Frames of full size per hour, where nobody looks live.
-    pub(super) views_per_hour: f64,
-    /// Mean rate of what one viewer is sent, Mbit/s.
-    pub(super) viewer_mbit_s: f64,
+pub struct Capacity {
+    /// Most viewers; 0 where the server is too slow for one.
+    pub viewers: u64,
+    /// Share of the time in which more views move at once than the server can render.
+    pub crowded: f64,
+    /// Load of the server, 0 to 1.
+    pub load: f64,
+    /// Pictures of full size per hour, without live viewers.
+    pub views_per_hour: f64,
+    /// Mean data rate of one viewer, Mbit/s.
+    pub viewer_mbit_s: f64,
 }
 
-/// What a group of viewers needs.
+/// The needs of a group of viewers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Needed {
-    pub(super) viewers: u64,
-    /// Servers that carry them, and one more that may fail.
-    pub(super) servers: u64,
-    /// What they are sent together, Mbit/s, on average and in 999 of 1000 moments.
-    pub(super) mean_mbit_s: f64,
-    pub(super) peak_mbit_s: f64,
-    /// Volumes that are shown at a time.
-    pub(super) volumes: u64,
-    /// Memory of a server, MiB, where consistent hashing deals it half as many volumes again as its share.
-    pub(super) server_mib: f64,
-    /// Edits per second of all together.
-    pub(super) edits_per_s: f64,
-    /// Events per second that servers read from the database: each reads every one.
-    pub(super) events_read_per_s: f64,
-    /// Connections of nginx: one to each viewer, and one to a server.
-    pub(super) connections: u64,
+pub struct GroupNeeds {
+    /// Number of viewers.
+    pub viewers: u64,
+    /// Servers for them, and one spare.
+    pub servers: u64,
+    /// Mean data rate of all viewers together, Mbit/s.
+    pub mean_mbit_s: f64,
+    /// Data rate that is exceeded in one of 1000 moments, Mbit/s.
+    pub peak_mbit_s: f64,
+    /// Number of volumes that are shown at the same time.
+    pub volumes: u64,
+    /// Memory of a server, MiB, if consistent hashing assigns it 1.5 times its share of the volumes.
+    pub server_mib: f64,
+    /// Edits of all viewers per second.
+    pub edits_per_s: f64,
+    /// Events per second that the servers read from the database: each server reads every event.
+    pub events_read_per_s: f64,
+    /// Connections of nginx: one to a viewer and one to a server each.
+    pub connections: u64,
 }
 
-impl Rates {
-    /// Viewers that one server carries.
-    pub(super) fn carried(&self, habits: &Habits) -> Carried {
+impl ServerRates {
+    /// The capacity of one server.
+    pub(super) fn capacity(&self, habits: &ViewerHabits) -> Capacity {
         let fits = |viewers: u64| {
             self.load(habits, viewers) <= habits.load && self.crowded(habits, viewers) <= habits.crowded
         };
-        // More viewers never fit better, so the most is found by halves.
+        // Load and crowding rise with the number of viewers, so bisection finds the most.
         let (mut most, mut too_many) = (0, 1);
         while fits(too_many) && too_many < 1 << 20 {
             (most, too_many) = (too_many, too_many * 2);
@@ -112,7 +114,7 @@ impl Rates {
             let middle = u64::midpoint(most, too_many);
             if fits(middle) { most = middle } else { too_many = middle }
         }
-        Carried {
+        Capacity {
             viewers: most,
             crowded: self.crowded(habits, most),
             load: self.load(habits, most),
@@ -121,9 +123,9 @@ impl Rates {
         }
     }
 
-    /// What so many viewers need; `None` where a server does not carry even one.
-    pub(super) fn needed(&self, habits: &Habits, viewers: u64) -> Option<Needed> {
-        let carried = self.carried(habits).viewers;
+    /// The needs of so many viewers; `None` where the server is too slow for one.
+    pub(super) fn needs(&self, habits: &ViewerHabits, viewers: u64) -> Option<GroupNeeds> {
+        let carried = self.capacity(habits).viewers;
         if carried == 0 {
             return None;
         }
@@ -140,7 +142,7 @@ impl Rates {
             clippy::cast_sign_loss,
             reason = "a count of viewers, or fewer"
         )]
-        Some(Needed {
+        Some(GroupNeeds {
             viewers,
             servers,
             mean_mbit_s: viewers as f64 * self.viewer_bytes_per_s(habits) * 8e-6,
@@ -153,14 +155,14 @@ impl Rates {
         })
     }
 
-    /// Share of a server's time that so many viewers take.
-    fn load(&self, habits: &Habits, viewers: u64) -> f64 {
+    /// Load of a server with so many viewers.
+    fn load(&self, habits: &ViewerHabits, viewers: u64) -> f64 {
         let moving = habits.moving_share * habits.viewer_fps / self.moving_per_s;
         viewers as f64 * (moving + habits.stills_per_s() / self.still_per_s)
     }
 
-    /// Share of the time in which more of so many viewers move than get their frames.
-    fn crowded(&self, habits: &Habits, viewers: u64) -> f64 {
+    /// Share of the time in which more views move than the server can render.
+    fn crowded(&self, habits: &ViewerHabits, viewers: u64) -> f64 {
         let for_stills = viewers as f64 * habits.stills_per_s() / self.still_per_s;
         let places = (self.moving_per_s * (1.0 - for_stills) / habits.viewer_fps).floor();
         if places < 1.0 {
@@ -174,19 +176,19 @@ impl Rates {
         more_than(viewers, habits.moving_share, places as u64)
     }
 
-    fn viewer_bytes_per_s(&self, habits: &Habits) -> f64 {
+    fn viewer_bytes_per_s(&self, habits: &ViewerHabits) -> f64 {
         habits.moving_share * habits.viewer_fps * self.moving_bytes + habits.stills_per_s() * self.still_bytes
     }
 }
 
-impl Habits {
-    /// Lossless pictures per second and viewer: one at the end of each stretch.
+impl ViewerHabits {
+    /// Lossless frames per second and viewer: one at the end of each stretch.
     fn stills_per_s(&self) -> f64 {
         self.moving_share / self.stretch_s
     }
 }
 
-/// The probability that of so many who each move with this probability more than `most` do: the tail of the binomial distribution.
+/// The probability that more than `most` of the viewers move: the tail of the binomial distribution.
 fn more_than(viewers: u64, share: f64, most: u64) -> f64 {
     if most >= viewers || share <= 0.0 {
         return 0.0;
@@ -198,7 +200,7 @@ fn more_than(viewers: u64, share: f64, most: u64) -> f64 {
     beta_reg((most + 1) as f64, (viewers - most) as f64, share)
 }
 
-/// The fewest that more move than with no more than this probability.
+/// The smallest number that is exceeded with at most this probability.
 fn moving_at_most(viewers: u64, share: f64, probability: f64) -> u64 {
     let (mut too_few, mut enough) = (0, viewers);
     if more_than(viewers, share, 0) <= probability {
@@ -215,7 +217,7 @@ fn moving_at_most(viewers: u64, share: f64, probability: f64) -> u64 {
 mod tests {
     use super::*;
 
-    const RATES: Rates = Rates {
+    const RATES: ServerRates = ServerRates {
         moving_per_s: 100.0,
         moving_bytes: 50_000.0,
         still_per_s: 10.0,
@@ -244,10 +246,10 @@ mod tests {
     }
 
     #[test]
-    fn a_server_carries_what_it_has_time_and_places_for() {
-        let habits = Habits::default();
-        let carried = RATES.carried(&habits);
-        // Each takes 0.1 x 20 / 100 + 0.025 / 10 of the time; five places, less what stills take.
+    fn capacity_keeps_load_and_crowding_within_their_limits() {
+        let habits = ViewerHabits::default();
+        let carried = RATES.capacity(&habits);
+        // The load of one viewer is 0.1 x 20 / 100 + 0.025 / 10.
         let each = 0.1 * 20.0 / 100.0 + 0.1 / 4.0 / 10.0;
         assert!((carried.load - carried.viewers as f64 * each).abs() < 1e-12);
         assert!(carried.load <= 0.7 && carried.crowded <= 0.05);
@@ -255,23 +257,23 @@ mod tests {
         assert!(RATES.load(&habits, one_more) > 0.7 || RATES.crowded(&habits, one_more) > 0.05);
         assert!((carried.viewer_mbit_s - (2.0 * 50_000.0 + 0.025 * 1e6) * 8e-6).abs() < 1e-12);
         assert!((carried.views_per_hour - 28_800.0).abs() < 1e-9);
-        // Who is not given one place is not carried.
-        let slow = Rates { moving_per_s: 19.0, ..RATES };
-        assert_eq!(slow.carried(&habits).viewers, 0);
-        assert_eq!(slow.needed(&habits, 10), None);
+        // A server that is too slow for one viewer has no capacity.
+        let slow = ServerRates { moving_per_s: 19.0, ..RATES };
+        assert_eq!(slow.capacity(&habits).viewers, 0);
+        assert_eq!(slow.needs(&habits, 10), None);
     }
 
     #[test]
-    fn what_groups_need_follows_from_what_one_server_carries() {
-        let habits = Habits::default();
-        let carried = RATES.carried(&habits).viewers;
+    fn needs_of_groups_follow_from_the_capacity_of_one_server() {
+        let habits = ViewerHabits::default();
+        let carried = RATES.capacity(&habits).viewers;
         for viewers in GROUPS {
-            let needed = RATES.needed(&habits, viewers).unwrap();
-            assert_eq!(needed.servers, viewers.div_ceil(carried) + 1);
-            assert_eq!(needed.volumes, viewers.div_ceil(2));
-            assert!((needed.edits_per_s - viewers as f64 / 60.0).abs() < 1e-9);
-            assert!(needed.peak_mbit_s >= needed.mean_mbit_s, "{needed:?}");
-            assert!(needed.server_mib >= 300.0, "at least one volume: {needed:?}");
+            let needs = RATES.needs(&habits, viewers).unwrap();
+            assert_eq!(needs.servers, viewers.div_ceil(carried) + 1);
+            assert_eq!(needs.volumes, viewers.div_ceil(2));
+            assert!((needs.edits_per_s - viewers as f64 / 60.0).abs() < 1e-9);
+            assert!(needs.peak_mbit_s >= needs.mean_mbit_s, "{needs:?}");
+            assert!(needs.server_mib >= 300.0, "at least one volume: {needs:?}");
         }
     }
 }

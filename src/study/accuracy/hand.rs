@@ -5,15 +5,14 @@
 
 use std::f64::consts::TAU;
 
-use anyhow::Context;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::track_experiment::survey;
+use crate::StudyError;
 use relief_live::{Gestures, HandOptions, HandPose, HandSample, Intent, PlacePhase};
 use relief_tracking::{
     Beacon, Buttons, ExperimentSetting, Pinhole, PointingHand, Random, ReportDelivery, SensorPath,
-    SensorPose, Simulation, TYPICAL_FOCAL_PX, Tracker, TrackerOptions, TrackingState,
+    SensorPose, Simulation, TYPICAL_FOCAL_PX, Tracker, TrackerOptions, TrackingState, simulate_survey,
 };
 
 /// By how much the focal length differs from a typical one, as the experiment has it.
@@ -118,10 +117,10 @@ pub(super) fn place(
     placer: Placer,
     mappings: &[HandOptions],
     count: usize,
-) -> anyhow::Result<Vec<Vec<DVec3>>> {
+) -> Result<Vec<Vec<DVec3>>, StudyError> {
     let Placer { distance_mm, tremor_g, seed } = placer;
     let setting = ExperimentSetting::new(Pinhole::simple(TYPICAL_FOCAL_PX * (1.0 + FOCAL_ERROR)), seed);
-    let camera = survey(&setting).context("the simulated survey did not calibrate the camera")?.camera;
+    let camera = simulate_survey(&setting)?.camera;
     let beacon = Beacon::recommended();
     let hand = PointingHand::before(&beacon, distance_mm, seed);
     (0..count)
@@ -170,7 +169,7 @@ struct User<'a> {
 }
 
 impl<'a> User<'a> {
-    fn new(mapping: &'a HandOptions, seed: u64) -> anyhow::Result<Self> {
+    fn new(mapping: &'a HandOptions, seed: u64) -> Result<Self, StudyError> {
         let mut random = Random::new(seed ^ 0x5eed);
         let wanted = DVec3::from(std::array::from_fn(|_| random.between(-FROM_MM, FROM_MM)));
         Ok(Self {
@@ -187,8 +186,8 @@ impl<'a> User<'a> {
     }
 
     /// How far off the cursor is when it is set down.
-    fn place(mut self, tracked: &Tracked) -> anyhow::Result<DVec3> {
-        let first = tracked.first().context("a hand was not seen")?.0;
+    fn place(mut self, tracked: &Tracked) -> Result<DVec3, StudyError> {
+        let first = tracked.first().ok_or(StudyError::HandLost)?.0;
         for (t_ns, state, pose) in tracked {
             let now = (t_ns - first) as f64 * 1e-9;
             // The hand goes where the user leads it; a few millimetres change nothing of how well it is tracked.
@@ -224,7 +223,7 @@ impl<'a> User<'a> {
             }
             self.pressed_s = Some(now);
         }
-        anyhow::bail!("a simulated hand was lost before it placed anything")
+        Err(StudyError::HandLost)
     }
 
     fn follow(&mut self, intents: &[Intent]) {

@@ -1,77 +1,83 @@
-//! What one server of this machine does: the frames of live views and of requests, rendered and encoded side by side as it does it.
+//! Measures one server on this machine: rates of live frames and of requested pictures, rendered and encoded in parallel as a
+//! server does it.
 
-use relief_session::encode;
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
 
-use anyhow::Context;
 use serde::Serialize;
 
-use super::plan::Rates;
-use crate::memory::process_mib;
+use super::plan::ServerRates;
+use super::process_mib;
+use crate::StudyError;
 use relief_annotation::{Change, Edit, Item};
 use relief_display::{DisplaySettings, Picture};
 use relief_live::{ColorFormat, DepthFormat, encode_color, encode_d8};
 use relief_render::{RenderRequest, RenderedFrame, Renderer, Scene};
-use relief_session::{FileFormat, INTERACTIVE_MS, Product, QueueConfig, RenderService};
+use relief_session::{FileFormat, INTERACTIVE_MS, Product, QueueConfig, RenderService, encode};
 use relief_store::Store;
 use relief_volume::Volume;
 
-/// Between two frames, degrees: every frame is another one.
+/// Angle between two frames, degrees, so that every frame differs.
 const STEP_DEG: f64 = 7.0;
-/// Frames before those that count: pipelines compile, and the speed of this machine is learnt.
+/// Frames before the measurement: pipelines compile, and the service learns the speed of this machine.
 const WARM_UP: usize = 4;
-/// Moving frames for each of full size.
+/// Moving frames per still frame.
 const MOVING_FOR_STILL: usize = 5;
-/// JPEG of a moving view, where the connection is quick; lossless formats have no quality.
+/// JPEG quality of a moving view on a fast connection.
 const MOVING_QUALITY: u8 = 85;
-/// Edits that are timed.
+/// Number of timed edits.
 const EDITS: usize = 100;
 
-/// What was measured of one kind of frames.
+/// Rates of one kind of frames.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Frames {
-    /// Rendered and encoded, as many at a time as there are cores.
-    pub(super) per_s: f64,
-    /// Of the last one; fewer than ordered where the machine is too slow for the size.
-    pub(super) size_px: [u32; 2],
-    /// Mean bytes.
-    pub(super) bytes: f64,
+pub struct FrameRates {
+    /// Frames per second, rendered and encoded on all cores.
+    pub per_s: f64,
+    /// Size of the last frame; smaller than requested where the machine is too slow.
+    pub size_px: [u32; 2],
+    /// Mean size of an encoded frame, bytes.
+    pub bytes: f64,
     /// Median time of rendering, ms.
-    pub(super) render_ms: f64,
-    /// Median time of encoding on one core beside all else, ms.
-    pub(super) encode_ms: f64,
+    pub render_ms: f64,
+    /// Median time of encoding on one core, ms.
+    pub encode_ms: f64,
 }
 
-/// All of it.
+/// The measurements of one server.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Measured {
-    pub(super) adapter: String,
-    pub(super) driver: String,
-    pub(super) cores: usize,
-    /// Of this program: `release` or `development`.
-    pub(super) build: &'static str,
-    pub(super) dims: [usize; 3],
-    /// While a view moves: JPEG, and depth as disparity.
-    pub(super) moving: Frames,
-    /// When it stands still: lossless.
-    pub(super) still: Frames,
-    /// By request: the display's frame as PNG.
-    pub(super) view: Frames,
-    /// Voxels of the volume, and what the adapter has of it, MiB. Of a software adapter both are the machine's memory.
-    pub(super) voxels_mib: f64,
-    pub(super) adapter_mib: f64,
-    /// Memory of the process before the volume was there, and at most, MiB; null where the system does not say.
-    pub(super) base_mib: Option<f64>,
-    pub(super) peak_mib: Option<f64>,
-    /// Edits per second of one writer, each on the disk before the next, in SQLite.
-    pub(super) edits_per_s: f64,
+pub struct CapacityMeasurement {
+    /// Name of the adapter.
+    pub adapter: String,
+    /// Name of its driver.
+    pub driver: String,
+    /// Cores of the machine.
+    pub cores: usize,
+    /// Build of this program: `release` or `development`.
+    pub build: &'static str,
+    /// Voxels of the volume along x, y and z.
+    pub dims: [usize; 3],
+    /// Frames of a moving view: JPEG, and depth as disparity.
+    pub moving: FrameRates,
+    /// Frames of a view at rest: lossless.
+    pub still: FrameRates,
+    /// Pictures by request: display frames as PNG.
+    pub view: FrameRates,
+    /// Host memory of the voxels, MiB.
+    pub voxels_mib: f64,
+    /// Memory of the volume on the adapter, MiB. A software adapter uses host memory.
+    pub adapter_mib: f64,
+    /// Memory of the process before the volume was loaded, MiB; null where the system does not report it.
+    pub base_mib: Option<f64>,
+    /// Peak memory of the process, MiB; null where the system does not report it.
+    pub peak_mib: Option<f64>,
+    /// Edits per second of one writer in SQLite, each durable before the next.
+    pub edits_per_s: f64,
 }
 
-impl Measured {
-    pub(super) fn rates(&self) -> Rates {
-        Rates {
+impl CapacityMeasurement {
+    pub(super) fn rates(&self) -> ServerRates {
+        ServerRates {
             moving_per_s: self.moving.per_s,
             moving_bytes: self.moving.bytes,
             still_per_s: self.still.per_s,
@@ -83,7 +89,7 @@ impl Measured {
     }
 }
 
-/// What is measured with.
+/// The parts of the measurement.
 struct Bench<'a> {
     service: &'a RenderService,
     volume: &'a Volume,
@@ -91,14 +97,17 @@ struct Bench<'a> {
     cores: usize,
 }
 
-/// Measures with the scene's picture; `frames` of full size.
-pub(super) fn measure(
+/// Measures a server that shows `scene`; `frames` is the number of still frames.
+///
+/// # Errors
+/// When rendering, encoding or storing fails.
+pub fn measure_capacity(
     renderer: Renderer,
     volume: &Volume,
     scene: &Scene,
     frames: usize,
     base_mib: Option<f64>,
-) -> anyhow::Result<Measured> {
+) -> anyhow::Result<CapacityMeasurement, StudyError> {
     let description = renderer.gpu().description().clone();
     let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
     let service = RenderService::start(renderer, QueueConfig { recent_bytes: 0, ..QueueConfig::default() })?;
@@ -114,7 +123,7 @@ pub(super) fn measure(
     let adapter_bytes = service.memory().used_bytes;
     service.shut_down();
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    Ok(Measured {
+    Ok(CapacityMeasurement {
         adapter: description.name.clone(),
         driver: description.driver.clone(),
         cores,
@@ -131,12 +140,11 @@ pub(super) fn measure(
     })
 }
 
-type Encoder<'a> = &'a (dyn Fn(&RenderedFrame) -> anyhow::Result<usize> + Sync);
+type Encoder<'a> = &'a (dyn Fn(&RenderedFrame) -> Result<usize, StudyError> + Sync);
 
 impl Bench<'_> {
-    /// Orders frames one behind the other, two at a time so that the renderer never waits, and encodes them on as many threads as
-    /// there are cores.
-    fn frames(&self, count: usize, moving: bool, encoder: Encoder<'_>) -> anyhow::Result<Frames> {
+    /// Renders frames one after the other, with two requests queued so that the renderer never waits, and encodes them on all cores.
+    fn frames(&self, count: usize, moving: bool, encoder: Encoder<'_>) -> Result<FrameRates, StudyError> {
         for i in 0..WARM_UP {
             encoder(&self.service.render(self.volume, self.request(i, moving))?.wait()?.frame)?;
         }
@@ -146,7 +154,7 @@ impl Bench<'_> {
         let since = Instant::now();
         let mut rendering = Vec::with_capacity(count);
         let mut size_px = self.scene.request.size_px;
-        std::thread::scope(|scope| -> anyhow::Result<()> {
+        std::thread::scope(|scope| -> Result<(), StudyError> {
             for _ in 0..self.cores {
                 scope.spawn(|| {
                     loop {
@@ -170,19 +178,21 @@ impl Bench<'_> {
                 let frame = ticket.wait()?.frame;
                 rendering.push(frame.timings.upload_ms + frame.timings.render_ms + frame.timings.overlay_ms);
                 size_px = frame.size_px;
-                sender.send(frame).context("the encoders have ended")?;
+                if sender.send(frame).is_err() {
+                    break; // an encoder panicked; joining its thread reports it
+                }
             }
             Ok(())
         })?;
         let per_s = count as f64 / since.elapsed().as_secs_f64();
         let encoded = encoded.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let encoded = encoded.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
+        let encoded = encoded.into_iter().collect::<Result<Vec<_>, StudyError>>()?;
         let bytes = encoded.iter().map(|(bytes, _)| *bytes as f64).sum::<f64>() / count as f64;
         let encode_ms = median(encoded.into_iter().map(|(_, ms)| ms).collect());
-        Ok(Frames { per_s, size_px, bytes, render_ms: median(rendering), encode_ms })
+        Ok(FrameRates { per_s, size_px, bytes, render_ms: median(rendering), encode_ms })
     }
 
-    /// The picture from another side; as small as live sessions make it where the view moves.
+    /// The request from another side, reduced as in a live session if the view moves.
     fn request(&self, i: usize, moving: bool) -> RenderRequest {
         let request = &self.scene.request;
         let camera = request.camera.orbited((i as f64 * STEP_DEG).to_radians());
@@ -200,7 +210,11 @@ impl Bench<'_> {
 }
 
 /// Bytes of a live frame: colour in this format, and disparity.
-fn live_bytes(frame: &RenderedFrame, display: &DisplaySettings, color: ColorFormat) -> anyhow::Result<usize> {
+fn live_bytes(
+    frame: &RenderedFrame,
+    display: &DisplaySettings,
+    color: ColorFormat,
+) -> Result<usize, StudyError> {
     let size = frame.size_px.map(|side| side as usize);
     let colors = encode_color(size, &frame.color_rgba, color, MOVING_QUALITY)?;
     let picture = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?;
@@ -208,16 +222,17 @@ fn live_bytes(frame: &RenderedFrame, display: &DisplaySettings, color: ColorForm
     Ok(colors.len() + encode_d8(size, &disparity, DepthFormat::D8Zstd)?.len())
 }
 
-fn edits_per_s() -> anyhow::Result<f64> {
+fn edits_per_s() -> Result<f64, StudyError> {
     let folder = tempfile::tempdir()?;
     let place = folder.path().join("capacity.db");
-    let place = place.to_str().context("the temporary folder's name is no UTF-8")?;
+    let place = place.to_string_lossy();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
-        let store = Store::open(place).await?;
+        let store = Store::open(&place).await?;
         let since = Instant::now();
         for i in 0..EDITS {
-            let item = Box::new(Item::new(&format!("item {i}"), "bench", None)?);
+            let item =
+                Box::new(Item::new(&format!("item {i}"), "bench", None).map_err(std::io::Error::other)?);
             let changes = vec![Change::Create { item }];
             store.apply(&Edit { author: "bench".to_owned(), reason: String::new(), changes }).await?;
         }

@@ -1,9 +1,9 @@
-//! A landmark as a user sees it, and what becomes of a placing: pick, snap, error.
+//! A landmark in the view of a user, and one placement of it: pick, snap, error.
 
-use anyhow::Context;
 use glam::DVec3;
 
-use super::Way;
+use super::WayReport;
+use crate::StudyError;
 use relief_annotation::{Snap, SnapFeature, snap_point};
 use relief_base::{Patient, Point, Vector, View};
 use relief_render::{ClipPlane, RenderRequest, RenderedFrame, Renderer, SceneFile};
@@ -56,7 +56,7 @@ impl Shown {
         volume: &Volume,
         landmark: &PhantomLandmark,
         (seed, cuts): (u64, bool),
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StudyError> {
         let truth = Point::from_xyz(landmark.position_mm.into());
         let outward = DVec3::from(landmark.outward);
         let preset = if landmark.on == "skin" { "skin" } else { "bone" };
@@ -65,7 +65,7 @@ impl Shown {
         let mut views = STANDARD;
         views.sort_by(|a, b| outward.dot(*b).total_cmp(&outward.dot(*a)));
         let mut random = Random::new(seed);
-        let mut nearest = None;
+        let mut nearest: Option<Self> = None;
         let sights: &[Sight] = if cuts { &[Sight::Plain, Sight::Cut] } else { &[Sight::Plain] };
         for &sight in sights {
             for toward_eye in views {
@@ -83,11 +83,11 @@ impl Shown {
                 nearest = nearest.or(Some(Self { sight: Sight::Hidden, ..shown }));
             }
         }
-        nearest.context("no view was tried")
+        nearest.ok_or(StudyError::HandLost)
     }
 
     /// Places it once: `offset` is how far the cursor is from the landmark along view axes.
-    pub(super) fn place(&self, volume: &Volume, offset: DVec3, radius_mm: f64, way: &mut Way) {
+    pub(super) fn place(&self, volume: &Volume, offset: DVec3, radius_mm: f64, way: &mut WayReport) {
         let in_view = Vector::<View>::from_xyz(offset);
         let tip = self.truth + self.frame.camera.patient_from_view() * in_view;
         let is_ray = way.way == "ray";
@@ -117,7 +117,7 @@ impl Shown {
 }
 
 /// Looks along a standard direction, up where the head's up is; the place is so far aside of the middle.
-fn camera(place: Point<Patient>, toward_eye: DVec3, [right, up]: [f64; 2]) -> anyhow::Result<Camera> {
+fn camera(place: Point<Patient>, toward_eye: DVec3, [right, up]: [f64; 2]) -> Result<Camera, StudyError> {
     let upwards = if toward_eye.z.abs() > 0.9 { DVec3::NEG_Y } else { DVec3::Z };
     let look_at = place + Vector::from_xyz(upwards.cross(toward_eye) * right + upwards * up);
     let eye = look_at + Vector::from_xyz(toward_eye * EYE_MM);

@@ -1,0 +1,189 @@
+//! The accuracy of placing landmarks with a Wiimote, by simulation of the whole chain.
+//!
+//! The hand (see `hand`) is tracked by the product's tracker and gestures; the landmark is rendered, picked and snapped by the
+//! product's renderer and snapping (see `chain`). Errors are distances from the true landmark of the head phantom, mm.
+
+mod chain;
+mod hand;
+
+use std::collections::BTreeSet;
+
+use serde::Serialize;
+
+use self::chain::Sight;
+use crate::StudyError;
+use relief_live::HandOptions;
+use relief_render::Renderer;
+use relief_volume::Phantom;
+
+/// What to simulate.
+#[derive(Clone, Debug)]
+pub struct AccuracySettings {
+    /// Distance from the beacon to the remote, mm.
+    pub distance_mm: f64,
+    /// Placements of each landmark and seed.
+    pub repeats: u32,
+    /// Radius of snapping, mm.
+    pub radius_mm: f64,
+    /// Peak acceleration of the tremor, standard gravities.
+    pub tremor_g: f64,
+    /// Whether to cut away tissue that hides a landmark in all standard views.
+    pub cut: bool,
+    /// Seeds of the random numbers; the spread of their medians shows the influence of chance.
+    pub seeds: Vec<u64>,
+}
+
+/// The errors of all ways to place landmarks.
+#[derive(Debug, Serialize)]
+pub struct AccuracyReport {
+    /// Distance from the beacon to the remote, mm.
+    pub distance_mm: f64,
+    /// Number of landmarks.
+    pub landmarks: usize,
+    /// Placements of each landmark and seed.
+    pub repeats: u32,
+    /// Seeds of the random numbers.
+    pub seeds: Vec<u64>,
+    /// Radius of snapping, mm.
+    pub radius_mm: f64,
+    /// Peak acceleration of the tremor, standard gravities.
+    pub tremor_g: f64,
+    /// Number of landmarks that were visible only after cutting tissue away.
+    pub cut: usize,
+    /// Number of landmarks that were visible in no view.
+    pub hidden: usize,
+    /// The ways, each with its errors.
+    pub ways: Vec<WayReport>,
+}
+
+/// The errors of one way to place landmarks.
+#[derive(Debug, Serialize)]
+pub struct WayReport {
+    /// `ray` or `tip`.
+    pub way: &'static str,
+    /// `direct`, `lever` or `default`.
+    pub mapping: &'static str,
+    /// Distance from the remote's camera to the tip, mm.
+    pub lever_mm: f64,
+    /// `none`, `boundary` or `gradient`.
+    pub snap: &'static str,
+    /// Median error, mm.
+    pub median_mm: f64,
+    /// Median error of each seed, mm.
+    pub medians_mm: Vec<f64>,
+    /// 95th percentile of the errors, mm.
+    pub p95_mm: f64,
+    /// Largest error, mm.
+    pub max_mm: f64,
+    /// Placements without a surface under the cursor or without a feature to snap to; the latter keep the unsnapped place.
+    pub missed: usize,
+    /// Errors, mm, by seed and landmark.
+    pub errors_mm: Vec<f64>,
+    /// Number of errors before the current seed.
+    #[serde(skip)]
+    before: usize,
+}
+
+/// Mappings of hand movements to cursor movements, by name.
+fn mappings(distance_mm: f64) -> [(&'static str, HandOptions); 3] {
+    let direct = HandOptions { precise_gain: 1.0, steady_s: 0.0, ..HandOptions::default() };
+    let lever = HandOptions { tip_mm: distance_mm, ..direct.clone() };
+    [("direct", direct), ("lever", lever), ("default", HandOptions::default())]
+}
+
+/// Places the landmarks of a head phantom in all ways.
+///
+/// # Errors
+/// When the simulated hand is lost, or rendering fails.
+pub fn measure_accuracy(
+    settings: &AccuracySettings,
+    phantom: &Phantom,
+    renderer: &mut Renderer,
+) -> Result<AccuracyReport, StudyError> {
+    let &AccuracySettings { distance_mm, repeats, radius_mm, tremor_g, .. } = settings;
+    let (names, options): (Vec<_>, Vec<_>) = mappings(distance_mm).into_iter().unzip();
+    let mut ways = WayReport::all(&names, &options);
+    let landmarks = &phantom.truth.landmarks;
+    let count = repeats as usize;
+    let (mut cut, mut hidden) = (BTreeSet::new(), BTreeSet::new());
+    for &seed in &settings.seeds {
+        let placer = hand::Placer { distance_mm, tremor_g, seed };
+        let offsets = hand::place(placer, &options, landmarks.len() * count)?;
+        for (at, landmark) in landmarks.iter().enumerate() {
+            let random = (seed ^ at as u64, settings.cut);
+            let shown = chain::Shown::new(renderer, &phantom.volume, landmark, random).map_err(|source| {
+                StudyError::Landmark { landmark: landmark.name.to_string(), source: Box::new(source) }
+            })?;
+            match shown.sight {
+                Sight::Plain => false,
+                Sight::Cut => cut.insert(at),
+                Sight::Hidden => hidden.insert(at),
+            };
+            for offsets in &offsets[at * count..][..count] {
+                for way in &mut ways {
+                    let mapping = names.iter().position(|name| *name == way.mapping).unwrap_or_default();
+                    shown.place(&phantom.volume, offsets[mapping], radius_mm, way);
+                }
+            }
+        }
+        ways.iter_mut().for_each(WayReport::end_seed);
+    }
+    ways.iter_mut().for_each(WayReport::summarise);
+    Ok(AccuracyReport {
+        distance_mm,
+        landmarks: landmarks.len(),
+        repeats,
+        seeds: settings.seeds.clone(),
+        radius_mm,
+        tremor_g,
+        cut: cut.len(),
+        hidden: hidden.len(),
+        ways,
+    })
+}
+
+impl WayReport {
+    /// All combinations of way, mapping and snapping, without placements.
+    fn all(names: &[&'static str], options: &[HandOptions]) -> Vec<Self> {
+        let mut ways = Vec::new();
+        for way in ["ray", "tip"] {
+            for (mapping, options) in names.iter().zip(options) {
+                for snap in ["none", "boundary", "gradient"] {
+                    ways.push(Self {
+                        way,
+                        mapping,
+                        lever_mm: options.tip_mm,
+                        snap,
+                        median_mm: f64::NAN,
+                        medians_mm: Vec::new(),
+                        p95_mm: f64::NAN,
+                        max_mm: f64::NAN,
+                        missed: 0,
+                        errors_mm: Vec::new(),
+                        before: 0,
+                    });
+                }
+            }
+        }
+        ways
+    }
+
+    /// Ends a seed: the errors since the last call are those of one seed.
+    fn end_seed(&mut self) {
+        self.medians_mm.push(quantile(&self.errors_mm[self.before..], 0.5));
+        self.before = self.errors_mm.len();
+    }
+
+    fn summarise(&mut self) {
+        [self.median_mm, self.p95_mm, self.max_mm] =
+            [0.5, 0.95, 1.0].map(|share| quantile(&self.errors_mm, share));
+    }
+}
+
+/// The quantile of `errors_mm` at `share`, by nearest rank.
+fn quantile(errors_mm: &[f64], share: f64) -> f64 {
+    let mut sorted = errors_mm.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = ((sorted.len() as f64 - 1.0) * share).round();
+    sorted.get(at as usize).copied().unwrap_or(f64::NAN)
+}
