@@ -1,7 +1,7 @@
-//! The `relief` command: everything is in [`relief::cli`].
+//! The `relief` command. Everything is in [`relief_cli`].
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    relief::cli::main()
+    relief_cli::main()
 }

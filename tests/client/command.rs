@@ -6,8 +6,8 @@ use std::process::Output;
 use relief_client::Event;
 use relief_live::{Accept, Hello, ReceivedDepth, ReceivedFrame};
 
-use crate::real::{Serving, relief, text};
-use crate::stand_in::Running;
+use crate::client::real::{Serving, relief, text};
+use crate::client::stand_in::Running;
 
 fn client(arguments: &[&str]) -> Output {
     relief(&["client"]).args(arguments).output().unwrap()

@@ -12,7 +12,7 @@ use relief_live::{FrameHeader, HEADER_BYTES};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_tungstenite::tungstenite::Message;
 
-use crate::stand_in::{Running, accept, close, frame, header, listen, options, welcome};
+use crate::client::stand_in::{Running, accept, close, frame, header, listen, options, welcome};
 
 fn lost(event: &Event) -> Option<String> {
     match event {

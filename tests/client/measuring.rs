@@ -10,7 +10,7 @@ use relief_display::{DisplayProfile, DisplaySettings, ProfileName};
 use relief_live::{ClientMessage, FrameHeader};
 use tokio_tungstenite::tungstenite::Message;
 
-use crate::stand_in::{Socket, accept, frame, header, listen, next, options, welcome};
+use crate::client::stand_in::{Socket, accept, frame, header, listen, next, options, welcome};
 
 /// What the server does to each frame before it is sent.
 type Alter = fn(&mut FrameHeader, &mut Vec<u8>);

@@ -335,6 +335,6 @@ fn a_wiimotes_cursor_lies_in_the_frames_depth_where_geometry_has_it() {
         let cursor = lines.iter().rev().find_map(|line| line["received"]["state"]["cursor_mm"].as_array());
         let cursor = cursor.unwrap_or_else(|| panic!("no cursor: {lines:?}"));
         let cursor: Vec<f64> = cursor.iter().map(|c| c.as_f64().unwrap()).collect();
-        crate::command::check_cursor(&serving, &name, &cursor);
+        crate::client::command::check_cursor(&serving, &name, &cursor);
     }
 }

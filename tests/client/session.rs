@@ -8,7 +8,7 @@ use relief_display::{DisplayProfile, DisplaySettings, Header, Layout, ProfileNam
 use relief_live::{ClientMessage, FrameHeader, Intent};
 use tokio_tungstenite::tungstenite::Message;
 
-use crate::stand_in::{
+use crate::client::stand_in::{
     Running, SIZE, accept, close, frame, header, listen, next, options, orbit, picture, welcome,
 };
 

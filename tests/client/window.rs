@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::real::{Serving, has_adapter, phantom, pixels, relief};
+use crate::client::real::{Serving, has_adapter, phantom, pixels, relief};
 
 struct Xvfb {
     process: Child,

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use crate::cluster::services::Bucket;
+use crate::cluster::stage::{Answer, Process, get, lone, phantom, relief, volumes};
 use crate::common::software_adapter;
-use crate::services::Bucket;
-use crate::stage::{Answer, Process, get, lone, phantom, relief, volumes};
 
 /// A server of a prefix of the bucket.
 fn of_bucket(bucket: &Bucket, more: &[&str], errors: &Path) -> (Process, String) {

@@ -2,8 +2,8 @@
 
 use serde_json::Value;
 
+use crate::cluster::stage::{phantom, relief, root};
 use crate::common::software_adapter;
-use crate::stage::{phantom, relief, root};
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))

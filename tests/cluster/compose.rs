@@ -4,7 +4,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::stage::{relief, root};
+use crate::cluster::stage::{relief, root};
 
 /// A YAML file as JSON, by a Python that has a parser; `None` after saying aloud that there is none.
 fn yaml(path: &str) -> Option<Value> {

@@ -10,7 +10,9 @@ use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::ClientRequestBuilder;
 
-use crate::stage::{Answer, Cluster, PATIENCE, ask, can_run, get, lone, phantom, signal, until, volumes};
+use crate::cluster::stage::{
+    Answer, Cluster, PATIENCE, ask, can_run, get, lone, phantom, signal, until, volumes,
+};
 
 const REQUESTS: usize = 1000;
 const CLIENTS: usize = 4;

@@ -1,7 +1,8 @@
 //! `relief inspect` as programs use it: JSON, exit status, messages.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use crate::{common, made};
+use crate::common;
+use crate::dicom::made;
 
 use std::path::Path;
 use std::process::{Command, Output};

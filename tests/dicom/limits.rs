@@ -1,13 +1,13 @@
 //! Limits on memory and work: what a small file claims or unpacks to is refused before it is allocated.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use crate::made;
+use crate::dicom::made;
 
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use crate::made::SIZE;
+use crate::dicom::made::SIZE;
 use relief_dicom::{Discovery, Error, LoadLimits, Loaded, Strictness};
 
 fn discover(path: &Path) -> Discovery {

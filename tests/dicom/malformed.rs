@@ -1,7 +1,8 @@
 //! Damaged, hostile and contradictory input: a clear error or a warning, never a panic, never unbounded memory.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use crate::{common, made};
+use crate::common;
+use crate::dicom::made;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -9,7 +9,7 @@ use relief_live::{
     encode_z16,
 };
 
-use crate::header;
+use crate::live_protocol::header;
 
 /// Headers whose fields agree with one another, as encoders write them.
 fn headers() -> impl Strategy<Value = FrameHeader> {

@@ -9,7 +9,7 @@ use relief_live::{
 };
 use serde_json::Value;
 
-use crate::header;
+use crate::live_protocol::header;
 
 const LIVE_MD: &str = include_str!("../../LIVE.md");
 

@@ -4,7 +4,7 @@ use relief_annotation::{Geometry, Item, State};
 use relief_base::Point;
 use relief_study::{Absence, AgreementError, Comparison, Figure, Reading, Relation, Study, compare_readings};
 
-use crate::normal::Normal;
+use crate::readers::normal::Normal;
 
 fn item(name: &str, geometry: Geometry) -> Item {
     Item::new(name, "anna", Some(geometry)).unwrap()

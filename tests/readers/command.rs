@@ -8,7 +8,7 @@ use relief_base::Point;
 use relief_store::Store;
 use serde_json::Value;
 
-use crate::normal::Normal;
+use crate::readers::normal::Normal;
 
 const NAMES: [&str; 6] = ["nasion", "sella", "basion", "menton", "gonion \"left\"", "<b>gonion</b> & right"];
 

@@ -6,7 +6,7 @@ use relief_server::Config;
 use relief_session::QueueConfig;
 use serde_json::{Value, json};
 
-use crate::stage::{Answer, FRAME, Stage};
+use crate::server::stage::{Answer, FRAME, Stage};
 
 impl Stage {
     /// Asks for a part of the annotations as this author.

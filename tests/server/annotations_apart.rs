@@ -7,13 +7,13 @@ use relief_base::Point;
 use relief_store::{Filter, Store};
 use serde_json::{Value, json};
 
-use crate::annotations::point;
-use crate::stage::{FRAME, Stage};
+use crate::server::annotations::point;
+use crate::server::stage::{FRAME, Stage};
 
 /// A server of two volumes: the first of them is asked, the second is the id that comes with it.
 async fn two_volumes() -> (Stage, String) {
     let stage = Stage::annotated().await;
-    let zip = crate::uploads::series_zip(9);
+    let zip = crate::server::uploads::series_zip(9);
     let uploaded = stage.post("/v1/volumes", "application/zip", zip).await.json();
     (stage, uploaded["id"].as_str().unwrap().to_owned())
 }

@@ -3,8 +3,8 @@
 use axum::http::Method;
 use serde_json::{Value, json};
 
-use crate::annotations::point;
-use crate::stage::{Answer, Stage};
+use crate::server::annotations::point;
+use crate::server::stage::{Answer, Stage};
 
 async fn frame(stage: &Stage, query: &str, author: &str) -> Answer {
     let headers = [("relief-author", author)];

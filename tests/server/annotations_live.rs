@@ -5,8 +5,8 @@ use std::time::Duration;
 use axum::http::Method;
 use serde_json::{Value, json};
 
-use crate::annotations::point;
-use crate::live_stage::{Came, Client, Running, intent, orbit};
+use crate::server::annotations::point;
+use crate::server::live_stage::{Came, Client, Running, intent, orbit};
 
 /// The next message with events.
 async fn told(client: &mut Client) -> Value {
@@ -298,7 +298,7 @@ async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
 #[tokio::test]
 async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
     let running = Running::annotated().await;
-    let zip = crate::uploads::series_zip(9);
+    let zip = crate::server::uploads::series_zip(9);
     let other = running.stage.post("/v1/volumes", "application/zip", zip).await.json()["id"].clone();
     let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
     let (mut ben, _) = running.hello(json!({ "view": "theatre", "author": "ben" })).await;
@@ -364,7 +364,7 @@ async fn what_was_wished_before_a_refused_wish_has_happened() {
         anna.send(&pose(seq, buttons)).await;
     }
     let (mut placed, mut refused) = (Value::Null, Value::Null);
-    let until = std::time::Instant::now() + crate::live_stage::PATIENCE;
+    let until = std::time::Instant::now() + crate::server::live_stage::PATIENCE;
     while placed.is_null() || refused.is_null() {
         assert!(std::time::Instant::now() < until, "{placed} {refused}");
         match anna.next().await {

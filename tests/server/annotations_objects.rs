@@ -6,9 +6,9 @@ use relief_dicom::Strictness;
 use relief_session::LoadedVolume;
 use serde_json::{Value, json};
 
-use crate::made;
-use crate::stage::{Answer, Stage};
-use crate::tools::{file_of, python};
+use crate::server::made;
+use crate::server::stage::{Answer, Stage};
+use crate::server::tools::{file_of, python};
 
 /// A server with the oblique phantom as a series, whose values rise by 1, 20 and 300 along its axes from -900.
 async fn stage() -> (Stage, made::Made) {

@@ -4,7 +4,7 @@ use axum::http::Method;
 use relief_render::OverlayItem;
 use serde_json::{Value, json};
 
-use crate::stage::{Answer, Stage};
+use crate::server::stage::{Answer, Stage};
 
 async fn make(stage: &Stage, part: &str, body: Value) -> Answer {
     stage.annotate(Method::POST, part, "anna", body).await

@@ -4,7 +4,7 @@
 
 use serde_json::{Value, json};
 
-use crate::stage::{Answer, Stage};
+use crate::server::stage::{Answer, Stage};
 
 /// What the answer says it used.
 #[track_caller]

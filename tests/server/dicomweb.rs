@@ -5,7 +5,7 @@ use relief_server::Config;
 use relief_session::{LoadedVolume, QueueConfig};
 use serde_json::{Value, json};
 
-use crate::stage::{Answer, Stage, cube};
+use crate::server::stage::{Answer, Stage, cube};
 
 const STUDY: &str = "1.2.826.0.1.3680043.8.498.1";
 const SERIES: &str = "1.2.826.0.1.3680043.8.498.1.7";

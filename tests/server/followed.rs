@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 use sqlx::{AssertSqlSafe, Executor, Row};
 use tokio::time::timeout;
 
-use crate::annotations::point;
-use crate::live_stage::{Client, PATIENCE, Running, intent};
 use crate::postgres_server::Server as Postgres;
-use crate::stage::Stage;
+use crate::server::annotations::point;
+use crate::server::live_stage::{Client, PATIENCE, Running, intent};
+use crate::server::stage::Stage;
 
 /// The next message with events.
 async fn told(client: &mut Client) -> Value {

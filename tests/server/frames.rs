@@ -5,7 +5,7 @@ use relief_render::{RenderRequest, SceneFile};
 use relief_volume::Orbit;
 use serde_json::{Value, json};
 
-use crate::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depth};
+use crate::server::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depth};
 
 const SCENE: &str = "preset=bone&layout=rgbd&size_px=32,24&azimuth_deg=40&elevation_deg=10";
 

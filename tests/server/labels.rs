@@ -5,7 +5,7 @@ use relief_server::Config;
 use relief_session::QueueConfig;
 use relief_volume::{LabelMap, Segment};
 
-use crate::stage::{Stage, cube};
+use crate::server::stage::{Stage, cube};
 
 const BYTES: &str = "application/octet-stream";
 

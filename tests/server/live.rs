@@ -10,7 +10,7 @@ use relief_tracking::{Beacon, Simulation, hex_of_bytes};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::{Error, Message};
 
-use crate::live_stage::{Came, Client, Running, intent, orbit};
+use crate::server::live_stage::{Came, Client, Running, intent, orbit};
 
 const CAMERA: &str = r#"{"eye_mm":[30,-200,10],"look_at_mm":[1,2,3],"up":[0,0,1],
     "projection":{"perspective":{"vertical_fov_deg":22}}}"#;
@@ -393,7 +393,7 @@ async fn stopping_closes_sessions_and_takes_no_new_ones() {
 #[tokio::test]
 async fn sessions_of_a_removed_volume_end() {
     let running = Running::new().await;
-    let zip = crate::uploads::series_zip(9);
+    let zip = crate::server::uploads::series_zip(9);
     let uploaded = running.stage.post("/v1/volumes", "application/zip", zip).await.json();
     let id = uploaded["id"].as_str().unwrap();
     let (mut client, welcome) = running.hello(json!({ "volume": id })).await;

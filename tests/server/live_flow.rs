@@ -6,7 +6,7 @@ use relief_live::Parts;
 use relief_server::LiveConfig;
 use serde_json::{Value, json};
 
-use crate::live_stage::{PATIENCE, Running, intent, orbit};
+use crate::server::live_stage::{PATIENCE, Running, intent, orbit};
 
 /// Degrees about the long axis, 0 from the front, of a header's camera.
 fn azimuth_deg(header: &relief_live::FrameHeader) -> f32 {

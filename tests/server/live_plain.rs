@@ -10,8 +10,8 @@ use serde_json::json;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use crate::live_stage::{PATIENCE, Running, intent};
-use crate::stage::{Answer, Stage};
+use crate::server::live_stage::{PATIENCE, Running, intent};
+use crate::server::stage::{Answer, Stage};
 
 const HOST: (&str, &str) = ("host", "localhost");
 

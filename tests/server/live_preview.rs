@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use relief_render::OverlayItem;
 use serde_json::{Value, json};
 
-use crate::live_stage::{Client, PATIENCE, Running, intent};
-use crate::stage::SPHERE_MM;
+use crate::server::live_stage::{Client, PATIENCE, Running, intent};
+use crate::server::stage::SPHERE_MM;
 
 fn xyz(value: &Value) -> [f64; 3] {
     serde_json::from_value(value.clone()).unwrap_or_else(|error| panic!("{error}: {value}"))

@@ -16,7 +16,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::http::Response;
 use tokio_tungstenite::tungstenite::{Error, Message};
 
-use crate::stage::Stage;
+use crate::server::stage::Stage;
 
 /// Beyond what any event here may take on a busy machine.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(30);

@@ -7,7 +7,7 @@ use relief_server::Config;
 use relief_session::{LoadedVolume, QueueConfig, VolumeReader};
 use relief_volume::{Grid, Volume};
 
-use crate::stage::{Stage, cube};
+use crate::server::stage::{Stage, cube};
 
 /// Bytes of the voxels of each volume here.
 const EACH: u64 = 128;

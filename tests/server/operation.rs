@@ -9,7 +9,7 @@ use relief_server::Config;
 use relief_session::{LoadedVolume, QueueConfig};
 use serde_json::json;
 
-use crate::stage::{FAILS, REFUSES, Stage, cube};
+use crate::server::stage::{FAILS, REFUSES, Stage, cube};
 
 #[tokio::test]
 async fn readiness_follows_volumes_and_the_render_thread() {

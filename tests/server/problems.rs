@@ -8,7 +8,7 @@ use relief_server::Config;
 use relief_session::QueueConfig;
 use serde_json::json;
 
-use crate::stage::{FAILS, PANICS, REFUSES, Stage};
+use crate::server::stage::{FAILS, PANICS, REFUSES, Stage};
 
 #[tokio::test]
 async fn parameters_are_refused_by_name_value_and_range() {

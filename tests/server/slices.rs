@@ -4,7 +4,7 @@ use relief_render::SceneFile;
 use relief_volume::Orbit;
 use serde_json::{Value, json};
 
-use crate::stage::{Stage, cube};
+use crate::server::stage::{Stage, cube};
 
 #[tokio::test]
 async fn a_slice_by_query_is_the_frame_of_its_scene() {

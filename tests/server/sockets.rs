@@ -9,7 +9,7 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
-use crate::stage::Stage;
+use crate::server::stage::Stage;
 
 struct Running {
     stage: Stage,

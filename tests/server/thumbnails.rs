@@ -3,7 +3,7 @@
 use relief_volume::PRESETS;
 use serde_json::json;
 
-use crate::stage::Stage;
+use crate::server::stage::Stage;
 
 fn path(stage: &Stage, name: &str) -> String {
     stage.path(&format!("presets/{name}/thumbnail"))

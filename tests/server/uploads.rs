@@ -15,7 +15,7 @@ use relief_server::{Config, UploadLimits};
 use relief_session::{LoadedVolume, QueueConfig};
 use relief_volume::{Grid, Volume};
 
-use crate::stage::{Answer, Stage, cube};
+use crate::server::stage::{Answer, Stage, cube};
 
 /// A zip of a CT series of 8x8x4 voxels, told apart by a value.
 pub(crate) fn series_zip(value: i16) -> Vec<u8> {

@@ -3,7 +3,7 @@
 use relief_annotation::{ContentId, FrameOfReference, Geometry, Item, Kind, RegionSummary, Set};
 use relief_store::{Checked, Filter, LogFilter, Store, StoreError};
 
-use crate::made::{create, delete, edit, named, names, point, seqs, update};
+use crate::store::made::{create, delete, edit, named, names, point, seqs, update};
 
 use crate::scenarios;
 

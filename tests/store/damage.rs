@@ -6,7 +6,7 @@ use relief_annotation::{Change, ItemId};
 use relief_store::{Filter, LogFilter, Store, StoreError};
 use sqlx::{Connection, Executor, Row};
 
-use crate::made::{Made, create, edit, names, point};
+use crate::store::made::{Made, create, edit, names, point};
 
 #[tokio::test]
 async fn a_log_is_the_same_after_it_was_closed() {

@@ -12,7 +12,7 @@ use std::time::Duration;
 use relief_annotation::{Event, Item, Kind};
 use relief_store::{LogFilter, Store, StoreError};
 
-use crate::made::{create, delete, edit, named, point, update};
+use crate::store::made::{create, delete, edit, named, point, update};
 
 /// Where the victim finds the log that it shall write to.
 const PLACE: &str = "RELIEF_STORE_VICTIM";

@@ -12,8 +12,8 @@ use proptest::prelude::*;
 use relief_annotation::{Change, Event, Item, ItemId, Kind};
 use relief_store::{Filter, LogFilter, Store, StoreError};
 
-use crate::made::{Made, create, delete, edit, point, update};
 use crate::scenarios;
+use crate::store::made::{Made, create, delete, edit, point, update};
 
 const AUTHORS: [&str; 3] = ["anna", "ben", "çelik"];
 const STEPS: usize = 40;
@@ -221,7 +221,7 @@ fn told(event: &Event) -> (u64, u64, Kind, Option<u64>, ItemId, u64, Option<Item
 }
 
 /// A few random lines on another database: enough to see that it does the same.
-pub(crate) async fn random_steps(server: &crate::postgres::Server) {
+pub(crate) async fn random_steps(server: &crate::store::postgres::Server) {
     use proptest::strategy::ValueTree;
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     for case in 0..6 {

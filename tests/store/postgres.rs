@@ -9,9 +9,9 @@ use std::time::Duration;
 use relief_store::{Store, StoreError};
 use sqlx::{Executor, Row};
 
-use crate::made::{create, edit, names, point};
 pub(crate) use crate::postgres_server::Server;
-use crate::{basics, model, writers};
+use crate::store::made::{create, edit, names, point};
+use crate::store::{basics, model, writers};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn postgres_keeps_the_same_log() {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use relief_store::Filter;
 
-use crate::made::{Made, create, edit, point};
+use crate::store::made::{Made, create, edit, point};
 
 const ITEMS: usize = 10_000;
 const TIMES: usize = 30;

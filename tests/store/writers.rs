@@ -6,8 +6,8 @@ use relief_annotation::{Geometry, Item};
 use relief_base::Point;
 use relief_store::{LogFilter, Store, StoreError};
 
-use crate::made::{Made, create, edit, point, update};
 use crate::scenarios;
+use crate::store::made::{Made, create, edit, point, update};
 
 const WRITERS: usize = 8;
 const ROUNDS: usize = 12;

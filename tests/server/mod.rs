@@ -26,8 +26,6 @@ mod live_stage;
 mod made;
 mod memory;
 mod operation;
-#[path = "../common/postgres.rs"]
-mod postgres_server;
 mod problems;
 mod slices;
 mod sockets;

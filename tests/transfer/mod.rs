@@ -4,8 +4,7 @@
 //! it skipped.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 mod foreign;
 mod presets;
 

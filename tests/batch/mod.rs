@@ -9,8 +9,7 @@ mod access;
 mod annotated;
 #[cfg(feature = "cluster")]
 mod buckets;
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 mod dataset;
 mod films;
 mod interrupted;

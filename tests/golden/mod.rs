@@ -1,7 +1,5 @@
 //! Golden images: those of this repository, the command that checks them, and the comparison tried on itself.
 
 mod command;
-#[path = "../common/mod.rs"]
-mod common;
 mod pictures;
 mod selfcheck;

@@ -12,9 +12,9 @@ use relief_annotation::grow_region;
 use std::path::Path;
 use std::time::Instant;
 
-use relief_annotation::{Decimation, Smoothing, surface_nets, Grow, GrowLimits};
+use relief_annotation::{Decimation, Grow, GrowLimits, Smoothing, surface_nets};
 use relief_base::Point;
-use relief_volume::{PhantomKind, PhantomRecipe, Grid, Places, Segment, Volume};
+use relief_volume::{Grid, PhantomKind, PhantomRecipe, Places, Segment, Volume};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 

@@ -5,7 +5,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(unix)]
 
-mod common;
+use crate::common;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;

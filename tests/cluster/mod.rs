@@ -9,8 +9,6 @@
 #[cfg(feature = "cluster")]
 mod buckets;
 mod capacity;
-#[path = "../common/mod.rs"]
-mod common;
 mod compose;
 mod failure;
 #[cfg(feature = "cluster")]

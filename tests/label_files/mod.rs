@@ -3,8 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "tests fail and speak aloud")]
 
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 mod damage;
 mod peer;
 mod real;

@@ -2,8 +2,6 @@
 
 mod annotate_log;
 mod budget;
-#[path = "../common/mod.rs"]
-mod common;
 mod doctor;
 mod labels;
 mod light;

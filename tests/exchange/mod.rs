@@ -3,8 +3,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![expect(clippy::unwrap_used, reason = "a test ends at what it did not expect")]
 
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 
 mod any;
 mod commands;

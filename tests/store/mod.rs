@@ -8,8 +8,6 @@ mod killed;
 mod made;
 mod model;
 mod postgres;
-#[path = "../common/postgres.rs"]
-mod postgres_server;
 mod speed;
 mod writers;
 
@@ -21,13 +19,13 @@ macro_rules! scenarios {
             $(
                 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
                 async fn $name() {
-                    super::$name(&$crate::made::Made::new().await.store).await;
+                    super::$name(&$crate::store::made::Made::new().await.store).await;
                 }
             )*
         }
 
         /// Each on a database of its own.
-        pub(crate) async fn all(server: &$crate::postgres::Server) {
+        pub(crate) async fn all(server: &$crate::store::postgres::Server) {
             $(
                 let store = server.store(stringify!($name)).await;
                 $name(&store).await;

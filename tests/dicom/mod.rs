@@ -1,8 +1,6 @@
 //! Series of files: codecs, order, quirks, limits, and whatever bytes may come.
 
 mod codecs;
-#[path = "../common/mod.rs"]
-mod common;
 mod inspect;
 mod limits;
 mod made;

@@ -1,7 +1,7 @@
 //! IPOPT against the interior-point solver of our own, on random views: for builds with the feature `ipopt`.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic and talk")]
 
-use relief_tracking::{Beacon, Pinhole, solve_with_ipopt, Random, ViewRange, random_sightings, PoseView};
+use relief_tracking::{Beacon, Pinhole, PoseView, Random, ViewRange, random_sightings, solve_with_ipopt};
 
 const VIEWS: usize = 200;
 
@@ -15,7 +15,10 @@ fn ipopt_and_our_own_solver_find_the_same_minima() {
         let seen = random_sightings(&beacon, &camera, &truth, 0.5, &mut random);
         let view = PoseView { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
         let start = view.solve().unwrap().best.pose;
-        let (ours, theirs) = (relief_tracking::solve_as_published(&view, &start).unwrap(), solve_with_ipopt(&view, &start).unwrap());
+        let (ours, theirs) = (
+            relief_tracking::solve_as_published(&view, &start).unwrap(),
+            solve_with_ipopt(&view, &start).unwrap(),
+        );
         let (angle, distance) = ours.pose.distance(&theirs.pose);
         assert!(angle < 1e-6 && distance < 1e-3, "view {at}: {angle} rad, {distance} mm");
         largest = (largest.0.max(angle.to_degrees()), largest.1.max(distance));
@@ -35,7 +38,9 @@ fn both_come_from_a_level_start_to_the_same_minima() {
         let seen = random_sightings(&beacon, &camera, &truth, 0.5, &mut random);
         let view = PoseView { camera: &camera, sightings: &seen, noise_px: 0.5, gravity: None };
         let start = relief_tracking::level_start(1500.0);
-        let (Some(ours), Some(theirs)) = (relief_tracking::solve_as_published(&view, &start), solve_with_ipopt(&view, &start)) else {
+        let (Some(ours), Some(theirs)) =
+            (relief_tracking::solve_as_published(&view, &start), solve_with_ipopt(&view, &start))
+        else {
             continue;
         };
         let (angle, distance) = ours.pose.distance(&theirs.pose);

@@ -4,14 +4,10 @@
 //! `RELIEF_PEERS_PYTHON` names a Python with Playwright and Chromium is installed, and says aloud where it does not.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
-#[path = "browser/annotate.rs"]
 mod annotate;
-mod common;
-#[path = "browser/hands.rs"]
+use crate::common;
 mod hands;
-#[path = "browser/readers.rs"]
 mod readers;
-#[path = "browser/views.rs"]
 mod views;
 
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! `relief annotate accuracy` as users run it: the bar of 1 mm, and the files that it writes.
 
-mod common;
+use crate::common;
 
 use std::process::Command;
 

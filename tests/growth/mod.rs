@@ -5,7 +5,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(target_os = "linux")]
 
-mod common;
+use crate::common;
 
 use std::ops::ControlFlow;
 use std::process::Command;

@@ -10,7 +10,11 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
-use relief_tracking::{Beacon, EarlierPose, IdentifyHints, identify_blobs, ErrorStateFilter, MotionDensity, Pose, Report, Pinhole, PointingHand, SimulatedReport, Simulation, quantised_noise, Random, ViewRange, random_sightings, Sighting, PoseView, FilterKind, TrackerOptions, Tracker};
+use relief_tracking::{
+    Beacon, EarlierPose, ErrorStateFilter, FilterKind, IdentifyHints, MotionDensity, Pinhole, PointingHand,
+    Pose, PoseView, Random, Report, Sighting, SimulatedReport, Simulation, Tracker, TrackerOptions,
+    ViewRange, identify_blobs, quantised_noise, random_sightings,
+};
 
 const VIEWS: usize = 256;
 const CAMERA: Pinhole = Pinhole::TYPICAL;
@@ -45,12 +49,17 @@ fn solvers(criterion: &mut Criterion) {
     });
     let level = relief_tracking::level_start(1500.0);
     group.bench_function("the 2009 way from a level start", |b| {
-        b.iter(|| relief_tracking::solve_as_published(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
+        b.iter(|| {
+            relief_tracking::solve_as_published(&view_of(&black_box(next()).1), &level)
+                .map(|found| found.energy)
+        });
     });
     #[cfg(feature = "ipopt")]
     group.bench_function("the 2009 way by IPOPT", |b| {
-
-        b.iter(|| relief_tracking::solve_with_ipopt(&view_of(&black_box(next()).1), &level).map(|found| found.energy));
+        b.iter(|| {
+            relief_tracking::solve_with_ipopt(&view_of(&black_box(next()).1), &level)
+                .map(|found| found.energy)
+        });
     });
     group.finish();
 }
@@ -66,13 +75,21 @@ fn correspondence(criterion: &mut Criterion) {
     let mut next = || at.next().unwrap();
     let noise_px = quantised_noise(0.5);
     group.bench_function("four blobs, nothing known", |b| {
-        b.iter(|| identify_blobs(&CAMERA, &beacon, &black_box(next()).1, noise_px, &IdentifyHints::default()));
+        b.iter(|| {
+            identify_blobs(&CAMERA, &beacon, &black_box(next()).1, noise_px, &IdentifyHints::default())
+        });
     });
     group.bench_function("four blobs, an earlier pose", |b| {
         b.iter(|| {
             let (pose, blobs) = black_box(next());
             let earlier = EarlierPose { pose: *pose, sigma_angle: 0.03, sigma_mm: 60.0, reach_px: 150.0 };
-            identify_blobs(&CAMERA, &beacon, blobs, noise_px, &IdentifyHints { gravity: None, earlier: Some(earlier) })
+            identify_blobs(
+                &CAMERA,
+                &beacon,
+                blobs,
+                noise_px,
+                &IdentifyHints { gravity: None, earlier: Some(earlier) },
+            )
         });
     });
     group.finish();
@@ -108,7 +125,7 @@ fn reports(criterion: &mut Criterion) {
     for (name, filter) in
         [("error-state", FilterKind::ErrorState), ("pose", FilterKind::Pose), ("none", FilterKind::None)]
     {
-        let options = TrackerOptions { filter, use_gyroscope: true, ..Options::default() };
+        let options = TrackerOptions { filter, use_gyroscope: true, ..TrackerOptions::default() };
         let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), options);
         // Time goes on when the recording begins anew.
         let period_ns = made.last().unwrap().t_ns;

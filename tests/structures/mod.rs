@@ -2,8 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on stops")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 
 mod command;
 mod damage;

@@ -4,8 +4,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
-mod common;
-#[path = "dicom/made.rs"]
+use crate::common;
+#[path = "../dicom/made.rs"]
 mod dicom_made;
 
 use std::process::Command;

@@ -1,0 +1,11 @@
+//! Files in and out: DICOM, annotations, label maps, studies of readers, and the commands that read and write them.
+//!
+//! One program for all of them, because linking takes longer than most of its tests.
+
+mod cli;
+mod common;
+mod dicom;
+mod dicom_objects;
+mod exchange;
+mod label_files;
+mod readers;

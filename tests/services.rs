@@ -1,0 +1,14 @@
+//! What waits: servers, clients, batches, queues, databases and browsers.
+//!
+//! One program for all of them, because linking takes longer than most of its tests.
+
+mod batch;
+mod browser;
+mod client;
+mod cluster;
+mod common;
+#[path = "common/postgres.rs"]
+mod postgres_server;
+mod server;
+mod server_command;
+mod store;
