@@ -87,6 +87,8 @@ mod tests {
         }
     }
 
+    /// Invariant: The client composes exactly the served PNG, and its window shows it byte for
+    /// byte; state marks change neither header, depth nor black lines.
     #[test]
     fn marks_stay_in_the_picture_and_off_the_header_and_black_lines() {
         let pixels = changed(Layout::Wowvx, [256, 64], BAD);

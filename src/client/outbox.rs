@@ -139,6 +139,8 @@ mod tests {
         std::iter::from_fn(|| outbox.pop()).collect()
     }
 
+    /// Invariant: No button event is lost on its way to the server, and input made while
+    /// disconnected is dropped.
     #[test]
     fn the_newest_pose_wins_and_buttons_are_kept() {
         let mut outbox = Outbox::default();
@@ -175,6 +177,8 @@ mod tests {
         assert!(matches!(messages[2], ClientMessage::Intent(_)));
     }
 
+    /// Invariant: No button event is lost on its way to the server, and input made while
+    /// disconnected is dropped.
     #[test]
     fn nothing_of_a_lost_connection_reaches_the_next_but_the_hand() {
         let mut outbox = Outbox::default();
@@ -195,6 +199,8 @@ mod tests {
         }
     }
 
+    /// Invariant: No button event is lost on its way to the server, and input made while
+    /// disconnected is dropped.
     #[test]
     fn a_stalled_connection_holds_a_bounded_queue_and_every_edge_of_a_button() {
         let mut outbox = Outbox::default();

@@ -71,6 +71,8 @@ impl SeriesEntry {
 mod tests {
     use super::*;
 
+    /// Invariant: DICOMweb requests find volumes by UID, and no log, metric or answer contains one;
+    /// viewpoints follow the standard, and the reported module reproduces the picture.
     #[test]
     fn an_identity_is_matched_by_both_uids_and_shows_none() {
         let identity = SeriesIdentity::new("1.2.3", "1.2.3.4");

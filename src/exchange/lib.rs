@@ -1,7 +1,7 @@
 //! Annotations in the files of other tools, both ways.
 //!
 //! What it is: [`read`] makes items of a file's bytes, [`write()`] makes bytes of items, and both tell what does not fit. What it
-//! is not: it opens no files and keeps nothing (see `store`). `ANNOTATIONS.md` has the table of what each format holds.
+//! is not: it opens no files and keeps nothing (see `store`). `docs/ANNOTATIONS.md` has the table of what each format holds.
 //!
 //! Space: patient LPS, mm; formats in RAS are mirrored at the edge. A file is taken whole or refused: an error names its line or
 //! JSON path. Memory grows with the file, by a bounded factor, whatever the file claims.

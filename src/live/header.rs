@@ -1,6 +1,6 @@
 //! The header of a binary frame: 128 bytes, little-endian.
 //!
-//! [`FIELDS`] is the layout as a table; `LIVE.md` and `protocol.json` have the same one, and a test holds the three together.
+//! [`FIELDS`] is the layout as a table; `docs/LIVE.md` and `protocol.json` have the same one, and a test holds the three together.
 //! Decoding takes any bytes: what no encoder of this version writes is refused by name, before a length in it is used.
 
 use crc::{CRC_32_ISO_HDLC, Crc};

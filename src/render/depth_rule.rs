@@ -1,4 +1,4 @@
-//! Which depth a semi-transparent ray has: the rules by name. `DEPTH.md` draws each of them.
+//! Which depth a semi-transparent ray has: the rules by name. `docs/DEPTH.md` draws each of them.
 //!
 //! What a rule means is in `shaders/lib/depth_rules.wgsl` and its twin `reference::depth_rules`. Opacity is that of one
 //! sample; what a sample adds to the accumulated opacity is its weight.

@@ -201,6 +201,8 @@ mod tests {
         })
     }
 
+    /// Invariant: The Rust mirror of each shader's uniform has the same names, offsets, sizes and
+    /// bindings.
     #[test]
     fn frame_uniform_mirrors_the_shader() {
         macro_rules! mirror {
@@ -255,6 +257,8 @@ mod tests {
         assert_eq!(size_of::<FrameUniform>(), *span as usize);
     }
 
+    /// Invariant: The Rust mirror of each shader's uniform has the same names, offsets, sizes and
+    /// bindings.
     #[test]
     fn bindings_and_workgroup_mirror_the_shader() {
         for module in reflected() {

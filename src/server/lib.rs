@@ -18,7 +18,7 @@
 //! | `/v1/volumes/{id}/annotations/...` | GET, POST, PUT, DELETE | items, their log, sets, templates and files |
 //! | `/v1/volumes/{id}/presets/{name}/thumbnail` | GET | a small picture of the volume with a preset |
 //! | `/studies/{study}/series/{series}/rendered3D`, `.../renderedmpr` | GET | DICOM Supplement 228 |
-//! | `/v1/session` | GET | a live session, over a WebSocket; see `LIVE.md` |
+//! | `/v1/session` | GET | a live session, over a WebSocket; see `docs/LIVE.md` |
 //! | `/v1/session/protocol.json` | GET | its protocol for programs |
 //! | `/v1/session/{view}/mjpeg`, `.../frame` | GET | a live view without a WebSocket |
 //! | `/v1/session/{view}/intent` | POST | moves it |

@@ -253,6 +253,8 @@ mod tests {
         assert!((after(&[50.0, 0.0, f64::NAN, -3.0, f64::INFINITY]) - 50.0).abs() < 1e-9);
     }
 
+    /// Invariant: A time budget is kept by measured speed; a reduced picture has the requested size
+    /// and depths that were rendered; without a budget nothing is reduced.
     #[test]
     fn a_plan_keeps_its_budget_with_as_little_loss_as_possible() {
         let request = request(r#"{"sample_distance_mm": 1}"#);

@@ -174,6 +174,8 @@ mod tests {
         score_design(beacon, &conditions)
     }
 
+    /// Invariant: An ambiguous view has no pose.
+    ///
     /// A layout that looks the same from two sides: its views are ambiguous, and none is guessed.
     #[test]
     fn a_symmetric_beacon_is_reported_as_ambiguous() {

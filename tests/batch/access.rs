@@ -39,6 +39,8 @@ fn through(archive: &Archive, url: &str, access: &[&str]) -> (Option<usize>, Str
     (Some(made), String::from_utf8_lossy(&said).into_owned())
 }
 
+/// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
+/// manifests.
 #[test]
 fn a_queue_behind_tls_is_worked_with_the_authority_that_its_server_has() {
     let what = "queues behind TLS";
@@ -74,6 +76,8 @@ fn a_queue_behind_tls_is_worked_with_the_authority_that_its_server_has() {
     }
 }
 
+/// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
+/// manifests.
 #[test]
 fn a_queue_of_an_operator_takes_the_credentials_of_its_users_alone() {
     let what = "queues with credentials";

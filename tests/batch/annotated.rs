@@ -131,6 +131,9 @@ fn landmarks_are_seen_along_the_true_normal() {
     assert!(degrees_between([0, 1, 2].map(|axis| eye[axis] - at[axis]), [-0.8, -0.6, 0.0]) < 1e-6);
 }
 
+/// Invariant: The key of a job depends on the annotations that are drawn and on no others;
+/// annotated pictures equal those of `relief render`.
+///
 /// The very picture of `relief render --annotations`, and beside it the plain one of the same rays.
 #[test]
 fn annotated_pictures_are_those_of_render() {
@@ -189,6 +192,8 @@ fn annotated_pictures_are_those_of_render() {
     assert!(String::from_utf8_lossy(&refused.stderr).contains("there is no set \"nobody\""));
 }
 
+/// Invariant: The key of a job depends on the annotations that are drawn and on no others;
+/// annotated pictures equal those of `relief render`.
 #[test]
 fn an_edit_makes_new_jobs_of_what_it_shows_and_no_others() {
     if software_adapter("jobs of edited annotations").is_none() {

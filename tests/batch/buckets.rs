@@ -9,6 +9,7 @@ fn with_bucket(bucket: &Bucket, arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
+/// Invariant: A bucket receives the same bytes as a folder.
 #[test]
 fn a_bucket_gets_what_a_folder_gets_and_done_is_done() {
     let what = "outputs in buckets";
@@ -96,6 +97,7 @@ fn buckets_that_cannot_be_used_are_told_before_anything_is_rendered() {
     }
 }
 
+/// Invariant: A bucket receives the same bytes as a folder.
 #[test]
 fn a_report_of_a_bucket_is_in_the_bucket_and_the_same_as_of_a_folder() {
     let what = "reports of buckets";
@@ -158,6 +160,8 @@ fn sizes(archive: &Archive) -> (u64, u64) {
     (*each.values().max().unwrap(), each.values().sum())
 }
 
+/// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
+/// copies stay within their limit and name nobody.
 #[test]
 fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
     let what = "series in buckets";
@@ -210,6 +214,8 @@ fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
     );
 }
 
+/// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
+/// copies stay within their limit and name nobody.
 #[test]
 fn copies_and_objects_that_were_altered_are_not_taken_for_what_they_were() {
     let what = "altered copies of series in buckets";
@@ -262,6 +268,8 @@ fn failed(output: &Output) -> String {
     said
 }
 
+/// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
+/// manifests.
 #[test]
 fn buckets_without_series_are_told_without_secrets() {
     let what = "buckets without series";
@@ -321,6 +329,9 @@ fn refusing_service() -> String {
     address
 }
 
+/// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
+/// copies stay within their limit and name nobody.
+///
 /// Whoever has the manifest needs no folder at all: series and label maps come out of the bucket, to a worker of a queue as well.
 #[test]
 fn label_maps_in_a_bucket_are_drawn_by_workers_as_those_of_a_folder() {

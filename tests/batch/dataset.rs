@@ -35,6 +35,8 @@ fn unprojected(k: &[Vec<f64>], pose: &[Vec<f64>], [column, row]: [f64; 2], depth
     [0, 1, 2].map(|axis| (0..3).map(|row| pose[row][axis] * moved[row]).sum())
 }
 
+/// Invariant: Depths and cameras of a dataset follow closed forms, and OpenCV and COLMAP project
+/// points to the same pixels.
 #[test]
 fn unprojected_depth_of_every_view_lies_on_the_ball() {
     if software_adapter("datasets").is_none() {
@@ -80,6 +82,9 @@ fn unprojected_depth_of_every_view_lies_on_the_ball() {
     assert!(places > 500 && sides.iter().all(|side| *side > 50), "{places} places, {sides:?} around");
 }
 
+/// Invariant: Depths and cameras of a dataset follow closed forms, and OpenCV and COLMAP project
+/// points to the same pixels.
+///
 /// Known points through `cv2.projectPoints`, and the model through the rules of COLMAP's own documentation.
 #[test]
 fn opencv_and_colmap_put_points_where_the_pictures_have_them() {

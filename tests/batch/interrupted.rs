@@ -17,6 +17,9 @@ fn start(archive: &Archive, shard: &str) -> Child {
         .unwrap()
 }
 
+/// Invariant: An interrupted batch leaves complete pictures, and the next run renders only the
+/// rest; a further run renders nothing.
+///
 /// Four workers, three of which are killed in the middle of their work; what they left is done by the next run.
 #[test]
 fn killed_workers_leave_whole_pictures_and_the_rest_for_the_next_run() {
@@ -77,6 +80,8 @@ fn shares_are_disjoint_and_whole() {
     assert_eq!((&ran["jobs"], &ran["done"]), (&1.into(), &1.into()));
 }
 
+/// Invariant: A series that fails stops no other, and the key of a job depends only on the inputs
+/// of its outputs.
 #[test]
 fn a_bad_series_stops_no_other_and_altered_ones_are_planned_anew() {
     if software_adapter("batches with bad series").is_none() {
@@ -113,6 +118,8 @@ fn a_bad_series_stops_no_other_and_altered_ones_are_planned_anew() {
     assert!(page.contains("3 of 9 views") && page.contains("Not done"));
 }
 
+/// Invariant: An interrupted batch leaves complete pictures, and the next run renders only the
+/// rest; a further run renders nothing.
 #[test]
 fn outputs_that_were_altered_or_removed_are_made_again() {
     if software_adapter("batches with altered outputs").is_none() {

@@ -16,6 +16,7 @@ fn keys(archive: &Archive) -> Vec<Value> {
     archive.jobs().into_iter().map(|job| job["job"].clone()).collect()
 }
 
+/// Invariant: Label maps are part of the key of a job and are drawn as by `relief render`.
 #[test]
 fn organs_are_kept_as_render_keeps_them() {
     if software_adapter("label maps of batches").is_none() {
@@ -50,6 +51,7 @@ fn organs_are_kept_as_render_keeps_them() {
     assert_eq!(said.matches("label map is not the one that was planned with").count(), 2, "{said}");
 }
 
+/// Invariant: Label maps are part of the key of a job and are drawn as by `relief render`.
 #[test]
 fn jobs_are_known_by_their_label_maps_wherever_these_lie() {
     let archive = heads();

@@ -3,6 +3,8 @@
 use super::*;
 use relief_batch::{Shard, ViewSet, read_manifest};
 
+/// Invariant: A series that fails stops no other, and the key of a job depends only on the inputs
+/// of its outputs.
 #[test]
 fn moved_series_keep_their_keys_and_another_scene_has_others() {
     let archive = Archive::of_phantoms(2);

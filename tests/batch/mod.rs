@@ -106,6 +106,8 @@ fn pictures(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
+/// Invariant: An interrupted batch leaves complete pictures, and the next run renders only the
+/// rest; a further run renders nothing.
 #[test]
 fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
     if software_adapter("batches of views").is_none() {

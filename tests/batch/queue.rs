@@ -72,6 +72,8 @@ fn await_pictures(archive: &Archive, wanted: usize) {
     }
 }
 
+/// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
+///
 /// Four workers, three of which are killed while they work, one after the other.
 #[test]
 fn killed_workers_lose_no_job_and_do_none_twice() {
@@ -164,6 +166,7 @@ fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
     assert!(!setback.exists());
 }
 
+/// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
 #[test]
 fn what_may_pass_is_tried_again_and_given_up_at_last() {
     let what = "jobs of queues that are tried again";
@@ -194,6 +197,8 @@ fn what_may_pass_is_tried_again_and_given_up_at_last() {
     assert_eq!((&setback["kind"], &setback["tries"]), (&"retryable".into(), &2.into()), "{setback}");
 }
 
+/// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
+///
 /// The first job is rendered for minutes, and whoever has it is killed.
 #[test]
 fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
@@ -246,6 +251,7 @@ fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
     assert_eq!(failed.count(), 1);
 }
 
+/// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
 #[test]
 fn a_server_that_is_killed_and_started_anew_is_found_again() {
     let what = "queues whose server is killed";
@@ -298,6 +304,8 @@ fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
     assert!(started.elapsed() < Duration::from_secs(120));
 }
 
+/// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
+/// manifests.
 #[test]
 fn queues_that_cannot_be_used_are_told_without_their_secrets() {
     let Some(nats) = Nats::start("access to queues", &["--auth", "s3cret-token"]) else { return };

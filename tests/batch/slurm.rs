@@ -49,6 +49,7 @@ impl Drop for Cluster {
     }
 }
 
+/// Invariant: A Slurm job array renders every view once.
 #[test]
 fn a_job_array_renders_every_view_once_and_requeues_what_may_pass() {
     if software_adapter("job arrays of Slurm").is_none() {

@@ -34,6 +34,8 @@ fn length(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
+/// Invariant: A click in one of the five linked views moves the cursor in all; two fingers keep the
+/// point under them; a snap in 3D moves along the line of sight.
 #[test]
 fn a_click_in_any_view_moves_the_cursor_in_all() {
     let Some(seen) = seen("linked views") else { return };
@@ -125,6 +127,8 @@ fn points_of_a_curve_are_added_on_its_line_and_removed() {
     assert_eq!(curve["least"], 2);
 }
 
+/// Invariant: A click in one of the five linked views moves the cursor in all; two fingers keep the
+/// point under them; a snap in 3D moves along the line of sight.
 #[test]
 fn a_snap_in_3d_looks_along_the_line_of_sight() {
     let Some(seen) = seen("snapping along the line of sight") else { return };
@@ -139,6 +143,8 @@ fn a_snap_in_3d_looks_along_the_line_of_sight() {
     assert_eq!(sight["in_slice"], Value::Null, "in a slice the nearest edge counts");
 }
 
+/// Invariant: A click in one of the five linked views moves the cursor in all; two fingers keep the
+/// point under them; a snap in 3D moves along the line of sight.
 #[test]
 fn two_fingers_move_and_zoom_what_lies_under_them() {
     let Some(seen) = seen("two fingers") else { return };

@@ -92,6 +92,8 @@ fn numbers(value: &Value) -> Vec<f64> {
     common::numbers(value)
 }
 
+/// Invariant: The kiosk shows exactly the served frame, and warns about a browser that converts
+/// colours.
 #[test]
 fn the_screen_has_the_very_frame_that_is_served_and_another_profile_is_told() {
     let Some(seen) = seen("frames on a screen") else { return };
@@ -111,6 +113,8 @@ fn the_screen_has_the_very_frame_that_is_served_and_another_profile_is_told() {
     }
 }
 
+/// Invariant: Hands move the view of the kiosk, its cursor lies where a pick lies, and the kiosk
+/// reconnects to a restarted server.
 #[test]
 fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
     let Some(seen) = seen("hands on a kiosk") else { return };
@@ -149,6 +153,8 @@ fn a_kiosk_of_a_volume_that_is_not_there_yet_says_so_and_shows_it_when_it_comes(
     assert_eq!(early["problems"], serde_json::json!([]));
 }
 
+/// Invariant: Hands move the view of the kiosk, its cursor lies where a pick lies, and the kiosk
+/// reconnects to a restarted server.
 #[test]
 fn a_wiimote_behind_webhid_is_brought_up_and_tracked() {
     let Some(seen) = seen("a Wiimote behind WebHID") else { return };

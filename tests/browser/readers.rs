@@ -17,6 +17,8 @@ fn seen(what: &str) -> Option<&'static Value> {
     seen.as_ref()
 }
 
+/// Invariant: On the page, a blinded reader receives nothing of other readers, two windows follow
+/// each other, and an invalid file changes nothing.
 #[test]
 fn two_windows_see_each_others_edits_at_once() {
     let Some(seen) = seen("two windows") else { return };
@@ -30,6 +32,8 @@ fn two_windows_see_each_others_edits_at_once() {
     assert_eq!(tabs["gone"], json!({ "rows": [], "marks": 0 }));
 }
 
+/// Invariant: On the page, a blinded reader receives nothing of other readers, two windows follow
+/// each other, and an invalid file changes nothing.
 #[test]
 fn a_blinded_reader_sees_no_other_ones_items() {
     let Some(seen) = seen("blinded readers") else { return };
@@ -47,6 +51,8 @@ fn a_blinded_reader_sees_no_other_ones_items() {
     assert_eq!(blinded["anybody"], json!(["Tragus"]), "and others see neither");
 }
 
+/// Invariant: On the page, a blinded reader receives nothing of other readers, two windows follow
+/// each other, and an invalid file changes nothing.
 #[test]
 fn a_dropped_file_is_taken_whole_and_a_bad_one_changes_nothing() {
     let Some(seen) = seen("dropped files") else { return };

@@ -61,6 +61,8 @@ fn mouse_fingers_and_keys_move_the_picture_and_typing_is_no_command() {
     );
 }
 
+/// Invariant: Every control of the pages has a name and stays inside the window, on desktop and
+/// phone screens.
 #[test]
 fn every_control_has_a_name_and_nothing_reaches_out_of_the_window() {
     let Some(seen) = seen("all pages on two screens") else { return };

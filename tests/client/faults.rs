@@ -85,6 +85,8 @@ async fn after_welcome(message: Message) -> String {
     reason
 }
 
+/// Invariant: Whatever a server sends, the client reports an error or goes on, in bounded memory; a
+/// lost session resumes by its token or its view.
 #[tokio::test]
 async fn frames_without_a_header_end_the_connection_and_not_the_client() {
     let whole = frame(&header(1));
@@ -112,6 +114,8 @@ async fn more_bytes_than_any_frame_has_are_not_taken() {
     assert!(reason.contains("too long") || reason.contains("limit"), "{reason}");
 }
 
+/// Invariant: Whatever a server sends, the client reports an error or goes on, in bounded memory; a
+/// lost session resumes by its token or its view.
 #[tokio::test]
 async fn unreadable_messages_are_told_and_at_some_point_too_many() {
     let (listener, address) = listen(None).await;
@@ -198,6 +202,9 @@ proptest! {
         let _ = composer().compose(&received);
     }
 
+    /// Invariant: Whatever a server sends, the client reports an error or goes on, in bounded
+    /// memory; a lost session resumes by its token or its view.
+    ///
     /// Sizes and lengths that a header claims give memory for no more than there is to unpack.
     #[test]
     fn claimed_sizes_are_refused(width in 1u16.., height in 1u16.., jpeg in any::<bool>()) {

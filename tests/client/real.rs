@@ -116,6 +116,8 @@ pub(crate) fn pixels(png: &[u8]) -> (u32, u32, Vec<u8>) {
     (picture.width(), picture.height(), picture.into_raw())
 }
 
+/// Invariant: The client composes exactly the served PNG, and its window shows it byte for byte;
+/// state marks change neither header, depth nor black lines.
 #[test]
 fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
     if !has_adapter("relief client --save-frame") {
@@ -205,6 +207,8 @@ fn lines_of(record: &Path) -> Vec<Value> {
     lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
+/// Invariant: Whatever a server sends, the client reports an error or goes on, in bounded memory; a
+/// lost session resumes by its token or its view.
 #[test]
 fn a_server_that_is_killed_and_started_again_gets_its_client_back_with_the_same_view() {
     if !has_adapter("relief client and a killed server") {
@@ -311,6 +315,9 @@ fn recording(folder: &Path) -> PathBuf {
     file
 }
 
+/// Invariant: From the reports of a Wiimote to the frame, the depth of the cursor is correct within
+/// 1 mm.
+///
 /// Reports of a Wiimote become poses in the client (or in the server), a cursor in the view, and a ball in the frame: its
 /// depth there is that of a ball around the cursor, seen by the frame's camera, within 1 mm; and the cursor has moved as the hand.
 #[test]

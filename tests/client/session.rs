@@ -115,6 +115,8 @@ async fn a_lost_connection_is_made_again_with_the_token_and_no_old_acknowledgeme
     client.ended().await.unwrap();
 }
 
+/// Invariant: Whatever a server sends, the client reports an error or goes on, in bounded memory; a
+/// lost session resumes by its token or its view.
 #[tokio::test]
 async fn a_server_that_was_started_anew_gets_volume_preset_and_view() {
     let (listener, address) = listen(None).await;

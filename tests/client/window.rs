@@ -79,6 +79,8 @@ impl Drop for Client {
     }
 }
 
+/// Invariant: The client composes exactly the served PNG, and its window shows it byte for byte;
+/// state marks change neither header, depth nor black lines.
 #[test]
 fn the_screen_shows_the_served_frame_byte_for_byte() {
     if !has_adapter("the window of relief client") {

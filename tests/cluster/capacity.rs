@@ -48,14 +48,14 @@ fn a_capacity_follows_from_what_was_measured() {
     assert_eq!(number(&largest["servers"]), (10_000.0 / viewers).ceil() + 1.0);
 
     // The page in the repository has the tables that the command prints.
-    let page = std::fs::read_to_string(root().join("CAPACITY.md")).unwrap();
+    let page = std::fs::read_to_string(root().join("docs/CAPACITY.md")).unwrap();
     let printed = run(&["--markdown"]);
     let rows: Vec<&str> = printed.lines().filter(|line| line.starts_with('|')).collect();
     assert!(rows.len() > 15, "{printed}");
     for line in rows {
         let head = line.split('|').nth(1).unwrap();
         // Figures differ from machine to machine, what they are called does not; nor does the page's own viewer rate.
-        assert!(page.contains(&format!("|{head}|")), "CAPACITY.md lacks {head:?}");
+        assert!(page.contains(&format!("|{head}|")), "docs/CAPACITY.md lacks {head:?}");
     }
     for (arguments, why) in [
         (&["bench"][..], "--series"),

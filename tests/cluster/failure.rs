@@ -67,6 +67,8 @@ fn annotate(address: &str, volume: &str, is_over: &AtomicBool, retries: &AtomicU
     made
 }
 
+/// Invariant: Servers of one build, adapter and set of series return the same bytes and entity
+/// tags; a server that dies causes no wrong image and loses no annotation.
 #[test]
 fn a_server_that_is_killed_costs_no_wrong_image_and_no_annotation() {
     if !can_run("a_server_that_is_killed_costs_no_wrong_image_and_no_annotation") {
@@ -247,6 +249,8 @@ impl Live {
     }
 }
 
+/// Invariant: Servers of one build, adapter and set of series return the same bytes and entity
+/// tags; a server that dies causes no wrong image and loses no annotation.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn clients_of_every_server_see_an_edit_that_came_by_any() {
     if !can_run("clients_of_every_server_see_an_edit_that_came_by_any") {

@@ -32,7 +32,7 @@ pub(crate) fn shared_data(what: &str) -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    eprintln!("SKIPPED: {what} (../shared/data is not there)");
+    eprintln!("UNAVAILABLE: {what} (../shared/data is not there)");
     None
 }
 

@@ -51,6 +51,7 @@ fn the_grid_over_an_uneven_stack_is_limited_as_well() {
     assert!(matches!(error, Error::TooLarge { needed, .. } if needed == slice * 9), "{error}");
 }
 
+/// Invariant: Memory is bounded before it is allocated: volumes, zip entries, scans of an image.
 #[test]
 fn frames_that_are_only_claimed_are_refused() {
     // Half a megabyte, enough for a fragment's header for each frame, claims eight terabytes.
@@ -97,6 +98,7 @@ fn zip_with_claim(content: &[u8], claimed: Option<u32>) -> Vec<u8> {
     bytes
 }
 
+/// Invariant: Memory is bounded before it is allocated: volumes, zip entries, scans of an image.
 #[test]
 fn a_zip_entry_is_unpacked_up_to_its_stated_size_and_a_large_one_not_at_all() {
     let folder = tempfile::tempdir().unwrap();

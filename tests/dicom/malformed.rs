@@ -66,6 +66,7 @@ fn stack(template: &[u8], heights: &[f64]) -> tempfile::TempDir {
     folder
 }
 
+/// Invariant: No bytes from outside cause a panic: DICOM files, frames, requests.
 #[test]
 fn crafted_files_end_in_a_volume_or_an_error() {
     for (made, seed) in [(made::slice(), 1), (made::rle_slice(), 2)] {
@@ -148,6 +149,7 @@ fn load_damaged_copies(bytes: &[u8], name: &str, seed: u64, copies: usize) {
     }
 }
 
+/// Invariant: No bytes from outside cause a panic: DICOM files, frames, requests.
 #[test]
 fn flipped_bits_of_a_header_never_panic() {
     for bytes in templates("damaged headers") {
@@ -189,6 +191,8 @@ fn an_unusable_attribute_is_named_with_what_was_found() {
     }
 }
 
+/// Invariant: Slices are ordered by position and orientation only, never by file name, instance
+/// number or thickness.
 #[test]
 fn slices_are_ordered_by_position_whatever_their_names_say() {
     for template in templates("order of slices") {

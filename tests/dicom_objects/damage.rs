@@ -72,6 +72,7 @@ fn every_beginning_of_an_object_ends_in_a_result() {
     }
 }
 
+/// Invariant: No bytes from outside cause a panic: DICOM files, frames, requests.
 #[test]
 fn flipped_bits_never_panic() {
     for (name, bytes, read) in objects() {

@@ -44,6 +44,8 @@ fn holding<'a>(maps: &'a [LabelMap], name: &str) -> (&'a LabelMap, u64) {
 const NAMES: [(&str, u64); 4] =
     [("liver", 7 * 8 * 5), ("tumour", 3 * 3 * 2), ("vessel", 12), ("far away", 1)];
 
+/// Invariant: Overlapping segments are exchanged completely, as highdicom, 3D Slicer, pynrrd and
+/// slicerio read them.
 #[test]
 fn segments_that_overlap_come_back_whole() {
     let made = made::series();
@@ -97,6 +99,8 @@ fn same_voxels(found: &str, maps: &[LabelMap]) {
     }
 }
 
+/// Invariant: Overlapping segments are exchanged completely, as highdicom, 3D Slicer, pynrrd and
+/// slicerio read them.
 #[test]
 fn highdicom_finds_every_segment_whole() {
     let made = made::series();
@@ -134,6 +138,8 @@ seg = hd.seg.Segmentation(source_images=images, pixel_array=masks, segmentation_
 seg.save_as(out)
 ";
 
+/// Invariant: Overlapping segments are exchanged completely, as highdicom, 3D Slicer, pynrrd and
+/// slicerio read them.
 #[test]
 fn overlapping_segments_of_highdicom_are_read_whole() {
     let made = made::series();

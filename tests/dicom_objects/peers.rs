@@ -29,6 +29,8 @@ found['lines'] = [{'finding': g.finding_type.meaning,
 print(json.dumps(found))
 ";
 
+/// Invariant: A report or segmentation carries its patient, study and frame of reference, reads the
+/// same in every tool, and no message shows a name or UID.
 #[test]
 fn highdicom_reads_points_and_measures() {
     let made = made::series();
@@ -68,6 +70,8 @@ fn highdicom_reads_points_and_measures() {
     println!("highdicom: {} points, {} polygons, {} lines", points.len(), polygons.len(), lines.len());
 }
 
+/// Invariant: A report or segmentation carries its patient, study and frame of reference, reads the
+/// same in every tool, and no message shows a name or UID.
 #[test]
 fn dsrdump_and_dciodvfy_find_no_fault() {
     let made = made::series();
@@ -94,6 +98,8 @@ fn dsrdump_and_dciodvfy_find_no_fault() {
     }
 }
 
+/// Invariant: A report or segmentation carries its patient, study and frame of reference, reads the
+/// same in every tool, and no message shows a name or UID.
 #[test]
 fn ohif_shows_every_item_at_its_place() {
     let made = made::series();

@@ -117,6 +117,9 @@ fn a_curve_beyond_sixteen_bits_of_length_is_written_all_the_same() {
     assert_eq!(found.items[0].geometry, long.geometry);
 }
 
+/// Invariant: A report or segmentation carries its patient, study and frame of reference, reads the
+/// same in every tool, and no message shows a name or UID.
+///
 /// Names of patients and UIDs stay out of what people see; the report itself has them, word for word.
 #[test]
 fn a_report_names_the_patient_and_nothing_else_does() {

@@ -124,6 +124,8 @@ for number in seg.segment_numbers:
 print(json.dumps(found))
 ";
 
+/// Invariant: A report or segmentation carries its patient, study and frame of reference, reads the
+/// same in every tool, and no message shows a name or UID.
 #[test]
 fn highdicom_finds_the_same_voxels() {
     let made = made::series();

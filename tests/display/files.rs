@@ -37,6 +37,8 @@ fn picture(width: usize, height: usize) -> (Vec<[u8; 4]>, Vec<f32>) {
     (color.collect(), depth.collect())
 }
 
+/// Invariant: A PNG contains no chunk that makes a browser alter its colours, and with them the
+/// header.
 #[test]
 fn a_png_holds_the_frame_and_no_chunk_that_alters_it() {
     let samples: Vec<u8> = (0..3 * 67 * 41).map(|i| (i * i % 251) as u8).collect();
@@ -228,6 +230,7 @@ fn what_an_exr_cannot_hold_is_refused() {
     }
 }
 
+/// Invariant: No bytes from outside cause a panic: DICOM files, frames, requests.
 #[test]
 fn every_prefix_of_an_exr_is_refused_without_panic() {
     let (color, depth_mm) = picture(8, 8);

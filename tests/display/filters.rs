@@ -215,6 +215,7 @@ fn noise(seed: u64, [width, height]: [u32; 2]) -> (Vec<[u8; 4]>, Vec<f32>) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
+    /// Invariant: Depth filters return input values only and change no pick.
     #[test]
     fn every_filter_gives_values_that_were_there_before(
         width in 1u32..40, height in 1u32..24, seed in any::<u64>(), unknown in any::<prop::sample::Index>(),
@@ -244,7 +245,7 @@ proptest! {
     }
 }
 
-/// The definitions in numpy, written from DEPTH.md's words; the 3x3 median by VTK as well, border left out.
+/// The definitions in numpy, written from docs/DEPTH.md's words; the 3x3 median by VTK as well, border left out.
 const PEERS: &str = r"
 import sys
 import numpy as np
@@ -334,7 +335,7 @@ fn numpy_and_vtk_have_the_same_numbers() {
     }
 }
 
-/// Not a test of speed: it prints what a frame of 960x540 costs, so that DEPTH.md's numbers can be had again.
+/// Not a test of speed: it prints what a frame of 960x540 costs, so that docs/DEPTH.md's numbers can be had again.
 #[test]
 fn a_frame_of_a_display_is_filtered_in_one_go() {
     let size = [960, 540];

@@ -82,6 +82,7 @@ fn check_round_trip(encoder: &FrameEncoder, size_px: [u32; 2], seed: u64) -> Fra
     frame
 }
 
+/// Invariant: Every decoder of a layout returns the input of its encoder, or an error.
 #[test]
 fn every_layout_gives_back_what_went_in_at_its_own_size() {
     for (layout, render_px, frame_px) in [

@@ -46,6 +46,8 @@ fn noise(seed: u64, count: usize) -> Vec<[u8; 4]> {
     (0..count).map(|_| next()).collect()
 }
 
+/// Invariant: A synthesised view straight ahead equals the picture, planes move rigidly, slopes
+/// have no cracks, and holes have the correct width.
 #[test]
 fn without_a_baseline_every_view_is_the_picture_byte_for_byte() {
     let color = noise(5, 77 * 9);
@@ -64,6 +66,9 @@ fn without_a_baseline_every_view_is_the_picture_byte_for_byte() {
     }
 }
 
+/// Invariant: A synthesised view straight ahead equals the picture, planes move rigidly, slopes
+/// have no cracks, and holes have the correct width.
+///
 /// A plane moves as a whole, by what the formula says, whatever part of a pixel that is: between pixels the picture is linear.
 #[test]
 fn a_plane_at_one_depth_moves_rigidly_by_the_exact_amount() {
@@ -87,6 +92,9 @@ fn a_plane_at_one_depth_moves_rigidly_by_the_exact_amount() {
     }
 }
 
+/// Invariant: A synthesised view straight ahead equals the picture, planes move rigidly, slopes
+/// have no cracks, and holes have the correct width.
+///
 /// On a slope place is linear in place, so the view is the picture stretched, without cracks.
 #[test]
 fn a_slope_is_stretched_without_cracks() {
@@ -108,6 +116,9 @@ fn a_slope_is_stretched_without_cracks() {
     }
 }
 
+/// Invariant: A synthesised view straight ahead equals the picture, planes move rigidly, slopes
+/// have no cracks, and holes have the correct width.
+///
 /// A near strip before a far wall: the strip is where its disparity puts it, whole; beside it the wall is uncovered by the
 /// difference of both shifts, and the hole shows wall.
 #[test]
@@ -150,6 +161,8 @@ fn a_hole_is_as_wide_as_the_shifts_differ_and_shows_the_background_alone() {
     }
 }
 
+/// Invariant: Foreground is never smeared into a hole, and no view direction is preferred.
+///
 /// Translucent edges leave a pixel of foreground colour at the background's depth: it neither fills the hole nor stays as a
 /// ghost of the edge.
 #[test]
@@ -253,6 +266,7 @@ fn picture_views(layout: Layout, size_px: [u32; 2]) -> Views {
     Views::new(size_px, pictures.map(rgb).collect()).unwrap()
 }
 
+/// Invariant: Every decoder of a layout returns the input of its encoder, or an error.
 #[test]
 fn views_come_back_out_of_their_layout_and_their_file_says_what_it_is() {
     for (name, frame_px) in [
@@ -286,6 +300,7 @@ fn views_come_back_out_of_their_layout_and_their_file_says_what_it_is() {
     }
 }
 
+/// Invariant: Every decoder of a layout returns the input of its encoder, or an error.
 #[test]
 fn an_anaglyph_says_that_it_cannot_be_taken_apart() {
     let views = picture_views(Layout::Anaglyph, [7, 5]);
@@ -315,6 +330,8 @@ fn damaged_files_of_views_end_in_an_error_or_a_report() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
+    /// Invariant: Foreground is never smeared into a hole, and no view direction is preferred.
+    ///
     /// Whatever the picture: mirrored, it has mirrored views, to the byte. Nothing prefers a side.
     #[test]
     fn a_mirrored_picture_has_mirrored_views(seed in any::<u64>(), blocks in 1usize..9, factor in any::<u8>(), eye in -3.0f64..3.0) {

@@ -1,20 +1,35 @@
-//! Links between the documents of the root lead somewhere.
+//! Links between the documents resolve.
 //!
-//! Headings are named as the usual renderers of Markdown do it: small letters, spaces as hyphens, no punctuation.
+//! Anchors of headings follow the usual renderers of Markdown: lower case, hyphens for spaces, no punctuation.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Every Markdown file of the root, by name.
+/// Every Markdown file of the root and of `docs`, by its path from the root.
 fn documents(root: &Path) -> BTreeMap<String, String> {
-    let entries = std::fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path());
-    let documents = entries.filter(|path| path.extension().is_some_and(|ending| ending == "md"));
+    let folders = [root.to_owned(), root.join("docs")];
+    let entries = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let documents = paths.filter(|path| path.extension().is_some_and(|ending| ending == "md"));
     let read = |path: PathBuf| {
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let name = path.strip_prefix(root).unwrap().to_string_lossy().into_owned();
         (name, std::fs::read_to_string(path).unwrap())
     };
     documents.map(read).collect()
+}
+
+/// The path from the root of a link in a document.
+fn resolved(document: &str, target: &str) -> String {
+    let mut path: Vec<&str> = document.split('/').collect();
+    path.pop();
+    for part in target.split('/') {
+        match part {
+            ".." => drop(path.pop()),
+            part => path.push(part),
+        }
+    }
+    path.join("/")
 }
 
 /// The text without its blocks of code.
@@ -43,6 +58,7 @@ fn targets(text: &str) -> Vec<&str> {
     links.filter_map(|rest| rest.split_once(')').map(|(target, _)| target)).collect()
 }
 
+/// Invariant: Links between documents resolve.
 #[test]
 fn links_lead_somewhere() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -53,10 +69,10 @@ fn links_lead_somewhere() {
         for target in targets(text).into_iter().filter(|target| !target.starts_with("http")) {
             count += 1;
             let (file, anchor) = target.split_once('#').map_or((target, None), |(f, a)| (f, Some(a)));
-            let file = if file.is_empty() { name } else { file };
-            let is_there = root.join(file).exists();
+            let file = if file.is_empty() { name.clone() } else { resolved(name, file) };
+            let is_there = root.join(&file).exists();
             let found = anchor.is_none_or(|anchor| {
-                documents.get(file).is_some_and(|text| anchors(text).iter().any(|name| name == anchor))
+                documents.get(&file).is_some_and(|text| anchors(text).iter().any(|name| name == anchor))
             });
             if !is_there || !found {
                 broken.push(format!("{name}: {target}"));

@@ -94,6 +94,8 @@ fn several_files_are_one_edit_that_undo_takes_back() {
     assert_eq!(bench.items(), []);
 }
 
+/// Invariant: An annotation file is imported completely or not at all, and LPS and RAS are told
+/// apart in every format.
 #[test]
 fn a_damaged_file_among_others_changes_nothing() {
     let bench = Bench::new();
@@ -200,6 +202,9 @@ fn what_was_edited_elsewhere_changes_what_it_was() {
     }
 }
 
+/// Invariant: Importing a file twice creates no copies unless requested, and reports the items that
+/// were there.
+///
 /// What is there already stays as it is, and that is said; copies are made where somebody asks for them.
 #[test]
 fn nothing_comes_in_twice_by_itself() {

@@ -139,6 +139,9 @@ fn what_is_wrong_with_a_map_is_told() {
     assert_eq!(warned, ["the map lies outside of the volume; is it of the same scan?"]);
 }
 
+/// Invariant: Overlapping segments are exchanged completely, as highdicom, 3D Slicer, pynrrd and
+/// slicerio read them.
+///
 /// Every segment of 3D Slicer's own sample is whole, the sphere in a layer over the others too.
 #[test]
 fn overlapping_segments_of_slicer_are_all_whole() {
@@ -168,6 +171,9 @@ for segment in slicerio.read_segmentation(path)['segments']:
 print(json.dumps(found))
 ";
 
+/// Invariant: Overlapping segments are exchanged completely, as highdicom, 3D Slicer, pynrrd and
+/// slicerio read them.
+///
 /// Layers as pynrrd and slicerio read them.
 #[test]
 fn layers_are_read_by_others() {

@@ -290,7 +290,7 @@ fn ours_keeps_slicer_s_schema() {
         Ok(path) => std::fs::read(path).unwrap(),
         Err(_) => {
             eprintln!(
-                "SKIPPED: markups checked with 3D Slicer's published schema (RELIEF_MARKUPS_SCHEMA does not name a copy of \
+                "UNAVAILABLE: markups checked with 3D Slicer's published schema (RELIEF_MARKUPS_SCHEMA does not name a copy of \
                  markups-schema-v1.0.3.json); they are checked with a short form of it"
             );
             include_bytes!("markups.schema.json").to_vec()

@@ -108,6 +108,8 @@ fn every_suite_and_every_view_is_there() {
     }
 }
 
+/// Invariant: A depth rule changes no colour and puts the depth where its definition says.
+///
 /// The three depth cases differ in their rule alone, and the rule must show.
 #[test]
 fn depth_rules_lie_behind_one_another() {

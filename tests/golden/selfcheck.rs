@@ -71,6 +71,7 @@ fn a_golden_is_identical_to_itself() {
     }
 }
 
+/// Invariant: Any change of a golden picture fails the check.
 #[test]
 fn a_change_of_one_pixel_fails_in_every_picture_and_channel() {
     for aspect in [Aspect::Color, Aspect::Frame] {

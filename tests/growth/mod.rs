@@ -55,6 +55,7 @@ fn render(renderer: &mut Renderer, volumes: &[Volume], frames: std::ops::Range<u
     }
 }
 
+/// Invariant: Memory does not grow with the number of frames.
 #[test]
 fn a_thousand_frames_take_no_more_memory_than_a_few() {
     let Some(gpu) = software_adapter("a_thousand_frames_take_no_more_memory_than_a_few") else { return };
@@ -68,6 +69,7 @@ fn a_thousand_frames_take_no_more_memory_than_a_few() {
     assert!(growth < ALLOWED_MIB, "{growth:.2} MiB over 1000 frames");
 }
 
+/// Invariant: Memory does not grow with the number of frames.
 #[test]
 fn relief_bench_tells_growth_and_there_is_none() {
     if software_adapter("relief_bench_tells_growth").is_none() {

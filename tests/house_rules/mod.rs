@@ -1,9 +1,11 @@
-//! Keeps the rules of the house that no compiler and no linter keeps.
+//! Rules of the project that no compiler and no linter checks.
 //!
-//! Every file says at its head what it is; files and functions stay short; no mark of unfinished work, path
-//! of one machine or address of a registry is left; scripts are runnable; shaders parse; the README knows
-//! every subcommand; every invariant of ARCHITECTURE.md names a test that exists. Each rule is a function
-//! from files to complaints, and is itself tried on files that break it.
+//! Every file begins with a description; files and functions are short; no mark of unfinished work, path of one machine or address
+//! of a registry is left; scripts are runnable; shaders parse; README and ARCHITECTURE list every subcommand and crate; the index of
+//! invariants is current. Each rule is a function from files to complaints, and is tested with files that break it.
+
+mod api;
+mod invariants;
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +13,7 @@ const MAX_FILE_LINES: usize = 500;
 const MAX_FUNCTION_LINES: usize = 70;
 
 /// Folders that are read, besides the files at the root.
-const FOLDERS: &[&str] = &["src", "tests", "shaders", "scripts", "golden", ".ci"];
+const FOLDERS: &[&str] = &["src", "tests", "shaders", "scripts", "golden", "docs", ".ci"];
 
 /// A text file: its path from the package's root and its content.
 struct File {
@@ -41,7 +43,9 @@ rules! {
     shaders_parse,
     root_documents_are_there,
     readme_knows_every_subcommand,
-    invariants_name_tests,
+    invariants_are_indexed,
+    public_api_is_listed,
+    crates_are_in_the_table,
     pages_export_what_is_imported,
 }
 
@@ -57,6 +61,8 @@ fn rules_about_files_find_what_breaks_them() {
     keeps(rule::files_say_what_they_are, &[("src/a.rs", "//! Says."), ("shaders/a.wgsl", "// Says.")]);
     breaks(rule::files_and_functions_are_short, &[("src/a.rs", &long_file)]);
     breaks(rule::files_and_functions_are_short, &[("src/a.rs", &long_function)]);
+    let restricted = long_function.replace("fn f", "pub(crate) fn f");
+    breaks(rule::files_and_functions_are_short, &[("src/a.rs", &restricted)]);
     keeps(rule::files_and_functions_are_short, &[("src/a.rs", "//! A.\nfn f() {\n}")]);
     breaks(rule::nothing_unfinished_is_left, &[("src/a.rs", &unfinished)]);
     keeps(rule::nothing_unfinished_is_left, &[("scripts/a", "mktemp XXXXXX")]);
@@ -102,32 +108,42 @@ fn rules_about_files_find_what_breaks_them() {
 #[test]
 fn rules_about_documents_find_what_breaks_them() {
     let cli = (
-        "src/cli/mod.rs",
+        "src/cli/lib.rs",
         "enum Command {\n    /// Docs.\n    Phantom(phantom::Arguments),\n    GoldenCheck,\n}\n",
     );
-    let map =
-        ("ARCHITECTURE.md", "# Map\n## Invariants\n- Imports go down only.\n  Kept by: `tests/a.rs::down`\n");
-    let lint = ("ARCHITECTURE.md", "## Invariants\n- No unsafe. Kept by: `Cargo.toml::unsafe_code`\n");
-    let types = ("ARCHITECTURE.md", "## Invariants\n- No mixing. Kept by: `src/space.rs::compile_fail`\n");
-    let unkept =
-        ("ARCHITECTURE.md", "## Invariants\n- One.\n- No unsafe. Kept by: `Cargo.toml::unsafe_code`\n");
-
     breaks(rule::root_documents_are_there, &[("README.md", "x")]);
     keeps(rule::root_documents_are_there, &ROOT_DOCUMENTS.map(|name| (name, "x")));
     breaks(rule::readme_knows_every_subcommand, &[("README.md", "relief phantom"), cli]);
-    breaks(rule::readme_knows_every_subcommand, &[("README.md", "relief phantom"), ("src/cli/mod.rs", "")]);
+    breaks(rule::readme_knows_every_subcommand, &[("README.md", "relief phantom"), ("src/cli/lib.rs", "")]);
     keeps(
         rule::readme_knows_every_subcommand,
         &[("README.md", "`relief phantom`, relief golden-check"), cli],
     );
-    breaks(rule::invariants_name_tests, &[("ARCHITECTURE.md", "# Map\n")]);
-    breaks(rule::invariants_name_tests, &[map]);
-    breaks(rule::invariants_name_tests, &[map, ("tests/a.rs", "fn down() {}")]);
-    breaks(rule::invariants_name_tests, &[unkept, ("Cargo.toml", "unsafe_code = \"forbid\"")]);
-    keeps(rule::invariants_name_tests, &[map, ("tests/a.rs", "#[test]\nfn down() {}")]);
-    keeps(rule::invariants_name_tests, &[map, ("tests/a.rs", "rules! {\n    down,\n}")]);
-    keeps(rule::invariants_name_tests, &[lint, ("Cargo.toml", "unsafe_code = \"forbid\"")]);
-    keeps(rule::invariants_name_tests, &[types, ("src/space.rs", "//! ```compile_fail\n")]);
+    let tagged = ("tests/a.rs", "/// Invariant: One.\n#[test]\nfn down() {}\n");
+    let index = "- One. Kept by: `tests/a.rs::down`\n";
+    breaks(rule::invariants_are_indexed, &[("docs/INVARIANTS.md", index)]);
+    breaks(rule::invariants_are_indexed, &[tagged, ("docs/INVARIANTS.md", "- Another.")]);
+    let made = invariants::index(&made_up(&[tagged]));
+    assert!(made.contains("One.") && made.contains("`tests/a.rs::down`"), "{made}");
+    keeps(rule::invariants_are_indexed, &[tagged, ("docs/INVARIANTS.md", &made)]);
+
+    let root = ("src/a/lib.rs", "mod b;\n\npub use b::{C, d};\n");
+    let module = (
+        "src/a/b.rs",
+        "pub struct C;\n\nimpl C {\n    pub fn e(&self) -> u8 {\n        1\n    }\n}\n\npub fn d() {}\nfn f() {}\n",
+    );
+    let listed = api::listing(&made_up(&[root, module]));
+    assert_eq!(listed, "relief_a\n    struct C\n        fn e(&self) -> u8\n    fn d() {}\n");
+    keeps(rule::public_api_is_listed, &[root, module, ("docs/public-api.txt", &listed)]);
+    let changed = module.1.replace("-> u8", "-> u16");
+    breaks(rule::public_api_is_listed, &[root, ("src/a/b.rs", &changed), ("docs/public-api.txt", &listed)]);
+
+    let map = ("ARCHITECTURE.md", "| crate | content | depends on |\n|---|---|---|\n| `a` | x | b |\n");
+    let manifest =
+        ("src/a/Cargo.toml", "[dependencies]\nrelief-b.workspace = true\nrelief-c.workspace = true\n");
+    keeps(rule::crates_are_in_the_table, &[map, manifest]);
+    breaks(rule::crates_are_in_the_table, &[map, ("src/d/Cargo.toml", "")]);
+    breaks(rule::crates_are_in_the_table, &[map, ("src/a/Cargo.toml", "[dependencies]\n")]);
 }
 
 /// The rule finds something in these made-up files.
@@ -140,11 +156,21 @@ fn keeps(rule: Rule, files: &[(&str, &str)]) {
     assert_eq!(rule(&made_up(files)), Vec::<String>::new(), "{files:?}");
 }
 
-const ROOT_DOCUMENTS: [&str; 5] =
-    ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"];
+const ROOT_DOCUMENTS: [&str; 7] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "SECURITY.md",
+    "LICENSE-MIT",
+    "LICENSE-APACHE",
+];
 
 mod rule {
-    use super::{File, MAX_FILE_LINES, MAX_FUNCTION_LINES, ROOT_DOCUMENTS, extension, find, holds_word};
+    use super::{
+        File, MAX_FILE_LINES, MAX_FUNCTION_LINES, ROOT_DOCUMENTS, api, extension, find, holds_word,
+        invariants,
+    };
 
     pub(super) fn files_say_what_they_are(files: &[File]) -> Vec<String> {
         let heads = [("rs", "//! "), ("wgsl", "// ")];
@@ -187,7 +213,12 @@ mod rule {
         let mut functions = Vec::new();
         for (start, line) in lines.iter().enumerate() {
             let code = line.trim_start();
-            let is_function = code.split(['(', '<']).next().is_some_and(|head| holds_word(head, "fn"));
+            // `pub(crate) fn f(`: the parenthesis of the visibility is not that of the parameters.
+            let item = code
+                .strip_prefix("pub(")
+                .and_then(|rest| rest.split_once(") "))
+                .map_or(code, |(_, item)| item);
+            let is_function = item.split(['(', '<']).next().is_some_and(|head| holds_word(head, "fn"));
             if !is_function || code.starts_with("//") || code.ends_with([';', '}']) {
                 continue;
             }
@@ -298,12 +329,12 @@ mod rule {
     }
 
     pub(super) fn readme_knows_every_subcommand(files: &[File]) -> Vec<String> {
-        let (Some(readme), Some(cli)) = (find(files, "README.md"), find(files, "src/cli/mod.rs")) else {
-            return vec!["README.md or src/cli/mod.rs is not there".to_owned()];
+        let (Some(readme), Some(cli)) = (find(files, "README.md"), find(files, "src/cli/lib.rs")) else {
+            return vec!["README.md or src/cli/lib.rs is not there".to_owned()];
         };
         let commands = subcommands(cli);
         if commands.is_empty() {
-            return vec!["src/cli/mod.rs: no subcommand in `enum Command`".to_owned()];
+            return vec!["src/cli/lib.rs: no subcommand in `enum Command`".to_owned()];
         }
         let missing = commands.iter().filter(|command| !holds_word(readme, &format!("relief {command}")));
         missing.map(|command| format!("README.md does not mention `relief {command}`")).collect()
@@ -328,30 +359,56 @@ mod rule {
         kebab
     }
 
-    /// Every item of the list under "Invariants" says ``Kept by: `file::name` ``, and that is a test, a
-    /// documentation test of that kind, or a key of a configuration file.
-    pub(super) fn invariants_name_tests(files: &[File]) -> Vec<String> {
-        let Some(map) = find(files, "ARCHITECTURE.md") else {
-            return vec!["ARCHITECTURE.md is not there".to_owned()];
-        };
-        let invariants = invariants(map);
-        if invariants.is_empty() {
-            return vec!["ARCHITECTURE.md lists nothing under a heading with \"Invariants\"".to_owned()];
+    /// The index of invariants lists every test that is tagged with `Invariant:`.
+    pub(super) fn invariants_are_indexed(files: &[File]) -> Vec<String> {
+        is_current(files, invariants::INDEX, invariants::index(files))
+    }
+
+    /// The listing of the public API is that of the sources.
+    pub(super) fn public_api_is_listed(files: &[File]) -> Vec<String> {
+        is_current(files, api::LISTING, api::listing(files))
+    }
+
+    /// A generated file has this text. With `RELIEF_BLESS` set it is written instead (see `scripts/bless`).
+    fn is_current(files: &[File], path: &str, text: String) -> Vec<String> {
+        if text.is_empty() {
+            return vec![format!("there is nothing to list in {path}")];
         }
+        if find(files, path) == Some(text.as_str()) {
+            return Vec::new();
+        }
+        if std::env::var_os("RELIEF_BLESS").is_some() {
+            let place = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
+            std::fs::write(place, text).expect("generated files can be written");
+            return Vec::new();
+        }
+        vec![format!("{path} is out of date; run scripts/bless and review the difference")]
+    }
+
+    /// ARCHITECTURE.md has a row for every crate, and the dependencies in it are in the crate's manifest.
+    pub(super) fn crates_are_in_the_table(files: &[File]) -> Vec<String> {
+        let map = find(files, "ARCHITECTURE.md").unwrap_or_default();
+        let rows: Vec<Vec<&str>> = map.lines().map(|line| line.split('|').map(str::trim).collect()).collect();
         let mut found = Vec::new();
-        for invariant in invariants {
-            let keepers = invariant.split_once("Kept by:").map(|(_, keepers)| keepers).unwrap_or_default();
-            let keepers: Vec<_> = keepers.split('`').skip(1).step_by(2).collect();
-            if keepers.is_empty() {
-                found.push(format!("ARCHITECTURE.md: nothing keeps: {invariant}"));
+        for file in files {
+            let folder = file.path.strip_prefix("src/").and_then(|path| path.strip_suffix("/Cargo.toml"));
+            let Some(name) = folder else { continue };
+            let row = rows.iter().find(|row| row.get(1) == Some(&format!("`{name}`").as_str()));
+            let Some(row) = row else {
+                found.push(format!("ARCHITECTURE.md has no row for the crate `{name}`"));
+                continue;
+            };
+            let used = row.get(3).copied().unwrap_or_default();
+            for used in used.split(',').map(str::trim).filter(|used| !["all", "–", ""].contains(used)) {
+                if !file.text.contains(&format!("relief-{used}.workspace")) {
+                    found.push(format!("ARCHITECTURE.md: `{name}` does not depend on `{used}`"));
+                }
             }
-            let missing = keepers.into_iter().filter(|keeper| !keeper_exists(files, keeper));
-            found.extend(missing.map(|keeper| format!("ARCHITECTURE.md: there is no test {keeper}")));
         }
         found
     }
 
-    /// What no other module of the pages asks for is a module's own.
+    /// Every exported name of the pages is imported by another module.
     pub(super) fn pages_export_what_is_imported(files: &[File]) -> Vec<String> {
         let is_script = |file: &&File| matches!(extension(&file.path), "js" | "mjs");
         let scripts = files.iter().filter(is_script);
@@ -368,43 +425,6 @@ mod rule {
             let name = words.find(|word| !word.is_empty())?;
             (!imported.contains(name)).then(|| format!("no page imports the {kind} {name}"))
         })
-    }
-
-    /// The items of the list, each on one line.
-    fn invariants(map: &str) -> Vec<String> {
-        let section =
-            map.lines().skip_while(|line| !(line.starts_with('#') && line.contains("Invariants"))).skip(1);
-        let mut items: Vec<String> = Vec::new();
-        for line in section.take_while(|line| !line.starts_with('#')) {
-            if line.starts_with("- ") || line.starts_with(|c: char| c.is_ascii_digit()) {
-                items.push(line.to_owned());
-            } else if let Some(item) = items.last_mut().filter(|_| line.starts_with(' ')) {
-                item.push(' ');
-                item.push_str(line.trim());
-            }
-        }
-        items
-    }
-
-    fn keeper_exists(files: &[File], keeper: &str) -> bool {
-        let Some((path, name)) = keeper.split_once("::") else { return false };
-        let Some(text) = find(files, path) else { return false };
-        let name = name.rsplit("::").next().unwrap_or(name);
-        if extension(path) == "toml" {
-            return text.lines().any(|line| line.split(['=', ' ']).next() == Some(name));
-        }
-        let lines: Vec<_> = text.lines().map(str::trim).collect();
-        let is_test = |at: usize| {
-            let above =
-                lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
-            above.into_iter().any(|line| line.starts_with("#[") && line.contains("test"))
-        };
-        let declares = |line: &str| {
-            line.split(['(', '<']).next().is_some_and(|head| head.ends_with(&format!("fn {name}")))
-        };
-        lines.iter().enumerate().any(|(at, line)| declares(line) && is_test(at))
-            || lines.iter().any(|line| line.ends_with(&format!("```{name}")))
-            || lines.contains(&format!("{name},").as_str()) // in a list from which a macro makes tests
     }
 
     fn complaints(files: &[File], complaint: impl Fn(&File, &str) -> Option<String>) -> Vec<String> {

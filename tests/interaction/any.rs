@@ -75,6 +75,8 @@ fn check(state: &ViewState) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
+    /// Invariant: Any intents and any hand leave a finite view within its ranges, and undo restores
+    /// the view.
     #[test]
     fn any_intents_leave_a_view(intents in prop::collection::vec((intent(), 0..2_000_000_000u64), 1..80)) {
         let stage = stage();
@@ -92,6 +94,9 @@ proptest! {
         }
     }
 
+    /// Invariant: Any intents and any hand leave a finite view within its ranges, and undo restores
+    /// the view.
+    ///
     /// One step and one step back is nothing, but for the cursor, which is no step.
     #[test]
     fn undo_restores(earlier in prop::collection::vec(intent(), 0..20), last in intent()) {
@@ -118,6 +123,9 @@ proptest! {
         }
     }
 
+    /// Invariant: Any intents and any hand leave a finite view within its ranges, and undo restores
+    /// the view.
+    ///
     /// Samples and buttons at any times, in any order, in any state.
     #[test]
     fn any_hand_leaves_a_view(

@@ -28,6 +28,8 @@ fn cursor_at(session: &mut Session, point: Point<Patient>) {
     session.apply(&Intent::Cursor { at_px: None, at_view_mm: None, by_view_mm: None, point_mm });
 }
 
+/// Invariant: A grabbed volume stays under the hand, and neither release nor new grab moves it.
+///
 /// With hands that turn by Q and move by d, every point x of the volume goes to Q (x - p) + p + d: that under the hand, p,
 /// stays under it.
 #[test]
@@ -81,6 +83,7 @@ fn modes_turn_or_move_alone() {
     }
 }
 
+/// Invariant: A grabbed volume stays under the hand, and neither release nor new grab moves it.
 #[test]
 fn releases_keep_and_grabs_do_not_jump() {
     let mut session = session();

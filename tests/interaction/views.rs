@@ -7,6 +7,7 @@ use relief_volume::Orbit;
 
 use super::{RADIUS_MM, SIZE_PX, Session, assert_near, assert_same_view, center, points, stage, stage_of};
 
+/// Invariant: The home view equals that of the page, and turntable views equal those of `Orbit`.
 #[test]
 fn the_home_view_is_the_pages() {
     let orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.4, vertical_fov_deg: 22.0 };
@@ -17,6 +18,7 @@ fn the_home_view_is_the_pages() {
     assert_eq!(Home::ORBIT, orbit);
 }
 
+/// Invariant: The home view equals that of the page, and turntable views equal those of `Orbit`.
 #[test]
 fn orbits_are_those_of_the_camera_and_end_at_the_poles() {
     let mut session = Session::new();

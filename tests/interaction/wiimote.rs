@@ -98,6 +98,8 @@ fn the_cursor_is_the_tip_scaled_by_the_gain() {
     assert_near(remote.session.in_view(remote.cursor()), wanted, 1e-9, "a centre of one's own");
 }
 
+/// Invariant: A grabbed volume stays under the hand, and neither release nor new grab moves it.
+///
 /// With B held, a hand that turns by Q about its tip and moves by d takes the volume along: all of it turns about the tip.
 #[test]
 fn a_held_volume_goes_with_the_hand() {
@@ -171,6 +173,8 @@ fn a_dead_zone_keeps_tremor_out() {
     }
 }
 
+/// Invariant: An untracked hand moves nothing, and late reports move nothing.
+///
 /// While the hand is lost or ambiguous the view stands still; seen again, anywhere, it takes hold anew.
 #[test]
 fn what_is_not_tracked_moves_nothing() {
@@ -257,6 +261,8 @@ fn a_leads_the_cursor_with_care() {
     assert_near(remote.session.in_view(remote.cursor()), there, 1e-9, "on its way");
 }
 
+/// Invariant: Buttons of dropped poses count, and held buttons act by time.
+///
 /// Held buttons count by time, whatever the number of reports, and a gap in the reports counts as 0.1 s at most.
 #[test]
 fn rates_are_in_time_not_in_reports() {
@@ -407,6 +413,8 @@ fn orientation(state: &ViewState) -> DQuat {
     DQuat::from_array(state.record().orientation_xyzw)
 }
 
+/// Invariant: Reports of a hand that turns by 30 degrees turn the view by 30 degrees.
+///
 /// From bytes to a view: the hand turns by 30 degrees with B held, and so does the view, about the axis of the hand, within
 /// the noise of tracking and the dead zone.
 #[test]

@@ -20,6 +20,9 @@ fn arguments(manifest: &str) -> Vec<String> {
     words.map(|word| word.trim_matches('"').replace("$(JOB_COMPLETION_INDEX)", "0")).collect()
 }
 
+/// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
+/// manifests.
+///
 /// What they name is not on this machine, so the commands fail; but with 1 and not with 2, which is for wrong arguments.
 #[cfg(feature = "cluster")]
 #[test]
@@ -38,6 +41,8 @@ fn relief_takes_the_command_lines_of_the_manifests() {
     }
 }
 
+/// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
+/// manifests.
 #[test]
 fn schemas_take_the_manifests() {
     let what = "manifests against Kubernetes' schemas";

@@ -73,6 +73,8 @@ fn flipped_bits_end_in_an_error_or_a_map() {
     }
 }
 
+/// Invariant: Label maps of other programs lie where those programs put them; damaged files, and
+/// files that claim too much, end in an error.
 #[test]
 fn files_that_claim_more_than_they_hold_cost_what_they_hold() {
     // 2^30 voxels claimed, six there: cut short, and no gigabyte is asked for on the way.

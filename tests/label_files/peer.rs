@@ -29,6 +29,8 @@ for mirror in (1, -1):
 print(json.dumps(out))
 ";
 
+/// Invariant: Label maps of other programs lie where those programs put them; damaged files, and
+/// files that claim too much, end in an error.
 #[test]
 fn whatever_simpleitk_writes_is_read_where_it_lies() {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {

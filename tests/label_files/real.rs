@@ -53,6 +53,8 @@ fn totalsegmentators_example_is_what_the_facts_say() {
     assert_eq!(named(1).rgb, Some([0.0, 1.0, 0.0]), "the extension's colour");
 }
 
+/// Invariant: Label maps of other programs lie where those programs put them; damaged files, and
+/// files that claim too much, end in an error.
 #[test]
 fn labels_of_a_series_come_to_its_slices_by_flips() {
     let Some(interop) = unpacked("labels of a series", "interop") else { return };

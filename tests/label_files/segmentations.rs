@@ -83,6 +83,8 @@ fn what_is_no_segmentation_is_refused_with_the_attribute() {
     assert!(error.to_string().contains("expected at most 524288"), "{error}");
 }
 
+/// Invariant: Label maps of other programs lie where those programs put them; damaged files, and
+/// files that claim too much, end in an error.
 #[test]
 fn damaged_segmentations_end_in_an_error_or_a_map() {
     let Some(data) = shared_data("damaged segmentations") else { return };

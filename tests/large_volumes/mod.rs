@@ -28,6 +28,8 @@ fn refusal(rows_and_columns: [u16; 2], frames: u32, arguments: &[&str]) -> Optio
     Some(String::from_utf8(output.stderr).unwrap())
 }
 
+/// Invariant: Volumes stay within the memory limits of host and adapter: the least recently used is
+/// evicted, and a volume that cannot fit is refused by its dimensions.
 #[test]
 fn two_thousand_slices_of_2048_by_2048_are_refused_before_they_are_read() {
     let Some(message) = refusal([2048; 2], 2000, &[]) else { return };

@@ -61,6 +61,8 @@ proptest! {
         prop_assert_eq!(FrameHeader::decode(&bytes), Ok(header));
     }
 
+    /// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages; any
+    /// bytes are read or refused.
     #[test]
     fn any_bytes_are_a_frame_or_refused(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
         let _ = ReceivedFrame::decode(&bytes);
@@ -205,6 +207,8 @@ fn picture(size: [usize; 2]) -> (Vec<[u8; 4]>, Vec<f32>) {
     (color, (0..pixels).map(depth).collect())
 }
 
+/// Invariant: A live frame of a still view, composed from lossless colour, equals the PNG of the
+/// same scene, pixel by pixel.
 #[test]
 fn a_composed_frame_is_the_encoders_own_in_every_layout() {
     let limits = DepthLimits::new(100.0, 300.0).unwrap();

@@ -1,4 +1,4 @@
-//! LIVE.md, protocol.json and the code: the same header, the same names, the same messages.
+//! docs/LIVE.md, protocol.json and the code: the same header, the same names, the same messages.
 
 use std::collections::BTreeSet;
 
@@ -11,12 +11,14 @@ use serde_json::Value;
 
 use crate::live_protocol::header;
 
-const LIVE_MD: &str = include_str!("../../LIVE.md");
+const LIVE_MD: &str = include_str!("../../docs/LIVE.md");
 
 fn protocol() -> Value {
     serde_json::from_str(PROTOCOL).unwrap()
 }
 
+/// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages; any
+/// bytes are read or refused.
 #[test]
 fn document_description_and_code_have_the_same_header() {
     let fields = protocol()["header"]["fields"].as_array().unwrap().clone();
@@ -115,14 +117,14 @@ fn document_description_and_code_have_the_same_names() {
     assert_eq!(limits["text_bytes"], relief_live::MAX_TEXT_BYTES);
     assert_eq!(limits["frames_in_flight"], relief_live::MAX_IN_FLIGHT);
     for (code, _) in protocol["close_codes"].as_object().unwrap() {
-        assert!(LIVE_MD.contains(&format!("| {code} | ")), "LIVE.md explains close code {code}");
+        assert!(LIVE_MD.contains(&format!("| {code} | ")), "docs/LIVE.md explains close code {code}");
     }
     for (side, types) in [("client", &ClientMessage::TYPES[..]), ("server", &ServerMessage::TYPES[..])] {
         let described: BTreeSet<&str> =
             protocol[side].as_object().unwrap().keys().map(String::as_str).collect();
         assert_eq!(described, types.iter().copied().collect());
         for kind in types {
-            assert!(LIVE_MD.contains(&format!("`{kind}`")), "LIVE.md explains {kind}");
+            assert!(LIVE_MD.contains(&format!("`{kind}`")), "docs/LIVE.md explains {kind}");
         }
     }
 }
@@ -135,6 +137,8 @@ fn parses(side: &str, text: &str) -> Result<String, String> {
     }
 }
 
+/// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages; any
+/// bytes are read or refused.
 #[test]
 fn every_example_is_read_and_written_and_their_keys_are_those_described() {
     let protocol = protocol();

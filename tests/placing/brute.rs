@@ -115,6 +115,8 @@ fn surfaces_are_as_near_as_any_place_on_them() {
     assert!(compared >= 15, "{compared}");
 }
 
+/// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
+/// search, or reports that there are none.
 #[test]
 fn crossings_along_rays_are_the_nearest() {
     let mut compared = 0;
@@ -146,6 +148,8 @@ fn crossings_along_rays_are_the_nearest() {
     assert!(compared >= 25, "{compared}");
 }
 
+/// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
+/// search, or reports that there are none.
 #[test]
 fn edges_are_the_steepest_and_nearest_on_them() {
     let radius = 2.5;

@@ -35,6 +35,7 @@ fn values_out_of_range_are_named_with_what_is_allowed() {
     }
 }
 
+/// Invariant: Snapping looks at a bounded number of voxels, at any radius and voxel size.
 #[test]
 fn a_radius_with_too_many_voxels_is_refused_with_one_that_fits() {
     let grid = Grid::axis_aligned([400; 3], [0.05; 3], [0.0; 3]).unwrap();
@@ -52,6 +53,8 @@ fn a_radius_with_too_many_voxels_is_refused_with_one_that_fits() {
     }
 }
 
+/// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
+/// search, or reports that there are none.
 #[test]
 fn where_nothing_is_that_is_said() {
     let volume = Phantom::sphere(64).unwrap().volume; // 4 mm voxels

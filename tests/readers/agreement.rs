@@ -208,6 +208,8 @@ fn what_cannot_be_compared_is_said_in_words() {
     assert!(refused.contains("different frames of reference") && !refused.contains("1.2.3"), "{refused}");
 }
 
+/// Invariant: Statistics of readers are numbers or reasons, never NaN.
+///
 /// One landmark, constant readers, skipped items: every figure is a number, or words say why there is none.
 #[test]
 fn nothing_that_readers_do_makes_a_number_that_is_none() {

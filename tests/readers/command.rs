@@ -75,6 +75,7 @@ fn study(folder: &Path) {
     store(folder, items);
 }
 
+/// Invariant: Applying a template twice adds nothing the second time.
 #[test]
 fn a_template_is_kept_applied_and_followed() {
     let folder = tempfile::tempdir().unwrap();

@@ -36,6 +36,8 @@ fn assert_same(a: &RenderedFrame, b: &RenderedFrame, what: &str) {
     assert!(back(a) == back(b), "what lies behind, of {what}");
 }
 
+/// Invariant: Bands change no byte of a picture, and cancelling ends a picture after its current
+/// band.
 #[test]
 fn bands_change_not_one_byte() {
     let Some(mut renderer) = renderer("bands_change_not_one_byte") else { return };
@@ -62,6 +64,8 @@ fn bands_change_not_one_byte() {
     }
 }
 
+/// Invariant: Bands change no byte of a picture, and cancelling ends a picture after its current
+/// band.
 #[test]
 fn a_cancelled_picture_ends_with_its_band_and_harms_no_later_one() {
     let Some(mut renderer) = renderer("a_cancelled_picture_ends_with_its_band") else { return };

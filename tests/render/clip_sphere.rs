@@ -34,6 +34,7 @@ fn hole() -> ClipSphere {
     ClipSphere { center: Point::new(0.0, -50.0, 0.0), radius_mm: RADIUS_MM }
 }
 
+/// Invariant: The wall of a cut sphere lies on the sphere, and moving the sphere uploads nothing.
 #[test]
 fn the_far_wall_of_the_hole_is_where_the_sphere_is() {
     let Some(mut renderer) = renderer("the_far_wall_of_the_hole") else { return };
@@ -125,6 +126,7 @@ fn gpu_and_twin_agree_about_the_sphere_in_modes_and_rules() {
     compare(&volume, &request, "the mean with a sphere");
 }
 
+/// Invariant: The wall of a cut sphere lies on the sphere, and moving the sphere uploads nothing.
 #[test]
 fn skipping_changes_no_byte_beside_a_sphere_and_moving_it_uploads_nothing() {
     let Some(mut renderer) = renderer("skipping_changes_no_byte_beside_a_sphere") else { return };

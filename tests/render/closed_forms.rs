@@ -25,6 +25,7 @@ fn look_along_y(projection: Projection) -> Camera {
     Camera::new(eye, at, Vector::new(0.0, 0.0, 1.0), projection).unwrap()
 }
 
+/// Invariant: Light, absorption and depth follow their closed forms.
 #[test]
 fn a_slab_absorbs_by_the_exponential_law() {
     let Some(mut renderer) = renderer("a_slab_absorbs_by_the_exponential_law") else { return };
@@ -50,6 +51,9 @@ fn a_slab_absorbs_by_the_exponential_law() {
     }
 }
 
+/// Invariant: Opacity by gradient is per opacity unit: the picture does not depend on the sample
+/// distance.
+///
 /// Where values rise evenly every sample has the same gradient, here of (2, 4, -6) HU per mm.
 #[test]
 fn opacity_by_gradient_multiplies_what_a_millimetre_absorbs() {
@@ -80,6 +84,7 @@ fn opacity_by_gradient_multiplies_what_a_millimetre_absorbs() {
     }
 }
 
+/// Invariant: Light, absorption and depth follow their closed forms.
 #[test]
 fn a_translucent_slab_has_its_threshold_depth_where_the_law_says() {
     let Some(mut renderer) = renderer("a_translucent_slab_has_its_threshold_depth") else { return };
@@ -114,6 +119,7 @@ fn cone() -> Volume {
     Volume::new(grid, voxels).unwrap()
 }
 
+/// Invariant: Light, absorption and depth follow their closed forms.
 #[test]
 fn a_ball_is_lit_by_the_cosine_of_its_slope() {
     let Some(mut renderer) = renderer("a_ball_is_lit_by_the_cosine_of_its_slope") else { return };
@@ -163,6 +169,7 @@ pub(super) fn sphere_depth_errors(frame: &RenderedFrame) -> Vec<f64> {
     errors
 }
 
+/// Invariant: Light, absorption and depth follow their closed forms.
 #[test]
 fn a_spheres_depth_is_true_to_a_tenth_of_a_millimetre() {
     let Some(mut renderer) = renderer("a_spheres_depth_is_true") else { return };
@@ -187,6 +194,8 @@ fn a_spheres_depth_is_true_to_a_tenth_of_a_millimetre() {
     }
 }
 
+/// Invariant: A picture does not depend on its sample distance, within the smoothness of the
+/// transfer function.
 #[test]
 fn the_picture_does_not_depend_on_the_sample_distance() {
     let Some(mut renderer) = renderer("the_picture_does_not_depend_on_the_sample_distance") else { return };
@@ -219,6 +228,7 @@ const VIEWS: [(f64, f64, [DVec3; 3]); 6] = [
     (0.0, -90.0, [DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z]),
 ];
 
+/// Invariant: Views along the six patient axes show the correct side, not a mirror image.
 #[test]
 fn six_axis_views_prove_orientation_and_handedness() {
     let Some(mut renderer) = renderer("six_axis_views_prove_orientation_and_handedness") else { return };

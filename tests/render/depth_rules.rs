@@ -78,6 +78,8 @@ fn expect_depth(layers: &Layers, depth: DepthRule, behind_face_mm: f64, toleranc
 /// Half a voxel: values reach those of a layer at the middle of its first voxel.
 const RAMP_MM: f64 = 0.5;
 
+/// Invariant: A depth rule changes no colour and puts the depth where its definition says.
+///
 /// A weak layer, a gap, a strong layer: which rules see which.
 #[test]
 fn rules_choose_the_layer_that_their_definition_says() {
@@ -136,6 +138,7 @@ fn threshold_depth(opacity_per_mm: f64, thickness_mm: f64, fraction: f64) -> f64
     (1.0 - fraction * whole).ln() / (1.0 - opacity_per_mm).ln()
 }
 
+/// Invariant: A depth rule changes no colour and puts the depth where its definition says.
 #[test]
 fn two_layers_have_a_threshold_each_and_the_back_has_its_own_colour() {
     let layers = [(5, 0.0), (10, 0.1), (10, 0.0), (20, 0.3), (5, 0.0)];
@@ -204,6 +207,7 @@ fn every_rule() -> Vec<DepthRule> {
     rules.chain([DepthRule::TwoLayer { fraction: 0.9 }]).collect()
 }
 
+/// Invariant: The GPU and the f64 reference agree in every mode, projection and depth rule.
 #[test]
 fn gpu_and_twin_agree_by_every_depth_rule() {
     let volume = oblique_head();
@@ -215,6 +219,7 @@ fn gpu_and_twin_agree_by_every_depth_rule() {
     }
 }
 
+/// Invariant: The GPU and the f64 reference agree in every mode, projection and depth rule.
 #[test]
 fn gpu_and_twin_agree_about_what_lies_behind() {
     let Some(mut renderer) = renderer("gpu_and_twin_agree_about_what_lies_behind") else { return };
@@ -241,6 +246,7 @@ fn gpu_and_twin_agree_about_what_lies_behind() {
     }
 }
 
+/// Invariant: Skipping empty space changes no byte of a picture.
 #[test]
 fn skipping_changes_no_byte_of_any_depth_rule() {
     let Some(mut renderer) = renderer("skipping_changes_no_byte_of_any_depth_rule") else { return };

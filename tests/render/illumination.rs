@@ -90,6 +90,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
+/// Invariant: Placed lights, shadows and openness follow their closed forms, and shadows lie where
+/// the path tracer has them.
 #[test]
 fn a_veil_between_light_and_floor_takes_light_by_the_exponential_law() {
     let Some(mut renderer) = renderer("a_veil_between_light_and_floor") else { return };
@@ -136,6 +138,8 @@ fn is_bare_floor(x: f64, y: f64) -> bool {
     x.hypot(y) > BALL_MM + 1.5
 }
 
+/// Invariant: Placed lights, shadows and openness follow their closed forms, and shadows lie where
+/// the path tracer has them.
 #[test]
 fn the_shadow_of_a_ball_has_its_outline() {
     let Some(mut renderer) = renderer("the_shadow_of_a_ball") else { return };
@@ -161,6 +165,8 @@ fn the_shadow_of_a_ball_has_its_outline() {
     }
 }
 
+/// Invariant: Placed lights, shadows and openness follow their closed forms, and shadows lie where
+/// the path tracer has them.
 #[test]
 fn path_traced_shadows_lie_where_these_do() {
     let Some(mut renderer) = renderer("path_traced_shadows") else { return };
@@ -244,6 +250,8 @@ fn corner_openness(h: f64, s: f64, r: f64) -> f64 {
     open / f64::from(steps * steps)
 }
 
+/// Invariant: Placed lights, shadows and openness follow their closed forms, and shadows lie where
+/// the path tracer has them.
 #[test]
 fn an_even_floor_is_open_and_a_corner_is_not() {
     let Some(mut renderer) = renderer("an_even_floor_is_open") else { return };
@@ -287,6 +295,8 @@ fn a_light_at_the_eye_is_the_headlight() {
     }
 }
 
+/// Invariant: Placed lights, shadows and openness follow their closed forms, and shadows lie where
+/// the path tracer has them.
 #[test]
 fn a_ball_is_lit_by_lamberts_cosine_and_blinns_highlight() {
     let Some(mut renderer) = renderer("a_ball_is_lit_by_lamberts_cosine") else { return };
@@ -335,6 +345,7 @@ fn lit_head(volume: &Volume, mode: Mode, preset: &str, fov: f64) -> RenderReques
     request
 }
 
+/// Invariant: The GPU and the f64 reference agree about lights, shadows and occlusion.
 #[test]
 fn gpu_and_twin_agree_about_lights_shadows_and_occlusion() {
     let volume = oblique_head();
@@ -365,6 +376,8 @@ fn gpu_and_twin_agree_about_lights_shadows_and_occlusion() {
     compare(&volume, &ambient, "occlusion of ambient light alone");
 }
 
+/// Invariant: Light changes no depth, and its cells do not depend on the camera for which they were
+/// first computed.
 #[test]
 fn light_changes_no_depth_and_skipping_no_byte() {
     let Some(mut renderer) = renderer("light_changes_no_depth") else { return };
@@ -384,6 +397,8 @@ fn light_changes_no_depth_and_skipping_no_byte() {
     }
 }
 
+/// Invariant: Light changes no depth, and its cells do not depend on the camera for which they were
+/// first computed.
 #[test]
 fn cells_are_filled_once_and_do_not_depend_on_who_looked_first() {
     let Some(mut renderer) = renderer("cells_are_filled_once") else { return };

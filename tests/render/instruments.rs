@@ -35,6 +35,8 @@ fn seen(frame: &RenderedFrame) -> Vec<(DVec2, f32, [u8; 4])> {
     pixels.filter(|(_, (mm, _))| mm.is_finite()).map(|(i, (mm, rgba))| (place(i), *mm, *rgba)).collect()
 }
 
+/// Invariant: A text has one depth; the cube turns with the patient; the scale bar has the length
+/// that it states.
 #[test]
 fn a_text_has_one_depth_and_stands_around_its_point() {
     for projection in [PARALLEL, PERSPECTIVE] {
@@ -75,6 +77,8 @@ fn a_label_stands_beside_its_landmark_at_the_depth_of_its_front() {
     }
 }
 
+/// Invariant: A text has one depth; the cube turns with the patient; the scale bar has the length
+/// that it states.
 #[test]
 fn the_scale_bar_has_the_length_that_it_says() {
     for (projection, mm_per_px) in [(PARALLEL, 0.5), (PERSPECTIVE, 0.0)] {
@@ -98,6 +102,8 @@ fn the_scale_bar_has_the_length_that_it_says() {
     }
 }
 
+/// Invariant: A text has one depth; the cube turns with the patient; the scale bar has the length
+/// that it states.
 #[test]
 fn the_cube_is_turned_as_the_patient_is_and_stands_at_the_focal_depth() {
     let camera = camera(PARALLEL);

@@ -64,6 +64,8 @@ fn a_spheres_surface_lies_where_it_is() {
     }
 }
 
+/// Invariant: Isosurfaces lie where their closed forms put them, are lit by their slope, come in
+/// their order, and are open where they are cut.
 #[test]
 fn a_crossing_is_found_to_a_hundredth_of_a_sample_distance() {
     let Some(mut renderer) = renderer("a_crossing_is_found_to_a_hundredth") else { return };
@@ -82,6 +84,8 @@ fn a_crossing_is_found_to_a_hundredth_of_a_sample_distance() {
     }
 }
 
+/// Invariant: Isosurfaces lie where their closed forms put them, are lit by their slope, come in
+/// their order, and are open where they are cut.
 #[test]
 fn a_surface_is_lit_by_the_cosine_of_its_slope() {
     let Some(mut renderer) = renderer("a_surface_is_lit_by_the_cosine") else { return };
@@ -105,6 +109,9 @@ fn a_surface_is_lit_by_the_cosine_of_its_slope() {
     assert!(compared > 8_000, "{compared} pixels");
 }
 
+/// Invariant: Isosurfaces lie where their closed forms put them, are lit by their slope, come in
+/// their order, and are open where they are cut.
+///
 /// A red shell of 60 mm around a blue ball of 30 mm: what a ray that passes `off_mm` from the centre meets.
 #[test]
 fn nested_surfaces_blend_and_have_the_depth_of_the_rule() {
@@ -142,6 +149,8 @@ fn nested_surfaces_blend_and_have_the_depth_of_the_rule() {
     }
 }
 
+/// Invariant: Isosurfaces lie where their closed forms put them, are lit by their slope, come in
+/// their order, and are open where they are cut.
 #[test]
 fn surfaces_within_one_sample_distance_come_in_their_order_along_the_ray() {
     let Some(mut renderer) = renderer("surfaces_within_one_sample_distance") else { return };
@@ -161,6 +170,7 @@ fn surfaces_within_one_sample_distance_come_in_their_order_along_the_ray() {
     }
 }
 
+/// Invariant: A body whose values all equal the value of a surface contains no surface.
 #[test]
 fn a_body_of_the_surfaces_very_value_has_no_surface_in_it() {
     let Some(mut renderer) = renderer("a_body_of_the_surfaces_very_value") else { return };
@@ -190,6 +200,7 @@ fn a_clipped_surface_is_open() {
     }
 }
 
+/// Invariant: Skipping empty space changes no byte of a picture.
 #[test]
 fn skipping_steps_over_what_has_no_surface_and_changes_no_byte() {
     let Some(mut renderer) = renderer("skipping_steps_over_what_has_no_surface") else { return };

@@ -58,6 +58,7 @@ fn white(opacity_per_mm: f64) -> String {
     format!(r#"{{"points": [{}, {}]}}"#, point(-1000.0, 0.0), point(300.0, opacity_per_mm))
 }
 
+/// Invariant: Each segment absorbs by its own law, and a tint changes colours only.
 #[test]
 fn two_halves_of_a_slab_absorb_by_a_law_each() {
     let Some(mut renderer) = renderer("two_halves_of_a_slab") else { return };
@@ -81,6 +82,7 @@ fn two_halves_of_a_slab_absorb_by_a_law_each() {
     }
 }
 
+/// Invariant: Hiding segments cuts them off exactly, in colour, depth and picks.
 #[test]
 fn every_depth_rule_and_every_pick_meets_the_first_segment_that_is_shown() {
     let Some(mut renderer) = renderer("every_depth_rule_meets_the_first_segment") else { return };
@@ -104,6 +106,7 @@ fn every_depth_rule_and_every_pick_meets_the_first_segment_that_is_shown() {
     }
 }
 
+/// Invariant: Each segment absorbs by its own law, and a tint changes colours only.
 #[test]
 fn a_tint_takes_its_share_of_the_colour_and_no_opacity() {
     let Some(mut renderer) = renderer("a_tint_takes_its_share") else { return };
@@ -146,6 +149,8 @@ fn apart(a: &RenderedFrame, b: &RenderedFrame, depth_mm: f32) -> [f64; 2] {
     [colors, depths].map(|count| count as f64 / pixels)
 }
 
+/// Invariant: Hiding segments cuts them off exactly, in colour, depth and picks.
+///
 /// Hiding what lies on one side of a plane is cutting it off there: clip planes are tested against closed forms.
 #[test]
 fn hiding_half_of_a_volume_is_cutting_it_off() {
@@ -275,6 +280,7 @@ fn gpu_and_twin_agree_about_segments_in_slices() {
     }
 }
 
+/// Invariant: Hiding segments cuts them off exactly, in colour, depth and picks.
 #[test]
 fn skipping_changes_no_byte_of_segments_and_skips_what_is_hidden() {
     let Some(mut renderer) = renderer("skipping_changes_no_byte_of_segments") else { return };

@@ -62,6 +62,8 @@ fn three_volumes() -> [Volume; 3] {
     [Phantom::sphere(48), Phantom::slab(48), Phantom::head(48)].map(|phantom| phantom.unwrap().volume)
 }
 
+/// Invariant: Volumes stay within the memory limits of host and adapter: the least recently used is
+/// evicted, and a volume that cannot fit is refused by its dimensions.
 #[test]
 fn of_three_volumes_under_a_budget_for_two_the_least_recently_used_goes() {
     let volumes = three_volumes();
@@ -158,6 +160,7 @@ fn a_large_volume_is_planned_or_refused_by_its_dimensions_alone() {
     assert_eq!((plan.gradient_bytes, plan.brick_edge), (0, 8));
 }
 
+/// Invariant: The size of bricks changes no byte of a picture.
 #[test]
 fn larger_bricks_change_not_one_byte() {
     let volume = Phantom::head(64).unwrap().volume;

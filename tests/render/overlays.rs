@@ -66,6 +66,8 @@ fn off_ray(origin: DVec3, direction: DVec3, point: DVec3) -> (f64, f64) {
     ((point - origin - direction * along).length(), along)
 }
 
+/// Invariant: Outlines and depths of balls, lines, meshes and the bounding box follow their closed
+/// forms.
 #[test]
 fn a_balls_outline_and_depth_are_those_of_a_sphere() {
     let size = [97, 81];
@@ -141,6 +143,8 @@ fn a_ball_of_pixels_has_its_size_at_any_distance() {
     }
 }
 
+/// Invariant: Outlines and depths of balls, lines, meshes and the bounding box follow their closed
+/// forms.
 #[test]
 fn depth_along_a_line_is_perspective() {
     let size = [160, 120];
@@ -197,6 +201,8 @@ fn ray_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> Option<(
     (enters.max_element() < leaves.min_element()).then(|| (enters.max_element(), leaves.min_element(), axis))
 }
 
+/// Invariant: Outlines and depths of balls, lines, meshes and the bounding box follow their closed
+/// forms.
 #[test]
 fn a_mesh_box_is_where_rays_meet_the_box() {
     let size = [120, 90];
@@ -257,6 +263,8 @@ fn a_translucent_box_shows_both_of_its_walls_and_writes_no_depth() {
     assert!(frame.depth_mm.iter().all(|mm| mm.is_infinite()), "0.4 is too thin to have a depth");
 }
 
+/// Invariant: The depth of a pixel is that of the volume or of an overlay, never a mixture; hidden
+/// overlays are dimmed and write no depth.
 #[test]
 fn the_sphere_hides_what_is_inside_of_it() {
     let volume = Phantom::sphere(64).unwrap().volume;
@@ -309,6 +317,8 @@ fn the_sphere_hides_what_is_inside_of_it() {
     assert!(nearer > 80 && same > 7000, "{nearer} pixels are the ball's, {same} as before");
 }
 
+/// Invariant: Outlines and depths of balls, lines, meshes and the bounding box follow their closed
+/// forms.
 #[test]
 fn the_bounding_box_joins_the_projected_corners() {
     // An oblique grid: the box is the volume's, not one along the patient's axes.

@@ -77,6 +77,8 @@ fn mean_light(renderer: &mut Renderer, volume: &Volume, request: &RenderRequest)
     mean(&linear(&renderer.render(volume, request).unwrap(), 0))
 }
 
+/// Invariant: A seed decides every byte of a path-traced picture, however its passes are grouped;
+/// its error falls with their square root.
 #[test]
 fn a_seed_decides_every_byte_however_passes_are_grouped() {
     let Some(mut renderer) = renderer("a_seed_decides_every_byte") else { return };
@@ -107,6 +109,8 @@ fn a_seed_decides_every_byte_however_passes_are_grouped() {
     assert!(bits(&again) == bits(&reseeded), "depth is not by chance");
 }
 
+/// Invariant: A seed decides every byte of a path-traced picture, however its passes are grouped;
+/// its error falls with their square root.
 #[test]
 fn error_falls_with_the_square_root_of_the_passes() {
     let Some(mut renderer) = renderer("error_falls_with_the_square_root_of_the_passes") else { return };
@@ -135,6 +139,8 @@ fn error_falls_with_the_square_root_of_the_passes() {
     }
 }
 
+/// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
+/// is conserved.
 #[test]
 fn a_slab_lets_light_through_by_the_exponential_law() {
     let Some(mut renderer) = renderer("a_slab_lets_light_through") else { return };
@@ -163,6 +169,8 @@ fn slab_scatter(extinction: f64, cosine: f64, phase: f64) -> f64 {
     (0..steps).map(|i| at((f64::from(i) + 0.5) * ds) * ds).sum()
 }
 
+/// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
+/// is conserved.
 #[test]
 fn one_scattering_in_a_slab_is_its_quadrature() {
     let Some(mut renderer) = renderer("one_scattering_in_a_slab") else { return };
@@ -216,6 +224,8 @@ fn e2(x: f64) -> f64 {
     (0..steps).map(|i| (-x * f64::from(steps) / (f64::from(i) + 0.5)).exp() / f64::from(steps)).sum()
 }
 
+/// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
+/// is conserved.
 #[test]
 fn a_furnace_gives_what_one_scattering_can_and_never_more() {
     let Some(mut renderer) = renderer("a_furnace") else { return };
@@ -255,6 +265,9 @@ fn cone() -> Volume {
     Volume::new(grid, voxels).unwrap()
 }
 
+/// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
+/// is conserved.
+///
 /// A dense ball is locally a half-space of parallel layers: light that comes at a cosine m and leaves at a cosine n
 /// scatters once with the weight m / (m + n), whatever the layers' profile, and Lambert's surface adds a factor m.
 #[test]

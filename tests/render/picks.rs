@@ -81,6 +81,8 @@ fn expect_twin(volume: &Volume, request: &RenderRequest, frame: &RenderedFrame, 
     assert!(apart <= allowed, "{what}: {apart} of {} picks differ from the twin's", SIZE[0] * SIZE[1]);
 }
 
+/// Invariant: A picked point lies on the ray of its pixel at the depth of the frame, and where the
+/// f64 reference has it.
 #[test]
 fn picks_are_the_frames_depth_in_every_mode_rule_and_clip_and_the_twins() {
     let Some(mut renderer) = renderer("picks in every mode, rule and clip") else { return };
@@ -115,6 +117,8 @@ fn picks_are_the_frames_depth_in_every_mode_rule_and_clip_and_the_twins() {
     assert!(pictures >= 60, "{pictures}");
 }
 
+/// Invariant: A picked point lies on the ray of its pixel at the depth of the frame, and where the
+/// f64 reference has it.
 #[test]
 fn picks_are_what_every_layouts_frame_was_packed_from() {
     let Some(mut renderer) = renderer("picks in every layout") else { return };

@@ -46,6 +46,8 @@ fn cone(sign: f64) -> Volume {
     Volume::new(grid, voxels).unwrap()
 }
 
+/// Invariant: Extremes and sums along a ray follow their closed forms at any sample distance,
+/// within clip planes.
 #[test]
 fn extremes_of_a_cone_lie_where_rays_pass_its_axis() {
     let Some(mut renderer) = renderer("extremes_of_a_cone") else { return };
@@ -64,6 +66,8 @@ fn extremes_of_a_cone_lie_where_rays_pass_its_axis() {
     }
 }
 
+/// Invariant: Extremes and sums along a ray follow their closed forms at any sample distance,
+/// within clip planes.
 #[test]
 fn clipped_values_are_no_extremes() {
     let Some(mut renderer) = renderer("clipped_values_are_no_extremes") else { return };
@@ -87,6 +91,8 @@ fn clipped_values_are_no_extremes() {
 /// values are linear over 1 mm, so brightness times an opacity that is linear too adds 1/3 mm of the slab's own there.
 const SLAB_MM: f64 = 99.0 + 2.0 / 3.0;
 
+/// Invariant: Extremes and sums along a ray follow their closed forms at any sample distance,
+/// within clip planes.
 #[test]
 fn sums_through_a_slab_are_those_of_its_thickness() {
     let Some(mut renderer) = renderer("sums_through_a_slab") else { return };

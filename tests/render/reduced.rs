@@ -13,6 +13,8 @@ fn request(volume: &Volume, json: &str) -> RenderRequest {
     scene.resolve(volume.grid(), &Orbit { azimuth_deg: 30.0, ..Orbit::default() }).unwrap().request
 }
 
+/// Invariant: A time budget is kept by measured speed; a reduced picture has the requested size and
+/// depths that were rendered; without a budget nothing is reduced.
 #[test]
 fn a_reduced_picture_is_the_small_one_enlarged() {
     let Some(mut renderer) = renderer("a_reduced_picture_is_the_small_one_enlarged") else { return };

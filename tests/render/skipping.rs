@@ -39,6 +39,9 @@ fn slices(volume: &Volume) -> Vec<RenderRequest> {
     ["mean", "mip", "minip"].map(scene).to_vec()
 }
 
+/// Invariant: Skipping empty space changes no byte of a picture.
+///
+/// Invariant: Skipping empty space changes no byte of a picture.
 #[test]
 fn skipping_changes_not_one_byte() {
     let Some(mut renderer) = renderer("skipping_changes_not_one_byte") else { return };

@@ -37,6 +37,8 @@ fn on_the_plane(request: &RenderRequest, [column, row]: [u32; 2]) -> DVec3 {
     camera.look_at().xyz + right * x + up * y
 }
 
+/// Invariant: Slices are linear where the volume is, lie at the depth of the plane, and agree with
+/// an independent resampler.
 #[test]
 fn a_slice_through_a_ramp_is_exactly_linear_and_lies_at_one_depth() {
     let Some(mut renderer) = renderer("a_slice_through_a_ramp_is_exactly_linear") else { return };
@@ -64,6 +66,8 @@ fn a_slice_through_a_ramp_is_exactly_linear_and_lies_at_one_depth() {
     }
 }
 
+/// Invariant: Slices are linear where the volume is, lie at the depth of the plane, and agree with
+/// an independent resampler.
 #[test]
 fn slabs_of_a_ramp_have_its_mean_on_the_plane_and_its_extremes_on_the_faces() {
     let Some(mut renderer) = renderer("slabs_of_a_ramp") else { return };
@@ -130,6 +134,8 @@ fn every_ball_lies_where_the_convention_puts_it() {
     assert_eq!(seen, 18);
 }
 
+/// Invariant: Slices follow the radiological convention, and their edge labels say so.
+///
 /// The axial slice through four balls of different size: each size is where its side belongs.
 #[test]
 fn left_right_front_and_back_are_told_apart_by_their_size() {

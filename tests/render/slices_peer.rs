@@ -57,6 +57,8 @@ fn work(volume: &Volume, folder: &Path, slices: &[serde_json::Value]) -> serde_j
             "origin_mm": grid.origin().xyz.to_array(), "direction": grid.direction() })
 }
 
+/// Invariant: Slices are linear where the volume is, lie at the depth of the plane, and agree with
+/// an independent resampler.
 #[test]
 fn slices_and_slabs_are_what_simpleitk_resamples() {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {

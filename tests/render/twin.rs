@@ -49,6 +49,7 @@ pub(super) fn oblique_head() -> Volume {
     Volume::new(Grid::new(grid.dims(), placed).unwrap(), head.voxels_hu().to_vec()).unwrap()
 }
 
+/// Invariant: The GPU and the f64 reference agree in every mode, projection and depth rule.
 #[test]
 fn gpu_and_twin_agree_in_every_mode_projection_and_depth_rule() {
     let volume = oblique_head();
@@ -85,6 +86,8 @@ fn gpu_and_twin_agree_in_projections_of_windows() {
     }
 }
 
+/// Invariant: Opacity by gradient is per opacity unit: the picture does not depend on the sample
+/// distance.
 #[test]
 fn gpu_and_twin_agree_under_opacity_by_gradient() {
     let volume = oblique_head();

@@ -10,6 +10,7 @@ use serde_json::json;
 use super::renderer;
 use super::twin::{compare, oblique_head, request};
 
+/// Invariant: Synthesised views agree with true renders, which agree with point projection.
 #[test]
 fn gpu_and_twin_agree_through_shifted_lenses() {
     let volume = oblique_head();
@@ -22,6 +23,8 @@ fn gpu_and_twin_agree_through_shifted_lenses() {
     }
 }
 
+/// Invariant: Synthesised views agree with true renders, which agree with point projection.
+///
 /// Balls of the sphere phantom's series and an overlay's: where `project` says, with the depth that a pick finds again.
 #[test]
 fn what_is_seen_from_beside_lies_where_projection_says_and_picks_find_it() {
@@ -95,6 +98,7 @@ fn head() -> (Volume, RenderRequest) {
     (volume, request)
 }
 
+/// Invariant: Synthesised views agree with true renders, which agree with point projection.
 #[test]
 fn synthesised_views_of_a_head_come_close_to_true_renders() {
     let (volume, request) = head();

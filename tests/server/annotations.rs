@@ -137,6 +137,8 @@ async fn items_are_made_listed_changed_deleted_undone_and_logged() {
     );
 }
 
+/// Invariant: Concurrent editors never overwrite each other silently; a blinded reader sees one
+/// set, and other readers do not see it; no answer contains a UID.
 #[tokio::test]
 async fn two_editors_never_overwrite_silently() {
     let stage = Stage::annotated().await;
@@ -186,6 +188,8 @@ async fn two_editors_never_overwrite_silently() {
     assert_eq!(problem["type"], "urn:relief:problem:locked");
 }
 
+/// Invariant: Concurrent editors never overwrite each other silently; a blinded reader sees one
+/// set, and other readers do not see it; no answer contains a UID.
 #[tokio::test]
 async fn blinded_readers_see_their_own_set_and_nobody_sees_theirs() {
     let stage = Stage::annotated().await;
@@ -343,6 +347,8 @@ async fn other_servers_of_the_same_kind_have_none() {
     stage.annotate(Method::POST, "", "anna", json!({})).await.problem(404);
 }
 
+/// Invariant: Importing a file twice creates no copies unless requested, and reports the items that
+/// were there.
 #[tokio::test]
 async fn files_of_other_tools_come_and_go() {
     let stage = Stage::annotated().await;

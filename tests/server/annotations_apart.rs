@@ -52,6 +52,8 @@ async fn volumes_of_one_log_are_apart() {
     assert_eq!((&log["events"], &log["next"]), (&json!([]), &json!(1)));
 }
 
+/// Invariant: Requests about one volume, or about another author's set, change nothing else.
+///
 /// Every way to change an item, asked of a volume that it is not of: it is not there, and stays as it is where it is.
 #[tokio::test]
 async fn items_of_another_volume_are_not_changed_from_here() {
@@ -121,6 +123,8 @@ async fn items_of_another_volume_are_not_changed_from_here() {
     assert_eq!(listed(&there).await, undone);
 }
 
+/// Invariant: Requests about one volume, or about another author's set, change nothing else.
+///
 /// An edit that another program made of items of two volumes is taken back from neither.
 #[tokio::test]
 async fn an_edit_of_two_volumes_is_taken_back_from_neither() {
@@ -149,6 +153,8 @@ async fn an_edit_of_two_volumes_is_taken_back_from_neither() {
     assert_eq!(stage.0.names("", "").await, Vec::<String>::new());
 }
 
+/// Invariant: Requests about one volume, or about another author's set, change nothing else.
+///
 /// What became another reader's since is neither taken back nor shown by a step.
 #[tokio::test]
 async fn a_step_reaches_no_set_of_somebody_else() {

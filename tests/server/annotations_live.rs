@@ -38,6 +38,8 @@ fn annotating(view: &str, author: &str, sets: &str) -> Value {
     json!({ "view": view, "author": author, "settings": { "annotations": sets } })
 }
 
+/// Invariant: Live viewers are notified of every edit in the order of the log, from any server of
+/// the log; a server that loses its connection catches up.
 #[tokio::test]
 async fn two_clients_see_one_anothers_landmarks_at_once() {
     let running = Running::annotated().await;
@@ -135,6 +137,8 @@ async fn undo_takes_back_the_authors_edit_while_annotations_are_drawn() {
     assert_ne!(eye, back, "the view's last change, now that none are drawn");
 }
 
+/// Invariant: Live viewers are notified of every edit in the order of the log, from any server of
+/// the log; a server that loses its connection catches up.
 #[tokio::test]
 async fn blinded_readers_are_told_of_their_own_set_alone() {
     let running = Running::annotated().await;
@@ -214,6 +218,8 @@ fn phase(seq: u64, phase: &str) -> Value {
     intent(seq, json!({ "intent": "place", "phase": phase }))
 }
 
+/// Invariant: Moving a point is one edit that can be undone, and it never overwrites a change of
+/// another author.
 #[tokio::test]
 async fn a_landmark_is_taken_hold_of_and_moved() {
     let running = Running::annotated().await;
@@ -260,6 +266,8 @@ async fn a_landmark_is_taken_hold_of_and_moved() {
     assert_eq!(event["seq"], 4, "place, move, undo, place");
 }
 
+/// Invariant: Moving a point is one edit that can be undone, and it never overwrites a change of
+/// another author.
 #[tokio::test]
 async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
     let running = Running::annotated().await;
@@ -295,6 +303,7 @@ async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
     assert_eq!(next(&mut anna).await["id"], Value::Null, "something new");
 }
 
+/// Invariant: Requests about one volume, or about another author's set, change nothing else.
 #[tokio::test]
 async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
     let running = Running::annotated().await;

@@ -17,6 +17,8 @@ fn made(answer: &Answer) -> Value {
     answer.json()["events"][0]["item"].clone()
 }
 
+/// Invariant: Regions grow within their limits, are painted, filled and meshed over HTTP, and are
+/// drawn as surfaces and outlines.
 #[tokio::test]
 async fn a_region_grows_within_its_limits_and_becomes_a_mesh() {
     let stage = Stage::annotated().await;

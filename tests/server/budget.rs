@@ -42,6 +42,8 @@ async fn a_budget_reduces_by_the_speed_of_earlier_pictures_and_delivers_the_size
     }
 }
 
+/// Invariant: A time budget is kept by measured speed; a reduced picture has the requested size and
+/// depths that were rendered; without a budget nothing is reduced.
 #[tokio::test]
 async fn a_tiny_budget_gives_the_least_and_none_the_whole() {
     let stage = Stage::new();

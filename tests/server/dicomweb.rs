@@ -90,6 +90,8 @@ const SIDES: [(&str, [f64; 3], [f64; 3]); 6] = [
     ("f", [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]),
 ];
 
+/// Invariant: DICOMweb requests find volumes by UID, and no log, metric or answer contains one;
+/// viewpoints follow the standard, and the reported module reproduces the picture.
 #[tokio::test]
 async fn orientations_become_viewpoints_as_the_standard_has_them() {
     let stage = stage();
@@ -214,6 +216,8 @@ async fn what_is_malformed_or_not_done_is_refused_and_what_is_unknown_ignored() 
     assert_eq!(size(&stage.get(&path(unknown)).await), (8, 8));
 }
 
+/// Invariant: DICOMweb requests find volumes by UID, and no log, metric or answer contains one;
+/// viewpoints follow the standard, and the reported module reproduces the picture.
 #[tokio::test]
 async fn uids_are_matched_exactly_and_told_to_nobody() {
     let stage = stage();

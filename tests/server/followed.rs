@@ -201,6 +201,8 @@ async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &
     assert_eq!(told(&mut anna).await["events"][0]["item"]["name"], "after the crash");
 }
 
+/// Invariant: Live viewers are notified of every edit in the order of the log, from any server of
+/// the log; a server that loses its connection catches up.
 #[tokio::test]
 async fn a_second_server_of_a_file_sees_and_tells_what_the_first_one_does() {
     let folder = tempfile::tempdir().unwrap();
@@ -211,6 +213,8 @@ async fn a_second_server_of_a_file_sees_and_tells_what_the_first_one_does() {
     an_edit_of_many_items_is_told_as_one(&place("many.db")).await;
 }
 
+/// Invariant: Live viewers are notified of every edit in the order of the log, from any server of
+/// the log; a server that loses its connection catches up.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_second_server_of_a_database_sees_and_tells_what_the_first_one_does() {
     let Some(mut postgres) = Postgres::start("events of two servers of one PostgreSQL database").await else {

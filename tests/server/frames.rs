@@ -171,6 +171,7 @@ async fn depth_comes_as_16_bit_png_exr_or_floats() {
     stage.get_with(&path, &[("accept", "image/jpeg")]).await.problem(406);
 }
 
+/// Invariant: An entity tag that the client knows is answered without rendering.
 #[tokio::test]
 async fn a_known_tag_is_answered_without_rendering() {
     let stage = Stage::new();
@@ -280,6 +281,7 @@ async fn a_size_that_contradicts_the_layout_is_refused_for_a_png_alone() {
     assert_eq!([picture.width(), picture.height()], [960, 1080]);
 }
 
+/// Invariant: Depth filters return input values only and change no pick.
 #[tokio::test]
 async fn a_depth_filter_changes_frames_and_no_pick() {
     let stage = Stage::new();

@@ -34,6 +34,8 @@ fn decoded(png: &[u8]) -> Vec<u8> {
     samples
 }
 
+/// Invariant: A live frame of a still view, composed from lossless colour, equals the PNG of the
+/// same scene, pixel by pixel.
 #[tokio::test]
 async fn a_still_frame_is_lossless_and_composes_to_the_served_png() {
     let running = Running::new().await;
@@ -87,6 +89,7 @@ async fn while_the_view_moves_frames_are_small_and_lossy_within_their_budget() {
     assert!(still.header.lossless() && still.header.full_size());
 }
 
+/// Invariant: Watchers change nothing, and no page of another site can open a session.
 #[tokio::test]
 async fn watchers_see_what_the_presenter_does_and_change_nothing() {
     let running = Running::new().await;
@@ -258,6 +261,7 @@ fn status(error: &Error) -> u16 {
     response.status().as_u16()
 }
 
+/// Invariant: Watchers change nothing, and no page of another site can open a session.
 #[tokio::test]
 async fn pages_of_other_sites_and_strangers_are_refused() {
     let hosts = ["127.0.0.1", "localhost"].map(str::to_owned).to_vec();

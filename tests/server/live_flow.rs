@@ -19,6 +19,8 @@ fn hurried() -> Value {
     json!({ "quality": { "budget_ms": 1 } })
 }
 
+/// Invariant: The newest pose wins, no intent is lost, and continuous motion does not starve
+/// frames.
 #[tokio::test]
 async fn the_newest_pose_wins_and_no_wish_is_lost() {
     let running = Running::new().await;
@@ -62,6 +64,7 @@ async fn late_poses_are_left_out() {
     assert!((azimuth_deg(&client.still(6).await.header) - 51.0).abs() < 0.01);
 }
 
+/// Invariant: A client has at most two frames in flight, and a stalled client affects no other.
 #[tokio::test]
 async fn two_frames_are_on_their_way_and_no_more() {
     let running = Running::new().await;
@@ -84,6 +87,7 @@ async fn two_frames_are_on_their_way_and_no_more() {
     assert!(lazy.gets_no_frame_for(Duration::from_millis(200)).await);
 }
 
+/// Invariant: A client has at most two frames in flight, and a stalled client affects no other.
 #[tokio::test]
 async fn a_stalled_client_holds_two_frames_and_harms_nobody() {
     let running = Running::new().await;
@@ -116,6 +120,8 @@ async fn a_stalled_client_holds_two_frames_and_harms_nobody() {
     assert!(received >= 30);
 }
 
+/// Invariant: The newest pose wins, no intent is lost, and continuous motion does not starve
+/// frames.
 #[tokio::test]
 async fn motion_that_does_not_rest_starves_no_frame() {
     let running = Running::new().await;

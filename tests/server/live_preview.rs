@@ -82,6 +82,8 @@ fn annotating(snap: &Value) -> Value {
     json!({ "view": "theatre", "author": "anna", "settings": settings })
 }
 
+/// Invariant: The preview shows where a landmark will be placed; frames keep their rate meanwhile.
+///
 /// A hand that holds A near the surface sees the place on it, with the shift, and letting go sets the landmark down there.
 #[tokio::test]
 async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_there() {
@@ -116,6 +118,8 @@ async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_
     assert!(ghosts(&running).is_empty(), "it is set down");
 }
 
+/// Invariant: The preview shows where a landmark will be placed; frames keep their rate meanwhile.
+///
 /// The ghost follows the cursor, in a picture along the line of sight, and goes where nothing is near, and when it is over.
 #[tokio::test]
 async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
@@ -172,6 +176,8 @@ async fn tremble(running: &Running, anna: &mut Client, first: u32) -> ([f64; 3],
     (newest, (running.stage.gate.count() - before) as f64 / start.elapsed().as_secs_f64())
 }
 
+/// Invariant: The preview shows where a landmark will be placed; frames keep their rate meanwhile.
+///
 /// Pictures go on at their pace while a hand that trembles is snapped, and the newest place is the one that is shown in the end.
 #[tokio::test]
 async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {

@@ -45,6 +45,8 @@ async fn metric(stage: &Stage, name: &str) -> u64 {
     value.unwrap_or_else(|| panic!("no {name}")).parse().unwrap()
 }
 
+/// Invariant: Volumes stay within the memory limits of host and adapter: the least recently used is
+/// evicted, and a volume that cannot fit is refused by its dimensions.
 #[tokio::test]
 async fn of_three_series_under_a_limit_for_two_the_least_recently_shown_goes_and_comes_back() {
     let (stage, reads, frames) = three(2 * EACH);

@@ -55,6 +55,7 @@ async fn a_failing_adapter_is_not_ready_until_it_renders() {
     }
 }
 
+/// Invariant: Metrics and volume descriptions name no patient.
 #[tokio::test]
 async fn a_volume_is_described_by_geometry_and_values_alone() {
     let stage = Stage::new();
@@ -86,6 +87,7 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
     assert_eq!(keys, known, "a new key must not tell who was scanned");
 }
 
+/// Invariant: Other requests are served while one renders.
 #[tokio::test]
 async fn others_are_served_while_one_renders() {
     let stage = Stage::new();
@@ -111,6 +113,7 @@ async fn others_are_served_while_one_renders() {
     assert_eq!(slow.await.unwrap().unwrap().status(), 200);
 }
 
+/// Invariant: Metrics and volume descriptions name no patient.
 #[tokio::test]
 async fn metrics_count_without_naming() {
     let stage = Stage::new();

@@ -98,6 +98,7 @@ async fn a_head_that_dawdles_is_cut_off() {
     assert!(running.get("/healthz").await.starts_with("HTTP/1.1 200"));
 }
 
+/// Invariant: A request of a client that left is cancelled; a slow client delays no other.
 #[tokio::test]
 async fn a_client_that_takes_nothing_gives_its_place_away() {
     let limits = ConnectionLimits {
@@ -123,6 +124,7 @@ async fn a_client_that_takes_nothing_gives_its_place_away() {
     assert!(ended.is_err() || rest.len() < whole, "it was cut off after {} bytes", rest.len());
 }
 
+/// Invariant: A request of a client that left is cancelled; a slow client delays no other.
 #[tokio::test]
 async fn the_order_of_a_vanished_client_is_not_rendered() {
     let running = start(ConnectionLimits::default()).await;
@@ -149,6 +151,7 @@ async fn the_order_of_a_vanished_client_is_not_rendered() {
     assert_eq!(running.stage.gate.count(), 2, "the vanished client's frame was not rendered");
 }
 
+/// Invariant: A request of a client that left is cancelled; a slow client delays no other.
 #[tokio::test]
 async fn the_render_of_a_vanished_client_ends_and_the_next_is_served() {
     let running = start(ConnectionLimits::default()).await;

@@ -98,6 +98,7 @@ fn phantom(folder: &Path) -> String {
     series
 }
 
+/// Invariant: The frame over HTTP equals the file of `relief render`, byte for byte.
 #[test]
 fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
     if software_adapter("relief serve").is_none() {
@@ -194,6 +195,8 @@ fn metric(running: &Running, name: &str) -> u64 {
     value.unwrap_or_else(|| panic!("no {name} in {text}")).parse().unwrap()
 }
 
+/// Invariant: Bands change no byte of a picture, and cancelling ends a picture after its current
+/// band.
 #[test]
 fn a_long_render_that_nobody_waits_for_makes_way() {
     const SIDE: u64 = 2048;
@@ -226,6 +229,8 @@ fn a_long_render_that_nobody_waits_for_makes_way() {
     assert_eq!(status, Some(0));
 }
 
+/// Invariant: Volumes stay within the memory limits of host and adapter: the least recently used is
+/// evicted, and a volume that cannot fit is refused by its dimensions.
 #[test]
 fn of_three_series_under_a_budget_for_two_one_is_evicted() {
     if software_adapter("of_three_series_under_a_budget_for_two_one_is_evicted").is_none() {
@@ -339,6 +344,8 @@ impl Annotated {
     }
 }
 
+/// Invariant: Annotations are drawn at their place and depth, with the same bytes by `relief
+/// render`; slices show outlines; labels stand where they can be read.
 #[test]
 fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_writes() {
     if software_adapter("annotations of relief serve").is_none() {

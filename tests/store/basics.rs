@@ -39,6 +39,7 @@ async fn an_edit_is_made_whole_or_not_at_all(store: &Store) {
     assert_eq!(store.check().await.unwrap(), Checked { events: 4, items: 1, contents: 0 });
 }
 
+/// Invariant: Nobody overwrites a change of an annotation that they have not seen.
 async fn a_stale_change_is_told_with_both_versions(store: &Store) {
     let a = point("a", 1.0);
     store.apply(&edit("anna", vec![create(&a)])).await.unwrap();
@@ -105,6 +106,7 @@ async fn edits_are_taken_back_and_made_again_author_by_author(store: &Store) {
     store.check().await.unwrap();
 }
 
+/// Invariant: Nobody overwrites a change of an annotation that they have not seen.
 async fn taking_back_stops_where_another_author_has_been(store: &Store) {
     let [a, b] = [point("a", 1.0), point("b", 2.0)];
     store.apply(&edit("anna", vec![create(&a), create(&b)])).await.unwrap();

@@ -106,6 +106,7 @@ async fn a_newer_schema_is_refused_and_left_alone() {
     assert!(matches!(Store::open(made.place()).await, Err(StoreError::Damaged(_))));
 }
 
+/// Invariant: Events never change, and the items equal the fold of the events.
 #[tokio::test]
 async fn lines_of_the_log_are_never_altered() {
     let made = closed().await;
@@ -138,6 +139,7 @@ async fn made_is_whole(made: &Made) {
     store.close().await;
 }
 
+/// Invariant: Events never change, and the items equal the fold of the events.
 #[tokio::test]
 async fn check_finds_what_was_changed_behind_the_logs_back() {
     for (statement, says) in [

@@ -175,6 +175,8 @@ fn kill(kills: usize, folder: &Path) -> usize {
     total
 }
 
+/// Invariant: An acknowledged edit is durable, and no edit is stored partially, whenever the
+/// process is killed.
 #[cfg(unix)]
 #[test]
 fn what_was_acknowledged_survives_a_kill() {
@@ -195,6 +197,9 @@ fn soak() {
     );
 }
 
+/// Invariant: An acknowledged edit is durable, and no edit is stored partially, whenever the
+/// process is killed.
+///
 /// The file system refuses at some point: the log says so, and nothing that was acknowledged is lost.
 #[cfg(unix)]
 #[test]

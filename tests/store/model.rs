@@ -237,6 +237,7 @@ fn random(cases: u32, run: impl Fn(&[Step])) {
     proptest!(config, |(steps in steps())| run(&steps));
 }
 
+/// Invariant: Events never change, and the items equal the fold of the events.
 #[test]
 fn the_log_does_what_a_model_of_it_does() {
     let runtime = tokio::runtime::Runtime::new().unwrap();

@@ -13,6 +13,8 @@ pub(crate) use crate::postgres_server::Server;
 use crate::store::made::{create, edit, names, point};
 use crate::store::{basics, model, writers};
 
+/// Invariant: An acknowledged edit is durable, and no edit is stored partially, whenever the
+/// process is killed.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn postgres_keeps_the_same_log() {
     let Some(mut server) = Server::start("the log in PostgreSQL").await else { return };

@@ -90,6 +90,8 @@ async fn futures(all: Vec<impl Future<Output = ()>>) {
     .await;
 }
 
+/// Invariant: Nobody overwrites a change of an annotation that they have not seen.
+///
 /// Logs of one file that were opened one by one: as processes would have it.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn writers_of_other_connections_wait_for_their_turn() {

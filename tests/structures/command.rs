@@ -40,6 +40,8 @@ fn sphere() -> tempfile::TempDir {
     folder
 }
 
+/// Invariant: A region that leaks is refused and nothing is stored; a mesh file is valid, or
+/// refused with the place of the error.
 #[test]
 fn a_region_is_grown_and_becomes_a_mesh_and_files() {
     let folder = sphere();

@@ -146,6 +146,8 @@ proptest! {
         }
     }
 
+    /// Invariant: A region that leaks is refused and nothing is stored; a mesh file is valid, or
+    /// refused with the place of the error.
     #[test]
     fn damaged_files_end_well(places in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
                               cut in any::<prop::sample::Index>(), which in 0..4usize, is_cut in any::<bool>()) {

@@ -41,6 +41,8 @@ fn without_limits_it_is_everything_that_is_connected() {
     assert!((found.volume_ml - found.mask.volume_ml()).abs() < 1e-12);
 }
 
+/// Invariant: A region that leaks is refused and nothing is stored; a mesh file is valid, or
+/// refused with the place of the error.
 #[test]
 fn a_region_larger_than_allowed_has_leaked() {
     let ball_ml = 4.0 / 3.0 * std::f64::consts::PI * 1.728;
@@ -147,6 +149,8 @@ fn growing_stops_when_nobody_waits_at_every_stage() {
     }
 }
 
+/// Invariant: Every mask has a closed manifold surface that is oriented outwards, on any grid;
+/// results do not depend on the number of threads.
 #[test]
 fn regions_are_the_same_on_any_number_of_threads() {
     let noisy = super::shapes::noise([100, 60, 70], 33, 7);

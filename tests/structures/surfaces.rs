@@ -50,6 +50,8 @@ fn a_sphere_of_80_mm_has_its_volume_and_smoothed_its_area() {
     assert!(light.triangles.len() <= 5000);
 }
 
+/// Invariant: Every mask has a closed manifold surface that is oriented outwards, on any grid;
+/// results do not depend on the number of threads.
 #[test]
 fn ellipsoids_lie_where_they_are_on_oblique_and_mirrored_grids() {
     let radii = DVec3::new(22.0, 15.0, 11.0);
@@ -93,6 +95,8 @@ fn balls_rings_and_hollows_have_their_euler_characteristic() {
     assert_eq!(euler(&|p| ball(p, 0.0, 20.0) && !ball(p, 3.0, 8.0)), 4, "a hollow has a surface of its own");
 }
 
+/// Invariant: Every mask has a closed manifold surface that is oriented outwards, on any grid;
+/// results do not depend on the number of threads.
 #[test]
 fn every_mask_has_a_closed_manifold_whatever_its_voxels() {
     let mut knotted = 0;
@@ -133,6 +137,8 @@ fn sheets_that_meet_twice_get_corners_of_their_own() {
     assert!(measures.is_manifold && measures.euler == Some(0), "a ring: {measures:?}");
 }
 
+/// Invariant: Every mask has a closed manifold surface that is oriented outwards, on any grid;
+/// results do not depend on the number of threads.
 #[test]
 fn meshes_are_the_same_on_any_number_of_threads() {
     let mask = noise([90, 40, 50], 35, 4);

@@ -331,6 +331,9 @@ fn a_calibration_starts_at_what_the_eeprom_says() {
     assert!(stderr(&refused).contains("checksum"), "{}", stderr(&refused));
 }
 
+/// Invariant: With a calibrated camera and the filter, the robot experiment stays within 1.2 times
+/// the Cramer-Rao bound of a known camera.
+///
 /// The table of the experiment: ours is far below the published errors, and the files of plots and numbers are there.
 #[test]
 fn the_experiment_prints_its_table_beside_the_published_one() {

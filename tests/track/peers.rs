@@ -24,6 +24,7 @@ fn python(test: &str, modules: &str) -> Option<Command> {
     found
 }
 
+/// Invariant: Poses are the minima that OpenCV, PoseLib and IPOPT find from the same pixels.
 #[test]
 fn poses_are_the_minima_of_opencv_poselib_and_ipopt() {
     let Some(mut python) = python("poses_are_the_minima_of_opencv_poselib_and_ipopt", "cv2, poselib, casadi")

@@ -244,7 +244,7 @@ fn rest() -> (SensorPose, Vec<RemoteSenses>) {
 #[test]
 fn the_kernels_virtual_wiimote_is_found_brought_up_and_tracked() {
     let skip = |why: &str| {
-        eprintln!("SKIPPED: the_kernels_virtual_wiimote_is_found_brought_up_and_tracked ({why})");
+        eprintln!("UNAVAILABLE: the_kernels_virtual_wiimote_is_found_brought_up_and_tracked ({why})");
     };
     let uhid = match File::options().read(true).write(true).open("/dev/uhid") {
         Ok(uhid) => uhid,

@@ -5,6 +5,7 @@ use relief_tracking::{
     TrackerOptions, ViewRange, random_sightings,
 };
 
+/// Invariant: A step of tracking allocates no memory.
 #[test]
 fn tracking_allocates_nothing() {
     let simulation = Simulation { gyroscope: true, ..Simulation::new(Beacon::recommended(), 1) };
@@ -24,6 +25,7 @@ fn tracking_allocates_nothing() {
     }
 }
 
+/// Invariant: A step of tracking allocates no memory.
 #[test]
 fn solving_allocates_nothing() {
     let (beacon, camera, mut random) = (Beacon::recommended(), Pinhole::TYPICAL, Random::new(1));

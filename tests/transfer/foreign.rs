@@ -200,6 +200,8 @@ fn largest_difference(transfer: &TransferFunction, at: &[f64], vtk: &[[f64; 4]])
     at.iter().zip(vtk).map(off).fold(0.0, f64::max)
 }
 
+/// Invariant: Midpoints, sharpness and colour spaces of imported transfer functions equal those of
+/// VTK.
 #[test]
 fn midpoint_sharpness_and_colour_spaces_are_those_of_vtk() {
     let nodes =

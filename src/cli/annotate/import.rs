@@ -19,7 +19,7 @@ const MOST_BYTES: u64 = 4 << 30;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 All files together are one edit, which undo takes back: one that is damaged changes nothing. Without --format, a file's name and
-beginning say what it is. ANNOTATIONS.md has what each format holds.
+beginning say what it is. docs/ANNOTATIONS.md has what each format holds.
 
 With --series, items belong to that series, and points outside of its volume are warned of, with a hint where they are a mirror
 image (RAS for LPS). Items that are in the log already, by their ids or by list, name and place, stay as they are, and the answer says

@@ -25,12 +25,12 @@ pub(super) struct CapacityArguments {
     /// Share of the time in which a viewer moves the view, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = share, requires = "capacity")]
     moving_share: f64,
-    /// Print the tables of CAPACITY.md
+    /// Print the tables of docs/CAPACITY.md
     #[arg(long, requires = "capacity", conflicts_with = "json")]
     pub(super) markdown: bool,
 }
 
-/// The JSON form, documented in CAPACITY.md.
+/// The JSON form, documented in docs/CAPACITY.md.
 #[derive(Debug, Serialize)]
 struct CapacityReport {
     measured: CapacityMeasurement,

@@ -1,4 +1,4 @@
-//! The figures of a capacity as sentences, and as the tables of CAPACITY.md.
+//! The figures of a capacity as sentences, and as the tables of docs/CAPACITY.md.
 
 use std::fmt::Write;
 
@@ -64,7 +64,7 @@ pub(super) fn text(report: &CapacityReport) -> String {
     text
 }
 
-/// For CAPACITY.md.
+/// For docs/CAPACITY.md.
 pub(super) fn markdown(report: &CapacityReport) -> String {
     let CapacityReport { measured, habits, carried, needed } = report;
     let [nx, ny, nz] = measured.dims;

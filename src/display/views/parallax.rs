@@ -123,6 +123,7 @@ mod tests {
         assert!((half - near / 2.0).abs() < 1e-12);
     }
 
+    /// Invariant: Synthesised views agree with true renders, which agree with point projection.
     #[test]
     fn a_camera_where_the_displays_viewer_is_has_its_very_parallax() {
         let profile = DisplayProfile::named(ProfileName::Philips42);

@@ -364,6 +364,8 @@ mod tests {
     const BLUE: [f32; 3] = [0.0, 0.0, 255.0];
     const GREY: [u8; 4] = [100, 100, 100, 255];
 
+    /// Invariant: The depth of a pixel is that of the volume or of an overlay, never a mixture;
+    /// hidden overlays are dimmed and write no depth.
     #[test]
     fn depth_is_taken_from_one_or_the_other_and_never_blended() {
         for count in 0..=16u32 {

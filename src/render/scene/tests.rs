@@ -63,6 +63,9 @@ fn depth_rules_and_spheres_that_are_wrong_are_named_with_path_value_and_range() 
     }
 }
 
+/// Invariant: A refused request names the path of the key, the value and the allowed range.
+///
+/// Invariant: No bytes from outside cause a panic: DICOM files, frames, requests.
 #[test]
 fn every_part_that_is_wrong_is_named_with_path_value_and_range() {
     let camera = |projection: &str| {

@@ -65,7 +65,7 @@ pub(crate) async fn connect(
         return Err(Problem::new(StatusCode::FORBIDDEN, "cross-site", detail));
     }
     let upgrade = upgrade.map_err(|rejection| {
-        let detail = format!("{}; see LIVE.md for ways without a WebSocket", rejection.body_text());
+        let detail = format!("{}; see docs/LIVE.md for ways without a WebSocket", rejection.body_text());
         Problem::new(StatusCode::UPGRADE_REQUIRED, "no-websocket", detail)
     })?;
     let upgrade = upgrade.protocols([SUBPROTOCOL]);

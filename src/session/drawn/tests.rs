@@ -77,6 +77,8 @@ fn items_are_drawn_with_their_measures_and_missing_ones_are_not() {
     assert_eq!(labels(&request), ["nasion", "width 50.0 mm", "angle 90.0°", "rim 120.0 mm", "bone"]);
 }
 
+/// Invariant: Annotations are drawn at their place and depth, with the same bytes by `relief
+/// render`; slices show outlines; labels stand where they can be read.
 #[test]
 fn a_slice_shows_what_is_near_and_outlines_of_what_it_cuts() {
     let plane = |offset: f64| {
@@ -133,6 +135,8 @@ fn what_has_no_room_is_counted() {
     request.validate_on(&grid()).unwrap();
 }
 
+/// Invariant: A picture that has no room for all names still draws every item.
+///
 /// 1,500 names of 100 characters are more than a picture has room for: every item is drawn, the first thousand have their names.
 #[test]
 fn names_beyond_the_words_of_a_picture_leave_no_item_out() {
@@ -165,6 +169,9 @@ fn names_beyond_the_words_of_a_picture_leave_no_item_out() {
     assert_eq!(overlays.len(), 2000, "a ball that carries a name goes with it");
 }
 
+/// Invariant: Annotations are drawn at their place and depth, with the same bytes by `relief
+/// render`; slices show outlines; labels stand where they can be read.
+///
 /// The rule in numbers: between the depths that it gives, the parallax of the display is at most a stroke's width.
 #[test]
 fn labels_stand_where_their_ghost_is_no_wider_than_a_stroke() {

@@ -219,6 +219,8 @@ mod tests {
         assert_eq!((perfect.icc, perfect.ci95, perfect.single_deviation), (1.0, [1.0, 1.0], 0.0));
     }
 
+    /// Invariant: Statistics of readers are numbers or reasons, never NaN.
+    ///
     /// Against chance and against each other: negative coefficients, and no interval that is no number.
     #[test]
     fn every_interval_is_numbers_in_order() {

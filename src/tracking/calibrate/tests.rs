@@ -18,6 +18,8 @@ fn views_of(beacon: &Beacon, camera: Pinhole, path: &impl SensorPath, seed: u64)
     choose_views(found, 250)
 }
 
+/// Invariant: A flat target calibrates a camera, and a remote at rest counts as one view.
+///
 /// Four LEDs on a sheet, in an uneven quadrangle: views of a plane, which know a focal length by their slant alone.
 #[test]
 fn a_flat_target_calibrates_too() {
@@ -36,6 +38,7 @@ fn a_flat_target_calibrates_too() {
     assert!(found.held_out_rms_px < 0.6, "{}", found.held_out_rms_px);
 }
 
+/// Invariant: A flat target calibrates a camera, and a remote at rest counts as one view.
 #[test]
 fn a_remote_that_rests_is_one_view() {
     let all = views(TRUE, &SurveyingHand::around(&Beacon::recommended(), 5), 5);

@@ -253,6 +253,7 @@ fn any_other() -> impl Strategy<Value = Report> {
 }
 
 proptest! {
+    /// Invariant: Any bytes from a remote decode or are refused, and decoding inverts encoding.
     #[test]
     fn decoding_undoes_encoding(report in prop_oneof![any_data(), any_other()]) {
         let bytes = report.encode();
@@ -260,6 +261,7 @@ proptest! {
         prop_assert_eq!(Report::decode(&bytes), Ok(report));
     }
 
+    /// Invariant: Any bytes from a remote decode or are refused, and decoding inverts encoding.
     #[test]
     fn any_bytes_decode_or_are_refused(bytes in prop::collection::vec(any::<u8>(), 0..30), id in 0x20_u8..0x40) {
         let mut with_id = vec![id];

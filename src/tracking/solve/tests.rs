@@ -38,6 +38,9 @@ fn exact_pixels_give_the_exact_pose() {
     }
 }
 
+/// Invariant: The pose of a view is the global minimum, with an error close to the Cramer-Rao
+/// bound.
+///
 /// No start out of 300 random ones leads lower than the starts that [`PoseView::solve_as_published`] tries.
 #[test]
 fn the_minimum_found_is_the_global_one() {
@@ -57,6 +60,9 @@ fn the_minimum_found_is_the_global_one() {
     }
 }
 
+/// Invariant: The pose of a view is the global minimum, with an error close to the Cramer-Rao
+/// bound.
+///
 /// Errors over the bound, over many views at one to two metres: an efficient estimate has a ratio of 1.
 #[test]
 fn errors_reach_the_bound() {

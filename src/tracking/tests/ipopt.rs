@@ -5,6 +5,8 @@ use relief_tracking::{Beacon, Pinhole, PoseView, Random, ViewRange, random_sight
 
 const VIEWS: usize = 200;
 
+/// Invariant: IPOPT and our solver find the same minima of the published energy.
+///
 /// From the same start, IPOPT and the solver of our own end in the same pose with the same energy.
 #[test]
 fn ipopt_and_our_own_solver_find_the_same_minima() {

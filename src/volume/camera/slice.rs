@@ -164,6 +164,7 @@ mod tests {
 
     const ORIGIN: Point<Patient> = Point::new(0.0, 0.0, 0.0);
 
+    /// Invariant: Slices follow the radiological convention, and their edge labels say so.
     #[test]
     fn named_planes_are_seen_by_the_radiological_convention() {
         for (plane, [left, right, top, bottom], eye) in [
