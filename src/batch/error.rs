@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
     /// A line is no job.
-    #[error("line {line} is no job: {reason}")]
+    #[error("line {line} is not a valid job: {reason}")]
     Line {
         /// From 1.
         line: usize,
@@ -73,7 +73,7 @@ pub enum PlanError {
         source: std::io::Error,
     },
     /// There are series, and none of them has a view.
-    #[error("no view of any series: {0}")]
+    #[error("no view of any series can be rendered: {0}")]
     NoViews(String),
     /// A view set is none.
     #[error("{0}")]

@@ -69,7 +69,7 @@ fn readable(report: &FrameReport) -> String {
     if let Some(views) = report.views {
         let ([width, height], order) = (views.size_px, "the leftmost at the bottom left, rows upwards");
         let place = match (report.layout, views.rows) {
-            (Layout::Anaglyph, _) => "mixed in every pixel: they cannot be taken apart".to_owned(),
+            (Layout::Anaglyph, _) => "mixed in every pixel: its views cannot be separated".to_owned(),
             (Layout::Wiggle, _) => "shown one after the other, to and fro".to_owned(),
             (_, 1) => "beside each other, the leftmost on the left".to_owned(),
             (_, rows) => format!("in {} columns and {rows} rows, {order}", views.columns),

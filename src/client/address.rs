@@ -19,15 +19,15 @@ pub struct ServerAddress {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AddressError {
     /// It says nothing that could be connected to.
-    #[error("{0:?} is no address of a server; expected http://HOST:PORT or ws://HOST:PORT")]
+    #[error("{0:?} is not a server address; expected http://HOST:PORT or ws://HOST:PORT")]
     Malformed(String),
     /// Encrypted addresses are for a proxy.
     #[error(
-        "{0}:// is not spoken by this client: use http:// or ws:// in a trusted network, or a tunnel (ssh -L, WireGuard)"
+        "{0}:// is not supported; use http:// or ws:// in a trusted network, or a tunnel (ssh -L, WireGuard)"
     )]
     Encrypted(String),
     /// Something else than a server.
-    #[error("{0}:// is no address of a server; expected http://HOST:PORT or ws://HOST:PORT")]
+    #[error("{0}:// is not a server address; expected http://HOST:PORT or ws://HOST:PORT")]
     Scheme(String),
 }
 

@@ -24,7 +24,7 @@ pub enum ClientError {
         reason: String,
     },
     /// The server knows what is asked for, and does not want it.
-    #[error("{server} refuses a session: {reason}")]
+    #[error("{server} refused the session: {reason}")]
     Refused {
         /// Where.
         server: ServerAddress,
@@ -34,7 +34,7 @@ pub enum ClientError {
         passing: bool,
     },
     /// The session is over, and another connection would not change that.
-    #[error("the session at {server} is over: {reason}")]
+    #[error("the session at {server} has ended: {reason}")]
     Ended {
         /// Where.
         server: ServerAddress,
@@ -42,7 +42,7 @@ pub enum ClientError {
         reason: String,
     },
     /// The connection ended.
-    #[error("the connection to {server} is lost: {reason}")]
+    #[error("the connection to {server} was lost: {reason}")]
     Lost {
         /// Where.
         server: ServerAddress,

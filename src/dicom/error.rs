@@ -112,7 +112,7 @@ pub enum Error {
         allowed: u64,
     },
     /// There is not enough memory.
-    #[error("{voxels} voxels need {} MiB of memory, which cannot be had", voxels * 2 / (1 << 20))]
+    #[error("{voxels} voxels need {} MiB of memory, which the system refused", voxels * 2 / (1 << 20))]
     Memory {
         /// Voxels wanted, two bytes each.
         voxels: u64,
@@ -202,7 +202,7 @@ pub enum Defect {
         limit: u32,
     },
     /// Sequences nest too deep.
-    #[error("sequences nest deeper than {limit} levels, which no object of this kind does")]
+    #[error("sequences are nested deeper than {limit} levels, expected at most {limit}")]
     Nesting {
         /// The limit.
         limit: u32,

@@ -61,7 +61,7 @@ pub enum WriteError {
     #[error("{} is not empty; choose another folder or replace it with --force", .0.display())]
     NotEmpty(PathBuf),
     /// Replacing would delete something that this writer did not make.
-    #[error("{} is not replaced: it holds {found:?}, which is not of a phantom", folder.display())]
+    #[error("{} is not replaced: it contains {found:?}, which is not part of a phantom", folder.display())]
     Foreign {
         /// The folder.
         folder: PathBuf,
@@ -69,7 +69,7 @@ pub enum WriteError {
         found: String,
     },
     /// The path is a file.
-    #[error("{} is a file; a folder is needed", .0.display())]
+    #[error("{} is a file, expected a folder", .0.display())]
     NotAFolder(PathBuf),
     /// Too many voxels along an axis for the attributes of a CT image.
     #[error("a CT series holds at most {MAX_EXTENT} rows, columns and slices; the volume has {0:?} voxels")]
@@ -86,7 +86,7 @@ pub enum WriteError {
     },
     /// Neither the new folder nor the old one could be put at its place; the old one is kept.
     #[error(
-        "cannot write {}, and cannot put back what was there: it is kept in {}; move it back by hand",
+        "cannot write {}, and cannot restore the previous content: it is in {}; move it back manually",
         place.display(), kept.display()
     )]
     Displaced {

@@ -56,13 +56,13 @@ pub enum FrameProblem {
         expected: &'static str,
     },
     /// Pixels that are not opaque.
-    #[error("pixels that are not opaque: {pixels}; what a viewer puts behind them is not known")]
+    #[error("pixels that are not opaque: {pixels}; viewers show different backgrounds behind them")]
     Transparent {
         /// How many pixels.
         pixels: usize,
     },
     /// Views that are there and cannot be had.
-    #[error("{0}: they cannot be taken apart")]
+    #[error("{0}: its views cannot be separated")]
     Inseparable(&'static str),
     /// A PNG chunk that asks viewers to change the pixel values.
     #[error("the file has a {0} chunk: viewers that follow it alter the header's bits and the depth")]

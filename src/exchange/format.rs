@@ -39,7 +39,7 @@ pub enum Format {
 
 /// A name that no format has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{found:?} is no format; these are: {}", Format::names(|_| true))]
+#[error("unknown format {found:?}; known formats: {}", Format::names(|_| true))]
 pub struct UnknownFormat {
     /// What was asked for.
     pub found: String,

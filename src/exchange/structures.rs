@@ -26,7 +26,7 @@ pub struct StoredContent<T> {
 #[derive(Debug, thiserror::Error)]
 pub enum StructureError {
     /// The system gives no room for a file.
-    #[error("no temporary file can be made: {0}")]
+    #[error("cannot create a temporary file: {0}")]
     Temporary(#[from] std::io::Error),
     /// It is no label map.
     #[error(transparent)]

@@ -189,7 +189,7 @@ pub enum Mismatch {
         allowed: usize,
     },
     /// Values that are no depth.
-    #[error("{found} of {pixels} depths are NaN, -inf or behind the eye, which none may be")]
+    #[error("{found} of {pixels} depths are NaN, -inf or behind the eye, allowed: 0")]
     Invalid {
         /// Pixels without a depth in one of the pictures.
         found: usize,

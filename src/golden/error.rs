@@ -13,13 +13,13 @@ use relief_volume::{PhantomSizeError, UnknownPhantom};
 #[derive(Debug, thiserror::Error)]
 pub enum GoldenError {
     /// There is nothing to compare, which must not pass for success.
-    #[error("{} holds no golden case; expected <suite>/<case>/case.toml", dir.display())]
+    #[error("{} contains no golden case; expected <suite>/<case>/case.toml", dir.display())]
     NoCases {
         /// The folder that was searched.
         dir: PathBuf,
     },
     /// A name that is neither a suite's nor a case's.
-    #[error("no suite and no case is called {name:?}; suites are {suites}")]
+    #[error("no suite or case is named {name:?}; suites: {suites}")]
     UnknownCase {
         /// What was asked for.
         name: String,

@@ -53,7 +53,7 @@ pub enum CodecError {
         expected: usize,
     },
     /// The JPEG is no picture of this kind.
-    #[error("the colour's JPEG {0}")]
+    #[error("the JPEG of the colour {0}")]
     JpegPicture(String),
 }
 

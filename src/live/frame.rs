@@ -71,7 +71,7 @@ pub enum ReceiveError {
 #[derive(Debug, thiserror::Error)]
 pub enum ComposeError {
     /// The frame is for no display's layout.
-    #[error("the frame has no layout that could be composed")]
+    #[error("the layout of the frame cannot be composed")]
     NoLayout,
     /// The layout needs depth.
     #[error("layout {0} needs depth, and the frame has none: accept a depth format in hello")]

@@ -54,7 +54,7 @@ pub enum RenderError {
         factor: Option<usize>,
     },
     /// Whoever ordered the picture wants it no longer.
-    #[error("the picture is no longer wanted")]
+    #[error("the picture was cancelled")]
     Cancelled,
     /// The GPU failed.
     #[error(transparent)]

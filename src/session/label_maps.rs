@@ -22,7 +22,7 @@ pub struct PlacedLabels {
 #[derive(Debug, thiserror::Error)]
 pub enum LabelsError {
     /// The file cannot be opened.
-    #[error("it cannot be read: {0}")]
+    #[error("cannot read it: {0}")]
     Unreadable(#[from] std::io::Error),
     /// There is a folder.
     #[error("it is a folder, expected a file")]
@@ -31,11 +31,11 @@ pub enum LabelsError {
     #[error(transparent)]
     Format(#[from] FormatError),
     /// Neither of these, and no segmentation.
-    #[error("neither NIfTI nor NRRD, and no usable DICOM segmentation: {0}")]
+    #[error("neither NIfTI nor NRRD nor a usable DICOM segmentation: {0}")]
     Segmentation(#[from] relief_dicom::Defect),
     /// Nothing of it lies in the volume.
     #[error(
-        "the label map lies elsewhere: it spans {map} and the volume {volume} (patient LPS); are they of the same scan?"
+        "the label map and the volume do not overlap: the map spans {map}, the volume {volume} (patient LPS); do they belong to the same scan?"
     )]
     Elsewhere {
         /// From and to, mm.

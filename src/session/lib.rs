@@ -74,7 +74,7 @@ pub enum BackendError {
     #[error("{0}")]
     Refused(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// Nobody waited for the picture any more.
-    #[error("the picture is no longer wanted")]
+    #[error("the picture was cancelled")]
     Cancelled,
     /// The adapter or the driver failed.
     #[error("rendering failed: {0}")]

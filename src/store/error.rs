@@ -19,31 +19,31 @@ pub enum StoreError {
         yours: Option<Box<Item>>,
     },
     /// The item is locked: its lock comes off first, by itself.
-    #[error("item {id} is locked; unlock it first, without changing anything else of it")]
+    #[error("item {id} is locked; unlock it in an edit of its own first")]
     Locked {
         /// Which.
         id: ItemId,
     },
     /// There is no such item, and never was.
-    #[error("there is no item {id}")]
+    #[error("no item has the id {id}")]
     NotFound {
         /// Which was looked for.
         id: ItemId,
     },
     /// A new item has an id that was used before.
-    #[error("item {id} was created before, and an id is never used again; leave the new item another one")]
+    #[error("the id {id} was used before; ids are never reused, so give the new item another one")]
     Exists {
         /// Which.
         id: ItemId,
     },
     /// A content is not in the log.
-    #[error("there is no content {}; it has to be put before an item names it", .id.as_str())]
+    #[error("content {} does not exist; store it before an item refers to it", .id.as_str())]
     Content {
         /// Which.
         id: ContentId,
     },
     /// There is no such template.
-    #[error("there is no template {name:?}")]
+    #[error("no template is named {name:?}")]
     NoTemplate {
         /// Which was looked for.
         name: String,
@@ -52,10 +52,10 @@ pub enum StoreError {
     #[error(transparent)]
     Invalid(#[from] ItemError),
     /// The author has no edit that could be taken back.
-    #[error("there is no edit of this author left to take back")]
+    #[error("this author has no edit left to undo")]
     NothingToUndo,
     /// The author has no edit that could be made again.
-    #[error("there is no edit of this author to make again; a new edit ends what was taken back before it")]
+    #[error("this author has no edit to redo; a new edit discards the edits that were undone before it")]
     NothingToRedo,
     /// The log was made by a newer version of Relief.
     #[error("the log has schema {found}, and this version of relief knows up to {known}; use a newer one")]
@@ -67,26 +67,26 @@ pub enum StoreError {
     },
     /// The place of the log is written wrongly.
     #[error(
-        "this is no place of a log: {0}; write a file's path, sqlite:FILE or postgres://USER@HOST/DATABASE"
+        "invalid location of a log: {0}; expected a file path, sqlite:FILE or postgres://USER@HOST/DATABASE"
     )]
     Place(String),
     /// The file is something else.
-    #[error("this is no log of relief: {0}")]
+    #[error("this is not a log of Relief: {0}")]
     Foreign(String),
     /// The log is there, and what it says cannot be.
-    #[error("the log is damaged: {0}; keep this file and go on with a copy from before")]
+    #[error("the log is damaged: {0}; keep this file and continue with a backup")]
     Damaged(String),
     /// Nothing may be written there.
-    #[error("the log may only be read: the file or its folder is write-protected, or ?mode=ro was asked for")]
+    #[error("the log is read-only: the file or its folder is write-protected, or ?mode=ro was given")]
     ReadOnly,
     /// Others have been writing for too long.
-    #[error("others kept the log busy for 30 seconds; try again")]
+    #[error("the log was locked by other writers for 30 seconds; try again")]
     Busy,
     /// No room.
-    #[error("there is no room left for the log: the disk is full")]
+    #[error("cannot write the log: the disk is full")]
     Full,
     /// It cannot be opened, or the connection broke.
-    #[error("the log cannot be reached: {0}")]
+    #[error("cannot reach the log: {0}")]
     Unreachable(String),
     /// Something else that the database says.
     #[error("the database refused: {0}")]

@@ -48,7 +48,9 @@ pub enum BeaconError {
     #[error("LEDs {0} and {1} are less than {MIN_APART_MM} mm apart")]
     TooClose(String, String),
     /// LEDs in a line: no pose follows from them.
-    #[error("the LEDs lie in one line: no pose follows from them; move one at least {MIN_APART_MM} mm aside")]
+    #[error(
+        "the LEDs are collinear, which does not determine a pose; move one at least {MIN_APART_MM} mm aside"
+    )]
     Collinear,
     /// No direction.
     #[error("up is {0:?}, allowed: any direction")]

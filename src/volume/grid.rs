@@ -15,10 +15,12 @@ pub struct Grid {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GridError {
     /// A dimension is zero, or the voxel count overflows.
-    #[error("a volume of {0:?} voxels cannot be held; each dimension must be at least 1")]
+    #[error("the dimensions are {0:?} voxels; each must be at least 1, and their product addressable")]
     Dims([usize; 3]),
     /// The axes do not span space.
-    #[error("the voxel axes {x:?}, {y:?}, {z:?} mm do not span space; spacing must be positive and finite")]
+    #[error(
+        "the voxel axes {x:?}, {y:?}, {z:?} mm are not linearly independent; spacing must be positive and finite"
+    )]
     Axes {
         /// Step from one voxel to the next along i, mm.
         x: DVec3,

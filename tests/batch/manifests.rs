@@ -32,7 +32,7 @@ fn manifests_that_are_none_are_refused_with_line_and_reason() {
     let text = std::fs::read_to_string(archive.path("jobs.jsonl")).unwrap();
     let first = text.lines().next().unwrap();
     let refused = |text: &str| read_manifest(text.as_bytes()).unwrap_err().to_string();
-    assert!(refused("\n\n{\n").starts_with("line 3 is no job"));
+    assert!(refused("\n\n{\n").starts_with("line 3 is not a valid job"));
     assert!(refused(&first.replace("\"bone\"", "\"skin\"")).contains("plan anew instead of editing jobs"));
     assert!(refused(&format!("{first}\n{first}")).contains("lines 1 and 2 would both write"));
     assert!(refused(&first.replace("\"axial\"", "\"../axial\"")).contains("view is \"../axial\""));

@@ -215,8 +215,8 @@ fn what_cannot_be_previewed_is_refused_with_the_reason() {
     let rgbd =
         frame_file(folder.path(), &DisplaySettings { layout: Layout::Rgbd, ..DisplaySettings::default() });
     json_of(&["preview", &rgbd, "--layout", "anaglyph", "--out", &glasses, "--json"]);
-    assert!(preview(&glasses, &[]).contains("cannot be taken apart"));
+    assert!(preview(&glasses, &[]).contains("cannot be separated"));
     let told = relief(&["inspect", &glasses]);
     let told = String::from_utf8(told.stdout).unwrap();
-    assert!(told.contains("mixed in every pixel: they cannot be taken apart"), "{told}");
+    assert!(told.contains("mixed in every pixel: its views cannot be separated"), "{told}");
 }

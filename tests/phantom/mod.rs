@@ -171,7 +171,7 @@ fn surface_point(shape: &SurfaceShape) -> ([f64; 3], [f64; 3]) {
 fn sizes_and_names_outside_the_range_are_refused() {
     for size in [0, 15, 1025, usize::MAX] {
         let error = PhantomRecipe::new(PhantomKind::Head).with_size(size).unwrap_err().to_string();
-        assert_eq!(error, format!("a phantom of {size} voxels across is out of range; sizes are 16 to 1024"));
+        assert_eq!(error, format!("the size is {size} voxels, allowed: 16 to 1024"));
     }
     for kind in PhantomKind::ALL {
         assert_eq!(kind.name().parse::<PhantomKind>().unwrap(), kind);

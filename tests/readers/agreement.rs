@@ -180,7 +180,7 @@ fn lines_and_angles_are_compared_by_their_measures() {
     let icc = |quantity: &str| found.agreements.iter().find(|a| a.quantity == quantity).unwrap().icc;
     assert_eq!(icc("length").known().unwrap().subjects, 3);
     let Figure::Unknown(why) = icc("angle") else { panic!("one angle has no correlation") };
-    assert_eq!(why.to_string(), "1 placed by all: two or more are needed");
+    assert_eq!(why.to_string(), "1 targets were placed by all readers, needed: at least 2");
     assert!(found.missing.iter().any(|missing| missing.set == "truth" && missing.name == "depth"));
 }
 
@@ -193,11 +193,11 @@ fn what_cannot_be_compared_is_said_in_words() {
     };
     says(vec![reading("a", "a", x())], None, "one set to compare");
     says(vec![reading("a", "a", x()), reading("b", "b", vec![])], None, "the set b has no items");
-    says(vec![reading("a", "a", x()), reading("a", "b", x())], None, "the set a is compared twice");
+    says(vec![reading("a", "a", x()), reading("a", "b", x())], None, "the set a is named twice");
     says(
         vec![reading("a", "a", x()), reading("b", "b", vec![landmark("y", [1.0; 3])])],
         None,
-        "the sets a, b have nothing in common: items are matched by name, and \"x\" of a is in no other set",
+        "the sets a, b share no item: items are matched by name, and \"x\" of a is in no other set",
     );
     let framed = |frame: &str| {
         let frame_of_reference = Some(relief_annotation::FrameOfReference(frame.to_owned()));

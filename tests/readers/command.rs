@@ -206,7 +206,8 @@ fn what_cannot_be_compared_is_refused_in_words() {
     // One landmark: an error, and words in the place of correlation and limits.
     let one = succeeds(folder, &["compare", "--sets", "a,c"]);
     assert!(
-        one.contains("1 placed by all: two or more are needed") && one.contains("1 placed by both"),
+        one.contains("1 targets were placed by all readers")
+            && one.contains("1 targets were placed by both readers"),
         "{one}"
     );
     assert!(!one.contains("NaN"), "{one}");

@@ -133,7 +133,7 @@ pub enum SnapError {
         allowed: String,
     },
     /// Nothing of that kind is near.
-    #[error("there is no {what} within {radius_mm} mm of the place; try a larger radius, or another target")]
+    #[error("no {what} within {radius_mm} mm of the point; try a larger radius or another target")]
     NotFound {
         /// What was looked for.
         what: String,

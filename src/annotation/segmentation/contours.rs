@@ -19,7 +19,7 @@ pub struct Contour {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FillError {
     /// No contour.
-    #[error("there is no contour to fill, expected at least one closed curve")]
+    #[error("no contour to fill, expected at least one closed curve")]
     Empty,
     /// Too much.
     #[error("{found} {what}, allowed: at most {allowed}")]
@@ -38,7 +38,7 @@ pub enum FillError {
         contour: usize,
     },
     /// A coordinate that is no number, or far away.
-    #[error("contour {contour}: point {point} is no place within {farthest_mm:.0} mm of the origin")]
+    #[error("contour {contour}: point {point} is not within {farthest_mm:.0} mm of the origin")]
     Place {
         /// Which contour, from 1.
         contour: usize,

@@ -36,7 +36,7 @@ const REMEMBERED: Duration = Duration::from_secs(1);
 #[derive(Debug, thiserror::Error)]
 pub enum QueueError {
     /// A stream cannot have this name.
-    #[error("{0:?} is no name of a stream; allowed: 1 to 100 letters, digits, - and _")]
+    #[error("{0:?} is not a valid stream name; allowed: 1 to 100 letters, digits, - and _")]
     Name(String),
     /// Credentials cannot be read.
     #[error("cannot read {what}: {source}")]
@@ -50,10 +50,14 @@ pub enum QueueError {
     #[error("cannot connect to the NATS server: {0}")]
     Connect(String),
     /// The server has no JetStream, or refuses.
-    #[error("the NATS server refuses: {0}; it needs JetStream (nats-server -js), and the right to use it")]
+    #[error(
+        "the NATS server refused the request: {0}; it needs JetStream (nats-server -js) and permission to use it"
+    )]
     Refused(String),
     /// A stream is there, and is for something else.
-    #[error("the stream {name} is there and is none of jobs: {reason}; take another name with --stream")]
+    #[error(
+        "the stream {name} exists, but it is not a job stream: {reason}; choose another name with --stream"
+    )]
     Foreign {
         /// Its name.
         name: String,
@@ -61,7 +65,7 @@ pub enum QueueError {
         reason: &'static str,
     },
     /// A job was not taken.
-    #[error("the queue does not take the job {name}: {reason}")]
+    #[error("the queue refused the job {name}: {reason}")]
     NotTaken {
         /// Series and view.
         name: String,

@@ -48,7 +48,7 @@ pub enum WindowError {
     #[error("the window was lost: {0}")]
     Lost(String),
     /// There are fewer monitors.
-    #[error("there is no monitor {asked}; there are {found}, from 0")]
+    #[error("no monitor has the number {asked}; {found} are connected, numbered from 0")]
     Monitor {
         /// Which was asked for.
         asked: usize,

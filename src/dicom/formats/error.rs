@@ -46,7 +46,7 @@ pub enum FormatError {
         allowed: u64,
     },
     /// The file ends too early.
-    #[error("the voxels are cut short: {found} of {expected} bytes are there")]
+    #[error("the voxels are cut short: found {found} bytes, expected {expected}")]
     Cut {
         /// Bytes that the header asks for.
         expected: u64,
@@ -70,7 +70,7 @@ pub enum FormatError {
         found: usize,
     },
     /// No memory for the voxels.
-    #[error("there is no memory for {0} voxels")]
+    #[error("the system refused memory for {0} voxels")]
     Memory(u64),
 }
 

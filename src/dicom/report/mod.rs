@@ -51,7 +51,7 @@ pub enum ReportError {
     #[error(transparent)]
     Object(#[from] ObjectError),
     /// This machine gives no random numbers, which items are named by.
-    #[error("this machine gives no random numbers: {0}")]
+    #[error("the system gave no random numbers: {0}")]
     Random(#[from] getrandom::Error),
 }
 

@@ -29,7 +29,7 @@ pub enum EncodeError {
     Animation(#[from] png::DecodingError),
     /// An animation of another kind, or none.
     #[error(
-        "the PNG is no wiggle: it has to be an animation of whole 8-bit RGB pictures that goes to and fro"
+        "the PNG is not a wiggle; expected an animation of whole 8-bit RGB pictures that goes back and forth"
     )]
     NoWiggle,
     /// The views do not fit their layout.

@@ -122,13 +122,13 @@ pub enum LayoutError {
         found_px: [u32; 2],
     },
     /// The layout needs what lies behind the first layer.
-    #[error("layout {layout} needs what lies behind the first layer: render with depth rule two-layer")]
+    #[error("layout {layout} needs a back layer: render with depth rule two-layer")]
     NoBackground {
         /// The layout.
         layout: Layout,
     },
     /// The layout carries no disparity.
-    #[error("layout {layout} carries Z and no disparity, so that none can be packed into it")]
+    #[error("layout {layout} stores Z, not disparity, so disparity cannot be packed into it")]
     NoDisparity {
         /// The layout.
         layout: Layout,

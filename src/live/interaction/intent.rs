@@ -166,7 +166,7 @@ pub enum PlacePhase {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum IntentError {
     /// No JSON of an intent.
-    #[error("no intent: {0}")]
+    #[error("invalid intent: {0}")]
     Json(String),
     /// A value out of range.
     #[error("{field} is {found}, allowed: {allowed}")]

@@ -91,7 +91,7 @@ pub struct ColorFormats {
 
 /// No format that both sides know.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("accept.{what} has no format that is known here; known: {known}")]
+#[error("accept.{what} contains no known format; known: {known}")]
 pub struct NoFormat {
     /// `color` or `depth`.
     pub what: &'static str,

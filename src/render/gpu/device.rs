@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 pub enum GpuError {
     /// No adapter of the wanted kind.
     #[error(
-        "no graphics adapter for {wanted}; available: {}. `relief doctor` says what is missing and how to get it",
+        "no graphics adapter for {wanted}; available: {}. `relief doctor` reports what is missing and how to install it",
         if available.is_empty() { "none".to_owned() } else { available.join(", ") }
     )]
     NoAdapter {
@@ -33,7 +33,7 @@ pub enum GpuError {
         reason: String,
     },
     /// An allocation failed.
-    #[error("the adapter has not enough memory for {what}")]
+    #[error("the adapter does not have enough memory for {what}")]
     OutOfMemory {
         /// What was to be stored.
         what: &'static str,

@@ -54,6 +54,6 @@ pub(super) fn invalid(error: &ItemError) -> Problem {
 
 /// There is none, or whoever asks may not see it: nobody learns which.
 pub(super) fn no_such_item(id: &impl std::fmt::Display) -> Problem {
-    let detail = format!("there is no item {id} in this volume");
+    let detail = format!("no item has the id {id} in this volume");
     Problem::new(StatusCode::NOT_FOUND, "no-such-item", detail).with("id", json!(id.to_string()))
 }

@@ -21,7 +21,7 @@ pub struct Views {
 
 /// A view could not be opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there are as many views as allowed; try again soon")]
+#[error("the limit of open views is reached; try again soon")]
 pub struct OpenError;
 
 impl Views {

@@ -21,7 +21,7 @@ pub struct NoRoom {
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UploadRefused {
     /// The number of uploaded volumes has reached its limit.
-    #[error("{0} uploaded volumes are here, the most that are allowed; remove one with DELETE")]
+    #[error("the limit of {0} uploaded volumes is reached; remove one with DELETE")]
     Count(usize),
     /// The voxels of all uploads would exceed their limit.
     #[error(
@@ -53,7 +53,7 @@ pub enum VolumeError {
     #[error("no volume of this study and series is served")]
     UnknownSeries,
     /// The operator added the volume.
-    #[error("this volume was given to the server at its start; only uploaded ones can be removed")]
+    #[error("this volume was loaded at the start of the server; only uploaded volumes can be removed")]
     NotRemovable,
 }
 

@@ -43,22 +43,22 @@ pub enum Figure<T> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Undefined {
     /// A correlation needs things that differ.
-    #[error("{found} placed by all: two or more are needed")]
+    #[error("{found} targets were placed by all readers, needed: at least 2")]
     FewSubjects {
         /// How many all raters measured.
         found: usize,
     },
     /// One reader agrees with nobody.
-    #[error("{found} readings: two or more are needed")]
+    #[error("{found} readings, needed: at least 2")]
     FewRaters {
         /// How many there are.
         found: usize,
     },
     /// Everything was measured alike, so there is nothing to tell apart.
-    #[error("no reading's values differ from each other")]
+    #[error("the values of the readings do not differ")]
     NoSpread,
     /// Limits need differences.
-    #[error("{found} placed by both: two or more are needed")]
+    #[error("{found} targets were placed by both readers, needed: at least 2")]
     FewPairs {
         /// How many both measured.
         found: usize,
@@ -69,10 +69,10 @@ pub enum Undefined {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AgreementError {
     /// A single reading has nothing to be compared with.
-    #[error("one set to compare, allowed: two or more, or one and a truth")]
+    #[error("one set to compare, needed: at least 2, or 1 and a truth")]
     Alone,
     /// A set is named twice.
-    #[error("the set {set} is compared twice")]
+    #[error("the set {set} is named twice")]
     Twice {
         /// Its name.
         set: String,
@@ -84,7 +84,7 @@ pub enum AgreementError {
         set: String,
     },
     /// No target is in two readings.
-    #[error("the sets {} have nothing in common: items are matched by name, and {first:?} of {} is in no other set", sets.join(", "), sets[0])]
+    #[error("the sets {} share no item: items are matched by name, and {first:?} of {} is in no other set", sets.join(", "), sets[0])]
     NothingInCommon {
         /// Their names, the truth's last.
         sets: Vec<String>,
@@ -92,7 +92,7 @@ pub enum AgreementError {
         first: String,
     },
     /// Items of different patients.
-    #[error("the sets {} are of different frames of reference, so their mm cannot be compared", sets.join(", "))]
+    #[error("the sets {} have different frames of reference, so their positions cannot be compared", sets.join(", "))]
     DifferentFrames {
         /// Their names.
         sets: Vec<String>,

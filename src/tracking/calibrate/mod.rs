@@ -70,13 +70,15 @@ pub enum CalibrationError {
     #[error("{0} different views with four LEDs, needed: at least {MIN_VIEWS}; move the remote more")]
     Views(usize),
     /// All from one side.
-    #[error("the views are within {found_deg:.0} degrees, needed: at least 20; turn around the beacon")]
+    #[error("the views span {found_deg:.0} degrees, needed: at least 20; turn around the beacon")]
     Tilt {
         /// The largest angle between two.
         found_deg: f64,
     },
     /// All in one part of the picture.
-    #[error("the blobs cover {width:.0} x {height:.0} % of the picture, needed: at least 40 x 40; aim aside")]
+    #[error(
+        "the blobs cover {width:.0} x {height:.0} % of the picture, needed: at least 40 x 40; aim next to the beacon too"
+    )]
     Coverage {
         /// Share of the width, %.
         width: f64,
@@ -84,7 +86,7 @@ pub enum CalibrationError {
         height: f64,
     },
     /// Not known in the end.
-    #[error("fx is known to {0:.1} px only; come nearer, and look from more sides")]
+    #[error("the uncertainty of fx is {0:.1} px; move closer and view the beacon from more sides")]
     Uncertain(f64),
     /// The errors do not fit a camera at all.
     #[error("the errors are {0:.2} px, expected below 3; is it the right beacon?")]

@@ -100,7 +100,7 @@ pub enum ReportError {
     #[error("an empty report; a report begins with its id")]
     Empty,
     /// An id that no Wiimote sends.
-    #[error("report id 0x{0:02x} is none of 0x20 to 0x22, 0x30 to 0x37, 0x3d to 0x3f")]
+    #[error("unknown report id 0x{0:02x}, expected 0x20 to 0x22, 0x30 to 0x37 or 0x3d to 0x3f")]
     UnknownId(u8),
     /// Fewer or more bytes than a report of this id has.
     #[error("report 0x{id:02x} has {found} bytes with its id, expected {expected} (22 at most, if padded)")]

@@ -83,10 +83,10 @@ pub enum Output {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OutputError {
     /// An id that no Wiimote takes, or too few bytes for it.
-    #[error("{0:02x?} is no output report: unknown id, or too short for it")]
+    #[error("{0:02x?} is not an output report: unknown id, or too short")]
     Malformed(Vec<u8>),
     /// A data report that there is none of.
-    #[error("output report 0x12 asks for report 0x{0:02x}, which is no data report")]
+    #[error("output report 0x12 requests report 0x{0:02x}, which is not a data report")]
     UnknownMode(u8),
     /// A write of no or of too many bytes.
     #[error("output report 0x16 writes {0} bytes, allowed: 1 to 16")]

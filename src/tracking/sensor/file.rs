@@ -28,7 +28,7 @@ pub enum CameraFileError {
     Yaml(#[from] YamlError),
     /// A key that has to be there.
     #[error(
-        "`{0}` is not there; expected the YAML of OpenCV or ROS with camera_matrix and distortion_coefficients"
+        "key `{0}` is missing; expected the YAML of OpenCV or ROS with camera_matrix and distortion_coefficients"
     )]
     Missing(&'static str),
     /// A value that is no number, or not as many numbers as there should be.

@@ -67,7 +67,7 @@ impl PhantomKind {
 
 /// A name that is no phantom's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no phantom is called {0:?}; there are head, sphere, slab, ramp and axes")]
+#[error("unknown phantom {0:?}; known phantoms: head, sphere, slab, ramp, axes")]
 pub struct UnknownPhantom(String);
 
 impl FromStr for PhantomKind {
@@ -81,7 +81,7 @@ impl FromStr for PhantomKind {
 
 /// A size outside [`PhantomRecipe::SIZES`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a phantom of {found} voxels across is out of range; sizes are {low} to {high}")]
+#[error("the size is {found} voxels, allowed: {low} to {high}")]
 pub struct PhantomSizeError {
     found: usize,
     low: usize,

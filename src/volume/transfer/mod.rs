@@ -50,7 +50,7 @@ pub enum TransferError {
     Count(usize),
     /// HU values must rise from point to point.
     #[error(
-        "control point {index} is at {found} HU, allowed: more than {previous} HU, that of the point before"
+        "control point {index} is at {found} HU, allowed: above {previous} HU, the value of the previous point"
     )]
     Order {
         /// Which point, from 0.

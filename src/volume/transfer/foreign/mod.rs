@@ -81,7 +81,7 @@ pub enum TransferImportError {
         allowed: String,
     },
     /// A choice is needed.
-    #[error("the file holds {count} functions; choose one by its name: {names}")]
+    #[error("the file contains {count} functions; choose one by name: {names}")]
     Several {
         /// How many.
         count: usize,
@@ -89,7 +89,7 @@ pub enum TransferImportError {
         names: String,
     },
     /// A choice that is not there.
-    #[error("the file holds no function called {wanted:?}; it has {names}")]
+    #[error("the file contains no function named {wanted:?}; it contains {names}")]
     NoSuchName {
         /// What was asked for.
         wanted: String,
