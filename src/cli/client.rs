@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 
+use super::choices::layouts;
 use super::client_remote::{self, RemoteArguments};
 use super::client_watch::{Recorder, Watch};
 use super::output::{print_json, say, write_whole};
@@ -38,8 +39,7 @@ pub(super) struct Arguments {
     /// Look from there: azimuth and elevation, degrees, and zoom if you like
     #[arg(long, value_name = "AZ,EL[,ZOOM]", value_parser = parse_look, allow_hyphen_values = true)]
     look: Option<OrbitPose>,
-    /// Layout of the frame: wowvx, wowvx-full-height, wowvx-4k, declipse, declipse-lines, rgbd, color
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help = layouts("Layout of the frame", is_streamed))]
     layout: Option<Layout>,
     /// Depth effect that the display's header asks for; 64 is 100 %
     #[arg(long, value_name = "0..255")]
@@ -379,4 +379,9 @@ fn tell(report: &relief_client::MeasureReport) {
         report.malformed,
         report.reconnects
     );
+}
+
+/// Whether live sessions have this layout.
+fn is_streamed(layout: Layout) -> bool {
+    LiveLayout::of(layout) != LiveLayout::None
 }

@@ -16,6 +16,7 @@ mod bench;
 mod bucket;
 mod calibrate;
 mod capacity;
+mod choices;
 mod client;
 mod client_remote;
 mod client_replay;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
+use super::choices::{depth_rules, layouts};
 use super::light::LightArguments;
 use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
@@ -50,13 +51,10 @@ pub(super) struct SceneArguments {
     /// How strongly segments are tinted, 0 to 1 (0.5 where nothing is said)
     #[arg(long, value_name = "SHARE")]
     label_tint: Option<f64>,
-    /// Which depth a semi-transparent ray has: threshold, first-hit, max-opacity, most-contributing, expected, wysiwyp,
-    /// two-layer
-    #[arg(long, value_name = "NAME", value_parser = parse_depth_rule)]
+    /// Depth of a semi-transparent ray
+    #[arg(long, value_name = "RULE", value_parser = depth_rules())]
     depth_rule: Option<DepthRule>,
-    /// Layout of a .png frame: wowvx, wowvx-full-height, wowvx-4k, declipse, declipse-lines, rgbd, color, depth16; or what a
-    /// display would show: views-N (views-9, views-9x1, ...), stereo, anaglyph, wiggle (an animated PNG)
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help = layouts("Layout of a .png frame (views-N and views-CxR for other quilts)", |_| true))]
     layout: Option<Layout>,
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES", allow_negative_numbers = true)]
@@ -103,10 +101,6 @@ fn parse_window(text: &str) -> Result<[f64; 2], String> {
     let parsed =
         text.split_once(',').and_then(|(c, w)| Some([c.trim().parse().ok()?, w.trim().parse().ok()?]));
     parsed.ok_or_else(|| "a window is CENTER,WIDTH in HU, such as 40,400".to_owned())
-}
-
-fn parse_depth_rule(name: &str) -> Result<DepthRule, String> {
-    DepthRule::from_name(name).ok_or_else(|| format!("depth rules are {}", DepthRule::NAMES.join(", ")))
 }
 
 fn parse_classification(name: &str) -> Result<Classification, String> {

@@ -62,10 +62,9 @@ pub(super) fn validate(request: &RenderRequest) -> Result<(), RequestError> {
     if request.labels.is_some() {
         return refuse("sampled in a scene with labels");
     }
-    let looks_between_samples =
-        matches!(request.depth, DepthRule::MaxOpacity | DepthRule::MostContributing | DepthRule::Wysiwyp);
-    if looks_between_samples {
-        return refuse("sampled with depth rules max-opacity, most-contributing and wysiwyp");
+    if request.depth.needs_samples() {
+        let rules = DepthRule::TABLE.iter().filter(|entry| entry.needs_samples).map(|entry| entry.name);
+        return refuse(&format!("sampled with depth rules {}", rules.collect::<Vec<_>>().join(", ")));
     }
     Ok(())
 }

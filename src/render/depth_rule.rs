@@ -1,7 +1,7 @@
-//! Which depth a semi-transparent ray has: the rules by name. `docs/DEPTH.md` draws each of them.
+//! Depth rules: which depth a semi-transparent ray has. [`DepthRule::TABLE`] is the one list of them; `docs/DEPTH.md` draws each.
 //!
-//! What a rule means is in `shaders/lib/depth_rules.wgsl` and its twin `reference::depth_rules`. Opacity is that of one
-//! sample; what a sample adds to the accumulated opacity is its weight.
+//! The formulas are in `shaders/lib/depth_rules.wgsl` and in its reference, `reference::depth_rules`. Opacity is that of one sample;
+//! the weight of a sample is what it adds to the accumulated opacity.
 
 /// Which depth a semi-transparent ray has.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,59 +13,98 @@ pub enum DepthRule {
         /// Share of the final opacity, above 0 and up to 1.
         fraction: f64,
     },
-    /// Where opacity first comes up to its greatest value on the ray.
+    /// Where opacity first reaches its greatest value on the ray.
     MaxOpacity,
-    /// Where what is added to the accumulated opacity first comes up to its greatest value.
+    /// Where the weight first reaches its greatest value on the ray.
     MostContributing,
-    /// The mean depth, each sample by what it adds to the accumulated opacity.
+    /// The mean depth of the samples by weight.
     Expected,
     /// What you see is what you pick (Wiebel, Vos, Foerster and Hege, IEEE TVCG 18(12), 2012): the start of the interval with the
     /// largest rise of accumulated opacity.
     Wysiwyp,
-    /// Two depths: that of the first layer, and with its own colours that of what lies behind it. Each is where the
-    /// layer's own accumulated opacity crosses this fraction of its final one.
+    /// Two layers, each with a depth and colours of its own. The depth of a layer is where its accumulated opacity crosses this fraction
+    /// of its final opacity.
     TwoLayer {
         /// Share of a layer's final opacity, above 0 and up to 1.
         fraction: f64,
     },
 }
 
+/// A row of [`DepthRule::TABLE`].
+#[derive(Clone, Copy, Debug)]
+pub struct DepthRuleEntry {
+    /// The rule, with the default fraction where it has one.
+    pub rule: DepthRule,
+    /// Its name in requests and on the command line.
+    pub name: &'static str,
+    /// The rule in a few words.
+    pub summary: &'static str,
+    /// `DEPTH_RULE` in the shaders. Part of fingerprints: never changed.
+    pub(crate) code: u32,
+    /// Whether the rule looks at single samples, which pre-integrated classification has not.
+    pub(crate) needs_samples: bool,
+}
+
+impl Default for DepthRule {
+    /// The threshold at half of the final opacity.
+    fn default() -> Self {
+        Self::Threshold { fraction: Self::USUAL_FRACTION }
+    }
+}
+
 impl DepthRule {
-    /// The fraction where none is given.
+    /// The fraction where a request gives none.
     pub const USUAL_FRACTION: f64 = 0.5;
 
-    /// The names in requests and on the command line, in the order of menus.
-    pub const NAMES: [&str; 7] =
-        ["threshold", "first-hit", "max-opacity", "most-contributing", "expected", "wysiwyp", "two-layer"];
+    /// All rules, in the order of menus.
+    pub const TABLE: [DepthRuleEntry; 7] = {
+        const FRACTION: f64 = DepthRule::USUAL_FRACTION;
+        const fn entry(
+            rule: DepthRule,
+            name: &'static str,
+            code: u32,
+            summary: &'static str,
+        ) -> DepthRuleEntry {
+            DepthRuleEntry { rule, name, summary, code, needs_samples: false }
+        }
+        const fn of_samples(entry: DepthRuleEntry) -> DepthRuleEntry {
+            DepthRuleEntry { needs_samples: true, ..entry }
+        }
+        [
+            entry(Self::Threshold { fraction: FRACTION }, "threshold", 1, "half of the final opacity"),
+            entry(Self::FirstHit, "first-hit", 0, "the first visible point"),
+            of_samples(entry(Self::MaxOpacity, "max-opacity", 2, "the greatest opacity")),
+            of_samples(entry(Self::MostContributing, "most-contributing", 3, "the greatest weight")),
+            entry(Self::Expected, "expected", 4, "the mean by weight"),
+            of_samples(entry(Self::Wysiwyp, "wysiwyp", 5, "the start of the largest rise of opacity")),
+            entry(Self::TwoLayer { fraction: FRACTION }, "two-layer", 6, "a depth for each of two layers"),
+        ]
+    };
 
-    /// The rule of this name with the usual fraction, if there is one.
+    /// The names of all rules, in the order of menus.
+    #[must_use]
+    pub fn names() -> [&'static str; Self::TABLE.len()] {
+        Self::TABLE.map(|entry| entry.name)
+    }
+
+    /// The rule of this name, with the default fraction.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        let fraction = Self::USUAL_FRACTION;
-        match name {
-            "first-hit" => Some(Self::FirstHit),
-            "threshold" => Some(Self::Threshold { fraction }),
-            "max-opacity" => Some(Self::MaxOpacity),
-            "most-contributing" => Some(Self::MostContributing),
-            "expected" => Some(Self::Expected),
-            "wysiwyp" => Some(Self::Wysiwyp),
-            "two-layer" => Some(Self::TwoLayer { fraction }),
-            _ => None,
-        }
+        Self::TABLE.iter().find(|entry| entry.name == name).map(|entry| entry.rule)
+    }
+
+    /// The row of this rule, whatever its fraction.
+    fn entry(self) -> &'static DepthRuleEntry {
+        const TABLE: &[DepthRuleEntry] = &DepthRule::TABLE;
+        let kind = std::mem::discriminant(&self);
+        let found = TABLE.iter().find(|entry| std::mem::discriminant(&entry.rule) == kind);
+        found.unwrap_or(&TABLE[0]) // every rule has a row: a test counts them
     }
 
     /// The name in requests and on the command line.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::FirstHit => "first-hit",
-            Self::Threshold { .. } => "threshold",
-            Self::MaxOpacity => "max-opacity",
-            Self::MostContributing => "most-contributing",
-            Self::Expected => "expected",
-            Self::Wysiwyp => "wysiwyp",
-            Self::TwoLayer { .. } => "two-layer",
-        }
+    pub fn name(self) -> &'static str {
+        self.entry().name
     }
 
     /// The share of the final opacity, for rules that have one.
@@ -93,17 +132,14 @@ impl DepthRule {
         matches!(self, Self::TwoLayer { .. })
     }
 
-    /// The shader's `DEPTH_RULE`.
-    pub(super) const fn code(self) -> u32 {
-        match self {
-            Self::FirstHit => 0,
-            Self::Threshold { .. } => 1,
-            Self::MaxOpacity => 2,
-            Self::MostContributing => 3,
-            Self::Expected => 4,
-            Self::Wysiwyp => 5,
-            Self::TwoLayer { .. } => 6,
-        }
+    /// `DEPTH_RULE` in the shaders.
+    pub(super) fn code(self) -> u32 {
+        self.entry().code
+    }
+
+    /// Whether the rule looks at single samples.
+    pub(super) fn needs_samples(self) -> bool {
+        self.entry().needs_samples
     }
 }
 
@@ -114,7 +150,7 @@ mod tests {
 
     #[test]
     fn names_come_back_and_fractions_belong_to_two_rules() {
-        for name in DepthRule::NAMES {
+        for name in DepthRule::names() {
             let rule = DepthRule::from_name(name).unwrap();
             assert_eq!(rule.name(), name);
             assert_eq!(rule.with_fraction(0.25).and_then(DepthRule::fraction), rule.fraction().map(|_| 0.25));
@@ -126,7 +162,7 @@ mod tests {
     fn codes_mirror_the_shader() {
         let source = stage_sources(TableStorage::Uniform, RAYCAST).join("\n");
         let module = naga::front::wgsl::parse_str(&source).expect("the shader parses");
-        for name in DepthRule::NAMES {
+        for name in DepthRule::names() {
             let constant_name = format!("DEPTH_{}", name.to_uppercase().replace('-', "_"));
             let found = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(&constant_name));
             let (_, constant) = found.expect(&constant_name);

@@ -169,15 +169,7 @@ impl Form {
 
     fn depth(&mut self, depth: DepthRule) {
         self.text(depth.name());
-        let fraction = match depth {
-            DepthRule::Threshold { fraction } | DepthRule::TwoLayer { fraction } => Some(fraction),
-            DepthRule::FirstHit
-            | DepthRule::MaxOpacity
-            | DepthRule::MostContributing
-            | DepthRule::Expected
-            | DepthRule::Wysiwyp => None,
-        };
-        self.maybe(fraction, |form, fraction| form.numbers(&[fraction]));
+        self.maybe(depth.fraction(), |form, fraction| form.numbers(&[fraction]));
     }
 
     fn clip(&mut self, Clip { planes, sphere }: &Clip) {

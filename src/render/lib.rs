@@ -39,6 +39,7 @@ mod upload;
 mod watch;
 
 pub use classification::Classification;
+pub use depth_rule::{DepthRule, DepthRuleEntry};
 pub use error::RenderError;
 pub use frame::{BackLayer, RenderedFrame, Timings};
 pub use illumination::{Illumination, Occlusion};
@@ -50,7 +51,7 @@ pub use overlay::{CAPITAL, draw_overlays, label_height_px, label_stroke_px, lett
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
 pub use renderer::{Renderer, Skipping, depth_limits};
-pub use request::{Clip, ClipPlane, ClipSphere, DepthRule, RenderRequest, RequestError, Shading};
+pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, RequestError, Shading};
 pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
 };

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::classification::{self, Classification};
-pub use super::depth_rule::DepthRule;
+pub(crate) use super::depth_rule::DepthRule;
 use super::illumination::Illumination;
 use super::labels::Labels;
 use super::light::Light;

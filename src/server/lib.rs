@@ -39,6 +39,7 @@ mod live;
 mod metrics;
 mod negotiate;
 mod observe;
+mod openapi;
 mod page;
 mod problem;
 mod quality;

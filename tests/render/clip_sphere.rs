@@ -101,7 +101,7 @@ fn spheres(volume: &Volume) -> [ClipSphere; 3] {
 fn gpu_and_twin_agree_about_the_sphere_in_modes_and_rules() {
     let volume = oblique_head();
     let [side, middle, far] = spheres(&volume);
-    for (i, name) in DepthRule::NAMES.iter().enumerate() {
+    for (i, name) in DepthRule::names().iter().enumerate() {
         let depth = DepthRule::from_name(name).unwrap();
         let mut request = RenderRequest { depth, ..head_request(&volume, "bone", [25.0, 0.0][i % 2]) };
         request.clip.sphere = Some([side, middle][i % 2]);

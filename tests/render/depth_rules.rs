@@ -203,7 +203,7 @@ fn every_rule_answers_picks() {
 }
 
 fn every_rule() -> Vec<DepthRule> {
-    let rules = DepthRule::NAMES.iter().map(|name| DepthRule::from_name(name).unwrap());
+    let rules = DepthRule::TABLE.iter().map(|entry| entry.rule);
     rules.chain([DepthRule::TwoLayer { fraction: 0.9 }]).collect()
 }
 

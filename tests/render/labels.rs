@@ -217,7 +217,7 @@ const PATCHWORK: &str = r#"{"size_px": [160, 120], "transfer": "soft-tissue", "l
 fn gpu_and_twin_agree_about_segments_in_every_mode_and_rule() {
     let volume = oblique_head();
     let map = patchwork(volume.grid());
-    for (i, name) in DepthRule::NAMES.iter().enumerate() {
+    for (i, name) in DepthRule::names().iter().enumerate() {
         let edges = ["smooth", "voxels"][i % 2];
         let request = resolved(&volume, &map, &PATCHWORK.replace("EDGES", edges));
         let depth = DepthRule::from_name(name).unwrap();

@@ -89,7 +89,7 @@ fn picks_are_the_frames_depth_in_every_mode_rule_and_clip_and_the_twins() {
     let volume = oblique_head();
     let mut pictures = 0;
     for mode in Mode::ALL {
-        for (number, name) in DepthRule::NAMES.iter().enumerate() {
+        for (number, name) in DepthRule::names().iter().enumerate() {
             // Modes with a depth of their own know no rules.
             if number > 0 && !matches!(mode, Mode::Composite | Mode::PathTraced) {
                 continue;

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
+use super::super::choices::formats;
 use super::super::output::{print_json, say, write_whole};
 use super::{Log, LogArguments, series};
 use relief_annotation::{ContentId, Item};
@@ -25,8 +26,7 @@ Examples:
   relief annotate --db ann.db export --format csv --out anna.csv --set anna --list skull
   relief annotate --db ann.db export --format cornerstone --out head.json --series head --json")]
 pub(super) struct Arguments {
-    /// What to write: mrk.json, fcsv, csv, tsv, mps, cornerstone, sr, seg, seg.nrrd, nii.gz, stl, ply, obj or glb
-    #[arg(long, value_name = "FORMAT")]
+    #[arg(long, value_name = "FORMAT", help = formats("Format of the file", Format::can_write))]
     format: Format,
     /// The file to write
     #[arg(long, value_name = "OUT")]

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use serde::Serialize;
 
+use super::super::choices::formats;
 use super::super::output::{print_json, say};
 use super::{ByArguments, Log, LogArguments, series, table};
 use relief_annotation::{Change, Edit, Item, ItemId, Set, Versioned};
@@ -34,8 +35,7 @@ pub(super) struct Arguments {
     /// Files to read
     #[arg(value_name = "IN", required = true)]
     files: Vec<PathBuf>,
-    /// What they are: mrk.json, fcsv, csv, tsv, mps, cornerstone, sr, seg, seg.nrrd, nii.gz, rtstruct, stl, ply, obj or glb
-    #[arg(long, value_name = "FORMAT")]
+    #[arg(long, value_name = "FORMAT", help = formats("Format of the files, where their names do not say", |_| true))]
     format: Option<Format>,
     #[command(flatten)]
     series: series::SeriesArguments,

@@ -116,7 +116,7 @@ pub(super) struct DepthFile {
 fn depth_rule<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DepthRule, D::Error> {
     let name = String::deserialize(deserializer)?;
     let shown: String = name.chars().take(40).collect();
-    let unknown = || format!("no depth rule {shown:?}; allowed: {}", DepthRule::NAMES.join(", "));
+    let unknown = || format!("no depth rule {shown:?}; allowed: {}", DepthRule::names().join(", "));
     DepthRule::from_name(&name).ok_or_else(|| serde::de::Error::custom(unknown()))
 }
 

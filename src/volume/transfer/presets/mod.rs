@@ -31,6 +31,10 @@ pub enum PresetGroup {
 }
 
 impl PresetGroup {
+    /// All groups, in the order of lists.
+    pub const ALL: [Self; 6] =
+        [Self::Skeleton, Self::Tissue, Self::Chest, Self::Abdomen, Self::Vessels, Self::Projections];
+
     /// The name in lists.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -1,0 +1,27 @@
+//! Choices of options, made from the tables of the closed sets: parsers that list them, and help texts.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+use relief_display::Layout;
+use relief_exchange::Format;
+use relief_render::DepthRule;
+
+/// The depth rules, each with its summary in the long help.
+pub(super) fn depth_rules() -> impl TypedValueParser<Value = DepthRule> {
+    let values = DepthRule::TABLE.map(|entry| PossibleValue::new(entry.name).help(entry.summary));
+    PossibleValuesParser::new(values).map(|name| DepthRule::from_name(&name).unwrap_or_default()) // the parser has checked the name
+}
+
+/// `what`, with the layouts for which `is_listed` holds.
+pub(super) fn layouts(what: &str, is_listed: impl Fn(Layout) -> bool) -> String {
+    let names: Vec<_> =
+        Layout::ALL.into_iter().filter(|layout| is_listed(*layout)).map(Layout::name).collect();
+    format!("{what}: {}", names.join(", "))
+}
+
+/// `what`, with the annotation formats for which `is_listed` holds.
+pub(super) fn formats(what: &str, is_listed: impl Fn(Format) -> bool) -> String {
+    let names: Vec<_> =
+        Format::ALL.into_iter().filter(|format| is_listed(*format)).map(Format::name).collect();
+    format!("{what}: {}", names.join(", "))
+}
