@@ -33,7 +33,7 @@ pub enum Change {
     },
     /// An item becomes another one.
     Update {
-        /// What it becomes; its id says which.
+        /// The new state of the item with this id.
         item: Box<Item>,
         /// The version that the author saw.
         version: u64,
@@ -56,7 +56,7 @@ pub struct Versioned {
     pub item: Item,
 }
 
-/// What an event did.
+/// The kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -75,7 +75,7 @@ pub struct Event {
     pub seq: u64,
     /// The edit that it is part of: the `seq` of the edit's first event.
     pub edit: u64,
-    /// What it did.
+    /// The kind of the event.
     pub kind: Kind,
     /// Of an undo or redo: the edit that it takes back or makes again.
     #[serde(default, skip_serializing_if = "Option::is_none")]

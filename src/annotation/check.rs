@@ -3,15 +3,15 @@
 use super::geometry::Geometry;
 use super::item::Item;
 
-/// What is wrong with an item.
+/// An invalid value of an item.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{path} is {found}, allowed: {allowed}")]
 pub struct ItemError {
     /// The key's path in the JSON form, such as `geometry.points_mm[3]`.
     pub path: String,
-    /// What is there.
+    /// The value.
     pub found: String,
-    /// What may be there.
+    /// The allowed values.
     pub allowed: String,
 }
 

@@ -6,8 +6,8 @@
 
 use glam::DVec3;
 
-/// Points of the curve through `points`, these among them, with so many straight parts between two. A closed curve ends
-/// where it begins.
+/// Points of the curve through `points`, including these, with `parts` straight segments between
+/// two of them. A closed curve ends at its first point.
 #[must_use]
 pub fn catmull_rom(points: &[DVec3], closed: bool, parts: usize) -> Vec<DVec3> {
     // Points that coincide have no direction between them.

@@ -1,4 +1,4 @@
-//! One annotation: what it is called, where it is, who made it and how.
+//! One annotation: name, geometry, author and placement.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,8 @@ use super::placement::Placement;
 use super::time::Timestamp;
 use relief_base::{Patient, Point};
 
-/// An item. As JSON it is what the HTTP interface, the event log and `relief annotate list --json` show.
+/// An annotation. The HTTP interface, the event log and `relief annotate list --json` use its JSON
+/// form.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Item {
@@ -20,7 +21,7 @@ pub struct Item {
     /// The list within the set that it belongs to; empty for none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub list: String,
-    /// Its place in the list, and in the set: smaller comes first, then what was created first.
+    /// Position in the list and in the set, ascending; equal positions are sorted by creation.
     #[serde(default)]
     pub order: u32,
     /// What people call it.
@@ -28,13 +29,13 @@ pub struct Item {
     /// Anything else that people want to say.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Display-referred sRGB, 0..1; a colour that goes with its kind where there is none.
+    /// Display-referred sRGB, 0..1; `None` uses the colour of its kind.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rgb: Option<[f64; 3]>,
-    /// What it is in a coding scheme.
+    /// Code of its meaning in a coding scheme.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub concept: Option<Concept>,
-    /// Whether it is there.
+    /// Whether it has been placed.
     #[serde(default)]
     pub state: State,
     /// Where it is: there where the state is [`State::Defined`], and only then.
@@ -46,7 +47,7 @@ pub struct Item {
     /// Whether it is drawn.
     #[serde(default = "visible")]
     pub visible: bool,
-    /// What its mm are told from; `None` where a file did not say.
+    /// Frame of reference of its positions; `None` if a file did not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame_of_reference: Option<FrameOfReference>,
     /// Who made it.
@@ -67,7 +68,7 @@ fn visible() -> bool {
 #[serde(try_from = "String", into = "String")]
 pub struct ItemId(u128);
 
-/// Whether an item is there.
+/// Whether an item has been placed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
@@ -76,7 +77,7 @@ pub enum State {
     Defined,
     /// It is expected (by a template, say), and has no place yet, or this patient has none.
     Missing,
-    /// Somebody decided to go on without it.
+    /// An author decided to leave it without a position.
     Skipped,
 }
 
@@ -88,12 +89,13 @@ pub struct Concept {
     pub code: String,
     /// The scheme's designator, such as `DCM` or `SCT`.
     pub scheme: String,
-    /// What the code means, in words.
+    /// Meaning of the code, in words.
     pub meaning: String,
 }
 
-/// What positions are told from: a DICOM Frame of Reference UID, or `volume:` and the beginning of a content hash for volumes that
-/// have none. `Debug` shows neither, for a UID leads to a patient.
+/// Frame of reference of positions: a DICOM Frame of Reference UID, or `volume:` and the beginning
+/// of the content hash for volumes without one. `Debug` shows neither, because a UID leads to a
+/// patient.
 #[derive(Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct FrameOfReference(pub String);
@@ -105,7 +107,8 @@ impl std::fmt::Debug for FrameOfReference {
 }
 
 impl FrameOfReference {
-    /// What positions of a volume are told from: the UID of its series, or else its id, the beginning of its content hash.
+    /// Frame of reference of a volume: the UID of its series, or else its id, the beginning of its
+    /// content hash.
     #[must_use]
     pub fn of(uid: Option<&str>, volume_id: &str) -> Self {
         Self(uid.map_or_else(|| format!("volume:{volume_id}"), str::to_owned))
@@ -118,7 +121,7 @@ impl FrameOfReference {
 pub struct Set {
     /// Its name: 1 to 64 letters, digits and `-_.`.
     pub name: String,
-    /// Whose it is; anybody's where there is none.
+    /// The only author who may write into it; `None` allows all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reader: Option<String>,
     /// Whether only its reader sees it, and its reader only it.

@@ -1,8 +1,9 @@
 //! Annotations: what people say about places of a patient, and how that came about.
 //!
-//! What it is: [`Item`]s (landmarks, lines, angles, curves, planes, regions, meshes) in patient mm, what follows from their
-//! geometry ([`measures`]), and changes as values: an [`Edit`] asks for some, [`Event`]s tell of those that were made. What it
-//! is not: it keeps nothing (see `store`), reads no files (see `exchange`), draws nothing and knows no voxels.
+//! What it is: [`Item`]s (landmarks, lines, angles, curves, planes, regions, meshes) in patient mm,
+//! their [`measures`], and changes as values: an [`Edit`] requests changes, [`Event`]s record them.
+//! Growing, painting and filling make regions; `mesh` makes surfaces of them; `placing` snaps
+//! points. What it is not: storage (see `relief_store`), files (see `relief_exchange`) or drawing.
 //!
 //! Space: patient LPS, mm, of the item's frame of reference. Angles in degrees, areas in mm², volumes in ml.
 //!

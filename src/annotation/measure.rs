@@ -1,4 +1,4 @@
-//! What follows from a geometry: lengths, angles, areas, volumes.
+//! Measures of a geometry: lengths, angles, areas, volumes.
 
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ const PARTS: usize = 32;
 /// A number with its name and unit.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Measure {
-    /// What is measured: `length`, `angle`, `area` or `volume`.
+    /// The quantity: `length`, `angle`, `area` or `volume`.
     pub name: &'static str,
     /// How much.
     pub value: f64,

@@ -10,10 +10,10 @@ use super::check::{ItemError, finite, line};
 pub struct Placement {
     /// By what way.
     pub method: Method,
-    /// What was held in the hand.
+    /// The device that placed it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<Device>,
-    /// What was seen.
+    /// The camera of the picture in which it was placed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraRecord>,
     /// By how much snapping moved it, mm along patient axes.
@@ -43,7 +43,7 @@ pub enum Method {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Device {
-    /// What it is: `wiimote`, `mouse`, `touch`, ...
+    /// Kind of the device: `wiimote`, `mouse`, `touch`, ...
     pub kind: String,
     /// Where a tracked one was: `beacon_from_sensor`, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -59,9 +59,9 @@ pub struct Device {
 pub struct CameraRecord {
     /// Where the eye was.
     pub eye_mm: [f64; 3],
-    /// What it looked at.
+    /// Focal point of the camera.
     pub look_at_mm: [f64; 3],
-    /// What was up.
+    /// Up direction of the camera.
     pub up: [f64; 3],
     /// Full vertical field of view of a perspective camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]

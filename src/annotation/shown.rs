@@ -12,9 +12,9 @@ pub enum Shown {
     /// Nothing is drawn.
     #[default]
     Nothing,
-    /// All that whoever asks may see.
+    /// All sets that the author may see.
     All,
-    /// These, as far as whoever asks may see them.
+    /// These sets, as far as the author may see them.
     Sets(Vec<String>),
 }
 
@@ -22,10 +22,10 @@ impl Shown {
     /// Most sets that can be named.
     pub const MOST: usize = 64;
 
-    /// What a word says: `true`, `false`, or names with commas between them.
+    /// Parses `true`, `false`, or names with commas between them.
     ///
     /// # Errors
-    /// What is wrong with it, when a name can be none of a set, or there are more than [`Shown::MOST`].
+    /// When a name is not a valid name of a set, or there are more than [`Shown::MOST`].
     pub fn parse(word: &str) -> Result<Self, String> {
         match word {
             "true" => Ok(Self::All),

@@ -1,7 +1,7 @@
-//! Templates: what is expected of a patient, in the order in which it is placed.
+//! Templates: lists of items that are expected of a patient, in the order of placing.
 //!
-//! A template is a value: `store` keeps it as text, and applying it to a set makes the items that the set does not have.
-//! These have no place until somebody places them, so what kind each is to become is said by the template alone.
+//! A template is a value: `relief_store` stores it as text. Applying it to a set creates the
+//! missing items without a position; only the template states which kind each will be.
 
 use std::collections::HashSet;
 
@@ -20,7 +20,7 @@ pub struct Template {
     /// Anything that people want to say of it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// What is expected, in order; no two of one name.
+    /// The expected items, in order, with distinct names.
     pub items: Vec<Expected>,
 }
 
@@ -28,23 +28,23 @@ pub struct Template {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expected {
-    /// What it is called.
+    /// Name of the item.
     pub name: String,
     /// How to find it, for instance.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// What it is in a coding scheme.
+    /// Code of its meaning in a coding scheme.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub concept: Option<Concept>,
     /// Display-referred sRGB, 0..1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rgb: Option<[f64; 3]>,
-    /// What it is to be.
+    /// Kind of its geometry.
     #[serde(default)]
     pub kind: ExpectedKind,
 }
 
-/// What an expected item is to be: the kinds of [`Geometry`].
+/// Kind of an expected item: the kinds of [`Geometry`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExpectedKind {
@@ -74,9 +74,9 @@ pub struct Completeness {
     pub defined: usize,
     /// How many have none: [`State::Missing`], or not in the set at all.
     pub missing: usize,
-    /// How many somebody decided to go on without.
+    /// Number of skipped items.
     pub skipped: usize,
-    /// The name of the first that has no place and is not skipped: what is to be placed next.
+    /// Name of the first item that has no position and is not skipped.
     pub next: Option<String>,
 }
 
@@ -94,7 +94,7 @@ pub enum TemplateError {
     Json {
         /// The key's path.
         path: String,
-        /// What the reader of JSON says, with line and column.
+        /// The message of the JSON parser, with line and column.
         reason: String,
     },
     /// A value is out of its range.
@@ -149,8 +149,8 @@ impl Template {
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
 
-    /// A template of items, in their order: what a file of another tool's template holds once it is read, for such are lists
-    /// of points without a place. Places, where there are any, are left out.
+    /// A template of these items, in their order, without their positions: templates of other tools
+    /// are files of points without positions.
     ///
     /// # Errors
     /// As [`validate`](Self::validate).
@@ -198,8 +198,8 @@ impl Template {
 
     /// The items that a set needs to have all that is expected, [`State::Missing`], in the template's order.
     ///
-    /// `present` are the set's items in the same frame of reference. One of an expected name is what was expected, in whatever
-    /// list and state it is, so applying twice adds nothing.
+    /// `present` are the set's items in the same frame of reference. An item with an expected name
+    /// counts as present in any list and state, so applying a template twice adds nothing.
     ///
     /// # Errors
     /// When this machine gives no random numbers.

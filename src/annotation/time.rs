@@ -17,7 +17,7 @@ impl Timestamp {
         i64::try_from(since).ok().and_then(Self::from_millis).unwrap_or(Self(DateTime::UNIX_EPOCH))
     }
 
-    /// So many milliseconds after 1970 began; `None` beyond what a calendar holds.
+    /// The time `ms` milliseconds after 1970; `None` beyond the range of the calendar.
     #[must_use]
     pub fn from_millis(millis: i64) -> Option<Self> {
         DateTime::from_timestamp_millis(millis).map(Self)

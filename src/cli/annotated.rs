@@ -11,7 +11,7 @@ use relief_render::Scene;
 use relief_session::{Drawables, Shape, shape_of_content};
 use relief_store::{Filter, Listing, Store, StoreError};
 
-/// Adds what the scene wants of a log's annotations to its overlays. Of sets that are blinded those alone that are named.
+/// Adds the annotations that a scene requests to its overlays. Blinded sets must be named.
 pub(super) fn draw_annotations(
     place: Option<&str>,
     loaded: &Loaded,

@@ -1,4 +1,4 @@
-//! What the axes of plots share: round values between two limits, and how these are written.
+//! Axes of plots: round values between two limits, and their text.
 
 /// Round values between two limits, about `count` of them.
 pub(super) fn ticks(low: f64, high: f64, count: f64) -> Vec<f64> {

@@ -73,10 +73,11 @@ struct RunArguments {
     /// One of N equal shares, from 0: all views of a series are in one
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// This job alone; may be given several times
+    /// Only this job; may be given several times
     #[arg(long, value_name = "KEY")]
     job: Vec<String>,
-    /// Memory for volumes on this machine and its adapter together; half of what is available where left out
+    /// Memory for volumes on this machine and its adapter together [default: half of the available
+    /// memory]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
     #[command(flatten)]
@@ -88,7 +89,7 @@ struct RunArguments {
     json: bool,
 }
 
-/// Write report.html, contact sheets, turntables and tables of datasets of what is done
+/// Write report.html, contact sheets, turntables and tables of datasets for finished jobs
 #[derive(Debug, clap::Args)]
 struct ReportArguments {
     /// The manifest
@@ -128,7 +129,7 @@ impl FilmArguments {
 pub(super) const TRY_AGAIN: u8 = 75;
 /// Share of the memory for voxels that are not on the adapter: theirs there take five times as much, with gradients.
 const VOXEL_SHARE: f64 = 0.25;
-/// What the program and a software adapter take beside volumes.
+/// Memory of the program and of a software adapter beside volumes.
 const BESIDE_BYTES: u64 = 512 << 20;
 
 pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
@@ -160,7 +161,7 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
 #[cfg(feature = "cluster")]
 fn setbacks(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
     use relief_batch::{FailedAttempt, Record};
-    // What cannot be asked for is told where the report asks for it.
+    // Combinations that cannot work are refused where the report is requested.
     let open = jobs.iter().filter(|job| matches!(Record::read(job, sink), Ok(None)));
     open.filter_map(|job| FailedAttempt::read(job, sink)).map(|setback| setback.failure).collect()
 }
@@ -206,14 +207,14 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     tell(arguments, &summary, [started, reporting].map(|since| since.elapsed()))
 }
 
-/// Bytes for volumes: their voxels in memory, and what an adapter has of them.
+/// Bytes for volumes: voxels in memory, and their copies on an adapter.
 pub(super) struct MemoryShare {
     pub(super) voxels: u64,
     adapter: u64,
 }
 
 impl MemoryShare {
-    /// Shares out an amount of memory; half of what is available where none is given.
+    /// Splits an amount of memory; by default half of the available memory.
     pub(super) fn of(memory: Option<u64>) -> anyhow::Result<Self> {
         let memory = memory.or_else(|| available_bytes().map(|bytes| bytes / 2)).unwrap_or(4 << 30);
         let Some(for_volumes) = memory.checked_sub(BESIDE_BYTES).filter(|bytes| *bytes >= BESIDE_BYTES / 2)

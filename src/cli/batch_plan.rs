@@ -1,4 +1,4 @@
-//! `relief batch plan`: which series, which views, and what is drawn over them.
+//! `relief batch plan`: series, views and annotations become a manifest of jobs.
 
 use relief_batch::plan;
 use std::path::PathBuf;
@@ -57,8 +57,9 @@ pub(super) struct PlanArguments {
     /// 1 fits the whole volume, and shows 160 mm around a landmark; larger is closer
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     zoom: f64,
-    /// What is written of each view: frame (2D plus depth), color, depth (EXR, mm), depth-png (16 bits), camera (JSON); annotated,
-    /// annotated-frame and labels (structures) of --annotations; dataset is color,depth,depth-png,camera
+    /// Outputs of each view: frame (2D plus depth), color, depth (EXR, mm), depth-png (16 bits),
+    /// camera (JSON); annotated, annotated-frame and labels (structures) of --annotations; dataset
+    /// is color,depth,depth-png,camera
     #[arg(long, value_name = "PRODUCTS", value_delimiter = ',', default_value = "frame,color")]
     products: Vec<ProductSet>,
     /// The manifest: a job a line. Annotations that are drawn are kept beside it, in a folder of its name

@@ -48,7 +48,7 @@ pub(super) struct SubmitArguments {
     json: bool,
 }
 
-/// Render jobs of a queue, until told to stop
+/// Render jobs of a queue until stopped
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkArguments {
     #[command(flatten)]
@@ -58,7 +58,7 @@ pub(super) struct WorkArguments {
     out: Location,
     #[command(flatten)]
     copies: CopiesArguments,
-    /// Leave when nobody has had anything to do for so long; a worker waits for jobs otherwise
+    /// Exit after this time without jobs [default: wait for jobs]
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     idle_exit: Option<u32>,
     /// After so long without a sign of life the jobs of a worker are given to another; the first worker says it for all
@@ -70,7 +70,8 @@ pub(super) struct WorkArguments {
     /// Jobs to take at a time; those of one series lie side by side and share its volume
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
     take: u16,
-    /// Memory for volumes on this machine and its adapter together; half of what is available where left out
+    /// Memory for volumes on this machine and its adapter together [default: half of the available
+    /// memory]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
     #[command(flatten)]
@@ -114,7 +115,7 @@ pub(super) fn submit(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
 }
 
 pub(super) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> {
-    // The queue first: what is wrong with it is known before an adapter is opened.
+    // The queue is opened first, so that its errors are reported before an adapter is opened.
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     let queue = runtime.block_on(Queue::connect(&arguments.queue.access(), &arguments.queue.stream))?;
     let stop = {

@@ -17,8 +17,8 @@ use relief_volume::{TransferFunction, Volume};
 
 /// Measure frame times and samples per second of a scene.
 ///
-/// Each frame turns the camera about the up axis, so that nothing is reused; times include read-back. The share
-/// compares the samples taken per second with what the driver filters when it does nothing else.
+/// Each frame turns the camera about the up axis, so that nothing is reused; times include
+/// read-back. The share compares the samples per second with the driver's filtering rate.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -54,7 +54,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// What was measured; the JSON form is documented in the README.
+/// The measurements; the README documents the JSON form.
 #[derive(Debug, serde::Serialize)]
 struct Report {
     adapter: String,
@@ -132,7 +132,7 @@ impl Turntable {
     }
 }
 
-/// What is measured with.
+/// The parts of the measurement.
 struct Bench<'a> {
     renderer: &'a mut Renderer,
     volume: &'a Volume,

@@ -36,16 +36,17 @@ pub(super) struct Arguments {
     /// File to make: YAML of the camera
     #[arg(long, value_name = "CAMERA.yaml")]
     out: PathBuf,
-    /// What is looked for
+    /// Parameters to calibrate
     #[arg(long, value_enum, default_value_t = Wanted::Square)]
     model: Wanted,
     /// Whose YAML
     #[arg(long, value_enum, default_value_t = Format::Opencv)]
     format: Format,
-    /// Use at most so many views, those that differ most; all in which the remote moved by default
+    /// Use at most N views, those that differ most [default: all views in which the remote moved]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(12..=2000))]
     views: Option<u16>,
-    /// What the remote's EEPROM says of its camera: its first 42 bytes, or more. Recordings of a Wiimote itself have it
+    /// Factory calibration of the camera: the first 42 bytes or more of the remote's EEPROM.
+    /// Recordings of a Wiimote contain it
     #[arg(long, value_name = "EEPROM.bin")]
     prior: Option<PathBuf>,
     /// Print one JSON object
@@ -135,7 +136,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where the adjustment starts: at a typical Wiimote, or at what this one's factory saw.
+/// Start of the adjustment: a typical Wiimote, or the factory calibration.
 fn nominal(arguments: &Arguments, recording: &[TimedReport]) -> anyhow::Result<Pinhole> {
     let factory = match &arguments.prior {
         Some(path) => {
@@ -178,7 +179,7 @@ fn report<'a>(arguments: &'a Arguments, found: &'a Calibration, frames: usize, v
     }
 }
 
-/// The numbers that were looked for with their standard deviations, and what is left over.
+/// The calibrated parameters with their standard deviations, and the residuals.
 pub(super) fn table_of(found: &Calibration) -> String {
     let k = &found.camera;
     let values = [

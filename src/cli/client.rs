@@ -56,7 +56,7 @@ pub(super) struct Arguments {
     /// Draw annotations: all, or sets by their names with commas between them; A places landmarks then, and 1 takes them back
     #[arg(long, value_name = "true|SETS", value_parser = Shown::parse)]
     annotations: Option<Shown>,
-    /// Who works here: the author of what is placed
+    /// Author of placed annotations
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
     author: Option<String>,
     /// Wait for a server that is not there yet
@@ -97,7 +97,7 @@ struct HeadlessArguments {
     /// Poses a second
     #[arg(long, value_name = "HZ", requires = "measure", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pose_hz: u16,
-    /// Compose each N-th frame and read its header row back; 0 for the still one alone
+    /// Compose every N-th frame and check its header; 0 checks the still frame only
     #[arg(long, value_name = "N", requires = "measure", default_value_t = 1)]
     check_every: u32,
     /// Write the still frame, composed, as PNG
@@ -160,7 +160,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     outcome
 }
 
-/// What the arguments say of a session.
+/// The session that the arguments describe.
 pub(super) struct Session {
     pub(super) options: Options,
     pub(super) composer: Composer,
@@ -271,7 +271,7 @@ fn run_session(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs a session until its work is done, it fails, or somebody stops it; says goodbye.
+/// Runs a session until its work is done, it fails or a signal stops it; closes it properly.
 async fn finished<T>(
     link: impl Future<Output = Result<(), ClientError>>,
     work: impl Future<Output = T>,

@@ -13,7 +13,7 @@ use relief_tracking::{
 
 #[derive(Debug, clap::Args)]
 pub(super) struct RemoteArguments {
-    /// Wiimote: hidraw (whichever is there), /dev/hidrawN, a recording, tcp://HOST:PORT, or none
+    /// Wiimote: hidraw (the first one found), /dev/hidrawN, a recording, tcp://HOST:PORT, or none
     #[arg(long, value_name = "SOURCE", default_value = "none")]
     wiimote: String,
     /// Send the Wiimote's reports as they are, for the server to track (relief serve --sensor, --beacon)
@@ -33,7 +33,7 @@ impl RemoteArguments {
     }
 }
 
-/// What the Wiimote's tracking knows, for whoever shows it; `None` without one, and where the server tracks.
+/// The state of tracking, for display; `None` without a Wiimote, and where the server tracks.
 pub(super) type Tracking = Arc<Mutex<Option<TrackingState>>>;
 
 /// A Wiimote that says nothing for so long is away, and no hand holds its buttons.
@@ -110,7 +110,7 @@ fn watch_for_silence(hand: Arc<Mutex<Hand>>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a hand with a Wiimote says, report by report.
+/// Reads the reports of a Wiimote and sends their effects.
 struct Hand {
     handle: Handle,
     /// `None` where the server tracks.
@@ -118,7 +118,8 @@ struct Hand {
     tracking: Tracking,
     buttons: Buttons,
     pose: RemotePose,
-    /// The client's time less the source's, ns, from the first report on: distances between reports stay what they were.
+    /// Offset of the client's clock to that of the source, ns, since the first report: intervals
+    /// between reports are kept.
     ahead_ns: Option<i128>,
     heard: Option<Instant>,
 }

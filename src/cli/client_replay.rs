@@ -33,7 +33,8 @@ pub(super) async fn run(json: bool, path: &Path, session: &Session) -> anyhow::R
     let is_session = || format!("{} is no recorded session", path.display());
     let file = std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
     let recorded = Journal::open(BufReader::new(file)).with_context(is_session)?;
-    // The view is one's own unless the arguments name one: who else looks at the recorded one is not to be disturbed.
+    // A private view unless the arguments name one, so that a replay does not disturb other
+    // viewers.
     let asked = &session.options.hello;
     let was = recorded.hello().clone();
     let hello = Hello {

@@ -1,4 +1,4 @@
-//! What `relief client` does with what happens in a session without a window: it tells, records, and keeps the newest still frame.
+//! `relief client` without a window: prints and records events, and keeps the newest still frame.
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -36,7 +36,8 @@ impl Recorder {
         self.recording().file.is_some()
     }
 
-    /// Keeps what is worth it. After a failure nothing more is kept, and [`Recorder::finish`] tells.
+    /// Records events. After a failure it records no more, and [`Recorder::finish`] returns the
+    /// error.
     pub(super) fn keep(&self, t_ns: u64, event: &Event) {
         if !self.is_recording() {
             return;
@@ -135,7 +136,7 @@ impl<'a> Watch<'a> {
         self.connected.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until something is there.
+    /// Waits for an event.
     async fn until<T>(&self, look: impl Fn(&Self) -> Option<T>) -> T {
         loop {
             let changed = self.changed.notified();

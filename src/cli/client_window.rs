@@ -26,7 +26,7 @@ pub(super) struct WindowArguments {
     clean: bool,
 }
 
-/// How often the window is told what the Wiimote's tracking knows.
+/// Interval at which the window gets the state of tracking.
 const TRACKING: Duration = Duration::from_millis(100);
 
 pub(super) fn run(
@@ -83,7 +83,7 @@ pub(super) fn run(
     Ok(linked?)
 }
 
-/// Tells the window what the Wiimote's tracking knows, where it is tracked here.
+/// Passes the state of tracking to the window, where the client tracks.
 async fn tell_tracking(tracking: &Tracking, screen: &Screen) {
     loop {
         let known = *tracking.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -94,7 +94,7 @@ async fn tell_tracking(tracking: &Tracking, screen: &Screen) {
     }
 }
 
-/// What a session with a window does with what happens.
+/// Handles the events of a session with a window.
 struct Live {
     screen: Screen,
     handle: Handle,

@@ -1,4 +1,4 @@
-//! `relief doctor`: what this machine can render with, what is missing, and how to get it.
+//! `relief doctor`: reports adapters, drivers and tools, what is missing, and how to install it.
 //!
 //! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with the f64
 //! twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing can render.
@@ -18,7 +18,7 @@ use relief_render::{
 };
 use relief_volume::{Orbit, Phantom};
 
-/// Say what this machine can render with, what is missing and how to get it.
+/// Report adapters, drivers and tools, what is missing, and how to install it.
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -84,7 +84,7 @@ struct Report {
     findings: Vec<Finding>,
 }
 
-/// What became of the picture that was rendered to see whether rendering works.
+/// Result of the test picture.
 #[derive(Debug, Serialize)]
 struct SelfTest {
     passed: bool,
@@ -199,7 +199,7 @@ fn system_finding() -> Finding {
     }
 }
 
-/// What the variables say that make the Vulkan loader take certain drivers.
+/// The variables that make the Vulkan loader use certain drivers.
 fn driver_file_findings() -> Vec<Finding> {
     if !cfg!(target_os = "linux") {
         return Vec::new();
@@ -225,7 +225,7 @@ fn driver_file_findings() -> Vec<Finding> {
     findings
 }
 
-/// Whether the library is there that finds Vulkan drivers. `None` on systems with another graphics interface.
+/// Whether the Vulkan loader is installed. `None` on systems with another graphics interface.
 fn loader_finding(adapters: &[AdapterDescription]) -> Option<Finding> {
     if !cfg!(target_os = "linux") {
         return None;

@@ -1,8 +1,8 @@
 //! Drawings of lines, dots and letters, written as SVG and as PNG that look the same.
 //!
-//! Letters are strokes of the project's own font, so no font has to be installed and every machine draws the same. What it
-//! is not: a picture of a volume, nor interactive. Lengths are units of the drawing, x right, y down; a PNG has
-//! [`PIXELS_PER_UNIT`] pixels for each.
+//! Letters are strokes of the project's own font, so no font has to be installed and every machine
+//! draws the same. What it is not: a picture of a volume, or interactive. Lengths are units of the
+//! drawing, x right, y down; a PNG has [`PIXELS_PER_UNIT`] pixels per unit.
 
 use std::fmt::Write;
 
@@ -47,7 +47,7 @@ struct Shape {
     /// Lines with round ends; one of a single point is a dot.
     lines: Vec<Vec<[f64; 2]>>,
     pen: Pen,
-    /// What it says, for those who cannot see it.
+    /// Description for screen readers.
     label: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! `relief inspect`: what is in a series and what is wrong with it; for a picture, its 2D-plus-depth header.
+//! `relief inspect`: describes a series or a 2D-plus-depth frame, and reports errors.
 
 use std::fs::File;
 use std::io::Read;
@@ -12,7 +12,7 @@ use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 use super::output::say;
 use super::{inspect_frame, output, source};
 
-/// Show what is in a CT series and what is wrong with it, or decode a frame's header
+/// Describe a CT series or decode a 2D-plus-depth frame, and report errors
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     /// CT series (folder, file, DICOMDIR or zip), or a 2D-plus-depth frame (PNG)

@@ -1,4 +1,4 @@
-//! `relief inspect FRAME.png`: which layout a frame has, what its header says, what is wrong and what to do.
+//! `relief inspect FRAME.png`: layout, header and errors of a frame, with remedies.
 //!
 //! Exit status 0 when nothing is wrong, 1 when something is.
 

@@ -130,7 +130,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Logs go to stderr, so that stdout carries results alone.
+/// Logs go to stderr, because stdout carries results only.
 fn start_logging() {
     let filter = tracing_subscriber::EnvFilter::try_from_env("RELIEF_LOG")
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,relief::cli=info"));

@@ -2,7 +2,7 @@
 
 use relief_render::{Lighting, SceneFile};
 
-/// Light, in place of what a scene file says.
+/// Options of light; they override the scene file.
 #[derive(Debug, clap::Args)]
 pub(super) struct LightArguments {
     /// Lights of modes composite, isosurface and path-traced: headlight, studio, side, above

@@ -1,4 +1,4 @@
-//! Amounts of memory: as options write them, and what this machine has to give.
+//! Amounts of memory: their form in options, and the memory of this machine.
 
 /// Reads `2GiB`, `1.5 GB`, `800MiB` or plain bytes.
 pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {

@@ -1,5 +1,5 @@
-//! `relief presets`: what there is, as a list, as JSON, and as pictures of a volume; and what other programs saved, as
-//! requests have it.
+//! `relief presets`: presets as a list, as JSON and as pictures of a volume; conversion of transfer
+//! functions of other programs.
 
 use relief_session::encode;
 use std::io::IsTerminal;

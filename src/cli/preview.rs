@@ -1,4 +1,4 @@
-//! `relief preview`: what a display makes of a frame file, for people without the display.
+//! `relief preview`: the views that a display synthesises from a frame file.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,11 +12,12 @@ use relief_display::{
     synthesize,
 };
 
-/// What the display's own optimum is taken for, where a header leaves factor or offset to the display.
+/// Assumed settings of the display where a header leaves factor or offset to it.
 const USUAL_FACTOR: u8 = 64;
 const USUAL_OFFSET: u8 = 128;
 
-/// Show what a 2D-plus-depth display makes of a frame: its views side by side, as an anaglyph or as a wiggle.
+/// Show the views that a 2D-plus-depth display synthesises from a frame: side by side, as an
+/// anaglyph or as a wiggle.
 ///
 /// The frame may be any that `relief inspect` knows with depth: wowvx, wowvx-full-height, wowvx-4k, declipse,
 /// declipse-lines or rgbd, whatever program wrote it. A file of views (stereo, views-N, wiggle) becomes another layout of as
@@ -49,7 +50,7 @@ pub(super) struct Arguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES")]
     view_span: Option<f64>,
-    /// Print what was made as one JSON object
+    /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
 }
@@ -124,7 +125,7 @@ fn views(arguments: &Arguments, file: &[u8]) -> anyhow::Result<(Views, Option<[u
     Ok((synthesize(size_px, &front, back.as_ref(), &parallax, &eyes)?, Some(values)))
 }
 
-/// Factor and offset: those asked for, else those that the header selects, else what is usual.
+/// Factor and offset: the given ones, else those that the header selects, else the defaults.
 fn factor_and_offset(arguments: &Arguments, report: &FrameReport) -> [u8; 2] {
     let selected = report.select;
     let factor = report.factor.filter(|_| selected.is_some_and(|select| select.factor));

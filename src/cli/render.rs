@@ -22,8 +22,9 @@ use relief_volume::Volume;
 
 /// Render a series to a file: a 2D-plus-depth frame, colour, or depth.
 ///
-/// The ending of --out decides: .png is lossless in the chosen layout, .jpg is the colour alone, .exr has colour and
-/// view depth in mm. --depth-out writes depth alone: .png as 16-bit grey (nearest brightest), .exr in mm.
+/// The extension of --out selects the content: .png is lossless in the chosen layout, .jpg is the
+/// colour, .exr has colour and view depth in mm. --depth-out writes the depth: .png as 16-bit grey
+/// (nearest brightest), .exr in mm.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -49,7 +50,7 @@ pub(super) struct Arguments {
     /// Where the picture goes: .png, .jpg or .exr
     #[arg(long, value_name = "FILE", value_parser = parse_picture)]
     out: Output,
-    /// Where the depth alone goes: .png or .exr
+    /// File for the depth: .png or .exr
     #[arg(long, value_name = "FILE", value_parser = parse_depth)]
     depth_out: Option<Output>,
     /// How long the picture may take to render: fewer rays, samples or passes, and enlarged, if it would take longer. Two
@@ -65,7 +66,7 @@ pub(super) struct Arguments {
     /// Which views a layout of views has
     #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
     views: views::Choice,
-    /// Print what was made as one JSON object
+    /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
 }
@@ -118,7 +119,7 @@ pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
         views: choice,
         json,
     } = arguments;
-    // Before the long work: what is wrong with the arguments is known at once.
+    // Arguments are checked before the long work.
     let mut scene_file = scene.read()?;
     if let Some(ms) = budget_ms {
         scene_file = scene_file.with_budget_ms(ms);
@@ -180,7 +181,7 @@ fn within_budget(
     let least = SpeedBook::least(request);
     renderer.render(volume, &least)?;
     let (hash, grid) = (volume.content_hash(), volume.grid());
-    // Another seed: paths that are there already take no time.
+    // Another seed: cached paths would take no time.
     let mut measured = least;
     measured.path_trace.seed ^= 1;
     let ms = renderer.render(volume, &measured)?.timings.render_ms;

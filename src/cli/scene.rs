@@ -1,4 +1,4 @@
-//! What is to be rendered, from a scene file and options: shared by render and bench.
+//! Options that describe a scene, shared by render and bench.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use relief_display::{DepthFilter, DisplaySettings, Layout};
 use relief_render::{Classification, DepthRule, Mode, Overlays, SceneFile};
 use relief_volume::{Orbit, PRESETS};
 
-/// A scene file, and options that go before what it says.
+/// A scene file, and options that override it.
 #[derive(Debug, clap::Args)]
 pub(super) struct SceneArguments {
     /// Scene as JSON: camera, transfer function, size, display; every part may be left out
@@ -42,13 +42,13 @@ pub(super) struct SceneArguments {
     /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
     overlay: Vec<String>,
-    /// Segments of --labels that are cut away, by label or name; 0 is what has no segment
+    /// Segments of --labels to hide, by label or name; 0 is the voxels without a segment
     #[arg(long, value_name = "LABELS", value_delimiter = ',', conflicts_with = "keep_labels")]
     cut_labels: Vec<String>,
-    /// Segments of --labels that alone are shown, by label or name
+    /// The only segments of --labels to show, by label or name
     #[arg(long, value_name = "LABELS", value_delimiter = ',')]
     keep_labels: Vec<String>,
-    /// How strongly segments are tinted, 0 to 1 (0.5 where nothing is said)
+    /// Strength of the segments' tint, 0 to 1 [default: 0.5]
     #[arg(long, value_name = "SHARE")]
     label_tint: Option<f64>,
     /// Depth of a semi-transparent ray
@@ -59,7 +59,7 @@ pub(super) struct SceneArguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES", allow_negative_numbers = true)]
     view_span: Option<f64>,
-    /// What is done to depth before it goes into a frame: none, median-3, median-5, clear-edge
+    /// Filter for depth in frames: none, median-3, median-5, clear-edge
     #[arg(long, value_name = "NAME", value_parser = parse_depth_filter)]
     depth_filter: Option<DepthFilter>,
     /// Size of the picture (in 2D-plus-depth layouts, of each half); the layout decides when left out

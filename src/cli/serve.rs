@@ -1,4 +1,4 @@
-//! `relief serve`: an HTTP server and its web page, until it is told to stop.
+//! `relief serve`: an HTTP server with its web pages; runs until a signal stops it.
 //!
 //! The address is printed as soon as it answers; series load behind it, and `/readyz` says when frames can be had.
 
@@ -61,7 +61,8 @@ pub(super) struct Arguments {
     options: SeriesOptions,
     #[command(flatten)]
     copies: CopiesArguments,
-    /// Log of annotations: a file, sqlite:FILE or postgres://USER@HOST/DATABASE; made where there is none
+    /// Log of annotations: a file, sqlite:FILE or postgres://USER@HOST/DATABASE; created if it does
+    /// not exist
     #[arg(long, value_name = "PLACE", env = "RELIEF_ANNOTATIONS", hide_env_values = true)]
     annotations: Option<String>,
     /// Address to listen on; port 0 takes a free one
@@ -70,7 +71,8 @@ pub(super) struct Arguments {
     /// Listen only when all series are loaded: a proxy before several servers sends requests to the others until then
     #[arg(long)]
     listen_when_loaded: bool,
-    /// Serve requests to this name too (they say it in Host); a loopback address serves loopback names alone
+    /// Also accept this name in the header Host; a loopback address accepts only loopback names by
+    /// default
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
     /// Whether clients may upload series; `auto` is on for a loopback address
@@ -100,9 +102,9 @@ pub(super) struct Arguments {
 enum Uploads {
     /// On for a loopback address, else off
     Auto,
-    /// Whoever reaches the address
+    /// Everyone who can reach the address
     On,
-    /// Nobody
+    /// Nobody: uploads are refused
     Off,
 }
 
@@ -178,7 +180,7 @@ async fn serve(
     failure.map_or(Ok(ExitCode::SUCCESS), Err)
 }
 
-/// A socket with its address, at which nobody is heard before it listens.
+/// A socket bound to its address that does not accept connections yet.
 fn bound(address: SocketAddr) -> std::io::Result<TcpSocket> {
     let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
     // As for any listener on Unix: the address of a server that was stopped is free at once.
@@ -210,7 +212,7 @@ fn config(arguments: &Arguments, adapter: &str) -> anyhow::Result<Config> {
     })
 }
 
-/// Reads an uploaded file. Its name here is nobody else's business.
+/// Reads an uploaded series. Its errors do not name the temporary file.
 fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
     let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
     let read = move |path: &Path| -> anyhow::Result<LoadedVolume> {
@@ -226,7 +228,7 @@ fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
     })
 }
 
-/// Reads an uploaded label map; what it is called here is nobody else's business either.
+/// Reads an uploaded label map. Its errors do not name the temporary file.
 fn labels_loader() -> LabelsLoader {
     Arc::new(|path, grid| {
         labels::load(path, grid).map_err(|error| {
@@ -240,7 +242,7 @@ fn labels_loader() -> LabelsLoader {
 fn build() -> String {
     let digest = std::env::current_exe().and_then(|path| sha256(&path));
     let digits = digest.map(|digest| digest[..8].iter().map(|byte| format!("{byte:02x}")).collect());
-    // A program that cannot be read any more is told apart by its start.
+    // The start time identifies a program whose file cannot be read.
     let digits: String = digits.unwrap_or_else(|_| format!("{:?}", std::time::SystemTime::now()));
     format!("{}-{digits}", env!("CARGO_PKG_VERSION"))
 }
@@ -274,7 +276,8 @@ fn host_of(ip: IpAddr) -> String {
     }
 }
 
-/// Listens for SIGINT (Ctrl-C) and SIGTERM from now on; what it returns is done when one comes.
+/// Installs handlers for SIGINT (Ctrl-C) and SIGTERM; the returned future resolves at the first
+/// signal.
 pub(super) fn stop_signal() -> std::io::Result<impl Future<Output = ()>> {
     #[cfg(unix)]
     {

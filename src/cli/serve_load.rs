@@ -24,7 +24,8 @@ pub(super) struct Place {
     among: Option<(PathBuf, usize, usize)>,
 }
 
-/// Places of series, in the order of the options; those in buckets are listed. What is not there is told.
+/// The locations of series, in the order of the options; those in buckets are listed. A missing
+/// location is an error.
 pub(super) fn places(series: &[PathBuf], labels: &[PathBuf], copies: &Copies) -> anyhow::Result<Vec<Place>> {
     for path in series.iter().filter(|path| !Location::is_bucket(path)).chain(labels) {
         // Told before anything is opened: a typo should not cost a wait.
@@ -56,7 +57,8 @@ pub(super) fn places(series: &[PathBuf], labels: &[PathBuf], copies: &Copies) ->
 }
 
 impl Place {
-    /// As it may be said: below a prefix of a bucket by its number, as names there may be those of patients.
+    /// The name for messages: below a prefix of a bucket a number, because names there may be those
+    /// of patients.
     fn name(&self) -> String {
         match &self.among {
             Some((prefix, number, count)) if *count > 1 => {
@@ -104,7 +106,8 @@ impl Loading<'_> {
         Ok(())
     }
 
-    /// Adds the series of a place; how many. Of several places in a bucket those without a usable one are told and left out.
+    /// Adds the series of a location and returns their number. Unusable locations of several in a
+    /// bucket are skipped with a warning.
     fn place(&self, place: &Place) -> anyhow::Result<usize> {
         let Some((_, _, count)) = place.among else {
             return self.series(place, self.options).map(|()| 1);

@@ -5,7 +5,7 @@ use anyhow::bail;
 use relief_render::{SceneFile, SlabBlend, SlicePlane};
 use relief_volume::NamedPlane;
 
-/// Options of a slice; they go before what a scene file says of one.
+/// Options of a slice; they override the scene file.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Slices")]
 pub(super) struct SliceArguments {
@@ -15,7 +15,7 @@ pub(super) struct SliceArguments {
     /// Show an oblique slice, whose normal points to the eye
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_triple, allow_hyphen_values = true)]
     normal: Option<[f64; 3]>,
-    /// What is upwards in an oblique slice; the head where left out
+    /// Up direction of an oblique slice [default: towards the head]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_triple, allow_hyphen_values = true, requires = "normal")]
     up: Option<[f64; 3]>,
     /// Middle of the slice, patient LPS in mm; the volume's centre where left out
@@ -24,7 +24,7 @@ pub(super) struct SliceArguments {
     /// Moves the slice towards the head (axial), the back (coronal), the left (sagittal) or along its normal
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     offset_mm: Option<f64>,
-    /// Thickness of a slab around the plane; 0 is the plane alone
+    /// Thickness of a slab around the plane; 0 is the plane only
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     slab_mm: Option<f64>,
     /// Which of the slab's values is shown: mean, mip or minip

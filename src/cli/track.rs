@@ -88,7 +88,7 @@ struct FollowArguments {
     realtime: bool,
 }
 
-/// What is looked at, and with what.
+/// Source of reports, camera and beacon.
 #[derive(Debug, clap::Args)]
 pub(super) struct SceneArguments {
     /// The LEDs; the recommended beacon by default
@@ -296,7 +296,7 @@ fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
             }
         }
     }
-    // What was tracked before a recording turned out to be broken is not a whole result: the file stays away.
+    // A broken recording gives no complete result, so the output file is not created.
     if let Some(error) = failure {
         return Err(error);
     }

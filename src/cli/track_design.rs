@@ -10,7 +10,8 @@ use super::output::{print_json, say, write_whole};
 use super::track::read_text;
 use relief_tracking::{Beacon, DesignConditions, DesignScore, score_design, search_design};
 
-/// Score a beacon, or search for a better one: how well its views are told apart, and how well poses are known.
+/// Score a beacon or search for a better one: how unambiguous its views are, and how accurate poses
+/// are.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Views are from 1 to 2 m, within 30 degrees sideways, up and down and in roll, with half a pixel of noise, whole pixels, up

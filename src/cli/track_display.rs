@@ -45,7 +45,7 @@ const STATES: [(TrackingState, &str); 4] = [
 
 impl Display {
     pub(super) fn new(sink: Sink) -> Self {
-        // A bar draws itself at most so often, however many poses there are, and on a terminal alone.
+        // Shortest interval between redraws of a progress bar, which appears on terminals only.
         let target = ProgressDrawTarget::stderr_with_hz(20);
         let hidden = matches!(sink, Sink::Lines) && std::io::stdout().is_terminal();
         let table =
@@ -82,7 +82,7 @@ impl Display {
         Ok(())
     }
 
-    /// The file appears; a line says what there was.
+    /// Publishes the file and prints a summary.
     pub(super) fn finish(self, dropped: DroppedReports) -> anyhow::Result<()> {
         self.table.finish_and_clear();
         let Self { sink, counts, first_ns, last_ns, mut solve_us, .. } = self;

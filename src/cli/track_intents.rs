@@ -1,4 +1,4 @@
-//! What a recording means: the intents of its buttons and poses, as JSON lines.
+//! The intents of a recording's buttons and poses, as JSON lines.
 
 use std::path::Path;
 

@@ -1,8 +1,9 @@
 //! Pictures of `relief track experiment`: a plot of each run, and one of all means, as SVG and PNG.
 //!
-//! A run's plot has the errors over what was commanded on the left (lines are means of repeats, small dots single errors),
-//! with the published mean error as a dashed line on either side of zero, and on the right the mean errors of all ways on a logarithmic axis: names, line samples and
-//! numbers beside it are the legend. Degrees and centimetres, as in the paper's table.
+//! A run's plot has the errors over the commanded position on the left (lines are means of repeats,
+//! small dots single errors), with the published mean error as a dashed line on either side of
+//! zero; on the right are the mean errors of all methods on a logarithmic axis, where names, line
+//! samples and numbers are the legend. Units are degrees and centimetres, as in the paper's table.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,7 +18,8 @@ const INK: Color = [0x22, 0x22, 0x22];
 const PALE: Color = [0x5a, 0x5a, 0x5a];
 const GRID: Color = [0xdd, 0xdd, 0xdd];
 const PUBLISHED: Pen = Pen { color: [0x8a, 0x2b, 0xa8], width: 2.0, dash: Some([7.0, 5.0]) };
-/// In the order of the ways; told apart in grey too. Wide lines lie below narrow ones that are close to them.
+/// In the order of the methods; distinguishable in grey. Wide lines lie below narrow ones that are
+/// close to them.
 const PENS: [Pen; 5] = [
     Pen::solid([0xd2, 0x3c, 0x3c], 5.0),
     Pen::solid([0xa8, 0x66, 0x00], 1.6),
@@ -61,7 +63,7 @@ fn axis_and_unit(run: &str) -> (&str, &str) {
     run.split_once(" (").map_or((run, ""), |(axis, unit)| (axis, unit.trim_end_matches(')')))
 }
 
-/// What the arm does, in words.
+/// A description of the arm's movement.
 fn deed(axis: &str) -> String {
     let (kind, letter) = axis.split_once(' ').unwrap_or(("", axis));
     let letter = letter.to_uppercase();
@@ -139,7 +141,7 @@ fn note(drawing: &mut Drawing, [x, y]: [f64; 2]) {
     drawing.text([x + 14.0, y], Anchor::Start, SMALL, PALE, text);
 }
 
-/// Errors over what was commanded.
+/// Errors over the commanded position.
 fn errors(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
     let (axis, unit) = axis_and_unit(report.runs[run]);
     let published = report.paper_mean[run];
@@ -200,7 +202,8 @@ fn means_of_stops(points: &[PlotPoint]) -> Vec<PlotPoint> {
         .collect()
 }
 
-/// Mean errors: a row for what was published and one for each way, with its name, mean and standard deviation.
+/// Mean errors: a row for the published values and one for each method, with name, mean and
+/// standard deviation.
 fn comparison(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
     let mut rows =
         vec![("published (2009)", report.paper_mean[run], report.paper_deviation[run], None, PUBLISHED)];

@@ -1,7 +1,7 @@
 //! An OpenIGTLink server of poses: every client gets TRANSFORM and POSITION, and TDATA when it asks for it.
 //!
-//! One thread has the listener and all clients. Poses come to it latest-wins; a client that does not take what is sent to
-//! it within 50 ms is cut off, so that no client delays another for long.
+//! One thread serves the listener and all clients. Only the newest pose waits for it. A client that
+//! does not accept data within 50 ms is disconnected, so that it does not delay the others.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -88,7 +88,7 @@ impl Client {
         self.stream.write_all(&bytes)
     }
 
-    /// Reads what has come, without waiting, and obeys STT_TDATA and STP_TDATA.
+    /// Reads received data without waiting, and executes STT_TDATA and STP_TDATA.
     fn read_requests(&mut self, unix_ns: u64) -> std::io::Result<()> {
         let mut buffer = [0; 512];
         self.stream.set_nonblocking(true)?;

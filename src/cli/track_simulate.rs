@@ -32,7 +32,7 @@ pub(super) struct Arguments {
     /// Length of the recording
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=3600))]
     seconds: u16,
-    /// What the hand does
+    /// Movement of the hand
     #[arg(long, value_enum, default_value_t = Moves::Point)]
     path: Moves,
     /// Mean distance from the beacon, when it points
@@ -48,8 +48,8 @@ pub(super) struct Arguments {
     /// home
     #[arg(long, value_name = "BUTTON:FROM:TO", value_parser = parse_pressed)]
     press: Vec<PressedButton>,
-    /// A lens that is sharp at one distance alone: focal length, aperture and focused distance, mm. Elsewhere LEDs are larger
-    /// blobs, that merge sooner
+    /// A lens that is sharp at one distance: focal length, aperture and focused distance, mm. At
+    /// other distances LEDs are larger blobs that merge sooner
     #[arg(long, value_name = "FOCAL,APERTURE,FOCUS", value_parser = parse_lens)]
     lens: Option<[f64; 3]>,
     /// With a MotionPlus

@@ -15,11 +15,11 @@ use relief_tracking::{
     RecordingReader, Report, Sensitivity, recording_line,
 };
 
-/// What a source gives.
+/// An event of a source.
 pub(super) enum Event {
     /// A report and its time, ns.
     Report(u64, Report),
-    /// What a remote says of itself.
+    /// Calibration data of a remote.
     Calibration(Option<AccelerometerCalibration>, Option<GyroCalibration>),
 }
 
@@ -228,7 +228,7 @@ impl Remote {
             }
             match open.reports.recv_timeout(Duration::from_millis(20)) {
                 Ok((at, bytes)) => {
-                    // What a driver or another program makes the remote say is skipped when it is no report.
+                    // Input that is not a report (from a driver or another program) is skipped.
                     let Ok(report) = Report::decode(&bytes) else { continue };
                     let t_ns = clock.ns(at);
                     open.host.take(t_ns, &report);

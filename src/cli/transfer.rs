@@ -1,7 +1,7 @@
 //! Transfer functions from files: `--transfer` of what renders, and `relief presets convert`.
 //!
-//! Files are opened here alone. Over HTTP a path would let anybody read what the server can, so there a look comes in the
-//! request itself: `relief presets convert` prints what to paste.
+//! Only this module opens files. Over HTTP a path would let clients read the server's files, so a
+//! request contains the transfer function itself; `relief presets convert` prints it.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use relief_render::{SceneFile, Shading, shading_json, transfer_json};
 use relief_volume::{ImportedTransfer, MAX_IMPORT_BYTES, TransferImportChoice, import_transfer};
 
-/// A transfer function that goes before what a scene says.
+/// A transfer function that overrides the scene's.
 #[derive(Debug, clap::Args)]
 pub(super) struct TransferArguments {
     /// Colour, opacity and light from a file: of 3D Slicer (presets.xml, .vp, .vp.json), a colour map of VTK or ParaView
@@ -50,7 +50,7 @@ impl TransferArguments {
 
 /// The look in a file as a part of a request: `transfer`, and `shading` where the file says.
 ///
-/// What the file says beside goes to stderr.
+/// Other content of the file is reported on stderr.
 pub(super) fn read_look(path: &Path, name: Option<&str>, range: Option<Range>) -> anyhow::Result<Value> {
     let bytes = read_bounded(path)?;
     if let Some(own) = own_look(&bytes) {
@@ -73,7 +73,7 @@ pub(super) fn read_look(path: &Path, name: Option<&str>, range: Option<Range>) -
     Ok(look)
 }
 
-/// A request's own form: a scene with a transfer function, or such a function alone.
+/// The form of a request: a scene with a transfer function, or the function only.
 fn own_look(bytes: &[u8]) -> Option<Value> {
     let json: Value = serde_json::from_slice(bytes).ok()?;
     if json.get("transfer").is_some() {
@@ -86,7 +86,7 @@ fn own_look(bytes: &[u8]) -> Option<Value> {
 fn read_bounded(path: &Path) -> anyhow::Result<Vec<u8>> {
     let read = || -> std::io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        // One more than is allowed, so that too large a file is told from one that just fits.
+        // One byte more than allowed, to detect files that are too large.
         std::fs::File::open(path)?.take(MAX_IMPORT_BYTES as u64 + 1).read_to_end(&mut bytes)?;
         Ok(bytes)
     };

@@ -19,7 +19,7 @@ pub(super) enum Choice {
     Both,
 }
 
-/// A file of views, and what is told of it.
+/// A file of views and its report.
 pub(super) struct Made {
     pub(super) file: Vec<u8>,
     /// Beside the usual report, as JSON.
@@ -28,7 +28,7 @@ pub(super) struct Made {
     pub(super) lines: Vec<String>,
 }
 
-/// Refuses what has no true views, before anything is rendered.
+/// Refuses layouts without true views before rendering.
 pub(super) fn check(choice: Choice, scene: &Scene) -> anyhow::Result<()> {
     let (layout, mode) = (scene.display.layout, scene.request.mode);
     if choice == Choice::Synthesised {
@@ -123,7 +123,7 @@ fn cameras(scene: &Scene, middle: &Camera, limits: DepthLimits) -> anyhow::Resul
     Ok((setup, cameras.collect::<anyhow::Result<_>>()?))
 }
 
-/// The quilt of rendered views above synthesised ones; `None` where the layout is none.
+/// The quilt of rendered views above synthesised ones; `None` for layouts without a quilt.
 fn both_layout(layout: Layout) -> Option<Layout> {
     let columns = u32::try_from(layout.view_count()).ok()?;
     match layout {

@@ -28,7 +28,7 @@ use relief_base::{Patient, Point};
 use relief_render::{RenderedFrame, RequestError, Scene, depth_limits};
 use relief_session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, VolumeEntry, encode};
 
-/// A browser asks again after a minute, and gets 304 for what has not changed.
+/// A browser revalidates after a minute, and gets 304 for unchanged pictures.
 const CACHE_CONTROL: &str = "private, max-age=60";
 
 /// Largest scene in a body: 1024 control points and 12 planes fit several times.
@@ -151,7 +151,7 @@ async fn answer_annotated(
     headers: &HeaderMap,
     what: (Method, Product, FileFormat),
 ) -> Result<Response, Problem> {
-    // Before the tag: what is drawn is part of the scene, so the tag changes with it.
+    // Before the tag: annotations are part of the scene, so the tag changes with them.
     let drawn = draw(pictures, entry, &mut scene, headers).await?;
     let mut answered = answer(pictures, entry, scene, headers, what).await?;
     if let Some(Drawn { drawn, left_out, unlabelled }) = drawn {
@@ -169,12 +169,12 @@ async fn read_order(pictures: &Pictures, headers: &HeaderMap, body: Body) -> Res
     Order::from_body(&body)
 }
 
-/// What a size in a scene may be. Where a scene has none, it is the layout's in both cases.
+/// The sizes that a scene may have. A scene without a size gets the layout's in both cases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SizeRule {
     /// The answer is a frame in a layout, which may fix the size.
     OfLayout,
-    /// The answer is the picture or its depth alone.
+    /// The answer is only the picture or only its depth.
     Any,
 }
 
@@ -195,7 +195,7 @@ fn resolve(order: Order, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, P
     Ok(scene)
 }
 
-/// Answers from the tag alone where that will do, else renders and encodes.
+/// Answers with 304 if the tag matches, else renders and encodes.
 pub(super) async fn answer(
     pictures: &Pictures,
     entry: &VolumeEntry,
@@ -211,7 +211,7 @@ pub(super) async fn answer(
     Ok(quality.mark(answered))
 }
 
-/// As [`answer`], with the tag and the encoder of one's own.
+/// As [`answer`], with the caller's tag and encoder.
 pub(super) async fn answer_as(
     pictures: &Pictures,
     entry: &VolumeEntry,
@@ -342,7 +342,7 @@ pub(super) fn entity_tag(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene
     format!("W/\"{digits}\"")
 }
 
-/// 304 for a GET, and 412 for a POST, whose `If-None-Match` names what it would get (RFC 9110, 13.1.2).
+/// 304 for a GET, and 412 for a POST, whose `If-None-Match` matches the answer (RFC 9110, 13.1.2).
 fn unchanged(headers: &HeaderMap, tag: &str, method: &Method) -> Option<StatusCode> {
     let status =
         if *method == Method::GET { StatusCode::NOT_MODIFIED } else { StatusCode::PRECONDITION_FAILED };

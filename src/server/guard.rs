@@ -1,7 +1,8 @@
 //! What stands before the handlers: who may ask, how long it may take, how much it may send.
 //!
-//! There is no CORS: pages of other sites can neither read nor embed what is served here. Names that a page could
-//! make point at a loopback address are refused by their `Host`, cross-site writes by their `Origin`.
+//! There is no CORS: pages of other sites can neither read nor embed answers. Requests with host
+//! names that a page could resolve to a loopback address are refused by `Host`, cross-site writes
+//! by `Origin`.
 
 use std::any::Any;
 use std::sync::Arc;

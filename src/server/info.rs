@@ -1,4 +1,4 @@
-//! What is on offer and how the server is: presets, health, metrics, the description for programs.
+//! Information about the server: presets, health, metrics, the API description.
 
 use std::sync::Arc;
 
@@ -32,8 +32,8 @@ pub(super) async fn healthz() -> Json<Value> {
     Json(json!({ "status": "alive", "version": env!("CARGO_PKG_VERSION") }))
 }
 
-/// The number of volumes when the server can do what it is for: the renderer works, every series of the operator is
-/// loaded, and there is a volume or a client may bring one.
+/// The number of volumes if the server is ready: the renderer works, every series of the operator
+/// is loaded, and there is a volume or uploads are allowed.
 fn readiness(engine: &Engine, config: &Config) -> Result<usize, Problem> {
     let (volumes, loading) = engine.volumes.count();
     if !engine.service.is_alive() {

@@ -1,7 +1,7 @@
 //! Label maps that clients bring: a file becomes the segments of a volume that is served.
 //!
-//! Under the limits of uploads, in turn with them. A map takes at most as many bytes as the volume that it belongs to, so the
-//! limit on volumes holds it, too.
+//! Label maps share the limits and the queue of uploads. A map takes at most as many bytes as its
+//! volume, so the limit of volumes bounds it.
 
 use std::path::Path as FilePath;
 use std::sync::Arc;

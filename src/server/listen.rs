@@ -1,7 +1,9 @@
 //! Connections: accepting them within limits, noticing the slow and the gone, and draining them at the end.
 //!
-//! A WebSocket leaves these limits with its upgrade; `live` has limits for it. A connection holds at most one request at a time and one encoded frame. Clients that dawdle over a request's
-//! head, or do not take what is sent, are cut off; those over the number allowed wait in the system's backlog.
+//! A WebSocket leaves these limits with its upgrade; `live` has its own. A connection has at most
+//! one request and one encoded frame at a time. Clients that send a request's head too slowly, or
+//! do not read answers, are disconnected; connections beyond the limit wait in the system's
+//! backlog.
 
 use std::future::Future;
 use std::io;
@@ -26,7 +28,7 @@ pub struct ConnectionLimits {
     pub connections: usize,
     /// Longest time for a request's head to arrive; also how long an idle connection is kept.
     pub head_timeout: Duration,
-    /// Longest time in which a client takes nothing of what is sent to it.
+    /// Longest time without progress while a client receives an answer.
     pub stall_timeout: Duration,
     /// Longest time for running requests to finish after the signal to stop.
     pub drain_timeout: Duration,

@@ -24,7 +24,7 @@ pub(super) struct Metrics {
     pub(super) live: LiveMetrics,
 }
 
-/// What is counted of live sessions.
+/// Counters of live sessions.
 #[derive(Debug, Default)]
 pub(super) struct LiveMetrics {
     pub(super) sessions: AtomicI64,
@@ -41,7 +41,7 @@ impl LiveMetrics {
         self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 
-    /// What a frame of a moving view cost beside rendering and waiting.
+    /// Server time of a frame of a moving view, without rendering and waiting.
     pub(super) fn overhead(&self, ms: f64) {
         self.overhead.observe(ms);
     }
@@ -68,7 +68,7 @@ impl LiveMetrics {
     }
 }
 
-/// What is read at the moment of asking.
+/// Values that are read when `/metrics` is requested.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gauges {
     pub(super) waiting: usize,
@@ -160,7 +160,7 @@ impl Metrics {
         text
     }
 
-    /// What has one value: name, kind, help, value.
+    /// Metrics with one value: name, kind, help, value.
     fn values(&self, gauges: Gauges) -> Vec<(&'static str, &'static str, &'static str, f64)> {
         let not_modified = self.not_modified.load(Ordering::Relaxed) as f64;
         let in_flight = self.in_flight.load(Ordering::Relaxed) as f64;

@@ -1,7 +1,8 @@
 //! What headers of a request say about the answer: the media type, and whether the client has it already.
 //!
-//! RFC 9110, 12.5.1: each offer gets the weight of the most specific range that matches it; the largest weight wins,
-//! and among equals the server's order. Media type parameters other than `q` are not told apart.
+//! RFC 9110, 12.5.1: each offer gets the weight of the most specific range that matches it; the
+//! largest weight wins, and among equals the server's order. Parameters of media types other than
+//! `q` are ignored.
 
 use axum::http::{HeaderMap, StatusCode, header};
 use serde_json::Value;
@@ -31,7 +32,7 @@ pub(super) fn negotiate(headers: &HeaderMap, offers: &[FileFormat]) -> Result<Fi
     })
 }
 
-/// Whether what the client says takes this media type.
+/// Whether an `Accept` header allows this media type.
 pub(super) fn accepts(headers: &HeaderMap, media_type: &str) -> bool {
     let values = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
     let ranges: Vec<Range> = values.flat_map(|value| value.split(',')).filter_map(Range::parse).collect();

@@ -1,6 +1,7 @@
 //! One line of log and a few counters per request, and the id that ties a client's complaint to them.
 //!
-//! Lines have the route's pattern, not the path, and no query: nothing in them says what was looked at.
+//! Log lines have the pattern of the route, not the path or the query, so they do not reveal which
+//! volume was requested.
 
 use std::hash::{BuildHasher, RandomState};
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -105,7 +105,7 @@ static TAG: LazyLock<String> = LazyLock::new(|| {
 });
 
 fn file(headers: &HeaderMap, media: &'static str, content: &'static str) -> Response {
-    // A 304 too: browsers replace the headers of what they have by those of the answer.
+    // For 304 too: browsers replace stored headers by those of the answer.
     let always = [
         (header::ETAG, TAG.as_str()),
         (header::CACHE_CONTROL, "no-cache"),

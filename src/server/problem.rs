@@ -1,7 +1,7 @@
 //! Errors as RFC 9457 problem documents.
 //!
-//! A [`Problem`] has two faces: what the client is told, and the cause, which stays here and is logged once with the
-//! request's id (see `observe`). The first never holds the second.
+//! A [`Problem`] has a public part for the client, and a cause, which is logged once with the
+//! request's id (see `observe`) and never sent.
 
 use std::fmt::Display;
 
@@ -19,7 +19,7 @@ use relief_session::{
 /// The media type of a problem document.
 pub(super) const MEDIA_TYPE: &str = "application/problem+json";
 
-/// A refusal or failure, as told to the client.
+/// A refusal or failure in the form that clients receive.
 #[derive(Clone, Debug)]
 pub(super) struct Problem {
     status: StatusCode,
@@ -76,7 +76,7 @@ impl Problem {
         self.with("path", name)
     }
 
-    /// The document that the client is told.
+    /// The document for the client.
     pub(super) fn document(&self) -> Value {
         let mut document = Map::from_iter([
             ("type".to_owned(), json!(format!("urn:relief:problem:{}", self.kind))),

@@ -1,4 +1,5 @@
-//! Pictures under a budget of time: reduced by what is known of the renderer's speed, and marked with what was used.
+//! Pictures under a time budget: reduced by the predicted speed of the renderer, and labelled with
+//! the reduction.
 
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::Response;
@@ -9,7 +10,7 @@ use relief_session::{Engine, VolumeEntry};
 
 static RELIEF_QUALITY: HeaderName = HeaderName::from_static("relief-quality");
 
-/// What was done for a budget; nothing where there was none.
+/// The reduction for a budget; `None` without a budget.
 #[derive(Debug)]
 pub(super) struct Quality(Option<HeaderValue>);
 
@@ -33,8 +34,8 @@ pub(super) fn within_budget(engine: &Engine, entry: &VolumeEntry, scene: &mut Sc
 }
 
 impl Quality {
-    /// Adds the header. The next picture of the same address may be a better one, so that this one is asked for anew each
-    /// time; its tag still saves the bytes.
+    /// Adds the header. Later pictures of the same address may be better, so caches have to
+    /// revalidate; the tag still saves the transfer.
     pub(super) fn mark(self, mut response: Response) -> Response {
         if let Some(used) = self.0 {
             let headers = response.headers_mut();

@@ -1,8 +1,8 @@
 //! A scene from a query string: the same scene that a JSON body gives, part by part.
 //!
-//! Each parameter stands for a key of the JSON form (see `render::SceneFile`), or for a part of an orbit around the
-//! volume where no eye is given. What is unknown, twofold or contradictory is refused; nothing is ignored. Lengths
-//! in mm, angles in degrees.
+//! Each parameter is a key of the JSON form (see `relief_render::SceneFile`), or part of an orbit
+//! around the volume if no eye is given. Unknown, repeated or contradictory parameters are refused.
+//! Lengths in mm, angles in degrees.
 
 use axum::http::{StatusCode, Uri};
 use serde_json::{Map, Value};
@@ -12,7 +12,7 @@ use relief_annotation::Shown;
 use relief_render::{Overlays, SceneFile};
 use relief_volume::{Grid, Orbit};
 
-/// What the text of a parameter must be.
+/// The type of a parameter's value.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     /// A word.
@@ -203,7 +203,7 @@ impl Query {
         self.0.first().map_or(Ok(()), |(name, _)| Err(unknown(name, "none here")))
     }
 
-    /// A slice without parameters that say otherwise: its picture alone.
+    /// A slice's default layout: only the picture.
     ///
     /// # Errors
     /// When the mode is another one.
@@ -232,7 +232,7 @@ impl Query {
 /// A scene as ordered, before its gaps are filled for a volume.
 #[derive(Debug)]
 pub(super) struct Order {
-    /// What the request wrote.
+    /// The text of the request.
     pub(super) file: SceneFile,
     /// The camera where it wrote none.
     pub(super) orbit: Orbit,
@@ -400,7 +400,7 @@ fn set(scene: &mut Map<String, Value>, path: &str, value: Value) {
 }
 
 impl Query {
-    /// A problem about a JSON path, told as one about the parameter that set it.
+    /// A problem about a JSON path, rewritten as one about the parameter that set it.
     pub(super) fn blame(&self, problem: Problem) -> Problem {
         let Some(path) = problem.path().map(str::to_owned) else { return problem };
         let about: Vec<&Parameter> = PARAMETERS.iter().filter(|parameter| parameter.sets(&path)).collect();

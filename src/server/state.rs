@@ -227,7 +227,7 @@ impl Server {
         self.engine.volumes.add_own(loaded, Some(reader))
     }
 
-    /// Evicts voxels until so many bytes are free, before a series is read.
+    /// Evicts voxels until `bytes` are free, before a series is read.
     ///
     /// # Errors
     /// When evicting everything that can be read again does not free enough.

@@ -49,7 +49,7 @@ pub(super) struct Received {
     pub(super) path: TempPath,
 }
 
-/// What all uploads go through: whether there may be any, their type, the one place for them, and the way to a file.
+/// Steps that all uploads share: permission, media type, permit, and transfer to a temporary file.
 pub(super) async fn take_in(
     config: &Config,
     uploads: &Uploads,

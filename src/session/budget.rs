@@ -1,21 +1,23 @@
 //! Budgets of time: how a picture is reduced so that it can be expected to keep one.
 //!
-//! What it is: [`SpeedBook`] remembers how fast pictures of each volume and mode were made, and reduces a request until its
-//! expected time is within a budget. What it is not: a promise. A picture is delivered in the size it was ordered in; the
-//! reduction is part of the request (`reduced_px`, sample distance, passes), so equal requests give equal bytes.
+//! What it is: [`SpeedBook`] records how fast pictures of each volume and mode were rendered, and
+//! reduces a request until its expected time is within a budget. What it is not: a guarantee. A
+//! picture keeps its requested size; the reduction is part of the request (`reduced_px`, sample
+//! distance, passes), so equal requests give equal bytes.
 //!
-//! Work is counted in nominal samples: each ray has as many as sample distances fit across the volume, and
-//! [`RAY_SAMPLES`] for what it costs anyway; each pass of a path-traced picture has [`PATH_SAMPLES`] a pixel. How many are
-//! really taken depends on the look, and is part of what is measured. Times in ms.
+//! Work is counted in nominal samples: as many per ray as sample distances fit across the volume,
+//! plus [`RAY_SAMPLES`] for its fixed cost; each pass of a path-traced picture has [`PATH_SAMPLES`]
+//! per pixel. The real number of samples depends on the transfer function, and is part of the
+//! measured speed. Times in ms.
 
 use relief_render::{Mode, RenderRequest};
 use relief_volume::{ContentHash, Grid};
 
 /// What live sessions give a picture of a view that moves, ms: with encoding beside it, 20 a second.
 pub const INTERACTIVE_MS: f64 = 36.0;
-/// What a ray costs beside its samples, in nominal ones: its set-up, its depth, its place in the read-back.
+/// Fixed cost of a ray in nominal samples: set-up, depth, read-back.
 const RAY_SAMPLES: f64 = 64.0;
-/// What a light path costs, in nominal samples.
+/// Cost of a light path in nominal samples.
 const PATH_SAMPLES: f64 = 256.0;
 
 /// Speed where none was measured, ms for a nominal sample: two cores without a graphics card.
@@ -60,7 +62,7 @@ pub struct Planned {
     pub request: RenderRequest,
     /// How long it is expected to render.
     pub expected_ms: f64,
-    /// Whether it is less than what was ordered.
+    /// Whether the request was reduced.
     pub is_reduced: bool,
 }
 
@@ -79,7 +81,7 @@ struct Speed {
 }
 
 impl SpeedBook {
-    /// Budgets that can be asked for, ms.
+    /// Allowed budgets, ms.
     pub const BUDGET_MS: std::ops::RangeInclusive<f64> = RenderRequest::BUDGET_MS;
 
     /// Remembers how long a picture took to render. `passes` is how many were made for it, of mode path-traced.
@@ -249,7 +251,7 @@ mod tests {
         assert!((after(&[10.0, 100.0]) - 10.0 * 10f64.powf(0.3)).abs() < 1e-9);
         // A first picture that compiled for a second is forgotten within a few.
         assert!(after(&[1000.0, 20.0, 20.0, 20.0, 20.0]) < 23.0);
-        // What is no time teaches nothing.
+        // A time of zero says nothing about the speed.
         assert!((after(&[50.0, 0.0, f64::NAN, -3.0, f64::INFINITY]) - 50.0).abs() < 1e-9);
     }
 
@@ -288,7 +290,7 @@ mod tests {
         let json = r#"{"mode": "path-traced", "sample_distance_mm": 1, "path_trace": {"passes": 48}}"#;
         let request = request(json);
         let mut book = SpeedBook::default();
-        // Ten passes were made of those that were asked for: the others were there from before.
+        // Only ten of the requested passes were rendered: the others were cached.
         book.record(VOLUME, &grid(), &request, 10, 1000.0);
         let rays = 64.0 + 100.0 * 3f64.sqrt();
         let expected = 1000.0 * (rays + 48.0 * 256.0) / (rays + 10.0 * 256.0);

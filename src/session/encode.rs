@@ -1,8 +1,8 @@
 //! From a rendered frame to the bytes of a file or a response: the same for command line, HTTP and batch.
 //!
-//! The raw form is little-endian: `RLFR`, version (u16, 1), header length (u16, 32), width and height (u32 each),
-//! near and far limit in mm (f64 each); then RGBA8 rows from the top, then view depth in mm as f32 rows, `+inf` where
-//! the ray hit nothing. Raw depth is those f32 rows alone.
+//! The raw form is little-endian: `RLFR`, version (u16, 1), header length (u16, 32), width and
+//! height (u32 each), near and far limit in mm (f64 each); then RGBA8 rows from the top, then view
+//! depth in mm as f32 rows, `+inf` where the ray hit nothing. Raw depth is only those f32 rows.
 
 use std::collections::BTreeMap;
 
@@ -17,21 +17,21 @@ use relief_volume::{Camera, Projection};
 /// Colour fringes of chroma subsampling stay invisible; half the bytes of 95.
 const JPEG_QUALITY: u8 = 90;
 
-/// Which picture of a frame is asked for.
+/// The content of an encoded picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// Colour with depth.
     Frame,
-    /// Depth alone.
+    /// Only depth.
     Depth,
 }
 
 /// How a picture is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileFormat {
-    /// Lossless, in the layout of the display settings; depth alone as 16-bit grey.
+    /// Lossless, in the layout of the display settings; depth as 16-bit grey.
     Png,
-    /// Colour alone, lossy.
+    /// Only colour, lossy.
     Jpeg,
     /// Colour and view depth in mm, with the camera and the depth limits as attributes.
     Exr,

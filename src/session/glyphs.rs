@@ -1,6 +1,6 @@
 //! Letters of dots for the names on a contact sheet: small ones and the hyphen, five dots wide.
 //!
-//! Not a font: what has no glyph here is left blank.
+//! Not a font: characters without a glyph are left blank.
 
 /// Dots from one letter to the next.
 pub(super) const ADVANCE: usize = 6;

@@ -1,7 +1,8 @@
 //! Label maps from files, brought to the grid of the volume that they are of.
 //!
-//! What it is: the one way in which `relief render`, servers and batches read a label map. A file is told by what it begins with:
-//! NIfTI, NRRD, or else a DICOM segmentation. Errors name no path: who asks knows it, and what is said may go to others.
+//! What it is: the function by which `relief render`, servers and batches read a label map. The
+//! beginning of the file selects the format: NIfTI, NRRD, or else DICOM segmentation. Errors
+//! contain no path, because they may be shown to others.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,7 +15,7 @@ use relief_volume::{Grid, LabelMap};
 pub struct PlacedLabels {
     /// Its hash is known: requests are compared by it.
     pub map: Arc<LabelMap>,
-    /// What was unusual, in sentences.
+    /// Warnings, in sentences.
     pub warnings: Vec<String>,
 }
 
@@ -27,7 +28,7 @@ pub enum LabelsError {
     /// There is a folder.
     #[error("it is a folder, expected a file")]
     Folder,
-    /// A NIfTI or NRRD that is none of labels.
+    /// A NIfTI or NRRD file that is not a label map.
     #[error(transparent)]
     Format(#[from] FormatError),
     /// Neither of these, and no segmentation.
@@ -48,7 +49,7 @@ pub enum LabelsError {
 /// Share of the labelled space that lies in the volume below which a map may well be of another series.
 const DOUBTFUL_SHARE: f64 = 0.5;
 
-/// Reads a label map of at most so many voxels onto the grid of a volume.
+/// Reads a label map of at most `most_voxels` voxels onto the grid of a volume.
 ///
 /// # Errors
 /// When the file cannot be read or used, or no label of it lies in the volume.

@@ -1,8 +1,9 @@
 //! The live core: one thread that renders, a bounded queue before it, and the frames it made last.
 //!
-//! What it is: [`RenderService`] owns whatever renders (a [`RenderBackend`]) on a named thread and hands out
-//! [`Ticket`]s, futures that bring the frame. What it is not: it knows no network and no async runtime; a ticket can
-//! be awaited anywhere or waited for. Camera and depth are those of `render`: patient mm and view depth in mm.
+//! What it is: [`RenderService`] owns a [`RenderBackend`] on a named thread and returns
+//! [`Ticket`]s, futures of frames; [`Views`] are live views that share it through an [`Engine`].
+//! What it is not: a network; a ticket can be awaited in any runtime or waited for. Spaces are
+//! those of `relief_render`: patient mm, view depth in mm.
 
 mod backend;
 mod blocking;
@@ -44,10 +45,10 @@ pub use volumes::{
     VolumeError, VolumeReader, Volumes,
 };
 
-/// Whatever turns requests into frames. It lives on the service's thread and is called by it alone.
+/// Turns requests into frames. Only the service's thread calls it.
 pub trait RenderBackend: Send + 'static {
-    /// Renders one picture. `goes_on` is to be asked as often as the work can be broken off, some ten times a second if
-    /// it can, and breaks when nobody waits for the picture any more.
+    /// Renders one picture. Call `goes_on` whenever the work can be cancelled, if possible ten
+    /// times a second; it breaks once nobody waits for the picture.
     ///
     /// # Errors
     /// When this request cannot be rendered; the service answers with the error and goes on.
@@ -61,7 +62,7 @@ pub trait RenderBackend: Send + 'static {
     /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders needs none.
     fn forget(&mut self, _volume: ContentHash) {}
 
-    /// What is kept of volumes on the adapter; nothing by a backend that keeps nothing.
+    /// Memory of volumes on the adapter; zero for a backend that keeps nothing.
     fn memory(&self) -> MemoryUse {
         MemoryUse::default()
     }
@@ -73,7 +74,7 @@ pub enum BackendError {
     /// The request asks for more than this adapter has; the message says which limit and what to do.
     #[error("{0}")]
     Refused(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// Nobody waited for the picture any more.
+    /// The request was cancelled: its ticket was dropped.
     #[error("the picture was cancelled")]
     Cancelled,
     /// The adapter or the driver failed.

@@ -1,8 +1,9 @@
 //! The render thread and the bounded queue before it.
 //!
-//! One thread owns the backend, because a device is used from one place at a time; orders wait in a queue of fixed
-//! length, and one more is refused rather than kept. An order that nobody waits for any more is skipped, and broken off
-//! where it renders already. What makes room, forgetting a volume, goes through the same queue, but is never refused.
+//! One thread owns the backend, because a device must be used by one thread at a time. Requests
+//! wait in a bounded queue; a request beyond the limit is refused. A request whose ticket was
+//! dropped is skipped, or cancelled if it is being rendered. Forgetting a volume uses the same
+//! queue and is never refused, because it frees memory.
 
 use std::any::Any;
 use std::ops::ControlFlow;
@@ -44,7 +45,7 @@ pub struct RenderService {
     capacity: usize,
 }
 
-/// What the service and its thread both see.
+/// State that the service and its thread share.
 #[derive(Debug)]
 struct Shared {
     /// Orders in the queue: it bounds them, since the channel does not.
@@ -58,18 +59,18 @@ struct Shared {
     speeds: Mutex<SpeedBook>,
 }
 
-/// What has been done since the start.
+/// Counters since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Orders that nobody waited for when their turn came.
+    /// Requests that were skipped in the queue.
     pub skipped: u64,
-    /// Orders that were broken off while they rendered, since nobody waited for them any more.
+    /// Requests that were cancelled while they were rendered.
     pub cancelled: u64,
     /// Bands of pictures that were rendered.
     pub bands: u64,
 }
 
-/// What the thread is told to do.
+/// A message for the thread.
 enum Job {
     Render(Box<Order>),
     Forget(ContentHash),
@@ -150,7 +151,8 @@ impl RenderService {
         lock(&self.shared.speeds).plan(volume, grid, request, budget_ms)
     }
 
-    /// Drops what is kept of a volume: its recent frames at once, what the backend has after the orders before.
+    /// Drops cached data of a volume: its recent frames at once, the backend's data after the
+    /// requests before.
     pub fn forget(&self, volume: ContentHash) {
         lock(&self.shared.recent).forget(volume);
         lock(&self.shared.speeds).forget(volume);
@@ -165,7 +167,7 @@ impl RenderService {
         self.shared.waiting.load(Ordering::Relaxed)
     }
 
-    /// What has been done since the start.
+    /// Counters since the start.
     #[must_use]
     pub fn counts(&self) -> Counts {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
@@ -173,7 +175,7 @@ impl RenderService {
         Counts { skipped: read(skipped), cancelled: read(cancelled), bands: read(bands) }
     }
 
-    /// What is kept of volumes on the adapter, as of the last job.
+    /// Memory of volumes on the adapter, after the last request.
     #[must_use]
     pub fn memory(&self) -> MemoryUse {
         *lock(&self.shared.memory)
@@ -244,7 +246,8 @@ fn answer(backend: &mut impl RenderBackend, order: Order, shared: &Shared) {
     order.promise.keep(outcome);
 }
 
-/// One render, and what it tells about the backend. A refusal tells nothing: it is about the request.
+/// Renders one request and updates the health of the backend. A refusal does not change it: it
+/// concerns the request.
 fn render(
     backend: &mut impl RenderBackend,
     order: &Order,
@@ -258,7 +261,7 @@ fn render(
         if order.promise.is_wanted() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
     let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
-    // Before the answer: whoever has that may ask.
+    // Before the answer, because its receiver may read these values.
     *lock(&shared.memory) = backend.memory();
     match &outcome {
         Ok(Ok(frame)) => {
@@ -289,7 +292,7 @@ fn panic_text(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message").to_owned()
 }
 
-/// What is locked here is whole between statements, so a panic elsewhere leaves it usable.
+/// The value is whole between statements, so a panic elsewhere leaves it usable.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

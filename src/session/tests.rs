@@ -8,7 +8,8 @@ use relief_base::DepthLimits;
 use relief_render::{SceneFile, Timings};
 use relief_volume::{Grid, Orbit};
 
-/// Renders 1x1 pictures; each one waits for a word from the test, unless nobody waits for it, and says which it is.
+/// Renders 1x1 pictures. Each waits for a signal of the test, unless it is cancelled, and reports
+/// its number.
 struct Gated {
     go: Receiver<()>,
     started: SyncSender<f64>,
@@ -75,7 +76,7 @@ impl Bench {
         Self { service, go, started, forgotten, volume: Volume::new(grid, vec![0; 8]).unwrap() }
     }
 
-    /// An order told apart from others by its sample distance.
+    /// A request that its sample distance identifies.
     fn order(&self, mark: f64) -> Result<Ticket, ServiceError> {
         let mut scene = SceneFile::default().resolve(self.volume.grid(), &Orbit::default()).unwrap();
         scene.request.sample_distance_mm = mark;

@@ -1,7 +1,8 @@
 //! Small pictures of a volume, one for each preset, and the sheet that shows them all.
 //!
-//! What it is: the scene of a thumbnail, the same for the command line and HTTP, and [`contact_sheet`], which puts
-//! rendered thumbnails with their names into one frame. What it is not: it renders nothing. Sizes in pixels.
+//! What it is: the scene of a thumbnail, shared by the command line and HTTP, and
+//! [`contact_sheet`], which arranges rendered thumbnails with their names in one frame. What it is
+//! not: rendering. Sizes in pixels.
 
 use super::glyphs;
 use relief_display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
@@ -14,7 +15,7 @@ pub const THUMBNAIL_SIZE_PX: [u32; 2] = [160, 120];
 /// From the front, a little from the left and above, and closer than "all of it": corners are mostly air.
 const VIEW: Orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.45, vertical_fov_deg: 22.0 };
 
-/// The scene of a preset's thumbnail: colour alone, all else as a request leaves it.
+/// The scene of a preset's thumbnail: layout colour, all other settings default.
 ///
 /// # Errors
 /// When a picture of this size is out of range.
@@ -34,7 +35,7 @@ const TEXT: [u8; 3] = [226, 232, 238];
 /// A small picture with its name.
 #[derive(Clone, Copy, Debug)]
 pub struct Thumbnail<'a> {
-    /// What is written below it.
+    /// Text below the thumbnail.
     pub name: &'a str,
     /// Width and height.
     pub size_px: [u32; 2],
@@ -55,7 +56,7 @@ pub fn contact_sheet(thumbnails: &[Thumbnail<'_>], columns: usize) -> Result<Fra
     let height = rows * (cell_height + LINE + GAP) + GAP;
     let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
     let sheet_px = [side(width), side(height)];
-    // Before its pixels are asked for: the frame's own limits.
+    // Checked before the pixels are allocated: the limits of a frame.
     if thumbnails.is_empty() || sheet_px.iter().any(|side| *side > relief_display::MAX_FRAME_SIDE_PX) {
         return Err(LayoutError::Size { what: "a contact sheet", size_px: sheet_px });
     }

@@ -1,7 +1,7 @@
 //! A promise of a frame: a future without a runtime, and the render thread's end of it.
 //!
-//! Dropping the [`Ticket`] tells the render thread that nobody waits any more, and the order is skipped or broken off.
-//! Dropping the [`Promise`] unkept answers [`ServiceError::Stopped`], so that no one waits for a thread that has ended.
+//! Dropping the [`Ticket`] cancels the request. Dropping the [`Promise`] answers
+//! [`ServiceError::Stopped`], so that nobody waits for a thread that has ended.
 
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -38,14 +38,14 @@ pub(super) fn pair() -> (Ticket, Promise) {
 }
 
 impl Ticket {
-    /// A ticket whose frame is there already.
+    /// A ticket whose frame exists already.
     pub(super) fn ready(rendered: Rendered) -> Self {
         let (ticket, promise) = pair();
         promise.keep(Ok(rendered));
         ticket
     }
 
-    /// Blocks the calling thread until the frame is there; not for async code.
+    /// Blocks the calling thread until the frame is ready; not for async code.
     ///
     /// # Errors
     /// As the service answers: the backend's error, a panic in it, or its end.

@@ -7,7 +7,7 @@
 
 use std::sync::LazyLock;
 
-/// What is known of all cases.
+/// The table of all cases.
 pub(super) struct Cells {
     /// Sheets of each case, at most 4.
     pub(super) sheets: [u8; 256],

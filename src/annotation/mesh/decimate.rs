@@ -1,7 +1,7 @@
 //! Fewer triangles: edges collapse where that changes the surface least (meshoptimizer's quadrics).
 //!
-//! The library keeps borders and most of the topology, but may fold a thin part until four triangles have one edge. What was closed
-//! is made a manifold again afterwards (see `mend`).
+//! The library keeps borders and most of the topology, but may fold a thin part until four
+//! triangles share an edge. Closed meshes are repaired to manifolds afterwards (see `mend`).
 
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 
@@ -26,11 +26,13 @@ impl Decimation {
 }
 
 impl TriangleMesh {
-    /// A mesh with fewer triangles, whose corners are among those of this one, but for a few where it was mended. A closed 2-manifold
-    /// stays one; of others what is there is kept as far as meshoptimizer keeps it. Parts that collapse altogether go, but never all.
+    /// A mesh with fewer triangles. Its vertices are among those of this mesh, except for a few
+    /// where it was repaired. A closed 2-manifold stays one; other meshes keep their topology as
+    /// far as meshoptimizer keeps it. Parts may collapse and vanish, but never all.
     ///
     /// # Errors
-    /// When fewer than 4 triangles are asked for, the error is not above 0, or [`TriangleMesh::check`] fails.
+    /// When `triangles` is below 4, the error is not above 0, or [`TriangleMesh::check`]
+    /// fails.
     pub fn decimated(&self, decimation: Decimation) -> Result<Self, MeshError> {
         self.check()?;
         let Decimation { triangles, error_mm } = decimation;

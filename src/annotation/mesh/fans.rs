@@ -8,10 +8,10 @@ pub(super) struct Fans {
     sides: Vec<[u32; 2]>,
 }
 
-/// What the triangles around a corner look like.
+/// The configuration of triangles around a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fan {
-    /// There are none.
+    /// No triangle.
     Empty,
     /// One round that closes.
     Closed,

@@ -6,12 +6,13 @@ use rayon::prelude::*;
 use super::TriangleMesh;
 use super::fans::{Fan, Fans};
 
-/// What follows from a mesh.
+/// The measures of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Measures {
     /// Sum of the triangles' areas.
     pub area_mm2: f64,
-    /// What is enclosed, where the surface is closed: above 0 where triangles go counter-clockwise seen from outside.
+    /// The enclosed volume of a closed surface: positive if triangles are counter-clockwise seen
+    /// from outside.
     pub volume_ml: Option<f64>,
     /// Whether every edge has two triangles, which run along it in opposite directions.
     pub is_closed: bool,

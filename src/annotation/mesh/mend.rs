@@ -18,7 +18,7 @@ use relief_base::Point;
 type Side = (usize, usize);
 
 impl TriangleMesh {
-    /// Mends what was closed before corners were put together.
+    /// Repairs a mesh that was closed before vertices were merged.
     pub(super) fn mend(&mut self) {
         let bad = self.bad_corners();
         if bad.is_empty() {

@@ -1,8 +1,9 @@
 //! Triangle meshes: surfaces of masks, made smooth and light, measured, and as files.
 //!
-//! What it is: [`surface_nets`] makes a closed surface of a [`Mask`](relief_volume::Mask); [`TriangleMesh::smoothed`] and
-//! [`TriangleMesh::decimated`] make it nice to look at and light; [`TriangleMesh::measures`] has area and volume; [`files`] reads and
-//! writes PLY, STL, OBJ and GLB. What it is not: it renders nothing (see `render::overlay`), and fits no shapes.
+//! What it is: [`surface_nets`] makes a closed surface of a [`Mask`](relief_volume::Mask);
+//! [`TriangleMesh::smoothed`] and [`TriangleMesh::decimated`] smooth and simplify it;
+//! [`TriangleMesh::measures`] has area and volume; `files` reads and writes PLY, STL, OBJ and GLB.
+//! What it is not: rendering (see `relief_render`).
 //!
 //! Space: patient LPS, mm. The corners of a triangle go counter-clockwise as seen from outside. Equal input gives equal
 //! meshes, whatever the number of threads.
@@ -68,7 +69,7 @@ pub enum MeshError {
         key: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// The allowed values.
         allowed: String,
     },
 }
@@ -77,7 +78,7 @@ impl TriangleMesh {
     /// Most triangles of a mesh: its corners and triangles then take some 2.5 GB.
     pub const MOST_TRIANGLES: u64 = 100_000_000;
 
-    /// Checks that triangles have corners that are there, and corners are places.
+    /// Checks that triangles refer to existing vertices, and that vertices are finite.
     ///
     /// # Errors
     /// The first of either that does not.

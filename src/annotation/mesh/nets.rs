@@ -80,7 +80,7 @@ struct Knot {
     slot: usize,
     /// Its corners, counter-clockwise from outside.
     ring: [u32; 4],
-    /// What comes between a corner and the next.
+    /// The axes between a corner and the next.
     splits: [Option<Split>; 4],
     /// Its middle, in voxels.
     middle: DVec3,
@@ -95,7 +95,7 @@ struct Split {
     place: DVec3,
 }
 
-/// One layer of cells: what is known of those that the surface passes. Others keep what an earlier layer had there.
+/// One layer of cells: the data of cells that the surface crosses. Other entries are stale.
 struct Layer {
     first: Vec<u32>,
     cases: Vec<u8>,
@@ -106,7 +106,7 @@ struct Net<'a> {
     patient_from_voxel: Transform<Patient, Voxel>,
     /// Cells along i and j.
     size: [usize; 2],
-    /// Whether the axes are left-handed, so that what is counter-clockwise in voxels is clockwise in mm.
+    /// Whether the axes are left-handed, so that counter-clockwise in voxels is clockwise in mm.
     is_mirrored: bool,
 }
 
@@ -154,7 +154,7 @@ impl<'a> Net<'a> {
         count
     }
 
-    /// Numbers the corners of a layer from `first` on, and tells where each is.
+    /// Numbers the vertices of a layer from `first` on, and returns their positions.
     fn number(&self, into: &mut Layer, layer: usize, first: usize, mut corner: impl FnMut(DVec3)) {
         let (cells, mut next) = (&*CELLS, first as u32);
         self.each(layer, |i, j, case| {

@@ -19,7 +19,7 @@ pub struct Smoothing {
 }
 
 impl Default for Smoothing {
-    /// 10 rounds: the steps of voxels are gone, and what is four voxels wide is there.
+    /// 10 rounds remove the steps of voxels and keep structures four voxels wide.
     fn default() -> Self {
         Self { rounds: 10 }
     }
@@ -73,7 +73,7 @@ impl TriangleMesh {
             Self { vertices: places.iter().map(place).collect(), triangles: self.triangles.clone() };
         if is_closed.iter().all(|is_closed| *is_closed) && !mesh.triangles.is_empty() {
             let (_, wanted) = self.sums();
-            // What the first time leaves is second order: small against the volume, and gone after the second time.
+            // The error after the first step is second order; the second step removes it.
             mesh.give_back(&fans, wanted);
             mesh.give_back(&fans, wanted);
         }

@@ -14,7 +14,7 @@ pub(super) struct Foothold {
     pub(super) at: DVec3,
     /// Of unit length.
     pub(super) normal: DVec3,
-    /// What is to be as large as possible.
+    /// The function to maximise.
     pub(super) score: f64,
 }
 

@@ -1,7 +1,8 @@
 //! The steepest edge near a place: where the smoothed gradient's magnitude is a maximum along its own direction, or along a ray.
 //!
-//! Magnitude times nearness chooses the edge, distance alone the place on it: along an even edge the magnitude changes with noise and with
-//! how the edge lies between voxels.
+//! Magnitude times nearness selects the edge; only distance selects the point on it, because along
+//! a homogeneous edge the magnitude varies with noise and with the position of the edge between
+//! voxels.
 
 use glam::DVec3;
 
@@ -10,7 +11,7 @@ use super::field::{Field, Smooth};
 use super::lattice::Lattice;
 use super::{Search, SnapError};
 
-/// Gradients below this are none, HU per mm.
+/// Smaller gradients count as zero, HU per mm.
 const LEAST_HU_PER_MM: f64 = 1.0;
 
 /// An edge goes on while it has this part of the magnitude that it was chosen for.
@@ -44,7 +45,7 @@ pub(super) fn find(field: &Field<'_>, search: &Search) -> Result<Option<DVec3>, 
     let project = |place: DVec3| {
         let on = ridge(field, place)?;
         let gradient = field.smooth(on).gradient;
-        // Outside of the ball steepness is worth nothing: whoever climbs comes in first.
+        // Outside the ball the score is 0, so that a search outside moves inwards first.
         let near = nearness(on);
         let score = if near > 0.0 { gradient.length() * near } else { near };
         let counts = gradient.length() >= LEAST_HU_PER_MM && field.value(on).is_some();
@@ -102,10 +103,11 @@ fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) 
     kept
 }
 
-/// From near an edge along the gradient to the edge: where the magnitude is a maximum along the gradient that is there.
+/// From near an edge to the edge: where the magnitude is a maximum along the local gradient.
 ///
-/// There its change along the gradient is zero. Whether that is a maximum is asked of the magnitude itself, a little before and behind:
-/// where the gradient turns on the way, the change may go through zero from below to above at a maximum.
+/// There the derivative along the gradient is zero. The magnitude a little before and behind
+/// decides whether that is a maximum: where the gradient turns on the way, the derivative may rise
+/// through zero at a maximum.
 fn ridge(field: &Field<'_>, place: DVec3) -> Option<DVec3> {
     let normal = field.smooth(place).gradient.try_normalize()?;
     let rise = |at: DVec3| {

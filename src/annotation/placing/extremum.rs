@@ -6,7 +6,7 @@ use super::field::Field;
 use super::lattice::Lattice;
 use super::{Search, SnapError};
 
-/// What stands out by less than this is none, HU.
+/// Smaller contrasts do not count as extremes, HU.
 const LEAST_HU: f64 = 1.0;
 
 /// Of the height of the highest one.
@@ -25,7 +25,7 @@ const MOST_SEEDS: usize = 256;
 pub(super) fn find(field: &Field<'_>, search: &Search, sign: f64) -> Result<Option<DVec3>, SnapError> {
     let Search { at, radius_mm, .. } = *search;
     let Some(lattice) = Lattice::around(field, at, radius_mm)? else { return Ok(None) };
-    // One more voxel around the ball: what lies between voxels may be inside.
+    // One more voxel around the ball, because an extreme between voxels may be inside.
     let reach_mm = radius_mm + field.volume.grid().spacing_mm().into_iter().fold(0.0, f64::max);
     let (mut sum, mut count) = (0.0, 0.0);
     let mut peaks: Vec<(f64, f64, DVec3)> = Vec::new();
@@ -54,7 +54,8 @@ pub(super) fn find(field: &Field<'_>, search: &Search, sign: f64) -> Result<Opti
     Ok(inside.min_by(|a, b| a.distance(at).total_cmp(&b.distance(at))))
 }
 
-/// Newton's steps from a voxel to where the gradient is none, at most a voxel away; the voxel itself where they lead nowhere.
+/// Newton's steps from a voxel to where the gradient vanishes, at most a voxel away; the voxel
+/// itself if they diverge.
 fn settle(field: &Field<'_>, seed: DVec3, sign: f64) -> DVec3 {
     let mut place = seed;
     for _ in 0..20 {

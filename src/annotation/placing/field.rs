@@ -9,7 +9,7 @@ use relief_volume::Volume;
 /// 0.8 the samples of a Gaussian add up to its integral within 1e-5, wherever between voxels it stands.
 const SIGMA_VOXELS: [f64; 2] = [0.8, 3.0];
 
-/// The Gaussian is cut off so many widths from its middle.
+/// The Gaussian is cut off at this many standard deviations.
 const REACH: f64 = 4.0;
 
 /// Most voxels of a neighbourhood: a ball of 20 mm in voxels of 0.25 mm.
@@ -44,7 +44,7 @@ impl Histogram {
     }
 }
 
-/// A volume's voxels to be asked for anywhere.
+/// Values of a volume's voxels, at any index.
 pub(super) struct Field<'a> {
     pub(super) volume: &'a Volume,
     pub(super) voxel_from_patient: DAffine3,

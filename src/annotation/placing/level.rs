@@ -1,4 +1,4 @@
-//! The level between two kinds of matter around a place, by the voxels alone.
+//! The level between two materials around a point, from the voxels.
 
 use super::field::Field;
 use super::{Search, SnapError};
@@ -10,9 +10,9 @@ const LEAST_BETWEEN: f64 = 0.75;
 /// Fewer voxels tell nothing.
 const FEWEST: f64 = 16.0;
 
-/// The level at which a surface between two kinds of matter is: halfway between the means of the two classes into which the voxels of the
-/// ball fall best (Otsu's threshold), HU. `None` where they are of one kind, or hardly any. Voxels are counted by their whole HU, which is
-/// what they have: nothing is rounded, and memory does not grow with the ball.
+/// The level of the surface between two materials: halfway between the means of the two classes
+/// into which Otsu's threshold divides the voxels of the ball, HU. `None` if the voxels are of one
+/// class, or too few. Voxels are counted by integer HU, so memory does not grow with the ball.
 ///
 /// # Errors
 /// When the ball holds too many voxels.

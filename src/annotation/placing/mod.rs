@@ -1,7 +1,7 @@
 //! Where something is set down: a picked or pointed place, moved to the surface, edge or extremum that was meant.
 //!
-//! What it is: [`snap_point`], on the voxels alone, without noise of its own: the same input gives the same place. What it is not: it
-//! reads no device and renders nothing. Space: patient LPS, mm; values in HU.
+//! What it is: [`snap_point`], from the voxels only and deterministic. What it is not: input
+//! devices or rendering. Space: patient LPS, mm; values in HU.
 //!
 //! | to | with a ray | without |
 //! |---|---|---|
@@ -28,7 +28,7 @@ use glam::DVec3;
 use relief_base::{Patient, Point, Vector};
 use relief_volume::Volume;
 
-/// What a place is moved to.
+/// The feature to which a point snaps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SnapFeature {
     /// Where the values cross a level.
@@ -98,11 +98,11 @@ pub struct Snap {
 }
 
 impl Snap {
-    /// Radii that can be asked for, mm.
+    /// Allowed radii, mm.
     pub const RADII_MM: std::ops::RangeInclusive<f64> = 0.1..=20.0;
     /// Levels of a surface, HU.
     pub const LEVELS_HU: std::ops::RangeInclusive<f64> = -32768.0..=32767.0;
-    /// The radius where nobody says one, mm.
+    /// The default radius, mm.
     pub const DEFAULT_RADIUS_MM: f64 = 3.0;
 }
 
@@ -127,15 +127,15 @@ pub enum SnapError {
     OutOfRange {
         /// Its name.
         key: &'static str,
-        /// What it is.
+        /// The value.
         found: String,
-        /// What it may be, with the unit.
+        /// The allowed values, with the unit.
         allowed: String,
     },
     /// Nothing of that kind is near.
     #[error("no {what} within {radius_mm} mm of the point; try a larger radius or another target")]
     NotFound {
-        /// What was looked for.
+        /// The feature.
         what: String,
         /// How far, mm.
         radius_mm: f64,
@@ -147,7 +147,7 @@ pub enum SnapError {
 struct Search {
     /// Around this place, patient mm.
     at: DVec3,
-    /// Along this direction, of unit length, to both sides; anywhere in the ball where there is none.
+    /// Search along this unit direction, both ways; `None` searches the ball.
     ray: Option<DVec3>,
     /// So far, mm.
     radius_mm: f64,
@@ -159,8 +159,8 @@ pub fn value_at(volume: &Volume, at: Point<Patient>) -> Option<f64> {
     Field::new(volume).value(at.xyz)
 }
 
-/// The place near `at` that was meant, sub-voxel. `ray` is the viewing direction, of any length but zero; see the module's table
-/// for what it changes. Both directions of it count.
+/// The feature near `at`, with sub-voxel accuracy. `ray` is the viewing direction, of any positive
+/// length; the module's table explains its effect. Both directions of it count.
 ///
 /// # Errors
 /// When a value is out of range, or nothing of the kind is within the radius, or all of it is outside the volume.

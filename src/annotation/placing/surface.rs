@@ -18,7 +18,7 @@ const HALVINGS: usize = 30;
 /// First places that are followed to the surface.
 const MOST_SEEDS: usize = 24;
 
-/// The nearest cells are picked out of at most so many.
+/// Largest number of cells among which the nearest are selected.
 const MOST_FOUND: usize = 1 << 16;
 
 /// The place on the surface of `hu` that is nearest.

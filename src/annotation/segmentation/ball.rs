@@ -84,8 +84,9 @@ impl Ball {
         self.rows.len()
     }
 
-    /// The voxels whose ball lies in the mask altogether. What is outside of the grid counts as in: nobody knows what goes on
-    /// there, and a structure that a scan cuts off is no thinner for it. `is_wanted` is asked once a slice; `None` when it says no.
+    /// The voxels whose ball lies completely in the mask. Space outside of the grid counts as
+    /// inside, because a structure that the scan cuts off is not thin. `is_wanted` is called once
+    /// per slice; `None` when it returns false.
     pub(super) fn thinned(&self, mask: &Mask, is_wanted: &(dyn Fn() -> bool + Sync)) -> Option<Mask> {
         each_row(mask, is_wanted, |[j, k], out, scratch| {
             let [_, ny, nz] = mask.grid().dims();
@@ -192,7 +193,7 @@ fn shift_up(words: &mut [u64], by: usize) {
     }
 }
 
-/// What word `n` is after a shift up by so many words and bits.
+/// Word `n` after a shift up by so many words and bits.
 fn above(words: &[u64], n: usize, whole: usize, bits: usize) -> u64 {
     let carried = if bits > 0 && n > whole { words[n - whole - 1] >> (64 - bits) } else { 0 };
     words[n - whole] << bits | carried

@@ -1,4 +1,4 @@
-//! What lies within closed curves on several levels.
+//! The region inside closed curves on several levels.
 //!
 //! On a level a place is inside by the even-odd rule, so curves within curves are holes. Between two levels its signed distances
 //! from the curves of both are interpolated by height, and it is inside where that is 0 or more (S. Raya and J. Udupa,
@@ -6,9 +6,10 @@
 //! of the voxels that they run through: curves on every slice of a series, as radiotherapy structures have them, fill these slices
 //! whole, and their volume is the sum of areas times the slice distance.
 //!
-//! Exactness: on a level, voxel centres are told apart exactly. Distances are those from the exact edges, but which edge is
-//! nearest is kept on a raster of half a voxel, so that a distance may be that of the second nearest edge where two are nearly
-//! as near: less than half a voxel too long. Memory: 4 bytes for each place of the rasters, which become coarser beyond 2^27 places.
+//! Accuracy: on a level, voxel centres are classified exactly. Distances are those from the exact
+//! edges, but the nearest edge is found on a raster of half a voxel, so a distance may be that of
+//! the second nearest edge: less than half a voxel too long. Memory: 4 bytes for each raster point;
+//! rasters become coarser beyond 2^27 points.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -319,7 +320,7 @@ mod tests {
         let truth = (polygon(20.0, 90.0) - polygon(8.0, 60.0)) * 12.0 / 1000.0;
         assert!((mask.volume_ml() / truth - 1.0).abs() < 0.003, "{} of {truth} ml", mask.volume_ml());
         assert!(!mask.contains([50, 50, 3]), "the hole");
-        // On levels every voxel centre is told apart exactly.
+        // On levels every voxel centre is classified exactly.
         let inside = |x: f64, y: f64, contour: &Contour| {
             let edges = contour.points.iter().zip(contour.points.iter().cycle().skip(1));
             edges

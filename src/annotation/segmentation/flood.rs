@@ -1,4 +1,4 @@
-//! What is connected to seeds, by faces, within candidates.
+//! Flood fill: the candidates that are connected to seeds by faces.
 //!
 //! Rows of bits are the unit: a row takes in what its four neighbours have, and each new bit spreads through its run of
 //! candidates by the carry of an addition. Slabs of slices are flooded side by side, each until nothing changes in it; then
@@ -25,7 +25,7 @@ impl Shape {
     }
 }
 
-/// What a slab learned.
+/// The result of a round of one slab.
 struct Outcome {
     slab: usize,
     taken: u64,
@@ -33,8 +33,8 @@ struct Outcome {
     ends: [bool; 2],
 }
 
-/// The part of `candidates` that is connected to its part of `seeds`. After every round `goes_on` is told how many voxels there
-/// are; `None` where it says no.
+/// The part of `candidates` that is connected to its part of `seeds`. After every round, `goes_on`
+/// gets the number of voxels; `None` when it returns false.
 pub(super) fn flood(candidates: &Mask, seeds: &Mask, goes_on: &mut dyn FnMut(u64) -> bool) -> Option<Mask> {
     let [_, rows, slices] = candidates.grid().dims();
     let shape = Shape { row_words: candidates.row_words(), rows };
@@ -176,7 +176,8 @@ impl<'a> Slab<'a> {
         ]
     }
 
-    /// Spreads what is in `scratch` through the row's candidates; where that brings anything, its neighbours wait.
+    /// Spreads the bits of `scratch` through the row's candidates; if that adds any, its neighbours
+    /// are queued.
     fn take(&mut self, row: usize) {
         let words = self.shape.row_words;
         let range = row * words..(row + 1) * words;
@@ -204,8 +205,8 @@ impl<'a> Slab<'a> {
 
 /// Bits of `found` grow to the whole runs of candidates that they are in.
 ///
-/// Adding a bit to a run of ones clears the run from there up and carries into the 0 above it; what an addition cleared is what
-/// the bit reaches. Downwards the same, mirrored.
+/// Adding a bit to a run of ones clears the run from there up and carries into the 0 above it; the
+/// cleared bits are those that it reaches. Downwards the same, mirrored.
 fn spread(found: &mut [u64], candidates: &[u64]) {
     let mut carry = false;
     for (found, &run) in found.iter_mut().zip(candidates) {

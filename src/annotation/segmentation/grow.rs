@@ -1,4 +1,4 @@
-//! Region growing from seeds: what is connected to them and has values in a range, within limits against leaks.
+//! Region growing: the voxels connected to seeds with values in a range, with limits against leaks.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ use super::flood::flood;
 use relief_base::{Patient, Point};
 use relief_volume::{Mask, Volume};
 
-/// What is to grow, and how far at most.
+/// Seeds, range and limits of growing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grow {
     /// Where it begins: in one voxel each, the nearest.
@@ -25,8 +25,9 @@ pub struct GrowLimits {
     pub max_ml: Option<f64>,
     /// Voxels whose centres are farther from the nearest seed are left out, mm.
     pub max_radius_mm: Option<f64>,
-    /// Bridges thinner than this are not passed, mm: the region is what a ball of this diameter reaches as it rolls from the
-    /// seeds through what is connected to them (an opening; corners that the ball does not reach are left out too).
+    /// Smallest width of bridges, mm: the region is what a ball of this diameter reaches as it
+    /// rolls from the seeds through the connected voxels (an opening, which also removes corners
+    /// that the ball does not reach).
     pub neck_mm: Option<f64>,
 }
 
@@ -55,7 +56,7 @@ pub enum GrowthEnd {
     AtNeck,
 }
 
-/// What is being done, for those who wait.
+/// The current step, for progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GrowProgress {
     /// What.
@@ -99,7 +100,7 @@ pub enum GrowError {
         key: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// The allowed values.
         allowed: String,
     },
     /// A seed outside of the volume.
@@ -134,13 +135,13 @@ pub enum GrowError {
         /// The limit, mm.
         neck_mm: f64,
     },
-    /// Nobody waits any more.
+    /// The caller cancelled.
     #[error("stopped before the region was complete")]
     Cancelled,
 }
 
 impl GrowLimits {
-    /// Widest neck: what a ball of it costs grows with its square.
+    /// Largest neck limit: the cost of its ball grows with its square.
     pub const WIDEST_NECK_MM: f64 = 50.0;
     /// Most rows of voxels across that ball, which is what thinning costs for each row of the volume.
     const MOST_ROWS: usize = 20_000;
@@ -204,7 +205,7 @@ impl Grow {
     }
 }
 
-/// Grows a region. `watch` is told of progress and stops it.
+/// Grows a region. `watch` receives progress and can cancel.
 ///
 /// # Errors
 /// See [`GrowError`]: arguments out of range, seeds outside or on other values, a leak, or a stop.
@@ -260,7 +261,8 @@ fn run(candidates: &Mask, seeds: &Mask, max_ml: Option<f64>, watch: &GrowWatch) 
     found.ok_or(failed)
 }
 
-/// What a ball of diameter `neck_mm` reaches in the region from the seeds on, and whether that is all it reaches anywhere.
+/// The part of the region that a ball of diameter `neck_mm` reaches from the seeds, and whether it
+/// reaches everything.
 fn open(connected: &Mask, seeds: &Mask, neck_mm: f64, watch: &GrowWatch) -> Result<(Mask, bool), GrowError> {
     let ball = Ball::new(connected.grid(), neck_mm / 2.0);
     if ball.rows() > GrowLimits::MOST_ROWS {

@@ -33,10 +33,10 @@ pub(super) struct Arguments {
     out: PathBuf,
     #[command(flatten)]
     series: series::SeriesArguments,
-    /// Items of these sets alone
+    /// Only items of these sets
     #[arg(long = "set", value_name = "NAME", value_delimiter = ',')]
     sets: Vec<String>,
-    /// Items of this list alone
+    /// Only items of this list
     #[arg(long, value_name = "NAME")]
     list: Option<String>,
     /// Print one JSON object

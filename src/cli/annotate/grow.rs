@@ -35,7 +35,7 @@ pub(super) struct Arguments {
     /// Refuse a region larger than this, ml
     #[arg(long, value_name = "ML")]
     max_ml: Option<f64>,
-    /// Leave out what is farther from the nearest seed, mm
+    /// Largest distance from the nearest seed, mm
     #[arg(long, value_name = "MM")]
     max_radius_mm: Option<f64>,
     /// Do not pass bridges thinner than this, mm

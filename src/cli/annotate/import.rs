@@ -50,7 +50,7 @@ pub(super) struct Arguments {
     /// Change the items that a file was made of, where they differ
     #[arg(long)]
     update: bool,
-    /// Make new items of those that are there already, too
+    /// Import items again that exist already, under new ids
     #[arg(long, conflicts_with = "update")]
     duplicate: bool,
     /// Read and tell, and change nothing
@@ -139,7 +139,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     report.show(arguments.json)
 }
 
-/// The log if it is there: nothing is made to look into it.
+/// The log, if it exists: reading it must not create one.
 fn existing(log: &LogArguments) -> anyhow::Result<Option<Log>> {
     if log.is_there() { log.open_existing().map(Some) } else { Ok(None) }
 }

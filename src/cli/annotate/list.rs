@@ -19,7 +19,7 @@ Examples:
   relief annotate --db ann.db list --set anna,ben
   relief annotate --db ann.db list --json | jq '.items[].item.name'")]
 pub(super) struct Arguments {
-    /// Items of these sets alone
+    /// Only items of these sets
     #[arg(long = "set", value_name = "NAME", value_delimiter = ',')]
     sets: Vec<String>,
     /// Print one JSON object: the log's last event, and each item with its version and measures

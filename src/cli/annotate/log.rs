@@ -21,16 +21,16 @@ Examples:
   relief annotate --db ann.db log --by anna --after 100 --limit 20
   relief annotate --db ann.db log --item 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10 --json")]
 pub(super) struct Arguments {
-    /// Events after this one alone
+    /// Only events after this number
     #[arg(long, value_name = "SEQ", default_value_t = 0)]
     after: u64,
-    /// The first so many of them
+    /// Only the first N events
     #[arg(long, value_name = "N")]
     limit: Option<u64>,
-    /// Events by this author alone
+    /// Only events by this author
     #[arg(long, value_name = "NAME")]
     by: Option<String>,
-    /// Events of this item alone
+    /// Only events of this item
     #[arg(long, value_name = "ID")]
     item: Option<ItemId>,
     /// Print one JSON object with all of each event
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
 }
 
 fn print(events: &[Event]) {
-    // An item that went is called what it was called last.
+    // A deleted item has its last name.
     let mut names = HashMap::new();
     let line = |event: &Event| {
         if let Some(item) = &event.item {
@@ -76,7 +76,7 @@ fn print(events: &[Event]) {
     table::print(["seq", "edit", "time", "author", "what", "name", "version", "id", "reason"], &lines);
 }
 
-/// What an event did, in words.
+/// A description of an event.
 pub(super) fn what(event: &Event) -> String {
     let did = match (&event.item, event.version) {
         (None, _) => "removed",

@@ -27,10 +27,10 @@ pub(super) struct Arguments {
     /// The region, by id or name
     #[arg(value_name = "ITEM")]
     item: String,
-    /// Smooth it, so many rounds
+    /// Smooth the surface, N rounds
     #[arg(long, value_name = "ROUNDS", num_args = 0..=1, default_missing_value = "10", value_parser = clap::value_parser!(u32).range(1..=200))]
     smooth: Option<u32>,
-    /// Make at most about so many triangles of it
+    /// Reduce the mesh to about N triangles
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
     triangles: Option<u32>,
     /// Write a file: .stl, .ply, .obj or .glb
@@ -39,7 +39,7 @@ pub(super) struct Arguments {
     /// Write the file, and make no item
     #[arg(long, requires = "out")]
     only_file: bool,
-    /// What the mesh is called [default: the region's name]
+    /// Name of the mesh [default: the region's name]
     #[arg(long, value_name = "TEXT")]
     name: Option<String>,
     #[command(flatten)]

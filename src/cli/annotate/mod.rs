@@ -1,7 +1,7 @@
 //! `relief annotate`: the log of annotations, from a shell.
 //!
-//! Each subcommand has a file with its arguments and a `run`. What they share is here: which log ([`LogArguments`]), who changes
-//! it and why ([`ByArguments`]), and tables.
+//! Each subcommand has a file with its arguments and a `run`. This module has the shared options:
+//! the log ([`LogArguments`]), author and reason ([`ByArguments`]), and tables.
 
 mod accuracy;
 mod check;
@@ -133,12 +133,12 @@ pub(super) struct Log {
 }
 
 impl LogArguments {
-    /// For commands that add to a log: makes it where there is none.
+    /// Opens the log; creates it if it does not exist.
     pub(super) fn open(&self) -> anyhow::Result<Log> {
         self.open_by(&async |place| Store::open(place).await)
     }
 
-    /// For commands that are about what is there.
+    /// Opens an existing log.
     pub(super) fn open_existing(&self) -> anyhow::Result<Log> {
         let place = self.place();
         if !self.is_there() {

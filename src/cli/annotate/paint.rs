@@ -16,7 +16,7 @@ use relief_base::{Patient, Point};
 use relief_store::Filter;
 use relief_volume::Mask;
 
-/// Paint a region with balls: a new one, or into and out of one that is there
+/// Paint a region with balls: a new region, or an existing one to add to or erase from
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A voxel is painted where at least half of it lies in the ball; a ball smaller than a voxel paints the one that it lies in. Where

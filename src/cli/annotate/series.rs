@@ -21,7 +21,7 @@ pub(super) struct SeriesArguments {
 
 /// What annotations need of a series.
 pub(super) struct Series {
-    /// What its mm are told from.
+    /// The frame of reference of its positions.
     pub(super) frame: FrameOfReference,
     /// Its voxels.
     pub(super) grid: Grid,
@@ -50,7 +50,7 @@ impl SeriesArguments {
 impl Series {
     fn of(loaded: &Loaded, reference: Option<SeriesReference>) -> Self {
         let uid = loaded.identity.frame_of_reference().map(str::to_owned);
-        // Without a UID: what the volume is itself told by.
+        // Without a UID: derived from the content of the volume.
         let frame = uid.unwrap_or_else(|| format!("volume:{}", loaded.volume.content_hash().short()));
         Self { frame: FrameOfReference(frame), grid: loaded.volume.grid().clone(), reference }
     }

@@ -45,7 +45,7 @@ struct PutArguments {
     /// 1 to 64 letters, digits and - _ .
     #[arg(value_name = "NAME")]
     name: String,
-    /// Whose it is; anybody's otherwise
+    /// Reader of the set [default: any]
     #[arg(long, value_name = "NAME")]
     reader: Option<String>,
     /// Only its reader sees it, and its reader only it

@@ -1,4 +1,5 @@
-//! What grow, paint, fill and mesh share: the volume, items by id or name, and the edit that keeps what was made.
+//! Shared by grow, paint, fill and mesh: the volume, items by id or name, and the edit that stores
+//! the result.
 
 use anyhow::{Context, bail};
 use serde_json::json;
@@ -14,10 +15,10 @@ use relief_exchange::StoredContent;
 use relief_store::Filter;
 use relief_volume::{Mask, Volume};
 
-/// What a new item is called, and where it goes.
+/// Name and set of a new item.
 #[derive(Debug, clap::Args)]
 pub(super) struct NewArguments {
-    /// What the new item is called
+    /// Name of the new item
     #[arg(long, value_name = "TEXT")]
     pub(super) name: String,
     /// The set that it goes into
@@ -27,7 +28,7 @@ pub(super) struct NewArguments {
     pub(super) by: ByArguments,
 }
 
-/// A volume, and what its mm are told from.
+/// A volume and its frame of reference.
 pub(super) struct Scan {
     pub(super) volume: Volume,
     pub(super) frame: FrameOfReference,
@@ -37,7 +38,7 @@ impl Scan {
     pub(super) fn load(series: &SeriesArguments) -> anyhow::Result<Self> {
         let loaded = source::load(&series.series, &series.options)?;
         let uid = loaded.identity.frame_of_reference().map(str::to_owned);
-        // Without a UID: what the volume is itself told by.
+        // Without a UID: derived from the content of the volume.
         let frame = uid.unwrap_or_else(|| format!("volume:{}", loaded.volume.content_hash().short()));
         Ok(Self { volume: loaded.volume, frame: FrameOfReference(frame) })
     }
@@ -117,7 +118,7 @@ pub(super) fn computed() -> Placement {
     Placement { method: Method::Computed, device: None, camera: None, snapped_mm: None }
 }
 
-/// What was made, for people or programs.
+/// The result, as text or JSON.
 pub(super) fn report(item: &Item, extra: &serde_json::Value, is_json: bool) -> anyhow::Result<()> {
     let measures = item.geometry.as_ref().map_or_else(Vec::new, relief_annotation::measures);
     if is_json {

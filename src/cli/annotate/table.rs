@@ -1,4 +1,4 @@
-//! Tables for people: columns as wide as what is in them.
+//! Text tables with columns as wide as their content.
 
 use super::super::output::say;
 use relief_annotation::{Geometry, Item, State, measures};
@@ -34,7 +34,7 @@ fn shortened(cell: &str) -> String {
     plain.chars().take(WIDEST - 3).chain("...".chars()).collect()
 }
 
-/// What an item is: `point`, `line`, ..., or why it has no place.
+/// The kind of an item (`point`, `line`, ...), or its state if it has no geometry.
 pub(super) fn kind(item: &Item) -> &'static str {
     match (&item.geometry, item.state) {
         (Some(Geometry::Curve { closed: true, .. }), _) => "closed curve",
@@ -44,7 +44,7 @@ pub(super) fn kind(item: &Item) -> &'static str {
     }
 }
 
-/// What an item measures, or where a point or plane is, in patient LPS mm.
+/// The measure of an item, or the position of a point or plane in patient LPS mm.
 pub(super) fn extent(item: &Item) -> String {
     let Some(geometry) = &item.geometry else { return String::new() };
     if let Some(measure) = measures(geometry).first() {

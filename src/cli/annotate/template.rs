@@ -1,4 +1,4 @@
-//! `relief annotate template`: what is expected of a patient, and how far sets are with it.
+//! `relief annotate template`: the items expected of a patient, and the progress of sets.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -70,7 +70,7 @@ struct ShowArguments {
     name: String,
 }
 
-/// Add what is expected and not there to a set, without a place
+/// Add the missing items of a template to a set, without positions
 #[derive(Debug, clap::Args)]
 struct ApplyArguments {
     /// Which
@@ -88,7 +88,7 @@ struct ApplyArguments {
     json: bool,
 }
 
-/// Count what is defined, missing and skipped of a template
+/// Count defined, missing and skipped items of a template
 #[derive(Debug, clap::Args)]
 struct StatusArguments {
     /// Which

@@ -90,7 +90,7 @@ fn print(events: &[Event]) {
     table::print(["seq", "what", "name", "id"], &events.iter().map(line).collect::<Vec<_>>());
 }
 
-/// Shows what was done before it failed, and of a conflict both versions. Then fails.
+/// Prints the steps before the failure and, for a conflict, both versions. Then fails.
 fn refuse(error: &StoreError, events: &[Event], json: bool) -> anyhow::Result<ExitCode> {
     if json {
         let mut shown = json!({ "events": events, "error": error.to_string() });

@@ -1,4 +1,4 @@
-//! Edits: made in the store one after another, added to the snapshot, and told to whoever listens.
+//! Edits: stored one after another, added to the snapshot, and published to listeners.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -14,12 +14,12 @@ use relief_annotation::{Change, Edit, Event, FrameOfReference, Item, ItemId, Set
 use relief_session::VolumeEntry;
 use relief_store::{LogFilter, StoreError};
 
-/// Items whose home is asked for one by one; of more the whole log is read once.
+/// Up to this many items, the home of each is looked up; beyond, the whole log is read once.
 const FEW: usize = 32;
 /// Events that are read at a time.
 pub(super) const PAGE: u64 = 5000;
 
-/// Events of an edit, as they are told.
+/// The published events of an edit.
 pub(crate) struct Published {
     /// The log's last event.
     pub(crate) seq: u64,
@@ -41,7 +41,7 @@ impl Home {
     }
 }
 
-/// What is to be done again or taken back.
+/// Direction of a step through an author's edits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
     Undo,
@@ -112,7 +112,7 @@ impl Annotations {
         let turn = self.turn().await?;
         let sets = self.sets().await?;
         let visible = Visible::new(&sets, Some(author));
-        // Asked while nobody else writes: what was the newest edit a moment ago may be older by now.
+        // Checked inside the transaction: another edit may have become the newest meanwhile.
         let may = |item: &Item| {
             if item.frame_of_reference.as_ref() == Some(&frame) {
                 visible.expect_writable(&item.set)
@@ -179,7 +179,7 @@ impl Annotations {
     }
 }
 
-/// Why a step is refused that would change what is not asked about.
+/// Why an undo that would change another volume or a foreign set is refused.
 fn of_another_volume(step: Step) -> Problem {
     let (kind, what) = match step {
         Step::Undo => ("nothing-to-undo", "your newest change is of another volume; take it back there"),
@@ -190,7 +190,8 @@ fn of_another_volume(step: Step) -> Problem {
     Problem::new(StatusCode::CONFLICT, kind, what)
 }
 
-/// A change with what the server knows better: author, time and frame of reference; checked to be the author's to make.
+/// Sets the author, time and frame of reference of a change, and checks that the author may make
+/// it.
 fn complete(
     change: Change,
     (snapshot, visible): (&Snapshot, &Visible<'_>),

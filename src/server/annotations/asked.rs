@@ -1,4 +1,5 @@
-//! What all requests about annotations begin with, who asks what of which volume, and how all edits end.
+//! Extractors of requests about annotations (volume, author, JSON body), and the edit that ends
+//! them.
 
 use std::sync::Arc;
 
@@ -20,7 +21,8 @@ use crate::state::{AppState, Config, Pictures, Uploads};
 use relief_annotation::{Change, Event};
 use relief_session::VolumeEntry;
 
-/// Who asks what of which volume: the path's `id`, and the header `Relief-Author`.
+/// The volume of the path's `id`, the author of the header `Relief-Author`, and the parts of the
+/// server that handlers need.
 pub(super) struct Asked {
     pub(super) pictures: Pictures,
     pub(super) uploads: Uploads,
@@ -84,7 +86,7 @@ impl Asked {
     }
 }
 
-/// A body that is one JSON object, of at most so many bytes.
+/// A body that is one JSON object of at most `MOST_BYTES` bytes.
 pub(super) struct Sent<const MOST_BYTES: usize>(pub(super) Value);
 
 impl<const MOST_BYTES: usize> FromRequest<AppState> for Sent<MOST_BYTES> {

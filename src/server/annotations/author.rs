@@ -1,4 +1,5 @@
-//! Who asks: the header `Relief-Author`, UTF-8 in percent-encoding (RFC 3986), since names have letters that headers have not.
+//! The author of a request: the header `Relief-Author`, percent-encoded UTF-8 (RFC 3986), because
+//! headers are ASCII.
 
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 

@@ -12,7 +12,7 @@ use relief_annotation::{Item, Shown};
 use relief_render::Scene;
 use relief_session::{DrawableSource, Drawables, DrawablesWanted, Drawn, VolumeEntry};
 
-/// Adds what a scene wants of the annotations to its overlays; `None` where it wants nothing.
+/// Adds the annotations that a scene requests to its overlays; `None` if it requests none.
 ///
 /// # Errors
 /// 404 where this server keeps none, and whatever the store says.
@@ -32,7 +32,7 @@ pub(crate) async fn draw(
 }
 
 impl Annotations {
-    /// What is drawn of a volume's items for this author.
+    /// The drawables of a volume's items for this author.
     pub(crate) async fn drawables_of(
         &self,
         entry: &VolumeEntry,

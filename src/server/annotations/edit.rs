@@ -60,7 +60,8 @@ async fn take(asked: Asked, headers: HeaderMap, body: Body, step: Step) -> Resul
     Ok(Json(json!({ "events": events_json(&events) })))
 }
 
-/// What may be left out of an item: who makes it, when, and its id. What the server knows better is set when the edit is made.
+/// The keys that a new item may omit: author, time and id. The server overrides some of them when
+/// it stores the edit.
 pub(super) fn fill(item: &mut Value, author: &str) -> Result<(), Problem> {
     let Some(item) = item.as_object_mut() else { return Ok(()) };
     item.insert("author".to_owned(), author.into());

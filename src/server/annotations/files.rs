@@ -1,7 +1,8 @@
 //! Annotations as files of other tools, both ways, and the contents of regions and meshes.
 //!
-//! Files are read and written on blocking threads, those that come one at a time with the other uploads. Nothing that goes out has a
-//! name or id of a patient, but for what a format is about: DICOM objects name the series that they belong to.
+//! Files are read and written on blocking threads; imports share the queue of uploads. No output
+//! contains a name or id of a patient, except for DICOM objects, which name the series that they
+//! belong to.
 
 use std::collections::HashMap;
 use std::path::Path as FilePath;
@@ -57,7 +58,7 @@ struct ImportQuery {
     list: Option<String>,
     reason: String,
     author: Option<String>,
-    /// What becomes of items that are there already; they stay as they are where neither is said.
+    /// Treatment of items that exist already; without either option they stay unchanged.
     update: bool,
     duplicate: bool,
 }
@@ -115,7 +116,7 @@ pub(super) async fn import(
         return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail)
             .with("warnings", warnings));
     }
-    // What the author cannot see is not there.
+    // Items that the author cannot see count as missing.
     let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
     let visible = Visible::new(&snapshot.sets, Some(&author));
     let known = snapshot.items.iter().filter(|known| visible.sees(&known.item.set));
@@ -182,7 +183,7 @@ pub(super) async fn export(asked: Asked, uri: Uri) -> Result<Response, Problem> 
     Ok((headers, written.bytes).into_response())
 }
 
-/// The items that whoever asks may see, with their frame of reference, which files may name.
+/// The items that the author may see, with their frame of reference, which files may name.
 async fn visible_items(asked: &Asked, shown: &Shown) -> Result<Vec<Item>, Problem> {
     let sets = asked.annotations.sets().await?;
     let visible = Visible::new(&sets, asked.author.as_deref());

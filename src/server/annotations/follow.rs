@@ -1,8 +1,9 @@
-//! What other servers and programs change in the same log, told here as what is changed here.
+//! Publishes changes that other servers and programs make in the same log.
 //!
-//! What it is: [`Server::follow_annotations`], a task that hears of changes and reads them, and the one place where events are told: in
-//! the order of the log, each once, whoever made them. What it is not: the hearing itself (see `store`). A word that is missed is made
-//! up for by the next one, since events are always read from the last one on that was told.
+//! What it is: [`Server::follow_annotations`], a task that waits for notifications and reads the
+//! log, and the only place where events are published: in the order of the log, each once, whoever
+//! made them. What it is not: the notifications themselves (see `relief_store`). A lost
+//! notification does no harm, because events are always read from the last published one on.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -22,7 +23,8 @@ use relief_store::{Changed, LogFilter};
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// The right to tell: the last event of the log that was told; `None` before the log was looked at.
+/// The right to publish, with the number of the last published event; `None` before the log was
+/// read.
 pub(super) type Turn<'a> = MutexGuard<'a, Option<u64>>;
 
 impl Server {
@@ -30,7 +32,7 @@ impl Server {
     /// task is aborted. Where there is no log, there is nothing to do.
     pub async fn follow_annotations(self: &Arc<Self>) -> JoinHandle<()> {
         if let Some(annotations) = &self.annotations {
-            // Where the log cannot be read just now, it is told from when it can.
+            // If the log cannot be read now, publishing starts when it can be.
             drop(annotations.turn().await);
         }
         let server = Arc::clone(self);
@@ -42,7 +44,8 @@ impl Server {
     }
 }
 
-/// Views look again whoever was the first to see that something changed: of sets that may be a request for a list.
+/// Wakes the views after every change. A request for a list may be the first to notice a change of
+/// sets.
 async fn look_again(server: &Server, annotations: &Annotations) {
     let mut changes = annotations.changes.subscribe();
     while changes.changed().await.is_ok() {
@@ -61,7 +64,7 @@ async fn follow(annotations: &Annotations) {
         let told = match heard {
             Ok(changed) => {
                 let told = annotations.catch_up(changed).await;
-                // What was heard is not said again.
+                // Reported once until the log can be read again.
                 told.inspect_err(|_| annotations.behind.notify_one())
             }
             Err(problem) => Err(problem),
@@ -86,7 +89,7 @@ impl Annotations {
     pub(super) async fn turn(&self) -> Result<Turn<'_>, Problem> {
         let mut turn = self.turn.lock().await;
         if turn.is_none() {
-            // Whoever listens from now on asks for the whole first.
+            // New listeners read the whole state first.
             let seq = self.store.seq().await?;
             *turn = Some(seq);
             self.newest.store(seq, Ordering::Relaxed);
@@ -94,7 +97,8 @@ impl Annotations {
         Ok(turn)
     }
 
-    /// Tells what others have added since the last event that was told, and looks at the sets where they may be others.
+    /// Publishes events of other writers since the last published one, and reads the sets if they
+    /// may have changed.
     async fn catch_up(&self, changed: Changed) -> Result<(), Problem> {
         let mut turn = self.turn().await?;
         if changed == Changed::Anything {
@@ -104,7 +108,7 @@ impl Annotations {
         self.tell_until(&mut turn, u64::MAX).await
     }
 
-    /// Tells what is in the log after the last event that was told and before this one.
+    /// Publishes the events between the last published one and this one.
     pub(super) async fn tell_until(&self, turn: &mut Turn<'_>, before: u64) -> Result<(), Problem> {
         loop {
             let events = self.whole_edits(turn.unwrap_or(0), before).await?;
@@ -115,7 +119,7 @@ impl Annotations {
             let sets = self.sets().await?;
             let found = events.into_iter().zip(homes).collect::<Vec<_>>();
             self.follow(&found);
-            // Those of one edit are told together.
+            // The events of one edit are published together.
             for edit in found.chunk_by(|(a, _), (b, _)| a.edit == b.edit) {
                 self.tell(turn, edit.to_vec(), Arc::clone(&sets));
             }
@@ -148,9 +152,9 @@ impl Annotations {
         }
     }
 
-    /// Tells events that follow the last one that was told.
+    /// Publishes events that follow the last published one.
     pub(super) fn tell(&self, turn: &mut Turn<'_>, events: Vec<(Event, Home)>, sets: Arc<[Set]>) {
-        // A set is there as soon as an item names it.
+        // A set exists as soon as an item names it.
         if events.iter().any(|(_, home)| !sets.iter().any(|set| set.name == home.set)) {
             self.read_sets_anew();
         }

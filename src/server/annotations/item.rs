@@ -116,7 +116,7 @@ async fn find(asked: &Asked, author: Option<&str>, id: &str) -> Result<Arc<Versi
 
 /// What `If-Match` says (RFC 9110, 13.1.1).
 enum Condition {
-    /// Whatever is there.
+    /// `If-Match: *` matches any version.
     Any,
     /// This version.
     Version(u64),

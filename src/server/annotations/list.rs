@@ -1,4 +1,4 @@
-//! `GET /v1/volumes/{id}/annotations`: what there is, as whoever asks may see it.
+//! `GET /v1/volumes/{id}/annotations`: the items that the author may see.
 
 use std::collections::BTreeMap;
 
@@ -33,7 +33,7 @@ struct Complete {
     defined: usize,
     missing: usize,
     skipped: usize,
-    /// The template of the set, and what it wants next.
+    /// The template of the set, and the item that it expects next.
     #[serde(skip_serializing_if = "Option::is_none")]
     template: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -90,7 +90,7 @@ pub(super) async fn list(asked: Asked, uri: Uri, headers: HeaderMap) -> Result<R
     }
     for set in &sets {
         let Some(name) = &set.template else { continue };
-        // A template that nobody put expects nothing.
+        // An unknown template expects nothing.
         let Ok(template) = asked.annotations.template(name).await else { continue };
         let of_set = items.iter().map(|listed| listed.item).filter(|item| item.set == set.name);
         complete.insert(&set.name, Complete::of(template.completeness(of_set)));
@@ -109,7 +109,7 @@ pub(super) fn chosen(names: &str) -> Result<Shown, Problem> {
     })
 }
 
-/// A strong tag of what a text says.
+/// A strong entity tag of a text.
 fn tag(text: &str) -> String {
     let hash = Sha256::digest(text);
     let digits: String = hash[..12].iter().map(|byte| format!("{byte:02x}")).collect();

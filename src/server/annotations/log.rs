@@ -1,4 +1,5 @@
-//! `GET /v1/volumes/{id}/annotations/log`: every change of the volume's items that whoever asks may see, the oldest first.
+//! `GET /v1/volumes/{id}/annotations/log`: every change of the volume's items that the author may
+//! see, oldest first.
 
 use axum::Json;
 use axum::http::{StatusCode, Uri};

@@ -1,12 +1,13 @@
 //! Annotations over HTTP: items of a volume, their log, sets, templates and files.
 //!
-//! What it is: [`Annotations`], the store of a server with the newest state of each volume beside it, and the routes under
-//! `/v1/volumes/{id}/annotations`. What it is not: it keeps nothing itself (see `store`), knows no file formats (see `exchange`) and
-//! draws nothing (see `session`).
+//! What it is: [`Annotations`], the store of a server with a snapshot of each volume, and the
+//! routes under `/v1/volumes/{id}/annotations`. What it is not: storage (see `relief_store`), file
+//! formats (see `relief_exchange`) or drawing (see `relief_session`).
 //!
-//! An author is a name that a request gives: there is no authentication here, and a blinded set is a promise among readers who play
-//! by the rules, not a lock. A frame of reference is a UID, which leads to a patient: no answer, log line or error has one. What is
-//! asked of a volume concerns the items of its frame of reference alone. Patient mm.
+//! An author is a name that a request states: there is no authentication, and a blinded set relies
+//! on readers who use their own names. A frame of reference is a UID, which leads to a patient: no
+//! answer, log line or error contains it. A request about a volume affects only items of its frame
+//! of reference. Patient mm.
 
 mod apply;
 mod asked;
@@ -51,7 +52,7 @@ pub(super) use outward::outward_event;
 pub(super) use snapshot::Snapshot;
 pub(super) use visible::Visible;
 
-/// Edits that a slow listener may be behind; then it is told to ask for the whole.
+/// Most events that a slow listener may lag behind; beyond, it has to read the whole state.
 const BEHIND: usize = 256;
 
 /// The annotations of a server.
@@ -59,16 +60,17 @@ pub(crate) struct Annotations {
     store: Store,
     snapshots: Mutex<Snapshots>,
     shapes: ShapeCache,
-    /// The place of whoever makes a surface.
+    /// Held while a surface is computed.
     making: tokio::sync::Mutex<()>,
-    /// The place of whoever makes a structure.
+    /// Permit to compute a structure.
     structures: Arc<Semaphore>,
-    /// Edits are made and told one after another: what is told is in the order of the log. See `follow`.
+    /// Edits are stored and published one after another, so events are published in the order of
+    /// the log. See `follow`.
     turn: tokio::sync::Mutex<Option<u64>>,
-    /// There are events in the log that could not be told yet.
+    /// Notified when the log has events that could not be published yet.
     behind: Notify,
     told: broadcast::Sender<Arc<Published>>,
-    /// The last event that was told.
+    /// Number of the last published event.
     newest: AtomicU64,
     /// Counts whatever changes pictures, sets included.
     changes: watch::Sender<u64>,
@@ -90,12 +92,12 @@ impl Annotations {
         }
     }
 
-    /// What is made from now on.
+    /// Receives the events that are published from now on.
     pub(super) fn listen(&self) -> broadcast::Receiver<Arc<Published>> {
         self.told.subscribe()
     }
 
-    /// The last event that was told.
+    /// Number of the last published event.
     pub(super) fn newest(&self) -> u64 {
         self.newest.load(Ordering::Relaxed)
     }

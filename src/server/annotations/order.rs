@@ -1,4 +1,5 @@
-//! What making a structure takes whatever it is: who asks for it, the turn to work, and the edit that keeps it.
+//! The frame of requests that compute a structure: credit, permit, and the edit that stores the
+//! result.
 //!
 //! The work is done on blocking threads, one structure at a time, as it takes all cores. It ends within a moment, or after the step it
 //! is at, when the client leaves or the deadline comes: the request's future is dropped then.
@@ -30,7 +31,7 @@ const REGION: &str = "application/x-seg-nrrd";
 /// The label of a region in its content.
 const LABEL: u16 = 1;
 
-/// What a body may say besides what is to be made.
+/// The keys of a body that do not describe the structure.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 struct Credit {
@@ -57,7 +58,7 @@ impl Order {
     /// The order of a body, and what else is in it.
     ///
     /// # Errors
-    /// When a part of the body is malformed or unknown, or the names are none.
+    /// When a key of the body is malformed or unknown, or a name is invalid.
     pub(super) fn read<T: DeserializeOwned>(
         asked: Asked,
         Sent(mut body): Sent<MOST_BYTES>,
@@ -113,7 +114,8 @@ impl Order {
         ids.iter().map(known).collect()
     }
 
-    /// Does the work that takes all cores, in its turn. It is told when nobody waits for it any more.
+    /// Runs a job that uses all cores when its turn has come. The job learns when the client
+    /// leaves.
     pub(super) async fn work<T: Send + 'static>(
         &self,
         what: &'static str,

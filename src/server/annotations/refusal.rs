@@ -1,4 +1,4 @@
-//! What the store refuses, as problem documents.
+//! Errors of the store as problem documents.
 
 use axum::http::StatusCode;
 use serde_json::{Value, json};
@@ -33,7 +33,7 @@ impl From<StoreError> for Problem {
             StoreError::ReadOnly => refuse(StatusCode::FORBIDDEN, "read-only"),
             StoreError::Busy => Self::unavailable("busy", said),
             StoreError::Full => refuse(StatusCode::INSUFFICIENT_STORAGE, "log-full"),
-            // These name files and databases: for the log of the server alone.
+            // These messages name files and databases: they are logged, not sent.
             StoreError::Schema { .. }
             | StoreError::Place(_)
             | StoreError::Foreign(_)
@@ -52,7 +52,7 @@ pub(super) fn invalid(error: &ItemError) -> Problem {
         .with("allowed", error.allowed.as_str())
 }
 
-/// There is none, or whoever asks may not see it: nobody learns which.
+/// The item does not exist, or the author may not see it: the answer is the same.
 pub(super) fn no_such_item(id: &impl std::fmt::Display) -> Problem {
     let detail = format!("no item has the id {id} in this volume");
     Problem::new(StatusCode::NOT_FOUND, "no-such-item", detail).with("id", json!(id.to_string()))

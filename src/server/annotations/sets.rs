@@ -31,7 +31,7 @@ pub(super) async fn show(
     Set::check_name(&name).map_err(|error| invalid(&error))?;
     let sets = asked.annotations.sets().await?;
     let known = sets.iter().find(|set| set.name == name).cloned();
-    // A set without a row is there as soon as an item names it.
+    // A set without a record exists as soon as an item names it.
     Ok(Json(json!(known.unwrap_or(Set { name, reader: None, blinded: false, template: None }))))
 }
 

@@ -11,10 +11,10 @@ use relief_session::{Shape, shape_of_content};
 /// Surfaces that are kept: some hundred MB at most.
 const MOST: usize = 128;
 
-/// What a surface is made of: a content, and the label in it (0 for a mesh).
+/// The key of a surface: a content, and the label in it (0 for a mesh).
 type Key = (ContentId, u16);
 
-/// The surfaces that were asked for; one without a surface is known to have none.
+/// The computed surfaces; `None` for contents without one.
 #[derive(Default)]
 pub(super) struct Shapes {
     known: HashMap<Key, Option<Arc<Shape>>>,
@@ -39,7 +39,8 @@ fn key(geometry: &Geometry) -> Option<Key> {
 pub(super) struct ShapeCache(Mutex<Shapes>);
 
 impl Annotations {
-    /// The surfaces of these items. A content that cannot be read has none: what is wrong with it is logged, and the rest is drawn.
+    /// The surfaces of these items. A content that cannot be read has none: the error is logged,
+    /// and the other items are drawn.
     pub(super) async fn shapes(&self, items: &[&Item]) -> Result<Shapes, Problem> {
         let mut found = Shapes::default();
         for item in items.iter().filter(|item| item.visible) {
@@ -78,7 +79,7 @@ impl Annotations {
     }
 
     fn shape_cache(&self) -> std::sync::MutexGuard<'_, Shapes> {
-        // What is locked here is whole between statements, so a panic elsewhere leaves it usable.
+        // The value is whole between statements, so a panic elsewhere leaves it usable.
         self.shapes.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -12,7 +12,7 @@ use crate::problem::Problem;
 use relief_annotation::{Event, FrameOfReference, Item, ItemId, Set, Versioned};
 use relief_store::Filter;
 
-/// Snapshots of so many frames of reference are kept.
+/// Number of frames of reference whose snapshots are kept.
 const MOST: usize = 16;
 /// Sets that other programs changed are seen after this.
 const SETS_AGE: Duration = Duration::from_secs(1);
@@ -34,13 +34,13 @@ pub(super) struct Snapshots {
     sets: Option<Arc<[Set]>>,
     /// When they were read; `None` when there may be others by now.
     sets_read: Option<Instant>,
-    /// How often somebody has known of a change of the sets: what was asked for before it may be from before it.
+    /// Counts changes of the sets. A read that began before a change is out of date.
     sets_asked: u64,
 }
 
 impl Snapshots {
-    /// Keeps sets that were asked for at this count: those that are kept, and whether they are others than those before. `None` where
-    /// somebody has known of a change since.
+    /// Stores sets that were read at this count. Returns the stored sets and whether they differ
+    /// from those before; `None` if they are out of date.
     fn keep_sets(&mut self, asked: u64, fresh: Vec<Set>) -> Option<(Arc<[Set]>, bool)> {
         if self.sets_asked != asked {
             return None;
@@ -72,7 +72,7 @@ impl Snapshot {
         self.at.get(&id).map(|&at| &self.items[at])
     }
 
-    /// The state after these events, which follow it at once, of what is told from this frame of reference.
+    /// The state after these events, which follow it directly, for this frame of reference.
     fn after(&self, frame: &FrameOfReference, events: &[(Event, Home)], seq: u64) -> Self {
         let is_here = |home: &Home| home.frame.as_ref() == Some(frame);
         let concerns = |(event, home): &&(Event, Home)| is_here(home) || self.at.contains_key(&event.id);
@@ -103,11 +103,11 @@ fn bare(version: u64, item: Item) -> Arc<Versioned> {
 
 impl Annotations {
     fn snapshots(&self) -> MutexGuard<'_, Snapshots> {
-        // What is locked here is whole between statements, so a panic elsewhere leaves it usable.
+        // The value is whole between statements, so a panic elsewhere leaves it usable.
         self.snapshots.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The newest state of what is told from this frame of reference.
+    /// The newest state of the items of this frame of reference.
     pub(crate) async fn snapshot(&self, frame: &FrameOfReference) -> Result<Arc<Snapshot>, Problem> {
         let sets = self.sets().await?;
         let known = self.snapshots().known.get(frame).cloned();
@@ -138,7 +138,8 @@ impl Annotations {
         fresh
     }
 
-    /// Adds events to the snapshots that they follow; any other one is read anew when it is asked for.
+    /// Adds events to the snapshots that they follow; other snapshots are read again when they are
+    /// needed.
     pub(super) fn follow(&self, events: &[(Event, Home)]) {
         let (Some((first, _)), Some((last, _))) = (events.first(), events.last()) else { return };
         let follows = |known: &Arc<Snapshot>| known.seq + 1 == first.seq;
@@ -177,7 +178,7 @@ impl Annotations {
     pub(super) async fn sets_changed(&self) {
         self.read_sets_anew();
         if self.sets().await.is_err() {
-            // Whoever can read them sees what they are now.
+            // Readers that can read them see the newest sets.
             self.changes.send_modify(|changes| *changes += 1);
         }
     }

@@ -1,6 +1,6 @@
 //! Structures over HTTP: regions that grow, are painted or filled, and meshes of them.
 //!
-//! What is made is a content in the store, and an edit by whoever asked (see `order`).
+//! The result is a content in the store, and an edit by the author of the request (see `order`).
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ const MOST_CURVES: usize = 1000;
 
 /// Media type of a mesh's content.
 const MESH: &str = "model/ply";
-/// Regions that grow beyond this leak, where nobody says what is too large, ml: more than any organ.
+/// Default limit of growing, ml: larger than any organ. A larger region has leaked.
 const USUAL_ML: f64 = 5000.0;
 
 type Mm = [f64; 3];
@@ -53,7 +53,7 @@ struct PaintBody {
     center_mm: Mm,
     radius_mm: f64,
     mode: Stroke,
-    /// The region that is painted; a new one where there is none.
+    /// The region to paint; `None` creates one.
     region: Option<ItemId>,
     version: Option<u64>,
 }
@@ -70,7 +70,7 @@ struct MeshBody {
     region: ItemId,
     /// Rounds of smoothing; 0 leaves the steps of voxels.
     smoothing: Option<u32>,
-    /// Decimated to about so many.
+    /// Approximate number of triangles after decimation.
     triangles: Option<usize>,
 }
 

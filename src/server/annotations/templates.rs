@@ -1,4 +1,4 @@
-//! Templates: what is expected of a patient, kept for all volumes, and applied to a set of one.
+//! Templates: lists of expected items, stored for all volumes and applied to a set of one.
 
 use axum::Json;
 use axum::extract::Path;

@@ -1,7 +1,8 @@
-//! Which sets somebody sees, and into which they may write.
+//! The sets that an author may see, and into which the author may write.
 //!
-//! A blinded set is its reader's alone, and a reader of blinded sets sees those alone: neither sees what the other thinks. Where a set
-//! names a reader, the reader alone writes into it; any other set is everybody's.
+//! A blinded set is visible to its reader only, and a reader of blinded sets sees only those, so
+//! that readers do not influence each other. A set that names a reader is writable by that reader
+//! only; other sets are writable by all.
 
 use axum::http::StatusCode;
 
@@ -46,7 +47,8 @@ impl<'a> Visible<'a> {
         self.sets.iter().filter(|set| self.sees(&set.name))
     }
 
-    /// The set for what the author makes where nothing names one: the first of which the author is the reader, or else the default.
+    /// The set for new items where the request names none: the first set whose reader is the
+    /// author, or else the default set.
     pub(crate) fn own(&self) -> &'a str {
         let is_own = |set: &&Set| set.reader.is_some() && set.reader.as_deref() == self.author;
         self.sets().find(is_own).map_or(Set::DEFAULT, |set| &set.name)

@@ -1,9 +1,9 @@
 //! DICOM Supplement 228: rendered volumes by study and series (PS3.18 2024d, 10.4.1.1.7 and 10.4.1.1.8).
 //!
-//! What it is: `GET /studies/{study}/series/{series}/rendered3D` and `.../renderedmpr`, which give a JPEG or PNG of the
-//! series or, for `renderedvolumetricmetadata=yes`, the parameters in use. What it is not: an archive: there are no
-//! instances, searches or presentation states, and no animations. Perspectives, transfer functions and depth are at
-//! `/v1/volumes`.
+//! What it is: `GET /studies/{study}/series/{series}/rendered3D` and `.../renderedmpr`, which
+//! return a JPEG or PNG of the series or, for `renderedvolumetricmetadata=yes`, the parameters in
+//! use. What it is not: an archive: there are no instances, searches, presentation states or
+//! animations. Perspectives, transfer functions and depth are at `/v1/volumes`.
 //!
 //! UIDs are compared and forgotten: no log line, metric or answer holds one.
 

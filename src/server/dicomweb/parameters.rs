@@ -1,14 +1,15 @@
 //! The query of a rendered volume: PS3.18 2024d, sections 8.3.5.1 and 8.3.5.3.
 //!
-//! A parameter that the standard does not have is ignored, as it demands (8.3.4). One that it has and that is not done
-//! here is refused by name, so that no client mistakes what it gets. Values are case-sensitive, lengths in mm, positions
-//! in the volume's frame of reference (patient LPS).
+//! Parameters that the standard does not define are ignored, as it requires (8.3.4). Defined
+//! parameters that are not supported are refused by name, so that no client misinterprets the
+//! answer. Values are case-sensitive, lengths in mm, positions in the volume's frame of reference
+//! (patient LPS).
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 
 use crate::problem::Problem;
 
-/// What is made of the volume.
+/// The kind of rendering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reformat {
     /// `/rendered3D`: a parallel projection.
@@ -68,9 +69,9 @@ pub(super) struct Window {
 /// From where the volume is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum View {
-    /// `orientation`: one of `a`, `p`, `r`, `l`, `h`, `f`; `None` where nothing is said.
+    /// `orientation`: one of `a`, `p`, `r`, `l`, `h`, `f`; `None` if absent.
     Side(Option<char>),
-    /// `viewpointposition`, `viewpointlookat` and `viewpointup`, each where it is said.
+    /// `viewpointposition`, `viewpointlookat` and `viewpointup`, each if present.
     Viewpoint { position: Option<[f64; 3]>, look_at: Option<[f64; 3]>, up: Option<[f64; 3]> },
 }
 
@@ -146,7 +147,7 @@ impl Parameters {
 }
 
 impl Parameters {
-    /// What the client takes: the parameter goes before the header (8.3.3.1).
+    /// The accepted media types: the parameter has precedence over the header (8.3.3.1).
     pub(super) fn accept(&self, headers: &HeaderMap) -> Result<HeaderMap, Problem> {
         let Some(text) = &self.accept else { return Ok(headers.clone()) };
         let value = HeaderValue::from_str(text).map_err(|_| malformed("accept", text, "media types"))?;

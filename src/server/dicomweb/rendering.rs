@@ -1,5 +1,5 @@
-//! From the parameters of a rendered volume to a scene, and to the Rendered Volume Response Module that tells what was
-//! done (PS3.18 2024d, Annex K).
+//! From the parameters of a rendered volume to a scene, and to the Rendered Volume Response Module,
+//! which reports the parameters in use (PS3.18 2024d, Annex K).
 //!
 //! The projection is parallel (8.3.5.3.3). A viewpoint's position says the direction only: rays start outside the volume,
 //! however near it is. The picture shows the whole volume around its centre, whatever is looked at, so that moving the
@@ -16,7 +16,7 @@ use relief_volume::{Grid, Orbit, PlaneView};
 /// Side of a picture whose viewport is not said.
 const USUAL_PX: u32 = 512;
 
-/// A scene and what is told of it.
+/// A scene and its Rendered Volume Response Module.
 pub(super) struct Rendering {
     pub(super) scene: Scene,
     /// The response module as DICOM JSON (PS3.18, Annex F).
@@ -78,7 +78,7 @@ fn mode(method: Method) -> &'static str {
     }
 }
 
-/// What is shown where the query has no window: bone and vessels, airways, or soft tissue.
+/// The default window: bone and vessels, airways, or soft tissue.
 fn usual_window(method: Method, reformat: Reformat) -> Window {
     let (center, width) = match (reformat, method) {
         (Reformat::ThreeD, Method::Maximum) => (400.0, 1600.0),
@@ -187,7 +187,7 @@ impl Viewpoint {
     }
 }
 
-/// Table K.1-1, with what the query left to the server.
+/// Table K.1-1, with the values that the query left to the server.
 fn module(
     reformat: Reformat,
     method: Method,

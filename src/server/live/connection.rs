@@ -1,4 +1,5 @@
-//! A connection whose session is open: a reader obeys messages, a writer sends what there is room for.
+//! An open session's connection: a reader executes messages, a writer sends frames while the client
+//! has capacity.
 //!
 //! What waits for the writer is bounded: the newest picture of the view, a few short messages, and the one frame that is being handed
 //! over. Frames are encoded only while fewer than two are out, so a connection that takes nothing holds two and no more.
@@ -65,7 +66,8 @@ impl Connected {
         ServerMessage::Welcome(Box::new(welcome)).to_text()
     }
 
-    /// What a lost connection leaves behind: a session that may be resumed, and no hand that holds the volume.
+    /// Leaves the view after a lost connection: the session can be resumed, and the hand releases
+    /// the volume.
     pub(super) fn leave(&self) {
         let now = Instant::now();
         self.session.view.leave(&self.viewer);
@@ -77,7 +79,7 @@ impl Connected {
         self.session.lose(self.number, now);
     }
 
-    /// What this session places next, where its view draws annotations.
+    /// Sends the next label of this session, if its view draws annotations.
     pub(super) async fn say_next(&self, outbox: &Outbox) {
         let Session { author, task, view, role, .. } = &*self.session;
         if author.is_none() || *role == Role::Watcher || view.shown().is_nothing() {
@@ -110,7 +112,7 @@ impl Connected {
             let next = tokio::time::timeout(self.parts.live.config.silence, reader.next()).await;
             let message = match next {
                 Err(_) | Ok(None) => return None,
-                // The only error that says what the other side did wrong and leaves it able to hear so.
+                // The only error after which the client can still receive a reason.
                 Ok(Some(Err(error))) if is_too_large(&error) => {
                     return Some((TOO_LARGE, "a message is too large"));
                 }
@@ -143,7 +145,8 @@ impl Connected {
         }
     }
 
-    /// Obeys a message, and does what it means beyond the view: all of it, and the first that is refused is told.
+    /// Executes a message and its effects on annotations. All effects are applied; the first
+    /// refusal is returned.
     async fn handle_message(&self, message: &ClientMessage, outbox: &Outbox) -> Result<(), Problem> {
         let outcome = self.handle(message, outbox)?;
         let is_shown = matches!(message, ClientMessage::Settings(settings)
@@ -183,7 +186,7 @@ impl Connected {
         refused.map_or(Ok(()), Err)
     }
 
-    /// What a message wishes, where it does, done in the view.
+    /// Applies a message to the view and returns the outcome of its intents.
     fn handle(&self, message: &ClientMessage, outbox: &Outbox) -> Result<Option<Outcome>, Problem> {
         let now = Instant::now();
         let is_watcher = self.session.role == Role::Watcher;
@@ -278,7 +281,7 @@ impl Connected {
         }
     }
 
-    /// Sends what there is to send, until the connection ends.
+    /// Sends messages and frames until the connection ends.
     pub(super) async fn write(&self, writer: &mut Writer, mut messages: mpsc::Receiver<String>) -> End {
         let view = &self.session.view;
         let (mut frames, mut failures) = (view.frames.subscribe(), view.failures.subscribe());
@@ -334,7 +337,7 @@ impl Connected {
         }
     }
 
-    /// What this client is told of an edit; of edits that it missed, that it has to look again.
+    /// The message about an edit; if the client missed edits, the request to read the whole state.
     fn told(&self, heard: Option<Arc<Published>>) -> Option<String> {
         let message = match heard {
             Some(published) => {
@@ -349,7 +352,7 @@ impl Connected {
         Some(placing::text(message))
     }
 
-    /// Encodes a picture, or takes what is encoded, and hands it over, behind the state that it shows.
+    /// Encodes a frame, or reuses an encoding, and sends it after the state that it shows.
     async fn send_frame(
         &self,
         writer: &mut Writer,
@@ -399,7 +402,7 @@ impl Connected {
                 return Ok(Err(error));
             }
         }
-        // A connection that takes nothing keeps the bytes of its frame alone.
+        // A stalled connection keeps only the bytes of its frame in memory.
         drop((parts, view_frame));
         Ok(writer.send(Message::Binary(frame.into())).await)
     }

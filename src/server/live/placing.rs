@@ -1,8 +1,9 @@
-//! Landmarks by hand: what somebody sets down in a view becomes an item of the volume's annotations.
+//! Placing landmarks by hand: points that users place in a view become items of the volume's
+//! annotations.
 //!
-//! The next missing item of the set, in its order, gets the place; where none is missing, a new point with the next free number.
-//! Each session has its own place in that order, so that two people may work through one list, and may go on past what they
-//! cannot find. A point that is there already can be taken hold of and moved instead.
+//! The next missing item of the set, in its order, gets the position; without missing items, a new
+//! point gets the next free number. Each session has its own place in that order, so that two
+//! people can work through one list and skip items. Existing points can be grabbed and moved.
 
 use std::collections::{BTreeSet, HashSet};
 use std::sync::{Arc, Mutex};
@@ -29,14 +30,14 @@ const REASON: &str = "live session";
 pub(super) struct Hand<'a> {
     pub(super) author: Option<&'a str>,
     pub(super) task: &'a Mutex<Task>,
-    /// What is held in the hand.
+    /// The tracked device of the hand.
     pub(super) device: Device,
 }
 
-/// What a hand is at.
+/// The state of a hand.
 #[derive(Clone, Default)]
 pub(super) struct Task {
-    /// The item that is next; the first missing one where there is none.
+    /// The next item; `None` is the first missing one.
     label: Option<ItemId>,
     /// The point that is moved.
     moved: Option<Moved>,
@@ -58,7 +59,7 @@ struct Moved {
     epoch: u64,
 }
 
-/// Does what happened in a view, in what it showed then, and says what is next.
+/// Applies an effect in the context in which it was caused, and returns the next label.
 ///
 /// # Errors
 /// When no author is known, and whatever the store refuses.
@@ -122,7 +123,7 @@ pub(super) async fn apply_effect(
     next(parts, view, hand).await
 }
 
-/// What the next `place` sets down.
+/// The label that the next `place` defines.
 ///
 /// # Errors
 /// Whatever the store says.
@@ -163,12 +164,12 @@ async fn snapped(
     Ok(found.map_or((at, None), |found| (found.at, Some(found.shift.xyz.to_array()))))
 }
 
-/// Lets go of what is moved where it was, if anything is.
+/// Releases the held point where it was.
 pub(super) fn abandon(task: &Mutex<Task>, view: &View) {
     drop(let_go(task, view));
 }
 
-/// Lets go of what is moved, if anything is.
+/// Releases the held point and returns it.
 fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
     let moved = {
         let mut task = lock(task);
@@ -181,7 +182,7 @@ fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
     moved
 }
 
-/// Who changes what is drawn of a volume.
+/// An author who changes the annotations of a view.
 struct By<'a> {
     annotations: &'a Annotations,
     entry: &'a VolumeEntry,
@@ -225,7 +226,7 @@ impl By<'_> {
             *point = to;
         }
         item.placement = Some(placement);
-        // As it was when it was taken hold of: what somebody else has made of it since is not overwritten.
+        // The version at which it was grabbed: a later change of another author is not overwritten.
         let change = Change::Update { item: Box::new(item), version: known.version };
         self.annotations.apply(self.entry, self.author, REASON, vec![change]).await.map(drop)
     }
@@ -237,17 +238,17 @@ impl By<'_> {
         let target = list.target(lock(hand.task).label);
         let change = list.placed(target, self.author, at, placement)?;
         self.annotations.apply(self.entry, self.author, REASON, vec![change]).await?;
-        // On to what comes after it.
+        // The next label follows it.
         lock(hand.task).label = target.and_then(|target| list.following(target.item.id));
         Ok(())
     }
 }
 
-/// The set into which somebody places.
+/// The set into which an author places.
 struct List<'a> {
     set: &'a str,
     items: Vec<&'a Arc<Versioned>>,
-    /// Lists and names of what is to be something else than a point, by the templates.
+    /// Lists and names of items that templates expect not to be points.
     others: HashSet<(String, String)>,
 }
 
@@ -369,7 +370,7 @@ fn record(camera: &Camera) -> CameraRecord {
     }
 }
 
-/// What a session without a tracked device holds.
+/// The device of a session without a tracked remote.
 pub(super) fn pointer() -> Device {
     Device { kind: "pointer".to_owned(), position_mm: None, orientation_xyzw: None }
 }

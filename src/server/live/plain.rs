@@ -55,7 +55,7 @@ impl PlainViewer {
         Ok(Self { parts, view, viewer, frames, _place: place })
     }
 
-    /// The next picture; `None` when there will be none.
+    /// The next frame; `None` when the view has ended.
     async fn next(&mut self) -> Option<Arc<ViewFrame>> {
         let mut closing = self.parts.live.closing.subscribe();
         let mut ended = self.view.ended.subscribe();

@@ -39,7 +39,7 @@ impl Remote {
         self.gestures.configure(self.options.clone()).map_err(Problem::refused_intent)
     }
 
-    /// What a pose and its buttons mean; of one that came late the buttons alone.
+    /// The intents of a pose and its buttons; of a late pose only those of the buttons.
     ///
     /// # Errors
     /// When the numbers are no pose.
@@ -59,7 +59,7 @@ impl Remote {
         Ok(intents)
     }
 
-    /// What a report means, and what is to be told of tracking.
+    /// The intents of a report, and the message about tracking.
     ///
     /// # Errors
     /// When it is none.

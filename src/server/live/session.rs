@@ -11,7 +11,7 @@ use super::remote::Remote;
 use relief_live::Role;
 use relief_session::{View, lock};
 
-/// Whoever knows the token may go on with it.
+/// A session; whoever knows its token can resume it.
 pub(super) struct Session {
     pub(super) token: String,
     pub(super) view: Arc<View>,
@@ -19,7 +19,7 @@ pub(super) struct Session {
     pub(super) remote: Mutex<Remote>,
     /// Who works here.
     pub(super) author: Option<String>,
-    /// What the hand is at: the missing item that is placed next, and the one that it moves.
+    /// The state of the hand: the next label and the held point.
     pub(super) task: Mutex<Task>,
     /// Counts the connections; all but the newest end.
     pub(super) connection: watch::Sender<u64>,

@@ -1,6 +1,7 @@
 //! From the upgrade to a session and to its end: who may connect, what `hello` opens, and how one says farewell.
 //!
-//! What goes on between is in `connection`. Reader and writer run in one task, so that a connection that takes nothing is still heard.
+//! `connection` handles messages and frames. Reader and writer run in one task, so that a
+//! connection that receives nothing is still read.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -44,7 +45,7 @@ pub(super) const INTERNAL: u16 = 1011;
 pub(super) const TAKEN_OVER: u16 = 4001;
 pub(super) const REMOVED: u16 = 4002;
 
-/// Why a connection ends; nothing where nobody is there to be told.
+/// Close code and reason; `None` if the connection is gone.
 pub(super) type End = Option<(u16, &'static str)>;
 pub(super) type Writer = SplitSink<WebSocket, Message>;
 
@@ -139,7 +140,8 @@ async fn run(parts: LiveParts, mut socket: WebSocket, place: OwnedSemaphorePermi
     };
     connected.leave();
     farewell(&mut writer, end).await;
-    // What is on its way is read: closed over it, the connection would be reset before the last words arrive.
+    // Pending input is read: otherwise closing would reset the connection before the last message
+    // arrives.
     let rest = async { while let Some(Ok(_)) = reader.next().await {} };
     let _ = tokio::time::timeout(FAREWELL, rest).await;
 }
@@ -184,7 +186,7 @@ fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats,
         session.view.touch();
         return Ok((session, connection, formats, true));
     }
-    // A token that nobody knows any more, since the server was started anew, begins a new session.
+    // An unknown token, for example after a restart of the server, begins a new session.
     let entry = match &hello.volume {
         Some(id) => Some(parts.engine.volumes.find(id)?),
         None => None,
@@ -214,7 +216,7 @@ fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats,
     Ok((session, 1, formats, false))
 }
 
-/// Refuses to draw annotations where there are none.
+/// Refuses settings that draw annotations on a server without any.
 pub(super) fn expect_annotations(parts: &LiveParts, settings: Option<&Settings>) -> Result<(), Problem> {
     let shown = settings.and_then(|settings| settings.annotations.as_ref());
     match shown.filter(|shown| !shown.is_nothing()) {

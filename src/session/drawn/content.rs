@@ -7,8 +7,8 @@ use super::Shape;
 use relief_annotation::{Decimation, MeshFormat, Smoothing, TriangleMesh, read_mesh, surface_nets};
 use relief_volume::Mask;
 
-/// The surface of a content: of a label map that of one label, of a mesh (label 0) all of it; decimated to what can be drawn.
-/// Blocks.
+/// The surface of a content: of one label of a label map, or of a whole mesh (label 0), decimated
+/// for drawing. Blocks.
 ///
 /// # Errors
 /// Why the file gives none, without anything of the file.

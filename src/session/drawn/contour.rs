@@ -34,7 +34,7 @@ pub(super) fn contours(shape: &Shape, cut: &Cut) -> Vec<Vec<Point<Patient>>> {
         let [first, last] = [a, b].map(|corner| shape.vertices[corner as usize]);
         cut.flattened(between(first, last, from / (from - to)))
     };
-    // Open ones from an end of theirs, so that each is one line; what is left then is closed.
+    // Open lines start at one of their ends; the remaining ones are closed.
     let mut starts: Vec<Edge> = edges.iter().copied().filter(|edge| neighbours[edge].len() == 1).collect();
     starts.extend(&edges);
     starts

@@ -1,8 +1,8 @@
-//! Annotations as overlays: what is drawn over a picture, and where its words stand.
+//! Annotations as overlays: shapes, labels and their depth.
 //!
-//! What it is: [`Drawables`], the visible items of a volume with their shapes, made once for each state of the log, and what they
-//! become in the picture of a request ([`Drawables::draw`]). What it is not: it keeps no annotations (see `store`) and draws no
-//! pixels (see `render`).
+//! What it is: [`Drawables`], the visible items of a volume with their shapes, built once for each
+//! state of the log, and their overlays in the picture of a request ([`Drawables::draw`]). What it
+//! is not: storage (see `relief_store`) or drawing of pixels (see `relief_render`).
 //!
 //! | item | in a view | in a slice |
 //! |---|---|---|
@@ -39,9 +39,9 @@ pub use content::{region_of_content, shape_of_content};
 /// Radius of a point's ball, and width of lines, px.
 const RADIUS_PX: f64 = 6.0;
 const WIDTH_PX: f64 = 3.0;
-/// The ball from which a label's leader starts where nothing else is there, px.
+/// Radius of the ball from which a label's leader starts if the item has no point there, px.
 const ANCHOR_PX: f64 = 1.5;
-/// Opacity of surfaces: they write depth, and what is within shines through.
+/// Opacity of surfaces: they write depth, and their inside shines through.
 const OPACITY: f64 = 0.6;
 /// Straight parts between two points of a smooth curve in a slice.
 const PARTS: usize = 16;
@@ -78,7 +78,7 @@ pub struct Drawables {
     items: Arc<[Drawable]>,
 }
 
-/// What a picture had no room for.
+/// Items and labels that exceeded the limits of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Drawn {
     /// Items that were drawn, or lie outside of the slice.
@@ -90,8 +90,8 @@ pub struct Drawn {
 }
 
 impl Drawables {
-    /// What is to be drawn of these items, in their order. `shape_of` gives the triangles of a region or mesh; one without any is
-    /// not drawn.
+    /// The drawables of these items, in their order. `shape_of` returns the triangles of a region
+    /// or mesh; an item without triangles is not drawn.
     pub fn new<'a>(
         items: impl IntoIterator<Item = &'a Item>,
         mut shape_of: impl FnMut(&Geometry) -> Option<Arc<Shape>>,
@@ -198,7 +198,7 @@ impl Drawable {
         }
     }
 
-    /// Adds what a slice shows of the item, in its plane.
+    /// Adds the part of the item that lies in a slice.
     fn in_slice(&self, cut: &Cut, parts: &mut Vec<OverlayItem>) {
         let lines: Vec<Vec<Point<Patient>>> = match &self.geometry {
             Geometry::Point { at_mm } => {
@@ -263,7 +263,7 @@ fn polyline(geometry: &Geometry, corners: &[Point<Patient>]) -> Vec<Point<Patien
     }
 }
 
-/// The name, and what the item is made to measure.
+/// The name and the main measure of an item.
 fn label(name: &str, geometry: &Geometry) -> String {
     let measured = match geometry {
         Geometry::Line { .. } | Geometry::Angle { .. } | Geometry::Curve { .. } => measures(geometry),
@@ -290,7 +290,7 @@ fn usual_rgb(geometry: &Geometry) -> [f64; 3] {
     }
 }
 
-/// Takes the words away, and balls that are there for words alone.
+/// Removes labels, and balls that only carry a label.
 fn silence(parts: &mut Vec<OverlayItem>) {
     parts.retain_mut(|part| {
         let OverlayItem::Landmark(landmark) = part else { return true };
@@ -299,7 +299,7 @@ fn silence(parts: &mut Vec<OverlayItem>) {
     });
 }
 
-/// What a request has room for beside its own overlays.
+/// The limits of a request that its own overlays leave.
 struct Room {
     items: usize,
     points: usize,

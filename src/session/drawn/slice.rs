@@ -1,4 +1,4 @@
-//! What lies in a slice, as lines in its plane.
+//! The intersection of items with a slice, as lines in its plane.
 
 use relief_base::{Patient, Point, Vector};
 use relief_render::RenderRequest;

@@ -117,7 +117,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Frames one after another, each acknowledged after so many ms.
+    /// Sends frames one after another, each acknowledged after `ms`.
     fn run(pace: &mut Pace, now: &mut Instant, frames: usize, ms: u64) {
         for _ in 0..frames {
             let sequence = pace.sent(*now, false);

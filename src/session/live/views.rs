@@ -25,7 +25,7 @@ pub struct Views {
 pub struct OpenError;
 
 impl Views {
-    /// An empty registry for at most so many views.
+    /// An empty registry for at most `most` views.
     #[must_use]
     pub fn new(most: usize, patience: Patience) -> Arc<Self> {
         Arc::new(Self { views: Mutex::default(), most, patience })

@@ -178,7 +178,7 @@ impl Volumes {
         (inner.entries.clone(), inner.loading)
     }
 
-    /// Numbers of volumes that are there, and that are still being read.
+    /// Numbers of volumes in the registry, and of those that are still being read.
     #[must_use]
     pub fn count(&self) -> (usize, usize) {
         let inner = self.read();

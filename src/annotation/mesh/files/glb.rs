@@ -1,7 +1,7 @@
 //! GLB: binary glTF 2.0 with one buffer of its own. Triangles of the shown scene, wherever its nodes put them.
 //!
-//! glTF has metres, Y up and the front towards +Z, so a patient's left is +X: X = x, Y = z, Z = -y of LPS, divided by 1000. What is
-//! written keeps LPS mm in its buffer, and the node does that.
+//! glTF has metres, Y up and the front towards +Z, so a patient's left is +X: X = x, Y = z, Z = -y
+//! of LPS, divided by 1000. Written files keep LPS mm in the buffer; the node converts.
 
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use serde::Deserialize;

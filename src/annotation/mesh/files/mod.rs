@@ -1,12 +1,12 @@
 //! Meshes as files: PLY, STL, OBJ and GLB, both ways.
 //!
-//! What is written says `SPACE=LPS`: in the header of STL (80 bytes), in a comment of OBJ and PLY. What is read is taken as it
-//! says; `SPACE=RAS` is mirrored, and where a file says neither, LPS is assumed and told, as 3D Slicer does. GLB is in metres with Y
-//! up by its own rules: a node turns and scales what is written, and whatever is read is brought back.
+//! Written files state `SPACE=LPS`: in the header of STL (80 bytes), in a comment of OBJ and PLY.
+//! Files that state `SPACE=RAS` are mirrored when read; without a statement LPS is assumed, with a
+//! warning, as in 3D Slicer. GLB has metres and Y up by definition: a node converts.
 //!
-//! Readers take bytes, since files come from outside: any of them end in a mesh or in an error that names the line, byte or
-//! key. Memory grows with what is there, never with what a header claims. Polygons become fans of triangles; colours, normals,
-//! textures, lines and points are left out.
+//! Readers take untrusted bytes: they return a mesh, or an error that names the line, byte or key.
+//! Memory grows with the data, never with a declared size. Polygons become fans of triangles;
+//! colours, normals, textures, lines and points are ignored.
 
 mod glb;
 mod obj;
@@ -32,12 +32,12 @@ pub enum MeshFormat {
     Glb,
 }
 
-/// A mesh and what was unusual about its file.
+/// A mesh and the warnings of its reader.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadMesh {
     /// In patient LPS mm.
     pub mesh: TriangleMesh,
-    /// What was done about what was unusual, in sentences.
+    /// Warnings, in sentences.
     pub warnings: Vec<String>,
 }
 
@@ -49,7 +49,7 @@ pub struct MeshFileError {
     pub format: &'static str,
     /// Where.
     pub at: MeshFilePlace,
-    /// What is there.
+    /// The found text or number.
     pub found: String,
     /// What should be.
     pub expected: String,
@@ -83,7 +83,7 @@ impl MeshFileError {
         found: impl std::fmt::Display,
         expected: impl Into<String>,
     ) -> Self {
-        // What a file says may be anything, and is shown in one short line.
+        // Text of a file may be anything: it is shortened to one line.
         let clean = |c: char| if c.is_control() { '?' } else { c };
         let found = found.to_string().chars().map(clean).take(60).collect();
         Self { format: format.name(), at, found, expected: expected.into() }
@@ -124,7 +124,7 @@ impl MeshFormat {
     }
 }
 
-/// A file's bytes. `name` is what the mesh is called, where the format has room for it.
+/// Writes a mesh. `name` is stored where the format has a field for it.
 ///
 /// # Errors
 /// When [`TriangleMesh::check`] fails, or there are no triangles.
@@ -163,7 +163,7 @@ pub fn read_mesh(format: MeshFormat, bytes: &[u8]) -> Result<ReadMesh, MeshFileE
     Ok(found)
 }
 
-/// What a file says of its axes.
+/// The axes that a file states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Axes {
     #[default]
@@ -198,7 +198,7 @@ fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
     polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]])
 }
 
-/// Takes out triangles with two equal corners, and tells.
+/// Removes triangles with two equal vertices, with a warning.
 fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, warnings: &mut Vec<String>) {
     let before = triangles.len();
     triangles.retain(|[a, b, c]| a != b && b != c && c != a);

@@ -1,4 +1,5 @@
-//! STL: binary, and ASCII when it is read. Triangles stand alone there, so equal places become one corner.
+//! STL: binary, and ASCII when read. Its triangles share no vertices, so equal positions are
+//! merged.
 
 use std::collections::HashMap;
 
@@ -34,7 +35,7 @@ pub(super) fn write(mesh: &TriangleMesh) -> Vec<u8> {
 pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let count = bytes.get(HEADER..HEADER + 4).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
     let size = count.map(|count| HEADER as u64 + 4 + TRIANGLE as u64 * u64::from(count));
-    // Binary files of some programs begin with `solid` too: their size tells.
+    // Binary files of some programs begin with `solid` too: the size decides.
     let is_text = bytes.trim_ascii_start().starts_with(b"solid") && size != Some(bytes.len() as u64);
     if is_text { read_text(bytes) } else { read_binary(bytes) }
 }

@@ -14,9 +14,10 @@ use relief_volume::{PhantomKind, PhantomRecipe};
 
 /// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they are missed.
 ///
-/// The remote is tracked as in `relief track experiment`: half a pixel of noise, whole pixels, a camera that was calibrated from a
-/// survey, the usual filter. The hand trembles and drifts; the user looks at the cursor, leads it to the landmark, presses A, corrects,
-/// and lets go. Errors are distances from the landmark itself.
+/// The remote is tracked as in `relief track experiment`: half a pixel of noise, rounding to
+/// pixels, a camera calibrated from a survey, the default filter. The hand trembles and drifts; the
+/// user looks at the cursor, moves it to the landmark, presses A, corrects, and releases. Errors
+/// are distances from the true landmark.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Ways: `tip` sets the landmark down at the cursor in free space, and snapping goes to the nearest boundary or edge; `ray` picks what the

@@ -35,10 +35,11 @@ pub(super) struct Arguments {
     /// The sets to compare, of each reader one or more
     #[arg(long, value_name = "SET,...", required = true, value_delimiter = ',')]
     sets: Vec<String>,
-    /// The set that errors are told from; the mean of the readers otherwise
+    /// Set that counts as the truth [default: the mean of the readers]
     #[arg(long, value_name = "SET")]
     truth: Option<String>,
-    /// What is before the last of these characters is the reader, what follows it a repeat
+    /// Separator in names of sets: the part before its last occurrence is the reader, the part
+    /// after it the repeat
     #[arg(long, value_name = "SEPARATOR", value_parser = clap::builder::PossibleValuesParser::new([".", "-", "_"]))]
     repeats: Option<String>,
     /// Folder for the report and its tables

@@ -7,7 +7,7 @@ const WIDTH: f64 = 1000.0;
 /// Most rows of the plot by landmark: those with the greatest errors are shown.
 const MOST_ROWS: usize = 60;
 
-/// A landmark's name with what tells it apart.
+/// A landmark's name, with its list or patient where the name is ambiguous.
 pub(super) fn label(several_cases: bool, case: usize, list: &str, name: &str) -> String {
     let list = if list.is_empty() { String::new() } else { format!(" ({list})") };
     if several_cases { format!("{case}: {name}{list}") } else { format!("{name}{list}") }

@@ -1,4 +1,5 @@
-//! Plots as SVG inside an HTML page: real text, colours of the page's style sheet, marks that say what they are.
+//! Plots as SVG inside an HTML page: real text, colours from the page's style sheet, marks with
+//! tooltips.
 //!
 //! Unlike `cli::drawing` it makes no PNG and needs no font of its own: a browser draws it. Lengths are CSS pixels.
 
@@ -7,7 +8,7 @@ use std::fmt::Write;
 use super::super::super::axis::{number, ticks};
 use super::super::super::drawing::escaped;
 
-/// Marks and colours that are told apart: the style sheet has `s0` to `s7`.
+/// Number of distinguishable marks and colours: the style sheet has `s0` to `s7`.
 pub(super) const SERIES: usize = 8;
 
 /// A drawing under construction.
@@ -92,7 +93,7 @@ impl Svg {
         }
     }
 
-    /// The ground and both axes of a panel: grid, numbers, and what they are.
+    /// The background and both axes of a panel: grid, numbers, titles.
     pub(super) fn axes(&mut self, panel: &Panel, x_title: &str, y_title: &str) {
         let [left, top, right, bottom] = panel.area;
         self.rectangle("ground", panel.area);
