@@ -1,8 +1,8 @@
-//! Annotations as jobs have them: a file beside the manifest, named by its hash, so that whoever runs jobs needs no log of
-//! annotations, and a manifest means the same tomorrow.
+//! Annotations of jobs: a file beside the manifest, named by its hash, so that workers need no log
+//! of annotations and a manifest keeps its meaning.
 //!
-//! What is kept is what is drawn: names, colours and geometry in patient LPS mm. Authors, times, descriptions, cameras and frames of
-//! reference stay in the log.
+//! The file contains only what is drawn: names, colours and geometry in patient LPS mm. Authors,
+//! times, descriptions, cameras and frames of reference stay in the log.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ use relief_annotation::{Geometry, Item};
 use relief_base::Point;
 use relief_session::{Drawables, Shape};
 
-/// A file of annotations: what a job draws.
+/// The annotations that a job draws.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeptAnnotations {
@@ -67,7 +67,8 @@ pub(super) struct Readied {
 const LARGEST: u64 = 512 << 20;
 
 impl KeptAnnotations {
-    /// Writes what is drawn of these items into the folder, unless it is there. `shape_of` gives the triangles of regions and meshes.
+    /// Writes the drawn properties of these items into the folder, unless the file exists.
+    /// `shape_of` returns the triangles of regions and meshes.
     ///
     /// # Errors
     /// When the folder or the file cannot be written.
@@ -123,7 +124,7 @@ impl KeptAnnotations {
         let structures = items.iter().zip(&shapes);
         let structures =
             structures.filter_map(|(item, shape)| Some((item.name.clone(), shape.clone()?))).collect();
-        // Shapes are asked for in the order of the items, those without content not at all.
+        // Shapes are requested in the order of the items; items without content are skipped.
         let mut in_order =
             items.iter().zip(shapes).filter(|(item, _)| is_structure(item)).map(|(_, shape)| shape);
         let drawables = Drawables::new(&items, |_| in_order.next().flatten());
@@ -137,7 +138,8 @@ fn is_structure(item: &Item) -> bool {
 
 impl KeptShape {
     fn of(shape: &Shape) -> Self {
-        // A thousandth of a millimetre: far below what a picture shows, and half the file.
+        // Rounded to a thousandth of a millimetre: far below the resolution of a picture, and half
+        // the file size.
         let rounded = |mm: f64| (mm * 1e3).round() / 1e3;
         let vertices_mm = shape.vertices.iter().map(|at| at.xyz.to_array().map(rounded)).collect();
         Self { vertices_mm, triangles: shape.triangles.to_vec() }

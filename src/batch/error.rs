@@ -1,4 +1,4 @@
-//! What goes wrong in batches: before anything is rendered, and job by job.
+//! Errors of batches: before rendering, and job by job.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ pub enum ManifestError {
     Line {
         /// From 1.
         line: usize,
-        /// What is wrong with it.
+        /// What is invalid.
         reason: String,
     },
     /// A job says another key than its content has: it was edited by hand.
@@ -48,34 +48,34 @@ pub enum PlanError {
     Unreadable {
         /// Folder or table.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The table of series is none.
+    /// The table of series is invalid.
     #[error("{}, line {line}: {reason}", path.display())]
     Table {
         /// The table.
         path: PathBuf,
         /// From 1.
         line: u64,
-        /// What is wrong.
+        /// What is invalid.
         reason: String,
     },
     /// The log of annotations gives nothing.
     #[error("--annotations cannot be read: {0}")]
     Annotations(String),
-    /// What is drawn cannot be kept beside the manifest.
+    /// The annotations cannot be written beside the manifest.
     #[error("cannot write into {}: {source}", path.display())]
     Unwritable {
         /// The folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// There are series, and none of them has a view.
     #[error("no view of any series can be rendered: {0}")]
     NoViews(String),
-    /// A view set is none.
+    /// A view set is invalid.
     #[error("{0}")]
     Views(String),
     /// There is no series under the root.
@@ -83,7 +83,7 @@ pub enum PlanError {
     NoSeries {
         /// The root.
         path: PathBuf,
-        /// What was looked at, and why it is none.
+        /// The unusable files, with reasons.
         skipped: Vec<(PathBuf, String)>,
     },
 }

@@ -1,4 +1,4 @@
-//! A series that was found: what is known of it, and which annotations are its.
+//! A series that was found: its facts and its annotations.
 
 use super::copies::Local;
 use super::log::AnnotationLog;
@@ -18,7 +18,7 @@ pub(super) struct Found {
     pub(super) kind: Kind,
 }
 
-/// What it is made of.
+/// Its source.
 pub(super) enum Kind {
     /// Slices.
     Dicom(SeriesEntry),
@@ -48,8 +48,9 @@ impl Found {
         query.admit(&facts)
     }
 
-    /// Its annotations in the log, and the views that `views_of` makes of them. Loads the volume only where that is needed: to know
-    /// what its annotations are told from, or for the normals of landmarks.
+    /// Its annotations in the log, and the views that `views_of` makes of them. Loads the volume
+    /// only if needed: for the frame of reference of its annotations, or for the normals of
+    /// landmarks.
     pub(super) fn annotated<'a>(
         &self,
         log: &'a AnnotationLog,

@@ -26,7 +26,7 @@ impl Gate {
         self.limit
     }
 
-    /// Waits until so many bytes are free. More than the limit wait until all are.
+    /// Waits until so many bytes are free. A request beyond the limit waits until all are.
     pub(super) fn hold(&self, bytes: u64) -> Held<'_> {
         let bytes = bytes.min(self.limit);
         let mut held = self.lock();
@@ -44,7 +44,7 @@ impl Gate {
 }
 
 impl Held<'_> {
-    /// Gives back what was not needed.
+    /// Releases bytes that were not needed.
     pub(super) fn shrink(&mut self, bytes: u64) {
         let spare = self.bytes.saturating_sub(bytes);
         self.bytes -= spare;

@@ -19,7 +19,7 @@ use relief_volume::{CameraFile, Orbit, ProjectionFile, Volume};
 const LEAST_SLOPE: f64 = 15.0;
 /// Radii of the balls whose mean gradient counts, mm; half as much again as voxels are long at least.
 const RADII_MM: [f64; 2] = [1.5, 3.0];
-/// Height of what a landmark's view shows at the landmark's depth at zoom 1, mm.
+/// Height of a landmark's view at the landmark's depth at zoom 1, mm.
 pub const LANDMARK_VIEW_MM: f64 = 160.0;
 /// Most letters of an item's name in that of its view.
 const LONGEST_NAME: usize = 40;
@@ -100,7 +100,7 @@ fn surface_normal(volume: &Volume, at: Point<Patient>) -> Option<Vector<Patient>
     let mut slope = DVec3::ZERO;
     for radius in RADII_MM.map(|mm| mm.max(1.5 * longest)) {
         for (direction, weight) in directions() {
-            // Both ends of a diameter, or neither: one alone would be a slope of its own.
+            // Both ends of a diameter, or neither: a single end would bias the gradient.
             let ends = [direction, -direction].map(|to| value_at(volume, at + Vector::from_xyz(to * radius)));
             if let [Some(after), Some(before)] = ends {
                 slope += direction * (weight * (after - before) / 2.0 * 3.0 / radius);
@@ -138,7 +138,7 @@ fn camera(at: Point<Patient>, towards_eye: Vector<Patient>, volume: &Volume, orb
     } else {
         ProjectionFile::Orthographic { height_mm }
     };
-    // The head is up; seen from above or below, what is in front.
+    // Up is towards the head; seen from above or below, towards the front.
     let up = if towards_eye.xyz.z.abs() > 0.95 {
         [0.0, -towards_eye.xyz.z.signum(), 0.0]
     } else {

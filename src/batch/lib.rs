@@ -5,8 +5,9 @@
 //! done stays done wherever the files lie, and a changed series or scene is another job. What it is not: no queue and no
 //! cluster of our own; with the feature `cluster`, `queue` speaks to NATS and `bucket` to S3. Workers share nothing but the outputs.
 //!
-//! Outputs appear whole, by renaming; a record beside them, written last, has their hashes. A job whose record and outputs are
-//! there is skipped. Names of files say nothing about patients: a series is called by its hash unless a table names it.
+//! Outputs appear complete, by renaming; a record beside them, written last, has their hashes. A
+//! job whose record and outputs exist is skipped. File names contain nothing about patients: a
+//! series is named by its hash unless a table names it.
 
 mod annotations;
 #[cfg(feature = "cluster")]

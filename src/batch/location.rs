@@ -8,7 +8,7 @@ use std::str::FromStr;
 pub enum Location {
     /// A file or a folder.
     Local(PathBuf),
-    /// A bucket of an S3 service, and what the names of all objects in it begin with; that may be empty.
+    /// A bucket of an S3 service, and the common prefix of its objects' names, which may be empty.
     Bucket {
         /// Its name.
         bucket: String,
@@ -20,7 +20,7 @@ pub enum Location {
 const SCHEME: &str = "s3://";
 
 impl Location {
-    /// What a path says: one that begins with `s3://` is in a bucket.
+    /// Parses a path: `s3://` begins the address of a bucket.
     ///
     /// # Errors
     /// When it begins so and names no bucket.

@@ -27,8 +27,8 @@ impl std::fmt::Debug for AnnotationLog {
 const OF_VOLUME: &str = "volume:";
 
 impl AnnotationLog {
-    /// Reads the items of a log: those of `shown`, and of blinded sets those alone that are named. Files of what is drawn go into
-    /// `folder`.
+    /// Reads the items of a log: those of `shown`; blinded sets must be named. Files of drawn
+    /// annotations are written into `folder`.
     ///
     /// # Errors
     /// When the log cannot be read, or has no set of a name.
@@ -61,7 +61,7 @@ impl AnnotationLog {
         Ok(Self { runtime, log, items, folder })
     }
 
-    /// Whether some items are told from the content of a volume, so that it has to be known.
+    /// Whether some items refer to the content of a volume, so that its hash is needed.
     pub(super) fn has_items_of_volumes(&self) -> bool {
         let of_volume = |item: &Item| {
             item.frame_of_reference.as_ref().is_some_and(|frame| frame.0.starts_with(OF_VOLUME))
@@ -69,12 +69,13 @@ impl AnnotationLog {
         self.items.iter().any(of_volume)
     }
 
-    /// The items that are told from this, in the log's order.
+    /// The items of this frame of reference, in the log's order.
     pub(super) fn items_of(&self, frame: &FrameOfReference) -> Vec<&Item> {
         self.items.iter().filter(|item| item.frame_of_reference.as_ref() == Some(frame)).collect()
     }
 
-    /// Keeps what is drawn of these items beside the manifest. What cannot be drawn is named in `warn`, and left out.
+    /// Writes the annotations of these items beside the manifest. Items that cannot be drawn are
+    /// reported to `warn` and skipped.
     pub(super) fn keep(
         &self,
         items: &[&Item],

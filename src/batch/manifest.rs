@@ -20,11 +20,11 @@ use relief_volume::Orbit;
 pub struct Job {
     /// See [`JobKey`].
     pub job: JobKey,
-    /// Where the series is and what it is.
+    /// The source of the series and its facts.
     pub series: SeriesSource,
     /// The view's name: part of the names of its files.
     pub view: String,
-    /// The views that belong together, such as those of a turntable; empty where it stands alone.
+    /// The group of views that belong together, such as a turntable; empty for a single view.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub group: String,
     /// The scene, as in a scene file.
@@ -32,9 +32,9 @@ pub struct Job {
     /// Where from, around the volume; of no use to a scene that has a camera or a slice.
     #[serde(default)]
     pub orbit: Orbit,
-    /// What is written.
+    /// The outputs.
     pub products: Vec<Product>,
-    /// What is drawn over it, where a product wants that.
+    /// The annotations, for outputs that draw them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub annotations: Option<KeptAnnotations>,
 }
@@ -44,7 +44,7 @@ pub struct Job {
 #[serde(transparent)]
 pub struct JobKey(pub String);
 
-/// One of so many equal shares of the jobs.
+/// One of several equal shares of the jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     /// From 0.

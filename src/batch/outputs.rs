@@ -14,7 +14,7 @@ use relief_render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, d
 use relief_session::{EncodingError, FileFormat, Product as Picture, encode};
 use relief_volume::Grid;
 
-/// Tenths of a millimetre: what a step of 16-bit depth is.
+/// The unit of 16-bit depth: tenths of a millimetre.
 pub const DEPTH_UNIT_MM: f64 = 0.1;
 /// Structures that a picture of labels can tell apart.
 const MOST_LABELS: usize = 255;
@@ -31,9 +31,9 @@ pub(super) struct Sight {
 /// The outputs of a job, each with its bytes.
 pub(super) struct Outputs {
     pub(super) files: Vec<(Product, Vec<u8>)>,
-    /// What was left out of them.
+    /// What was left out.
     pub(super) warnings: Vec<String>,
-    /// What the values of the labels from 1 on stand for.
+    /// The structures of the labels, from 1 on.
     pub(super) structures: Vec<String>,
 }
 
@@ -43,7 +43,7 @@ fn permanent(error: impl ToString) -> Trouble {
 }
 
 impl Sight {
-    /// Makes all outputs. `annotations` are there where a product wants them.
+    /// Makes all outputs. `annotations` are given if an output draws them.
     pub(super) fn outputs(
         &self,
         products: &[Product],
@@ -99,7 +99,7 @@ impl Sight {
         encode(frame, &alone, Picture::Frame, FileFormat::Png)
     }
 
-    /// Every structure is drawn alone into an empty picture: where it comes nearer than those before, the pixel is its.
+    /// Every structure is drawn into an empty picture; the nearest one gets the pixel.
     fn labels(&self, annotations: Option<&Readied>, made: &mut Outputs) -> Result<Vec<u8>, Trouble> {
         let structures = annotations.map_or(&[][..], |readied| &readied.structures);
         if structures.len() > MOST_LABELS {

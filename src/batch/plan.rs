@@ -27,8 +27,8 @@ use relief_volume::Volume;
 pub enum Root {
     /// A folder, or a prefix of a bucket: every folder, zip and volume file in it.
     Folder(PathBuf),
-    /// A table with a header line and columns `path` and, if wanted, `series_uid`, `name` and `labels`. Paths are told from the table, but
-    /// those in buckets.
+    /// A table with a header line and the columns `path` and, optionally, `series_uid`, `name` and
+    /// `labels`. Paths are relative to the table, except those in buckets.
     Table(PathBuf),
 }
 
@@ -49,7 +49,7 @@ pub struct Request {
     pub scene: Map<String, Value>,
     /// Angles of views that have none of their own, and zoom and field of view of all.
     pub orbit: Orbit,
-    /// What is written of each view.
+    /// The outputs of each view.
     pub products: Vec<Product>,
     /// What of series in buckets is here.
     pub copies: Copies,
@@ -64,7 +64,7 @@ pub struct Planned {
     pub series: usize,
     /// How many series the query does not want.
     pub unwanted: usize,
-    /// What was looked at and cannot be used: where, and why.
+    /// The unusable files: path and reason.
     pub skipped: Vec<(PathBuf, String)>,
 }
 
@@ -186,7 +186,7 @@ fn own_views(items: &[&Item], volume: Option<&Volume>, request: &Request) -> Vec
     views
 }
 
-/// What lies directly in a folder, one place each; the folder itself where files of series lie in it.
+/// The entries of a folder, one place each; the folder itself if it contains files of series.
 fn places_in(root: &Path, copies: &Copies) -> Result<Vec<Place>, PlanError> {
     let unreadable = |source| PlanError::Unreadable { path: root.to_owned(), source };
     let place = |path: PathBuf| Place { path, uid: None, name: None, labels: None };

@@ -1,7 +1,8 @@
 //! The camera of a picture in the conventions of computer vision: a matrix of intrinsics, a pose, and places of the surface seen.
 //!
-//! Axes are OpenCV's: x right, y down, z forward; the world is patient LPS, mm. Pixels of `K` have their centres at whole numbers, as
-//! OpenCV has them: what this program, COLMAP and NeRF's readers call (0.5, 0.5) is (0, 0) there.
+//! Axes are OpenCV's: x right, y down, z forward; the world is patient LPS, mm. Pixel centres of
+//! `K` have integer coordinates, as in OpenCV: (0.5, 0.5) of this program, COLMAP and NeRF's
+//! readers is (0, 0) there.
 
 use glam::{DMat3, DMat4, DVec3};
 use serde::{Deserialize, Serialize};
@@ -26,7 +27,7 @@ pub struct ViewCamera {
     pub near_mm: f64,
     /// See `near_mm`.
     pub far_mm: f64,
-    /// What a step of `VIEW.depth.png` is, mm.
+    /// The unit of `VIEW.depth.png`, mm.
     pub depth_png_unit_mm: f64,
     /// Places that the picture shows: column and row of the pixel, patient x, y and z in mm, red, green and blue.
     pub surface: Vec<[f64; 8]>,
@@ -89,7 +90,7 @@ impl ViewCamera {
     }
 }
 
-/// A place for every so many columns and rows that show something.
+/// Points of a grid of pixels that show something.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few pixels")]
 fn surface(frame: &RenderedFrame) -> Vec<[f64; 8]> {
     let [width, height] = frame.size_px;

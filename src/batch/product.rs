@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum Product {
     /// The frame in the scene's layout, PNG.
     Frame,
-    /// The colour alone, PNG.
+    /// The colour, PNG.
     Color,
     /// View depth in mm, OpenEXR.
     Depth,
@@ -61,7 +61,7 @@ impl Product {
         }
     }
 
-    /// What comes behind the view's name in the file's.
+    /// The suffix of the file after the view's name.
     #[must_use]
     pub const fn ending(self) -> &'static str {
         match self {

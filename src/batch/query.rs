@@ -1,12 +1,13 @@
-//! Which series are wanted, by what is known of them: `modality=CT,slices>=40`.
+//! Queries that select series by their facts: `modality=CT,slices>=40`.
 //!
-//! Only what leads to nobody can be asked for: kind, size and spacing of a series. Names, ids, dates and private attributes cannot.
+//! Facts are kind, size and spacing of a series, which identify nobody. Names, ids, dates and
+//! private attributes cannot be queried.
 
 use std::str::FromStr;
 
 use relief_volume::Grid;
 
-/// What is known of a series.
+/// The facts of a series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
     /// `CT`, or whatever its files say.
@@ -95,7 +96,7 @@ impl Query {
     /// Whether a series meets all conditions.
     ///
     /// # Errors
-    /// What the first one that it does not meet says, and what the series has.
+    /// The first condition that the series does not meet, and its value.
     pub fn admit(&self, facts: &Facts) -> Result<(), String> {
         self.0.iter().try_for_each(|condition| condition.admit(facts))
     }

@@ -1,4 +1,4 @@
-//! Records: what a job wrote, beside what it wrote. Written last, so a job with a record is done.
+//! Records of finished jobs. A record is written after the outputs, so a job with a record is done.
 
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use super::manifest::{Job, JobKey, hex};
 use super::product::Product;
 use super::sink::Sink;
 
-/// What a job wrote.
+/// The outputs of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The job.
@@ -21,7 +21,7 @@ pub struct Record {
     pub group: String,
     /// The files beside this record.
     pub outputs: Vec<Written>,
-    /// What the values of `VIEW.labels.png` from 1 on stand for.
+    /// The structures of the values of `VIEW.labels.png`, from 1 on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<String>,
     /// Time on the adapter and over it, ms.
@@ -89,7 +89,7 @@ impl Record {
         Ok(record.filter(|record| record.job == job.job))
     }
 
-    /// The record of a job that is done: its key is this one, and all that it wrote is there unaltered.
+    /// The record of a finished job: it has this key, and all its outputs exist unaltered.
     #[must_use]
     pub fn of_done(job: &Job, sink: &Sink) -> Option<Self> {
         let record = Self::read(job, sink).ok().flatten()?;

@@ -1,4 +1,5 @@
-//! What a batch made, to look at: one HTML page without other files, a contact sheet of each series, and its turntable.
+//! The report of a batch: one self-contained HTML page, a contact sheet of each series, and its
+//! turntable.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -41,7 +42,7 @@ pub const REPORT: &str = "report.html";
 /// tables of datasets: beside the outputs, in a folder or a bucket.
 ///
 /// # Errors
-/// When records cannot be asked for, or a file cannot be written.
+/// When records cannot be read, or a file cannot be written.
 pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Sink, films: &Films) -> std::io::Result<()> {
     let shown = |job| {
         let Some(record) = Record::read(job, out)? else { return Ok(None) };
@@ -84,7 +85,7 @@ fn small_picture(job: &Job, out: &Sink) -> Option<RgbaImage> {
     Some(picture.thumbnail_exact(THUMBNAIL_PX, height).into_rgba8())
 }
 
-/// A picture among the outputs; `None` where there is none that can be read.
+/// A picture among the outputs; `None` if none can be read.
 pub(super) fn open(out: &Sink, name: &str) -> Option<DynamicImage> {
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_FRAME_SIDE_PX);

@@ -26,7 +26,7 @@ pub struct Options {
     pub out: Sink,
     /// A share of the jobs.
     pub shard: Option<Shard>,
-    /// These jobs alone; all where it is empty.
+    /// Only these jobs; all if empty.
     pub only: Vec<JobKey>,
     /// Bytes of voxels in memory: of the series that is rendered and of the next one.
     pub voxel_bytes: u64,
@@ -34,12 +34,12 @@ pub struct Options {
     pub copies: Copies,
 }
 
-/// What has just happened to a job.
+/// An event of a job.
 #[derive(Clone, Copy, Debug)]
 pub enum Step<'a> {
     /// It was done before.
     Skipped(&'a Job),
-    /// Its outputs are there now.
+    /// Its outputs exist now.
     Done(&'a Job, &'a Record),
     /// It was not done.
     Failed(&'a Failure),
@@ -62,10 +62,10 @@ pub struct Summary {
     pub seconds: Seconds,
 }
 
-/// Seconds of a run, by what was done. Loading, rendering and writing go on at the same time.
+/// Seconds of a run by activity. Loading, rendering and writing run in parallel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Seconds {
-    /// Looking for what is done already.
+    /// Checking which jobs are done.
     pub looking: f64,
     /// Reading series.
     pub loading: f64,
@@ -104,7 +104,7 @@ struct Finished<J> {
     warnings: Vec<String>,
 }
 
-/// What all threads of a run see.
+/// State that all threads of a run share.
 pub(super) struct Shared<'a> {
     sink: &'a Sink,
     report: &'a (dyn Fn(Step<'_>) + Sync),
@@ -181,7 +181,7 @@ fn pending<'a>(jobs: &'a [Job], options: &Options, shared: &Shared<'_>) -> Vec<&
 
 type Series<'a, J> = (Vec<J>, Result<Arc<Loaded<'a>>, Trouble>);
 
-/// The series that was asked for last, and what came of it.
+/// The series that was loaded last, or its error.
 struct Last<'a> {
     source: SeriesSource,
     series: Result<Arc<Loaded<'a>>, Trouble>,
@@ -210,7 +210,7 @@ fn load_all<'a, J: Borrow<Job>>(
     for group in groups {
         let Some(wanted) = group.first().map(|job| job.borrow().series.clone()) else { continue };
         if !last.as_ref().is_some_and(|last| last.holds_for(&wanted)) {
-            // What the last one held is given back first: the next one may need it.
+            // The bytes of the last series are released first: the next one may need them.
             last = None;
         }
         let Last { series, .. } = last.get_or_insert_with(|| {
@@ -259,7 +259,7 @@ fn render_all<'a, J: Borrow<Job>>(
     }
 }
 
-/// Whether somebody writes what is rendered.
+/// Whether the writers still run.
 fn render_series<J: Borrow<Job>>(
     renderer: &mut Renderer,
     loaded: &Loaded<'_>,
@@ -287,7 +287,7 @@ fn render_series<J: Borrow<Job>>(
     true
 }
 
-/// The picture as rays make it, without what is drawn over it.
+/// The picture before overlays are drawn.
 fn render(renderer: &mut Renderer, loaded: &Loaded<'_>, job: &Job) -> Result<Sight, Trouble> {
     let (volume, labels) = (&loaded.volume, loaded.labels.as_ref());
     let permanent = |error: SceneError| (Lasting::Permanent, error.to_string());
@@ -301,7 +301,7 @@ fn render(renderer: &mut Renderer, loaded: &Loaded<'_>, job: &Job) -> Result<Sig
     let overlays = std::mem::replace(&mut request.overlays, Arc::new(Overlays::default()));
     let frame = renderer.render(volume, &request).map_err(|error| {
         let kind = match error {
-            // Another machine, or this one at another time, may have what was missing.
+            // A file that is missing here may exist on another machine, or later.
             RenderError::Gpu(GpuError::OutOfMemory { .. }) | RenderError::Cancelled => Lasting::Retryable,
             RenderError::Gpu(_) => Lasting::Retryable,
             _ => Lasting::Permanent,
@@ -398,7 +398,7 @@ mod tests {
             let (view, products) = ((view.to_owned(), String::new()), vec![Product::Color]);
             vec![Job::new(source(series), view, what, (products, None))]
         };
-        // Read again, it would be another error: the folder is there by then.
+        // Reading it again would give another error, because the folder exists by then.
         let mut groups = vec![job("b", "one"), job("a", "two"), job("a", "one")];
         let path = folder.path().join("a");
         let groups = std::iter::from_fn(|| {

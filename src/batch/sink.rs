@@ -26,7 +26,7 @@ pub enum Sink {
 }
 
 impl Sink {
-    /// Makes the folder, or sees that the bucket is there and may be read.
+    /// Creates the folder, or checks that the bucket exists and is readable.
     pub(super) fn prepare(&self) -> std::io::Result<()> {
         match self {
             Self::Folder(folder) => std::fs::create_dir_all(folder),
@@ -35,7 +35,7 @@ impl Sink {
         }
     }
 
-    /// Writes an output over one that is there.
+    /// Writes an output, replacing an existing one.
     pub(super) fn put(&self, name: &str, bytes: impl Into<Bytes>) -> std::io::Result<()> {
         let bytes = bytes.into();
         match self {
@@ -64,7 +64,7 @@ impl Sink {
         }
     }
 
-    /// Reads an output; `None` where there is none, or one larger than this many bytes.
+    /// Reads an output; `None` if it does not exist or is larger than this many bytes.
     pub(super) fn read(&self, name: &str, largest: u64) -> std::io::Result<Option<Vec<u8>>> {
         match self {
             Self::Folder(folder) => match read_at_most(&folder.join(name), largest) {
@@ -86,7 +86,7 @@ impl Sink {
         }
     }
 
-    /// Whether an output is there and has these bytes.
+    /// Whether an output exists and has these bytes.
     pub(super) fn holds(&self, name: &str, written: &Written) -> bool {
         match self {
             Self::Folder(folder) => {
@@ -99,7 +99,7 @@ impl Sink {
         }
     }
 
-    /// Removes an output, if it is there.
+    /// Removes an output if it exists.
     #[cfg(feature = "cluster")]
     pub(super) fn remove(&self, name: &str) -> std::io::Result<()> {
         match self {

@@ -14,7 +14,7 @@ use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
 use relief_session::load_labels;
 use relief_volume::{LabelMap, Volume};
 
-/// Where a series is and what it is.
+/// The location and identity of a series.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeriesSource {
@@ -32,7 +32,7 @@ pub struct SeriesSource {
     pub labels: Option<LabelsSource>,
 }
 
-/// Where a label map is and what it is.
+/// The location and identity of a label map.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LabelsSource {
@@ -70,8 +70,8 @@ pub(super) fn file_sha256(path: &Path) -> std::io::Result<String> {
 }
 
 impl SeriesSource {
-    /// Loads it, within what the gate allows, when there is room; out of a bucket by way of a copy. A reason goes where others
-    /// read it, so it names no file: what series lie in may be called after patients.
+    /// Loads the series within the limit of the gate, when memory is free; from a bucket through a
+    /// copy. Errors are shown to others, so they name no file: folders may be named after patients.
     pub(super) fn load<'a>(&self, gate: &'a Gate, copies: &Copies) -> Result<Loaded<'a>, Trouble> {
         let local = match copies.local(&self.path) {
             Ok(local) => local,
@@ -130,7 +130,7 @@ impl SeriesSource {
 }
 
 impl LabelsSource {
-    /// Loads it onto the grid of what was loaded, within the bytes that are held.
+    /// Loads the label map onto the grid of the volume, within the reserved bytes.
     fn load(&self, copies: &Copies, gate: &Gate, loaded: &mut Loaded<'_>) -> Result<(), Trouble> {
         let of_file = |error: std::io::Error| (lasting(&error), format!("its label map: {error}"));
         let local = copies.local(&self.path).map_err(of_file)?;
@@ -153,7 +153,7 @@ fn labels_bytes(map: &LabelMap) -> u64 {
     (map.grid().voxel_count() * size_of::<u16>()) as u64
 }
 
-/// What is said of a path's files, without what they are called.
+/// An error about a path's files, without their names.
 fn without_path(path: &Path, reason: &str) -> String {
     let path = path.display().to_string();
     if path.is_empty() {
@@ -162,14 +162,14 @@ fn without_path(path: &Path, reason: &str) -> String {
     let mut parts = reason.split(&path);
     let mut told = parts.next().unwrap_or_default().to_owned();
     for part in parts {
-        // Up to what is said of the file.
+        // The part of the message before the name of the file.
         told.push_str("its files");
         told.push_str(part.find(": ").map_or("", |end| &part[end..]));
     }
     told
 }
 
-/// What is not there, or asked for wrongly, is so the next time, too.
+/// Missing or invalid input fails again at the next try.
 fn lasting(error: &std::io::Error) -> Lasting {
     match error.kind() {
         std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput => Lasting::Permanent,

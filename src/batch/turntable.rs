@@ -27,7 +27,7 @@ pub enum Film {
     /// Animated PNG, and MP4 where ffmpeg is.
     #[default]
     Auto,
-    /// Animated PNG alone.
+    /// Only animated PNG.
     Apng,
     /// Both; it is an error if there is no ffmpeg.
     Mp4,
@@ -59,7 +59,7 @@ impl Films {
     /// Looks for ffmpeg, by its name or path, where it is wanted.
     ///
     /// # Errors
-    /// When it has to be there and is not: what to install.
+    /// When ffmpeg is required and missing: how to install it.
     pub fn new(film: Film, ffmpeg: &Path) -> Result<Self, String> {
         if film == Film::Apng {
             return Ok(Self { ffmpeg: None, lacks_ffmpeg: false });

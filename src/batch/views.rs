@@ -1,4 +1,4 @@
-//! Sets of views: what is rendered of every series.
+//! View sets: the views that are rendered of every series.
 
 use std::path::Path;
 
@@ -8,16 +8,16 @@ use super::error::PlanError;
 use super::manifest::{NAMES, is_name};
 use relief_render::SceneFile;
 
-/// A view by its name, and what it adds to the scene that all views share.
+/// A view by name, and its difference to the shared scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// Part of the names of files.
     pub name: String,
-    /// The views that it belongs together with; empty where it stands alone.
+    /// The group of views to which it belongs; empty for a single view.
     pub group: String,
     /// Keys of the scene, which go before those that all views share.
     pub scene: Map<String, Value>,
-    /// Angles around the volume; where the scene has a camera or a slice there are none.
+    /// Angles around the volume; `None` if the scene has a camera or a slice.
     pub orbit: Option<[f64; 2]>,
 }
 
@@ -155,7 +155,7 @@ fn read_view(view: &Value) -> Result<View, String> {
         Some(Value::Object(scene)) => scene.clone(),
         Some(_) => return Err("scene is no object".to_owned()),
     };
-    // Wrong keys are told now, not thousands of times later.
+    // Invalid keys are reported now, not for every job.
     let parsed = SceneFile::parse(Value::Object(scene.clone()).to_string().as_bytes())
         .map_err(|error| error.to_string())?;
     let angles = [angle("azimuth_deg")?, angle("elevation_deg")?];

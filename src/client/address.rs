@@ -15,7 +15,7 @@ pub struct ServerAddress {
     base: String,
 }
 
-/// An address that is none.
+/// An invalid address.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AddressError {
     /// It says nothing that could be connected to.
@@ -71,7 +71,7 @@ impl ServerAddress {
     #[must_use]
     pub fn session_url(&self, hello: &Hello) -> String {
         let Self { host, port, base } = self;
-        // Names that are none are left for the server to refuse.
+        // Invalid names are refused by the server.
         let named =
             [("view", &hello.view), ("volume", &hello.volume)].into_iter().filter_map(|(key, name)| {
                 name.as_ref().filter(|name| check_view_name(name).is_ok()).map(|name| format!("{key}={name}"))

@@ -1,4 +1,4 @@
-//! From a received frame to what the display takes, and whether its header came out right.
+//! Composes the display's frame from a received frame, and checks its header.
 
 use super::link::Received;
 use relief_display::{DisplayProfile, Frame, Header, HeaderReading, Pixels};
@@ -16,16 +16,17 @@ pub struct Composer {
 pub struct Composed {
     /// What came before its pictures.
     pub header: FrameHeader,
-    /// What the display takes.
+    /// The frame for the display.
     pub frame: Frame,
-    /// What is wrong with the header row, read back out of the pixels; `None` where all is well, or where the layout has none.
+    /// The defect of the header, read back from the pixels; `None` if it is correct or the layout
+    /// has none.
     pub header_problem: Option<String>,
 }
 
 /// Why there is no frame to show.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// What was received is damaged.
+    /// The received frame is damaged.
     #[error(transparent)]
     Receive(#[from] ReceiveError),
     /// It is whole, but not for a display.
@@ -34,8 +35,8 @@ pub enum PictureError {
 }
 
 impl Composer {
-    /// For a display with this curve, which makes D of Z where the server sends Z. `asked` is what the display's header was
-    /// asked to say; without it, what the server sends is right.
+    /// For a display with this curve, which converts Z to D if the server sends Z. `asked` is the
+    /// expected header of the display; without it, the header that the server sends counts.
     #[must_use]
     pub const fn new(curve: DisplayProfile, asked: Option<Header>) -> Self {
         Self { curve, asked }
@@ -44,7 +45,7 @@ impl Composer {
     /// The frame of the display, its header row read back.
     ///
     /// # Errors
-    /// When what was received is damaged, or for no display's layout.
+    /// When the received frame is damaged, or has no layout for a display.
     pub fn compose(&self, received: &Received) -> Result<Composed, PictureError> {
         let picture = ReceivedFrame::decode(&received.bytes)?;
         let frame = picture.compose(&self.curve)?;

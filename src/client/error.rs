@@ -5,14 +5,14 @@ use super::address::ServerAddress;
 /// Why there is no session, or none any more.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// Nobody listens there, or the network does not reach it.
+    /// Nothing listens at the address, or the network does not reach it.
     #[error(
         "cannot reach {server}: {reason}; is `relief serve` running there, and may this machine connect to it?"
     )]
     Unreachable {
         /// Where.
         server: ServerAddress,
-        /// What the system says.
+        /// The error of the system.
         reason: String,
     },
     /// Something answers that is no Relief server, or an older one.
@@ -20,10 +20,10 @@ pub enum ClientError {
     NotRelief {
         /// Where.
         server: ServerAddress,
-        /// What it did instead.
+        /// The unexpected answer.
         reason: String,
     },
-    /// The server knows what is asked for, and does not want it.
+    /// The server understood the request and refused it.
     #[error("{server} refused the session: {reason}")]
     Refused {
         /// Where.
@@ -52,8 +52,8 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// Whether another attempt could go better without anybody doing something about this client. A session that was there once
-    /// may come back whatever stands in its way now: a server that is started anew loads its volumes first.
+    /// Whether another attempt may succeed without a change of this client. A session that existed
+    /// may come back whatever the reason: a restarted server loads its volumes first.
     #[must_use]
     pub const fn is_passing(&self, was_connected: bool) -> bool {
         match self {
@@ -65,7 +65,7 @@ impl ClientError {
     }
 }
 
-/// Words of a server for a person: short, and without what a terminal would obey.
+/// Shortens a server's text and removes control characters that a terminal would execute.
 pub(super) fn shown(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).take(400).collect()
 }

@@ -9,7 +9,7 @@ use super::outbox::Outbox;
 use relief_live::{ClientMessage, Intent, PoseKind, Settings};
 use relief_tracking::Report;
 
-/// What is said to the server through one session. Copies are the same end.
+/// The sending end of a session. Clones are the same end.
 #[derive(Clone, Debug)]
 pub struct Handle(Arc<Shared>);
 
@@ -55,13 +55,13 @@ impl Handle {
         self.put(|outbox| outbox.intent(t_ns, intent))
     }
 
-    /// What a Wiimote reported, for the server to track. `None` as for poses.
+    /// Sends a Wiimote report for the server to track. `None` as for poses.
     pub fn report(&self, t_ns: u64, report: &Report) -> Option<u64> {
         let digits = report.encode().iter().map(|byte| format!("{byte:02x}")).collect();
         self.put(|outbox| outbox.report(t_ns, digits))
     }
 
-    /// What is to be shown, and how; `false` where it is not going to be sent.
+    /// Changes the settings of the view; `false` if they will not be sent.
     pub fn settings(&self, settings: Settings) -> bool {
         self.put(|outbox| outbox.settings(settings))
     }

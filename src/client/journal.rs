@@ -1,4 +1,4 @@
-//! Sessions as JSON lines: what was sent and received, when, and which pictures came.
+//! Recordings of sessions as JSON lines: sent and received messages, times, and hashes of frames.
 //!
 //! ```text
 //! {"relief_session":1,"hello":{...}}
@@ -26,7 +26,7 @@ use relief_live::{
 
 /// The version of such files.
 pub const VERSION: u64 = 1;
-/// A longer line is none of a session.
+/// A longer line does not belong to a recording.
 pub const MAX_LINE_BYTES: usize = 2 * MAX_TEXT_BYTES;
 
 /// A file that is no session.
@@ -37,15 +37,15 @@ pub enum JournalError {
     Read {
         /// Line, from 1.
         line: usize,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The line is none of a session.
+    /// The line is invalid.
     #[error("line {line}: {reason}")]
     Line {
         /// Line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// What is invalid.
         reason: String,
     },
 }
@@ -58,7 +58,7 @@ pub fn journal_head(hello: &Hello) -> String {
         .to_string()
 }
 
-/// The line of an event; `None` for what is not kept.
+/// The line of an event; `None` for events that are not recorded.
 #[must_use]
 pub fn journal_line(t_ns: u64, event: &Event) -> Option<String> {
     let line = match event {
@@ -128,7 +128,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What a line says, as far as a replay has to know it.
+/// The content of a line, as far as a replay needs it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum JournalEntry {
     /// This was sent at that time, ns.

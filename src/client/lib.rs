@@ -1,13 +1,13 @@
 //! The thin client of a display box: frames out of a live session, poses into it.
 //!
-//! What it is: a connection that comes back by itself ([`run`]), the frame of the display composed from what was sent
-//! ([`Composer`]), measuring ([`measure`]), sessions as files ([`journal`]), marks of state ([`Marks`]), and a window that shows
-//! frames pixel for pixel (feature `window`). What it is not: the protocol, which is `live`; tracking; arguments and files, which
-//! are `cli`.
+//! What it is: a connection that reconnects by itself ([`run`]), the display's frame composed from
+//! received frames ([`Composer`]), measuring ([`measure`]), recordings ([`Journal`]), marks of
+//! state ([`Marks`]), and a window that shows frames pixel for pixel (feature `window`). What it is
+//! not: the protocol (see `relief_live`), tracking, arguments and files.
 //!
-//! Whatever comes from the server is data to be checked: a message that is too long, a frame that is none or a connection that
-//! ends is an event or an error, never a panic, and memory is bounded by [`MAX_FRAME_BYTES`]. Times are ns of the client's own
-//! clock, which begins when its [`Handle`] is made.
+//! Input from the server is untrusted: a message that is too long, an invalid frame or a closed
+//! connection is an event or an error, never a panic, and memory is bounded by [`MAX_FRAME_BYTES`].
+//! Times are ns of the client's own clock, which starts with its [`Handle`].
 
 mod address;
 mod backoff;

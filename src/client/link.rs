@@ -1,8 +1,9 @@
 //! A session that outlives its connections.
 //!
-//! [`run`] connects, says hello, gives frames and messages to whoever listens, sends what the [`Handle`] was told, and connects
-//! again when the connection is lost: with the token of its session. A server that knows that no more, since it was started
-//! anew, makes a view of the same name, with the volume and preset that were seen last; intents then bring it back to where it was.
+//! [`run`] connects, sends `hello`, passes frames and messages to a callback, sends the messages of
+//! the [`Handle`], and reconnects after a loss with the token of its session. A restarted server
+//! does not know the token; it creates a view of the same name with the last volume and preset, and
+//! intents then restore its state.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -26,13 +27,13 @@ use relief_live::{
     ClientMessage, FrameHeader, Hello, Parts, Role, ServerMessage, Settings, ViewRecord, Welcome,
 };
 
-/// The server pings every 10 s: a connection from which nothing comes for longer is none.
+/// The server pings every 10 s: a longer silence means that the connection is lost.
 const SILENCE: Duration = Duration::from_secs(25);
 /// A connection that lived for so long was a good one.
 const GOOD: Duration = Duration::from_secs(2);
 /// How long a goodbye may take.
 const GOODBYE: Duration = Duration::from_millis(500);
-/// Messages of the server that may be none before its connection is given up.
+/// Number of invalid messages after which the connection is closed.
 const MAX_UNREADABLE: u32 = 20;
 
 /// Which session.
@@ -57,7 +58,7 @@ pub enum Event {
     Message(Box<ServerMessage>),
     /// A frame came. It has to be acknowledged by [`Handle::ack`].
     Frame(Received),
-    /// A text message came that is none of the protocol.
+    /// A text message that is not part of the protocol.
     Unreadable(String),
 }
 
@@ -91,13 +92,13 @@ pub struct Received {
     pub connection: u64,
     /// When it was whole, ns of the client's clock.
     pub at_ns: u64,
-    /// What comes before its pictures.
+    /// The messages before the first frame.
     pub header: FrameHeader,
     /// All of it.
     pub bytes: Bytes,
 }
 
-/// What is known of a session beyond its connection.
+/// The state of a session beyond its connection.
 #[derive(Default)]
 struct Known {
     token: Option<String>,
@@ -107,7 +108,8 @@ struct Known {
     state: Option<ViewRecord>,
 }
 
-/// Runs a session until [`Handle::stop`]. `on` is told what happens, on the thread of the connection: it is to be quick.
+/// Runs a session until [`Handle::stop`]. `on` receives events on the thread of the connection and
+/// must return quickly.
 ///
 /// # Errors
 /// When the first connection fails, unless that is waited for; or when a connection ends for a reason that another one would
@@ -167,7 +169,7 @@ impl Session<'_> {
         take(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// What to say: the token, and beside it what a server that does not know it any more begins a new session with.
+    /// The `hello` message: the token, and the settings for a server that does not know it.
     fn hello(&self) -> Hello {
         let hello = self.options.hello.clone();
         self.known(|known| {
@@ -181,9 +183,9 @@ impl Session<'_> {
         })
     }
 
-    /// What follows `welcome` at once.
+    /// The messages after `welcome`.
     fn begin(&self, connection: u64, welcome: Box<Welcome>) {
-        // Where somebody has changed the view already, it is as they left it.
+        // A view that another client has changed is left as it is.
         let is_new = !welcome.resumed && welcome.state.undo == 0;
         let before = self.known(|known| {
             let volume = welcome.volume.get("id").and_then(Value::as_str).map(str::to_owned);
@@ -206,7 +208,7 @@ impl Session<'_> {
         });
     }
 
-    /// Sends and receives side by side, so that neither waits for the other; says goodbye when told to stop.
+    /// Sends and receives concurrently; closes the connection when stopped.
     async fn pump(&self, socket: Socket, connection: u64) -> Result<(), ClientError> {
         let (mut sink, stream) = socket.split();
         let ended = tokio::select! {
@@ -216,7 +218,7 @@ impl Session<'_> {
         };
         if ended.is_ok() {
             let goodbye = CloseFrame { code: CloseCode::Normal, reason: "done".into() };
-            // Without it the server keeps the session for a while, and nobody comes.
+            // Without a close frame the server would keep the session for a minute.
             let _ = timeout(GOODBYE, sink.send(Message::Close(Some(goodbye)))).await;
         }
         ended

@@ -9,10 +9,10 @@ pub const MARK_PX: usize = 6;
 /// Distance of the marks from the picture's edges and from one another.
 const MARGIN_PX: usize = 4;
 
-/// What somebody before the display has to know. Nothing is drawn while all is well.
+/// Problems that the display shows. Nothing is drawn without a problem.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
-    /// What the Wiimote's tracking knows, where there is one.
+    /// State of the Wiimote's tracking, if there is one.
     pub tracking: Option<TrackingState>,
     /// Whether the connection is gone: the picture is an old one.
     pub offline: bool,

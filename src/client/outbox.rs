@@ -9,7 +9,8 @@ pub const MAX_QUEUED: usize = 512;
 
 /// Messages of one session, numbered in one row.
 ///
-/// Nothing is queued without a connection: what somebody did while the picture stood still is not done to the view later.
+/// Without a connection nothing is queued: input made while the picture stood still is not applied
+/// later.
 #[derive(Debug, Default)]
 pub(super) struct Outbox {
     queue: VecDeque<ClientMessage>,
@@ -18,7 +19,8 @@ pub(super) struct Outbox {
     /// Counts connections; 0 stands for none.
     connection: u64,
     connections: u64,
-    /// The newest pose of a Wiimote, with which a new connection begins: buttons may have been let go meanwhile.
+    /// The newest pose of a Wiimote, with which a new connection begins, because buttons may have
+    /// been released meanwhile.
     remote: Option<PoseKind>,
 }
 
@@ -30,7 +32,7 @@ impl Outbox {
         self.connection
     }
 
-    /// There is none any more.
+    /// The session has ended.
     pub(super) fn close(&mut self) {
         self.connection = 0;
         self.queue.clear();
@@ -41,7 +43,7 @@ impl Outbox {
         self.connection != 0
     }
 
-    /// What the Wiimote said last, once more.
+    /// Queues the last state of the Wiimote again.
     pub(super) fn repeat_remote(&mut self, t_ns: u64) {
         if let Some(pose) = self.remote.clone() {
             self.pose(t_ns, pose);
@@ -99,7 +101,7 @@ impl Outbox {
         Some(self.seq)
     }
 
-    /// What is to be sent next: acknowledgements first, for the next frame waits for them.
+    /// The next message: acknowledgements first, because the next frame waits for them.
     pub(super) fn pop(&mut self) -> Option<ClientMessage> {
         self.ack.take().map(ClientMessage::Ack).or_else(|| self.queue.pop_front())
     }

@@ -9,7 +9,7 @@ pub(super) struct PicturePlace {
     pub(super) columns: usize,
     /// Rows of the picture.
     pub(super) rows: usize,
-    /// Each so many-th row of the frame is one of the picture, from the top.
+    /// Rows of the frame per row of the picture, from the top.
     pub(super) step: usize,
 }
 

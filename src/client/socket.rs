@@ -22,7 +22,7 @@ use relief_live::{
 /// Most bytes of a message that is received: colours and 16-bit depth of the largest picture, unpacked.
 pub const MAX_FRAME_BYTES: usize = HEADER_BYTES + 5 * MAX_PIXELS;
 
-/// How long a server may take to accept, in a network where it is there at all.
+/// Longest time until a reachable server accepts.
 const CONNECT: Duration = Duration::from_secs(3);
 /// How long it may take for `welcome`: the first volume may still be on its way to the graphics card.
 const WELCOME: Duration = Duration::from_secs(30);
@@ -77,7 +77,7 @@ async fn upgrade(server: &ServerAddress, first: &Hello, stream: TcpStream) -> Re
     }
 }
 
-/// What an answer without a WebSocket means.
+/// The error of an answer without a WebSocket.
 fn answered(server: &ServerAddress, status: StatusCode, body: &str) -> ClientError {
     let server = server.clone();
     // Relief's refusals are problem documents (RFC 9457).
@@ -128,7 +128,7 @@ fn detail(problem: &Value) -> String {
     shown(word("detail").or_else(|| word("title")).unwrap_or("without a reason"))
 }
 
-/// What the end of a connection means; `said` is the last problem that the server told.
+/// The error of a closed connection; `said` is the last problem that the server reported.
 pub(super) fn closed(
     server: &ServerAddress,
     frame: Option<&CloseFrame>,
@@ -145,7 +145,7 @@ pub(super) fn closed(
     match code {
         1001 => ClientError::Lost { server, reason: format!("the server stops{words}") },
         1008 => {
-            // What is asked for may come: a volume that is being loaded, room for one more session.
+            // A temporary refusal: a volume is being loaded, or all sessions are taken.
             let status = said.and_then(|problem| problem.get("status")).and_then(Value::as_u64);
             let passing = matches!(status, Some(404 | 429 | 503));
             ClientError::Refused { server, reason: words.trim_start_matches(": ").to_owned(), passing }

@@ -1,7 +1,7 @@
 //! A bucket of an S3 service: outputs as objects, and series that lie there (see `read`).
 //!
-//! A put is whole or absent by itself. Every object carries the SHA-256 of its bytes, which the service checks when it takes
-//! them and keeps as metadata, so that an output that is there is known again without reading it.
+//! A put is complete or absent. Every object carries the SHA-256 of its bytes, which the service
+//! verifies and stores as metadata, so an existing output is recognised without reading it.
 //!
 //! Called from threads without an executor, as rendering and writing are; never from inside one.
 
@@ -22,12 +22,12 @@ use tokio::runtime::Runtime;
 use super::record::{Written, sha256_of};
 pub(super) use read::Object;
 
-/// The metadata that says what an object's bytes are.
+/// The metadata key of an object's hash.
 const SHA256: Attribute = Attribute::Metadata(std::borrow::Cow::Borrowed("sha256"));
 /// How long a request is tried: what fails longer fails the job, which can be run again.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A bucket, and what the names of all objects in it begin with.
+/// A bucket, and the common prefix of its objects' names.
 #[derive(Debug)]
 pub struct Bucket {
     store: AmazonS3,
@@ -64,7 +64,8 @@ impl Bucket {
         name.split('/').fold(self.prefix.clone(), Path::join)
     }
 
-    /// Asks for an object that need not be there. Who may only write is told that access is denied: that will do.
+    /// Requests an object that need not exist. With write-only credentials the service answers
+    /// "access denied", which is sufficient.
     pub(super) fn check(&self) -> std::io::Result<()> {
         let Err(error) = self.runtime.block_on(self.store.get(&self.path("report.html"))) else {
             return Ok(());
@@ -131,7 +132,7 @@ impl Bucket {
         self.runtime.block_on(self.store.get_opts(path, options))
     }
 
-    /// By what the object's metadata says; one that has none, because another program put it there, is read.
+    /// By the object's metadata; an object of another program, without it, is read.
     pub(super) fn holds(&self, name: &str, written: &Written) -> bool {
         let Ok(GetResult { meta, attributes, .. }) = self.head(&self.path(name)) else { return false };
         if meta.size != written.bytes {

@@ -1,4 +1,4 @@
-//! Series in a bucket: what lies below a prefix, and its bytes into files.
+//! Series in a bucket: listing below a prefix, and download into files.
 //!
 //! What objects are called may name patients: no error says it.
 
@@ -18,7 +18,7 @@ use crate::manifest::hex;
 /// An object that was listed: its name, size and tag.
 pub(crate) type Object = ObjectMeta;
 
-/// What lies directly below a prefix.
+/// The objects and folders directly below a prefix.
 pub(crate) struct Below {
     /// Longer prefixes.
     pub(crate) folders: Vec<String>,
@@ -36,7 +36,7 @@ const AT_ONCE: usize = 8;
 const LONGEST: usize = 200;
 
 impl Bucket {
-    /// What lies directly below a prefix, in the order of names.
+    /// The objects and folders directly below a prefix, sorted by name.
     pub(crate) fn directly_below(&self, prefix: &str) -> std::io::Result<Below> {
         let prefix = parse(prefix)?;
         let found = self.runtime.block_on(self.store.list_with_delimiter(Some(&prefix)));
@@ -69,7 +69,7 @@ impl Bucket {
         Ok(found)
     }
 
-    /// The first bytes of an object, at most so many.
+    /// The first bytes of an object, at most `bytes`.
     pub(crate) fn beginning(&self, object: &Object, bytes: u64) -> std::io::Result<Vec<u8>> {
         let part = self.part(object, 0..object.size.min(bytes));
         self.runtime.block_on(part).map(|(bytes, _)| bytes)
@@ -99,7 +99,7 @@ impl Bucket {
         }
     }
 
-    /// A part of an object, neither less nor more than was asked for, and what its metadata says is the hash of the whole.
+    /// A part of an object with exactly the requested length, and the hash in its metadata.
     async fn part(&self, object: &Object, range: Range<u64>) -> std::io::Result<(Vec<u8>, Option<String>)> {
         let wanted = usize::try_from(range.end - range.start).map_err(Error::other)?;
         let options = GetOptions {
@@ -166,7 +166,7 @@ fn without_names(error: object_store::Error) -> Error {
     if ["403 Forbidden", "401 Unauthorized"].iter().any(|status| cause.contains(status)) {
         return told(ErrorKind::PermissionDenied, denied);
     }
-    // What a service says itself, as XML or otherwise, may have names in it; statuses have none of these.
+    // Messages of a service may contain names; status codes do not.
     let said: String = cause
         .split(['<', '{', '[', '"', '/', '\n'])
         .next()

@@ -1,4 +1,4 @@
-//! From what a bucket lists to a copy of it.
+//! Fetches a listing of a bucket into a copy.
 
 use std::collections::HashMap;
 use std::io::{Error, ErrorKind};
@@ -109,7 +109,7 @@ impl Copies {
         Ok(Local { path, _held: Some(Arc::new(held)) })
     }
 
-    /// By all that tells one state of it from another.
+    /// By everything that distinguishes one state of it from another.
     fn name_of(&self, bucket: &str, key: &str, objects: &[Object]) -> String {
         let mut hasher = Sha256::new();
         let endpoint = self.options.endpoint.as_deref().unwrap_or_default();
@@ -131,7 +131,7 @@ impl Copies {
         Ok(opened)
     }
 
-    /// What is locked here is whole between statements.
+    /// The value is whole between statements.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -156,7 +156,7 @@ fn file_name(number: usize, object: &Object) -> String {
     format!("{number:06}{}", known.unwrap_or_default())
 }
 
-/// What this machine's folder lacks says nothing of the series: it may be there the next time.
+/// A failure of this machine's folder says nothing about the series: a later try may succeed.
 fn of_this_machine(error: Error) -> Error {
     match error.kind() {
         ErrorKind::NotFound | ErrorKind::InvalidInput => Error::other(error),

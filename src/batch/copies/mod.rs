@@ -1,8 +1,8 @@
 //! Series that lie in buckets, as copies in a folder of this machine: of bounded size, each whole or absent.
 //!
-//! A copy is known by what was listed: names, sizes and tags of its objects. It is checked by the hashes of its files whenever
-//! it is used, and fetched again where it is not what it was; those that were not used for the longest go first. Several programs
-//! may share a folder: who reads a copy has a lock on it.
+//! A copy is identified by its listing: names, sizes and tags of its objects. It is verified by the
+//! hashes of its files at every use, and fetched again if it has changed; the least recently used
+//! copies are removed first. Several programs may share a folder: readers hold a lock on a copy.
 //!
 //! Files of a copy are numbered: what objects are called may name patients.
 
@@ -79,8 +79,9 @@ impl Copies {
         }
     }
 
-    /// What there may be series in below a prefix of a bucket: every folder, zip and volume file directly below it, or itself, where it
-    /// is one object, or slices lie directly in it. In the order of names.
+    /// The places below a prefix of a bucket that may contain series: every folder, zip and volume
+    /// file directly below it; or the prefix itself, if it is one object or contains slices
+    /// directly. Sorted by name.
     ///
     /// # Errors
     /// When there is nothing, or the service does not answer or refuses.

@@ -1,4 +1,4 @@
-//! The folder of copies: which are there, which go.
+//! The folder of copies: inventory, creation, removal.
 //!
 //! A copy is a folder that is called after the hash of what was listed: `files/`, and `contents.json`, which has their hashes and
 //! the lock of those who read it. One that is being made or removed is called otherwise; what a program that was killed left is
@@ -32,7 +32,7 @@ const LARGEST: u64 = 64 << 20;
 #[derive(Debug)]
 pub(super) struct Shelf {
     folder: PathBuf,
-    /// Removes it with this value, and says until then that somebody uses it.
+    /// Removes it when dropped, and marks it as used until then.
     _temporary: Option<(tempfile::TempDir, File)>,
 }
 
@@ -60,7 +60,7 @@ impl Shelf {
         }
     }
 
-    /// The files of a copy and its lock, if it is there and all that it was.
+    /// The files of a copy and its lock, if the copy exists and is intact.
     pub(super) fn find(&self, name: &str, files: usize) -> Option<(PathBuf, File)> {
         let folder = self.folder.join(name);
         let lock = File::open(folder.join(CONTENTS)).ok()?;
@@ -76,15 +76,16 @@ impl Shelf {
                 && file_sha256(&file).is_ok_and(|found| found == one.sha256)
         };
         if written.len() == files && written.par_iter().all(is_sound) {
-            // When it was last used; where that cannot be said it goes earlier.
+            // Time of the last use; a copy without a known time is removed earlier.
             let _ = lock.set_modified(SystemTime::now());
             return Some((path, lock));
         }
         None
     }
 
-    /// Makes a copy, of so many files and bytes, of what `fetch` puts into a folder. It is there when all of it is. What others have
-    /// made meanwhile is taken; what is not all that it was is replaced.
+    /// Creates a copy of so many files and bytes, which `fetch` puts into a folder. It appears when
+    /// it is complete. A copy that another program has created meanwhile is used; a damaged one is
+    /// replaced.
     pub(super) fn add(
         &self,
         name: &str,
@@ -115,8 +116,8 @@ impl Shelf {
         Ok((folder.join(FILES), lock))
     }
 
-    /// Lets copies go that nobody reads until so many bytes have room, those not used for the longest first.
-    /// Under the folder's lock.
+    /// Removes unused copies, least recently used first, until so many bytes are free. Needs the
+    /// folder's lock.
     fn make_room(&self, needed: u64, allowed: u64) -> std::io::Result<()> {
         let mut known = self.known()?;
         known.sort_by_key(|copy| copy.used);
@@ -139,14 +140,15 @@ impl Shelf {
         Err(Error::new(ErrorKind::StorageFull, reason))
     }
 
-    /// What is there; remnants of programs that were killed are removed, and what has no list of contents any more.
+    /// The copies in the folder. Removes remnants of killed programs, and copies without a list of
+    /// contents.
     fn known(&self) -> std::io::Result<Vec<Known>> {
         let mut known = Vec::new();
         for entry in std::fs::read_dir(&self.folder)? {
             let folder = entry?.path();
             let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
             if name.starts_with(UNDER_WAY) {
-                // Nobody else makes or removes any now.
+                // No other program creates or removes copies now.
                 let _ = std::fs::remove_dir_all(&folder);
                 continue;
             }
@@ -166,7 +168,8 @@ impl Shelf {
         Ok(known)
     }
 
-    /// Removes a copy, or what is left of one, unless it is in use; whether it did. Under the folder's lock.
+    /// Removes a copy or its remnants, unless it is in use; returns whether it did. Needs the
+    /// folder's lock.
     fn remove(&self, folder: &Path) -> bool {
         let is_in_use = match File::open(folder.join(CONTENTS)) {
             Ok(lock) => lock.try_lock().is_err(),

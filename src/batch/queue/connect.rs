@@ -1,4 +1,4 @@
-//! The connection to a NATS server. It comes back by itself; that it was lost is said once.
+//! The connection to a NATS server. It reconnects by itself; a loss is reported once.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -41,7 +41,8 @@ impl Queue {
     /// Connects. Must be called inside an executor.
     ///
     /// # Errors
-    /// When the name is none of a stream, credentials cannot be read, or the server is not there or lets nobody in.
+    /// When the name of the stream is invalid, credentials cannot be read, or the server
+    /// cannot be reached or refuses them.
     pub async fn connect(access: &QueueAccess, stream: &str) -> Result<Self, QueueError> {
         let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_".contains(letter);
         if !(1..=100).contains(&stream.len()) || !stream.chars().all(is_good) {
@@ -64,7 +65,7 @@ impl Queue {
         Ok(Self { context: async_nats::jetstream::new(client), stream: stream.to_owned() })
     }
 
-    /// Sends what is still to be sent and closes the connection.
+    /// Flushes pending messages and closes the connection.
     pub async fn close(self) {
         // One that is lost already has nothing to send.
         let _ = tokio::time::timeout(LONGEST_PAUSE, self.context.client().flush()).await;
@@ -77,7 +78,7 @@ fn not_an_address() -> QueueError {
     QueueError::Connect("an address is none; write nats://HOST:4222 or tls://HOST:4222".to_owned())
 }
 
-/// What an address may have in front of the host.
+/// The user information of an address.
 #[cfg_attr(test, derive(Debug, PartialEq))]
 enum Secret {
     Token(String),

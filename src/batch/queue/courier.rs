@@ -1,4 +1,5 @@
-//! The courier between a queue and a worker: brings jobs, says that they are in good hands, takes back what became of them.
+//! The courier between a queue and a worker: fetches jobs, keeps them acknowledged as in progress,
+//! reports their results.
 //!
 //! It runs inside an executor while the worker loads, renders and writes on threads of its own.
 
@@ -27,7 +28,7 @@ const POLL: Duration = Duration::from_secs(2);
 const NO_ANSWER: Duration = Duration::from_secs(12);
 /// A worker that has said nothing for so long is stuck: its jobs go to another one.
 pub(super) const STUCK: Duration = Duration::from_secs(900);
-/// Pauses between tries to tell the queue what became of a job; it gives the job to another worker otherwise.
+/// Pauses between tries to report a result; without a report the queue redelivers the job.
 const PAUSES_S: [u64; 5] = [1, 2, 4, 8, 16];
 /// How long the last words may take when the worker leaves.
 const FAREWELL: Duration = Duration::from_secs(15);
@@ -42,19 +43,19 @@ pub(super) struct Taken {
     pub(super) delivered: i64,
 }
 
-/// What the worker says.
+/// A message of the worker.
 #[derive(Debug)]
 pub(super) enum Word {
-    /// What became of a job.
+    /// The result of a job.
     Of(JobKey, Verdict),
     /// This worker had better not go on.
     Unfit,
 }
 
-/// What became of a job.
+/// The result of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// Its outputs are there.
+    /// Its outputs exist.
     Done,
     /// It cannot be done.
     Never,
@@ -159,7 +160,7 @@ impl Courier {
         ended
     }
 
-    /// Hears what the queue has given; whether there is nothing left to wait for.
+    /// Receives messages of the queue; returns whether nothing is left to wait for.
     fn receive(&mut self, fetched: Fetched) -> bool {
         if let Fetched::Lost(reason) = &fetched {
             if !std::mem::replace(&mut self.is_lost, true) {
@@ -207,7 +208,7 @@ impl Courier {
         }
     }
 
-    /// Tells the queue what became of a job.
+    /// Reports the result of a job to the queue.
     fn settle(&mut self, job: &JobKey, verdict: Verdict) {
         self.last_word = Instant::now();
         let Some(acker) = self.held.remove(job) else { return };
@@ -245,7 +246,7 @@ impl Courier {
         }
     }
 
-    /// Gives back what was not begun, and waits for what is being done.
+    /// Returns jobs that were not begun, and waits for those in progress.
     async fn leave(mut self, mut beat: tokio::time::Interval) {
         self.stopping.store(true, Ordering::Relaxed);
         for Taken { job, .. } in std::mem::take(&mut self.waiting) {
@@ -272,7 +273,7 @@ async fn wait(fetching: &mut Option<Pin<Box<dyn Future<Output = Fetched> + Send>
     }
 }
 
-/// Asks for jobs: as many as there are, at most `take`; where there are none, for one, and waits a little for it.
+/// Requests up to `take` jobs; if there are none, waits a little for one.
 async fn fetch(queue: Queue, consumer: Consumer<pull::Config>, take: usize, ack_wait: Duration) -> Fetched {
     let asked = timeout(NO_ANSWER, async {
         let there = collect(consumer.fetch().max_messages(take).messages().await?).await?;

@@ -5,8 +5,9 @@
 //! worker says that its outputs are there, or that it can never be done. A worker that holds jobs says so again and again; those
 //! of one that is not heard of are given to another. What it is not: no scheduler, and no queue of our own making.
 //!
-//! Jobs may come twice, for a worker may die after its last write and before its word. That harms nothing: outputs that are
-//! there are not made again, and those that are made at the same time have the same bytes.
+//! A job may be delivered twice, because a worker may die between its last write and its report.
+//! That does no harm: existing outputs are not made again, and outputs made at the same time have
+//! the same bytes.
 
 mod connect;
 mod courier;
@@ -32,7 +33,7 @@ const MOST_HELD: i64 = 100_000;
 /// its subject, and one that is done may be submitted again.
 const REMEMBERED: Duration = Duration::from_secs(1);
 
-/// What goes wrong with a queue.
+/// Errors of a queue.
 #[derive(Debug, thiserror::Error)]
 pub enum QueueError {
     /// A stream cannot have this name.
@@ -41,9 +42,9 @@ pub enum QueueError {
     /// Credentials cannot be read.
     #[error("cannot read {what}: {source}")]
     Credentials {
-        /// Which ones; never what they say.
+        /// Which file; never its content.
         what: &'static str,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// There is no connection.
@@ -54,14 +55,14 @@ pub enum QueueError {
         "the NATS server refused the request: {0}; it needs JetStream (nats-server -js) and permission to use it"
     )]
     Refused(String),
-    /// A stream is there, and is for something else.
+    /// The stream exists with another purpose.
     #[error(
         "the stream {name} exists, but it is not a job stream: {reason}; choose another name with --stream"
     )]
     Foreign {
         /// Its name.
         name: String,
-        /// What is different.
+        /// The setting that differs.
         reason: &'static str,
     },
     /// A job was not taken.

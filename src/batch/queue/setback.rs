@@ -1,4 +1,4 @@
-//! Setbacks: what is known of a job that a worker began and did not finish, beside its outputs.
+//! Failed attempts: records of jobs that a worker began and did not finish, beside their outputs.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,5 @@
-//! Working: jobs of a queue through the pipeline of [`run`](mod@crate::run), and what became of them back to it.
+//! Working: jobs of a queue go through the pipeline of [`run`](mod@crate::run), and their results
+//! back to the queue.
 
 use std::collections::HashMap;
 use std::future::Future;
@@ -38,7 +39,7 @@ pub struct WorkOptions {
     pub tries: u32,
     /// Jobs that are taken at a time: those of one series lie side by side and share its volume.
     pub take: usize,
-    /// Leave when nobody has had anything to do for so long.
+    /// Exit after this time without jobs for any worker.
     pub idle_exit: Option<Duration>,
 }
 
@@ -47,13 +48,13 @@ pub struct WorkOptions {
 pub enum WorkEnd {
     /// There was nothing left to do.
     Idle,
-    /// It was told to.
+    /// A signal stopped it.
     Stopped,
     /// Several jobs in a row failed in ways that may be its own: others, or it when started anew, may do better.
     Unfit,
 }
 
-/// What a worker did.
+/// The summary of a worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WorkSummary {
     /// Rendered.
@@ -138,7 +139,7 @@ struct Counts {
     handed_back: usize,
 }
 
-/// What the worker's threads know of its jobs.
+/// State that the worker's threads share.
 struct Bench<'a> {
     sink: &'a Sink,
     limit: u32,
@@ -165,7 +166,8 @@ struct Source<'a> {
     jobs: Receiver<Taken>,
     bench: &'a Bench<'a>,
     shared: &'a Shared<'a>,
-    /// Whether the last one came again: it may be one that kills workers, and is done alone, so that the blame is its own.
+    /// Whether the last job was redelivered: it may be one that kills workers, and is done alone,
+    /// so that only it is blamed.
     is_alone: bool,
 }
 
@@ -191,7 +193,7 @@ impl Iterator for Source<'_> {
 
 impl Bench<'_> {
     fn say(&self, job: &JobKey, verdict: Verdict) {
-        // Nobody hears it only when the courier is gone, and then the queue gives the job to another worker.
+        // Sending fails only when the courier has ended; then the queue redelivers the job.
         let _ = self.words.blocking_send(Word::Of(job.clone(), verdict));
     }
 
@@ -252,7 +254,7 @@ impl Bench<'_> {
         true
     }
 
-    /// What the pipeline reports.
+    /// The reports of the pipeline.
     fn hear(&self, step: Step<'_>) {
         match step {
             Step::Done(job, _) => {

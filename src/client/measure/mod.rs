@@ -1,10 +1,11 @@
-//! How quick a server is, as its clients see it: poses that never rest, and what comes back.
+//! Measures the latency and rate of a server from its clients.
 //!
-//! Each client turns its view about the patient, [`MeasurePlan::pose_hz`] poses a second, for a while, and then keeps still until the
-//! lossless frame is there. Clients of one shared view look while the first one turns it. Stalled clients are there to be a
-//! burden: some take nothing from their connection, others acknowledge nothing.
+//! Each client turns its view about the patient with [`MeasurePlan::pose_hz`] poses per second,
+//! then keeps still until the lossless frame arrives. Clients of a shared view watch while the
+//! first one turns it. Stalled clients add load: some read nothing from their connection, others
+//! acknowledge nothing.
 //!
-//! Times are of this machine's clock alone: a frame echoes the time of the pose that it shows.
+//! All times are of this machine's clock: a frame echoes the time of the pose that it shows.
 
 mod meter;
 mod report;
@@ -44,7 +45,7 @@ pub struct MeasurePlan {
     pub clients: usize,
     /// Clients that do not.
     pub stalled: usize,
-    /// Each so many-th frame is composed and its header row read back; 0 for none.
+    /// Interval of frames that are composed and whose header is checked; 0 for none.
     pub check_every: u32,
     /// What composes.
     pub composer: Composer,
@@ -119,11 +120,11 @@ fn moves(plan: &MeasurePlan, at: usize) -> bool {
 fn hello_of(plan: &MeasurePlan, at: usize) -> Hello {
     let hello = plan.options.hello.clone();
     let shares = hello.view.is_some() && at > 0;
-    // A watcher may not say what is shown; the first one has.
+    // Watchers cannot change settings; the first client has.
     if shares { Hello { role: Role::Watcher, settings: None, ..hello } } else { hello }
 }
 
-/// Where the eye is after so many seconds of turning: 30 degrees a second, rising and sinking.
+/// Position of the eye after so many seconds of turning: 30 degrees per second, rising and falling.
 pub(super) fn turned(seconds: f64) -> PoseKind {
     PoseKind::Orbit(OrbitPose {
         azimuth_deg: (20.0 + 30.0 * seconds) % 360.0,

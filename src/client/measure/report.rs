@@ -1,4 +1,4 @@
-//! What was measured, for people and programs.
+//! The results of a measurement.
 
 use std::sync::Arc;
 
@@ -6,8 +6,8 @@ use super::MeasurePlan;
 use super::meter::{Meter, Seen};
 use super::stalled::Burden;
 
-/// What was measured. Times in ms; percentiles are of all frames of all healthy clients while the view moved; `None` where there
-/// was nothing to measure.
+/// The results of a measurement. Times in ms; percentiles are over all frames of all healthy
+/// clients while the view moved; `None` without frames.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct MeasureReport {
     /// How long the view moved.
@@ -24,7 +24,7 @@ pub struct MeasureReport {
     pub frames: u64,
     /// Poses that were sent.
     pub poses: u64,
-    /// What the server itself took: from the pose's arrival to the hand-over, without rendering and waiting.
+    /// Server time: from the pose's arrival to the hand-over, without rendering and waiting.
     pub overhead_ms_p50: Option<f64>,
     /// Of one frame in a hundred it was longer.
     pub overhead_ms_p99: Option<f64>,
@@ -56,13 +56,13 @@ pub struct MeasureReport {
     pub still_bytes: Option<u64>,
     /// Frames that were composed, and whose header row was read back.
     pub checked: u64,
-    /// Of those, frames whose header row was not what was asked.
+    /// Of those, frames with an unexpected header.
     pub bad_headers: u64,
     /// Frames that could not be unpacked.
     pub malformed: u64,
     /// Messages that could not be read.
     pub unreadable: u64,
-    /// Errors that the server told.
+    /// Errors that the server reported.
     pub refusals: u64,
     /// Connections that were lost and made again.
     pub reconnects: u64,

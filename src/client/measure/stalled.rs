@@ -35,7 +35,7 @@ impl Burden {
     }
 }
 
-/// Every other client takes nothing, those between acknowledge nothing, until told to stop.
+/// Every other client reads nothing, the others acknowledge nothing, until stopped.
 pub(super) async fn stall(server: ServerAddress, mut hello: Hello, at: usize, stop: Handle) -> Burden {
     let mut burden = Burden::default();
     let reads = !at.is_multiple_of(2);

@@ -16,7 +16,7 @@ const ZOOM_STEP: f64 = 1.1;
 const PX_PER_STEP: f64 = 20.0;
 const CLIP_STEP_MM: f64 = 5.0;
 
-/// What a key means.
+/// The effect of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Meaning {
     Intent(Intent),

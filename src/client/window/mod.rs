@@ -1,10 +1,10 @@
 //! A window that shows frames, one pixel of a frame on one pixel of the display.
 //!
-//! What it is: composing the newest frame on a thread of its own, putting it on the screen unscaled from the window's upper left
-//! corner, acknowledging it then, and mouse and keys as intents. What it is not: a compositor; where the system scales windows,
-//! no header survives, and `show` says so.
+//! What it is: composing the newest frame on its own thread, showing it unscaled from the window's
+//! upper left corner, acknowledging it, and mouse and keys as intents. What it is not: a
+//! compositor; where the system scales windows, no header survives, and `show` reports it.
 //!
-//! Marks of state are drawn into what is shown and nowhere else; see [`Marks`].
+//! Marks of state are drawn only into the shown pixels; see [`Marks`].
 
 mod input;
 mod screen;
@@ -30,7 +30,7 @@ pub struct WindowOptions {
     pub monitor: Option<usize>,
     /// No marks of state.
     pub clean: bool,
-    /// Layout of frames, as it was asked for.
+    /// Requested layout of frames.
     pub layout: Layout,
     /// Size of a frame to begin with, pixels.
     pub frame_px: [u32; 2],
@@ -50,14 +50,14 @@ pub enum WindowError {
     /// There are fewer monitors.
     #[error("no monitor has the number {asked}; {found} are connected, numbered from 0")]
     Monitor {
-        /// Which was asked for.
+        /// The requested number.
         asked: usize,
         /// How many there are.
         found: usize,
     },
 }
 
-/// What the window is told from outside of its thread.
+/// Events from other threads.
 #[derive(Debug)]
 enum Wake {
     /// A frame of this connection was composed.
@@ -97,7 +97,7 @@ impl Window {
     /// Connects to the system's display.
     ///
     /// # Errors
-    /// When there is none.
+    /// When there is no display.
     pub fn new() -> Result<Self, WindowError> {
         let events = EventLoop::with_user_event().build();
         let events = events.map_err(|error| WindowError::Open(error.to_string()))?;
@@ -112,7 +112,7 @@ impl Window {
         self.screen.clone()
     }
 
-    /// Shows frames until the window is closed or the session ends. On the main thread alone.
+    /// Shows frames until the window is closed or the session ends. Call it on the main thread.
     ///
     /// # Errors
     /// When the window cannot be opened, or is lost.
@@ -160,7 +160,7 @@ impl Screen {
         }
     }
 
-    /// What the tracking of the Wiimote knows.
+    /// State of the Wiimote's tracking.
     pub fn tracking(&self, state: Option<TrackingState>) {
         self.mark(|marks| marks.tracking = state);
     }

@@ -36,7 +36,7 @@ pub(super) struct App {
     outcome: Result<(), WindowError>,
 }
 
-/// What was told once.
+/// Warnings that were printed once.
 #[derive(Default)]
 struct Warned {
     scale: bool,
@@ -77,7 +77,7 @@ impl App {
             attributes = attributes.with_position(monitor.position());
         }
         let window = Rc::new(events.create_window(attributes).map_err(|error| open(error.to_string()))?);
-        // A pointer over the frame would be pixels that nobody sent.
+        // A mouse pointer over the frame would alter its pixels.
         window.set_cursor_visible(!self.options.fullscreen);
         let context = Context::new(events.owned_display_handle()).map_err(|error| open(error.to_string()))?;
         Surface::new(&context, window).map_err(|error| open(error.to_string()))
