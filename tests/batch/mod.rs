@@ -9,7 +9,6 @@ mod access;
 mod annotated;
 #[cfg(feature = "cluster")]
 mod buckets;
-use crate::common;
 mod dataset;
 mod films;
 mod interrupted;
@@ -19,9 +18,10 @@ mod query;
 #[cfg(feature = "cluster")]
 mod queue;
 #[cfg(feature = "cluster")]
-mod services;
+pub(crate) mod services;
 mod slurm;
 
+use crate::common;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

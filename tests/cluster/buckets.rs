@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::cluster::services::Bucket;
+use crate::batch::services::Bucket;
 use crate::cluster::stage::{Answer, Process, get, lone, phantom, relief, volumes};
 use crate::common::software_adapter;
 

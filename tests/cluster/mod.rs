@@ -11,8 +11,4 @@ mod buckets;
 mod capacity;
 mod compose;
 mod failure;
-#[cfg(feature = "cluster")]
-#[path = "../batch/services.rs"]
-#[allow(dead_code, reason = "shared with the tests of batches")]
-mod services;
 mod stage;

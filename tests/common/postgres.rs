@@ -1,7 +1,9 @@
 //! Shared by the tests: a PostgreSQL server on loopback, in a folder that goes with it.
 //!
 //! Needs PostgreSQL's programs: those of `scripts/setup-postgres` (`RELIEF_POSTGRES`), Debian's, or those on the path.
-#![allow(dead_code, reason = "each test binary uses a part of this")]
+#![allow(dead_code, reason = "each test program uses a part of this")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

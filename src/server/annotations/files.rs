@@ -116,16 +116,7 @@ pub(super) async fn import(
         return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail)
             .with("warnings", warnings));
     }
-    // Items that the author cannot see count as missing.
-    let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
-    let visible = Visible::new(&snapshot.sets, Some(&author));
-    let known = snapshot.items.iter().filter(|known| visible.sees(&known.item.set));
-    let known = known.map(|known| Versioned::clone(known)).collect();
-    let job = move || Merged::of(items, known, present);
-    let merged = tokio::task::spawn_blocking(job)
-        .await
-        .map_err(|error| Problem::internal("comparing with what is there", error))?
-        .map_err(|error| Problem::internal("comparing with what is there", error))?;
+    let merged = merged(&asked, &author, items, present).await?;
     warnings.extend(merged.note("update=true", "duplicate=true"));
     let (unchanged, skipped) = (merged.unchanged, merged.skipped);
     let counts = json!({ "unchanged": unchanged, "skipped": skipped });
@@ -139,6 +130,20 @@ pub(super) async fn import(
     let events = asked.edit(&author, &reason, merged.changes).await?;
     let answer = json!({ "events": events_json(&events), "warnings": warnings, "there": counts });
     Ok((StatusCode::CREATED, Json(answer)).into_response())
+}
+
+/// Merges imported items with those of the volume that the author sees.
+async fn merged(asked: &Asked, author: &str, items: Vec<Item>, present: Present) -> Result<Merged, Problem> {
+    // Items that the author cannot see count as missing.
+    let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
+    let visible = Visible::new(&snapshot.sets, Some(author));
+    let known = snapshot.items.iter().filter(|known| visible.sees(&known.item.set));
+    let known = known.map(|known| Versioned::clone(known)).collect();
+    let failed = |error: &dyn std::fmt::Display| Problem::internal("merging annotations", error);
+    tokio::task::spawn_blocking(move || Merged::of(items, known, present))
+        .await
+        .map_err(|error| failed(&error))?
+        .map_err(|error| failed(&error))
 }
 
 #[derive(Debug, Default, Deserialize)]
