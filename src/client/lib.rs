@@ -1,7 +1,7 @@
 //! The thin client of a display box: frames out of a live session, poses into it.
 //!
 //! What it is: a connection that reconnects by itself ([`run`]), the display's frame composed from
-//! received frames ([`Composer`]), measuring ([`measure`]), recordings ([`Journal`]), marks of
+//! received frames ([`Composer`]), measuring ([`measure()`]), recordings ([`Journal`]), marks of
 //! state ([`Marks`]), and a window that shows frames pixel for pixel (feature `window`). What it is
 //! not: the protocol (see `relief_live`), tracking, arguments and files.
 //!

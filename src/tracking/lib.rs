@@ -1,17 +1,30 @@
-//! The Wiimote as a six-degree-of-freedom pointer: from reports to poses.
+//! The pose of a Wiimote from the LEDs that its infrared camera sees.
 //!
-//! A Wiimote's infrared camera sees the LEDs of a beacon whose layout is known. [`report`] turns its reports into
-//! blobs, acceleration and angular rates; [`sensor`] is the camera, [`Beacon`] what it looks at; [`solve`] finds
-//! the [`pose`] that explains a view, [`correspondence`] which blob is which LED, [`filter`] joins poses over time, and
-//! [`tracker`] does all of it. [`host`] brings a remote's camera up, [`simulate`] makes
-//! recordings, [`igtl`] writes poses for others. Everything here is arithmetic on numbers that came from outside: no
-//! sockets, no threads, no clock.
+//! What it is: arithmetic on reports. `report` decodes them into blobs, acceleration and angular rates; `sensor` is the camera and
+//! [`Beacon`] the layout of LEDs; `correspondence` identifies blobs as LEDs; `solve` finds the pose of a single view; `filter` joins poses
+//! over time; [`Tracker`] does all of it. `calibrate` finds the camera from a survey; `host` brings a remote's camera up; `simulate` makes
+//! recordings; `igtl` encodes poses for other programs. What it is not: sockets, threads or a clock.
 //!
 //! | space | definition |
 //! |---|---|
-//! | `Beacon` | the LED rig, mm; `up` is the direction that gravity pulls away from |
+//! | `Beacon` | the LED rig, mm; `up` is opposite to gravity |
 //! | `Sensor` | the Wiimote's camera, mm: x right, y down, z forward |
 //! | pixels | u right, v down, 1024 x 768; the raw y of reports points up, v = 767 - y |
+//!
+//! Times are ns of the source.
+//!
+//! **Single views.** The cost of a rotation is `r' Omega r` (SQPnP). Starts are the rotations nearest to the six eigenvectors of the
+//! smallest eigenvalues with both signs; Newton's method on SO(3) descends from them, and Levenberg-Marquardt refines in pixels. With a known
+//! up direction one angle is left, so two LEDs suffice.
+//!
+//! **Correspondence.** All assignments are solved and scored by chi-square. The best one is used only if every other is worse by 25;
+//! otherwise the view is ambiguous and has no pose.
+//!
+//! **Filter.** An error-state filter of position, velocity, rotation, rate and gyroscope bias: 15 numbers. Measurements are applied one
+//! number at a time, without inverses and without allocation.
+//!
+//! **Calibration** is a bundle adjustment of seven camera parameters and a pose per view, with the poses eliminated by a Schur
+//! complement.
 
 mod beacon;
 mod calibrate;
