@@ -135,9 +135,22 @@ CONF
     }
 }
 
-# NAME=VERSION of every package that the requested ones need and that this machine lacks. The C
-# library and the compiler's libraries are every program's own and are never replaced.
-lacking_packages() { # FOLDER REQUEST...
+# Downloads packages into WORK/debs in the archive's versions, which may be older than those of installed ones.
+download_packages() { # WORK PACKAGE...
+    local work=$1
+    shift
+    mkdir -p "$work/apt" "$work/debs"
+    make_private_apt "$work/apt" || return 1
+    (cd "$work/debs" && private_apt "$work/apt" download "$@" >"$work/apt/download.log" 2>&1) || {
+        cat "$work/apt/download.log" >&2
+        return 1
+    }
+}
+
+# NAME=VERSION of every package that the requested ones need, whether or not this machine has it: a private folder
+# that lacks what happens to be installed stops working when that is removed. The C library and the compiler's
+# libraries belong to every program and are never replaced.
+needed_packages() { # FOLDER REQUEST...
     local folder=$1 name version
     shift
     private_apt "$folder" -s --no-install-recommends install "$@" >"$folder/plan.log" 2>&1 || {
@@ -146,14 +159,8 @@ lacking_packages() { # FOLDER REQUEST...
     }
     sed -n 's/^Inst \([^ ]*\) (\([^ ]*\) .*/\1 \2/p' "$folder/plan.log" | while read -r name version; do
         case "$name" in libc6 | libgcc-s1 | libstdc++6 | gcc-*-base | *-data) continue ;; esac
-        if [ -n "$(pin "$name" 2)" ] || ! is_installed "$name"; then printf '%s=%s\n' "$name" "$version"; fi
+        printf '%s=%s\n' "$name" "$version"
     done
-}
-
-is_installed() { # PACKAGE
-    local package
-    package=$1:$(dpkg --print-architecture)
-    [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ]
 }
 
 # Every downloaded package of the table of pins has the SHA-256 that stands there.
@@ -172,10 +179,10 @@ check_pins() { # FOLDER_OF_DEBS
     done
 }
 
-# Puts the shared libraries of a pinned package, of the others, and of what these need and the machine lacks,
-# into TARGET/lib. The system's own packages are left alone. TARGET appears whole or not at all.
+# Puts the shared libraries of a pinned package, of the others and of their dependencies into TARGET/lib. The
+# system's own packages are left alone. TARGET appears whole or not at all.
 unpack_pinned() { # TARGET PACKAGE...
-    local target=$1 work package version requests=() lacking
+    local target=$1 work package version requests=() needed
     shift
     if [ -z "$(pin "$1" 2)" ]; then
         say "no checksum of $1 is known for $(dpkg --print-architecture)"
@@ -191,9 +198,9 @@ unpack_pinned() { # TARGET PACKAGE...
     trap "rm -rf '$work'" EXIT
     mkdir -p "$work/apt" "$work/debs" "$work/root" "$work/new/lib"
     make_private_apt "$work/apt" || return 1
-    lacking=$(lacking_packages "$work/apt" "${requests[@]}") || return 1
+    needed=$(needed_packages "$work/apt" "${requests[@]}") || return 1
     # shellcheck disable=SC2086
-    (cd "$work/debs" && private_apt "$work/apt" download $lacking >"$work/apt/download.log" 2>&1) || {
+    (cd "$work/debs" && private_apt "$work/apt" download $needed >"$work/apt/download.log" 2>&1) || {
         cat "$work/apt/download.log" >&2
         return 1
     }

@@ -6,7 +6,7 @@
 use crate::common;
 mod damage;
 mod foreign;
-mod made;
+pub(crate) mod made;
 mod overlaps;
 mod peers;
 mod reports;

@@ -1,10 +1,7 @@
 //! Reports and segmentations of DICOM, dispatched: what others read of them is in `tests/dicom_objects`.
 
-#[allow(dead_code, reason = "another test binary uses all of it")]
-#[path = "../dicom_objects/made.rs"]
-mod made;
-
 use super::{CONTEXT, asymmetric, everything};
+use crate::dicom_objects::made;
 use relief_annotation::{FrameOfReference, Geometry, Item};
 use relief_exchange::{Format, ReadContext, WriteContext};
 use relief_volume::{LabelMap, Segment};
