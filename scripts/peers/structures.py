@@ -1,5 +1,5 @@
 # Times SimpleITK and VTK on the volumes of compare-structures.
-"""Times SimpleITK's region growing and VTK's surfaces on the volumes of a folder that `cargo bench --bench structures -- --keep`
+"""Times SimpleITK's region growing and VTK's surfaces on the volumes of a folder that `cargo bench -p relief-bench --bench structures -- --keep`
 wrote, and tells what they found: one JSON object.
 
 usage: structures.py FOLDER [THREADS]

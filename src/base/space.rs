@@ -12,14 +12,14 @@
 //! `view_from_patient * patient_from_voxel`. Anything else does not compile:
 //!
 //! ```compile_fail
-//! use relief::space::{Patient, Point, Transform, View, Voxel};
+//! use relief_base::{Patient, Point, Transform, View, Voxel};
 //! fn wrong(view_from_patient: Transform<View, Patient>, index: Point<Voxel>) -> Point<View> {
 //!     view_from_patient * index // a voxel index is not a patient point
 //! }
 //! ```
 //!
 //! ```
-//! use relief::space::{Patient, Point, Transform, View, Voxel};
+//! use relief_base::{Patient, Point, Transform, View, Voxel};
 //! fn right(v: Transform<View, Patient>, p: Transform<Patient, Voxel>, index: Point<Voxel>) -> Point<View> {
 //!     v * p * index
 //! }

@@ -7,10 +7,10 @@
 //! [`Warning`]. Nothing panics on any bytes, and memory is bounded by file sizes or by limits stated where they apply.
 //!
 //! ```no_run
-//! use relief::dicom::{self, Strictness};
-//! # fn main() -> Result<(), dicom::Error> {
-//! let found = dicom::discover("study".as_ref(), Strictness::Lenient, &|_| ())?;
-//! let loaded = dicom::load(found.select(None)?, Strictness::Lenient, &|_| ())?;
+//! use relief_dicom::{Error, Strictness, discover, load};
+//! # fn main() -> Result<(), Error> {
+//! let found = discover("study".as_ref(), Strictness::Lenient, &|_| ())?;
+//! let loaded = load(found.select(None)?, Strictness::Lenient, &|_| ())?;
 //! println!("{:?} voxels, {:?} HU", loaded.volume.grid().dims(), loaded.volume.range_hu());
 //! # Ok(()) }
 //! ```

@@ -29,9 +29,9 @@
 //! | home | `reset` | home | double click | | Home, 0 | start |
 //!
 //! ```
-//! use relief::camera::Orbit;
-//! use relief::interaction::{Home, Intent, Stage, ViewState};
-//! use relief::space::Point;
+//! use relief_base::Point;
+//! use relief_live::{Home, Intent, Stage, ViewState};
+//! use relief_volume::Orbit;
 //!
 //! let presets = vec!["bone".to_owned(), "skin".to_owned()];
 //! let home = Home { orbit: Home::ORBIT, preset: Some("bone".to_owned()) };

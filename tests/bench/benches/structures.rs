@@ -1,6 +1,6 @@
 //! Times of structures: a region grown from a seed, its mask's surface, smoothed and decimated; one JSON object.
 //!
-//! cargo bench --bench structures -- [--size N] [--repeat N] [--input head|gyroid] [--keep FOLDER]
+//! cargo bench -p relief-bench --bench structures -- [--size N] [--repeat N] [--input head|gyroid] [--keep FOLDER]
 //!
 //! Two volumes of N voxels along each side (512 by default; the head has fewer slices): the head phantom's bone, and a ball of
 //! winding sheets (a gyroid), which is all one region and nearly all surface. The median of the repeats counts, three by default.
