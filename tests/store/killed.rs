@@ -88,7 +88,9 @@ fn say(line: &str) {
 
 fn start(place: &str, limit_kib: Option<u64>) -> Child {
     let program = std::env::current_exe().unwrap();
-    let arguments = ["killed::victim", "--exact", "--ignored", "--nocapture"];
+    let (_, module) = module_path!().split_once("::").unwrap();
+    let victim = format!("{module}::victim");
+    let arguments = [&victim, "--exact", "--ignored", "--nocapture"];
     let mut command = match limit_kib {
         None => Command::new(program),
         Some(kib) => {
