@@ -1,5 +1,5 @@
-//! What a failing case leaves behind for people: pictures, magnified differences, numbers, and one page of
-//! all.
+//! Files that a failing case writes: pictures, magnified differences, numbers, and one page of all
+//! of them.
 //!
 //! | file | shows |
 //! |---|---|
@@ -34,7 +34,7 @@ pub struct Artefacts {
     bless: String,
 }
 
-/// A picture and what it should be.
+/// The rendered picture and the golden one.
 pub(super) struct Pair {
     pub(super) aspect: Aspect,
     pub(super) expected: Option<Raster>,
@@ -73,7 +73,7 @@ impl Artefacts {
         format!("{} {id}", self.bless)
     }
 
-    /// Removes what an earlier failure of this case left.
+    /// Removes the files of an earlier failure of this case.
     pub(super) fn remove(&self, id: &CaseId) -> Result<(), GoldenError> {
         let folder = self.folder(id);
         match fs::remove_dir_all(&folder) {
@@ -139,7 +139,7 @@ fn visible(raster: &Raster) -> Result<Vec<u8>, GoldenError> {
     }
 }
 
-/// Nearest white, farthest dark grey, misses blue, what is no depth red.
+/// The nearest depth is white and the farthest dark grey; misses are blue and invalid depths red.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within 0..=255")]
 fn depth_in_grey(depths: &[f32]) -> Vec<[u8; 4]> {
     let hits = || depths.iter().copied().filter(|mm| mm.is_finite());

@@ -138,7 +138,7 @@ impl Case {
         &self.folder
     }
 
-    /// What it shows, in a sentence.
+    /// The purpose of the case, one sentence.
     #[must_use]
     pub fn purpose(&self) -> &str {
         &self.purpose
@@ -156,7 +156,7 @@ impl Case {
         self.tolerance
     }
 
-    /// What is compared, without repetition.
+    /// The products to compare, without repetition.
     #[must_use]
     pub fn aspects(&self) -> &[Aspect] {
         &self.aspects

@@ -23,27 +23,27 @@ pub struct Harness {
     volumes: HashMap<PhantomRecipe, Volume>,
 }
 
-/// What became of a check.
+/// The result of a check.
 #[derive(Clone, Debug, Serialize)]
 pub struct CheckReport {
     /// The adapter that rendered.
     pub adapter: AdapterDescription,
-    /// Every case that was asked for.
+    /// Every selected case.
     pub cases: Vec<CaseReport>,
 }
 
-/// What became of a case.
+/// The result of one case.
 #[derive(Clone, Debug, Serialize)]
 pub struct CaseReport {
     /// Suite and name.
     pub case: CaseId,
     /// In a word.
     pub verdict: Verdict,
-    /// What the case shows; empty when it cannot be read.
+    /// The purpose of the case; empty when the case cannot be read.
     pub purpose: String,
     /// How far its pictures may be apart; `None` when it cannot be read.
     pub tolerance: Option<Tolerance>,
-    /// What was compared.
+    /// The compared pictures.
     pub aspects: Vec<AspectReport>,
     /// Everything that is wrong, in words; empty unless the case failed.
     pub problems: Vec<String>,
@@ -51,12 +51,12 @@ pub struct CaseReport {
     pub bless: String,
 }
 
-/// What became of one picture of a case.
+/// The result of one picture of a case.
 #[derive(Clone, Debug, Serialize)]
 pub struct AspectReport {
     /// Which picture.
     pub aspect: Aspect,
-    /// What the comparison found; `None` when the golden is missing or cannot be read.
+    /// The measured difference; `None` when the golden is missing or cannot be read.
     pub comparison: Option<Comparison>,
 }
 
@@ -77,22 +77,22 @@ pub enum Verdict {
 pub struct Blessing {
     /// Where it goes.
     pub path: PathBuf,
-    /// What it is to what is there.
+    /// How it differs from the existing golden.
     pub change: Change,
     /// The file.
     pub bytes: Vec<u8>,
 }
 
-/// What a new golden is to the one that is there.
+/// How a new golden differs from the existing one.
 #[derive(Clone, Debug)]
 pub enum Change {
-    /// There is none.
+    /// No golden exists.
     New,
     /// The picture is the same: nothing needs to be written.
     Unchanged,
     /// It differs by this.
     Replaced(Comparison),
-    /// What is there cannot be read.
+    /// The existing golden cannot be read.
     Damaged,
 }
 

@@ -61,8 +61,8 @@ impl Collection {
     /// it.
     ///
     /// # Errors
-    /// When there is none, a folder cannot be read, a name is not fit for a command, or a suite holds a loose
-    /// file.
+    /// When there are no cases, a folder cannot be read, a name cannot be written in a
+    /// command, or a suite contains a loose file.
     pub fn open(dir: &Path) -> Result<Self, GoldenError> {
         let mut ids = Vec::new();
         for suite in entries(dir)?.into_iter().filter(|entry| entry.is_dir()) {
@@ -113,7 +113,7 @@ impl Collection {
     }
 }
 
-/// What is in a folder, hidden files left out.
+/// The entries of a folder, without hidden files.
 fn entries(dir: &Path) -> Result<Vec<PathBuf>, GoldenError> {
     let failed = |source| GoldenError::Read { path: dir.to_owned(), source };
     let mut paths = Vec::new();

@@ -39,12 +39,12 @@ impl Tolerance {
         Self { name: "twin", color_steps: 1, differing_share: 1.0, depth_mm: 0.05, outlier_share: 0.001 };
 }
 
-/// What a comparison found.
+/// The result of a comparison.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// What was measured.
+    /// The measured differences.
     pub difference: Difference,
-    /// What the tolerance does not allow; empty when the pictures are close enough.
+    /// The limits that were exceeded; empty when the pictures are close enough.
     pub mismatches: Vec<Mismatch>,
 }
 

@@ -21,7 +21,7 @@ pub enum GoldenError {
     /// A name that is neither a suite's nor a case's.
     #[error("no suite or case is named {name:?}; suites: {suites}")]
     UnknownCase {
-        /// What was asked for.
+        /// The requested name.
         name: String,
         /// The suites that there are.
         suites: String,
@@ -82,7 +82,7 @@ pub enum GoldenError {
         key: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// The permitted values.
         allowed: String,
     },
     /// The scene.
@@ -138,7 +138,7 @@ pub enum GoldenError {
     Worthless {
         /// The case.
         case: String,
-        /// What is wrong with it.
+        /// The fault.
         defect: &'static str,
     },
 }

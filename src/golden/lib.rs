@@ -1,8 +1,8 @@
 //! Golden images: pictures of procedural volumes that were looked at once and must come out the same ever
 //! after.
 //!
-//! What it is: reading cases, rendering them, comparing, and showing what differs. What it is not: it writes
-//! no golden; [`Harness::bless`] gives the bytes to its caller, and only `relief golden bless` writes them.
+//! It reads cases, renders them, compares, and shows differences. It writes no golden:
+//! [`Harness::bless`] returns the bytes, and only `relief golden bless` writes them.
 //!
 //! A case is a folder `golden/<suite>/<case>/`; unknown keys in its files are refused:
 //!

@@ -28,7 +28,7 @@ pub struct Raster {
     pub samples: Samples,
 }
 
-/// What the pixels of a [`Raster`] are.
+/// The meaning of the pixels of a [`Raster`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
     /// Red, green, blue and coverage.
@@ -78,7 +78,7 @@ pub(super) fn read_bounded(path: &Path) -> Result<Option<Vec<u8>>, GoldenError> 
     Ok(Some(bytes))
 }
 
-/// Refuses what is too large for a golden.
+/// Rejects a picture that is too large for a golden.
 pub(super) fn check_size(path: &Path, file: &[u8]) -> Result<(), GoldenError> {
     let bytes = file.len() as u64;
     if bytes > MAX_FILE_BYTES {
@@ -113,7 +113,7 @@ pub(super) fn rgba_png(size_px: [u32; 2], pixels: &[[u8; 4]]) -> Result<Vec<u8>,
     png(size_px, pixels.as_flattened(), ExtendedColorType::Rgba8)
 }
 
-/// A PNG of the colours alone, as they are seen.
+/// A PNG of the colours as displayed, without coverage.
 pub(super) fn rgb_png(size_px: [u32; 2], pixels: &[[u8; 4]]) -> Result<Vec<u8>, GoldenError> {
     let rgb: Vec<u8> = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
     png(size_px, &rgb, ExtendedColorType::Rgb8)

@@ -22,7 +22,7 @@ pub enum CodecError {
     /// The slice does not fill the size.
     #[error("{what} of {}x{} has {found} values, expected {expected}", size[0], size[1])]
     Count {
-        /// What it is.
+        /// The value.
         what: &'static str,
         /// Width and rows.
         size: [usize; 2],
@@ -34,10 +34,10 @@ pub enum CodecError {
     /// The JPEG encoder refused.
     #[error(transparent)]
     Jpeg(#[from] EncodeError),
-    /// A packer failed, or what was packed is damaged.
+    /// A compressor failed, or the compressed data is damaged.
     #[error("the {what} cannot be packed or unpacked: {reason}")]
     Packing {
-        /// What it is.
+        /// The value.
         what: &'static str,
         /// The packer's words.
         reason: String,
@@ -45,7 +45,7 @@ pub enum CodecError {
     /// Unpacked, there is less or more than the header says.
     #[error("the {what} unpacks to {found} bytes, expected {expected}")]
     Unpacked {
-        /// What it is.
+        /// The value.
         what: &'static str,
         /// Bytes there; one more than expected stands for more.
         found: usize,

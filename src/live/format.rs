@@ -34,7 +34,7 @@ pub enum DepthFormat {
     Z16Deflate,
 }
 
-/// Which frame a client composes from what was sent.
+/// The frame that a client composes from the received pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LiveLayout {
     /// None: colour and depth are shown in another way.

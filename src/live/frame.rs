@@ -39,7 +39,8 @@ pub struct EncodedDepth {
 pub struct ReceivedFrame {
     /// What came before them.
     pub header: FrameHeader,
-    /// Red, green, blue of every pixel, in rows from the top; below it those of what lies behind, where there is such.
+    /// Red, green and blue of every pixel, in rows from the top. The rows of the background layer
+    /// follow, where the layout has one.
     pub color: Vec<[u8; 3]>,
     /// Depth of every pixel, in the same rows.
     pub depth: ReceivedDepth,
@@ -59,7 +60,7 @@ pub enum ReceivedDepth {
 /// Why a frame could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReceiveError {
-    /// The header is none, or does not go with what follows.
+    /// The header is invalid, or does not match the data after it.
     #[error(transparent)]
     Header(#[from] FrameError),
     /// Colour or depth is damaged.
@@ -82,7 +83,7 @@ pub enum ComposeError {
     /// The picture does not fit the layout.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The display's header is none.
+    /// The display's header is invalid.
     #[error(transparent)]
     Header(#[from] FrameError),
 }
@@ -108,7 +109,7 @@ pub fn assemble(header: &FrameHeader, color: &EncodedColor, depth: &EncodedDepth
 /// Colour and depth of a frame as they lie in its bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Parts<'a> {
-    /// What comes before them.
+    /// The bytes before them.
     pub header: FrameHeader,
     /// Colour, packed.
     pub color: &'a [u8],
@@ -120,7 +121,8 @@ impl<'a> Parts<'a> {
     /// Takes a frame apart without unpacking anything: all that a client that only counts needs.
     ///
     /// # Errors
-    /// When the header is none, or there are more or fewer bytes than it says.
+    /// When the header is invalid, or the number of bytes differs from the header's
+    /// lengths.
     pub fn of(frame: &'a [u8]) -> Result<Self, FrameError> {
         let header = FrameHeader::decode(frame)?;
         let wrong = FrameError::Length { found: frame.len() as u64, expected: header.frame_bytes() };
@@ -137,7 +139,8 @@ impl ReceivedFrame {
     /// Reads a frame.
     ///
     /// # Errors
-    /// When it is none, or damaged. Any bytes are taken, and memory for at most [`MAX_PIXELS`].
+    /// When the frame is invalid or damaged. Accepts any bytes, and allocates memory for
+    /// at most [`MAX_PIXELS`].
     pub fn decode(frame: &[u8]) -> Result<Self, ReceiveError> {
         let Parts { header, color, depth } = Parts::of(frame)?;
         let pixels = header.pixels();
@@ -155,8 +158,9 @@ impl ReceivedFrame {
         Ok(Self { header, color, depth })
     }
 
-    /// The frame of the display: picture and disparity placed by the layout, and the header on top. A picture that is smaller
-    /// than what it stands for is enlarged first: each pixel becomes the nearest one of the picture sent, in colour and in depth.
+    /// The frame of the display: picture and disparity placed by the layout, with the header on
+    /// top. A reduced picture is first enlarged to its full size by nearest-pixel sampling, in
+    /// colour and in depth.
     ///
     /// `curve` makes D of Z where Z was sent; D that was sent is taken as it is.
     ///
@@ -213,7 +217,7 @@ fn profile_of(layout: Layout, [width, height]: [u32; 2]) -> Result<DisplayProfil
         Layout::WowvxFullHeight | Layout::Wowvx4k | Layout::Rgbd => [2 * width, height],
         _ => [width, height],
     };
-    // Side by side without header, and the picture alone, are of any size.
+    // The layouts `rgbd` and `color` accept any size.
     let frame_px =
         if layout.has_header() { frame_px } else { frame_px.map(|side| side.min(MAX_FRAME_SIDE_PX)) };
     DisplayProfile::new(frame_px, [width, height], DisparityConstants::PHILIPS_42)

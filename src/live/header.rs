@@ -74,18 +74,19 @@ pub const FIELDS: [Field; 28] = [
 /// The bits of `flags`, lowest first, by name.
 pub const FLAGS: [(u8, &str); 4] = [(1, "lossless"), (2, "full_size"), (4, "still"), (8, "back_layer")];
 
-/// What a frame is, beside its pictures.
+/// Flags of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameHeader {
     /// The picture is of a still view: no better one follows until something changes.
     pub still: bool,
-    /// Below the picture lies what is behind its first layer, as many rows again, in colour and in depth.
+    /// The background layer follows below the picture, with the same number of rows, in colour and
+    /// in depth.
     pub back_layer: bool,
     /// How colour is written.
     pub color: ColorFormat,
     /// How depth is written.
     pub depth: DepthFormat,
-    /// Number of the frame on this connection, from 1: what an `ack` names.
+    /// Number of the frame on this connection, from 1. An `ack` contains it.
     pub sequence: u32,
     /// `seq` of the last message of this connection that the picture shows; 0 for none.
     pub shows_seq: u64,
@@ -115,9 +116,9 @@ pub struct FrameHeader {
     pub depth_bytes: u32,
     /// The eye, patient mm.
     pub eye_mm: [f32; 3],
-    /// What is in the middle of the picture, patient mm.
+    /// The point in the middle of the picture, patient mm.
     pub look_at_mm: [f32; 3],
-    /// What is upwards in the picture.
+    /// The direction that is up in the picture.
     pub up: [f32; 3],
     /// Vertical field of view in degrees, 0 for a parallel projection; and the height of that in mm, or 0.
     pub projection: [f32; 2],
@@ -144,7 +145,7 @@ pub enum FrameError {
         field: &'static str,
         /// Its value.
         found: u64,
-        /// What it may be.
+        /// The permitted values.
         allowed: &'static str,
     },
     /// A number is no number.
@@ -161,7 +162,7 @@ pub enum FrameError {
     /// Two fields contradict each other.
     #[error("the frame's {0}")]
     Contradiction(&'static str),
-    /// The display's part of the header is none.
+    /// The display's part of the header is invalid.
     #[error("the frame's display: {0}")]
     Display(HeaderProblem),
     /// The camera shows nothing.
@@ -176,19 +177,19 @@ impl FrameHeader {
         self.color.is_lossless()
     }
 
-    /// Whether the picture is as large as what it stands for.
+    /// Whether the picture has its full size.
     #[must_use]
     pub fn full_size(&self) -> bool {
         self.size_px == self.full_px
     }
 
-    /// Rows of the pictures sent, what lies behind included.
+    /// Rows of the transmitted pictures, background layer included.
     #[must_use]
     pub fn rows(&self) -> usize {
         usize::from(self.size_px[1]) * if self.back_layer { 2 } else { 1 }
     }
 
-    /// Pixels of the pictures sent, what lies behind included.
+    /// Pixels of the transmitted pictures, background layer included.
     #[must_use]
     pub fn pixels(&self) -> usize {
         usize::from(self.size_px[0]) * self.rows()
@@ -206,7 +207,7 @@ impl FrameHeader {
         self.total_us.saturating_sub(self.render_us).saturating_sub(self.wait_us)
     }
 
-    /// The limits between which depth is scaled; `None` where they are none.
+    /// The limits of scaled depth; `None` where the header has no valid ones.
     #[must_use]
     pub fn limits(&self) -> Option<DepthLimits> {
         let [near, far] = self.limits_mm.map(f64::from);
@@ -216,7 +217,7 @@ impl FrameHeader {
     /// The display's header.
     ///
     /// # Errors
-    /// When it is none; not in a header that was decoded.
+    /// When the limits are invalid. A decoded header always has valid ones.
     pub fn display_header(&self) -> Result<DisplayHeader, FrameError> {
         DisplayHeader::from_fields(self.display).map_err(FrameError::Display)
     }

@@ -1,8 +1,9 @@
 //! Live sessions as bytes: the protocol `relief.v1` that server and clients speak over a WebSocket.
 //!
-//! What it is: the header of binary frames, the codecs of colour and depth, the messages, and how a client composes the frame of its
-//! display from what was sent. What it is not: sockets, pacing and sessions; those are in `server` and `client`. `docs/LIVE.md` has the
-//! protocol byte by byte, [`PROTOCOL`] for programs.
+//! It defines the header of binary frames, the codecs of colour and depth, the messages, and how a
+//! client composes the frame of its display. Sockets, pacing and sessions are in `server` and
+//! `client`. `docs/LIVE.md` describes the protocol byte by byte, [`PROTOCOL`] describes it for
+//! programs.
 //!
 //! Depth is D (8 bits, 255 nearest) or Z (16 bits, 65535 nearest) of the display's settings; lengths in mm, patient space.
 

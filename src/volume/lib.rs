@@ -1,8 +1,8 @@
 //! Volumes: HU voxels on a regular grid placed in patient space.
 //!
-//! What it is: the grid and its geometry, the voxels, their range and content hash, min-max bricks for empty-space
-//! skipping, label maps, masks, and procedural phantoms whose truth is known. What it is not: it reads no files (see `dicom`) and
-//! knows no GPU (see `render`).
+//! It holds the grid and its geometry, the voxels, their range and content hash, min-max bricks for
+//! empty-space skipping, label maps, masks, and procedural phantoms with known truth. It reads no
+//! files (see `dicom`) and uses no GPU (see `render`).
 //!
 //! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z.
 
@@ -175,8 +175,8 @@ impl Volume {
     }
 }
 
-/// SHA-256 of voxels alone, as little-endian 16-bit values in their order: tells whether two stacks are the same,
-/// wherever they lie.
+/// SHA-256 of the voxels, as little-endian 16-bit values in their order, without the geometry.
+/// Equal stacks have equal hashes, wherever they lie.
 pub fn stack_sha256(voxels_hu: &[i16]) -> [u8; 32] {
     let mut hasher = Sha256::new();
     update_with_voxels(&mut hasher, voxels_hu);

@@ -21,12 +21,12 @@ pub struct AppliedIntent {
     pub event: Option<IntentEffect>,
 }
 
-/// What goes beyond the view.
+/// Effects beyond the view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IntentEffect {
     /// Something is to be set down here; until then it follows the cursor.
     Placing(Point<Patient>),
-    /// As placing; or what is here is to be taken hold of, if anything is.
+    /// Place a landmark here, or take hold of one that is here.
     Taking(Point<Patient>),
     /// Something was set down here.
     Placed(Point<Patient>),
@@ -37,8 +37,9 @@ pub enum IntentEffect {
 }
 
 impl ViewState {
-    /// Does what is wanted. `t_ns` is the intent's time: it tells which changes are taken back together. `seen` is the
-    /// picture that `at_px` refers to; without one the cursor keeps its depth.
+    /// Applies an intent. `t_ns` is the intent's time: changes that are close in time are undone
+    /// together. `seen` is the picture that `at_px` refers to; without one the cursor keeps its
+    /// depth.
     ///
     /// # Errors
     /// When a value is out of range, a preset is not there, or there is no cursor to place at. Nothing has changed then.
@@ -107,7 +108,7 @@ impl ViewState {
             }
             Intent::Pan { right, up } => {
                 let height_mm = aspect.height_mm(stage).map_err(|error| no_camera(&error))?;
-                // What is seen goes to the right when the eye goes to the left.
+                // The picture moves right when the eye moves left.
                 let shift = Vector::from_xyz(DVec3::new(-right, -up, 0.0) * height_mm);
                 aspect.look_at = stage.clamped_focus(aspect.in_patient(shift));
                 Step::Pan
@@ -138,7 +139,7 @@ impl ViewState {
         Ok(self.applied(changed, None))
     }
 
-    /// Moves what is held.
+    /// Moves the held volume.
     fn carry(&mut self, stage: &Stage, t_ns: u64, hand: Hand) -> AppliedIntent {
         let Some(mut grab) = self.grab.take() else { return AppliedIntent::default() };
         let (look_at, patient_from_view) = grab.moved(hand);
@@ -149,7 +150,7 @@ impl ViewState {
         self.applied(changed, None)
     }
 
-    /// Makes this the aspect; what it was can come back.
+    /// Changes the aspect and stores the previous one for undo.
     fn take(&mut self, aspect: Aspect, step: Step, t_ns: u64) -> bool {
         if aspect == self.aspect {
             return false;
@@ -177,7 +178,7 @@ impl ViewState {
         true
     }
 
-    /// A hand that holds the volume goes on from what is shown now.
+    /// A hand that holds the volume continues from the current view.
     fn hold_anew(&mut self) {
         self.grab = self.grab.take().map(|grab| grab.renewed(&self.aspect, self.cursor));
     }

@@ -1,10 +1,13 @@
-//! What a hand with a Wiimote means: from tracked poses and buttons to intents.
+//! Gestures of a hand with a Wiimote: converts tracked poses and buttons to intents.
 //!
-//! Buttons and poses come by themselves ([`Gestures::hold`], [`Gestures::track`]): a pose that nobody wants any more may be
-//! dropped, its buttons may not. What is late is left out by its time. Poses alone never move a view: B does, while it is held.
+//! Buttons and poses arrive separately ([`Gestures::hold`], [`Gestures::track`]): an outdated pose
+//! may be dropped, its buttons may not. Late samples are recognised by their time and ignored.
+//! Poses move a view only while B is held.
 //!
-//! A tracked hand at rest is millimetres off from one report to the next. While A is held the cursor follows the hand's mean, and goes
-//! a part of its way ([`HandOptions::precise_gain`]): noise shrinks by as much, and whoever looks at the cursor steers it finer.
+//! A tracked hand at rest jitters by millimetres between reports. While A is held, the cursor
+//! follows the hand's mean position and moves a fraction of its way
+//! ([`HandOptions::precise_gain`]). The fraction reduces jitter by the same factor, and the user
+//! steers by watching the cursor.
 
 use glam::{DQuat, DVec3};
 
@@ -14,7 +17,7 @@ use relief_tracking::{Buttons, TrackingState};
 
 /// Longest time that a held button counts for between two reports, ns: a connection that stands still does not zoom.
 const LONGEST_GAP_NS: u64 = 100_000_000;
-/// What is older than the newest by more than this comes from a clock that was set anew, ns.
+/// A sample that is older than the newest by more than this, ns, comes from a clock that was reset.
 const OTHER_CLOCK_NS: u64 = 2_000_000_000;
 /// Farthest that a hand may be in view, mm.
 const FARTHEST_MM: f64 = 1e5;
@@ -37,7 +40,8 @@ enum Grip {
     Moving,
 }
 
-/// A cursor that is led with care: from where it was when A was pressed, by what the hand's mean has moved since.
+/// Precise movement of the cursor: it starts where A was pressed and follows the movement of the
+/// hand's mean since then.
 #[derive(Clone, Copy, Debug)]
 struct Precise {
     cursor: DVec3,
@@ -72,7 +76,7 @@ pub struct Gestures {
 }
 
 impl Gestures {
-    /// Nobody has been seen yet.
+    /// No hand has been tracked yet.
     ///
     /// # Errors
     /// When an option is out of range.
@@ -97,7 +101,7 @@ impl Gestures {
         })
     }
 
-    /// From now on movements mean this. What is held stays held and does not jump.
+    /// Changes the options. A held volume stays held and does not jump.
     ///
     /// # Errors
     /// When an option is out of range; nothing has changed then.
@@ -252,7 +256,7 @@ impl Gestures {
         (first < 1.0).then_some(edge)
     }
 
-    /// Takes hold of what is under the tip.
+    /// Takes hold of the point under the tip.
     fn grab(&mut self, hand: Hand, intents: &mut Vec<Intent>) {
         self.point(hand.place, intents);
         self.grabbed = true;

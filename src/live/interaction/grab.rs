@@ -1,4 +1,4 @@
-//! Holding the volume: what a hand does from the moment it took hold.
+//! Holding the volume: how it follows a hand from the moment of the grab.
 //!
 //! Everything follows from where hand and view were then, and from where the hand is now; nothing is added up, so a hand that
 //! comes back brings the volume back. View axes, mm; the focal point is 0.
@@ -50,16 +50,16 @@ impl Grab {
         Self { mode, pivot, held, held_in_view, orientation, from: hand, now: hand }
     }
 
-    /// The same hand holding what is shown now: something else has changed the view.
+    /// The same hand holding the current view, after something else has changed it.
     pub(super) fn renewed(&self, aspect: &Aspect, cursor: Option<Point<Patient>>) -> Self {
         Self::new(aspect, cursor, self.now, self.mode, self.pivot)
     }
 
     /// Moves the hand; gives the view's focal point and orientation.
     ///
-    /// In view space a held point x goes to `Q (x - p) + p + d`: Q and d are what the hand turned and moved, p is the place
-    /// held. So `view_from_patient` is turned by Q on its left, and the focal point is where that leaves the held point at
-    /// p + d.
+    /// In view space a held point x moves to `Q (x - p) + p + d`: Q and d are the hand's rotation
+    /// and translation, p is the held place. So `view_from_patient` is multiplied by Q on its left,
+    /// and the focal point follows from the held point's place p + d.
     pub(super) fn moved(&mut self, hand: Hand) -> (Point<Patient>, DQuat) {
         self.now = hand;
         let turned = match self.mode {

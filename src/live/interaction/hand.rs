@@ -22,13 +22,13 @@ pub struct HandPose {
 pub struct HandSample {
     /// Time, ns from any start.
     pub t_ns: u64,
-    /// What is known. Only `tracking` moves anything.
+    /// The tracking state. Only `tracking` moves anything.
     pub state: TrackingState,
     /// `beacon_from_sensor`, while tracking.
     pub pose: Option<HandPose>,
 }
 
-/// What a hand's movements mean.
+/// How a hand's movements change a view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HandOptions {
@@ -123,7 +123,7 @@ impl HandPose {
     /// The pose of these numbers, as a line of `relief track` has them.
     ///
     /// # Errors
-    /// When a coordinate is beyond 100000 mm or the quaternion is none of a rotation.
+    /// When a coordinate is beyond 100000 mm or the quaternion is not a rotation.
     pub fn new(position_mm: [f64; 3], orientation_xyzw: [f64; 4]) -> Result<Self, IntentError> {
         for coordinate in position_mm {
             within("position_mm", coordinate, &(-1e5..=1e5))?;
@@ -143,7 +143,7 @@ impl HandPose {
 }
 
 impl From<&TrackedSample> for HandSample {
-    /// A pose that is out of range is none: nothing moves by it.
+    /// A pose that is out of range counts as missing: nothing moves.
     fn from(sample: &TrackedSample) -> Self {
         let of_numbers = |pose: SensorPose| HandPose::new(pose.position.into(), pose.orientation_xyzw()).ok();
         Self { t_ns: sample.t_ns, state: sample.state, pose: sample.pose.and_then(of_numbers) }

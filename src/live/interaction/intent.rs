@@ -1,4 +1,4 @@
-//! What somebody wants of a view, whatever device says it: one JSON object each.
+//! Intents: requests to change a view, from any input device; one JSON object each.
 //!
 //! Angles in degrees, lengths in mm, quaternions x, y, z, w. View axes: x right, y up, z towards the viewer. Unknown keys
 //! are refused; ranges are checked by [`Intent::validate`], before anything changes.
@@ -23,12 +23,12 @@ pub enum Intent {
         #[serde(default)]
         elevation_deg: f64,
     },
-    /// Turns what is seen about the focal point, freely.
+    /// Turns the volume about the focal point, freely.
     Turn {
         /// The rotation in view axes; a unit quaternion.
         rotation_xyzw: [f64; 4],
     },
-    /// Looks from there: the angles of [`Orbit`] themselves. What is left out stays.
+    /// Sets the angles of [`Orbit`]. An omitted angle stays.
     Look {
         /// 0 from the front, 90 from the patient's left. -3600 to 3600.
         azimuth_deg: f64,
@@ -41,7 +41,7 @@ pub enum Intent {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         vertical_fov_deg: Option<f64>,
     },
-    /// Shifts what is seen at the focal point's depth, as a share of the picture's height.
+    /// Shifts the picture at the focal point's depth, as a fraction of its height.
     Pan {
         /// To the right. -10 to 10.
         #[serde(default)]
@@ -61,14 +61,14 @@ pub enum Intent {
         position_mm: [f64; 3],
         /// How the hand is turned in view axes; a unit quaternion. Only its changes turn the volume.
         orientation_xyzw: [f64; 4],
-        /// What the hand may do.
+        /// The movements that the grab permits.
         #[serde(default)]
         mode: GrabMode,
         /// What stays where it is while the hand only turns.
         #[serde(default)]
         pivot: Pivot,
     },
-    /// Moves what is held to where the hand is now. Nothing happens while nothing is held.
+    /// Moves the held volume to the hand's present pose. Has no effect while nothing is held.
     Move {
         /// As in `grab`.
         position_mm: [f64; 3],
@@ -77,7 +77,8 @@ pub enum Intent {
     },
     /// Lets go; the view stays as it is.
     Release {},
-    /// Cuts away what is near, by a plane across the viewing axis. One of the two.
+    /// Cuts the near part away, by a plane across the viewing axis. Exactly one of the two keys is
+    /// required.
     Clip {
         /// Deeper by this much. -20000 to 20000.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -91,14 +92,15 @@ pub enum Intent {
         /// By its name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// By so many in the list, which is a ring. -1000 to 1000.
+        /// Steps in the cyclic list of presets, -1000 to 1000.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         step: Option<i32>,
     },
     /// Moves the 3D cursor; it stays within the volume's bounding sphere. One of the four.
     Cursor {
-        /// To what is seen at this place of the picture: pixels of the picture's full size, u right, v down, centres at
-        /// +0.5. Where nothing is seen the cursor keeps its depth. -100000 to 100000.
+        /// Moves the cursor to the surface at this place of the picture: pixels of the full-size
+        /// picture, u right, v down, centres at +0.5, -100000 to 100000. Where no surface is
+        /// visible the cursor keeps its depth.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         at_px: Option<[f64; 2]>,
         /// To this place along view axes, the focal point being 0. -100000 to 100000.
@@ -118,13 +120,13 @@ pub enum Intent {
     },
     /// Takes back the last change of the view.
     Undo {},
-    /// Goes on to the next label of what is placed.
+    /// Advances to the next label to place.
     NextLabel {},
     /// The view that a session begins with.
     Reset {},
 }
 
-/// What a grab lets a hand do.
+/// The movements that a grab permits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum GrabMode {
@@ -137,11 +139,11 @@ pub enum GrabMode {
     Move,
 }
 
-/// What a grab turns about in mode `both`.
+/// The pivot of a grab in mode `both`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Pivot {
-    /// What is under the cursor, or the focal point where there is none.
+    /// The cursor, or the focal point where there is no cursor.
     #[default]
     Cursor,
     /// The focal point.
@@ -175,7 +177,7 @@ pub enum IntentError {
         field: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// The permitted values.
         allowed: String,
     },
     /// None or several of keys that exclude one another.
@@ -212,7 +214,8 @@ impl Intent {
     /// Reads an intent: one JSON object.
     ///
     /// # Errors
-    /// When it is none, has an unknown or a missing key, or a value is out of range.
+    /// When the JSON is not an intent, has an unknown or a missing key, or a value is out
+    /// of range.
     pub fn from_json(json: &[u8]) -> Result<Self, IntentError> {
         let value: serde_json::Value =
             serde_json::from_slice(json).map_err(|error| IntentError::Json(error.to_string()))?;
@@ -227,7 +230,7 @@ impl Intent {
         Ok(intent)
     }
 
-    /// Checks every range that does not depend on what is shown.
+    /// Checks every range that does not depend on the current view.
     ///
     /// # Errors
     /// The first value out of range, with its key.
@@ -355,7 +358,7 @@ mod tests {
         }
     }
 
-    /// What is wrong is refused with its key, the value and what is allowed.
+    /// An error names the key, the value and the permitted values.
     #[test]
     fn what_is_wrong_is_named() {
         for (json, says) in [

@@ -1,8 +1,9 @@
-//! From hands to views: what is wanted, by whatever device, and what it does to a view.
+//! Intents of users, from any input device, and their effects on a view.
 //!
-//! What it is: arithmetic on [`Intent`]s. A [`ViewState`] takes one after another and says which [`relief_volume::Camera`],
-//! clip plane, preset and cursor the next picture has. What it is not: it reads no device and no clock, opens no socket and
-//! renders nothing; times come in as ns, pictures as [`Seen`].
+//! This is arithmetic on [`Intent`]s. A [`ViewState`] applies one after another and gives the
+//! [`relief_volume::Camera`], clip plane, preset and cursor of the next picture. It reads no device
+//! and no clock, opens no socket and renders nothing: times are parameters in ns, pictures are
+//! parameters of type [`Seen`].
 //!
 //! | space | definition |
 //! |---|---|

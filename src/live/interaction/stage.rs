@@ -1,4 +1,4 @@
-//! What is shown, as far as a view has to know it.
+//! The properties of the displayed volume that a view depends on.
 
 use relief_base::{Patient, Point, Vector};
 use relief_volume::{Grid, Orbit};
@@ -23,7 +23,7 @@ pub struct Home {
 }
 
 impl Home {
-    /// What the page begins with.
+    /// The initial view of the page.
     pub const ORBIT: Orbit =
         Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.4, vertical_fov_deg: 22.0 };
 }
@@ -34,9 +34,9 @@ impl Home {
 pub struct StageError {
     /// Which part.
     pub what: &'static str,
-    /// What it is.
+    /// The value.
     pub found: String,
-    /// What it may be.
+    /// The permitted values.
     pub allowed: String,
 }
 

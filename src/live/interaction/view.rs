@@ -1,7 +1,8 @@
-//! The state of a view: where one looks from, what is cut away, where the cursor is, and how it came to that.
+//! The state of a view: camera, clip plane, cursor, and the history for undo.
 //!
-//! The eye is at the distance of [`Orbit`] from the focal point, and zoom narrows the field of view as there. View axes:
-//! x right, y up, z towards the viewer, mm; places in view are told from the focal point.
+//! The eye is at the distance of [`Orbit`] from the focal point, and zoom narrows the field of view
+//! as there. View axes: x right, y up, z towards the viewer, mm. The origin of places in view space
+//! is the focal point.
 
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
@@ -21,7 +22,7 @@ const MAX_HISTORY: usize = 64;
 /// The widest that a camera sees, degrees.
 const WIDEST_DEG: f64 = 170.0;
 
-/// What a step back restores.
+/// The state that an undo restores.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Aspect {
     pub(super) look_at: Point<Patient>,
@@ -43,11 +44,11 @@ pub(super) enum Step {
     Zoom,
     Clip,
     Grab,
-    /// Stands alone.
+    /// Never merged with another change.
     Single,
 }
 
-/// The state of a view; see the module. Changed by [`ViewState::apply`] alone.
+/// The state of a view; see the module. Only [`ViewState::apply`] changes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewState {
     pub(super) aspect: Aspect,
@@ -60,10 +61,10 @@ pub struct ViewState {
     pub(super) revision: u64,
 }
 
-/// A plane that hides what is nearer to the eye.
+/// A plane that hides everything nearer to the eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutPlane {
-    /// A point of the plane: the nearest to the centre of what is shown.
+    /// The point of the plane that is nearest to the centre of the volume.
     pub point: Point<Patient>,
     /// Points away from the eye, to the side that is kept; of unit length.
     pub normal: Vector<Patient>,
@@ -80,7 +81,8 @@ pub struct CursorMark {
     pub rgb: [f64; 3],
 }
 
-/// The picture that somebody points at: what a pixel means is asked of the picture that was seen, not of the newest view.
+/// The picture that a user points at. A pixel refers to the displayed picture, not to the newest
+/// view.
 pub struct Seen<'a> {
     /// The camera that it was made with.
     pub camera: Camera,
@@ -104,7 +106,7 @@ pub struct ViewRecord {
     pub preset: Option<String>,
     /// Depth of the clip plane behind the front of the bounding sphere; null where nothing is cut.
     pub clip_mm: Option<f64>,
-    /// The cursor; null where there is none.
+    /// The cursor; null where there is no cursor.
     pub cursor_mm: Option<[f64; 3]>,
     /// Whether a hand holds the volume.
     pub grabbed: bool,

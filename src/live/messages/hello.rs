@@ -10,26 +10,27 @@ use relief_annotation::Item;
 pub const MAX_VIEW_NAME: usize = 64;
 /// Most formats that a client may list.
 const MAX_FORMATS: usize = 16;
-/// Most characters of what a client calls itself.
+/// Maximum length of a client's name, characters.
 const MAX_CLIENT_NAME: usize = 128;
 
-/// Who a client is, and what it wants.
+/// The identity of a client and its requested role and formats.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Hello {
     /// Program and version, for people who read logs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub client: Option<String>,
-    /// Who works here: the author of what is placed.
+    /// The author of the annotations that this client places.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub author: Option<String>,
     /// Id of the volume; `null` is the first, or that of the view where it exists.
     pub volume: Option<String>,
-    /// Name of a shared view, made if there is none; `null` is a view of one's own with a name that cannot be guessed.
+    /// Name of a shared view, created if it does not exist; `null` creates a private view with a
+    /// random name.
     pub view: Option<String>,
-    /// What the client may do.
+    /// The role.
     pub role: Role,
-    /// What it can read.
+    /// The formats that the client can decode.
     pub accept: Accept,
     /// Size of the picture; `null` is that of the view, or of the layout.
     pub size_px: Option<[u32; 2]>,
@@ -41,11 +42,11 @@ pub struct Hello {
     pub settings: Option<Settings>,
 }
 
-/// What a client may do.
+/// The role of a client.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
-    /// Move the view and change what is shown.
+    /// Moves the view and changes its settings.
     #[default]
     Presenter,
     /// Look.

@@ -1,8 +1,8 @@
 //! The messages of a session: JSON objects with a `type`, one per text message.
 //!
-//! What a client sends is read by [`ClientMessage::parse`]: unknown keys and wrong kinds are refused with their path. What the
-//! server sends is read by [`ServerMessage::parse`] the same way. Lengths in mm, angles in degrees, times in ns of the sender's
-//! own clock.
+//! [`ClientMessage::parse`] reads a client's messages; an unknown key or a wrong type is an error
+//! with its path. [`ServerMessage::parse`] does the same for a server's messages. Lengths are in
+//! mm, angles in degrees, times in ns of the sender's own clock.
 
 mod hello;
 mod pose;
@@ -26,18 +26,18 @@ pub use settings::{Quality, Settings, SnapTarget, SnapTo};
 /// Most bytes of a message of either side that is text.
 pub const MAX_TEXT_BYTES: usize = 64 << 10;
 
-/// What a client sends.
+/// A message of a client.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientMessage {
     /// The first message of a connection.
     Hello(Box<Hello>),
     /// Where the hand is, or from where to look. The newest counts.
     Pose(Pose),
-    /// What a Wiimote reported, for the server to track.
+    /// A raw report of a Wiimote, for the server to track.
     Report(Report),
     /// A wish; none is dropped.
     Intent(IntentMessage),
-    /// What is shown, and how.
+    /// Settings of the view.
     Settings(Box<Settings>),
     /// A frame was shown, or is not going to be: the next may come.
     Ack(Ack),
@@ -60,7 +60,7 @@ pub struct Ack {
 pub struct MessageError {
     /// Path of the key.
     pub path: String,
-    /// What is wrong there.
+    /// The fault at that path.
     pub reason: String,
 }
 

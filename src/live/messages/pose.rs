@@ -1,4 +1,4 @@
-//! Where the hand is, what it reported, what it wants.
+//! Poses of the hand, raw reports, and intents.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub struct Pose {
     pub seq: u64,
     /// When it was taken, ns of the client's clock, which frames echo.
     pub t_ns: u64,
-    /// What it says.
+    /// The pose.
     pub what: PoseKind,
 }
 
@@ -32,7 +32,7 @@ pub enum PoseKind {
 /// A tracked Wiimote.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RemotePose {
-    /// What is known.
+    /// The tracking state.
     pub state: TrackingState,
     /// Position in beacon mm, and orientation x, y, z, w, of the sensor; while tracking.
     pub pose: Option<([f64; 3], [f64; 4])>,
@@ -40,7 +40,7 @@ pub struct RemotePose {
     pub buttons: Vec<String>,
 }
 
-/// Angles around the volume; what is left out stays.
+/// Angles around the volume; an omitted angle stays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OrbitPose {
@@ -73,7 +73,7 @@ pub(super) struct PoseFile {
     camera: Option<CameraFile>,
 }
 
-/// What a Wiimote reported.
+/// A raw report of a Wiimote.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {

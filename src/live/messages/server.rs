@@ -1,4 +1,4 @@
-//! What the server sends beside frames.
+//! Text messages of the server.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -9,20 +9,20 @@ use crate::format::DepthFormat;
 use crate::interaction::ViewRecord;
 use relief_tracking::TrackingState;
 
-/// What the server sends beside frames.
+/// A text message of the server.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ServerMessage {
     /// The answer to `hello`.
     Welcome(Box<Welcome>),
-    /// The view changed: to everybody who looks at it.
+    /// The view changed; sent to every client of the view.
     State(StateMessage),
     /// Something was refused or failed.
     Error(ErrorMessage),
-    /// What the server's own tracking knows.
+    /// The state of the server's own tracking.
     Tracking(TrackingMessage),
     /// How many look at the view.
     Peers(Peers),
-    /// Annotations of the volume changed, or what a `place` sets down.
+    /// Annotations of the volume, or the label of the next `place`, changed.
     Annotations(AnnotationsMessage),
 }
 
@@ -37,18 +37,18 @@ pub struct AnnotationsMessage {
     /// Whether there were more than a message holds, and none is here: the list is to be fetched again.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub more: bool,
-    /// What the next `place` of this session sets down.
+    /// The label that the next `place` of this session uses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub next: Option<NextLabel>,
 }
 
-/// What a `place` sets down.
+/// The label of a `place`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NextLabel {
     /// The set that it is in.
     pub set: String,
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The missing item that gets the place; null for a new point.
     pub id: Option<String>,
@@ -70,13 +70,13 @@ impl AnnotationsMessage {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Welcome {
-    /// Token of this session, to resume it; nobody else's business.
+    /// Token of this session, to resume it. A secret of this client.
     pub session: String,
     /// Name of the view.
     pub view: String,
     /// The volume, as `GET /v1/volumes/{id}` describes it.
     pub volume: Value,
-    /// What the client may do.
+    /// The role.
     pub role: Role,
     /// Formats of colour.
     pub color: ColorFormats,
@@ -96,7 +96,7 @@ pub struct StateMessage {
     pub state: ViewRecord,
     /// Id of its volume.
     pub volume: String,
-    /// Where what is being placed would be set down, where snapping would move it.
+    /// The position where snapping would place the landmark.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snapped: Option<SnappedPlace>,
 }
@@ -121,11 +121,11 @@ pub struct ErrorMessage {
     pub fatal: bool,
 }
 
-/// What the server's own tracking knows.
+/// The state of the server's own tracking.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrackingMessage {
-    /// What is known.
+    /// The tracking state.
     pub state: TrackingState,
     /// How many LEDs were matched.
     pub leds: usize,

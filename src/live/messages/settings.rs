@@ -1,4 +1,4 @@
-//! What is shown, and how.
+//! Settings of a view.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -7,17 +7,17 @@ use crate::interaction::GrabMode;
 use relief_annotation::Shown;
 use relief_display::DisplaySettings;
 
-/// What is shown, and how. What is left out stays.
+/// Settings of a view. An omitted setting stays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// A merge patch (RFC 7396) of the scene, in the JSON of a request without `camera`, `size_px`, `display` and `budget_ms`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<Map<String, Value>>,
-    /// The display, as in a request; replaces what was set before.
+    /// The display, as in a request; replaces the previous display settings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub display: Option<DisplaySettings>,
-    /// Size of the picture; where the layout fixes it, that alone.
+    /// Size of the picture; where the layout fixes the size, only that size is valid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_px: Option<[u32; 2]>,
     /// The annotations that are drawn: `false`, `true`, or sets by their names. While any are, `place` sets landmarks down and
@@ -30,7 +30,7 @@ pub struct Settings {
     /// Another volume, by its id.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<String>,
-    /// What a picture may cost while the view moves.
+    /// The time budget of a picture while the view moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
     /// What B lets the hand do.
@@ -86,10 +86,10 @@ impl<'de> Deserialize<'de> for SnapTo {
     }
 }
 
-/// What a picture may cost while the view moves.
+/// The time budget of a picture while the view moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quality {
-    /// What the connection and the renderer were measured to have.
+    /// Computed from the measured speed of the connection and of the renderer.
     Auto,
     /// So many ms of rendering, and JPEG of the usual quality.
     Budget {

@@ -152,8 +152,9 @@ impl Camera {
         self.lens_shift
     }
 
-    /// This camera moved to its right by `right_mm`, looking in the same direction, with its lens shifted so that what is at
-    /// the view depth `converging_mm` stays where it is in the picture: one of the views of a 3D display.
+    /// This camera moved to its right by `right_mm`, looking in the same direction. Its lens is
+    /// shifted so that points at the view depth `converging_mm` keep their place in the picture. It
+    /// renders one view of a 3D display.
     ///
     /// # Errors
     /// As [`Camera::with_lens_shift`]: always in a parallel projection, whose eye is nowhere.

@@ -1,4 +1,4 @@
-//! A camera that circles a volume: what a mouse drag, a query string and the command line say.
+//! A camera that circles a volume, as mouse drags, query strings and the command line describe it.
 
 use std::ops::RangeInclusive;
 
@@ -34,9 +34,9 @@ impl Default for Orbit {
 pub struct OrbitError {
     /// Which part: `azimuth_deg`, `elevation_deg`, `zoom` or `vertical_fov_deg`.
     pub what: &'static str,
-    /// What it is.
+    /// The value.
     pub found: f64,
-    /// What it may be.
+    /// The permitted values.
     pub allowed: String,
 }
 

@@ -1,8 +1,8 @@
 //! Planes through a volume, seen head-on as radiologists see them, and the letters at a picture's edges.
 //!
-//! What it is: the standard planes, the camera that looks at a plane, and DICOM's letters for patient directions. What
-//! it is not: it cuts nothing; the renderer's mode `slice` does, through the focal point of such a camera. Patient
-//! space (LPS), mm.
+//! It defines the standard planes, the camera that looks at a plane, and DICOM's letters for
+//! patient directions. It cuts nothing: the renderer's mode `slice` cuts through the focal point of
+//! such a camera. Patient space (LPS), mm.
 
 use glam::DVec3;
 
@@ -68,7 +68,7 @@ impl NamedPlane {
 pub struct PlaneView {
     /// The plane's normal on the side of the eye; any length above zero.
     pub towards_eye: Vector<Patient>,
-    /// What is upwards in the picture; need not lie in the plane.
+    /// The direction that is up in the picture; need not lie in the plane.
     pub up: Vector<Patient>,
 }
 

@@ -11,9 +11,9 @@ use relief_base::{Point, Vector};
 pub struct CameraFile {
     /// Where the eye is.
     pub eye_mm: [f64; 3],
-    /// What is in the middle of the picture.
+    /// The point in the middle of the picture.
     pub look_at_mm: [f64; 3],
-    /// What is upwards in the picture; the head where it is not written.
+    /// The direction that is up in the picture; towards the head by default.
     #[serde(default = "head_up")]
     pub up: [f64; 3],
     /// How view space becomes a picture.

@@ -1,4 +1,5 @@
-//! Which segments occur in each brick: with a brick's range of values this tells whether it can show anything.
+//! The segments in each brick. Together with a brick's range of values they decide whether the
+//! brick can be visible.
 
 use std::collections::HashMap;
 

@@ -29,17 +29,20 @@ pub struct LayersError {
 }
 
 impl Layers {
-    /// Most layers: what is read of files, too. Each segment is compared with all layers before its own.
+    /// Maximum number of layers, also when files are read. Each segment is compared with all layers
+    /// before its own.
     pub const MOST: usize = 64;
 
-    /// No layer yet, on a grid; all together may have so many bytes, two for each voxel.
+    /// Starts without layers on a grid. All layers together may use the given number of bytes, two
+    /// for each voxel.
     #[must_use]
     pub fn new(grid: Grid, most_bytes: u64) -> Self {
         Self { grid, most_bytes, layers: Vec::new() }
     }
 
-    /// Lays a segment, whose label no other one has, over these indices of voxels, and tells how many they are. An index may come more
-    /// than once; one beyond the grid is passed over. A segment without voxels is described in the first layer.
+    /// Adds a segment with a new label at these voxel indices, and returns the number of distinct
+    /// voxels. An index may occur more than once; an index beyond the grid is ignored. A segment
+    /// without voxels is described in the first layer.
     ///
     /// # Errors
     /// When there is no room for another layer.

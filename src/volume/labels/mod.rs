@@ -1,8 +1,9 @@
-//! Label maps: which structure each voxel of a grid belongs to, and what the structures are called.
+//! Label maps: the structure of each voxel of a grid, and the names of the structures.
 //!
-//! What it is: [`LabelMap`], segments by their labels on a grid of its own, brought to a volume's grid by
-//! [`LabelMap::resampled`], and [`BrickLabels`], which says what occurs where for empty-space skipping. What it is not: it
-//! reads no files (see `formats` and `dicom`), and it knows no colours beyond those that a file names.
+//! [`LabelMap`] holds segments by their labels on a grid of its own; [`LabelMap::resampled`] brings
+//! it to a volume's grid. [`BrickLabels`] lists the segments of each brick for empty-space
+//! skipping. This module reads no files (see the crate `dicom`), and has no colours except those in
+//! a file.
 //!
 //! Spaces: voxel index and patient mm. A voxel belongs to one segment or to none; label 0 means none.
 
@@ -26,7 +27,7 @@ pub use layers::{Layers, LayersError};
 pub struct Segment {
     /// The number that the file gives it; never 0.
     pub label: u16,
-    /// What it is called, where the file says.
+    /// Its name, where the file has one.
     pub name: Option<String>,
     /// Its colour in display-referred sRGB, 0..1, where the file says.
     pub rgb: Option<[f64; 3]>,
@@ -201,7 +202,7 @@ impl LabelMap {
         }
     }
 
-    /// The segment at a position; `None` outside the map and where there is none.
+    /// The segment at a position; `None` outside the map and in the background.
     #[must_use]
     pub fn at(&self, position: Point<Patient>) -> Option<&Segment> {
         let index = nearest((self.grid.voxel_from_patient() * position).xyz);

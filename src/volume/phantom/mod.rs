@@ -24,7 +24,7 @@ use std::str::FromStr;
 use super::{Grid, LabelMap, Segment, Volume, stack_sha256};
 pub use truth::{Material, PhantomLandmark, PhantomTruth, Surface, SurfaceShape, TRUTH_SCHEMA};
 
-/// What a phantom shows.
+/// The kinds of phantoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PhantomKind {
     /// A human head with skin, skull, teeth, brain, vessels and air cavities.
@@ -55,7 +55,7 @@ impl PhantomKind {
         }
     }
 
-    /// Voxels across when no size is asked for.
+    /// Default number of voxels across.
     #[must_use]
     pub const fn default_size(self) -> usize {
         match self {
@@ -96,17 +96,17 @@ pub struct PhantomRecipe {
     seed: u64,
 }
 
-/// A volume made by formula, and what is known about it.
+/// A procedural volume and its truth.
 #[derive(Clone, Debug)]
 pub struct Phantom {
     /// The voxels.
     pub volume: Volume,
-    /// What was put where.
+    /// The objects in the volume.
     pub truth: PhantomTruth,
 }
 
 impl PhantomRecipe {
-    /// Voxels across that can be asked for. The largest makes about 2 GiB of voxels.
+    /// Permitted numbers of voxels across. The largest makes about 2 GiB of voxels.
     pub const SIZES: std::ops::RangeInclusive<usize> = 16..=1024;
 
     /// The kind in its default size, seed 0.
@@ -278,7 +278,7 @@ impl Placement {
     }
 }
 
-/// What a phantom's maker knows, beside the voxels.
+/// The truth of a phantom, without its voxels.
 #[derive(Debug, Default)]
 struct Facts {
     noise_sigma_hu: f64,

@@ -1,7 +1,7 @@
 //! Deterministic noise: hashes of lattice points, smooth gradient noise, the grain of a CT image.
 //!
-//! Every value is a function of position and seed alone, so that voxels can be made in any order by any
-//! number of threads. It is not random in any cryptographic sense.
+//! Every value is a function of position and seed only, so threads can make voxels in any order. It
+//! is not cryptographically random.
 
 use glam::{IVec3, Vec3};
 

@@ -211,7 +211,7 @@ enum Sides {
     Both,
 }
 
-/// Shapes that are one part: their plain union is joined or cut.
+/// Shapes of one part: their union is blended or cut as a whole.
 #[derive(Clone, Debug)]
 struct Part {
     shapes: Vec<(Shape, Box3)>,

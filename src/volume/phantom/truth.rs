@@ -1,4 +1,4 @@
-//! The truth that comes with a phantom: what was put where, as JSON.
+//! The truth of a phantom: its objects and their places, as JSON.
 //!
 //! Positions and lengths are in patient LPS mm, values in HU. Lists keep their order from version to version,
 //! so that a test or a tool may address an entry by its place as well as by its name. It is not a
@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a [`PhantomTruth`] document calls its own format.
+/// The format name in a [`PhantomTruth`] document.
 pub const TRUTH_SCHEMA: &str = "relief.phantom.truth/1";
 
 /// Everything that is known about a phantom without looking at its voxels.
@@ -35,7 +35,7 @@ pub struct PhantomTruth {
     /// For a linear ramp: the change of HU per mm along x, y and z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gradient_hu_per_mm: Option<[f64; 3]>,
-    /// What the phantom is made of.
+    /// The materials of the phantom.
     pub materials: Vec<Material>,
     /// Surfaces with a closed form.
     pub surfaces: Vec<Surface>,
@@ -77,7 +77,7 @@ pub struct Material {
     pub hu: f64,
 }
 
-/// A surface with a closed form, and what lies on its two sides.
+/// A surface with a closed form, and the HU values on its two sides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Surface {

@@ -18,7 +18,8 @@ impl GradientOpacity {
     /// A function through `points` of magnitude (HU per mm) and opacity.
     ///
     /// # Errors
-    /// When there is none or too many, magnitudes do not rise, or a value is outside its range.
+    /// When there are no points or too many, magnitudes do not rise, or a value is outside
+    /// its range.
     pub fn new(points: Vec<[f64; 2]>) -> Result<Self, TransferError> {
         if points.is_empty() || points.len() > Self::MAX_POINTS {
             return Err(TransferError::GradientCount(points.len()));
@@ -58,7 +59,8 @@ impl GradientOpacity {
     }
 }
 
-/// The function tabulated, with what a sample's path does to opacity: what shaders and their twin look up.
+/// The tabulated function, corrected for the length of a sample's path. Shaders and their twin look
+/// it up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradientTable {
     /// Entries per HU/mm.

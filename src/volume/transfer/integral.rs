@@ -1,9 +1,10 @@
 //! Integrals of a transfer table over values: what pre-integrated classification looks up.
 //!
-//! Where a value changes from one end of a sample's path to the other, and linearly between, the path's optical depth is the
-//! mean of the extinctions of the values passed, and its colour their mean weighted by extinction. Both means are differences
-//! of integrals over values (after Engel, Kraus and Ertl, High-Quality Pre-Integrated Volume Rendering, 2001, whose table
-//! has two dimensions; with integrals one is enough). Light that a path takes from its own far end is not told apart.
+//! Let a value change linearly from one end of a sample's path to the other. Then the path's
+//! optical depth is the mean extinction of the values between, and its colour is their mean
+//! weighted by extinction. Both means are differences of integrals over values (after Engel, Kraus
+//! and Ertl, High-Quality Pre-Integrated Volume Rendering, 2001, whose table has two dimensions;
+//! integrals need one). Attenuation within the path is not modelled.
 
 use glam::DVec4;
 

@@ -1,7 +1,8 @@
 //! A transfer function as a medium: linear colour and extinction per mm, for light that is followed in linear terms.
 //!
-//! Opacity a per unit of path is an extinction of `-ln(1 - a) / unit`: what is left of light after `d` mm is
-//! `exp(-extinction d)`. Between entries colour and extinction are linear in HU.
+//! Opacity a per unit of path is an extinction of `-ln(1 - a) / unit`: after `d` mm,
+//! `exp(-extinction d)` of the light remains. Between entries, colour and extinction are linear in
+//! HU.
 
 use super::{TransferFunction, TransferTable};
 
@@ -19,7 +20,8 @@ pub struct MediumTable {
 }
 
 impl MediumTable {
-    /// Largest extinction per mm: light passes 0.1 mm of it on average. What is denser is taken as that.
+    /// Largest extinction per mm: light passes 0.1 mm of it on average. Denser material is clamped
+    /// to it.
     pub const MAX_EXTINCTION: f64 = 10.0;
 
     /// The medium of a transfer function whose extinction is multiplied by `density`.
@@ -42,7 +44,8 @@ impl MediumTable {
 
     /// The largest extinction per mm of any value in `low_hu..=high_hu`, by the entries that its look-up may touch.
     ///
-    /// A little beyond the range, since sampling rounds: no sample may be denser than what this says.
+    /// Slightly more than the range, since sampling rounds: no sample may be denser than this
+    /// bound.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     pub fn largest_extinction(&self, low_hu: f32, high_hu: f32) -> f32 {

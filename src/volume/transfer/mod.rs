@@ -4,7 +4,8 @@
 //! so an image does not depend on its sample distance: a sample that stands for `step` mm has the opacity
 //! `1 - (1 - a)^(step / unit)`. Colour is not premultiplied at the control points.
 //!
-//! Values: HU. Lengths: mm. This module knows no GPU: [`TransferTable`] is what a shader and its f64 twin share.
+//! Values: HU. Lengths: mm. This module uses no GPU: a shader and its f64 twin share
+//! [`TransferTable`].
 
 mod foreign;
 mod gradient;
@@ -67,9 +68,9 @@ pub enum TransferError {
         index: usize,
         /// Which of its values.
         what: &'static str,
-        /// What it is.
+        /// The value.
         found: f64,
-        /// What it may be.
+        /// The permitted values.
         allowed: &'static str,
     },
     /// A window that shows nothing.
@@ -77,9 +78,9 @@ pub enum TransferError {
     Window {
         /// Which of its values: `center_hu` or `width_hu`.
         what: &'static str,
-        /// What it is.
+        /// The value.
         found: f64,
-        /// What it may be.
+        /// The permitted values.
         allowed: &'static str,
     },
     /// No point of opacity by gradient, or more than [`GradientOpacity::MAX_POINTS`].
@@ -92,9 +93,9 @@ pub enum TransferError {
         index: usize,
         /// Which of its values: `hu_per_mm` or `opacity`.
         what: &'static str,
-        /// What it is.
+        /// The value.
         found: f64,
-        /// What it may be.
+        /// The permitted values.
         allowed: String,
     },
     /// The opacity unit is not a usable length.

@@ -1,4 +1,5 @@
-//! A transfer function tabulated for one sample distance: what the shaders and their f64 twin look up.
+//! A transfer function tabulated for one sample distance. The shaders and their f64 twin look it
+//! up.
 
 use super::{GradientTable, IntegralTable, TransferFunction};
 
@@ -87,8 +88,8 @@ impl TransferTable {
         }
     }
 
-    /// What the shader's buffer holds: the entries, and behind them either the integrals, one for each, or the table of
-    /// opacity by gradient, whose first entry has its two numbers.
+    /// The content of the shader's buffer: the entries, followed by the integrals, one for each
+    /// entry, or by the table of opacity by gradient, whose first entry holds its two numbers.
     #[must_use]
     pub fn buffer(&self) -> Vec<[f32; 4]> {
         let head = self.gradient.iter().map(|table| [table.entries_per_hu_mm, table.path_units, 0.0, 0.0]);

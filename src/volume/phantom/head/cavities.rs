@@ -11,7 +11,7 @@ use super::super::sdf::{Box3, Field, LocalField, ball, block, cone, ellipsoid};
 pub(super) const EAR_CANAL: [[f32; 4]; 4] =
     [[79.0, -2.0, 0.5, 4.0], [68.0, 0.5, 2.0, 3.4], [58.0, -1.0, 2.0, 3.2], [47.0, -3.5, 0.5, 3.4]];
 
-/// Bone between a sinus and what is outside the skull, mucosa included, mm.
+/// Bone between a sinus and the outside of the skull, mucosa included, mm.
 const WALL_MM: f32 = 2.8;
 
 /// Air and the tissue that divides it.

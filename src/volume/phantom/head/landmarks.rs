@@ -35,7 +35,7 @@ impl Boundary {
         }
     }
 
-    /// Halfway between the tissue and what is usually outside.
+    /// Halfway between the tissue and its usual surroundings.
     fn level_hu(self) -> f32 {
         match self {
             Self::Skin => 0.5 * (tissue::SKIN_HU + tissue::AIR_HU),
@@ -167,7 +167,7 @@ impl Definition {
     }
 }
 
-/// Steps from -1 to 1 along a spread; the middle alone where there is none.
+/// Steps from -1 to 1 along a spread; only the middle where the spread is zero.
 fn grid(spread: Vec3) -> impl Iterator<Item = f32> + Clone {
     let steps = if spread == Vec3::ZERO { 0 } else { 5 };
     (-steps..=steps).map(|n| n as f32 / 5.0)
@@ -227,7 +227,7 @@ pub(super) fn surfaces() -> Vec<Surface> {
     list
 }
 
-/// What the head is made of.
+/// The materials of the head.
 pub(super) fn materials() -> Vec<Material> {
     let named = [
         ("air", tissue::AIR_HU),

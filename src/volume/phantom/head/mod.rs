@@ -1,11 +1,13 @@
 //! The head: anatomy by signed distance fields, tissue by tissue, with the truth about it.
 //!
-//! It is a model of no person: proportions are an adult's, courses a textbook's, folds and grain a seed's.
-//! What it is not: a dose phantom, an atlas, or fit to train a diagnosis on.
+//! It models no particular person: proportions are an adult's, courses follow textbooks, folds and
+//! grain follow a seed. It is not a dose phantom, not an atlas, and not fit to train a diagnosis
+//! on.
 //!
-//! Model space is patient space: LPS mm, origin midway between the ear canals, the Frankfort plane (ear canal
-//! to lower orbital rim) at z = 0. Tissues are painted over each other from the skin inwards; at an edge, a
-//! voxel takes the share of each side that its distance tells, so partial volume looks as a CT's does.
+//! Model space is patient space: LPS mm, origin midway between the ear canals, the Frankfort plane
+//! (ear canal to lower orbital rim) at z = 0. Tissues are painted over each other from the skin
+//! inwards. At an edge a voxel mixes both sides in proportion to its distance from the edge, so
+//! partial volume looks as in a CT.
 
 mod brain;
 mod cavities;
@@ -36,7 +38,7 @@ const SLICES: usize = 220;
 const NOISE_SIGMA_HU: f32 = 9.0;
 /// Voxels along each side of a block that is culled and painted together.
 const BLOCK: usize = 8;
-/// What a CT can store.
+/// The range that a CT can store.
 const RANGE_HU: (f32, f32) = (-1024.0, 3071.0);
 
 /// Where a head of `size` voxels across lies.
@@ -69,7 +71,7 @@ impl Edge {
     }
 }
 
-/// Voxels of the head and what is known about it.
+/// Voxels of the head and their truth.
 pub(super) fn head(placement: &Placement, seed: u64, report: &(dyn Fn(usize) + Sync)) -> (Vec<i16>, Facts) {
     let anatomy = Anatomy::new(seed);
     let [nx, ny, nz] = placement.dims;
@@ -88,7 +90,7 @@ pub(super) fn head(placement: &Placement, seed: u64, report: &(dyn Fn(usize) + S
     (voxels, facts)
 }
 
-/// Labels, names and colours (sRGB as bytes) of the organs that are told apart.
+/// Labels, names and colours (sRGB bytes) of the organs.
 pub(super) const ORGANS: [(u16, &str, [u8; 3]); 10] = [
     (1, "skull", [241, 229, 200]),
     (2, "mandible", [222, 203, 160]),
@@ -113,8 +115,8 @@ pub(super) fn labels(placement: &Placement, seed: u64) -> Vec<u16> {
     labels
 }
 
-/// Calls with each voxel of up to [`BLOCK`] slices from slice `first` on, where there is more than air: what is near, the
-/// voxel's centre, and its place among `voxels`.
+/// Calls the function with each voxel of up to [`BLOCK`] slices from slice `first` on that is not
+/// all air: the tissues nearby, the voxel's centre, and its index in `voxels`.
 fn for_each_near(
     anatomy: &Anatomy,
     placement: &Placement,

@@ -1,4 +1,4 @@
-//! Muscles, glands and gristle: what lies between the fat under the skin and the bones.
+//! Muscles, glands and cartilage, between the fat under the skin and the bones.
 
 use super::super::sdf::{Field, ball, block, cone, ellipsoid};
 

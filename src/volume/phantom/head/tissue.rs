@@ -103,7 +103,7 @@ impl Anatomy {
         }
     }
 
-    /// What is in a region; `None` where there is only air.
+    /// The tissues in a region; `None` where there is only air.
     pub(super) fn near(&self, region: &Box3) -> Option<LocalAnatomy<'_>> {
         let skin = self.skin.near(region);
         if skin.is_absent() {

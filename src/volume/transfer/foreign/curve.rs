@@ -54,7 +54,7 @@ impl<const N: usize> Curve<N> {
     /// A function through these nodes, in any order. `what` names it in errors.
     ///
     /// # Errors
-    /// When there is none or too many, or a number is out of range.
+    /// When there are no points or too many, or a number is out of range.
     pub(super) fn new(
         mut nodes: Vec<Node<N>>,
         twins: Twins,

@@ -1,9 +1,10 @@
 //! Transfer functions that other programs wrote: read, checked, and turned into control points.
 //!
-//! What it is: readers of bytes. 3D Slicer's volume properties (`presets.xml` and MRML scenes, `.vp`, `.vp.json`), and
-//! VTK's and ParaView's colour maps in JSON. What it is not: it opens no files, and writes none of these formats.
-//! Nodes with midpoint and sharpness, and colours that mix elsewhere than in RGB, become piecewise linear functions that
-//! are off by less than 1/500 of the whole range. Values in HU, opacities per mm or as the file says.
+//! Readers of bytes: 3D Slicer's volume properties (`presets.xml` and MRML scenes, `.vp`,
+//! `.vp.json`), and VTK's and ParaView's colour maps in JSON. They open no files and write none of
+//! these formats. Nodes with midpoint and sharpness, and colours that are interpolated outside RGB,
+//! become piecewise linear functions with an error of less than 1/500 of the whole range. Values
+//! are in HU, opacities per mm or as the file defines.
 
 mod curve;
 mod paraview;
@@ -37,7 +38,7 @@ pub struct ImportedTransfer {
     pub transfer: TransferFunction,
     /// Light, where the file says.
     pub light: Option<ImportedLight>,
-    /// What the file says beside, and is not in the above; in words.
+    /// Properties of the file that the function does not represent, as sentences.
     pub left_out: Vec<String>,
 }
 
@@ -67,7 +68,7 @@ pub enum TransferImportError {
     Syntax {
         /// Where in the file.
         place: String,
-        /// What is wrong there.
+        /// The fault at that place.
         reason: String,
     },
     /// A number that cannot be.
@@ -75,9 +76,9 @@ pub enum TransferImportError {
     Range {
         /// Where in the file.
         place: String,
-        /// What is there.
+        /// The value.
         found: String,
-        /// What may be.
+        /// The permitted values.
         allowed: String,
     },
     /// A choice is needed.
@@ -91,9 +92,9 @@ pub enum TransferImportError {
     /// A choice that is not there.
     #[error("the file contains no function named {wanted:?}; it contains {names}")]
     NoSuchName {
-        /// What was asked for.
+        /// The requested name.
         wanted: String,
-        /// Names that are there, the first hundred.
+        /// The existing names, the first hundred.
         names: String,
     },
     /// The points do not make a transfer function.
@@ -111,7 +112,7 @@ impl TransferImportError {
     }
 }
 
-/// What a reader found, in the file's own terms.
+/// The content of a file, in the file's own terms.
 #[derive(Clone, Debug)]
 struct Draft {
     name: Option<String>,
@@ -131,7 +132,8 @@ type Found<'a> = (Option<String>, Box<dyn Fn() -> Result<Draft, TransferImportEr
 /// Reads the transfer function in a file's bytes, whatever their format.
 ///
 /// # Errors
-/// When the format is none of those known, a number is out of range, or there are several functions and none is named.
+/// When the format is unknown, a number is out of range, or there are several functions
+/// and no name is given.
 pub fn import_transfer(
     bytes: &[u8],
     choice: &TransferImportChoice<'_>,

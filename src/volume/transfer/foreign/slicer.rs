@@ -107,7 +107,7 @@ impl Property {
             None => Ok(otherwise),
         };
         let [ambient, diffuse, specular] = &self.shares;
-        // What a property does not say is as VTK begins it.
+        // A missing property has VTK's default.
         let shares = [
             number("ambient", ambient.as_ref(), 0.1)?,
             number("diffuse", diffuse.as_ref(), 0.7)?,

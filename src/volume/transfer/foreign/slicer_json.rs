@@ -1,8 +1,8 @@
 //! Volume properties of 3D Slicer in JSON, `.vp.json`, by its schema v1.0.0.
 //!
-//! A file has `volumeProperties`, each with `components`; those of CT have one. Functions are lists of points with `x`,
-//! a value (`y` or `color`), and perhaps `midpoint` and `sharpness`. Keys that are not read are left alone: the schema
-//! allows any.
+//! A file has `volumeProperties`, each with `components`; those of CT have one. Functions are lists
+//! of points with `x`, a value (`y` or `color`), and optionally `midpoint` and `sharpness`. Other
+//! keys are ignored, since the schema permits any.
 
 use serde_json::Value;
 
@@ -77,7 +77,7 @@ fn draft(property: &Value, place: &str) -> Result<Draft, TransferImportError> {
     })
 }
 
-/// A number, or another where there is none.
+/// A number, or a default where it is missing.
 fn number(json: &Value, otherwise: f64, place: &str) -> Result<f64, TransferImportError> {
     match json {
         Value::Null => Ok(otherwise),

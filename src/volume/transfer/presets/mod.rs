@@ -74,7 +74,7 @@ impl PresetMode {
 pub struct Preset {
     /// Name in requests and on the command line.
     pub name: &'static str,
-    /// What it is for, in a few words.
+    /// Its purpose, in a few words.
     pub purpose: &'static str,
     /// What kind of purpose that is.
     pub group: PresetGroup,
@@ -143,8 +143,9 @@ impl Preset {
         (self.points[first_seen.saturating_sub(1)][0], self.points.get(last_seen + 1).map(|point| point[0]))
     }
 
-    /// Colours of `cells` places from the first visible control point to the last, as 20 mm of each would look on
-    /// black in full light: what a list shows of a preset. Each stretch between control points has equal room.
+    /// Colours of `cells` places from the first visible control point to the last: 20 mm of each on
+    /// black, fully lit. Lists show them as a preview. Each interval between control points has the
+    /// same width.
     #[must_use]
     pub fn swatch(&self, cells: usize) -> Vec<[u8; 3]> {
         const PATH_MM: f64 = 20.0;
