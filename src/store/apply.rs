@@ -10,7 +10,7 @@ use relief_annotation::{Change, ContentId, Edit, Event, Item, ItemId, Kind, Time
 /// Events that are being added, all of one edit.
 pub(super) struct Writing<'a> {
     pub(super) transaction: &'a mut Transaction<'static, Any>,
-    /// What all of them have in common.
+    /// Their common properties.
     kind: Kind,
     target: Option<u64>,
     author: &'a str,
@@ -25,9 +25,9 @@ impl Store {
     /// Makes all changes of an edit or none of them. When it returns they are on the disk.
     ///
     /// # Errors
-    /// [`StoreError::Conflict`] with both versions where somebody else was faster, [`StoreError::Locked`],
-    /// [`StoreError::NotFound`], [`StoreError::Exists`], [`StoreError::Content`], [`StoreError::Invalid`], and what a
-    /// database says.
+    /// [`StoreError::Conflict`] with both versions where another author was faster,
+    /// [`StoreError::Locked`], [`StoreError::NotFound`], [`StoreError::Exists`],
+    /// [`StoreError::Content`], [`StoreError::Invalid`], and errors of the database.
     pub async fn apply(&self, edit: &Edit) -> Result<Vec<Event>, StoreError> {
         edit.validate()?;
         let mut transaction = self.begin_write().await?;

@@ -13,7 +13,7 @@ use relief_annotation::{ContentId, Event, Item, ItemId, Kind};
 /// Events that are read at a time.
 const PAGE: u64 = 5000;
 
-/// What was found whole.
+/// The numbers of verified records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Checked {
     /// Events of the log.
@@ -38,7 +38,7 @@ impl Store {
     /// edits as the events have them; contents with the SHA-256 that is their name.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`] with the first thing that is wrong, and what a database says.
+    /// [`StoreError::Damaged`] with the first fault, and errors of the database.
     pub async fn check(&self) -> Result<Checked, StoreError> {
         let mut transaction = self.begin_read().await?;
         if self.kind == Database::Sqlite {
@@ -96,7 +96,7 @@ impl Folded {
         Ok(())
     }
 
-    /// What the first event of an edit, undo or redo means for the author's line of edits.
+    /// The effect of an edit, undo or redo, by its first event, on the author's history.
     fn turn(&mut self, event: &Event) -> Result<(), StoreError> {
         let (from, to) = match event.kind {
             Kind::Do => {

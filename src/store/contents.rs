@@ -13,7 +13,8 @@ impl Store {
     /// Keeps bytes, and says by what name. The same bytes are kept once, with the media type that they came with first.
     ///
     /// # Errors
-    /// [`StoreError::Invalid`] for more bytes than a database takes or a media type that is none, and what a database says.
+    /// [`StoreError::Invalid`] for more bytes than a database accepts or an invalid media
+    /// type, and errors of the database.
     pub async fn put_content(&self, media_type: &str, bytes: &[u8]) -> Result<ContentId, StoreError> {
         if bytes.len() > MOST_BYTES {
             let (found, allowed) = (format!("{} bytes", bytes.len()), format!("at most {MOST_BYTES}"));
@@ -26,7 +27,7 @@ impl Store {
         }
         let id = ContentId::of(bytes);
         let mut transaction = self.begin_write().await?;
-        // Two statements: a line that is there already is not sent again.
+        // Two statements: an existing row is not sent again.
         let query = sqlx::query("SELECT count(*) FROM contents WHERE id = $1").bind(id.as_str());
         let found: i64 = query.fetch_one(&mut *transaction).await?.try_get(0)?;
         if found == 0 {
@@ -41,10 +42,11 @@ impl Store {
         Ok(id)
     }
 
-    /// Media type and bytes of a content. They are what they were: their SHA-256 is looked at.
+    /// Media type and bytes of a content, verified by their SHA-256.
     ///
     /// # Errors
-    /// [`StoreError::Content`] where there is none, [`StoreError::Damaged`], and what a database says.
+    /// [`StoreError::Content`] when it does not exist, [`StoreError::Damaged`], and errors
+    /// of the database.
     pub async fn content(&self, id: &ContentId) -> Result<(String, Vec<u8>), StoreError> {
         let query = sqlx::query("SELECT media_type, bytes FROM contents WHERE id = $1").bind(id.as_str());
         let row = query.fetch_optional(&self.read).await?;

@@ -1,21 +1,22 @@
-//! What can go wrong with a log. No message has anything of an item but its id.
+//! Errors of a log. A message names an item only by its id.
 
 use relief_annotation::{ContentId, Item, ItemError, ItemId, Versioned};
 
-/// Why the store did not do what it was asked to. Nothing was changed then, but for [`StoreError::Unreachable`] and
-/// [`StoreError::Database`], after which a change may have been made or not.
+/// The reason why the store refused or failed. Nothing was changed, except after
+/// [`StoreError::Unreachable`] and [`StoreError::Database`], where the change may or may not have
+/// been made.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// Somebody else has changed the item since the author saw it.
+    /// Another author has changed the item since this author read it.
     #[error("item {id} {}; look at it again, and change that", changed(*.expected, .current.as_deref()))]
     Conflict {
         /// Which.
         id: ItemId,
         /// The version that the author saw, or for undo and redo the last one that the author made.
         expected: u64,
-        /// What it is now; `None` when it is gone.
+        /// The current version; `None` when it was deleted.
         current: Option<Box<Versioned>>,
-        /// What the author wanted it to be; `None` where it was to go.
+        /// The author's version; `None` where the author wanted to delete it.
         yours: Option<Box<Item>>,
     },
     /// The item is locked: its lock comes off first, by itself.
@@ -73,7 +74,7 @@ pub enum StoreError {
     /// The file is something else.
     #[error("this is not a log of Relief: {0}")]
     Foreign(String),
-    /// The log is there, and what it says cannot be.
+    /// The log exists, and its content is inconsistent.
     #[error("the log is damaged: {0}; keep this file and continue with a backup")]
     Damaged(String),
     /// Nothing may be written there.

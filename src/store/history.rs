@@ -12,13 +12,14 @@ impl Store {
     /// Takes back the author's newest edit that stands, all of it.
     ///
     /// # Errors
-    /// [`StoreError::NothingToUndo`], and [`StoreError::Conflict`] where an item is not as the edit left it: somebody else has
-    /// changed it since.
+    /// [`StoreError::NothingToUndo`], and [`StoreError::Conflict`] where another author
+    /// has changed an item since the edit.
     pub async fn undo(&self, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
         self.undo_if(author, reason, |_| Ok(())).await
     }
 
-    /// Makes the edit again that the author took back last. There is none after a new edit.
+    /// Repeats the edit that the author undid last. A new edit removes all edits that could be
+    /// repeated.
     ///
     /// # Errors
     /// [`StoreError::NothingToRedo`], and [`StoreError::Conflict`] where an item is not as it was before the edit.
@@ -94,7 +95,7 @@ impl Store {
 /// An event of an edit.
 struct Made {
     event: Event,
-    /// The item before it; `None` where there was none.
+    /// The item before it; `None` where it did not exist.
     before: Option<Item>,
     /// The item as it is now; `None` where it is gone.
     now: Option<Item>,

@@ -1,9 +1,12 @@
-//! The log of annotations: an append-only table of events in SQLite or PostgreSQL, and what follows from it.
+//! The log of annotations: an append-only table of events in SQLite or PostgreSQL, and the items
+//! that follow from it.
 //!
-//! What it is: [`Store`] takes an [`Edit`](relief_annotation::Edit), makes all of its changes or none, and answers when they are on disk; it takes edits
-//! back and makes them again, author by author; it lists the items that the log amounts to, and keeps the contents (voxels,
-//! triangles), the sets and the templates that items name; [`Watch`] hears of what others change. What it is not: it knows no HTTP, no voxels and no files of other
-//! programs. Space and units: those of [`annotation`](relief_annotation); the store looks into no geometry.
+//! [`Store`] takes an [`Edit`](relief_annotation::Edit), makes all of its changes or none, and
+//! answers when they are on disk. It undoes and redoes edits, author by author. It lists the items
+//! that follow from the log, and keeps the contents (voxels, triangles), the sets and the templates
+//! that items name. [`Watch`] reports changes by other connections. The store does not use HTTP,
+//! voxels or files of other programs. Space and units are those of
+//! [`annotation`](relief_annotation); the store does not interpret geometry.
 //!
 //! | table | holds | changes |
 //! |---|---|---|
@@ -15,11 +18,12 @@
 //! | `audit` | every text of a set or template | grows at its end |
 //! | `meta` | the number of this schema | when the schema changes |
 //!
-//! Taking back (`undo`) and making again (`redo`) are events too: the log never loses one. Each author has one line of edits.
-//! Undo walks it backwards, redo forwards again, and a new edit ends what could be made again. So an undo is itself never
-//! taken back by an undo: its opposite is redo. Both restore states whole, locks with them, and only where an item is still as
-//! the edit left it (or was before it, for redo); otherwise somebody has changed it since, which is a
-//! [conflict](StoreError::Conflict). What somebody changed and took back again is no conflict.
+//! `undo` and `redo` are events too: the log never loses one. Each author has one history of edits.
+//! Undo walks it backwards, redo forwards, and a new edit ends what could be redone. The opposite
+//! of an undo is a redo, not another undo. Both restore whole states, with their locks, and only
+//! where an item is still as the edit left it (or, for redo, as it was before). Otherwise another
+//! author has changed it since, which is a [conflict](StoreError::Conflict). A change that its
+//! author has undone is no conflict.
 
 mod apply;
 mod check;
@@ -68,7 +72,7 @@ impl std::fmt::Debug for Store {
 }
 
 impl Store {
-    /// Opens a log, or makes it where there is none.
+    /// Opens a log, or creates it where it does not exist.
     ///
     /// `place` is a file (`annotations.db`), `sqlite:FILE` with `?mode=ro` or `?immutable=1` where nothing must be written, or
     /// `postgres://USER@HOST/DATABASE`, where the tables are in a schema of the name `relief`.
@@ -79,10 +83,10 @@ impl Store {
         Self::open_place(&Place::parse(place, true)?).await
     }
 
-    /// The same for a log that is there: none is made.
+    /// Opens an existing log; creates none.
     ///
     /// # Errors
-    /// As [`Self::open`], and where there is none.
+    /// Those of [`Self::open`], and when the log does not exist.
     pub async fn open_existing(place: &str) -> Result<Self, StoreError> {
         Self::open_place(&Place::parse(place, false)?).await
     }
@@ -106,7 +110,7 @@ impl Store {
         self.write.close().await;
     }
 
-    /// A transaction that changes something: nobody else writes until it ends.
+    /// A transaction that changes something: no other connection writes until it ends.
     async fn begin_write(&self) -> Result<Transaction<'static, Any>, StoreError> {
         match self.kind {
             Kind::Sqlite => begin(&self.write, "BEGIN IMMEDIATE").await,

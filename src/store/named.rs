@@ -12,7 +12,7 @@ use relief_annotation::{Author, Edit, ItemError, Set, Timestamp};
 /// Most bytes of a template's text.
 const LONGEST_TEMPLATE: usize = 1 << 20;
 
-/// What a line of the audit is about.
+/// The subject of a row of the audit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AuditedKind {
@@ -22,12 +22,12 @@ pub enum AuditedKind {
     Template,
 }
 
-/// A set or template as somebody made it.
+/// A set or template, with its creator.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Audited {
     /// 1 for the first line, one more with every line.
     pub seq: u64,
-    /// What it is about.
+    /// The subject.
     pub kind: AuditedKind,
     /// The name of that.
     pub name: String,
@@ -52,7 +52,7 @@ impl Store {
     /// All sets by name: those that were put, and those that items name, which have no reader and are not blinded.
     ///
     /// # Errors
-    /// What a database says.
+    /// Errors of the database.
     pub async fn sets(&self) -> Result<Vec<Set>, StoreError> {
         let mut transaction = self.begin_read().await?;
         let named = sqlx::query("SELECT DISTINCT set_name FROM items WHERE item IS NOT NULL");
@@ -74,7 +74,7 @@ impl Store {
     /// Makes a set, or makes it another one.
     ///
     /// # Errors
-    /// [`StoreError::Invalid`], and what a database says.
+    /// [`StoreError::Invalid`], and errors of the database.
     pub async fn put_set(&self, set: &Set, author: &str) -> Result<(), StoreError> {
         Set::check_name(&set.name)?;
         set.template.as_deref().map_or(Ok(()), Set::check_name)?;
@@ -86,7 +86,7 @@ impl Store {
     /// Names of all templates.
     ///
     /// # Errors
-    /// What a database says.
+    /// Errors of the database.
     pub async fn templates(&self) -> Result<Vec<String>, StoreError> {
         let rows = sqlx::query("SELECT name FROM templates ORDER BY name").fetch_all(&self.read).await?;
         rows.iter().map(|row| Ok(row.try_get(0)?)).collect()
@@ -95,7 +95,7 @@ impl Store {
     /// The text of a template.
     ///
     /// # Errors
-    /// [`StoreError::NoTemplate`], and what a database says.
+    /// [`StoreError::NoTemplate`], and errors of the database.
     pub async fn template(&self, name: &str) -> Result<String, StoreError> {
         let query = sqlx::query("SELECT body FROM templates WHERE name = $1").bind(name);
         match query.fetch_optional(&self.read).await? {
@@ -104,10 +104,11 @@ impl Store {
         }
     }
 
-    /// Makes a template, or gives it another text. What the text means is not looked at.
+    /// Creates a template or replaces its text. The text is not interpreted.
     ///
     /// # Errors
-    /// [`StoreError::Invalid`] for a name that a set could not have or a text above 1 MiB, and what a database says.
+    /// [`StoreError::Invalid`] for an invalid name or a text above 1 MiB, and errors of
+    /// the database.
     pub async fn put_template(&self, name: &str, body: &str, author: &str) -> Result<(), StoreError> {
         Set::check_name(name).map_err(|error| ItemError { path: "template".to_owned(), ..error })?;
         if body.len() > LONGEST_TEMPLATE || body.contains('\0') {
@@ -120,7 +121,7 @@ impl Store {
     /// Every change of sets and templates, the oldest first.
     ///
     /// # Errors
-    /// What a database says.
+    /// Errors of the database.
     pub async fn audit(&self) -> Result<Vec<Audited>, StoreError> {
         let query = sqlx::query("SELECT seq, kind, name, author, time, body FROM audit ORDER BY seq");
         let rows = query.fetch_all(&self.read).await?;

@@ -63,7 +63,7 @@ impl Place {
     fn connect_to(kind: Kind, url: &str, read_only: bool) -> Result<Self, StoreError> {
         let options = AnyConnectOptions::from_str(url);
         let options = options.map_err(|error| StoreError::Place(error.to_string()))?;
-        // Statements say how the log works, and values are not in them, but nobody needs to read either.
+        // Statements contain no values and reveal only how the log works; they are not logged.
         Ok(Self { kind, read_only, options: options.disable_statement_logging() })
     }
 }

@@ -1,4 +1,4 @@
-//! What is there, and what happened.
+//! Queries for items and events.
 
 use rayon::prelude::*;
 use sqlx::any::AnyRow;
@@ -9,7 +9,7 @@ use super::error::StoreError;
 use super::rows::{EVENT, event, item, signed, unsigned};
 use relief_annotation::{Event, FrameOfReference, Item, ItemId, Versioned};
 
-/// Which items are wanted: those that meet all that is said.
+/// A filter of items: those that meet every given condition.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Filter {
     /// Of one of these sets.
@@ -23,18 +23,18 @@ pub struct Filter {
 /// Items at one moment of the log.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Listing {
-    /// The last event of the log then; 0 where there was none.
+    /// The number of the last event at that time; 0 for an empty log.
     pub seq: u64,
     /// By set, list, order, creation and id.
     pub items: Vec<Versioned>,
 }
 
-/// Which events are wanted: those that meet all that is said.
+/// A filter of events: those that meet every given condition.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LogFilter {
     /// Later than this one.
     pub after: u64,
-    /// The first so many of them.
+    /// Maximum number of events; the first ones are returned.
     pub limit: Option<u64>,
     /// By this author.
     pub author: Option<String>,
@@ -70,7 +70,7 @@ impl Conditions {
     }
 
     async fn fetch(self, transaction: &mut Transaction<'_, Any>) -> Result<Vec<AnyRow>, sqlx::Error> {
-        // Text of this file alone: what callers say is bound.
+        // The text is constant; values from callers are bound.
         let mut query = sqlx::query(sqlx::AssertSqlSafe(self.statement));
         for value in self.values {
             query = match value {
@@ -83,10 +83,10 @@ impl Conditions {
 }
 
 impl Store {
-    /// The number of the log's last event; 0 where there is none.
+    /// The number of the log's last event; 0 for an empty log.
     ///
     /// # Errors
-    /// What a database says.
+    /// Errors of the database.
     pub async fn seq(&self) -> Result<u64, StoreError> {
         last(&mut self.begin_read().await?).await
     }
@@ -94,7 +94,7 @@ impl Store {
     /// Items as they are now.
     ///
     /// # Errors
-    /// What a database says.
+    /// Errors of the database.
     pub async fn list(&self, filter: &Filter) -> Result<Listing, StoreError> {
         let mut transaction = self.begin_read().await?;
         let seq = last(&mut transaction).await?;
@@ -121,7 +121,8 @@ impl Store {
     /// One item as it is now.
     ///
     /// # Errors
-    /// [`StoreError::NotFound`] where there is none or it is gone, and what a database says.
+    /// [`StoreError::NotFound`] when the item does not exist or was deleted, and errors of
+    /// the database.
     pub async fn item(&self, id: ItemId) -> Result<Versioned, StoreError> {
         let mut transaction = self.begin_read().await?;
         match super::rows::current(&mut transaction, id).await? {
@@ -133,7 +134,7 @@ impl Store {
     /// Events, the oldest first.
     ///
     /// # Errors
-    /// What a database says.
+    /// Errors of the database.
     pub async fn log(&self, filter: &LogFilter) -> Result<Vec<Event>, StoreError> {
         let mut conditions = Conditions::new(format!("SELECT {EVENT} FROM events WHERE seq > 0"));
         if filter.after > 0 {
@@ -186,7 +187,7 @@ fn read(line: &str) -> Result<Versioned, StoreError> {
     Ok(Versioned { version, item: item(text)? })
 }
 
-/// What a listing is ordered by.
+/// The order of a listing.
 fn place(item: &Item) -> impl Ord + '_ {
     (item.set.as_str(), item.list.as_str(), item.order, item.created, item.id)
 }

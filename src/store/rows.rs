@@ -76,7 +76,7 @@ pub(super) async fn current(
     Ok(Some((unsigned(&row, 0)?, text.as_deref().map(item).transpose()?)))
 }
 
-/// The same as it is told to people.
+/// The same, as shown to people.
 pub(super) fn versioned(version: u64, item: Option<Item>) -> Option<Box<Versioned>> {
     item.map(|item| Box::new(Versioned { version, item }))
 }

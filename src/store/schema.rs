@@ -7,7 +7,7 @@ use super::place::{Kind, Place};
 
 /// The newest schema that this version knows, and the one that it makes.
 const SCHEMA: u64 = 1;
-/// `RELF`: what the head of a SQLite file says of whose it is.
+/// `RELF`: the application id in the head of a SQLite file.
 const APPLICATION_ID: i64 = 0x5245_4c46;
 /// Holds off others that make the tables in the same database of PostgreSQL.
 const MAKING_LOCK: &str = "SELECT pg_advisory_xact_lock(1380273222)";
@@ -111,7 +111,7 @@ pub(super) async fn prepare(place: &Place) -> Result<(), StoreError> {
         Kind::Sqlite => prepare_sqlite(&mut connection, place.read_only).await,
         Kind::Postgres => prepare_postgres(&mut connection).await,
     };
-    // What was prepared is committed; a failed farewell changes nothing of it.
+    // The schema is committed; an error on closing does not change it.
     let _ = connection.close().await;
     prepared
 }
@@ -137,7 +137,7 @@ async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Resu
     Ok(settle(connection, Kind::Sqlite, read_only).await?)
 }
 
-/// Whether nobody has made anything in the file yet.
+/// Whether the file has no tables yet.
 async fn is_empty_sqlite(connection: &mut AnyConnection) -> Result<bool, StoreError> {
     let tables = number(connection, "SELECT count(*) FROM sqlite_master").await?;
     Ok(tables == 0 && number(connection, "PRAGMA application_id").await? == 0)
@@ -210,7 +210,7 @@ async fn check_schema(connection: &mut AnyConnection) -> Result<(), StoreError> 
     }
 }
 
-/// What holds for a connection alone, and so has to be said on each.
+/// Settings of a single connection, applied to each.
 ///
 /// SQLite: a commit is on the disk before it returns (`synchronous = FULL`, and `fullfsync` where a system has a lesser sync);
 /// references are kept; a replaced line counts as a deleted one for triggers; pages are looked at before they are believed.
@@ -235,7 +235,7 @@ pub(super) async fn settle(
             }
             let mode: String = connection.fetch_one("PRAGMA journal_mode").await?.try_get(0)?;
             if mode != "wal" && !read_only {
-                // Somebody has turned it off, or the file system lacks what it needs.
+                // It was turned off, or the file system does not support it.
                 connection.execute("PRAGMA journal_mode = WAL").await?;
             }
         }

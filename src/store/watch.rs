@@ -1,12 +1,14 @@
-//! Hearing of changes that others make to the same log.
+//! Notifications of changes that other connections make to the log.
 //!
-//! What it is: [`Watch`], which says when the log may have changed. What changed is read from the log itself, after the last event that
-//! was seen; so a word that is lost, comes twice or comes late changes nothing. What it is not: it reads no events.
+//! [`Watch`] reports that the log may have changed. A reader then reads the log after the last
+//! event that it has seen, so a lost, repeated or late notification does no harm. It reads no
+//! events itself.
 //!
-//! - **PostgreSQL** tells by itself: whoever writes says `NOTIFY` in the transaction of the events, so it is heard when that is
-//!   committed, and never of what was rolled back. A word holds a number and nothing else. Listening takes a connection of its own; it
-//!   is asked for a sign of life at times, since a network may lose it without a word.
-//! - **SQLite** is asked: `PRAGMA data_version` is another number when another connection has committed something.
+//! - **PostgreSQL** notifies: a writer sends `NOTIFY` in the transaction of the events, so listeners
+//!   hear it when that is committed, and never after a rollback. A notification contains only a
+//!   number. Listening takes a connection of its own, which is probed at times, since a network may
+//!   lose it silently.
+//! - **SQLite** is polled: `PRAGMA data_version` changes when another connection has committed.
 
 use std::time::Duration;
 
@@ -28,11 +30,11 @@ pub(super) const EVENT: &str = "event";
 pub(super) const AUDIT: &str = "audit";
 /// How often SQLite is asked: a person sees a change within a quarter of a second as one that comes at once.
 const ASKING: Duration = Duration::from_millis(250);
-/// How often a connection that listens is asked for a sign of life, and how long that may take.
+/// Interval of the probes of a listening connection, and their time limit.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
 const REPLY: Duration = Duration::from_secs(5);
 
-/// What may have changed.
+/// The part of the log that may have changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Changed {
     /// There are events; sets and templates are as they were, but for sets that the events name.
@@ -50,7 +52,7 @@ pub struct Watch {
 
 enum Source {
     Postgres(PgListener),
-    /// A connection that only asks, and what it was answered last.
+    /// A connection that only polls, and the last answer.
     Sqlite(AnyConnection, i64),
 }
 
@@ -67,7 +69,7 @@ impl Store {
         Watch { kind: self.kind, options: self.options.clone(), source: None }
     }
 
-    /// Says to all who listen, when the transaction is committed, what it adds to.
+    /// Notifies all listeners when the transaction is committed.
     pub(super) async fn announce(
         &self,
         transaction: &mut Transaction<'static, Any>,

@@ -1,6 +1,7 @@
 //! Studies: the accuracy of annotation, the agreement between readers, and the capacity of a server.
 //!
-//! What it is: simulations, statistics and measurements, as values. What it is not: arguments, files, plots (see `relief_cli`).
+//! Simulations, statistics and measurements, as values. Arguments, files and plots are in
+//! `relief_cli`.
 //!
 //! | module | question |
 //! |---|---|

@@ -36,7 +36,7 @@ pub enum BeaconError {
     /// Too few or too many LEDs.
     #[error("{0} LEDs, allowed: {MIN_LEDS} to {MAX_LEDS}")]
     Count(usize),
-    /// A coordinate that is none.
+    /// An invalid coordinate.
     #[error("LED {name}: position_mm is {found:?}, allowed: finite, within {MAX_MM} mm")]
     Position {
         /// The LED.
@@ -117,9 +117,9 @@ impl Beacon {
         Ok(Self { names, leds, up: direction.ok_or(BeaconError::Up(up))? })
     }
 
-    /// The beacon that Relief recommends: of 300 layouts that the designer tried within 240 x 160 x 120 mm, the one whose
-    /// views are told apart best. Of 100,000 random views from 1 to 2 m, 99,951 are identified, and none wrongly. See
-    /// `relief track design`.
+    /// The recommended beacon: the layout with the least ambiguous views of 300 that the designer
+    /// tried within 240 x 160 x 120 mm. Of 100,000 random views from 1 to 2 m, 99,951 are
+    /// identified, and none wrongly. See `relief track design`.
     #[must_use]
     pub fn recommended() -> Self {
         Self {

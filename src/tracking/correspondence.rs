@@ -33,7 +33,7 @@ pub struct EarlierPose {
     pub reach_px: f64,
 }
 
-/// What is known besides the blobs.
+/// Knowledge besides the blobs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IdentifyHints {
     /// Up.
@@ -45,7 +45,7 @@ pub struct IdentifyHints {
 /// Blobs with their LEDs: `leds[i]` is that of blob i.
 pub type Assignment = [Option<usize>; MAX_SEEN];
 
-/// What a view says.
+/// The result for a view.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "one lives at a time, and nothing is allocated")]
 pub enum Identified {
@@ -55,7 +55,7 @@ pub enum Identified {
         assignment: Assignment,
         /// The pose.
         refined: Refined,
-        /// Chi-square of its best rival; infinite when there is none.
+        /// Chi-square of the best rival; infinite without a rival.
         rival: f64,
     },
     /// Several assignments or poses explain it.
@@ -103,7 +103,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Gives blob `at` and those after it every LED that is still free, and scores what is complete.
+    /// Assigns every free LED to blob `at`, then to those after it, and scores complete
+    /// assignments.
     fn assign(&mut self, leds: &mut [usize; MAX_SEEN], at: usize) {
         if at == self.blobs.len() {
             self.score(leds);
@@ -195,7 +196,7 @@ mod tests {
         assert!(counts.right >= 285, "{} right, {} ambiguous", counts.right, counts.ambiguous);
     }
 
-    /// What was seen a moment ago settles what four blobs alone leave open.
+    /// The last pose decides where four blobs alone are ambiguous.
     #[test]
     fn an_earlier_pose_settles_ambiguous_views() {
         let beacon = Beacon::recommended();

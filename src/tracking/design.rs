@@ -1,4 +1,5 @@
-//! Layouts of LEDs: how well a beacon's views are told apart, and how well poses are known from them.
+//! Layouts of LEDs: how reliably a beacon's views are identified, and how accurately they determine
+//! poses.
 //!
 //! [`score_design`] identifies random views with noise, rounded to whole pixels, their blobs in any order. [`search_design`] tries layouts
 //! within a box: random ones first, then changes of the best. What counts is the margin of the rivals in the worst
@@ -58,7 +59,7 @@ pub struct DesignScore {
     pub ambiguous: usize,
     /// Views that nothing explained.
     pub unexplained: usize,
-    /// Views in which two LEDs are one blob; they are none of the above.
+    /// Views in which two LEDs merge into one blob; not counted in the fields above.
     pub merged: usize,
     /// Chi-square by which the best rival is worse, in the worst twentieth of the views.
     pub margin: f64,
@@ -155,8 +156,9 @@ fn try_view(
     }
 }
 
-/// Tries `layouts` layouts of four LEDs within a box of this size (mm, centred in x and y, from z = 0 on), coordinates in whole
-/// multiples of 5 mm; gives the best with its score. `tried` is told after each.
+/// Tries `layouts` layouts of four LEDs within a box of this size (mm, centred in x and y, from z =
+/// 0 on), coordinates in whole multiples of 5 mm; returns the best with its score. Calls `tried`
+/// after each.
 #[must_use]
 pub fn search_design(
     size_mm: [f64; 3],

@@ -1,9 +1,10 @@
 //! The experiment of the 2009 paper, simulated: a robot's arm turns and shifts a Wiimote before a beacon.
 //!
-//! Five runs: turns about the sensor's own X and Y axes, shifts along the beacon's X, Y and Z. In each the arm goes through
-//! a row of stops, half a second on the way and one second at each. What is compared with the truth is the one coordinate
-//! that moves, in the last tenth of a second of each stop: the angle about the axis, or the position along it, in the
-//! beacon's frame. The paper does not state its beacon and distance; here they are [`ExperimentSetting`]'s.
+//! Five runs: turns about the sensor's own X and Y axes, shifts along the beacon's X, Y and Z. In
+//! each the arm goes through a row of stops, half a second on the way and one second at each. The
+//! one coordinate that moves is compared with the truth in the last tenth of a second of each stop:
+//! the angle about the axis, or the position along it, in the beacon's frame. The paper does not
+//! state its beacon and distance; here they are [`ExperimentSetting`]'s.
 
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 
@@ -19,7 +20,7 @@ use crate::calibrate::{
     BlobIdentifier, Calibration, CalibrationError, CalibrationModel, calibrate_camera, moving_views,
 };
 
-/// What the arm does in a run.
+/// The movement of the arm in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExperimentRun {
     /// Turns about the sensor's X axis.
@@ -174,7 +175,7 @@ impl SensorPath for Arm {
     }
 }
 
-/// What is simulated.
+/// The simulated arrangement.
 #[derive(Clone, Debug)]
 pub struct ExperimentSetting {
     /// The beacon.
@@ -281,7 +282,8 @@ pub fn run_experiment(
         let here = follow(setting, run, &arm, way, &reports, &mut outcome.lost);
         outcome.points.extend(points_of(&here));
         errors.extend(here);
-        // The bound depends on the path and the times alone, so the first time stands for all.
+        // The bound depends only on the path and the times, so the first trial's bound holds for
+        // all.
         if repeat == 0 {
             outcome.bound = match way.filter {
                 FilterKind::ErrorState => bound_of(setting, run, &arm, &reports),

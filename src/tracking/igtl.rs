@@ -16,7 +16,7 @@ const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_ECMA_182);
 /// A tracked instrument of six degrees of freedom.
 const TOOL_6D: u8 = 2;
 
-/// A header that is none.
+/// An invalid header.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IgtlError {
     /// Another protocol, or one that this is not.
@@ -27,7 +27,7 @@ pub enum IgtlError {
     Body(u64),
 }
 
-/// What a header says.
+/// The content of a header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IgtlHeader {
     /// Message type, such as `STT_TDATA`.

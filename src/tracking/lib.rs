@@ -1,9 +1,11 @@
 //! The pose of a Wiimote from the LEDs that its infrared camera sees.
 //!
-//! What it is: arithmetic on reports. `report` decodes them into blobs, acceleration and angular rates; `sensor` is the camera and
-//! [`Beacon`] the layout of LEDs; `correspondence` identifies blobs as LEDs; `solve` finds the pose of a single view; `filter` joins poses
-//! over time; [`Tracker`] does all of it. `calibrate` finds the camera from a survey; `host` brings a remote's camera up; `simulate` makes
-//! recordings; `igtl` encodes poses for other programs. What it is not: sockets, threads or a clock.
+//! Arithmetic on reports. `report` decodes them into blobs, acceleration and angular rates;
+//! `sensor` is the camera and [`Beacon`] the layout of LEDs; `correspondence` identifies blobs as
+//! LEDs; `solve` finds the pose of a single view; `filter` joins poses over time; [`Tracker`] does
+//! all of it. `calibrate` finds the camera from a survey; `host` sets up a remote's camera;
+//! `simulate` makes recordings; `igtl` encodes poses for other programs. Sockets, threads and
+//! clocks are not here.
 //!
 //! | space | definition |
 //! |---|---|

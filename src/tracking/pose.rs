@@ -1,7 +1,8 @@
 //! Rigid poses between `Beacon` and `Sensor` and their uncertainty.
 //!
-//! Solvers work with `sensor_from_beacon` ([`Pose`]) and small changes of it to the left, `exp(w) R P + t + v`: w in
-//! radians about the sensor's axes, v in mm. What is reported is the inverse ([`SensorPose`]).
+//! Solvers work with `sensor_from_beacon` ([`Pose`]) and small changes of it to the left, `exp(w) R
+//! P + t + v`: w in radians about the sensor's axes, v in mm. The reported pose is the inverse
+//! ([`SensorPose`]).
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
@@ -62,7 +63,8 @@ impl Pose {
     /// Angle in radians and distance in mm to another pose.
     #[must_use]
     pub fn distance(&self, other: &Self) -> (f64, f64) {
-        // By sine and cosine: the arc cosine alone is no number for matrices that are equal but for rounding.
+        // From sine and cosine: the arc cosine alone is NaN for matrices that differ only by
+        // rounding.
         let turn = (self.rotation * other.rotation.inverse()).into_inner();
         let odd = turn - turn.transpose();
         let sine = Vector3::new(odd.m32, odd.m13, odd.m21).norm() / 2.0;

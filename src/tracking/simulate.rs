@@ -29,7 +29,7 @@ pub trait SensorPath {
     fn at(&self, seconds: f64) -> SensorPose;
 }
 
-/// What the camera does to a picture.
+/// The camera's effects on a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensing {
     /// Standard deviation of a blob's coordinates before rounding, px.
@@ -40,7 +40,8 @@ pub struct Sensing {
     pub merge_px: f64,
     /// Diameter of the LEDs, mm, which makes the blobs' sizes.
     pub led_mm: f64,
-    /// The lens, when it is not sharp at every distance: what is out of focus is larger. Its pixels are the camera's.
+    /// The lens, when it is not sharp at every distance: blobs out of focus are larger. Its pixels
+    /// are the camera's.
     pub lens: Option<ThinLens>,
 }
 

@@ -18,7 +18,7 @@ const EYE_MM: f64 = 600.0;
 /// A view shows a landmark where its picture is no farther from it than this, mm.
 const SEEN_MM: f64 = 3.0;
 
-/// What hides a landmark is cut away, as the remote's cross does, to so far before it, mm: nobody cuts to the millimetre.
+/// The clip plane stops this far before the landmark, mm: a user does not cut to the millimetre.
 const CUT_MM: [f64; 2] = [1.0, 3.0];
 
 /// The landmark is somewhere in the picture: so far from its middle at most, along each axis, mm.
@@ -39,15 +39,16 @@ pub(super) struct Shown {
 pub(super) enum Sight {
     /// As it is.
     Plain,
-    /// With what lies before it cut away.
+    /// The volume before the landmark is cut away.
     Cut,
-    /// Not at all: what is before it is placed on.
+    /// Not visible: the cursor lands on the surface before it.
     Hidden,
 }
 
 impl Shown {
-    /// The nearest of the standard views in which the landmark is seen, with the preset that shows its tissue; where there is none, the
-    /// nearest in which it is seen once the clip plane has cut away what lies before it; or else the nearest.
+    /// The nearest standard view in which the landmark is visible, with the preset that shows its
+    /// tissue. Where no view shows it: the nearest in which it is visible after the clip plane has
+    /// removed the volume before it; or else the nearest.
     ///
     /// # Errors
     /// When a picture cannot be rendered.
@@ -107,7 +108,7 @@ impl Shown {
         way.errors_mm.push(at.distance(self.truth));
     }
 
-    /// What the frame shows where the cursor is.
+    /// The visible surface of the frame at the cursor.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be inside")]
     fn pick(&self, cursor: Point<Patient>) -> Option<Point<Patient>> {
         let (u, v, _) = self.frame.camera.project(cursor, SIZE_PX)?;

@@ -1,7 +1,7 @@
 //! A user in simulation: a hand that trembles and drifts, tracked as in the experiment, and eyes that lead the cursor to a place.
 //!
-//! The tracker and the gestures are the product's own; what is made up is the hand and the user. Where no source is named, a figure is an
-//! assumption. View axes, which are the beacon's: mm.
+//! Tracker and gestures are the product's own; hand and user are simulated. A figure without a
+//! source is an assumption. View axes equal the beacon's axes; mm.
 
 use std::f64::consts::TAU;
 
@@ -18,16 +18,17 @@ use relief_tracking::{
 /// By how much the focal length differs from a typical one, as the experiment has it.
 const FOCAL_ERROR: f64 = 0.03;
 
-/// Postural tremor of a hand: a peak of about 7 Hz, and what is physiologic up to 12.
+/// Postural tremor of a hand: a peak at about 7 Hz, and physiological tremor up to 12 Hz.
 const TREMOR_HZ: [f64; 5] = [7.0, 8.3, 9.4, 10.6, 12.0];
 /// From the wrist, about which a hand trembles, to where its acceleration is measured, mm.
 const HAND_MM: f64 = 100.0;
-/// What a hand in the air drifts beside that: rms of each coordinate, mm, and of each angle, degrees.
+/// Drift of a hand in the air: rms of each coordinate, mm, and of each angle, degrees.
 const DRIFT_HZ: [f64; 3] = [0.3, 0.7, 1.6];
 const DRIFT_MM: f64 = 0.5;
 const DRIFT_DEG: f64 = 0.1;
 
-/// The user looks so often, at the mean of what was shown between these times before, s: pictures come late, and eyes take time.
+/// Interval of the user's corrections, and the window before each over which the displayed position
+/// is averaged, s: pictures are late, and eyes take time.
 const LOOKS_S: f64 = 0.3;
 const SEES_S: [f64; 2] = [0.3, 0.1];
 /// How well the user sees how far the cursor is off (standard deviation), mm: a pixel across, twice that in depth.
@@ -39,7 +40,8 @@ const CLUMSY: f64 = 0.1;
 /// The cursor begins so far off, mm at most along each axis.
 const FROM_MM: f64 = 30.0;
 
-/// A is pressed when the cursor looks this near, but not before, and in any case then; and let go.
+/// The user presses A when the cursor seems this near, after a minimum time and at the latest after
+/// a maximum, and releases it.
 const PRESS_MM: f64 = 2.0;
 const PRESS_S: [f64; 2] = [1.5, 3.5];
 const LET_GO_MM: f64 = 0.5;
@@ -106,7 +108,7 @@ impl SensorPath for Unsteady {
     }
 }
 
-/// What the tracker says of a hand, while nobody leads it.
+/// The tracker's poses of a hand that no user steers.
 type Tracked = Vec<(u64, TrackingState, Option<SensorPose>)>;
 
 /// For each of `count` placings, and each mapping: how far from the place that was meant the cursor was set down, mm along view axes.
@@ -151,7 +153,7 @@ pub(super) fn place(
         .collect()
 }
 
-/// Somebody who looks at the cursor and leads it.
+/// A user who watches the cursor and steers it.
 struct User<'a> {
     mapping: &'a HandOptions,
     gestures: Gestures,

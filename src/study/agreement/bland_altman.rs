@@ -26,7 +26,7 @@ pub struct BlandAltman {
     pub upper_ci95: [f64; 2],
 }
 
-/// Compares pairs of values: what the first way gave, and the second.
+/// Compares pairs of values: the first method's and the second's.
 #[must_use]
 pub fn bland_altman(pairs: &[[f64; 2]]) -> Figure<BlandAltman> {
     const WIDTH: f64 = 1.96;

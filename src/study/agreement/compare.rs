@@ -1,4 +1,5 @@
-//! The whole comparison of readings: what is missing, errors of landmarks, agreement on coordinates and measures.
+//! The whole comparison of readings: missing targets, errors of landmarks, agreement on coordinates
+//! and measures.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -22,7 +23,7 @@ pub struct Reading {
     pub items: Vec<Item>,
 }
 
-/// What is compared.
+/// The sets to compare.
 #[derive(Clone, Debug)]
 pub struct Study {
     /// Two or more, or one where there is a truth.
@@ -36,11 +37,11 @@ pub struct Study {
 pub struct Comparison {
     /// The sets, in order: `placed` and `values` have a place for each.
     pub readings: Vec<Reading>,
-    /// The set that errors are told from; the mean of the readers where there is none.
+    /// The reference set of the errors; the mean of the readers where there is no such set.
     pub truth: Option<String>,
     /// How many patients there are.
     pub cases: usize,
-    /// The points that somebody placed.
+    /// The points that at least one reader placed.
     pub landmarks: Vec<Landmark>,
     /// Errors of each set.
     pub errors: Vec<ReadingErrors>,
@@ -58,12 +59,12 @@ pub struct Comparison {
     pub pairings: Vec<Pairing>,
 }
 
-/// A point that somebody placed.
+/// A point that at least one reader placed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Landmark {
     /// The patient, from 1.
     pub case: usize,
-    /// Its list, where its name alone does not tell.
+    /// Its list, where the name alone is ambiguous.
     pub list: String,
     /// Its name.
     pub name: String,
@@ -99,14 +100,14 @@ pub struct ReadingErrors {
     pub ellipsoid: Option<Ellipsoid>,
 }
 
-/// What a set lacks of what others have.
+/// Targets that a set lacks and others have.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Missing {
     /// The set, or the truth's.
     pub set: String,
     /// The patient, from 1.
     pub case: usize,
-    /// The target's list, where its name alone does not tell.
+    /// The target's list, where its name alone is ambiguous.
     pub list: String,
     /// The target's name.
     pub name: String,
@@ -117,7 +118,8 @@ pub struct Missing {
 /// Compares readings with each other and with the truth.
 ///
 /// # Errors
-/// Where there is nothing to compare: one set alone, a set that is empty or named twice, sets without anything in common.
+/// When there is nothing to compare: only one set, a set that is empty or named twice, or
+/// sets without common targets.
 pub fn compare_readings(study: Study) -> Result<Comparison, AgreementError> {
     let Study { readings, truth } = study;
     check(&readings, truth.as_ref())?;
@@ -246,7 +248,7 @@ fn coordinates(targets: &[Target<'_>], landmarks: &[(usize, Landmark)], readings
     ["L", "P", "S"].into_iter().enumerate().map(along).collect()
 }
 
-/// The measures of what is no landmark, those of one name together.
+/// The measures of targets that are not landmarks, grouped by name.
 fn measured(targets: &[Target<'_>], readings: usize) -> Vec<Quantity> {
     let mut quantities: Vec<Quantity> = Vec::new();
     for (at, target) in targets.iter().enumerate() {

@@ -10,7 +10,8 @@ use super::{Figure, Undefined};
 /// An intraclass correlation with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Icc {
-    /// The coefficient: 1 for readers who never differ, about 0 for readers whose values say nothing of what they measured.
+    /// The coefficient: 1 for readers who always agree, about 0 for readers whose values do not
+    /// depend on the target.
     pub icc: f64,
     /// Where the interval begins and ends.
     pub ci95: [f64; 2],

@@ -6,12 +6,12 @@ use serde::Serialize;
 
 use relief_annotation::{FrameOfReference, Item, State};
 
-/// What was to be placed.
+/// The thing to be placed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Target<'a> {
     /// Which patient: from 0, in the order in which the readings have them.
     pub(super) case: usize,
-    /// Its list, where the name alone does not tell.
+    /// Its list, where the name alone is ambiguous.
     pub(super) list: &'a str,
     pub(super) name: &'a str,
     /// What each reading has of it.
@@ -28,7 +28,7 @@ pub enum Absence {
     Missing,
     /// Its reader went on without it.
     Skipped,
-    /// It has several items of this name in one list: nobody knows which is meant.
+    /// The set has several items of this name in one list, so the match is ambiguous.
     Ambiguous,
     /// Its item is of another kind than the others', a line for a point for instance.
     OtherKind,

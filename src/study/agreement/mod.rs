@@ -1,7 +1,8 @@
 //! How well several readers agree: errors, bias, intraclass correlation, limits of agreement.
 //!
-//! What it is: the numbers of `relief annotate compare`, from items alone. What it is not: it draws nothing, reads no database
-//! and knows no voxels. Space: patient LPS, mm; differences are along L (to the left), P (to the back) and S (to the head).
+//! The statistics of `relief annotate compare`, from items only. It draws nothing, reads no
+//! database and uses no voxels. Space: patient LPS, mm; differences are along L (to the left), P
+//! (to the back) and S (to the head).
 //!
 //! | word | meaning |
 //! |---|---|
@@ -30,12 +31,12 @@ pub use spread::{Ellipsoid, ErrorSummary};
 
 use serde::{Serialize, Serializer};
 
-/// A result, or why there is none: never a number that is no number.
+/// A finite result, or the reason why it is missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Figure<T> {
     /// The result.
     Known(T),
-    /// Why there is none.
+    /// The reason why it is missing.
     Unknown(Undefined),
 }
 
@@ -48,7 +49,7 @@ pub enum Undefined {
         /// How many all raters measured.
         found: usize,
     },
-    /// One reader agrees with nobody.
+    /// Agreement needs at least two readers.
     #[error("{found} readings, needed: at least 2")]
     FewRaters {
         /// How many there are.

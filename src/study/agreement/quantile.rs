@@ -2,14 +2,14 @@
 
 use statrs::function::beta::beta_reg;
 
-/// Below so few degrees of freedom a quantile overflows; above so many it changes no more.
+/// Below these degrees of freedom a quantile overflows; above these it is constant.
 const DEGREES: [f64; 2] = [0.01, 1e7];
 
 /// The value that F with `over` and `under` degrees of freedom stays below with this probability. Infinite where it overflows.
 pub(super) fn f(probability: f64, over: f64, under: f64) -> f64 {
     let [over, under] = [over, under].map(|degrees: f64| degrees.clamp(DEGREES[0], DEGREES[1]));
-    // F is a ratio of shares of a whole: x of beta(over/2, under/2), and what is left. The logarithm of their ratio is what
-    // is looked for, since either share may be nothing beside the other.
+    // F is a ratio of x and 1 - x, where x has the distribution beta(over/2, under/2). The search
+    // is for the logarithm of their ratio, since either may be negligible beside the other.
     let share = |log_ratio: f64| 1.0 / (1.0 + (-log_ratio).exp());
     let below = |log_ratio: f64| {
         if log_ratio > 0.0 {
@@ -33,7 +33,7 @@ pub(super) fn f(probability: f64, over: f64, under: f64) -> f64 {
     f64::midpoint(low, high).exp() * under / over
 }
 
-/// The value that Student's t with so many degrees of freedom stays within, to either side of zero, with 95 % probability.
+/// The two-sided 95 % quantile of Student's t with the given degrees of freedom.
 pub(super) fn t_95(degrees: f64) -> f64 {
     f(0.95, 1.0, degrees).sqrt()
 }

@@ -91,7 +91,7 @@ pub struct Pairing {
 pub struct MeasureRow {
     /// The patient, from 1.
     pub case: usize,
-    /// The target's list, where its name alone does not tell.
+    /// The target's list, where its name alone is ambiguous.
     pub list: String,
     /// The target's name.
     pub name: String,

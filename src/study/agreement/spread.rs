@@ -12,7 +12,7 @@ pub struct ErrorSummary {
     pub count: usize,
     /// Mean along L, P and S.
     pub bias_mm: [f64; 3],
-    /// Standard deviation along L, P and S; of one error there is none.
+    /// Standard deviation along L, P and S; missing for a single error.
     pub deviation_mm: Option<[f64; 3]>,
     /// Mean length.
     pub mean_mm: f64,

@@ -1,4 +1,4 @@
-//! What the tests of this module share: items, and normal numbers that are the same every time.
+//! Shared by the tests of this module: items, and reproducible normal numbers.
 
 #[path = "../../../tests/readers/normal.rs"]
 mod normal;

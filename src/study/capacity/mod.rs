@@ -1,4 +1,5 @@
-//! The capacity of a server: what one machine serves, and what more viewers would need.
+//! The capacity of a server: the viewers that one machine serves, and the machines that more
+//! viewers need.
 
 mod measure;
 mod plan;

@@ -123,7 +123,7 @@ impl ServerRates {
         }
     }
 
-    /// The needs of so many viewers; `None` where the server is too slow for one.
+    /// The resources for this number of viewers; `None` where the server is too slow for one.
     pub(super) fn needs(&self, habits: &ViewerHabits, viewers: u64) -> Option<GroupNeeds> {
         let carried = self.capacity(habits).viewers;
         if carried == 0 {
@@ -155,7 +155,7 @@ impl ServerRates {
         })
     }
 
-    /// Load of a server with so many viewers.
+    /// Load of a server with this number of viewers.
     fn load(&self, habits: &ViewerHabits, viewers: u64) -> f64 {
         let moving = habits.moving_share * habits.viewer_fps / self.moving_per_s;
         viewers as f64 * (moving + habits.stills_per_s() / self.still_per_s)

@@ -27,7 +27,7 @@ pub enum Parameter {
 
 const COUNT: usize = 7;
 type Numbers = SVector<f64, COUNT>;
-/// Covariance of the seven numbers, and what has its shape.
+/// Covariance of the seven numbers, and matrices of its shape.
 pub type Square = SMatrix<f64, COUNT, COUNT>;
 type ByNumbers = SMatrix<f64, 2, COUNT>;
 type Mixed = SMatrix<f64, COUNT, 6>;
@@ -69,7 +69,8 @@ impl Free {
         (0..COUNT).filter(|at| self.is_free(*at)).count()
     }
 
-    /// The covariance of what is looked for, as one of all numbers: fy goes with fx where there is one focal length.
+    /// The covariance of the free parameters, expanded to all seven: fy follows fx where there is
+    /// one focal length.
     fn spread(&self, covariance: &Square) -> Square {
         let source = |at: usize| if self.model == CalibrationModel::Square && at == 1 { 0 } else { at };
         let is_known = |at: usize| self.is_free(source(at));
@@ -232,7 +233,7 @@ fn summary(
     let variance = cost / left.max(1.0);
     let (matrix, _, inverses) = reduced(free, blocks, 0.0)?;
     let covariance = free.spread(&(matrix.cholesky()?.inverse() * variance));
-    // The first view's distance: its own uncertainty, and what the camera's adds.
+    // The first view's distance: its own uncertainty, and the camera's contribution.
     let follow = inverses[0] * blocks[0].mixed.transpose();
     let along = poses[0].translation.normalize();
     let distance = Vector6::new(0.0, 0.0, 0.0, along.x, along.y, along.z);

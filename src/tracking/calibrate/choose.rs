@@ -49,7 +49,7 @@ impl BlobIdentifier {
         }
     }
 
-    /// Takes a report; gives a view when it shows four LEDs that can be told apart.
+    /// Takes a report; returns a view when the report shows four identifiable LEDs.
     pub fn push(&mut self, t_ns: u64, report: &Report) -> Option<CalibrationView> {
         let frame = self.frames.push(t_ns, report)?;
         let blobs = frame.blobs();

@@ -1,9 +1,10 @@
 //! A camera's parameters from recorded views of a beacon.
 //!
-//! Bundle adjustment: the camera's seven numbers and a pose for each view, by Levenberg-Marquardt on all pixels at once. The
-//! poses are eliminated view by view (Schur complement), so the work grows with the number of views. A view of four LEDs
-//! has eight equations for six unknowns of its own: two are left for the camera, so many views are needed, from different
-//! sides and all over the picture; a set that cannot tell is refused, with the reason.
+//! Bundle adjustment: the camera's seven numbers and a pose for each view, by Levenberg-Marquardt
+//! on all pixels at once. The poses are eliminated view by view (Schur complement), so the work
+//! grows with the number of views. A view of four LEDs has eight equations for six unknowns of its
+//! own: two remain for the camera. So many views are needed, from different sides and all over the
+//! picture. An insufficient set is refused with the reason.
 
 mod adjust;
 mod choose;
@@ -35,7 +36,7 @@ const MIN_TILT: f64 = 0.35;
 const MIN_COVERAGE: f64 = 0.4;
 /// A focal length known less well is not calibrated, as a share of it.
 const MAX_FOCAL_SIGMA: f64 = 0.01;
-/// Every so many views one is held out.
+/// One view in this number is held out.
 const HOLD_OUT: usize = 5;
 
 /// A calibrated camera and how good it is.
@@ -55,7 +56,7 @@ pub struct Calibration {
     pub view_rms_px: Vec<f64>,
     /// The same of views that were not used, px.
     pub held_out_rms_px: f64,
-    /// Standard deviation of a coordinate, estimated from what is left over, px.
+    /// Standard deviation of a coordinate, estimated from the residuals, px.
     pub noise_px: f64,
     /// The largest angle between the directions of two views, radians.
     pub tilt: f64,
@@ -149,7 +150,7 @@ pub fn calibrate_camera(
     })
 }
 
-/// What is left of a view when its pose is found with this camera.
+/// The residuals of a view when its pose is found with this camera.
 fn rms_of(camera: &Pinhole, sightings: &[Sighting]) -> Option<f64> {
     let view = PoseView { camera, sightings, noise_px: 1.0, gravity: None };
     view.rms_px(&view.solve()?.best.pose)

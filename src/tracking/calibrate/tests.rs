@@ -20,7 +20,8 @@ fn views_of(beacon: &Beacon, camera: Pinhole, path: &impl SensorPath, seed: u64)
 
 /// Invariant: A flat target calibrates a camera, and a remote at rest counts as one view.
 ///
-/// Four LEDs on a sheet, in an uneven quadrangle: views of a plane, which know a focal length by their slant alone.
+/// Four LEDs on a sheet, in an uneven quadrangle. Views of a plane determine a focal length only by
+/// their slant.
 #[test]
 fn a_flat_target_calibrates_too() {
     let sheet = Beacon::new(&[[0.0, 0.0, 0.0], [210.0, 20.0, 0.0], [170.0, 140.0, 0.0], [-30.0, 90.0, 0.0]]);

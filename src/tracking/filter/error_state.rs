@@ -23,14 +23,14 @@ const BIAS: usize = 12;
 type Covariance = SMatrix<f64, N, N>;
 type Row = SVector<f64, N>;
 
-/// The prior of what a single view says nothing about.
+/// The prior of components that a single view does not determine.
 const FIRST_SPEED_MM_S: f64 = 500.0;
 const FIRST_RATE: f64 = 2.0;
 const FIRST_BIAS: f64 = 0.02;
 /// How a gyroscope's bias wanders, rad²/s³.
 const BIAS_WALK: f64 = 1e-8;
 
-/// What is estimated.
+/// The estimated state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
     /// Position and orientation of the sensor in the beacon's frame.
@@ -43,7 +43,7 @@ pub struct State {
     pub bias: Vector3<f64>,
 }
 
-/// What the filter thinks of a measurement.
+/// The innovation of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// It was taken.
@@ -63,7 +63,7 @@ pub struct Update {
     pub count: usize,
 }
 
-/// The filter. It knows no time: whoever drives it says how much has passed.
+/// The filter. It has no clock: its caller passes the elapsed time.
 #[derive(Clone, Debug)]
 pub struct ErrorStateFilter {
     state: State,

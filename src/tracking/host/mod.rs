@@ -1,9 +1,10 @@
 //! Bringing a remote's camera up, step by step, and keeping it up.
 //!
-//! A [`Host`] is told of time and of what the remote says, and tells what to send next; it has no device of its own. Each
-//! step waits for its answer, for a camera that is hurried ends up at a random sensitivity. Later it watches: an
-//! unrequested status means that reporting stopped, a foreign report id that a driver set its own mode, and silence that
-//! the remote is gone; each is answered by asking again, the last from the first step on.
+//! A [`Host`] receives the time and the remote's reports, and returns the next report to send; it
+//! has no device of its own. Each step waits for its answer, because a hurried camera ends up at a
+//! random sensitivity. Later it watches the remote: an unrequested status means that reporting
+//! stopped, a foreign report id that a driver set its own mode, and silence that the remote is
+//! gone. It answers each by repeating the set-up, the last from the first step.
 
 mod remote;
 
@@ -41,7 +42,7 @@ impl Sensitivity {
         [Level1, Level2, Level3, Level4, Level5, Max].get(at).copied()
     }
 
-    /// What is written to 0xb00000 and 0xb0001a.
+    /// The values of registers 0xb00000 and 0xb0001a.
     #[must_use]
     pub const fn blocks(self) -> ([u8; 9], [u8; 2]) {
         match self {
@@ -55,7 +56,7 @@ impl Sensitivity {
     }
 }
 
-/// What the host wants of the remote.
+/// The host's requests to the remote.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostOptions {
     /// The camera's sensitivity.
@@ -69,7 +70,7 @@ pub struct HostOptions {
 /// How far the host is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostState {
-    /// At this step of so many.
+    /// The number of this step, and the number of all steps.
     Starting(usize, usize),
     /// The remote reports as it should.
     Running,
@@ -151,13 +152,13 @@ impl Host {
         self.restarts
     }
 
-    /// What the EEPROM said.
+    /// The data of the EEPROM.
     #[must_use]
     pub fn calibrations(&self) -> Option<Calibrations> {
         self.eeprom
     }
 
-    /// What the MotionPlus said.
+    /// The data of the MotionPlus.
     #[must_use]
     pub fn gyroscope(&self) -> Option<GyroCalibration> {
         self.gyroscope
@@ -191,7 +192,7 @@ impl Host {
         Some(step.output)
     }
 
-    /// Takes what the remote says.
+    /// Takes a report of the remote.
     pub fn take(&mut self, now_ns: u64, report: &Report) {
         self.heard_ns = Some(now_ns);
         match report {

@@ -1,4 +1,4 @@
-//! A remote that is not there: what a Wiimote answers to output reports, as far as its camera goes.
+//! A simulated remote: a Wiimote's answers to output reports, as far as its camera is concerned.
 //!
 //! It keeps EEPROM and registers, acknowledges as the real one does, and shows blobs only when the camera was brought up in
 //! the right order and the report's layout fits the camera's format, with all ones otherwise.
@@ -15,7 +15,7 @@ use crate::report::{
 
 const CAMERA: u32 = 0xb0_0000;
 
-/// What it feels and sees.
+/// Its acceleration, rotation and camera picture.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RemoteSenses {
     /// Buttons held.
@@ -76,7 +76,7 @@ impl VirtualRemote {
         self.continuous
     }
 
-    /// What is in a register.
+    /// The content of a register.
     #[must_use]
     pub fn register(&self, address: u32) -> u8 {
         self.registers.get(&address).copied().unwrap_or(0)

@@ -4,7 +4,8 @@ use super::*;
 use crate::report::Blob;
 use crate::report::calibration::AccelerometerCalibration;
 
-/// Lets both talk for some seconds of 10 ms steps; every `lose`-th answer is lost. Gives what was reported.
+/// Runs host and remote for some seconds in steps of 10 ms; every `lose`-th answer is lost. Returns
+/// the reports.
 fn talk(host: &mut Host, remote: &mut VirtualRemote, from_ns: u64, seconds: u64, lose: usize) -> Vec<Report> {
     let senses =
         RemoteSenses { blobs: [Some(Blob::at(500, 300)), None, None, None], ..RemoteSenses::default() };

@@ -1,4 +1,4 @@
-//! What the infrared camera sees: up to four blobs, in three formats.
+//! Blobs of the infrared camera: up to four, in three formats.
 //!
 //! | format | bytes | carries |
 //! |---|---|---|
@@ -6,8 +6,8 @@
 //! | extended | 12 (3 each) | position, size 0 to 15 |
 //! | full | 36 (9 each) | position, size, extent on the 128 x 96 sensor, brightness |
 //!
-//! A slot without a blob is all ones. Only y tells: it is 1023 then, and no blob has y above 767. A test of low bytes
-//! alone would drop blobs whose x or y happens to end in 0xff.
+//! All bits of an empty slot are ones. Only y identifies it: it is 1023 then, and no blob has y
+//! above 767. A test of the low bytes alone would drop blobs whose x or y happens to end in 0xff.
 
 /// Width of the camera's pictures in its position units, 1/8 sensor pixel.
 pub const SENSOR_WIDTH: u16 = 1024;
@@ -17,7 +17,7 @@ pub const SENSOR_HEIGHT: u16 = 768;
 /// How the camera describes blobs; the number is the mode register's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IrFormat {
-    /// Positions alone, in 10 bytes (reports 0x36 and 0x37).
+    /// Positions only, in 10 bytes (reports 0x36 and 0x37).
     Basic = 1,
     /// Positions and sizes, in 12 bytes (report 0x33).
     Extended = 3,
@@ -46,7 +46,7 @@ pub struct Blob {
     pub y: u16,
     /// Size, 0 to 15; not in the basic format.
     pub size: Option<u8>,
-    /// Extent and brightness; in the full format alone.
+    /// Extent and brightness; only in the full format.
     pub extent: Option<BlobExtent>,
 }
 

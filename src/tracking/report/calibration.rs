@@ -1,4 +1,4 @@
-//! What a remote's EEPROM knows about itself: accelerometer and infrared camera.
+//! Calibration data in a remote's EEPROM: accelerometer and infrared camera.
 //!
 //! Both blocks are stored twice and end in a checksum, the sum of their bytes plus 0x55. [`Calibrations::decode`]
 //! takes the first 42 bytes of the EEPROM and of each pair the copy that is whole.
@@ -33,7 +33,7 @@ impl AccelerometerCalibration {
         })
     }
 
-    /// Counts of an acceleration in g, rounded and clamped to what a remote sends: the inverse.
+    /// The inverse: counts of an acceleration in g, rounded and clamped to the range of a remote.
     #[must_use]
     pub fn counts(&self, acceleration_g: [f64; 3]) -> Acceleration {
         std::array::from_fn(|axis| {
@@ -104,7 +104,7 @@ impl Calibrations {
     }
 }
 
-/// Four points and their checksum; `None` when it does not match or a point is none.
+/// Four points and their checksum; `None` when the checksum does not match or a point is invalid.
 #[must_use]
 pub fn decode_ir(block: &[u8; 11]) -> Option<IrCalibration> {
     checked(block)?;

@@ -135,7 +135,7 @@ impl Extension {
     }
 }
 
-/// What a data report says. Parts that its layout does not have are `None`.
+/// The content of a data report. Parts that its layout does not have are `None`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataReport {
     /// Which parts there are.

@@ -30,13 +30,13 @@ pub const MAX_REPORT_BYTES: usize = 22;
 pub enum Report {
     /// 0x20: battery, LEDs, extension. An unrequested one means that the remote stopped reporting.
     Status(Status),
-    /// 0x21: memory that was asked for.
+    /// 0x21: the requested memory.
     Memory(Memory),
     /// 0x22: the answer to an output report.
     Acknowledge(Acknowledge),
     /// 0x30 to 0x37 and 0x3d: what buttons, accelerometer, camera and extension say.
     Data(DataReport),
-    /// 0x3e and 0x3f: half of what a full data report says.
+    /// 0x3e and 0x3f: half of a full data report.
     Interleaved(InterleavedHalf),
 }
 

@@ -1,4 +1,4 @@
-//! Output reports: what a host tells the remote.
+//! Output reports: from a host to the remote.
 //!
 //! Every output report carries the state of the rumble motor in bit 0 of its first byte, so each is encoded with it.
 
@@ -13,7 +13,7 @@ pub enum MemorySpace {
     Registers,
 }
 
-/// What a data report is to look like; 0x3e stands for the pair 0x3e, 0x3f.
+/// The layout of data reports; 0x3e stands for the pair 0x3e, 0x3f.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DataMode {
     /// One of the single reports.
@@ -85,7 +85,7 @@ pub enum OutputError {
     /// An id that no Wiimote takes, or too few bytes for it.
     #[error("{0:02x?} is not an output report: unknown id, or too short")]
     Malformed(Vec<u8>),
-    /// A data report that there is none of.
+    /// A data report id that does not exist.
     #[error("output report 0x12 requests report 0x{0:02x}, which is not a data report")]
     UnknownMode(u8),
     /// A write of no or of too many bytes.

@@ -31,7 +31,7 @@ pub enum RecordingError {
     Read {
         /// Line, from 1.
         line: usize,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A line longer than any report.
@@ -47,7 +47,7 @@ pub enum RecordingError {
     Json {
         /// Line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The fault.
         source: serde_json::Error,
     },
     /// A report that is not hexadecimal.

@@ -65,7 +65,7 @@ fn eeprom_of_a_real_remote() {
     assert_eq!([gx, gy, gz], [0.0, 0.0, 1.0]);
 }
 
-/// A blob whose coordinates end in 0xff is a blob; only y above 767 says that there is none.
+/// A blob whose coordinates end in 0xff is a blob; only y above 767 marks an empty slot.
 #[test]
 fn blobs_that_end_in_ff_are_blobs() {
     let four = [Some(Blob::at(255, 255)), None, Some(Blob::at(1023, 511)), Some(Blob::at(767, 767))];

@@ -20,7 +20,7 @@ pub enum CameraFormat {
     Ros,
 }
 
-/// A camera file that is none.
+/// An invalid camera file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraFileError {
     /// Not the YAML of a camera file.
@@ -36,7 +36,7 @@ pub enum CameraFileError {
     Value {
         /// The key's path.
         key: &'static str,
-        /// What is there.
+        /// The value.
         found: String,
         /// What should be.
         expected: &'static str,

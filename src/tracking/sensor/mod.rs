@@ -43,7 +43,7 @@ pub struct PinholeError {
     pub what: &'static str,
     /// Its value.
     pub found: f64,
-    /// What it may be.
+    /// The permitted values.
     pub allowed: &'static str,
 }
 
@@ -57,15 +57,16 @@ impl Pinhole {
         Self { fx: focal_px, fy: focal_px, skew: 0.0, cx: 511.5, cy: 383.5, distortion: [0.0; 5] }
     }
 
-    /// What the factory's four points tell of a remote's own camera: its focal length by the rectangle's width, and the
-    /// principal point in its middle. A guess to start a calibration from: how the factory's rig stood is not published, so
-    /// it has no weight against measurements.
+    /// A camera from the factory's four points: its focal length from the rectangle's width, and
+    /// the principal point in its middle. It is an initial guess for a calibration. The geometry of
+    /// the factory's rig is not published, so the guess has no weight against measurements.
     #[must_use]
     pub fn of_factory(factory: &IrCalibration) -> Self {
         /// Of the rectangle that emulators give their remotes, raw units.
         const TYPICAL_WIDTH: f64 = 769.0;
         let ([width, _], [x, y]) = (factory.size(), factory.centre());
-        // Units whose width differs by more are not known: what was read is no rectangle then.
+        // Greatest difference in width of known units; beyond it the four points are not a
+        // rectangle.
         let scale = (width / TYPICAL_WIDTH).clamp(0.95, 1.05);
         let v = f64::from(SENSOR_HEIGHT) - 1.0 - y;
         Self {
@@ -78,7 +79,7 @@ impl Pinhole {
     /// This camera, if its parameters are usable.
     ///
     /// # Errors
-    /// When one is not finite or far from what a camera can have.
+    /// When a number is not finite or far outside the range of cameras.
     pub fn checked(self) -> Result<Self, PinholeError> {
         let wrong = |what, found, allowed| Err(PinholeError { what, found, allowed });
         for (what, found) in [("fx", self.fx), ("fy", self.fy)] {

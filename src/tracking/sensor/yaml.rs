@@ -25,7 +25,7 @@ pub(super) enum Value {
 pub struct YamlError {
     /// Line, from 1.
     pub line: usize,
-    /// What is wrong there.
+    /// The fault at that place.
     pub what: &'static str,
 }
 

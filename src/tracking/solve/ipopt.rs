@@ -1,8 +1,9 @@
 //! The way of the 2009 paper with its own solver, IPOPT: for builds with the cargo feature `ipopt`.
 //!
-//! The same energy, equality and inequalities as in [`paper`](super::paper), given to the library as they are: seven
-//! numbers, the quaternion (w, x, y, z) and t in beacon radii, with exact first and second derivatives. What it is not:
-//! faster or better than [`paper`](super::paper); it is there to be compared with. It allocates.
+//! The same energy, equality and inequalities as in [`paper`](super::paper), passed to the library
+//! unchanged: seven numbers, the quaternion (w, x, y, z) and t in beacon radii, with exact first
+//! and second derivatives. It is neither faster nor better than [`paper`](super::paper); it exists
+//! for comparison. It allocates.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -24,7 +25,7 @@ static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 struct Problem {
     energy: Energy,
     start: Point,
-    /// What the energy is multiplied by.
+    /// The factor of the energy.
     weight: f64,
 }
 

@@ -30,7 +30,7 @@ pub struct Sighting {
     pub pixel: Vector2<f64>,
 }
 
-/// What an accelerometer at rest says: a direction known in both spaces.
+/// The reading of an accelerometer at rest: a direction known in both spaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gravity {
     /// Up in beacon space.

@@ -1,4 +1,4 @@
-//! Levenberg-Marquardt on SE(3) in pixels, with the covariance of what it finds.
+//! Levenberg-Marquardt on SE(3) in pixels, with the covariance of its result.
 //!
 //! The cost is the chi-square of the view: squared pixel errors over `noise_px` squared, and the squared part of the
 //! measured up across the predicted one over its sigma. Changes act from the left: `exp(w) R P + t + v`.

@@ -1,4 +1,4 @@
-//! Solvers against views whose truth is known, and against what the Cramer-Rao bound allows.
+//! Solvers compared with known truth, and with the Cramer-Rao bound.
 
 use nalgebra::{Rotation3, Unit, Vector6};
 
@@ -90,7 +90,7 @@ fn errors_reach_the_bound() {
     }
 }
 
-/// Three LEDs, and two, with up known to half a degree: the truth lies within what the covariance says.
+/// Three LEDs, and two, with up known to half a degree: the truth lies within the covariance.
 #[test]
 fn fewer_leds_do_with_gravity() {
     let (beacon, mut random) = (tetra(), Random::new(4));

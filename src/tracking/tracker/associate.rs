@@ -13,7 +13,7 @@ use crate::solve::Sighting;
 
 /// Squared normalised innovation of one blob beyond which it is not that LED: 1 in 100,000 right ones.
 const PAIR_GATE: f64 = 23.0;
-/// What a blob without an LED costs: a little more than the worst pair.
+/// The cost of a blob without an LED: slightly more than the worst permitted pair.
 const STRAY: f64 = 24.0;
 /// By how much the best way has to be better than one that calls a blob another LED.
 const MARGIN: f64 = 12.0;

@@ -16,7 +16,7 @@ const AVERAGE_S: f64 = 0.1;
 /// Beyond this difference from one g the remote is being swung, and its acceleration says nothing of up.
 const MAX_OFF_G: f64 = 0.1;
 
-/// What the camera saw at one time, and what is known with it.
+/// A picture of the camera at one time, with the other data of that time.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
     /// Time of the report, ns.
@@ -131,7 +131,7 @@ impl Frames {
             self.average(t_ns, counts);
         }
         let mut frame = Frame::new(t_ns, &[]);
-        // A blob at the border is cut, and one at the origin is how some stacks say that there is none.
+        // A blob at the border is cut; some stacks mark an empty slot as a blob at the origin.
         for blob in blobs?.into_iter().flatten().filter(|blob| !blob.is_cut()) {
             frame.pixels[frame.count] = Vector2::from(blob.pixel());
             frame.count += 1;

@@ -1,9 +1,10 @@
 //! From reports to poses, one after another.
 //!
-//! A [`Tracker`] takes timed reports and gives a [`TrackedSample`] for each that shows the camera's picture. It is searching until
-//! four blobs are identified, then tracking: blobs are matched to the LEDs where the filter expects them, and one LED is
-//! enough to correct it. Without any for [`MAX_PREDICTION_S`] it is lost, and searches with the last pose as a hint. What
-//! cannot be told apart is ambiguous, and has no pose.
+//! A [`Tracker`] takes timed reports and returns a [`TrackedSample`] for each that contains the
+//! camera's picture. It is searching until four blobs are identified, then tracking: blobs are
+//! matched to the LEDs where the filter expects them, and one LED is enough to correct it. Without
+//! any LED for [`MAX_PREDICTION_S`] it is lost, and searches with the last pose as a hint. An
+//! ambiguous view has no pose.
 //!
 //! Reports may come twice, late or not at all: a report that is not newer than the last one is dropped, and the filter moves
 //! by the time between reports. Every sample carries the time of its report.
@@ -37,7 +38,7 @@ const HINT_S: f64 = 2.0;
 /// For how long an error of the accelerometer's up lasts, seconds.
 const GRAVITY_ERROR_S: f64 = 0.15;
 
-/// What the tracker knows after a report.
+/// The tracker's state after a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TrackingState {
@@ -51,12 +52,12 @@ pub enum TrackingState {
     Lost,
 }
 
-/// What a report says about the pose.
+/// The result of a report for the pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackedSample {
     /// Time of the report, ns.
     pub t_ns: u64,
-    /// What is known.
+    /// The tracking state.
     pub state: TrackingState,
     /// `beacon_from_sensor`, while tracking.
     pub pose: Option<SensorPose>,
@@ -87,7 +88,7 @@ enum Estimate {
     Plain { filter: PoseFilter, t_ns: u64 },
 }
 
-/// A pose of this frame and what goes with it.
+/// A pose of this frame with its covariance and residuals.
 struct Fix {
     pose: Pose,
     covariance: Matrix6<f64>,
@@ -114,7 +115,8 @@ impl Tracker {
         Self { camera, beacon, options, frames, estimate: Estimate::None, had_pose: false }
     }
 
-    /// From now on counts mean this: a remote tells its own calibration after it was connected.
+    /// Sets the calibration of accelerometer counts: a remote reports its own calibration after it
+    /// was connected.
     pub fn calibrate(
         &mut self,
         accelerometer: Option<AccelerometerCalibration>,
@@ -146,7 +148,8 @@ impl Tracker {
         sample
     }
 
-    /// The pose `seconds` after the last sample, at most [`MAX_PREDICTION_S`]; `None` when there is none to predict from.
+    /// The pose `seconds` after the last sample, at most [`MAX_PREDICTION_S`]; `None` when there is
+    /// no sample to predict from.
     #[must_use]
     pub fn predicted(&self, seconds: f64) -> Option<SensorPose> {
         match &self.estimate {
@@ -252,7 +255,7 @@ impl Tracker {
         IdentifyHints { gravity: frame.gravity(&self.beacon, self.options.search_gravity_sigma), earlier }
     }
 
-    /// The pose of identified blobs by the chosen solver, from pixels alone where four are seen.
+    /// The pose of identified blobs by the chosen solver; from pixels alone where four are visible.
     fn fix(&self, frame: &Frame, assignment: &Assignment, found: &Pose) -> Option<Fix> {
         let mut sightings = Sightings::default();
         for (blob, led) in frame.blobs().iter().zip(assignment) {

@@ -8,7 +8,7 @@ use super::{TrackedSample, TrackingState};
 pub struct PoseRecord {
     /// Time of the report, ns.
     pub t_ns: u64,
-    /// What is known.
+    /// The tracking state.
     pub state: TrackingState,
     /// The sensor in the beacon's frame, mm.
     pub position_mm: Option<[f64; 3]>,
