@@ -1,7 +1,7 @@
 //! The WoWvx header: 10 or 32 bytes in the top bits of the blue channel of a frame's first line.
 //!
-//! What it is: the typed fields, their bytes, their place in the pixels, and a strict reading that names whatever is
-//! wrong. What it is not: the rest of the frame; see `layout`.
+//! The typed fields, their bytes, their place in the pixels, and a strict reader that names every
+//! fault. The rest of the frame is in `layout`.
 //!
 //! | byte | meaning |
 //! |---|---|
@@ -43,12 +43,12 @@ static CRC_32: Crc<u32> = Crc::<u32>::new(&Algorithm {
     residue: 0,
 });
 
-/// What the display is told of a frame.
+/// The settings of a frame that its display reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// H1: kind of content, for which displays have their own depth settings.
     pub content: ContentType,
-    /// H2: depth effect, 64 is 100 % of what the display recommends; linear.
+    /// H2: depth effect, linear; 64 is 100 % of the display's recommendation.
     pub factor: u8,
     /// H3: the disparity that lies on the screen plane; larger ones stand in front.
     pub offset: u8,
@@ -64,7 +64,7 @@ pub struct Header {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ContentType {
-    /// 0: the picture alone, depth is ignored.
+    /// 0: a 2D picture; depth is ignored.
     NoDepth,
     /// 1: signage.
     Signage,
@@ -78,7 +78,7 @@ pub enum ContentType {
     Still,
 }
 
-/// H12: what the extended part announces.
+/// H12: the kind of the extended part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExtendedPart {
     /// 0x00: picture and depth.
@@ -125,7 +125,7 @@ pub enum HeaderProblem {
         /// The checksum of the header's bytes.
         expected: u32,
     },
-    /// H1 is none of the known content types.
+    /// H1 is not a known content type.
     #[error("the content type H1 is {found}, expected 0 to 5")]
     UnknownContent {
         /// H1.
@@ -141,7 +141,7 @@ pub enum HeaderProblem {
         /// The bits of it that have to be 0.
         reserved: u8,
     },
-    /// H10 or H11 is not what the extended part begins with.
+    /// H10 or H11 does not begin an extended part.
     #[error("the extended part's H{byte} is {found:#04X}, expected {expected:#04X}")]
     ExtendedStart {
         /// Number of the byte.
@@ -151,7 +151,7 @@ pub enum HeaderProblem {
         /// The value of every valid extended part.
         expected: u8,
     },
-    /// H12 is none of the known kinds.
+    /// H12 is not a known kind.
     #[error("the extended part's kind H12 is {found:#04X}, expected 0x00, 0x9A or 0xEF")]
     UnknownExtended {
         /// H12.
@@ -159,7 +159,7 @@ pub enum HeaderProblem {
     },
 }
 
-/// What was found where a header should be: as much of it as can be told, and all that is wrong with it.
+/// The result of reading a header: the readable fields, and all faults.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HeaderReading {
     /// The bytes: 10, or 32 with the extended part, or fewer when cut.
@@ -356,13 +356,14 @@ impl HeaderReading {
     }
 }
 
-/// The bytes in the top blue bits of a line, 32 or as many as it is wide enough for.
+/// The bytes in the top blue bits of a line: 32, or fewer where the line is narrow.
 fn bytes_of_line(line_rgb: &[u8]) -> Vec<u8> {
     let bits: Vec<u8> = line_rgb.iter().skip(2).step_by(6).take(8 * FULL_LEN).map(|blue| blue >> 7).collect();
     bits.chunks_exact(8).map(|bits| bits.iter().fold(0, |byte, bit| byte << 1 | bit)).collect()
 }
 
-/// Whether an extended part follows H9: past a header of ten bytes the same pixels carry the picture alone.
+/// Whether an extended part follows H9. After a header of ten bytes the same pixels are plain
+/// picture.
 ///
 /// An extended part begins with 0xF2 0x14, or would have the right checksum if it did (a damaged one).
 fn has_extended_part(bytes: &[u8]) -> bool {
@@ -404,7 +405,8 @@ fn read_base(bytes: &[u8; BASE_LEN], problems: &mut Vec<HeaderProblem>) -> Optio
     })
 }
 
-/// H14 to H17 as one writer for Dimenco displays has them; what they mean is unknown (0x21C is 540). Others write 0.
+/// H14 to H17 as one writer for Dimenco displays sets them; their meaning is unknown (0x21C is
+/// 540). Others write 0.
 const DIMENCO_H14: [u8; 4] = [0x00, 0x3C, 0x02, 0x1C];
 
 /// The kind that H10 to H31 announce; `None` where it is cut or unknown.

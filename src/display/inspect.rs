@@ -1,12 +1,12 @@
 //! Inspection: which layout a picture has, what its header says, and everything that is wrong with it.
 //!
-//! What it is: a strict reading of foreign pictures. What it is not: the decoder that gives pixels back; that is
-//! [`Layout::decode`].
+//! A strict reader of foreign pictures. [`Layout::decode`] is the decoder that returns pixels.
 //!
-//! The layout is told by what displays look at: the header, the frame's size, black odd lines, a grey right half.
-//! Layouts without a header cannot be told from any other picture: `rgbd` is a picture whose right half alone is
-//! grey, `color` is the rest. Of the two layouts with a background the header does not tell which it is; their lines do. At a display's own frame size a missing header is a problem whatever the pixels are,
-//! because the display would show plain 2D.
+//! The layout is recognised by the header, the frame's size, black odd lines and a grey right half.
+//! A layout without a header looks like any other picture: a picture with a grey right half is
+//! taken as `rgbd`, any other as `color`. The header does not distinguish the two layouts with a
+//! background layer; their lines do. At a display's own frame size a missing header is a problem
+//! whatever the pixels are, because the display would show plain 2D.
 
 use std::io::Cursor;
 
@@ -32,7 +32,7 @@ const JPEG_SIGNATURE: &[u8] = b"\xFF\xD8\xFF";
 /// PNG chunks that make viewers change pixel values.
 const COLOR_CHUNKS: [&str; 5] = ["gAMA", "cHRM", "iCCP", "sRGB", "cICP"];
 
-/// What is in a frame and what is wrong with it; in JSON as `relief inspect FRAME.png --json` prints it.
+/// The content of a frame and its faults; `relief inspect FRAME.png --json` prints it as JSON.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct FrameReport {
     /// The layout that the frame has, or comes nearest to.
@@ -47,7 +47,7 @@ pub struct FrameReport {
     pub factor: Option<u8>,
     /// H3.
     pub offset: Option<u8>,
-    /// Which of the two the display is told to use.
+    /// The one of the two that the header selects.
     pub select: Option<Select>,
     /// H10 to H31 as 44 hexadecimal digits (fewer when cut); `None` without the extended part.
     pub extended_hex: Option<String>,
@@ -56,12 +56,13 @@ pub struct FrameReport {
     /// The views, for layouts of them; only files say that they are such.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub views: Option<ViewsReport>,
-    /// What the depth of the frame spans; `None` where it carries none.
+    /// The range of the frame's depth; `None` where the frame has no depth.
     #[serde(skip)]
     pub depth: Option<DepthExtent>,
 }
 
-/// Bits 7 and 6 of H4: what the display takes from the header rather than from its own settings.
+/// Bits 7 and 6 of H4: the values that the display takes from the header instead of its own
+/// settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Select {
     /// The factor.
@@ -110,7 +111,7 @@ pub enum InspectError {
     /// The first chunk is not the one with the size.
     #[error("the PNG file is damaged: it does not begin with an IHDR chunk of 13 bytes")]
     NoImageHeader,
-    /// Too large, told before anything is decoded.
+    /// Too large; rejected before decoding.
     #[error("the picture is {}x{}; allowed: 1 to {MAX_FRAME_SIDE_PX} pixels each way", .0[0], .0[1])]
     Size([u32; 2]),
     /// The decoder gave up.
@@ -124,7 +125,8 @@ pub enum InspectError {
 /// Inspects a PNG file.
 ///
 /// # Errors
-/// When the file is not a whole PNG within the size limit. What is wrong with a readable one is in the report.
+/// When the file is not a complete PNG within the size limit. The report lists the faults
+/// of a readable one.
 pub fn inspect_png(file: &[u8]) -> Result<FrameReport, InspectError> {
     Ok(read_png(file)?.1)
 }
@@ -157,7 +159,7 @@ pub fn inspect_frame(frame: &Frame) -> FrameReport {
     }
 }
 
-/// What a file says of its views; `None` where it has none, whatever it says.
+/// The views of a file by its text chunk; `None` where it has none.
 fn inspect_views((layout, pictures): (Layout, u32), frame: &Frame) -> Option<FrameReport> {
     let frame_px = frame.size_px();
     let (count, columns, rows) = match (layout, layout.view_grid()) {
@@ -192,7 +194,7 @@ impl FrameReport {
         }
     }
 
-    /// Fills in what the header says, as far as it is there.
+    /// Copies the readable fields of the header.
     fn with_header(mut self, reading: &HeaderReading) -> Self {
         if let Some([factor, offset, select]) = reading.bytes.get(2..5).and_then(|b| b.first_chunk()) {
             (self.factor, self.offset) = (Some(*factor), Some(*offset));
@@ -247,7 +249,8 @@ fn inspect_rgb(frame_px: [u32; 2], samples: &[u8]) -> FrameReport {
     if has_header || display_frame {
         report.problems.extend(reading.problems.into_iter().map(FrameProblem::Header));
     }
-    // Each half of a side-by-side picture would be 8:9: nobody renders that, but players scale whole frames.
+    // Each half of a side-by-side picture would be 8:9. Nobody renders that, but players scale
+    // whole frames.
     let wide = u64::from(frame_px[0]) * 9 == u64::from(frame_px[1]) * 16;
     if layout == Layout::Rgbd && wide && !display_frame && !has_header {
         let expected = "1920x1080 or 3840x2160, of which this looks like a scaled copy without its header";

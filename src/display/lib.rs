@@ -1,13 +1,15 @@
 //! From a picture with view depth to the bytes that a glasses-free 3D display takes, and back.
 //!
-//! What it is: display profiles and their curve D(Z), the WoWvx header, layouts with their encoders and decoders,
-//! PNG, JPEG and OpenEXR files, and a strict inspection of frames. What it is not: it renders nothing and knows no
-//! GPU, no camera and no volume; it turns slices into bytes.
+//! Display profiles and their curve D(Z), the WoWvx header, layouts with their encoders and
+//! decoders, PNG, JPEG and OpenEXR files, and a strict inspection of frames. This crate renders
+//! nothing and has no GPU, camera or volume; it converts slices to bytes.
 //!
-//! The way of a frame: [`DisplaySettings`] (the request's JSON) becomes a [`FrameEncoder`], which says at which size
-//! to render, filters the depth ([`DepthFilter`]) and packs a [`Picture`] into a [`Frame`]; [`encode_png`] makes a file of it, [`inspect_png`] says what
-//! is in one. Layouts of views show without such a display what one would. Depth comes in as view depth in mm, is scaled to Z between [`relief_base::DepthLimits`], and leaves as
-//! disparity bytes D (255 nearest) or as 16-bit Z.
+//! [`DisplaySettings`] (the request's JSON) becomes a [`FrameEncoder`]. The encoder gives the size
+//! to render, filters the depth ([`DepthFilter`]) and packs a [`Picture`] into a [`Frame`].
+//! [`encode_png`] makes a file of the frame, [`inspect_png`] reports a file's content. Layouts of
+//! views show the effect of a 3D display on an ordinary one. Depth enters as view depth in mm, is
+//! scaled to Z between [`relief_base::DepthLimits`], and leaves as disparity bytes D (255 nearest)
+//! or as 16-bit Z.
 
 mod encode;
 mod filter;

@@ -1,7 +1,7 @@
-//! What can be wrong with a frame, as values: shared by the strict decoders and by the inspection.
+//! Faults of a frame, as values; the strict decoders and the inspection share them.
 //!
-//! Every problem has a code that stays the same (for programs), a message with what was found and expected, and
-//! advice for the person who has to mend it.
+//! Every problem has a stable code for programs, a message with the found and the expected value,
+//! and advice.
 
 use super::header::HeaderProblem;
 
@@ -50,9 +50,9 @@ pub enum FrameProblem {
     /// The samples are not of the kind the layout has.
     #[error("the pixels are {found}, expected {expected}")]
     PixelFormat {
-        /// What they are.
+        /// The values.
         found: &'static str,
-        /// What they have to be.
+        /// The required values.
         expected: &'static str,
     },
     /// Pixels that are not opaque.
@@ -61,7 +61,7 @@ pub enum FrameProblem {
         /// How many pixels.
         pixels: usize,
     },
-    /// Views that are there and cannot be had.
+    /// Views that are present and cannot be decoded.
     #[error("{0}: its views cannot be separated")]
     Inseparable(&'static str),
     /// A PNG chunk that asks viewers to change the pixel values.

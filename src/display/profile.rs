@@ -1,7 +1,7 @@
-//! Display profiles: what a 2D-plus-depth display takes, and its curve D(Z).
+//! Display profiles: the frame sizes of a 2D-plus-depth display, and its curve D(Z).
 //!
-//! What it is: sizes and the four constants of `D(Z) = M (1 - vz / (Z - Zd + vz)) + C`. What it is not: a layout;
-//! where the pixels go is in `layout`.
+//! Sizes and the four constants of `D(Z) = M (1 - vz / (Z - Zd + vz)) + C`. The places of pixels
+//! are in `layout`.
 //!
 //! Z is [`ScaledDepth`] (0 at the near limit, 1 at the far limit), D is [`Disparity`] (255 nearest, 0 farthest). Zd
 //! is the display plane, vz the viewing distance in units of the depth range. The pole of the curve, the viewer, is
@@ -81,7 +81,7 @@ pub enum ProfileError {
     Size {
         /// Which size.
         what: &'static str,
-        /// What was given.
+        /// The value.
         size_px: [u32; 2],
     },
 }

@@ -1,7 +1,7 @@
-//! The `display` object of a render request: which display, which layout, what the header says, which depth limits.
+//! The `display` object of a render request: display, layout, header settings and depth limits.
 //!
-//! What it is: the JSON and its checks. What it is not: the packing; [`DisplaySettings::encoder`] makes the object
-//! that packs. Depth limits are view depth in mm.
+//! The JSON and its validation. [`DisplaySettings::encoder`] makes the encoder that packs frames.
+//! Depth limits are view depth in mm.
 
 use serde::de::{self, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -25,8 +25,8 @@ pub struct DisplaySettings {
     pub layout: Layout,
     /// Kind of content, for the header.
     pub content: ContentType,
-    /// Depth effect, 0..=255; 64 is 100 % of what the display recommends. Any other value also sets the header's
-    /// factor-select bit, without which displays take their own optimum.
+    /// Depth effect, 0..=255; 64 is 100 % of the display's recommendation. Any other value also
+    /// sets the header's factor-select bit, without which displays use their own optimum.
     #[serde(deserialize_with = "byte")]
     pub factor: u8,
     /// Disparity on the screen plane, 0..=255. Any value but 128 also sets the header's offset-select bit.
@@ -34,7 +34,7 @@ pub struct DisplaySettings {
     pub offset: u8,
     /// Eye separations between the outermost views of layouts of views, 0 to 16; `null` is 1 for two views and 2 for more.
     pub view_span: Option<f64>,
-    /// What is done to depth before it becomes Z or D. Picks and depth in mm are never filtered.
+    /// The filter of depth before it becomes Z or D. Picks and depth in mm are never filtered.
     pub depth_filter: DepthFilter,
     /// View depth that becomes Z = 0, mm; `null` takes the caller's, which belongs to the volume.
     pub near_mm: Option<f64>,
@@ -42,7 +42,7 @@ pub struct DisplaySettings {
     pub far_mm: Option<f64>,
 }
 
-/// What a request says of the display: a name, its viewing distance, or all constants.
+/// The display of a request: a name, its viewing distance, or all constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ProfileSetting {
     /// `"philips-42"`
@@ -64,9 +64,9 @@ pub enum ProfileSetting {
 pub struct SettingsError {
     /// The key's path in the request.
     pub path: &'static str,
-    /// What it was set to.
+    /// The value.
     pub value: String,
-    /// What it may be.
+    /// The permitted values.
     pub allowed: String,
 }
 
@@ -91,7 +91,7 @@ impl DisplaySettings {
     /// The first setting that is out of range or does not fit the others, if there is one.
     ///
     /// # Errors
-    /// That setting with its path, value and what is allowed.
+    /// The invalid setting with its path, its value and the permitted values.
     pub fn validate(&self) -> Result<(), SettingsError> {
         for (path, limit) in [("display.near_mm", self.near_mm), ("display.far_mm", self.far_mm)] {
             if let Some(mm) = limit.filter(|mm| !mm.is_finite()) {
@@ -221,7 +221,7 @@ fn byte<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
     Ok(value as u8)
 }
 
-/// The object form of a profile: `vz` alone, or all four constants; sizes as needed.
+/// The object form of a profile: `vz` alone, or all four constants; sizes are optional.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CustomProfile {

@@ -47,7 +47,7 @@ pub struct CameraMatrices {
     pub ndc_from_view: DMat4,
 }
 
-/// What goes into a file. Rows from the top left.
+/// The channels of a file. Rows from the top left.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthImage<'a> {
     /// Width and height, pixels.
@@ -141,7 +141,7 @@ pub fn decode_exr(file: &[u8]) -> Result<DecodedDepthImage, EncodeError> {
     Ok(DecodedDepthImage { size_px, depth_mm, color, attributes })
 }
 
-/// Refuses what is too large, before anything of that size is allocated.
+/// Rejects a size that is too large, before allocating memory for it.
 fn check_size(file: &[u8]) -> Result<(), EncodeError> {
     let meta = MetaData::read_from_buffered(Cursor::new(file), false).map_err(EncodeError::Exr)?;
     for header in &meta.headers {

@@ -1,7 +1,6 @@
-//! Files in memory: PNG for frames and views, JPEG for the picture alone, OpenEXR for depth in mm.
+//! Files in memory: PNG for frames and views, JPEG for colours only, OpenEXR for depth in mm.
 //!
-//! What it is: encoders to `Vec<u8>`; the same input gives the same bytes. What it is not: the writing of files;
-//! that is the caller's.
+//! Encoders to `Vec<u8>`; equal input gives equal bytes. Callers write the files.
 
 mod exr;
 mod views;
@@ -50,7 +49,7 @@ pub enum EncodeError {
     /// The slices do not fill the size.
     #[error("{what} of {}x{} has {found} values, expected {expected}", size_px[0], size_px[1])]
     PixelCount {
-        /// What it is.
+        /// The value.
         what: &'static str,
         /// Width and height.
         size_px: [u32; 2],
@@ -65,7 +64,7 @@ pub enum EncodeError {
     /// A file without depth.
     #[error("the OpenEXR file has no channel Z, where view depth in mm is expected")]
     NoDepthChannel,
-    /// A file that is larger than any frame, told before anything of its size is allocated.
+    /// A file that is larger than any frame, rejected before memory is allocated for it.
     #[error("the OpenEXR picture is {}x{}; allowed: 1 to 16384 pixels each way, 2 GiB in all", .0[0], .0[1])]
     ExrSize([usize; 2]),
     /// The OpenEXR encoder's header is not as the format has it.
@@ -98,7 +97,7 @@ pub fn encode_png(frame: &Frame) -> Result<Vec<u8>, EncodeError> {
     Ok(file)
 }
 
-/// A JPEG of the colours alone, for previews: never for 2D+Z frames, whose header would not survive.
+/// A JPEG of the colours, for previews; never for 2D+Z frames, whose header would not survive.
 ///
 /// # Errors
 /// When `quality` is not 1..=100, the slice does not fill the size, or the size is not one a JPEG can have.

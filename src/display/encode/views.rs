@@ -1,8 +1,9 @@
 //! PNG files of views: quilts and pairs with their layout written into them, and wiggles as animations.
 //!
-//! A text chunk `relief-layout` has the layout's name: nothing else tells a quilt from any other picture. A wiggle is an
-//! animated PNG (APNG, the third edition of the PNG specification) that goes through the views to and fro, for ever; programs
-//! that know no animations show the leftmost view.
+//! A text chunk `relief-layout` contains the layout's name, since a quilt looks like any other
+//! picture to a program. A wiggle is an animated PNG (APNG, the third edition of the PNG
+//! specification) that plays the views forwards and backwards without end; programs without
+//! animations show the leftmost view.
 
 use std::io::Cursor;
 

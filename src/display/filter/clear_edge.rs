@@ -5,13 +5,14 @@
 //! the outline of an object and not on it, a rim of the object is torn off or a rim of the background sticks to it. So
 //! near depth edges, in this order:
 //!
-//! 1. A pixel's depth becomes the weighted median of the pixels around it, weighted by how alike their colours are:
-//!    the rim takes the depth of what it looks like.
+//! 1. A pixel's depth becomes the weighted median of the pixels around it, weighted by the similarity of their colours:
+//!    the rim takes the depth of the object or background that has its colour.
 //! 2. The nearest depth within a few pixels wins: interpolation happens beside the object, on the background, where
-//!    there is nothing to smear.
+//!    it does no harm.
 //!
-//! Elsewhere depth is left as it is: an edge is a step between neighbouring pixels, and a slope is none. Objects without a colour edge have their outline rounded off by the median, and
-//! lose what is thinner than four pixels.
+//! Elsewhere depth is unchanged: an edge is a step between neighbouring pixels, a slope is not. The
+//! median rounds the outline of objects without a colour edge, and removes parts thinner than four
+//! pixels.
 
 use rayon::prelude::*;
 
@@ -57,7 +58,8 @@ impl Edges {
         Self { near_mm: limits.near_mm as f32, far_mm: limits.far_mm as f32, least_mm }
     }
 
-    /// Whether there is an edge between two depths: what a display shows at one of the limits does not differ.
+    /// Whether there is an edge between two depths. Depths beyond the same limit look equal on a
+    /// display.
     fn is_between(&self, near: f32, far: f32) -> bool {
         let shown = |mm: f32| mm.clamp(self.near_mm, self.far_mm);
         shown(far) - shown(near) > self.least_mm

@@ -1,13 +1,14 @@
-//! Depth filters: what is done to a picture's view depth before a display gets it as Z or D.
+//! Depth filters: applied to a picture's view depth before it becomes Z or D.
 //!
-//! What it is: a median against single outliers, and `clear-edge` for 2D-plus-depth displays. What it is not: a
-//! change of the measurement. Picks, OpenEXR and raw depth have the depth as rendered; only frames are filtered.
+//! A median against single outliers, and `clear-edge` for 2D-plus-depth displays. Filters do not
+//! change measurements: picks, OpenEXR and raw depth contain the depth as rendered; only frames are
+//! filtered.
 //!
 //! | filter | a pixel's depth becomes |
 //! |---|---|
-//! | `none` | what it is |
+//! | `none` | unchanged |
 //! | `median-3`, `median-5` | the median of the 3x3 or 5x5 pixels around it |
-//! | `clear-edge` | near depth edges the median of pixels of its own colour, and then the foreground two pixels wider |
+//! | `clear-edge` | near depth edges the median of pixels of its own colour, and then the foreground is widened by two pixels |
 //!
 //! View depth in mm, in rows from the top left; a miss is `+inf` and so the farthest of all. Pixels beyond the
 //! picture's border are those on it. Every filter gives values that were there before: none is made up.
@@ -20,7 +21,7 @@ use std::borrow::Cow;
 use super::layout::Picture;
 use relief_base::DepthLimits;
 
-/// What is done to depth before it becomes Z or D.
+/// The filter of depth before it becomes Z or D.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum DepthFilter {
     /// Nothing.
@@ -113,7 +114,7 @@ impl Padded {
     }
 }
 
-/// What is no number is a miss.
+/// NaN is a miss.
 fn miss_if_unknown(mm: f32) -> f32 {
     if mm.is_nan() { f32::INFINITY } else { mm }
 }

@@ -1,11 +1,12 @@
-//! Unpacking: frames into picture and depth, strictly. What an encoder would not have written is refused by name.
+//! Strict decoding of frames to picture and depth. An error names every deviation from a frame that
+//! an encoder could have written.
 
 use super::{Frame, Layout, Pixels};
 use crate::header::{Header, HeaderReading};
 use crate::problem::FrameProblem;
 use crate::views::{ViewGrid, Views};
 
-/// What was in a frame.
+/// The content of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DecodedFrame {
     /// Width and height of the picture, pixels.
@@ -17,7 +18,7 @@ pub struct DecodedFrame {
     pub color: Vec<[u8; 3]>,
     /// The depth of every pixel.
     pub depth: DecodedDepth,
-    /// What lies behind the first layer, for layouts that carry it.
+    /// The background layer, for layouts that have one.
     pub back: Option<DecodedLayer>,
     /// The views, for layouts of them: `color` is empty then, `size_px` that of each.
     pub views: Option<Views>,
@@ -44,9 +45,11 @@ pub enum DecodedDepth {
 }
 
 impl DecodedFrame {
-    /// The picture with its disparity, and what lies behind it; `None` for layouts without disparity.
+    /// The picture with its disparity, and the background layer; `None` for layouts without
+    /// disparity.
     ///
-    /// What a header took of the picture, the top bit of blue at every other pixel of line 0, is that of the pixel to the right.
+    /// The header replaces the top bit of blue at every other pixel of line 0; it is restored from
+    /// the pixel to the right.
     #[must_use]
     pub fn into_layers(mut self) -> Option<(DecodedLayer, Option<DecodedLayer>)> {
         let DecodedDepth::Disparity(disparity) = self.depth else { return None };
@@ -177,14 +180,14 @@ fn unpacked<'a>(lines: impl Iterator<Item = &'a [u8]>) -> DecodedLayer {
 }
 
 fn read_header(frame_px: [u32; 2], samples: &[u8], problems: &mut Vec<FrameProblem>) -> Option<Header> {
-    // The left half alone: a header never reaches into the depth.
+    // Only the left half: a header never extends into the depth.
     let half_line = samples.get(..3 * (frame_px[0] as usize / 2)).unwrap_or_default();
     let reading = HeaderReading::of_line(half_line);
     problems.extend(reading.problems.into_iter().map(FrameProblem::Header));
     reading.header
 }
 
-/// What is wrong with the depth half and with the lines that have to be black.
+/// Faults of the depth half and of the lines that must be black.
 pub(crate) fn depth_problems(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Vec<FrameProblem> {
     let mut problems = Vec::new();
     if layout.has_halves() {

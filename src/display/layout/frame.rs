@@ -50,7 +50,7 @@ impl<'a> Picture<'a> {
         Ok(picture)
     }
 
-    /// The same picture with what lies behind its first layer: colour and view depth as of the picture itself.
+    /// The same picture with a background layer: its colour and view depth, in the same format.
     ///
     /// # Errors
     /// When the slices do not fill the picture's size.
@@ -71,7 +71,7 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// What lies behind the first layer, as a picture of its own.
+    /// The background layer as a picture of its own.
     #[must_use]
     pub fn back(&self) -> Option<Self> {
         self.back.map(|(color, depth_mm)| Self { color, depth_mm, back: None, ..*self })

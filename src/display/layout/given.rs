@@ -1,4 +1,4 @@
-//! Disparity apart from colour: what a picture's depth is as D or Z, and frames of D that is given.
+//! Disparity without colour: a picture's depth as D or Z, and frames of given D.
 
 use super::disparity::DisparityTable;
 use super::{DecodedLayer, DisparityLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, frame, pack};
@@ -6,8 +6,9 @@ use crate::views::{Views, synthesize};
 use relief_base::{DepthLimits, ViewDepth};
 
 impl FrameEncoder {
-    /// D of every pixel, as [`FrameEncoder::encode`] puts it into frames: depth filtered, scaled between the limits and bent by the
-    /// display's curve. A miss is at the far limit. What lies behind is a picture of its own.
+    /// D of every pixel, as [`FrameEncoder::encode`] puts it into frames: depth filtered, scaled
+    /// between the limits and mapped by the display's curve. A miss is at the far limit. The
+    /// background layer is a separate picture.
     #[must_use]
     pub fn disparity(&self, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u8> {
         let table = DisparityTable::new(&self.profile, limits);

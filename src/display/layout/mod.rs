@@ -1,22 +1,22 @@
 //! Layouts: where the picture and its depth go in a frame, and how they come out again.
 //!
-//! What it is: the names of the layouts, the sizes they need, [`FrameEncoder`] and [`Layout::decode`]. What it is
-//! not: files; see `encode`. Pixels are in rows from the top, (x, y) from the top left.
+//! The names of the layouts, their sizes, [`FrameEncoder`] and [`Layout::decode`]. Files are in
+//! `encode`. Pixels are in rows from the top, (x, y) from the top left.
 //!
 //! | layout | frame |
 //! |---|---|
 //! | `wowvx` | picture and disparity side by side on the even lines, odd lines black, header on line 0 |
 //! | `wowvx-full-height` | the same on all lines |
 //! | `wowvx-4k` | the same on all lines of 3840x2160 |
-//! | `declipse` | four quadrants: picture and disparity above, the same of what lies behind below; header on line 0 |
-//! | `declipse-lines` | picture and disparity on the even lines, the same of what lies behind on the odd ones |
+//! | `declipse` | four quadrants: picture and disparity above, the background layer below; header on line 0 |
+//! | `declipse-lines` | picture and disparity on the even lines, the background layer on the odd ones |
 //! | `rgbd` | picture and disparity side by side, no header, any size |
 //! | `stereo` | two views beside each other, the left one on the left |
 //! | `views-N`, `views-CxR` | a quilt of N views in C columns and R rows: the leftmost at the bottom left, rows upwards |
 //! | `anaglyph` | two views in one picture, for red-cyan glasses |
-//! | `wiggle` | nine views one after the other, to and fro: an animated PNG, no frame |
-//! | `color` | the picture alone |
-//! | `depth16` | Z alone in 16 bits of grey, 65535 nearest, 0 farthest |
+//! | `wiggle` | nine views one after the other, forwards and backwards: an animated PNG, not a frame |
+//! | `color` | only the picture |
+//! | `depth16` | only Z, in 16 bits of grey, 65535 nearest, 0 farthest |
 
 mod decode;
 mod disparity;
@@ -40,8 +40,8 @@ pub use frame::{DisparityLayer, Frame, Picture, Pixels};
 /// The frame that 4K displays take, pixels.
 const FRAME_4K_PX: [u32; 2] = [3840, 2160];
 
-/// Eye separations between the outermost views where nothing is said: of a pair of eyes, and of the cone of views that a
-/// display has for more than one place.
+/// Default eye separations between the outermost views: of a pair of eyes, and of the cone of views
+/// of a display with several viewing places.
 const USUAL_SPANS: [f64; 2] = [1.0, 2.0];
 
 /// Views of a wiggle.
@@ -57,9 +57,10 @@ pub enum Layout {
     WowvxFullHeight,
     /// `wowvx-4k`: halves of 1920x2160 in 3840x2160.
     Wowvx4k,
-    /// `declipse`: quadrants of the picture, its disparity and the same of what lies behind; 960x540 each in 1920x1080.
+    /// `declipse`: quadrants of the picture, its disparity, and both of the background layer;
+    /// 960x540 each in 1920x1080.
     Declipse,
-    /// `declipse-lines`: the same, with what lies behind on the odd lines.
+    /// `declipse-lines`: the same, with the background layer on the odd lines.
     DeclipseLines,
     /// `rgbd`: picture and disparity side by side without header, of any size.
     Rgbd,
@@ -71,9 +72,9 @@ pub enum Layout {
     Anaglyph,
     /// `wiggle`: views one after the other, of any size.
     Wiggle,
-    /// `color`: the picture alone, of any size.
+    /// `color`: only the picture, of any size.
     Color,
-    /// `depth16`: Z alone as 16-bit grey, nearest brightest, of any size.
+    /// `depth16`: only Z as 16-bit grey, nearest brightest, of any size.
     Depth16,
 }
 
@@ -82,7 +83,7 @@ pub enum Layout {
 #[error("{0}")]
 pub struct UnknownLayout(String);
 
-/// A layout that cannot take what it was given.
+/// A layout that does not fit its input.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
     /// The display takes frames of another size.
@@ -121,7 +122,7 @@ pub enum LayoutError {
         /// The picture's size.
         found_px: [u32; 2],
     },
-    /// The layout needs what lies behind the first layer.
+    /// The layout needs a background layer.
     #[error("layout {layout} needs a back layer: render with depth rule two-layer")]
     NoBackground {
         /// The layout.
@@ -136,7 +137,7 @@ pub enum LayoutError {
     /// A picture or frame whose pixels do not fill its size, or with no pixels, or too many.
     #[error("{what} of {}x{} has {found} values, expected {expected}", size_px[0], size_px[1])]
     PixelCount {
-        /// What it is.
+        /// The value.
         what: &'static str,
         /// Its size.
         size_px: [u32; 2],
@@ -145,7 +146,7 @@ pub enum LayoutError {
         /// Values for this size.
         expected: usize,
     },
-    /// More pixels than anybody wants.
+    /// More pixels than the limit.
     #[error(
         "{count} views of {}x{}; allowed: 1 to 128 views, 67108864 pixels in all", size_px[0], size_px[1]
     )]
@@ -155,7 +156,7 @@ pub enum LayoutError {
         /// The size of each.
         size_px: [u32; 2],
     },
-    /// Views that are not as many as the layout has.
+    /// A number of views that differs from the layout's.
     #[error("layout {layout} has {} views, found {found}", layout.view_count())]
     ViewCount {
         /// The layout.
@@ -169,15 +170,15 @@ pub enum LayoutError {
     /// A side of 0 or above the limit.
     #[error("{what} is {}x{}; allowed: 1 to 16384 pixels each way", size_px[0], size_px[1])]
     Size {
-        /// What it is.
+        /// The value.
         what: &'static str,
         /// Its size.
         size_px: [u32; 2],
     },
 }
 
-/// Packs pictures into the frames of one display: a layout, a profile and a header that fit together, and what is
-/// done to depth before.
+/// Packs pictures into the frames of one display: a layout, a profile and a header that fit
+/// together, and the depth filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameEncoder {
     layout: Layout,
@@ -270,7 +271,8 @@ impl Layout {
     /// Views in this layout.
     ///
     /// # Errors
-    /// When they are not as many as the layout has, the frame is too large, or the layout is an animation.
+    /// When the number of views differs from the layout's, the frame is too large, or the
+    /// layout is an animation.
     pub fn frame_of_views(self, views: &Views) -> Result<Frame, LayoutError> {
         pack::pack_views(self, views)
     }
@@ -281,7 +283,7 @@ impl Layout {
         matches!(self, Self::Wowvx | Self::WowvxFullHeight | Self::Wowvx4k) || self.needs_background()
     }
 
-    /// Whether frames carry what lies behind the first layer as well.
+    /// Whether frames contain a background layer.
     #[must_use]
     pub const fn needs_background(self) -> bool {
         matches!(self, Self::Declipse | Self::DeclipseLines)
@@ -313,7 +315,7 @@ impl Layout {
         if matches!(self, Self::Wowvx4k) { FRAME_4K_PX } else { [1920, 1080] }
     }
 
-    /// Whether frames of this layout are what a display with this profile takes.
+    /// Whether a display with this profile accepts frames of this layout.
     fn check_profile(self, profile: &DisplayProfile) -> Result<(), LayoutError> {
         let (frame_px, sub_image_px) = (profile.frame_px(), profile.sub_image_px());
         let [width, height] = frame_px;
@@ -353,7 +355,7 @@ impl FromStr for Layout {
     }
 }
 
-/// The message for a name that is no layout, shortened should somebody send a book.
+/// The message for an unknown layout name, shortened to a readable length.
 fn unknown_layout(name: &str) -> UnknownLayout {
     let names = Layout::ALL.map(Layout::name).join(", ");
     let shown: String = name.chars().take(40).collect();
@@ -402,7 +404,8 @@ impl FrameEncoder {
         Self { filter, ..self }
     }
 
-    /// The same encoder with this many eye separations between the outermost views; `None` is what the layout usually has.
+    /// The same encoder with this number of eye separations between the outermost views; `None` is
+    /// the layout's default.
     #[must_use]
     pub const fn with_view_span(self, view_span: Option<f64>) -> Self {
         Self { view_span, ..self }
@@ -420,7 +423,7 @@ impl FrameEncoder {
         Parallax::new(&self.profile, self.header.factor, self.header.offset, width_px)
     }
 
-    /// What is done to depth before it is packed.
+    /// The filter of depth before packing.
     #[must_use]
     pub const fn depth_filter(&self) -> DepthFilter {
         self.filter
@@ -485,7 +488,7 @@ impl FrameEncoder {
         pack::pack(self, size_px, front, back)
     }
 
-    /// Whether what lies behind a picture changes its frames.
+    /// Whether the background layer changes the frames.
     const fn takes_background(&self) -> bool {
         self.layout.needs_background() || self.layout.view_count() > 0
     }

@@ -19,7 +19,7 @@ const RIGHT: [[f32; 3]; 3] = [
     [-0.072_152_7, -0.112_961, 1.2264],
 ];
 
-/// Both views in one picture, pixel by pixel, as many as the shorter one has.
+/// Both views in one picture, pixel by pixel, with the length of the shorter one.
 #[must_use]
 pub fn anaglyph(left: &[[u8; 3]], right: &[[u8; 3]]) -> Vec<[u8; 3]> {
     left.iter().zip(right).map(|(&left, &right)| mixed(left, right)).collect()
@@ -39,7 +39,8 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-/// The byte of a linear light, clipped to what can be shown. By search in the table, the nearest light.
+/// The sRGB byte of a linear intensity, clipped to the displayable range: the nearest entry of the
+/// table.
 #[expect(clippy::cast_possible_truncation, reason = "an index of 256 entries")]
 fn to_srgb(light: f32) -> u8 {
     let above = LINEAR.partition_point(|entry| *entry < light).clamp(1, 255);

@@ -80,7 +80,7 @@ impl FromStr for ViewGrid {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
-        // Digits alone: "+9" and "09" would be second names of the same.
+        // Digits only: "+9" and "09" would be second names of the same layout.
         let number = |text: &str| match text.as_bytes() {
             [b'1'..=b'9', rest @ ..] if rest.iter().all(u8::is_ascii_digit) => text.parse().ok(),
             _ => None,

@@ -1,8 +1,9 @@
 //! The views that a glasses-free display makes of a picture and its disparity, for people without the display.
 //!
-//! What it is: the parallax of a disparity for an eye ([`Parallax`]), views by depth-image-based rendering
-//! ([`synthesize`]), their grids, anaglyphs, and their distance from true renders ([`psnr_db`]). What it is not: a copy of
-//! any display's own renderer, which no maker has published; what is here is its geometry, and the usual way to fill holes.
+//! The parallax of a disparity for an eye ([`Parallax`]), views by depth-image-based rendering
+//! ([`synthesize`]), their grids, anaglyphs, and their distance from true renders ([`psnr_db`]). No
+//! maker has published the renderer of a display; this is the displays' geometry with the usual way
+//! to fill holes.
 //!
 //! **Eyes** are places along the viewers' eye line, counted in eye separations to the right of the middle: -0.5 and 0.5
 //! are a pair of eyes before the middle of the screen. Shifts are in pixels of the picture, to the right.
@@ -36,7 +37,7 @@ impl Views {
     /// Views of `size_px` (width, height) each.
     ///
     /// # Errors
-    /// When there are none, the size is out of range, or a picture does not fill it.
+    /// When there are no views, the size is out of range, or a picture does not fill it.
     pub fn new(size_px: [u32; 2], pictures: Vec<Vec<[u8; 3]>>) -> Result<Self, LayoutError> {
         check_size(size_px, pictures.len())?;
         let expected = size_px[0] as usize * size_px[1] as usize;
@@ -59,7 +60,7 @@ impl Views {
     }
 }
 
-/// Refuses views that nobody could keep, before anything is made of them.
+/// Rejects too many or too large views before any work.
 pub(super) fn check_size(size_px: [u32; 2], count: usize) -> Result<(), LayoutError> {
     let pixels = u64::from(size_px[0]) * u64::from(size_px[1]) * count as u64;
     if count == 0 || pixels > MAX_PIXELS {
@@ -75,6 +76,6 @@ pub(super) fn check_size(size_px: [u32; 2], count: usize) -> Result<(), LayoutEr
 #[must_use]
 pub fn eyes(count: usize, span: f64) -> Vec<f64> {
     let last = count.saturating_sub(1).max(1) as f64;
-    // From the middle, so that places left and right differ by the sign alone.
+    // Measured from the middle, so that left and right eyes differ only by the sign.
     (0..count).map(|i| (2.0 * i as f64 - (count.max(1) - 1) as f64) / (2.0 * last) * span).collect()
 }

@@ -1,10 +1,11 @@
 //! From disparity to parallax, and from a display to the cameras whose pictures have the same parallax.
 //!
-//! A viewer at the distance vz before the screen (in depth ranges) sees a point at Z on the screen at parallax
-//! `p / e = 1 - vz / (Z - Zd + vz)`, by similar triangles, where e is the separation of the eyes. D(Z) is made so that
-//! `p / e = (D - C) / M`; M is negative, so what is nearer than the screen has crossed parallax. An eye s separations to
-//! the right of the middle sees its half of that: a shift of `s e (D - C) / M`. The header's offset takes the place of C,
-//! and its factor scales all of it (64 is 100 %):
+//! A viewer at the distance vz before the screen (in depth ranges) sees a point at Z on the screen
+//! at parallax `p / e = 1 - vz / (Z - Zd + vz)`, by similar triangles, where e is the separation of
+//! the eyes. D(Z) is chosen so that `p / e = (D - C) / M`; M is negative, so points nearer than the
+//! screen have crossed parallax. An eye s separations to the right of the middle sees a
+//! proportional shift of `s e (D - C) / M`. The header's offset replaces C, and its factor scales
+//! the shift (64 is 100 %):
 //!
 //! `shift = s e (factor / 64) (D - offset) / M`
 //!
@@ -55,14 +56,15 @@ impl Parallax {
         }
     }
 
-    /// How far to the right of its place in the picture an eye sees what has this disparity, pixels.
+    /// The horizontal shift of a pixel with this disparity, as an eye sees it, pixels to the right.
     #[must_use]
     pub fn shift_px(&self, d: Disparity, eye: f64) -> f64 {
         eye * self.separation_px * (d.0 - self.offset) / self.constants.m
     }
 
-    /// The cameras for a picture of `width_px`, half of which is `half_width` mm at 1 mm before the eye, with depth scaled
-    /// between `limits`; `None` when what has the offset as its disparity is not before the camera.
+    /// The cameras for a picture of `width_px`, half of which is `half_width` mm at 1 mm before the
+    /// eye, with depth scaled between `limits`; `None` when the depth of the offset's disparity is
+    /// not before the camera.
     ///
     /// With R the depth range and v the view depth of the display's own viewer, `near + (Zd - vz) R`, a depth d is shifted by
     /// `s e (1 - vz R / (d - v))` and a constant. A camera moved by t with its picture's middle moved back shifts it by
@@ -85,7 +87,8 @@ impl Parallax {
             let moved = baseline_mm * px_per_mm * (1.0 / converging_mm - 1.0 / mm);
             (self.shift_px(Disparity(d), 1.0) - moved).abs()
         };
-        // The difference turns at c alone, where it is 0, so it is largest at the limits.
+        // The difference is monotonic on both sides of c, where it is 0, so it is largest at the
+        // limits.
         let ends = [limits.near_mm, limits.far_mm].into_iter().filter(|mm| *mm > 0.0);
         Some(TrueViews {
             converging_mm,

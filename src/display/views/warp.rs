@@ -1,14 +1,17 @@
-//! Depth-image-based rendering: where every pixel goes in a view, what hides what, and what is seen in the holes.
+//! Depth-image-based rendering: the place of every pixel in a view, occlusion, and the filling of
+//! holes.
 //!
-//! Each row is a line of surfaces. A pixel is an interval of one colour that moves by its disparity's shift; neighbours whose
-//! disparities are at most [`SURFACE_STEP`] apart are one surface, and share the edge between them, so that slopes have no
-//! cracks. What is nearest hides the rest. A pixel of the view is the mean over its width, exactly: edges are as smooth as
-//! their coverage, and a whole shift moves bytes.
+//! Each row is a line of surfaces. A pixel is an interval of one colour that moves by its
+//! disparity's shift. Neighbours whose disparities differ by at most [`SURFACE_STEP`] are one
+//! surface and share the edge between them, so slopes have no cracks. The nearest surface hides the
+//! others. A pixel of the view is the exact mean over its width: edges are as smooth as their
+//! coverage, and a shift by whole pixels copies bytes.
 //!
-//! A hole takes what the second layer has there, where there is one, else the colour of the farther of its two sides, or of
-//! what the picture has between them: foreground is never smeared into it. The pixel beside an edge is often mixed with
-//! the foreground, so the colour is that of the next one, and the mixed pixel gives way to it as the hole opens, or it
-//! would stand there as a ghost of the edge.
+//! A hole takes the background layer, where there is one. Otherwise it takes the colour of the
+//! farther of its two sides, or of hidden pixels between them: foreground is never smeared into it.
+//! The pixel beside an edge is often mixed with the foreground, so the colour of the next pixel is
+//! used. It also replaces the mixed pixel as the hole opens, which would otherwise remain as a
+//! ghost of the edge.
 //!
 //! Places are whole numbers of 1/4096 pixel, so that the bytes are the same everywhere, and a mirrored picture has
 //! mirrored views.
@@ -24,7 +27,8 @@ const UNIT: i32 = 4096;
 /// Disparities of neighbours on one surface differ by at most this, as in the depth filter's edges.
 const SURFACE_STEP: u8 = 4;
 
-/// The views of a picture and its disparity for these eyes, from left to right. What lies behind the first layer fills holes.
+/// The views of a picture and its disparity for these eyes, from left to right. The background
+/// layer fills holes.
 ///
 /// # Errors
 /// When a layer does not fill the size, or there are no views or too many.
@@ -93,7 +97,8 @@ impl<'a> Row<'a> {
         Self { color: &layer.color[y * width..][..width], disparity: &layer.disparity[y * width..][..width] }
     }
 
-    /// The farthest pixel from one to another, as seen from either: the same twice where there is one alone.
+    /// The first and the last of the farthest pixels from one pixel to another, in that direction;
+    /// equal where only one is farthest.
     fn farthest_between(&self, left: usize, right: usize) -> [usize; 2] {
         let [from, to] = [left.min(right), left.max(right)];
         let least = self.disparity[from..=to].iter().min().copied().unwrap_or_default();
@@ -103,7 +108,8 @@ impl<'a> Row<'a> {
         if left <= right { [first, last] } else { [last, first] }
     }
 
-    /// The next pixel of the same surface, away from a hole beside it: edges of depth are one pixel wide; itself where there is none.
+    /// The next pixel of the same surface, away from a hole beside it, since edges of depth are one
+    /// pixel wide; the pixel itself where there is no next one.
     fn inwards(&self, pixel: usize, side: Side) -> usize {
         let next = if side == Side::Left { pixel.checked_sub(1) } else { Some(pixel + 1) };
         let step = |next: usize| self.disparity.get(next).map(|d| d.abs_diff(self.disparity[pixel]));
@@ -127,7 +133,7 @@ struct Piece {
     pixel: Option<usize>,
 }
 
-/// What is needed for a line, kept from line to line.
+/// Buffers of a line, reused from line to line.
 #[derive(Default)]
 struct Scratch {
     spans: Vec<Span>,
@@ -197,7 +203,7 @@ fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
     spans.sort_unstable_by_key(|span| (span.from, span.pixel));
 }
 
-/// What is seen of the spans within a line of `width` pixels: always the nearest.
+/// The visible parts of the spans within a line of `width` pixels: always the nearest span.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
@@ -221,7 +227,7 @@ fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<Pi
     }
 }
 
-/// What a hole shows where nothing is known to be behind.
+/// The content of a hole without a background layer.
 struct Filling {
     /// Twice its colour.
     twice: [i32; 3],
@@ -235,8 +241,8 @@ enum Side {
     Right,
 }
 
-/// The filling of a hole: the surface of its farther side, or what the picture has between its sides and is hidden in
-/// the view, where that is farther; the mean of two pixels where they are as far.
+/// The filling of a hole: the surface of its farther side, or the hidden pixels between its sides
+/// where they are farther; the mean of two pixels at equal depth.
 fn filling(pieces: &[Piece], hole: usize, row: &Row<'_>) -> Filling {
     let left = pieces[..hole].iter().rev().find_map(|piece| piece.pixel);
     let right = pieces[hole + 1..].iter().find_map(|piece| piece.pixel);
@@ -288,7 +294,7 @@ fn clean(
     }
 }
 
-/// Fills a hole with what is behind, and with a colour where there is nothing either.
+/// Fills a hole with the background layer, and with a colour where that has a hole too.
 fn fill(
     sums: &mut [[i32; 3]],
     [from, to]: [i32; 2],
