@@ -1,6 +1,6 @@
-//! Values of single attributes, or what is wrong with them.
+//! Values of single attributes, or their defects.
 //!
-//! Every function names the attribute, what was found and what is expected; none has a default.
+//! Every error names the attribute, the found and the expected value. No function has a default.
 
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;

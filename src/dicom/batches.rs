@@ -1,9 +1,9 @@
 //! Files in batches that fit into memory together.
 //!
-//! Zip entries and deflated data sets are unpacked whole, and every thread has one at work. Batches are worked off one
-//! after the other, each in parallel, so that what is unpacked at a time is bounded whatever the number of threads.
-//! (A thread that waits for its turn could wait for ever: while it decodes the frames of one file, it may be handed
-//! the next file to open.)
+//! Zip entries and deflated data sets are unpacked whole, one at a time by each thread. Batches are
+//! processed one after the other, each in parallel, so the unpacked bytes are bounded whatever the
+//! number of threads. (A thread must not wait for a turn: while it decodes the frames of one file,
+//! the scheduler may give it the next file to open, and it would wait for itself.)
 
 /// Most bytes that are unpacked at a time. A single file that has more is a batch of its own.
 const MOST_UNPACKED: u64 = 1 << 30;

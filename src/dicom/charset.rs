@@ -10,9 +10,9 @@ use super::dataset::DataSet;
 pub(super) struct Charset(SpecificCharacterSet);
 
 impl Charset {
-    /// The character set of an object. Of several the last that is known counts: with code extensions (PS3.5 6.1.2.5) the
-    /// first is often ASCII, and what is not in the second shows as replaced letters. One that is not known is read as
-    /// UTF-8, which ASCII is too.
+    /// The character set of an object. Of several, the last known one is used: with code extensions
+    /// (PS3.5 6.1.2.5) the first is often ASCII, and characters outside the second become
+    /// replacement characters. An unknown set is read as UTF-8, which includes ASCII.
     pub(super) fn of(data: &DataSet) -> Self {
         let named = data.text(tags::SPECIFIC_CHARACTER_SET).unwrap_or_default();
         let known = named.split('\\').rev().find_map(|code| match code.trim() {

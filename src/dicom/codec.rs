@@ -1,8 +1,9 @@
 //! Compressed frames: fragments to frames, frames to samples.
 //!
-//! Fragments are told apart by their lengths, never by scanning for delimiters, which may occur inside of compressed
-//! data. Samples come from the decoders of dicom-rs, and for 12-bit DCT JPEG, which those lack, from `jpeg_dct`. A
-//! codestream's own header is checked against the data set first, since decoders allocate what it says.
+//! Fragments are separated by their lengths, never by scanning for delimiters, which may occur
+//! inside of compressed data. Samples come from the decoders of dicom-rs, and from `jpeg_dct` for
+//! 12-bit DCT JPEG, which those lack. A codestream's own header is compared with the data set
+//! first, since decoders allocate by it.
 
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -100,7 +101,7 @@ fn fragments(header: &FileHeader, bytes: &Bytes) -> Result<(Vec<u64>, Vec<Fragme
         return Ok((Vec::new(), items));
     }
     let table = items.remove(0);
-    // Each frame has an entry of four bytes; a longer table is none.
+    // Each frame has an entry of four bytes; a longer table is invalid.
     let length = (table.end - table.start).min(u64::from(header.layout.frames) * 4) as usize;
     let mut offsets = vec![0; length];
     bytes.read_exact_at(table.start, &mut offsets)?;
@@ -142,7 +143,7 @@ fn starts_from_markers(bytes: &Bytes, fragments: &[Fragment], frames: usize) -> 
 /// Decodes one compressed frame to samples of 8 or 16 bits, little-endian.
 ///
 /// # Errors
-/// When no decoder is there for the transfer syntax, or the decoder cannot make sense of the data.
+/// When there is no decoder for the transfer syntax, or the decoder fails.
 pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Result<Vec<u8>, Defect> {
     let header = codestream::read(&data);
     if let Some(header) = header {
@@ -202,8 +203,8 @@ fn decode_with_registry(
 
 /// Calls a decoder; `None` when it panics.
 ///
-/// Decoders index and unwrap on what damaged codestreams say, and a panic there concerns this frame alone. The hook
-/// keeps such a panic from being reported as a bug on stderr; all others are passed on.
+/// Decoders panic on some damaged codestreams; such a panic affects only its frame. The hook keeps
+/// it from being reported as a bug on stderr, and passes all others on.
 fn quietly<T>(decode: impl FnOnce() -> T) -> Option<T> {
     thread_local! {
         static DECODING: Cell<bool> = const { Cell::new(false) };
@@ -218,7 +219,7 @@ fn quietly<T>(decode: impl FnOnce() -> T) -> Option<T> {
         }));
     });
     DECODING.set(true);
-    // What a decoder leaves half done is the sample buffer, which is dropped.
+    // A failed decoder leaves only the sample buffer incomplete, which is dropped.
     let outcome = catch_unwind(AssertUnwindSafe(decode)).ok();
     DECODING.set(false);
     outcome

@@ -1,7 +1,7 @@
-//! What a compressed image says about itself: size, components, precision.
+//! Headers of compressed images: size, components, precision.
 //!
-//! Decoders allocate what the codestream's header asks for, so that a few hostile bytes could take all memory. Here
-//! the header is read first and compared with the data set.
+//! Decoders allocate by the codestream's header, so a few hostile bytes could exhaust memory. The
+//! header is read here first and compared with the data set.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use super::pixels::PixelLayout;
 pub(super) enum Coding {
     /// JPEG by discrete cosine transform and Huffman codes: baseline, extended, progressive.
     JpegDct,
-    /// Any other JPEG: lossless, or one that nobody decodes.
+    /// Any other JPEG: lossless, or without a decoder.
     JpegOther,
     JpegLs,
     Jpeg2000,
@@ -53,7 +53,8 @@ impl Header {
     }
 }
 
-/// Reads the header of a JPEG, JPEG-LS or JPEG 2000 codestream; `None` when there is none.
+/// Reads the header of a JPEG, JPEG-LS or JPEG 2000 codestream; `None` when there is no such
+/// header.
 pub(super) fn read(data: &[u8]) -> Option<Header> {
     match data {
         [0xFF, 0xD8, ..] => read_jpeg(&data[2..]),

@@ -1,9 +1,10 @@
 //! A bounded walk over a DICOM data set that keeps the few attributes a CT volume needs.
 //!
-//! What it is: a reader of element headers (PS3.5 section 7) that skips what nobody asked for and notes where Pixel
-//! Data begins, so that pixels later go from the file into the volume in one copy. What it is not: a complete
-//! object model. A general parser builds nested sequences by recursion, and a few kilobytes of nested items then
-//! overflow the stack, which no caller can catch; here skipping is a loop and kept sequences have a depth limit.
+//! This reader of element headers (PS3.5 section 7) skips unneeded elements and records where Pixel
+//! Data begins, so that pixels later go from the file into the volume in one copy. It is not a
+//! complete object model. A general parser builds nested sequences by recursion, and a few
+//! kilobytes of nested items then overflow the stack, which no caller can catch. Here skipping is a
+//! loop, and kept sequences have a depth limit.
 //!
 //! Units: positions and lengths in bytes from the start of the source.
 
@@ -55,7 +56,7 @@ pub(super) struct PixelElement {
     pub(super) length: Option<u64>,
 }
 
-/// A walked data set: what was kept, and the Pixel Data if there is any.
+/// A walked data set: the kept elements, and the Pixel Data if there is any.
 #[derive(Clone, Debug)]
 pub(super) struct Walked {
     pub(super) data: DataSet,
@@ -100,7 +101,7 @@ impl DataSet {
         Some(text.trim_matches(['\0', ' ', '\t', '\r', '\n']).to_owned())
     }
 
-    /// An unsigned integer of two or four bytes; `Err` holds what was found instead.
+    /// An unsigned integer of two or four bytes; `Err` holds the found value.
     pub(super) fn unsigned(&self, tag: Tag) -> Result<Option<u32>, String> {
         let Some(Value::Bytes { bytes, big_endian }) = self.value(tag) else {
             return Ok(None);
@@ -159,7 +160,7 @@ impl Bounds {
     const IMAGES: Self = Self { deepest: DEEPEST_KEPT, longest_value: LONGEST_VALUE };
 }
 
-/// What is wrong with a data set, and the items that lead there: sequences and numbers from 1.
+/// A fault of a data set, and its path: sequences, and item numbers from 1.
 #[derive(Debug)]
 pub(super) struct Located {
     pub(super) trail: Vec<(Tag, usize)>,

@@ -1,4 +1,4 @@
-//! Discovery: which CT series a path leads to, from headers alone.
+//! Discovery: the CT series of a path, from headers only.
 
 use std::path::{Path, PathBuf};
 
@@ -30,8 +30,9 @@ pub struct Skipped {
     pub file: String,
     /// Why it is not used.
     pub reason: String,
-    /// What is wrong with it; `None` for sound objects of another kind, and for sidecars (JSON, tables, label maps):
-    /// phantoms and other tools put them beside slices, and they are no sign of damage.
+    /// Its fault; `None` for sound objects of another kind, and for sidecar files (JSON, tables,
+    /// label maps), which phantoms and other tools put beside slices and which are no sign of
+    /// damage.
     #[serde(skip)]
     pub defect: Option<Defect>,
 }
@@ -125,8 +126,8 @@ impl Discovery {
     /// The series with this UID, or the only one.
     ///
     /// # Errors
-    /// When there is none, when there are several and no UID is given, or when no series has the UID; the messages
-    /// list what there is.
+    /// When there is no series, when there are several and no UID is given, or when no
+    /// series has the UID; the messages list the existing ones.
     pub fn select(&self, uid: Option<&str>) -> Result<&SeriesEntry, Error> {
         let listing = || series::listing(&self.series);
         match (self.series.as_slice(), uid) {
@@ -144,7 +145,7 @@ impl Discovery {
     }
 }
 
-/// The warnings that headers alone give reason for.
+/// The warnings that follow from headers only.
 pub(super) fn header_warnings(frames: &[FrameHeader]) -> Vec<Warning> {
     let warn = |code, applies: fn(&FrameHeader) -> bool, what: &str| {
         let mut concerned = frames.iter().filter(|frame| applies(frame));

@@ -1,6 +1,6 @@
 //! JPEG's entropy-coded data: Huffman codes and the bits they are read from (ITU-T T.81 annexes C and F).
 
-/// What is wrong with a codestream, for a message.
+/// A fault of a codestream, for a message.
 pub(super) type Problem = String;
 
 /// A Huffman code as a table over the next 16 bits: symbol and length (0 where no code begins so).
@@ -108,7 +108,7 @@ impl<'a> Bits<'a> {
         Ok(())
     }
 
-    /// What follows the entropy-coded data, from the next marker on.
+    /// The bytes after the entropy-coded data, from the next marker on.
     pub(super) fn behind(&self) -> &'a [u8] {
         let rest = self.data.get(self.position..).unwrap_or_default();
         let marker = rest.windows(2).position(|pair| pair[0] == 0xFF && !matches!(pair[1], 0 | 0xD0..=0xD7));

@@ -1,8 +1,9 @@
-//! What can be wrong with a path, a file or a stack of slices.
+//! Errors of a path, a file or a stack of slices.
 //!
-//! [`Error`] ends a call. [`Defect`] is what is wrong with one file: a warning when other files of the series are
-//! good, an error when none is or under [`Strictness::Strict`](super::Strictness::Strict). Messages say what, where,
-//! what was found and what was expected; they hold file names and geometry, never who was scanned.
+//! [`Error`] ends a call. [`Defect`] is a fault of one file: a warning when other files of the
+//! series are good, an error when no file is good or under
+//! [`Strictness::Strict`](super::Strictness::Strict). Messages name the place, the found and the
+//! expected value. They contain file names and geometry, never the patient's identity.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -19,7 +20,7 @@ pub enum Error {
     Unreadable {
         /// The path as given.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The path is an archive or index that cannot be used.
@@ -27,7 +28,7 @@ pub enum Error {
     Container {
         /// The path as given.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         problem: String,
     },
     /// No CT slice was found.
@@ -51,7 +52,7 @@ pub enum Error {
     /// The chosen series is not there.
     #[error("no series has the UID {uid:?}; found:{listing}")]
     UnknownSeries {
-        /// What was asked for.
+        /// The requested UID.
         uid: String,
         /// One line for each series found.
         listing: Reasons,
@@ -61,7 +62,7 @@ pub enum Error {
     Strict {
         /// How many.
         count: usize,
-        /// What is wrong with the first of them, one line each.
+        /// The faults of the first of them, one line each.
         reasons: Reasons,
     },
     /// No slice of the series could be decoded.
@@ -69,7 +70,7 @@ pub enum Error {
     NothingDecoded {
         /// How many slices were tried.
         slices: usize,
-        /// What is wrong with the first of them, one line each.
+        /// The faults of the first of them, one line each.
         reasons: Reasons,
     },
     /// Many slices lie at the same positions: several images of one region under one series UID.
@@ -157,13 +158,13 @@ impl fmt::Display for Attribute {
     }
 }
 
-/// What is wrong with one file.
+/// A fault of one file.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Defect {
     /// Not DICOM at all.
     #[error("not a DICOM file: found {found}, expected \"DICM\" at byte 128 or a data set")]
     NotDicom {
-        /// The first bytes, or that there are none.
+        /// The first bytes, or a note that the file is empty.
         found: String,
     },
     /// The system could not read it.
@@ -172,7 +173,7 @@ pub enum Defect {
     /// The file ends inside a header.
     #[error("cut short at byte {position}: found {found} bytes for {what}, expected {expected}")]
     Cut {
-        /// What was being read.
+        /// The element or structure that was being read.
         what: &'static str,
         /// Where, in bytes from the start.
         position: u64,
@@ -218,7 +219,7 @@ pub enum Defect {
     Attribute {
         /// Which.
         attribute: Attribute,
-        /// What is there.
+        /// The value.
         found: String,
         /// What should be there.
         expected: &'static str,
@@ -264,7 +265,7 @@ pub enum Defect {
     /// Slices that lie on no grid that can be held.
     #[error("{0}")]
     Geometry(String),
-    /// A transfer syntax nobody here can decode.
+    /// A transfer syntax without a decoder.
     #[error("TransferSyntaxUID (0002,0010): found {found}, which {why}")]
     TransferSyntax {
         /// UID and name.
@@ -272,7 +273,7 @@ pub enum Defect {
         /// Why it cannot be used.
         why: &'static str,
     },
-    /// Compressed frames that cannot be told apart.
+    /// Compressed frames whose boundaries are unknown.
     #[error("found {fragments} fragments for {frames} frames and no offset table that divides them")]
     Fragments {
         /// Fragments found.
@@ -283,7 +284,7 @@ pub enum Defect {
     /// The compressed image says something else than the data set.
     #[error("the compressed image is {found}, but the data set says {expected}")]
     Codestream {
-        /// What the codestream's own header says.
+        /// The values of the codestream's own header.
         found: String,
         /// What Rows, Columns and SamplesPerPixel say.
         expected: String,
@@ -293,7 +294,7 @@ pub enum Defect {
     Codec {
         /// Which decoder.
         codec: &'static str,
-        /// What it said.
+        /// Its message.
         problem: String,
     },
 }

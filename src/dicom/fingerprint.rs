@@ -1,4 +1,5 @@
-//! What a series' files are, by their bytes: the same files under other names are the same series.
+//! Identity of a series by the bytes of its files: equal files under other names are the same
+//! series.
 
 use std::collections::BTreeMap;
 use std::io::Read;

@@ -141,7 +141,8 @@ fn keep(tag: Tag) -> Keep {
 /// Reads a file's header, up to its pixels.
 ///
 /// # Errors
-/// [`Rejection::Unwanted`] for sound objects other than CT slices, else what is wrong with the file.
+/// [`Rejection::Unwanted`] for sound objects other than CT slices, else the defect of the
+/// file.
 pub(super) fn read(source: &FileSource) -> Result<Vec<FrameHeader>, Rejection> {
     let object = part10::open(source.bytes()?)?;
     if object.is_directory() {
@@ -299,8 +300,9 @@ fn pixels(
     }
 }
 
-/// Slope and intercept of a frame; `None` when both are absent. One alone, or a value that cannot be read, is a defect:
-/// they are required of CT images (PS3.3 C.8.2.1), and a wrong guess would shift every HU.
+/// Slope and intercept of a frame; `None` when both are absent. Only one of them, or an unreadable
+/// value, is a defect: CT images require them (PS3.3 C.8.2.1), and a wrong guess would shift every
+/// HU.
 fn rescale(groups: &Groups<'_>, frame: u32, layout: &PixelLayout) -> Result<Option<Rescale>, Defect> {
     let intercepts = groups.transformation(frame, tags::RESCALE_INTERCEPT);
     let slopes = groups.transformation(frame, tags::RESCALE_SLOPE);

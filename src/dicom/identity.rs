@@ -1,8 +1,8 @@
 //! Which study, series and frame of reference a volume came from, for routing by UID, for matching annotations, and for
 //! nothing else.
 //!
-//! UIDs lead to a patient for whoever has the archive, so they are kept out of logs, metrics and messages: `Debug` shows
-//! none.
+//! UIDs identify a patient to anyone with access to the archive, so they are kept out of logs,
+//! metrics and messages: `Debug` shows none of them.
 
 use super::series::SeriesEntry;
 
@@ -28,14 +28,14 @@ impl SeriesIdentity {
         Self { frame_of_reference_uid: uid.into(), ..self }
     }
 
-    /// Frame of Reference UID (0020,0052): what positions of the volume are told from. `None` where files have none.
-    /// Not for messages.
+    /// Frame of Reference UID (0020,0052): the coordinate system of the volume's positions. `None`
+    /// where files have none. Not for messages.
     #[must_use]
     pub fn frame_of_reference(&self) -> Option<&str> {
         Some(self.frame_of_reference_uid.as_str()).filter(|uid| !uid.is_empty())
     }
 
-    /// Whether these are its UIDs. Nothing matches what has no UID.
+    /// Whether these are its UIDs. A series without UIDs matches nothing.
     #[must_use]
     pub fn is(&self, study_uid: &str, series_uid: &str) -> bool {
         let known = !self.study_uid.is_empty() && !self.series_uid.is_empty();
@@ -50,7 +50,7 @@ impl std::fmt::Debug for SeriesIdentity {
 }
 
 impl SeriesEntry {
-    /// Its study and series, without the number that tells several stacks of one series apart.
+    /// Its study and series, without the number that distinguishes several stacks of one series.
     #[must_use]
     pub fn identity(&self) -> SeriesIdentity {
         let file = &self.frames[0].file;

@@ -182,7 +182,7 @@ impl Image {
     }
 }
 
-/// What a scan carries from block to block.
+/// The state of a scan from block to block.
 #[derive(Default)]
 struct State {
     /// The previous block's DC coefficient.

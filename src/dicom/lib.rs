@@ -1,10 +1,11 @@
 //! DICOM: from files of a CT series to a [`Volume`](relief_volume::Volume) in HU and patient LPS.
 //!
-//! [`discover()`] reads the headers of everything a path leads to (folder, file, DICOMDIR, zip) and groups CT slices
-//! into series; [`load()`] decodes one of them. Slices are ordered and placed by ImagePositionPatient and
-//! ImageOrientationPatient alone. Sheared (gantry-tilted) and unevenly spaced stacks are resampled on their true
-//! positions, with a warning. Nothing is assumed silently: what is missing or unreadable is an error or a
-//! [`Warning`]. Nothing panics on any bytes, and memory is bounded by file sizes or by limits stated where they apply.
+//! [`discover()`] reads the headers of all files of a path (folder, file, DICOMDIR, zip) and groups
+//! CT slices into series; [`load()`] decodes one of them. Slices are ordered and placed by
+//! ImagePositionPatient and ImageOrientationPatient only. Sheared (gantry-tilted) and unevenly
+//! spaced stacks are resampled on their true positions, with a warning. Nothing is assumed
+//! silently: a missing or unreadable value is an error or a [`Warning`]. Nothing panics on any
+//! bytes, and memory is bounded by file sizes or by documented limits.
 //!
 //! ```no_run
 //! use relief_dicom::{Error, Strictness, discover, load};
@@ -18,8 +19,8 @@
 //! The data set is walked by a reader of our own (`dataset`), since the pixels of 300 slices should be read once, and
 //! a parser that recurses can be made to overflow the stack; codecs, dictionary and transfer syntaxes are dicom-rs's.
 //!
-//! What it is not: a DICOM toolkit. Objects other than CT images are listed as skipped;
-//! segmentation objects become label maps when they are asked for.
+//! This crate is not a DICOM toolkit. Objects other than CT images are listed as skipped;
+//! segmentation objects are read as label maps on request.
 
 mod attributes;
 mod batches;

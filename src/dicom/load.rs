@@ -26,7 +26,7 @@ use super::source::Bytes;
 use super::stack::{self, Stack};
 use super::warnings::{Warning, WarningCode};
 
-/// What is being worked on.
+/// The current step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Reading the headers of files.
@@ -38,7 +38,7 @@ pub enum Stage {
 /// How far a stage has come. Calls come from several threads, and may overtake each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// What is counted.
+    /// The unit of the count.
     pub stage: Stage,
     /// Finished ones.
     pub done: usize,
@@ -63,7 +63,7 @@ impl Progress {
 pub struct Loaded {
     /// The volume in HU and patient LPS, on a regular grid.
     pub volume: Volume,
-    /// What was unusual, and what was done about it.
+    /// Anomalies, and how each was handled.
     pub warnings: Vec<Warning>,
     /// The study and series it came from.
     pub identity: SeriesIdentity,
@@ -105,8 +105,8 @@ impl Loaded {
 /// hold, gigabytes. So the limit is checked before anything is allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadLimits {
-    /// Most bytes of voxels, two for each, of the stack as read and of the volume on its regular grid. While a stack
-    /// is resampled, both are there.
+    /// Maximum bytes of voxels, two for each, of the stack as read and of the volume on its regular
+    /// grid. Both exist while a stack is resampled.
     pub voxel_bytes: u64,
 }
 
@@ -195,7 +195,7 @@ fn load_voxels(
     Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, identity, reference: None, stack_sha256 })
 }
 
-/// Under strict reading, what is a warning otherwise is an error.
+/// Strict reading turns warnings into errors.
 fn refuse(strictness: Strictness, warnings: &[Warning]) -> Result<(), Error> {
     if strictness == Strictness::Lenient || warnings.is_empty() {
         return Ok(());

@@ -1,7 +1,7 @@
 //! Building DICOM objects: elements, codes, UIDs that follow from content, and the file around them.
 //!
-//! Text is UTF-8, so every object made here says ISO_IR 192. What it is not: a check of what is put in; the tests have
-//! dciodvfy and dsrdump do that.
+//! Text is UTF-8, so every object made here declares ISO_IR 192. Values are not validated here;
+//! tests do that with dciodvfy and dsrdump.
 
 use dicom_core::value::{C, DataSetSequence, PrimitiveValue};
 use dicom_core::{DataElement, Tag, VR};
@@ -63,7 +63,8 @@ pub(super) fn decimal_string(value: f64) -> String {
     }
 }
 
-/// As much of a text as a value of so many characters holds, without what would divide or break it.
+/// The longest prefix of a text that fits a value of the given number of characters, without
+/// separators and control characters.
 pub(super) fn limited(text: &str, characters: usize) -> String {
     let clean = text.chars().map(|letter| if letter == '\\' { '/' } else { letter });
     let clean: String = clean.filter(|letter| !letter.is_control()).take(characters).collect();
@@ -101,7 +102,8 @@ pub(super) fn code_item(value: &str, scheme: &str, meaning: &str) -> InMemDicomO
     item
 }
 
-/// A UID under 2.25 that depends on nothing but what it is for and these parts (a UUID of version 8, made of SHA-256).
+/// A UID under 2.25 that depends only on its purpose and these parts (a UUID of version 8, made
+/// with SHA-256).
 pub(super) fn uid_of<P: AsRef<[u8]>>(purpose: &[u8], parts: impl IntoIterator<Item = P>) -> String {
     let mut hasher = Sha256::new();
     hasher.update(purpose);
@@ -118,7 +120,7 @@ pub(super) fn uid_of<P: AsRef<[u8]>>(purpose: &[u8], parts: impl IntoIterator<It
     format!("2.25.{}", u128::from_be_bytes(uuid))
 }
 
-/// What the file meta group says besides the object's own UIDs.
+/// Values of the file meta group besides the object's own UIDs.
 pub(super) fn meta(transfer_syntax: &'static str) -> FileMetaTableBuilder {
     FileMetaTableBuilder::new()
         .transfer_syntax(transfer_syntax)

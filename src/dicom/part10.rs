@@ -16,7 +16,8 @@ use super::source::{Bytes, Reader};
 
 /// The largest deflated data set that is unpacked, in bytes: an enhanced CT of 1000 frames.
 const LARGEST_INFLATED: u64 = 1 << 29;
-/// What any thread inflates at once, in bytes: far more than a slice has. What is larger waits for its turn.
+/// Bytes that any thread may inflate at once: far more than a slice has. A larger data set waits
+/// for its turn.
 const SMALL_INFLATED: u64 = 1 << 25;
 /// Retired by the standard, and so deprecated in the dictionary, but not by archives.
 const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
@@ -32,8 +33,9 @@ pub(super) struct Object {
     _turn: Option<Turn>,
 }
 
-/// The turn of one large deflated data set: a file of half a megabyte may have [`LARGEST_INFLATED`] bytes in it, and as
-/// many as there are threads would be inflated at a time. Whoever has it waits for nobody.
+/// The turn of one large deflated data set: a file of half a megabyte may inflate to
+/// [`LARGEST_INFLATED`] bytes, and without turns every thread could do so at once. The holder of
+/// the turn waits for no other thread.
 type Turn = MutexGuard<'static, ()>;
 
 static TURN: Mutex<()> = Mutex::new(());
@@ -41,7 +43,7 @@ static TURN: Mutex<()> = Mutex::new(());
 /// A transfer syntax.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Syntax {
-    /// TransferSyntaxUID (0002,0010), or the UID of what was guessed.
+    /// TransferSyntaxUID (0002,0010), or the UID of the guessed one.
     pub(super) uid: String,
     pub(super) encoding: Encoding,
     /// Whether the file did not say and the encoding was guessed.
@@ -49,7 +51,7 @@ pub(super) struct Syntax {
     directory: bool,
 }
 
-/// What the file meta information says.
+/// The values of the file meta information.
 #[derive(Default)]
 struct Meta {
     syntax: Option<String>,

@@ -106,7 +106,8 @@ impl PixelLayout {
     }
 }
 
-/// How to isolate a value of fewer than 16 bits: shift out what lies above it, then what lies below.
+/// Shifts that isolate a value of fewer than 16 bits: first the bits above it are shifted out, then
+/// those below.
 #[derive(Clone, Copy)]
 struct Alignment {
     above: u32,

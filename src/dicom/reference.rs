@@ -1,7 +1,8 @@
 //! What other objects say of a series that they are about: its patient and study, its frame of reference, its images.
 //!
-//! A report or a segmentation repeats these word for word (PS3.3 A.1.2.3, C.17.2.1), or an archive files it under somebody
-//! else. It all stays within: nothing here is shown by `Debug` or in messages. What it is not: a copy of every attribute.
+//! A report or a segmentation repeats these values word for word (PS3.3 A.1.2.3, C.17.2.1);
+//! otherwise an archive would file it under another patient. `Debug` and messages show none of
+//! them. This is not a copy of every attribute.
 //!
 //! Spaces: patient LPS mm.
 
@@ -18,7 +19,8 @@ use super::object::{put, put_items};
 use super::part10;
 use super::series::SeriesEntry;
 
-/// Attributes of patient and study that are repeated. All but the last two are there even where they are empty.
+/// Attributes of patient and study that are repeated. All but the last two are written even where
+/// they are empty.
 const REPEATED: [(Tag, VR); 13] = [
     (tags::PATIENT_NAME, VR::PN),
     (tags::PATIENT_ID, VR::LO),
@@ -85,7 +87,7 @@ fn keep(tag: Tag) -> Keep {
 }
 
 impl SeriesReference {
-    /// What the files of a series say. The first of them is read again for patient and study.
+    /// The values of a series' files. The first file is read again for patient and study.
     ///
     /// # Errors
     /// When it cannot be read any more, or when the study, the series or an image has no UID to refer to.

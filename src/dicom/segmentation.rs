@@ -1,9 +1,10 @@
 //! DICOM segmentation objects (SEG) as label maps.
 //!
-//! BINARY ones hold a bit for each voxel of each frame, packed without regard to frames (PS3.3 C.8.20, PS3.5 8.1.1); each
-//! frame is a slice of one segment, and slices in which a segment does not occur are often left out. LABELMAP ones hold
-//! the segment's number. The grid spans the frames that are there. What it is not: a reader of FRACTIONAL ones, whose
-//! threshold would be a guess, or of compressed ones.
+//! BINARY objects hold a bit for each voxel of each frame, packed without regard to frames (PS3.3
+//! C.8.20, PS3.5 8.1.1). Each frame is a slice of one segment, and slices without the segment are
+//! often left out. LABELMAP objects hold the segment's number. The grid spans the existing frames.
+//! FRACTIONAL objects are not read, since their threshold would be a guess, nor are compressed
+//! ones.
 //!
 //! Spaces: patient LPS mm, as the frames' positions have it. Whether the frame of reference is that of some series is not
 //! looked at: some writers invent one, and the positions hold all the same.
@@ -27,12 +28,12 @@ use super::source::Bytes;
 use relief_base::Transform;
 use relief_volume::{Grid, LabelMap, Layers, Segment};
 
-/// A segmentation and what was unusual about it.
+/// A segmentation and the anomalies of its file.
 #[derive(Debug)]
 pub struct LoadedSegmentation {
     /// The segments by their numbers, on the object's own grid.
     pub map: LabelMap,
-    /// What was done about what was unusual, in sentences.
+    /// How each anomaly was handled, as sentences.
     pub warnings: Vec<String>,
 }
 
@@ -114,12 +115,13 @@ fn flat(parsed: Parsed) -> Result<LoadedSegmentation, Defect> {
     Ok(LoadedSegmentation { map, warnings })
 }
 
-/// The layers of a segmentation, in each of which no segments overlap, and what was unusual about it.
+/// The layers of a segmentation, in each of which no segments overlap, and the anomalies of its
+/// file.
 #[derive(Debug)]
 pub struct LoadedLayers {
     /// Maps on the object's own grid; each segment is in one of them, with its number.
     pub layers: Vec<LabelMap>,
-    /// What was done about what was unusual, in sentences.
+    /// How each anomaly was handled, as sentences.
     pub warnings: Vec<String>,
 }
 
@@ -321,8 +323,9 @@ fn segment_of(groups: &Groups<'_>, frame: u32, segments: &[Segment]) -> Result<u
     })
 }
 
-/// Distance between slices, how many there are from the first to the last, and which frame is the first. The smallest gap
-/// between frames counts, or what the object states where that fits too: slices may be left out.
+/// Distance between slices, their number from the first to the last, and the first frame. The
+/// distance is the smallest gap between frames, or the declared one where that fits too: slices may
+/// be left out.
 fn spacing(
     frames: &[Frame],
     normal: DVec3,

@@ -1,8 +1,9 @@
 //! Label maps as DICOM segmentation objects about a series: BINARY ones, which everybody reads.
 //!
-//! A frame is a slice of one segment; slices in which a segment does not occur are left out (PS3.3 C.8.20, A.51). Frames are
-//! packed bit by bit without regard to where they begin. Segments are numbered anew from 1, as the standard asks, in the order
-//! of their labels. What it is not: a writer of LABELMAP objects, which few programs read yet.
+//! A frame is a slice of one segment; slices without the segment are left out (PS3.3 C.8.20, A.51).
+//! Frames are packed bit by bit without alignment to bytes. Segments are numbered anew from 1, as
+//! the standard requires, in the order of their labels. LABELMAP objects are not written, because
+//! few programs read them yet.
 //!
 //! Space: patient LPS mm. Frames lie on the planes of the map's grid, wherever those of the series are; a frame that lies on
 //! a slice of the series names it as its source.
@@ -33,7 +34,7 @@ const CATEGORY: Code = Code::new("85756007", "SCT", "Tissue");
 const DERIVATION: Code = Code::dcm("113076", "Segmentation");
 const PURPOSE: Code = Code::dcm("121322", "Source image for image processing operation");
 
-/// What a segmentation says of itself.
+/// Descriptive values of a segmentation.
 #[derive(Clone, Debug)]
 pub struct SegmentationOptions {
     /// Series description; viewers list it. Nothing of the patient belongs here.
@@ -42,18 +43,18 @@ pub struct SegmentationOptions {
     pub author: String,
     /// When it was made.
     pub made: Timestamp,
-    /// Whether people alone drew it; else programs helped.
+    /// Whether it was drawn only by people; otherwise programs helped.
     pub is_manual: bool,
-    /// What is known of segments beyond their names and colours.
+    /// Values of segments beyond their names and colours.
     pub meanings: Vec<SegmentMeaning>,
 }
 
-/// What a segment is, and the item that it is of.
+/// The meaning of a segment, and its item.
 #[derive(Clone, Debug)]
 pub struct SegmentMeaning {
     /// The label that it has in the map.
     pub label: u16,
-    /// What it is; tissue where nobody said.
+    /// Its category and type; tissue by default.
     pub concept: Option<Concept>,
     /// The item, whose id tracks the segment.
     pub item: Option<ItemId>,
@@ -326,7 +327,7 @@ fn segment_item(number: u16, segment: &Segment, options: &SegmentationOptions) -
     item
 }
 
-/// Frames are told apart by segment and by position.
+/// Frames are indexed by segment and by position.
 fn put_dimensions(object: &mut InMemDicomObject, uid: &str) {
     let mut organization = InMemDicomObject::new_empty();
     put(&mut organization, tags::DIMENSION_ORGANIZATION_UID, VR::UI, uid);
@@ -347,7 +348,7 @@ fn put_dimensions(object: &mut InMemDicomObject, uid: &str) {
     put_items(object, tags::DIMENSION_INDEX_SEQUENCE, items.to_vec());
 }
 
-/// Where the frames lie, and what they were made of.
+/// The positions of the frames, and the images that they were derived from.
 struct Planes<'a> {
     row: DVec3,
     column: DVec3,
@@ -387,7 +388,7 @@ impl<'a> Planes<'a> {
         Self { row, column, spacing_mm, origin, step, sources }
     }
 
-    /// What all frames share.
+    /// The values that all frames share.
     fn shared(&self) -> InMemDicomObject {
         let [dx, dy, dz] = self.spacing_mm;
         let mut measures = InMemDicomObject::new_empty();

@@ -1,8 +1,9 @@
-//! Grouping of slices into series: what may be stacked into one volume.
+//! Grouping of slices into series: the slices that may be stacked into one volume.
 //!
-//! Slices belong together when they share SeriesInstanceUID, SOP class, matrix size, orientation and pixel spacing.
-//! One UID may fall apart into several groups (a reformat in another orientation, several phases at the same
-//! positions); each is then a series of its own, told apart by `#1`, `#2` behind the UID.
+//! Slices belong together when they share SeriesInstanceUID, SOP class, matrix size, orientation
+//! and pixel spacing. One UID may have several such groups (a reformat in another orientation,
+//! several phases at the same positions). Each group is then a series of its own, with `#1`, `#2`
+//! appended to the UID.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -169,7 +170,8 @@ fn same_shape(a: &FrameHeader, b: &FrameHeader) -> bool {
     spacing && near(a.row, b.row) && near(a.column, b.column)
 }
 
-/// Separates phases: where positions repeat, and AcquisitionNumber tells the repetitions apart, each is a series.
+/// Separates phases: where positions repeat and AcquisitionNumber distinguishes the repetitions,
+/// each is a series.
 fn by_acquisition(frames: Vec<FrameHeader>) -> Vec<Vec<FrameHeader>> {
     if stack::duplicates(&frames).is_empty() {
         return vec![frames];

@@ -1,8 +1,8 @@
 //! Where files come from: a folder, a file, a DICOMDIR, a zip.
 //!
-//! A [`FileSource`] is one file that may be DICOM. It is opened anew for each use, so that reading in parallel shares
-//! nothing; entries of a zip are unpacked in memory, each up to [`LARGEST_ENTRY`]. This module knows where bytes are,
-//! not what they mean (see `part10`).
+//! A [`FileSource`] is one file that may be DICOM. It is opened anew for each use, so that parallel
+//! reads share nothing; entries of a zip are unpacked in memory, each up to [`LARGEST_ENTRY`]. This
+//! module locates bytes; `part10` interprets them.
 
 use std::fmt;
 use std::fs::File;
@@ -184,8 +184,8 @@ fn collect_folder(folder: &Path) -> Result<Vec<FileSource>, Error> {
     let mut files = Vec::new();
     // Links are followed (archives are often farms of links); walkdir refuses loops.
     for entry in walkdir::WalkDir::new(folder).follow_links(true).sort_by_file_name() {
-        // A folder or link inside that cannot be read hides files, but what is readable may be a whole series;
-        // the entry itself then fails to open and is reported.
+        // An unreadable folder or link inside hides files, but the readable rest may be a whole
+        // series. Opening the entry fails later and is reported.
         let path = match entry {
             Ok(entry) if entry.file_type().is_file() => entry.into_path(),
             Ok(_) => continue,
@@ -231,7 +231,8 @@ fn unpack(archive: &mut SharedZip, index: usize) -> Result<bytes::Bytes, Defect>
     if found > LARGEST_ENTRY {
         return Err(Defect::LargeEntry { found, limit: LARGEST_ENTRY });
     }
-    // Memory grows with what comes out; more than the zip's directory states is an error of this reader.
+    // Memory grows with the unpacked bytes; more than the zip's directory states is an error of
+    // this reader.
     let mut bytes = Vec::new();
     entry.take(LARGEST_ENTRY).read_to_end(&mut bytes)?;
     Ok(bytes.into())

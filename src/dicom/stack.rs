@@ -1,8 +1,9 @@
 //! The stack of a series: order along the normal, and whether it is a regular grid.
 //!
-//! Slices are ordered and placed by ImagePositionPatient and ImageOrientationPatient alone. The normal is row x column;
-//! "height" is the position along it, "shift" the position along row and column, both relative to the first slice, mm.
-//! GantryDetectorTilt is not read: it is optional and often stale, while positions show the shear itself.
+//! Slices are ordered and placed by ImagePositionPatient and ImageOrientationPatient only. The
+//! normal is row x column; "height" is the position along it, "shift" the position along row and
+//! column, both relative to the first slice, mm. GantryDetectorTilt is not read: it is optional and
+//! often stale, while positions show the shear itself.
 
 use std::collections::HashSet;
 
@@ -64,7 +65,7 @@ pub(super) fn duplicates(frames: &[FrameHeader]) -> Vec<(usize, usize)> {
 /// Orders slices along the normal and leaves out those whose position is taken.
 ///
 /// # Errors
-/// When so many positions repeat that the slices are several images of one region.
+/// When too many positions repeat, because the slices are several images of one region.
 pub(super) fn arrange(frames: &[FrameHeader]) -> Result<(Vec<FrameHeader>, Vec<Warning>), Error> {
     let duplicates = duplicates(frames);
     if duplicates.len() * 4 > frames.len()

@@ -1,7 +1,7 @@
 //! RT structure sets (PS3.3 A.19): the contours that planning systems draw, structure by structure.
 //!
-//! What it is: names, colours and contours as points in patient mm. What it is not: voxels. Closed contours of a structure on
-//! several planes become a region where somebody fills them; between planes nothing is said here.
+//! Names, colours and contours as points in patient mm, not voxels. A user may fill the closed
+//! contours of a structure to a region; the file does not define the structure between planes.
 //!
 //! Space: patient LPS mm of the frame of reference that a structure names.
 
@@ -24,12 +24,12 @@ const BOUNDS: Bounds = Bounds { deepest: 8, longest_value: 1 << 24 };
 /// How far contours of one level may be apart, mm.
 const SAME_LEVEL_MM: f64 = 1e-3;
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Debug)]
 pub struct StructureSet {
     /// In the file's order, those without contours too.
     pub structures: Vec<Structure>,
-    /// What is not in them, in sentences.
+    /// Content that the items do not represent, as sentences.
     pub warnings: Vec<String>,
 }
 
@@ -44,7 +44,7 @@ pub struct Structure {
     pub rgb: Option<[f64; 3]>,
     /// RT ROI Interpreted Type (3006,00A4), such as `ORGAN` or `GTV`.
     pub kind: Option<String>,
-    /// What its coordinates are told from.
+    /// The coordinate system of its points.
     pub frame_of_reference: Option<FrameOfReference>,
     /// Its contours, in the file's order.
     pub contours: Vec<Contour>,
@@ -95,7 +95,8 @@ impl Structure {
 }
 
 impl StructureSet {
-    /// The contours as items: a list for each structure, named as it is; and what is left out, in sentences.
+    /// The contours as items, with a list for each structure of the same name; and the omissions,
+    /// as sentences.
     ///
     /// # Errors
     /// When this machine gives no random numbers.
@@ -151,7 +152,8 @@ fn normal(points: &[Point<Patient>]) -> Option<DVec3> {
 /// Reads a structure set.
 ///
 /// # Errors
-/// When it is none, damaged, larger than any is, or a contour's numbers are no points.
+/// When it is not a structure set, is damaged or too large, or a contour's numbers are not
+/// points.
 pub fn read_structure_set(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
     let data = whole::read(bytes, MOST_BYTES, BOUNDS, keep)?;
     let modality = data.text(tags::MODALITY).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Warnings: what was unusual about a series and what was done about it.
+//! Warnings: anomalies of a series, and how each was handled.
 
 use serde::Serialize;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct Warning {
     /// Stable name for programs.
     pub code: WarningCode,
-    /// For people: what, where, how much, and what was done.
+    /// For people: the anomaly, its place and extent, and how it was handled.
     pub message: String,
 }
 

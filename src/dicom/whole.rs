@@ -1,6 +1,6 @@
 //! Objects that are no images, read from bytes as a whole: reports, structure sets.
 //!
-//! The walk keeps what is asked for, within bounds; what is wrong is named by the items that lead there.
+//! The walk keeps the requested elements, within limits; a fault has the path of its items.
 
 use dicom_core::Tag;
 
@@ -9,7 +9,8 @@ use super::error::{Attribute, Defect};
 use super::part10;
 use super::source::Bytes;
 
-/// Why an object could not be read. Messages hold neither UIDs nor what the object says of people.
+/// The reason why an object could not be read. Messages contain neither UIDs nor values about
+/// people.
 #[derive(Debug, thiserror::Error)]
 pub enum ObjectError {
     /// More bytes than any such object has.
@@ -25,7 +26,7 @@ pub enum ObjectError {
     Damaged {
         /// The items that lead to the damage, as tags and numbers from 1; empty at the top.
         path: String,
-        /// What is wrong there.
+        /// The fault at that place.
         defect: Defect,
     },
     /// Another kind of object, or a value that cannot be used.
@@ -33,7 +34,7 @@ pub enum ObjectError {
     Value {
         /// The attribute and the items that lead to it, as tags and numbers from 1.
         path: String,
-        /// What is there.
+        /// The value.
         found: String,
         /// What should be there.
         expected: &'static str,
@@ -44,7 +45,7 @@ fn separated(path: &str) -> String {
     if path.is_empty() { String::new() } else { format!("{path}: ") }
 }
 
-/// The kept elements of an object of at most so many bytes.
+/// The kept elements of an object of at most the given number of bytes.
 pub(super) fn read(
     bytes: &[u8],
     most_bytes: usize,

@@ -27,7 +27,7 @@ const MAX_EXTENT: usize = u16::MAX as usize;
 /// The name of a replaced folder in the temporary one that holds it meanwhile.
 const OLD: &str = "old";
 
-/// What the series says about itself. Use invented names only.
+/// Descriptive values of the series. Use invented names only.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SeriesLabels {
     /// PatientName, for example `PHANTOM^HEAD`.
@@ -57,7 +57,7 @@ pub const BESIDE_SLICES: [&str; 3] = ["truth.json", "labels.seg.nrrd", "landmark
 /// Why a series could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The folder has content and [`ExistingFolder::Keep`] was asked for.
+    /// The folder is not empty, and [`ExistingFolder::Keep`] was requested.
     #[error("{} is not empty; choose another folder or replace it with --force", .0.display())]
     NotEmpty(PathBuf),
     /// Replacing would delete something that this writer did not make.
@@ -77,7 +77,7 @@ pub enum WriteError {
     /// The file system refused.
     #[error("cannot {action} {}", path.display())]
     Io {
-        /// What was tried.
+        /// The attempted action.
         action: &'static str,
         /// On what.
         path: PathBuf,
@@ -162,8 +162,9 @@ impl SeriesFolder {
     /// Puts the folder at its place.
     ///
     /// # Errors
-    /// When something has appeared at the place that may not be replaced, or the file system refuses; then
-    /// the place is as it was, or [`WriteError::Displaced`] says where to find what was there.
+    /// When something new at the place may not be replaced, or the file system refuses.
+    /// The place is then unchanged, or [`WriteError::Displaced`] names where its earlier content
+    /// is.
     pub fn finish(self) -> Result<(), WriteError> {
         check_place(&self.place, self.existing)?;
         let old = self.set_old_aside()?;
@@ -174,7 +175,7 @@ impl SeriesFolder {
         Ok(())
     }
 
-    /// Moves what is at the place into a temporary folder, which removes it when dropped.
+    /// Moves the content of the place into a temporary folder, which removes it when dropped.
     fn set_old_aside(&self) -> Result<Option<tempfile::TempDir>, WriteError> {
         if !self.place.exists() {
             return Ok(None);
@@ -248,7 +249,7 @@ fn check_place(place: &Path, existing: ExistingFolder) -> Result<(), WriteError>
     Ok(())
 }
 
-/// What all slices of one series share.
+/// The values that all slices of one series share.
 struct Series<'a> {
     volume: &'a Volume,
     labels: &'a SeriesLabels,

@@ -30,7 +30,7 @@ impl Columns {
         &self.names
     }
 
-    /// The rows of a text; lines that begin with `comment` are none.
+    /// The rows of a text, without lines that begin with `comment`.
     pub(super) fn rows(
         &self,
         text: &str,
@@ -93,7 +93,7 @@ impl Row<'_> {
         Ok(xyz)
     }
 
-    /// Yes or no; `otherwise` where nothing is there.
+    /// Yes or no; `otherwise` for an empty cell.
     pub(super) fn flag(&self, column: &str, otherwise: bool) -> Result<bool, ExchangeError> {
         match self.text(column).trim() {
             "" => Ok(otherwise),

@@ -10,43 +10,43 @@ pub enum ExchangeError {
     /// The file is not of its format at all.
     #[error("{format}: {place}: {message}")]
     Syntax {
-        /// What it was read as.
+        /// The format.
         format: Format,
         /// The line, the byte or the JSON path.
         place: String,
-        /// What the parser says.
+        /// The parser's message.
         message: String,
     },
-    /// A value is missing, or not what it may be.
+    /// A value is missing or not permitted.
     #[error("{format}: {place} is {found}, allowed: {allowed}")]
     Value {
-        /// What it was read as.
+        /// The format.
         format: Format,
         /// The line and column, or the JSON path.
         place: String,
-        /// What is there.
+        /// The value.
         found: String,
-        /// What may be there.
+        /// The permitted values.
         allowed: String,
     },
     /// More than is taken.
     #[error("{format}: the file has {found} {what}, allowed: at most {allowed}")]
     TooLarge {
-        /// What it was read as.
+        /// The format.
         format: Format,
-        /// Of what there is too much.
+        /// The things that are too many or too large.
         what: &'static str,
         /// How much there is, as far as it was counted.
         found: u64,
         /// The limit.
         allowed: u64,
     },
-    /// Nothing of what is to be written can be held by the format.
+    /// The format can represent none of the items.
     #[error("{format}: nothing is left to write: {why}")]
     Nothing {
         /// The format wanted.
         format: Format,
-        /// What the format holds, and what there is.
+        /// The kinds that the format can represent, and the given ones.
         why: String,
     },
     /// The format is only for the other direction.

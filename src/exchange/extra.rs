@@ -1,12 +1,13 @@
-//! The property `relief` of formats in JSON: what an item has and the format has no place for.
+//! The property `relief` of JSON formats: the values of an item that the format has no field for.
 //!
-//! Other tools leave it alone when they read, and drop it when they write: an item then has what the format itself says.
+//! Other tools ignore it when they read and drop it when they write. An item then has only the
+//! format's own values.
 
 use serde::{Deserialize, Serialize};
 
 use relief_annotation::{Concept, Item, ItemId, Placement, State, Timestamp};
 
-/// What the format has no place for. A missing key is a value that the item has not.
+/// Values without a field in the format. A missing key is a value that the item does not have.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Extra {

@@ -19,7 +19,7 @@ const UNNAMED: &str = "positionstatus,autocreated";
 /// Of files without a version: Slicer 3.
 const OLDEST: &str = "label,x,y,z,sel,vis";
 
-/// What the comments say.
+/// The values in the comments.
 struct Head {
     is_ras: bool,
     says_system: bool,

@@ -1,4 +1,4 @@
-//! The formats, their names, and how a file's format is told.
+//! The formats, their names, and the recognition of a file's format.
 
 use std::path::Path;
 
@@ -41,7 +41,7 @@ pub enum Format {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown format {found:?}; known formats: {}", Format::names(|_| true))]
 pub struct UnknownFormat {
-    /// What was asked for.
+    /// The requested format.
     pub found: String,
 }
 
@@ -87,7 +87,7 @@ impl Format {
         }
     }
 
-    /// How files of it are called: what follows the last dots of their names.
+    /// Its file name extensions.
     #[must_use]
     pub const fn extension(self) -> &'static str {
         match self {
@@ -118,8 +118,8 @@ impl Format {
         Self::ALL.into_iter().filter(|format| wanted(*format)).map(Self::name).collect::<Vec<_>>().join(", ")
     }
 
-    /// The format of a file, by its name and its first bytes (a kilobyte or more; an object of DICOM and a file in JSON are
-    /// known by these alone). `None` where neither says.
+    /// The format of a file, by its name and its first bytes (a kilobyte or more). A DICOM object
+    /// and a JSON file are recognised by their bytes. `None` where neither decides.
     #[must_use]
     pub fn of(path: &Path, head: &[u8]) -> Option<Self> {
         if head.get(128..132) == Some(b"DICM") {
@@ -146,7 +146,7 @@ impl Format {
     }
 }
 
-/// What an object of DICOM is, by the class that its file meta group names.
+/// The kind of a DICOM object, by the SOP class in its file meta group.
 fn dicom_kind(head: &[u8]) -> Option<Format> {
     let classes = [
         ("1.2.840.10008.5.1.4.1.1.88.", Format::Sr),

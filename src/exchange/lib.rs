@@ -1,7 +1,8 @@
 //! Annotations in the files of other tools, both ways.
 //!
-//! What it is: [`read`] makes items of a file's bytes, [`write()`] makes bytes of items, and both tell what does not fit. What it
-//! is not: it opens no files and keeps nothing (see `store`). `docs/ANNOTATIONS.md` has the table of what each format holds.
+//! [`read`] converts a file's bytes to items, [`write()`] converts items to bytes, and both report
+//! losses. They open no files and store nothing (see `store`). `docs/ANNOTATIONS.md` has a table of
+//! what each format can represent.
 //!
 //! Space: patient LPS, mm; formats in RAS are mirrored at the edge. A file is taken whole or refused: an error names its line or
 //! JSON path. Memory grows with the file, by a bounded factor, whatever the file claims.
@@ -39,7 +40,7 @@ use relief_annotation::{ContentId, FrameOfReference, Item};
 use relief_dicom::{SeriesReference, write_nifti_labels, write_seg_nrrd_layers};
 use relief_volume::Grid;
 
-/// What a file does not say of its items.
+/// Values of items that a file does not contain.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadContext<'a> {
     /// Who made them, where the file does not say.
@@ -48,7 +49,7 @@ pub struct ReadContext<'a> {
     pub set: &'a str,
     /// The list that they are, where the file does not say: the file's name without its extension.
     pub list: &'a str,
-    /// What their mm are told from.
+    /// The origin and axes of their coordinates.
     pub frame_of_reference: Option<&'a FrameOfReference>,
     /// The volume that they belong to: points outside of it are warned of.
     pub grid: Option<&'a Grid>,
@@ -67,14 +68,14 @@ pub struct WriteContext<'a> {
     pub series: Option<&'a SeriesReference>,
 }
 
-/// What a file held.
+/// The content of a file.
 #[derive(Clone, Debug)]
 pub struct Imported {
     /// The items, valid, with the ids of the file where it has ours.
     pub items: Vec<Item>,
-    /// What they refer to: name, media type, bytes.
+    /// The contents that they refer to: name, media type, bytes.
     pub contents: Vec<(ContentId, String, Vec<u8>)>,
-    /// What was unusual, and what was left out, in sentences.
+    /// Anomalies and omissions, as sentences.
     pub warnings: Vec<String>,
 }
 
@@ -85,7 +86,7 @@ pub struct Written {
     pub bytes: Vec<u8>,
     /// How many items it has.
     pub items: usize,
-    /// What it cannot hold.
+    /// The values that it cannot represent.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -116,7 +117,7 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
     }
 }
 
-/// Makes a file. Items that the format cannot hold are left out, and told.
+/// Makes a file. Items that the format cannot represent are left out and reported.
 ///
 /// # Errors
 /// When the format holds none of the items.

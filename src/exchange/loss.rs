@@ -1,4 +1,4 @@
-//! What a format cannot hold of the items that are written to it: told, never dropped in silence.
+//! Losses: values that a format cannot represent. Every loss is reported.
 
 use super::{ExchangeError, Format};
 use relief_annotation::{Geometry, Item, ItemId, State};
@@ -8,20 +8,20 @@ use relief_annotation::{Geometry, Item, ItemId, State};
 pub struct LeftOut {
     /// What: whole items, or something of them.
     pub what: String,
-    /// Why, or what is there instead.
+    /// The reason, or the value that was written instead.
     pub reason: String,
     /// Of which items.
     pub items: Vec<ItemId>,
 }
 
-/// What a format has a place for.
+/// The values that a format can represent.
 #[derive(Clone, Copy, Debug)]
 struct Holds {
     /// Kinds of geometries.
     kinds: &'static [&'static str],
     /// Items without a place.
     undefined: bool,
-    /// Whether somebody decided to skip one.
+    /// Whether a target was skipped deliberately.
     skipped: bool,
     name: bool,
     description: bool,
@@ -66,7 +66,7 @@ impl Holds {
         ..Self::EVERYTHING
     };
 
-    /// Names and colours alone.
+    /// Only names and colours.
     const NAMES: Self = Self {
         undefined: false,
         description: false,
@@ -102,7 +102,7 @@ impl Holds {
                 Some(Self { kinds: &["mesh"], name: false, color: false, ..Self::NAMES })
             }
             Format::Obj | Format::Glb => Some(Self { kinds: &["mesh"], color: false, ..Self::NAMES }),
-            // It tells itself.
+            // Its writer reports losses itself.
             Format::Sr | Format::RtStruct => None,
         }
     }

@@ -1,4 +1,4 @@
-//! Items of a file beside those that are there: what is new, what was changed elsewhere, and what is there already.
+//! Merging the items of a file with existing items: new, changed and equal ones.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -8,33 +8,33 @@ use relief_annotation::{Change, Geometry, Item, ItemId, Versioned};
 /// Points nearer than this have not moved: files have 32 bits at worst, mm.
 const SAME_MM: f64 = 1e-4;
 
-/// What becomes of items that are there already.
+/// The treatment of items that exist already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Present {
     /// They stay as they are.
     Keep,
-    /// They become what the file says of them.
+    /// They are replaced by the file's version.
     Update,
     /// The file's come in beside them, under new ids.
     Duplicate,
 }
 
-/// What is to be done about a file's items.
+/// The result of a merge.
 #[derive(Clone, Debug)]
 pub struct Merged {
-    /// What is to change, for one edit; may be nothing.
+    /// The changes, for one edit; may be empty.
     pub changes: Vec<Change>,
-    /// Items that are there as the file has them.
+    /// Existing items that equal the file's.
     pub unchanged: usize,
-    /// Items that are there and differ, and stay as they are.
+    /// Existing items that differ and stay unchanged.
     pub skipped: usize,
-    /// Items that are there, and come in once more.
+    /// Existing items of which the file makes a copy.
     pub copies: usize,
 }
 
 impl Merged {
-    /// Compares the items of a file with those that are there. They are known by their ids; those of formats without ids, or of another
-    /// log, by set, list, name and place.
+    /// Compares the items of a file with the existing ones. Items match by their ids. Items of a
+    /// format without ids, or of another log, match by set, list, name and place.
     ///
     /// # Errors
     /// When this machine gives no random numbers.
@@ -64,7 +64,7 @@ impl Merged {
         Ok(merged)
     }
 
-    /// What somebody has to be told of items that were there, and how to have it otherwise.
+    /// The message to the user about existing items, with the options for another treatment.
     #[must_use]
     pub fn note(&self, update: &str, duplicate: &str) -> Option<String> {
         let Self { unchanged, skipped, copies, .. } = self;
@@ -90,7 +90,7 @@ impl Merged {
 /// Items of one name among which the same place is looked for: a file of nothing else must not take the square of its length.
 const MOST_NAMESAKES: usize = 1000;
 
-/// The items that are there and were not met yet.
+/// The existing items that have not been matched yet.
 struct Known {
     by_id: HashMap<ItemId, Versioned>,
     by_name: HashMap<[String; 3], VecDeque<ItemId>>,

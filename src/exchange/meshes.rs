@@ -70,7 +70,7 @@ pub(super) fn write(
             .mesh;
         let first = u32::try_from(joined.vertices.len()).unwrap_or(u32::MAX);
         joined.vertices.extend(mesh.vertices);
-        // More corners than numbers: `check` refuses what comes of it.
+        // More corners than numbers; `check` rejects the resulting mesh.
         joined
             .triangles
             .extend(mesh.triangles.iter().map(|corners| corners.map(|at| at.saturating_add(first))));

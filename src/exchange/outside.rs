@@ -1,4 +1,4 @@
-//! Points that do not lie in the volume that a file is said to belong to.
+//! Points outside the volume that a file belongs to.
 
 use relief_annotation::{Geometry, Item};
 use relief_base::{Patient, Point};

@@ -20,7 +20,7 @@ pub(super) struct Reading<'a> {
     items: Vec<Item>,
     ids: HashSet<ItemId>,
     pub(super) contents: Vec<(ContentId, String, Vec<u8>)>,
-    /// What is unusual, by what it is: where first, and how often.
+    /// Warnings by kind: the first place, and the count.
     warnings: BTreeMap<String, (String, usize)>,
     now: Timestamp,
 }
@@ -116,12 +116,13 @@ pub(super) fn text(format: Format, bytes: &[u8]) -> Result<&str, ExchangeError> 
     Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
 }
 
-/// Reads JSON; an error has the path of what is wrong.
+/// Reads JSON; an error has the path of the fault.
 pub(super) fn json<'t, T: serde::Deserialize<'t>>(format: Format, text: &'t str) -> Result<T, ExchangeError> {
     json_hiding(format, text, 0)
 }
 
-/// The same, with so many of a path's first keys hidden: where keys are UIDs, which lead to a patient.
+/// The same, with the first `hidden` keys of a path masked, where keys are UIDs that identify a
+/// patient.
 pub(super) fn json_hiding<'t, T: serde::Deserialize<'t>>(
     format: Format,
     text: &'t str,

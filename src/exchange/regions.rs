@@ -90,7 +90,7 @@ pub(super) fn failed(format: Format, error: &dyn std::fmt::Display) -> ExchangeE
     ExchangeError::Syntax { format, place: "the map".to_owned(), message: error.to_string() }
 }
 
-/// What a reader of files makes of these bytes.
+/// The content of these bytes as a reader of files sees it.
 fn file_of<T>(
     format: Format,
     bytes: &[u8],
@@ -101,18 +101,18 @@ fn file_of<T>(
     read(file.path()).map_err(|error| failed(format, &error))
 }
 
-/// What a file is made of.
+/// The parts of a file.
 pub(super) struct ToWrite {
     /// Layers; one at least.
     pub(super) maps: Vec<LabelMap>,
     /// The items of the labels, from 1.
     pub(super) items: Vec<ItemId>,
-    /// What was lost on the way.
+    /// The losses of the conversion.
     pub(super) lost: Vec<LeftOut>,
 }
 
-/// The layers of all regions, on the grid wanted or else that of the first of them; the items of its labels from 1; and what was
-/// lost on the way. NIfTI has one layer.
+/// The layers of all regions, on the given grid or else that of the first region; the items of its
+/// labels from 1; and the losses. NIfTI has one layer.
 ///
 /// # Errors
 /// When a content is not there or no label map, or regions overlap in too many layers.

@@ -1,4 +1,4 @@
-//! Regions and meshes as what the log keeps: a file each, and a summary of it in the item.
+//! Regions and meshes in the log: a file as content, and its summary in the item.
 //!
 //! A region's content is a `.seg.nrrd` file on the volume's grid, a mesh's a binary PLY in patient LPS mm.
 
@@ -11,7 +11,7 @@ use relief_volume::{Mask, Segment};
 /// The media type of a region's content.
 pub const REGION_TYPE: &str = "application/x-seg-nrrd";
 
-/// A content and what an item says of it.
+/// A content and its summary in an item.
 #[derive(Clone, Debug)]
 pub struct StoredContent<T> {
     /// For the item's geometry.
@@ -42,7 +42,7 @@ pub enum StructureError {
 /// Packs a region.
 ///
 /// # Errors
-/// Those of memory alone: it is written there.
+/// Only when memory cannot be allocated, since it writes to memory.
 pub fn content_of_region(
     mask: &Mask,
     name: &str,

@@ -94,7 +94,7 @@ pub(super) fn write(format: Format, items: &[&Item]) -> Result<Vec<u8>, Exchange
     let failed = |message: String| ExchangeError::Syntax { format, place: "writing".to_owned(), message };
     writer.write_record(WRITTEN).map_err(|error| failed(error.to_string()))?;
     for item in items {
-        // A place that is not there is empty, lest anybody takes a mean of zeros.
+        // A missing place is an empty cell, so that it cannot count as zero in a mean.
         let place = |at: Option<f64>| at.map(|mm| mm.to_string()).unwrap_or_default();
         let [l, p, s] = [0, 1, 2].map(|axis| place(item.point().map(|at| at.xyz[axis])));
         let flag = |yes: bool| if yes { "1" } else { "0" };

@@ -1,4 +1,4 @@
-//! A file's bytes, unpacked where it is gzipped, and what they begin with.
+//! A file's bytes, unpacked where it is gzipped, and its first bytes.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -82,7 +82,7 @@ impl Source {
         Ok(Some(text.trim_end_matches(['\r', '\n']).to_owned()))
     }
 
-    /// Reads on through what is left as gzip; nothing before it may have been gzip, too.
+    /// Reads the rest as gzip; the bytes before must not have been gzip.
     pub(super) fn unpack_rest(&mut self) {
         let packed = std::mem::replace(&mut self.reader, BufReader::new(Box::new(std::io::empty())));
         self.reader = BufReader::with_capacity(1 << 16, Box::new(MultiGzDecoder::new(packed)));

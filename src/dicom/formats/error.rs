@@ -12,7 +12,7 @@ pub enum FormatError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// It begins like none of the formats.
@@ -29,9 +29,9 @@ pub enum FormatError {
     Header {
         /// The field, by its name in the format's own documentation.
         key: String,
-        /// What it is.
+        /// The value.
         found: String,
-        /// What it may be.
+        /// The permitted values.
         allowed: String,
     },
     /// The voxels do not span space.
@@ -40,7 +40,7 @@ pub enum FormatError {
     /// More voxels than allowed.
     #[error("the file has {needed} voxels, allowed: at most {allowed}")]
     TooLarge {
-        /// What the header asks for.
+        /// The size by the header.
         needed: u64,
         /// The limit.
         allowed: u64,
@@ -50,7 +50,7 @@ pub enum FormatError {
     Cut {
         /// Bytes that the header asks for.
         expected: u64,
-        /// Bytes that are there.
+        /// The number of existing bytes.
         found: u64,
     },
     /// A value that is no label, or no HU.
@@ -60,7 +60,7 @@ pub enum FormatError {
         index: u64,
         /// Its value.
         found: f64,
-        /// What it may be.
+        /// The permitted values.
         allowed: &'static str,
     },
     /// Several values in each voxel of a volume.

@@ -36,7 +36,7 @@ pub(super) struct NamedSegment {
     pub(super) rgb: Option<[f64; 3]>,
 }
 
-/// A header with what it says of segments.
+/// A header with its description of segments.
 #[derive(Clone, Debug)]
 pub(super) struct Described {
     pub(super) header: Header,

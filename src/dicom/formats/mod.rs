@@ -1,11 +1,13 @@
 //! Volumes and label maps in the files of research: NIfTI and NRRD (with 3D Slicer's segmentations).
 //!
-//! What it is: bounded readers of `.nii`, `.nii.gz`, `.nrrd` and `.seg.nrrd`, told apart by their first bytes, and writers
-//! of label maps as `.seg.nrrd` and `.nii.gz`. What it is not: DICOM (see `dicom`, whose segmentation objects become the same [`LabelMap`](relief_volume::LabelMap)); a reader of
-//! images that point to other files (detached headers, which could name any file of this machine).
+//! Bounded readers of `.nii`, `.nii.gz`, `.nrrd` and `.seg.nrrd`, recognised by their first bytes,
+//! and writers of label maps as `.seg.nrrd` and `.nii.gz`. DICOM segmentation objects become the
+//! same [`LabelMap`](relief_volume::LabelMap) elsewhere in this crate. Images with detached headers
+//! are not read, because such a header could name any file of the machine.
 //!
-//! Spaces: patient LPS mm. NIfTI is RAS, NRRD says what it is. Voxels: HU as `i16` of a volume, `u16` labels of a map.
-//! Memory grows with what a file really holds, never with what its header claims, and ends at [`FormatLimits`].
+//! Spaces: patient LPS mm. NIfTI is RAS; NRRD declares its space. Voxels: HU as `i16` of a volume,
+//! `u16` labels of a map. Memory grows with the bytes of the file, never with the sizes in its
+//! header, and is limited by [`FormatLimits`].
 
 mod bytes;
 mod error;
@@ -42,12 +44,12 @@ impl Default for FormatLimits {
     }
 }
 
-/// A volume and what was unusual about its file.
+/// A volume and the anomalies of its file.
 #[derive(Clone, Debug)]
 pub struct ReadVolume {
     /// The volume in HU and patient LPS.
     pub volume: Volume,
-    /// What was done about what was unusual, in sentences.
+    /// How each anomaly was handled, as sentences.
     pub warnings: Vec<String>,
 }
 

@@ -1,4 +1,5 @@
-//! NIfTI-1 and NIfTI-2 in a single file; what it says of segments is in an extension of XML, where there is one.
+//! NIfTI-1 and NIfTI-2 in a single file; segments are described in an XML extension, where there is
+//! one.
 //!
 //! The layout is that of nifti1.h and nifti2.h. Spaces: the file's world is RAS mm; here it becomes LPS.
 

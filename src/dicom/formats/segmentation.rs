@@ -6,21 +6,21 @@ use super::header::{Header, NamedSegment};
 use super::values;
 use relief_volume::{LabelMap, Segment};
 
-/// A label map and what was unusual about its file.
+/// A label map and the anomalies of its file.
 #[derive(Debug)]
 pub struct ReadLabels {
     /// The map on the file's own grid, in patient LPS.
     pub map: LabelMap,
-    /// What was done about what was unusual, in sentences.
+    /// How each anomaly was handled, as sentences.
     pub warnings: Vec<String>,
 }
 
-/// The layers of a label map, in each of which no segments overlap, and what was unusual about the file.
+/// The layers of a label map, in each of which no segments overlap, and the anomalies of the file.
 #[derive(Debug)]
 pub struct ReadLayers {
     /// A map for each layer, on the file's own grid, in patient LPS. Segments of two layers may have the same label.
     pub layers: Vec<LabelMap>,
-    /// What was done about what was unusual, in sentences.
+    /// How each anomaly was handled, as sentences.
     pub warnings: Vec<String>,
 }
 

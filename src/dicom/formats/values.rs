@@ -1,4 +1,4 @@
-//! Voxels of any numeric type, read in parts and turned into what is wanted.
+//! Voxels of any numeric type, read in parts and converted.
 
 use super::FormatError;
 use super::bytes::Source;
@@ -37,7 +37,7 @@ impl Number {
 }
 
 impl Voxel {
-    /// The number that these bytes hold, as many as the number takes. Whole numbers beyond 2⁵³ are rounded.
+    /// The number in these bytes, of the length of its type. Integers beyond 2⁵³ are rounded.
     fn value(self, bytes: &[u8]) -> f64 {
         let mut eight = [0; 8];
         let count = bytes.len();
@@ -65,7 +65,7 @@ const PART: usize = 1 << 18;
 
 /// So many voxels, each through `convert`, which gives back a value that it refuses.
 ///
-/// The list grows with what is really read.
+/// The list grows with the bytes that are read.
 ///
 /// # Errors
 /// When the file ends before, a value is refused, or memory is short.

@@ -116,14 +116,14 @@ fn plane<'a>(node: &Node<'_>, series: Option<&'a SeriesReference>) -> Option<&'a
     series?.plane(&uid, frame)
 }
 
-/// Finite numbers, so many at a time.
+/// Finite numbers, in groups of the given size.
 fn tuples<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Vec<[f64; N]>, ObjectError> {
     let (floats, rest) = node.data.floats(tags::GRAPHIC_DATA);
     let wrong = |found: String| node.wrong("GraphicData", tags::GRAPHIC_DATA, found, expected);
     if rest > 0 || floats.is_empty() || !floats.len().is_multiple_of(N) {
         return Err(wrong(format!("{} numbers and {rest} bytes", floats.len())));
     }
-    // The shortest decimal that the float stands for: what was written as 12.3 is 12.3 again.
+    // The shortest decimal of the float: 12.3 is read back as 12.3.
     let mm = |float: f32| float.to_string().parse().unwrap_or(f64::from(float));
     let numbers: Vec<f64> = floats.into_iter().map(mm).collect();
     match numbers.iter().find(|mm| mm.abs() > Item::FARTHEST_MM || !mm.is_finite()) {

@@ -1,4 +1,4 @@
-//! One measurement group for each item: what kind of group, and what is in it.
+//! One measurement group for each item: its kind and its content.
 
 use dicom_object::InMemDicomObject;
 use glam::DVec3;
@@ -10,8 +10,8 @@ use crate::object::{Code, LONG_STRING_CHARS, code_item, date_and_time, limited, 
 use dicom_dictionary_std::tags;
 use relief_annotation::{Geometry, Item, Measure, catmull_rom, measures};
 
-/// How far the points of a closed curve may be off a plane for a `POLYGON`, mm: more than 32-bit floats are, less than
-/// anybody sees.
+/// Largest distance of a closed curve's points from a plane for a `POLYGON`, mm: more than the
+/// rounding of 32-bit floats, less than is visible.
 const PLANAR_MM: f64 = 1e-3;
 /// Straight parts between two points of a smooth curve, at most.
 const PARTS: usize = 16;
@@ -33,7 +33,7 @@ struct Graphics {
     template: &'static str,
     graphic: &'static str,
     path: Vec<DVec3>,
-    /// What a smooth curve goes through.
+    /// The control points of a smooth curve.
     controls: Vec<DVec3>,
     numbers: Vec<(Code, f64, Code)>,
 }
@@ -94,8 +94,8 @@ fn state_name(item: &Item) -> String {
     format!("{:?}", item.state).to_lowercase()
 }
 
-/// The item's name as a code: that of its concept, else one that stands for the name alone. A concept that is called
-/// otherwise keeps its code, and its own meaning as an equivalent code.
+/// The item's name as a code: that of its concept, or a code for the name. A concept with another
+/// name keeps its code, and its own meaning as an equivalent code.
 fn finding(item: &Item) -> InMemDicomObject {
     let name = limited(&item.name, LONG_STRING_CHARS);
     let name = if name.is_empty() { "unnamed" } else { &name };

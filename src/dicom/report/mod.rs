@@ -1,9 +1,10 @@
 //! Annotations as DICOM structured reports: Comprehensive 3D SR, TID 1500, written and read.
 //!
-//! What other programs need of such a report beyond the standard is in it: 3D Slicer wants planar groups (TID 1410) with a
-//! Finding and a series description, Cornerstone and OHIF go by English code meanings, by tracking identifiers of their own
-//! and by an image library. So a landmark's name is both its Tracking Identifier and the meaning of its Finding; lines,
-//! angles and curves carry Cornerstone's tracking identifiers, and their names in the Finding alone.
+//! The report contains values that other programs need beyond the standard. 3D Slicer requires
+//! planar groups (TID 1410) with a Finding and a series description. Cornerstone and OHIF read
+//! English code meanings, tracking identifiers of their own, and an image library. So a landmark's
+//! name is both its Tracking Identifier and the meaning of its Finding; lines, angles and curves
+//! have Cornerstone's tracking identifiers, and their names only in the Finding.
 //!
 //! | item | group | coordinates |
 //! |---|---|---|
@@ -14,9 +15,9 @@
 //! | curve, open or out of plane | TID 1501 | `POLYLINE`, closed where it ends as it began, below a NUM Length |
 //! | smooth curve | as these | the curve in short straight parts, and its points as Cornerstone's Control Points |
 //!
-//! Coordinates are 32-bit floats (VR FL): about 1e-5 mm at 200 mm are lost. What a report cannot hold is told, never dropped
-//! in silence: planes, regions and meshes, items without a place, colours, locks. What it is not: a reader of measurements
-//! whose voxels are in another object (TID 1411), of which only a warning tells.
+//! Coordinates are 32-bit floats (VR FL), with a rounding error of about 1e-5 mm at 200 mm. Every
+//! loss is reported: planes, regions and meshes, items without a place, colours, locks.
+//! Measurements whose voxels are in another object (TID 1411) are not read; a warning names them.
 //!
 //! Space: patient LPS mm of the frame of reference that each coordinate names.
 
@@ -32,7 +33,8 @@ pub use write::{LeftOut, ReportWriteOptions, WrittenReport, write_report};
 
 use super::whole::ObjectError;
 
-/// Why a report could not be written or read. Messages hold neither UIDs nor what a report says.
+/// The reason why a report could not be written or read. Messages contain neither UIDs nor content
+/// of the report.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// Coordinates must name a frame of reference.

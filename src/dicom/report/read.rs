@@ -1,4 +1,4 @@
-//! Reports as items: measurement groups with coordinates, whoever wrote them.
+//! Reading reports of any program as items: measurement groups with coordinates.
 //!
 //! A group may be anywhere in a report. It becomes an item for each of its shapes: named by its tracking identifier, or, where
 //! that names a tool of Cornerstone, by its finding. Nothing recurses but the bounded walk over the data set.
@@ -28,7 +28,7 @@ const BOUNDS: Bounds = Bounds { deepest: 32, longest_value: 1 << 22 };
 /// Most items of one report.
 const MOST_ITEMS: usize = 100_000;
 
-/// What a reader knows that a report does not say.
+/// Values that a report does not contain and its reader supplies.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportReadOptions<'a> {
     /// The author of items that name no observer.
@@ -42,7 +42,7 @@ pub struct ReportReadOptions<'a> {
 pub struct ReadReport {
     /// In the order of the report; in the default set and in no list.
     pub items: Vec<Item>,
-    /// What is not in the items, in sentences.
+    /// Content that the items do not represent, as sentences.
     pub warnings: Vec<String>,
 }
 
@@ -53,14 +53,15 @@ pub(super) struct Node<'a> {
     charset: &'a Charset,
 }
 
-/// Warnings by what they say, with how often and where first.
+/// Warnings by their text, with their count and first place.
 #[derive(Default)]
 pub(super) struct Warnings(BTreeMap<&'static str, (usize, String)>);
 
 /// Reads the items of a report: Comprehensive 3D SR, or another one with measurement groups (TID 1410 or 1501).
 ///
 /// # Errors
-/// When it is no report, damaged, or larger than any is; when coordinates are not as many as their type has.
+/// When it is not a report, is damaged or too large, or has the wrong number of
+/// coordinates for its type.
 pub fn read_report(bytes: &[u8], options: &ReportReadOptions<'_>) -> Result<ReadReport, ReportError> {
     let data = whole::read(bytes, MOST_BYTES, BOUNDS, keep)?;
     let charset = Charset::of(&data);
@@ -254,7 +255,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Adds a sound item; a code that is none is left out.
+    /// Adds a sound item; an invalid code is left out.
     fn push(&mut self, mut item: Item, group: &Node<'_>, warnings: &mut Warnings) -> Result<(), ReportError> {
         if item.validate().is_err() && item.concept.take().is_some() {
             warnings
@@ -269,7 +270,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The person of the group, else of the report, else who reads it.
+    /// The person of the group, else of the report, else the importing user.
     fn author(&self, children: &[Node<'_>]) -> String {
         let own =
             children.iter().find(|child| child.is(PERSON_NAME)).map(|child| child.text(tags::PERSON_NAME));
@@ -292,7 +293,7 @@ impl Reader<'_> {
     }
 }
 
-/// What a group's item is called.
+/// The name of a group's item.
 fn name(tracking: &str, finding: Option<&str>) -> String {
     let is_tool = CORNERSTONE_TOOLS.iter().any(|tool| tracking.starts_with(tool));
     let candidates = if is_tool { [finding, None] } else { [Some(tracking), finding] };

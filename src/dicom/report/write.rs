@@ -15,7 +15,7 @@ use relief_annotation::{Item, ItemId, Timestamp};
 /// Most characters of one component group of a person's name.
 const NAME_CHARS: usize = 64;
 
-/// What a report says of itself.
+/// Descriptive values of a report.
 #[derive(Clone, Debug)]
 pub struct ReportWriteOptions {
     /// Series description; viewers list it. Nothing of the patient belongs here.
@@ -30,14 +30,14 @@ impl Default for ReportWriteOptions {
     }
 }
 
-/// A report as a file, and what is not in it.
+/// A report as a file, and its losses.
 #[derive(Debug)]
 pub struct WrittenReport {
     /// The file.
     pub bytes: Vec<u8>,
     /// Items that are not in it.
     pub left_out: Vec<LeftOut>,
-    /// What the items have that is not in it, in sentences.
+    /// Values of items that the report cannot represent, as sentences.
     pub notes: Vec<String>,
 }
 
@@ -121,7 +121,7 @@ fn root(series: &SeriesReference, frame_of_reference: &str, authors: &[&str], gr
     )
 }
 
-/// Everything but the content: who it is about, what it is, and what it is about.
+/// Everything except the content: patient, kind of object, and the referenced series.
 fn put_modules(
     report: &mut InMemDicomObject,
     series: &SeriesReference,
@@ -131,7 +131,7 @@ fn put_modules(
     series.put_patient_and_study(report);
     put_equipment(report);
     put(report, tags::SOP_CLASS_UID, VR::UI, uids::COMPREHENSIVE3_DSR_STORAGE);
-    // Who writes the same again gets the same object; whatever is in it makes another one.
+    // Equal content gives the same object UID; any difference gives another one.
     let made = options.made.to_string();
     let content = serde_json::to_string(items).unwrap_or_default();
     let parts = [series.series_uid(), &options.description, &made, &content];

@@ -1,5 +1,5 @@
-//! Annotations of Cornerstone in JSON, world mm in LPS: an array of them, `{"annotations": [...]}`, one alone, or the state that
-//! its manager saves, by frame of reference and tool.
+//! Annotations of Cornerstone in JSON, world mm in LPS: an array of them, `{"annotations": [...]}`,
+//! a single one, or the state that its manager saves, by frame of reference and tool.
 //!
 //! | item | tool |
 //! |---|---|

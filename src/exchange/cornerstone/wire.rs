@@ -66,7 +66,7 @@ pub(super) struct Handles {
     pub(super) text_box: TextBox,
 }
 
-/// Where the words of the statistics are: tools read it without asking whether it is there.
+/// Text positions of the statistics; tools read this key without checking that it exists.
 #[derive(Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct TextBox {

@@ -38,7 +38,8 @@ fn annotation(item: &Item) -> Option<Annotation> {
     let has_handles = tool != "PlanarFreehandROI";
     let points = geometry.points().iter().filter(|_| has_handles).map(|at| at.xyz.to_array()).collect();
     let normal = normal(geometry.points());
-    // What is up lies in the slice: to the front, as in axial slices, or else to the head.
+    // The up direction lies in the slice: towards the front, as in axial slices, or else towards
+    // the head.
     let up = [-DVec3::Y, DVec3::Z].into_iter().map(|up| up.reject_from_normalized(normal));
     let up = up.filter(|up| up.length() > 0.1).map(DVec3::normalize).next();
     let frame = item.frame_of_reference.as_ref().map(|frame| frame.0.clone());

@@ -98,7 +98,7 @@ pub(super) fn write(markup: &mut Markup, center: DVec3, normal: DVec3, x: DVec3,
     markup.center = Some(center.to_array());
     markup.normal = Some(normal.to_array());
     markup.orientation = Some([a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]);
-    // The first two rows turn round when Slicer reads LPS: what is the identity for it is this.
+    // Slicer negates the first two rows when it reads LPS: this matrix becomes its identity.
     let mut identity = [0.0; 16];
     (identity[0], identity[5], identity[10], identity[15]) = (-1.0, -1.0, 1.0, 1.0);
     markup.object_to_base = Some(identity);

@@ -166,7 +166,7 @@ fn read_points(
     Ok(())
 }
 
-/// What markups and points say besides: locks, visibility, colours, and what was Relief's own.
+/// Other values of markups and points: locks, visibility, colours, and Relief's own property.
 fn finish(
     reading: &mut Reading<'_>,
     place: &str,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::super::extra::Extra;
 
-/// What is written: an identifier, and no address that anything is at.
+/// The schema identifier that is written; it is not an address of a file.
 pub(super) const SCHEMA: &str = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/\
                                  Resources/Schema/markups-schema-v1.0.3.json#";
 
@@ -160,7 +160,7 @@ pub(super) struct Display {
     pub(super) visibility: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) color: Option<[f64; 3]>,
-    /// Points are selected unless somebody unselects them: this is what is seen.
+    /// Points are selected by default; unselected ones are hidden.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) selected_color: Option<[f64; 3]>,
 }
