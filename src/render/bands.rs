@@ -1,7 +1,9 @@
-//! A picture in bands of rows, submitted one after another, so that it can be ended when nobody waits for it any more.
+//! Bands of rows of a picture, submitted one after another, so that a render can be cancelled
+//! between them.
 //!
-//! Software adapters alone need more than one for pictures of usual sizes: they take seconds where graphics cards take
-//! milliseconds. Every pixel is computed as it would be in one dispatch, so bands change not one byte.
+//! Only software adapters need several for pictures of usual sizes: they take seconds where
+//! graphics cards take milliseconds. Every pixel is computed as in a single dispatch, so the bytes
+//! do not depend on the bands.
 
 use std::mem::offset_of;
 
@@ -42,12 +44,12 @@ impl Bands {
         }
     }
 
-    /// Bands of so many pixels, whatever their rays take.
+    /// Bands of the given number of pixels, whatever the length of their rays.
     pub(super) fn of_pixels(pixels: u32) -> Self {
         Self { pixels, samples: f64::INFINITY }
     }
 
-    /// For rays that may take so many samples each.
+    /// Bands for rays of at most the given number of samples.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -68,10 +70,10 @@ impl Bands {
     }
 }
 
-/// What all bands of a picture have in common.
+/// Values that all bands of a picture share.
 pub(super) struct Dispatch<'a> {
     pub(super) gpu: &'a Gpu,
-    /// What is made of the picture.
+    /// The stage that renders the picture.
     pub(super) region: Region,
     pub(super) bands: Bands,
     /// The stage's `Frame`, but for the row that a band begins at.
@@ -82,11 +84,12 @@ pub(super) struct Dispatch<'a> {
 }
 
 impl Dispatch<'_> {
-    /// Submits all bands, the last one with `finish` behind it, and asks after each that is done whether to go on. While
-    /// one is waited for, the next is there already, so that the adapter never waits. Returns before the last is done.
+    /// Submits all bands, the last one with `finish` behind it, and asks after each completed band
+    /// whether to continue. The next band is submitted before the present one ends, so that the
+    /// adapter never waits. Returns before the last band is done.
     ///
     /// # Errors
-    /// When the adapter refuses a command, or nobody waits for the picture any more.
+    /// When the adapter refuses a command, or the caller cancels.
     pub(super) fn submit(
         &self,
         mut finish: impl FnMut(&mut wgpu::CommandEncoder),

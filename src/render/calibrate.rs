@@ -12,7 +12,7 @@ pub(super) const CALIBRATE_SOURCES: [&str; 1] = [include_str!("../../shaders/cal
 pub(super) const SIDE: u32 = 320;
 pub(super) const STEPS: u32 = 192;
 
-/// Runs after one that is not counted; the fastest counts, as what the driver can do.
+/// Measured runs after a warm-up; the fastest counts, since it shows what the driver can do.
 const RUNS: usize = 5;
 
 /// Trilinear samples per second on this volume.

@@ -1,4 +1,4 @@
-//! A picture made larger: what a frame under a budget goes through before overlays are drawn.
+//! Enlarging a picture: frames under a budget are enlarged before overlays are drawn.
 //!
 //! Colour and coverage are interpolated bilinearly between the centres of pixels. Depth is that of the nearest pixel: a
 //! mean of two depths would hang in the air between two surfaces, where neither a display nor a pick may look.

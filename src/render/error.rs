@@ -1,4 +1,4 @@
-//! Why there is no picture: what was wrong with the request or the volume, or that the adapter failed.
+//! Errors of a render: an invalid request, an unsuitable volume, or a failure of the adapter.
 
 use super::request::RequestError;
 use crate::gpu::GpuError;
@@ -53,7 +53,7 @@ pub enum RenderError {
         /// The smallest factor that fits; `None` where none does.
         factor: Option<usize>,
     },
-    /// Whoever ordered the picture wants it no longer.
+    /// The caller cancelled the picture.
     #[error("the picture was cancelled")]
     Cancelled,
     /// The GPU failed.

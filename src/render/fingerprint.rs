@@ -1,10 +1,12 @@
 //! The stable form of a request: bytes that are equal where requests are, in every process and on every machine.
 //!
-//! What it is for: names of pictures, such as entity tags, on which two servers agree. What it is not: a form that can be read
-//! back; that is the JSON of `scene`. Every part is taken apart by its fields, so that a new one cannot be forgotten.
+//! Names of pictures, such as entity tags, on which two servers agree. The bytes cannot be decoded;
+//! the readable form is the JSON of `scene`. Every struct is destructured, so that the compiler
+//! reports a forgotten field.
 //!
-//! Numbers are little-endian, and -0 is 0; texts and lists begin with their length, choices with their name, and what may be
-//! missing with whether it is there. So no two different requests have the same bytes.
+//! Numbers are little-endian, and -0 is 0. Texts and lists begin with their length, enums with
+//! their name, and options with whether they are present. So two different requests have different
+//! bytes.
 
 use super::illumination::{Illumination, Occlusion};
 use super::labels::{Labels, Look};

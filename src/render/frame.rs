@@ -1,4 +1,4 @@
-//! What a render gives back: a picture with the view depth of every pixel, and the camera it was made with.
+//! The result of a render: a picture with the view depth of every pixel, and its camera.
 
 use relief_base::{DepthLimits, Patient, Point, View, ViewDepth};
 use relief_volume::Camera;
@@ -14,7 +14,8 @@ pub struct Timings {
     pub overlay_ms: f64,
 }
 
-/// What lies behind the first layer of a picture, as if that were not there: rule `two-layer`.
+/// The background layer of a picture, rendered as if the first layer did not exist: rule
+/// `two-layer`.
 #[derive(Clone, Debug)]
 pub struct BackLayer {
     /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is the coverage.
@@ -32,7 +33,7 @@ pub struct RenderedFrame {
     pub color_rgba: Vec<[u8; 4]>,
     /// Rows from the top. View depth in mm, `+inf` where the ray hit nothing.
     pub depth_mm: Vec<f32>,
-    /// What lies behind the first layer; `None` but for rule `two-layer`.
+    /// The background layer; `None` except for rule `two-layer`.
     pub back: Option<BackLayer>,
     /// The camera of the request.
     pub camera: Camera,

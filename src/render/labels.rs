@@ -1,8 +1,8 @@
 //! Segment-wise looks of a request: a label map, and for each of its segments transfer function, visibility and tint.
 //!
-//! What it is not: how samples look segments up, which is in `shaders/lib/labels.wgsl` and its twin. Modes that add up or
-//! look for surfaces have no segments: an isosurface runs along the edge of what was segmented, now on its one side and now
-//! on the other. Space: voxel index of the volume, on whose grid the map lies.
+//! Samples look segments up in `shaders/lib/labels.wgsl` and its twin. Modes that add values or
+//! look for surfaces have no segments: an isosurface at the edge of a segment would alternate
+//! between its two sides. Space: voxel index of the volume, whose grid the map shares.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use relief_volume::{Grid, LabelMap, TransferFunction};
 /// How one segment is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// Whether it is shown; what is not is as clear as air.
+    /// Whether it is visible; a hidden segment is transparent.
     pub visible: bool,
     /// Which transfer function: 0 for the request's own, else the one before this place in [`Labels::transfers`].
     pub transfer: usize,

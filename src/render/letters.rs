@@ -10,7 +10,8 @@ use relief_volume::EdgeLabels;
 /// Columns and rows of a letter.
 const GLYPH_PX: [i32; 2] = [5, 7];
 
-/// A letter's rows from the top, the leftmost column in bit 4; nothing for what is no letter of a direction.
+/// A letter's rows from the top, the leftmost column in bit 4; empty for characters that are not
+/// direction letters.
 fn glyph(letter: char) -> [u8; 7] {
     match letter {
         'A' => [0b01110, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
@@ -75,7 +76,7 @@ fn draw(frame: &mut RenderedFrame, rows: [u8; 7], [left, top]: [i32; 2], scale: 
     }
 }
 
-/// Sets a pixel; what is outside the picture is left out.
+/// Sets a pixel; pixels outside the picture are ignored.
 fn put(frame: &mut RenderedFrame, at: [i32; 2], color: [u8; 4], depth_mm: f32) {
     let [Ok(x), Ok(y)] = at.map(u32::try_from) else { return };
     if x < frame.size_px[0] && y < frame.size_px[1] {

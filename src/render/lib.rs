@@ -1,7 +1,8 @@
 //! The renderer: a [`RenderRequest`] and a volume become a [`RenderedFrame`] with colour and view depth.
 //!
-//! What it is: the passes on the GPU, overlays, the JSON form of requests, and [`render_reference`], an f64 counterpart of the shaders on
-//! the CPU. What it is not: display formats (see `relief_display`), queues and networks.
+//! The passes on the GPU, overlays, the JSON form of requests, and [`render_reference`], an f64
+//! counterpart of the shaders on the CPU. Display formats are in `relief_display`; queues and
+//! networks are elsewhere.
 //!
 //! Spaces: rays start in view space (mm) and sample in voxel indices. Depth is view depth in mm.
 //!

@@ -1,4 +1,4 @@
-//! Lights by name: what a page or a command line offers in place of placing each.
+//! Named sets of lights, for pages and the command line.
 //!
 //! All of them are in view space: they stay beside the viewer while the patient turns.
 
@@ -11,7 +11,7 @@ use relief_base::Vector;
 pub struct Lighting {
     /// The name in requests.
     pub name: &'static str,
-    /// What it is, for people.
+    /// Its description.
     pub purpose: &'static str,
     lights: &'static [DistantLight],
 }
@@ -20,7 +20,7 @@ pub struct Lighting {
 type DistantLight = ([f64; 3], [f64; 3], f64, f64);
 
 impl Lighting {
-    /// All of them; the first is what there is without any.
+    /// All sets; the first is the default.
     pub const ALL: [Self; 4] = [
         Self { name: "headlight", purpose: "a light at the eye, without shadows", lights: &[] },
         Self {

@@ -1,6 +1,6 @@
 //! How the samples of a ray become a colour: the modes, their names, and what each takes of a transfer function.
 //!
-//! What it is not: the modes' formulas, which are in `shaders/` and in `render::reference`.
+//! The modes' formulas are in `shaders/` and in `render::reference`.
 
 use serde::Deserialize;
 

@@ -1,4 +1,4 @@
-//! The ray-casting pipelines: one for each combination of mode, depth rule and shading that is asked for.
+//! The ray-casting pipelines: one for each requested combination of mode, depth rule and shading.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,8 @@ use super::request::{DepthRule, RenderRequest};
 use super::upload::VoxelFormat;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, GpuError};
 
-/// Where the transfer table is kept: what is quick to read differs between software drivers and graphics cards.
+/// The kind of buffer of the transfer table: which one is fast differs between software drivers and
+/// graphics cards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TableStorage {
     Uniform,
@@ -78,7 +79,7 @@ pub(super) const BINDINGS: [(u32, &str); 9] = [
 /// Pixels along each side of a workgroup's tile.
 pub(super) const WORKGROUP_SIDE: u32 = 8;
 
-/// What a pipeline is specialised for.
+/// The constants of a specialised pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct PipelineKey {
     mode: Mode,
@@ -95,7 +96,7 @@ pub(super) struct PipelineKey {
     variant: Variant,
 }
 
-/// What a pipeline is specialised for beside the request.
+/// The constants of a specialised pipeline besides the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     pub(super) output: Output,
@@ -104,7 +105,7 @@ pub(super) struct Variant {
     pub(super) mostly_visible: bool,
 }
 
-/// What a ray writes beside its colour.
+/// The outputs of a ray besides its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Output {
     /// View depth, mm.
@@ -135,7 +136,8 @@ impl PipelineKey {
         }
     }
 
-    /// In mode composite alone: others fetch no gradient with a sample, and a pre-integrated one not at its places.
+    /// Only in mode composite: other modes fetch no gradient with a sample, and a pre-integrated
+    /// sample has other positions.
     fn fetch_together(self) -> bool {
         let may = self.mode == Mode::Composite && self.classification == Classification::Sampled;
         may && self.shaded && self.variant.precomputed_gradients && self.variant.mostly_visible
@@ -229,7 +231,7 @@ impl Pipelines {
     }
 }
 
-/// What the resources of [`BINDINGS`] are, in their order.
+/// The resources of [`BINDINGS`], in their order.
 pub(super) fn binding_types(table: TableStorage) -> [wgpu::BindingType; BINDINGS.len()] {
     use wgpu::{BindingType, BufferBindingType, SamplerBindingType, TextureSampleType, TextureViewDimension};
     let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };

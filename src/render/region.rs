@@ -1,7 +1,7 @@
 //! The part of a picture in which rays can hit anything: beside it the background shows, and no ray is cast.
 //!
-//! Spaces: pixels, rows from the top. It is found from a box about what may be visible, in patient mm, and is never too small:
-//! a picture is the same with it as without.
+//! Spaces: pixels, rows from the top. The region is computed from a box around the possibly visible
+//! voxels, in patient mm, and is never too small: the picture is the same without it.
 
 use super::mode::Mode;
 use super::pipelines::WORKGROUP_SIDE;
@@ -41,7 +41,7 @@ impl Region {
         }
     }
 
-    /// What a box with these corners can be seen in.
+    /// The region of the picture in which a box with these corners can be visible.
     fn of_corners(corners: &[Point<Patient>; 8], camera: &Camera, size_px: [u32; 2]) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for corner in corners {

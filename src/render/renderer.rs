@@ -1,4 +1,4 @@
-//! The renderer: owns the device, keeps what is uploaded, casts rays and brings the picture back.
+//! The renderer: owns the device, caches uploads, casts rays and reads the picture back.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -53,7 +53,7 @@ pub struct Renderer {
 /// Where the rays of a picture of some size write.
 struct Target {
     pixels: usize,
-    /// What was cast of the last picture.
+    /// Statistics of the last picture.
     region: Region,
     color: Readback,
     depth: Readback,
@@ -119,15 +119,15 @@ impl Renderer {
         self.store.limits = VolumeLimits { side, bricks, texture_bytes, ..limits };
     }
 
-    /// What is kept on the adapter.
+    /// The cached data on the adapter.
     #[must_use]
     pub fn memory(&self) -> MemoryUse {
         self.store.memory()
     }
 
-    /// Cuts pictures into bands of about so many pixels, whole rows of tiles at least; between bands a picture can be
-    /// cancelled. The bytes are the same whatever the bands. Unless told, software adapters have 2^15 for each core, others
-    /// 2^22, and fewer where rays are long.
+    /// Sets the approximate number of pixels of a band, at least a whole row of tiles; a picture
+    /// can be cancelled between bands. The bytes do not depend on it. By default, software adapters
+    /// have 2^15 for each core, others 2^22, and fewer where rays are long.
     pub fn set_band_pixels(&mut self, pixels: u32) {
         self.bands = Bands::of_pixels(pixels);
     }
@@ -140,8 +140,9 @@ impl Renderer {
         self.render_with(volume, request, Skipping::On)
     }
 
-    /// As [`Renderer::render`]; `goes_on` is told after every band, and pass of mode path-traced, how far the picture is,
-    /// and may end it. Work that the adapter has already, a band at most, is finished all the same.
+    /// Like [`Renderer::render`]. Calls `goes_on` with the progress after every band, and after
+    /// every pass of mode path-traced; it may cancel the picture. Submitted work, at most a band,
+    /// is finished nevertheless.
     ///
     /// # Errors
     /// As [`Renderer::render`], and [`RenderError::Cancelled`] when `goes_on` breaks off.
@@ -218,7 +219,7 @@ impl Renderer {
         Ok(frame)
     }
 
-    /// The picture of the volume alone: nothing is drawn over it.
+    /// The picture of the volume without overlays.
     fn rays(
         &mut self,
         volume: &Volume,
@@ -316,7 +317,7 @@ impl Renderer {
         Ok(super::calibrate::sampling_rate(&self.gpu, &self.store.volume().view, &self.sampler)?)
     }
 
-    /// Frees what is kept of a volume: its voxels and the appearances made for it.
+    /// Frees the data of a volume: its voxels and its appearances.
     pub fn forget(&mut self, volume: ContentHash) {
         self.store.forget(volume);
         self.illuminator.forget(&self.gpu, volume);
@@ -325,7 +326,8 @@ impl Renderer {
         }
     }
 
-    /// Uploads what is missing and submits the rays; gives the start of the render and the upload's time in ms.
+    /// Uploads missing data and submits the rays; returns the start of the render and the upload's
+    /// time in ms.
     fn cast(
         &mut self,
         volume: &Volume,
@@ -450,7 +452,7 @@ impl Renderer {
     }
 }
 
-/// How many pictures a request gives: the first layer, and what lies behind it.
+/// The number of pictures of a request: the first layer, and the background layer.
 fn layers(request: &RenderRequest) -> usize {
     if request.has_back_layer() { 2 } else { 1 }
 }

@@ -44,7 +44,7 @@ impl Shading {
     }
 }
 
-/// A half-space: what lies on the side that `normal` points to is kept.
+/// A half-space: the side that `normal` points to is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipPlane {
     /// A point of the plane.
@@ -67,12 +67,14 @@ impl ClipSphere {
     pub const RADIUS_MM: std::ops::RangeInclusive<f64> = 0.01..=10_000.0;
 }
 
-/// The part of the volume that is shown: what all planes keep, but for the inside of the sphere.
+/// The visible part of the volume: the intersection of all half-spaces, minus the inside of the
+/// sphere.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     /// At most [`Clip::MAX_PLANES`]; the six faces of a clip box count among them.
     pub planes: Vec<ClipPlane>,
-    /// What is cut away, such as what lies around a cursor. Neither this nor planes cost a rebuild of anything.
+    /// The part that is cut away, such as the surroundings of a cursor. Neither this nor planes
+    /// require any rebuild.
     pub sphere: Option<ClipSphere>,
 }
 
@@ -112,8 +114,8 @@ pub struct RenderRequest {
     pub shading: Shading,
     /// Distance between samples along a ray, mm.
     pub sample_distance_mm: f64,
-    /// Thickness of a slice's slab, half of it on each side of the plane, mm; 0 is the plane alone, and what other
-    /// modes have.
+    /// Thickness of a slice's slab, half of it on each side of the plane, mm; 0 is a plane, and the
+    /// only value for other modes.
     pub slab_mm: f64,
     /// Whether a slice's picture has the patient directions at its edges burnt in.
     pub letters: bool,
@@ -125,7 +127,7 @@ pub struct RenderRequest {
     pub labels: Option<Arc<Labels>>,
     /// Display-referred sRGB, 0..1, behind everything.
     pub background_rgb: [f64; 3],
-    /// What is drawn over the picture, in the same depth. Shared, as it may be large.
+    /// The overlays of the picture, in the same depth. Shared, since they may be large.
     pub overlays: Arc<Overlays>,
     /// At most [`Light::MAX`], for modes composite, isosurface and path-traced. Without any the first two have the headlight.
     pub lights: Vec<Light>,
@@ -135,7 +137,7 @@ pub struct RenderRequest {
     pub path_trace: PathTrace,
 }
 
-/// A part of a request that is out of range: where, what, and what it may be.
+/// A value of a request that is out of range: its path, the value and the permitted values.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{path} is {found}, allowed: {allowed}")]
 pub struct RequestError {
@@ -274,7 +276,7 @@ impl RenderRequest {
         matches!(self.mode, Mode::Composite | Mode::PathTraced) && self.depth.has_back_layer()
     }
 
-    /// Whether rays are lit otherwise than by the headlight alone: by placed lights, or less for their surroundings.
+    /// Whether rays are lit by more than the headlight: by placed lights, or with occlusion.
     #[must_use]
     pub fn has_own_light(&self) -> bool {
         let has_light = matches!(self.mode, Mode::Composite | Mode::Isosurface);

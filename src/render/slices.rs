@@ -23,7 +23,7 @@ pub(super) const SLAB_BINDING: (u32, &str) = (9, "slab");
 /// Where the samples of a slab lie: on its plane and in pairs before and behind it, from face to face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SlabSamples {
-    /// Distance between neighbours, mm: at most the request's sample distance; 0 for a plane alone.
+    /// Distance between neighbours, mm: at most the request's sample distance; 0 for a plane.
     pub(super) spacing_mm: f64,
     /// Samples on each side of the plane.
     pub(super) pairs: u32,
@@ -39,7 +39,7 @@ impl SlabSamples {
     }
 }
 
-/// The Rust mirror of `struct Slab` in `shaders/slice.wgsl`; meanings and units are there.
+/// The Rust mirror of `struct Slab` in `shaders/slice.wgsl`, which defines meanings and units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct SlabUniform {
@@ -60,7 +60,7 @@ impl SlabUniform {
     }
 }
 
-/// What a pipeline is specialised for.
+/// The constants of a specialised pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct SliceKey {
     blend: SlabBlend,

@@ -1,8 +1,10 @@
-//! What is kept on the adapter: volumes and their appearances, within a limit of bytes, the least recently used first out.
+//! The cache on the adapter: volumes and their appearances, within a limit of bytes, with eviction
+//! of the least recently used.
 //!
-//! Voxels, gradients, label maps, transfer tables and maps of empty space count. Pictures do not, nor does the one medium of the path
-//! tracer: their sizes are bounded by the request's. What a volume takes is known from its dimensions, so one that
-//! cannot fit is refused before anything is allocated for it.
+//! Voxels, gradients, label maps, transfer tables and maps of empty space count towards the limit.
+//! Pictures and the one medium of the path tracer do not: the request's limits bound their sizes.
+//! The dimensions of a volume give its required memory, so a volume that cannot fit is refused
+//! before any allocation.
 
 use super::error::RenderError;
 use super::label_maps::LabelMaps;
@@ -17,7 +19,7 @@ const KEPT_APPEARANCES: usize = 16;
 /// Bytes of a transfer table: a uniform has room for the longest.
 const TABLE_BYTES: u64 = (size_of::<[f32; 4]>() * TransferTable::MAX_ENTRIES) as u64;
 
-/// What a volume may need of an adapter.
+/// The requirements of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VolumeLimits {
     /// Most voxels along a side.
@@ -32,7 +34,7 @@ pub struct VolumeLimits {
     pub bricks: u64,
 }
 
-/// What a volume takes on an adapter.
+/// The memory of a volume on an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VolumePlan {
     /// Bytes of voxels.
@@ -48,9 +50,9 @@ pub struct VolumePlan {
 }
 
 impl VolumeLimits {
-    /// Bytes that volumes may take together unless told otherwise.
+    /// Default limit of all volumes together, bytes.
     pub const MEMORY_BYTES: u64 = 4 << 30;
-    /// Bytes of gradients of one volume unless told otherwise: 2^27 voxels.
+    /// Default limit of the gradients of one volume, bytes: 2^27 voxels.
     pub const GRADIENT_BYTES: u64 = 1 << 30;
     /// Bricks are numbered in 32-bit floats, which tell whole numbers apart up to here.
     pub const BRICKS: u64 = 1 << 24;
@@ -73,11 +75,12 @@ impl VolumeLimits {
         }
     }
 
-    /// What a volume of these dimensions takes.
+    /// The memory of a volume of these dimensions.
     ///
     /// # Errors
-    /// When a side is longer or a texture larger than the adapter takes, or voxels alone need more memory than there may
-    /// be; with what is needed, what is available, and the factor of a downsampled volume that fits.
+    /// When a side is longer or a texture larger than the adapter supports, or the voxels
+    /// alone exceed the memory limit; with the required and the available memory, and the factor of
+    /// a downsampled volume that fits.
     pub fn plan(&self, dims: [usize; 3]) -> Result<VolumePlan, RenderError> {
         let longest = dims.into_iter().max().unwrap_or(0);
         if longest > self.side {
@@ -135,10 +138,10 @@ impl VolumePlan {
     }
 }
 
-/// What is kept on an adapter, and what went up and out since the start.
+/// The cached data on an adapter, and counts of uploads and evictions since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
-    /// Volumes that are there.
+    /// Cached volumes.
     pub volumes: usize,
     /// Bytes that they and their appearances take.
     pub used_bytes: u64,
@@ -237,7 +240,7 @@ impl Store {
             self.evict_first();
         }
         if self.evictions > evicted {
-            // What is dropped is freed when the device has nothing more to do with it.
+            // Dropped data is freed when the device no longer uses it.
             gpu.wait("freeing memory")?;
         }
         self.volumes.push(VolumeOnGpu::upload(gpu, volume, self.format, plan)?);
@@ -266,7 +269,7 @@ impl Store {
         Ok(true)
     }
 
-    /// Frees what is kept of a volume.
+    /// Frees the data of a volume.
     pub(super) fn forget(&mut self, volume: ContentHash) {
         self.volumes.retain(|known| known.hash != volume);
         self.label_maps.forget(volume);

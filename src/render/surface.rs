@@ -1,6 +1,7 @@
 //! Isosurfaces of a request: at which values, in which colours, how opaque.
 //!
-//! What it is not: how rays meet them, which is in `shaders/raycast/isosurface.wgsl` and its twin. Values in HU.
+//! The intersection of rays with surfaces is in `shaders/raycast/isosurface.wgsl` and its twin.
+//! Values in HU.
 
 use super::mode::Mode;
 use super::request::RequestError;
@@ -52,7 +53,8 @@ impl Surface {
     }
 }
 
-/// The value at which opacity first reaches half of its largest: the middle of a window, the edge of what a preset shows.
+/// The value at which opacity first reaches half of its maximum: the middle of a window, the
+/// visible edge of a preset.
 pub(super) fn usual_hu(transfer: &TransferFunction) -> f64 {
     let points = transfer.points();
     let half = 0.5 * points.iter().map(|point| point.rgba[3]).fold(0.0, f64::max);

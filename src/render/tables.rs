@@ -57,7 +57,7 @@ impl Tables {
         look.transfer.checked_sub(1).map_or(&self.own, |at| &self.others[at])
     }
 
-    /// What the shader's buffer holds.
+    /// The content of the shader's buffer.
     #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
     pub(super) fn buffer(&self) -> Vec<[f32; 4]> {
         let mut buffer = self.own.buffer();
@@ -107,8 +107,8 @@ impl Tables {
         is_of_interest(request, &self.own, low_hu, high_hu)
     }
 
-    /// The same of a brick whose shown segments look up these tables. What is invisible in a segment may still be the
-    /// largest value of a ray, so a projection asks all tables.
+    /// The same for a brick whose visible segments use these tables. A value that is invisible in a
+    /// segment may still be the largest of a ray, so a projection considers all tables.
     pub(super) fn is_of_interest_in(
         &self,
         request: &RenderRequest,
@@ -186,7 +186,7 @@ mod tests {
         labels.transfers = vec![preset("skin").unwrap().transfer()];
         request.labels = Some(Arc::new(labels));
         let tables = Tables::new(&request);
-        // The request's own is bone: 40 HU are visible as skin alone.
+        // The request's own preset is bone: 40 HU are visible only as skin.
         let of = |request: &RenderRequest, places: &[u16]| {
             tables.is_of_interest_in(request, tables.set_of(places), 0.0, 40.0)
         };

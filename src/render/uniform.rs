@@ -12,7 +12,7 @@ use super::upload::Appearance;
 use relief_base::{Transform, View, Voxel};
 use relief_volume::{Camera, Grid, Projection, Volume};
 
-/// One frame's parameters as the shader has them; meanings and units are there.
+/// The parameters of one frame, in the shader's layout; the shader defines meanings and units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct FrameUniform {

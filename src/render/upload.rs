@@ -1,4 +1,4 @@
-//! Volumes and appearances on the GPU: what goes up, once for each content.
+//! Volumes and appearances on the GPU: uploads, once for each content.
 
 use std::sync::Arc;
 
@@ -76,8 +76,8 @@ pub(super) struct VolumeOnGpu {
     pub(super) plan: VolumePlan,
     format: VoxelFormat,
     pub(super) bricks: BrickRanges,
-    /// Smaller ones of a small volume, for composite pictures of sampled values alone: what skips by others counts on bricks that
-    /// are longer than its steps.
+    /// Smaller bricks for a small volume, only for composite pictures of sampled values: other ways
+    /// of skipping need bricks that are longer than their steps.
     fine_bricks: Option<BrickRanges>,
 }
 
@@ -251,7 +251,7 @@ fn is_mostly_visible(bricks: &BrickRanges, table: &TransferTable, stored: impl F
     2 * whole > shown && 512f32.ln() > RUN * -(1.0 - usual).ln()
 }
 
-/// How far it is to what a request shows.
+/// Distances to visible voxels for a request.
 fn distance_map(
     volume: &VolumeOnGpu,
     segments: Option<&BrickLabels>,

@@ -1,4 +1,4 @@
-//! Pictures in the making: how far they are, and whether anybody still waits for them.
+//! Progress and cancellation of a picture in progress.
 
 use std::ops::ControlFlow;
 
@@ -15,7 +15,7 @@ pub struct Progress {
     pub continued: u32,
 }
 
-/// Follows one picture: counts what is done, and asks after every band whether to go on.
+/// Follows one picture: counts completed work, and asks after every band whether to continue.
 pub(super) struct Watch<'a> {
     progress: Progress,
     goes_on: &'a mut dyn FnMut(Progress) -> ControlFlow<()>,

@@ -19,9 +19,9 @@ pub enum GpuError {
         if available.is_empty() { "none".to_owned() } else { available.join(", ") }
     )]
     NoAdapter {
-        /// What was asked for.
+        /// The requested name or driver.
         wanted: AdapterChoice,
-        /// What there is.
+        /// The available adapters.
         available: Vec<String>,
     },
     /// The driver refused to open the device.
@@ -35,13 +35,13 @@ pub enum GpuError {
     /// An allocation failed.
     #[error("the adapter does not have enough memory for {what}")]
     OutOfMemory {
-        /// What was to be stored.
+        /// The resource.
         what: &'static str,
     },
     /// A command was refused: a defect of this program.
     #[error("the adapter refused {what}: {reason}")]
     Refused {
-        /// What was to be done.
+        /// The operation.
         what: &'static str,
         /// The validation message.
         reason: String,
@@ -49,14 +49,14 @@ pub enum GpuError {
     /// The device did not answer.
     #[error("the adapter did not finish {what}: {reason}")]
     Stalled {
-        /// What was to be done.
+        /// The operation.
         what: &'static str,
         /// The driver's words.
         reason: String,
     },
 }
 
-/// What an adapter can hold.
+/// The limits of an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct GpuLimits {
     /// Largest side of a 3D texture, voxels.
@@ -80,7 +80,7 @@ impl Gpu {
     /// Opens the adapter of this choice.
     ///
     /// # Errors
-    /// When there is none, or its driver refuses.
+    /// When there is no such adapter, or its driver refuses.
     pub fn open(choice: &AdapterChoice) -> Result<Self, GpuError> {
         let adapter = choose(choice)?;
         let description = AdapterDescription::of(&adapter);
@@ -113,7 +113,7 @@ impl Gpu {
         &self.description
     }
 
-    /// What the adapter can hold.
+    /// The limits of the adapter.
     #[must_use]
     pub fn limits(&self) -> GpuLimits {
         self.limits

@@ -1,7 +1,7 @@
 //! The GPU: adapter choice, device, shader modules, read-back, and errors as values.
 //!
-//! What it is: the one place that opens a device and asks it for memory. What it is not: it knows no volume, no
-//! camera and no picture (see `render`).
+//! Only this module opens a device and allocates its memory. It has no volume, camera or picture
+//! (see `render`).
 
 mod adapter;
 mod device;

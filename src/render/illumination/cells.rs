@@ -1,6 +1,7 @@
 //! The grid of cells over a volume, and the directions in which a cell looks.
 //!
-//! Shared by the GPU path and the f64 twin: it says where is looked, not what is seen. Voxel index; mm.
+//! Shared by the GPU path and the f64 twin: it defines sample positions, not their values. Voxel
+//! index; mm.
 
 use std::f64::consts::PI;
 
@@ -54,8 +55,8 @@ impl Cells {
         (0.5 * self.edge_mm).min(2.0 * self.finest_mm)
     }
 
-    /// Distance between samples of openness within a radius, mm: fewer, as many directions make up for what one misses. A
-    /// step stays within a brick.
+    /// Distance between samples of openness within a radius, mm. Few samples suffice, since other
+    /// directions compensate for what one direction misses. A step stays within a brick.
     pub(crate) fn openness_step_mm(&self, radius_mm: f64) -> f64 {
         self.shadow_step_mm().max(radius_mm / 8.0).min(3.0 * self.finest_mm)
     }

@@ -31,7 +31,7 @@ const KEPT: usize = 4;
 /// Cells of one dispatch: short enough for drivers that stop long ones.
 const CELLS_OF_DISPATCH: usize = 1 << 18;
 
-/// What is lit, and with what.
+/// The lit volume and its lights.
 #[derive(Clone, Copy)]
 pub(crate) struct Order<'a> {
     pub(crate) gpu: &'a Gpu,
@@ -43,7 +43,7 @@ pub(crate) struct Order<'a> {
     pub(crate) request: &'a RenderRequest,
 }
 
-/// What is sought in each cell.
+/// The quantity that is computed for each cell.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Sought {
     /// The share of each light that reaches it: where the light is, and the angle that it fills in radians.
@@ -120,7 +120,7 @@ impl Illuminator {
         &self.bindings
     }
 
-    /// Lets go of what is kept of a volume.
+    /// Releases the cells of a volume.
     pub(crate) fn forget(&mut self, gpu: &Gpu, volume: ContentHash) {
         self.bindings = bind(gpu, &self.layout, &self.lighting, [&self.nothing, &self.nothing]);
         self.kept.retain(|filling| filling.key.volume != volume);
@@ -206,7 +206,7 @@ impl Illuminator {
     }
 }
 
-/// What the rays of a request look up: shadows, openness.
+/// The textures that the rays of a request read: shadows, openness.
 fn sought(request: &RenderRequest) -> [Option<Sought>; 2] {
     let lights = || request.lights.iter().map(|light| (light.in_patient(&request.camera), light.size));
     let Occlusion { strength, radius_mm } = request.illumination.occlusion;
@@ -216,7 +216,8 @@ fn sought(request: &RenderRequest) -> [Option<Sought>; 2] {
     ]
 }
 
-/// The request with a camera that the volume alone decides: cells must not depend on who looked first.
+/// The request with a camera that depends only on the volume: cells must not depend on the first
+/// view.
 fn steady_request(request: &RenderRequest, grid: &Grid, step_mm: f64) -> Result<RenderRequest, RequestError> {
     let radius_mm = grid.bounding_radius_mm();
     let eye = grid.center() + Vector::new(0.0, -2.0 * radius_mm, 0.0);
@@ -231,7 +232,7 @@ fn layers_at_once([nx, ny, _]: [usize; 3]) -> u32 {
     u32::try_from(layers).unwrap_or(u32::MAX).max(1)
 }
 
-/// What a filling needs beside what the volume and its appearance have.
+/// The parameters of a filling besides the volume and its appearance.
 struct Buffers {
     frame: wgpu::Buffer,
     illumination: wgpu::Buffer,

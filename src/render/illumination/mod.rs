@@ -1,13 +1,15 @@
 //! Placed lights, shadows and occlusion of the ray-cast modes.
 //!
-//! What it is: [`Illumination`], the settings; cells of a coarse grid over the volume, each with the share of each
-//! light that reaches it and the share of all directions that is open around it, filled on the GPU; and the uniform
-//! by which rays light their samples. What it is not: light of mode path-traced, which follows its own paths.
+//! [`Illumination`] holds the settings. A coarse grid over the volume has cells; each stores the
+//! share of each light that reaches it, and the share of directions that are open around it. The
+//! GPU fills the cells, and rays light their samples by them through a uniform. Mode path-traced
+//! does not use this; its light follows its own paths.
 //!
 //! Cells are filled once for a volume, a transfer function or surfaces, a clip, and what light comes from, all in
 //! patient space. A light in view space turns with the camera, so its cells are filled anew when that turns.
 //!
-//! Spaces: patient mm, voxel index, start space (see `shaders/lib/frame.wgsl`) of a camera that the volume alone decides.
+//! Spaces: patient mm, voxel index, start space (see `shaders/lib/frame.wgsl`) of a camera that
+//! depends only on the volume.
 
 mod cells;
 mod illuminator;

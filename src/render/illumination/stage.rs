@@ -45,7 +45,7 @@ pub(super) const CELL_BINDINGS: [(u32, u32, &str); 9] = [
 pub(super) const LIGHTING_BINDINGS: [(u32, &str); 3] =
     [(0, "lighting"), (1, "shadow_cells"), (2, "open_cells")];
 
-/// What a pipeline is specialised for.
+/// The constants of a specialised pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct StageKey {
     openness: bool,

@@ -101,7 +101,8 @@ pub(super) struct IlluminationUniform {
 
 #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl IlluminationUniform {
-    /// What is sought in the cells of a grid, in the start space of `request`'s camera; bricks have `brick_edge` voxels.
+    /// The parameters for the cells of a grid, in the start space of `request`'s camera; bricks
+    /// have `brick_edge` voxels.
     pub(super) fn new(
         request: &RenderRequest,
         grid: &Grid,

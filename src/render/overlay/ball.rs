@@ -1,8 +1,8 @@
 //! Balls: outlines and depths, exact in both projections.
 //!
-//! The rays through a line of sample points lie in a plane, and what a ball has of a plane is a disc. So a ball covers an interval
-//! of each line, in closed form (see [`Outline`]): sixteen roots give the sample points of a whole row of pixels, and none is asked
-//! by itself.
+//! The rays through a line of sample points lie in a plane, and the intersection of a ball with a
+//! plane is a disc. So a ball covers an interval of each line, in closed form (see [`Outline`]).
+//! Sixteen roots give the sample points of a whole row of pixels, without a test of each point.
 //!
 //! Places are in view space as of `lens`, mm; depth is view depth in mm.
 
@@ -81,7 +81,7 @@ impl Ball {
         self.center.z - self.radius_mm
     }
 
-    /// Draws what lies in the band, wherever something of it may be seen.
+    /// Draws the part in the band, wherever it may be visible.
     pub(super) fn draw(&self, primitive: &Primitive, lens: &Lens, band: &mut Band<'_>) {
         let [left, top, right, bottom] = self.bounds;
         let ([first, end], columns) = (pixels(top, bottom, band.rows), pixels(left, right, [0, band.width]));

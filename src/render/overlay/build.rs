@@ -17,7 +17,7 @@ use relief_volume::Grid;
 const BOX_RGB: [f64; 3] = [0.95, 0.8, 0.35];
 const BOX_WIDTH_PX: f64 = 2.0;
 
-/// Straight parts of a smooth curve's spans: so many together, and of each at least and at most.
+/// Segments of a smooth curve: the total of its spans, and the minimum and maximum of each span.
 const PARTS: usize = 20_000;
 const PARTS_OF_SPAN: [usize; 2] = [4, 32];
 

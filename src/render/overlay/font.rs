@@ -35,7 +35,7 @@ pub(super) struct Glyph {
 pub(super) fn glyph(character: char) -> &'static Glyph {
     static FONT: LazyLock<BTreeMap<char, Glyph>> = LazyLock::new(font);
     static MISSING: LazyLock<Glyph> = LazyLock::new(|| Glyph::new("0,0 0,12 7,12 7,0 0,0"));
-    /// Those that are asked for most, at their places.
+    /// The most frequent characters, at their indices.
     static ASCII: LazyLock<[&Glyph; 128]> = LazyLock::new(|| {
         std::array::from_fn(|code| u8::try_from(code).map_or(&*MISSING, |code| find(char::from(code))))
     });

@@ -31,7 +31,7 @@ const BAR_RGB: [f64; 3] = [1.0; 3];
 /// The longest scale bar as a share of the picture's width.
 const BAR_SHARE: f64 = 0.25;
 
-/// A face of the cube: what lies there, outwards and upwards in patient directions, and its colour.
+/// A face of the cube: its outward and upward patient directions, and its colour.
 struct Face {
     letter: char,
     outwards: DVec3,

@@ -1,4 +1,4 @@
-//! What is drawn over a picture: items in patient mm, and the instruments that follow the camera.
+//! Overlay items in patient mm, and the instruments that follow the camera.
 //!
 //! These are the values of a request. How they become pixels is in the modules beside; their JSON is in `scene`.
 
@@ -19,13 +19,14 @@ pub struct Overlays {
     pub orientation_cube: bool,
     /// A bar of a round length in the lower left corner, true at the depth of the focal point.
     pub scale_bar: bool,
-    /// Height of the capitals of labels, px; a share of the picture's height where there is none.
+    /// Height of the capitals of labels, px; a fraction of the picture's height by default.
     pub label_height_px: Option<u32>,
-    /// Between which view depths labels are shown, mm; each at its ball's where there are none. What hides them, and what
-    /// they hide, their ball's depth decides as ever: displays that shift pixels by their depth blur words far from the
-    /// screen.
+    /// Range of view depths in which labels are shown, mm; by default each label has its ball's
+    /// depth. Displays that shift pixels by their depth blur words far from the screen. Occlusion
+    /// still uses the ball's depth.
     pub label_depths_mm: Option<[f64; 2]>,
-    /// Opacity of what lies behind the volume's surface, 0..1: 0 hides it, 1 shows it as if nothing were before it.
+    /// Opacity of parts behind the volume's surface, 0..1: 0 hides them, 1 shows them as if nothing
+    /// were in front.
     pub occluded: f64,
 }
 
@@ -112,7 +113,7 @@ pub struct Text {
     pub at: Point<Patient>,
     /// One line. Characters that the font does not have are drawn as boxes.
     pub text: String,
-    /// Height of capitals, 12..96 px; a share of the picture's height where there is none.
+    /// Height of capitals, 12..96 px; a fraction of the picture's height by default.
     pub height_px: Option<u32>,
     /// Display-referred sRGB, 0..1.
     pub rgb: [f64; 3],
@@ -145,7 +146,7 @@ impl Overlays {
     pub const MAX_LINE: usize = 120;
     /// Most characters of all texts and labels of a request together.
     pub const MAX_CHARACTERS: usize = 100_000;
-    /// What can be switched on by a name, with `--overlay` and in a query, and its key in the JSON form.
+    /// Instruments with their name in `--overlay` and queries, and their key in the JSON form.
     pub const SWITCHES: [(&str, &str); 3] =
         [("bounding-box", "bounding_box"), ("cube", "orientation_cube"), ("scale-bar", "scale_bar")];
     /// Opacity of hidden parts where a request says nothing.

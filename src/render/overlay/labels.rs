@@ -26,7 +26,8 @@ const GAPS: [f64; 3] = [0.55, 1.4, 2.8];
 const SIDES: [(f64, f64); 8] =
     [(1.0, 0.0), (-1.0, 0.0), (0.7, -0.7), (0.7, 0.7), (-0.7, -0.7), (-0.7, 0.7), (0.0, -1.0), (0.0, 1.0)];
 
-/// A picture is full when so many labels in a row found no place: the ones behind are not tried.
+/// The picture counts as full after this number of labels in a row without a place: labels behind
+/// them are not tried.
 const FULL_AFTER: usize = 1000;
 
 const TEXT_RGB: [f64; 3] = [1.0; 3];
@@ -148,7 +149,7 @@ impl Label<'_> {
     }
 }
 
-/// What a part of a picture has.
+/// Occupancy of a part of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Has {
     Nothing,
@@ -158,7 +159,7 @@ enum Has {
     Labels,
 }
 
-/// What the parts of a picture have.
+/// Occupancy of all parts of a picture.
 struct Taken {
     balls: Marks,
     labels: Marks,
@@ -170,7 +171,8 @@ struct Taken {
 /// Which parts of a picture are marked: a bit for each, in rows of whole words.
 struct Marks {
     cells: Vec<u64>,
-    /// For each cell whether it or one of those below it is marked, as many as every label is high: one look for most of a label.
+    /// For each cell whether it or one of the cells below it, within the height of a label, is
+    /// marked: one lookup tests most of a label.
     below: Vec<u64>,
     /// Words of a row.
     stride: usize,
@@ -239,7 +241,7 @@ impl Taken {
         Cells { words: left / 64..right.div_ceil(64), columns: left..right, rows: top..bottom }
     }
 
-    /// The most of what a label's box touches; `None` where it does not lie within the picture.
+    /// The highest priority that a label's box touches; `None` where the box leaves the picture.
     fn most_in(&self, corners: [DVec2; 2]) -> Option<Has> {
         let [low, high] = corners;
         if low.min_element() < 0.0 || !high.cmple(self.size_px).all() {

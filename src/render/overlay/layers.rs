@@ -1,7 +1,8 @@
 //! What overlays put into the pixels of a band of rows, sorted by depth, and how a pixel becomes one colour and depth.
 //!
-//! A pixel has 16 sample points. A fragment is what one primitive has in one pixel: which of the points it covers, and
-//! one depth and colour for them all. Colours are 0..255 in display-referred sRGB; depth is view depth in mm.
+//! A pixel has 16 sample points. A fragment is the part of one primitive in one pixel: the covered
+//! points, and one depth and colour for all of them. Colours are 0..255 in display-referred sRGB;
+//! depth is view depth in mm.
 
 use glam::DVec2;
 
@@ -63,7 +64,7 @@ impl Fragment {
         self.points == FULL && self.opacity >= 1.0
     }
 
-    /// The depth from which on it hides what is of the scene.
+    /// The scene is hidden beyond this depth.
     fn wall_mm(&self) -> f32 {
         if self.rank == Rank::Instrument { f32::NEG_INFINITY } else { self.depth_mm }
     }
@@ -93,10 +94,10 @@ impl Fragment {
 /// No fragment.
 const NONE: u32 = u32::MAX;
 
-/// What a band has of a pixel.
+/// A pixel of a band.
 #[derive(Clone, Copy, Debug)]
 struct Pixel {
-    /// Its nearest fragment; [`NONE`] where there is none.
+    /// Its nearest fragment; [`NONE`] for an empty pixel.
     first: u32,
     /// How many there are.
     count: u32,
@@ -166,7 +167,8 @@ impl<'a> Band<'a> {
         rank == Rank::Scene && pixels.iter().all(|pixel| pixel.wall_mm <= mm)
     }
 
-    /// Turns what was added into colour and depth. What lies behind the volume has `occluded` of its opacity.
+    /// Converts the collected fragments to colour and depth. Parts behind the volume have
+    /// `occluded` of their opacity.
     pub(super) fn resolve(&mut self, occluded: f32) {
         let Scratch { pixels, linked, touched, list, .. } = &mut *self.scratch;
         for at in touched.drain(..) {
@@ -175,7 +177,7 @@ impl<'a> Band<'a> {
                 && fragment.hides_all_behind()
                 && !fragment.is_hidden_by(self.depth_mm[at])
             {
-                // What the sums of `blend` come to.
+                // The result of the sums in `blend`.
                 let [r, g, b] = fragment.rgb.map(byte);
                 self.color_rgba[at] = [r, g, b, 255];
                 self.depth_mm[at] = fragment.shown_mm;
@@ -252,7 +254,8 @@ impl Scratch {
 
 /// Colour and coverage of a pixel: `front` over `hidden` with a part of its opacity over the volume's picture.
 ///
-/// Hidden fragments hide one another as if they were seen alone; the share is of what is then seen of them all.
+/// Hidden fragments hide one another as if the volume were absent; the factor applies to their
+/// combined colour.
 fn blend(front: &[Fragment], hidden: &[Fragment], occluded: f32, [r, g, b, coverage]: [u8; 4]) -> [u8; 4] {
     if front.iter().chain(hidden).all(|fragment| fragment.opacity >= 1.0) {
         return blend_opaque(front, hidden, occluded, [r, g, b, coverage]);
@@ -392,7 +395,8 @@ mod tests {
         assert_eq!(resolved(&[behind], ([9, 9, 9, 0], f32::INFINITY), 0.25), ([255, 0, 0, 255], 90.0));
     }
 
-    /// Words keep their place among what is before and behind, and stand where they can be read.
+    /// Words keep their depth order among other parts, at the depth where a display shows them
+    /// sharp.
     #[test]
     fn a_pixel_gets_the_depth_that_is_to_be_shown() {
         let word = Fragment { shown_mm: 95.0, ..fragment(RED, 1.0, 50.0, FULL) };

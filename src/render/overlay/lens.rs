@@ -1,8 +1,9 @@
 //! The camera as the overlay uses it: between view space, pixels and depth, in f64.
 //!
-//! A place in view is `(x, y, depth)`: x right and y up in mm, depth the view depth in mm, positive before the eye.
-//! Pixels are (u right, v down), centres at +0.5. In the picture, 1/depth (perspective) or depth (parallel) is linear
-//! along lines and over planes; that number is called the slope here and is what is interpolated.
+//! A position in view space is `(x, y, depth)`: x right and y up in mm, depth the view depth in mm,
+//! positive in front of the eye. Pixels are (u right, v down), centres at +0.5. In the picture,
+//! 1/depth (perspective) or depth (parallel) is linear along lines and over planes. This number is
+//! called the slope here, and it is interpolated.
 
 use glam::{DVec2, DVec3};
 
@@ -54,7 +55,8 @@ impl Lens {
         (DVec2::new(across.x, -across.y) + 1.0) / 2.0 * self.size_px
     }
 
-    /// What a pixel's ray has at depth 1 (perspective) or everywhere (parallel): x and y in mm.
+    /// The position of a pixel's ray at depth 1 (perspective) or at every depth (parallel): x and y
+    /// in mm.
     pub(super) fn across(&self, pixel: DVec2) -> DVec2 {
         let ndc = pixel / self.size_px * 2.0 - 1.0;
         DVec2::new(ndc.x, -ndc.y) * self.half_extent + self.shift

@@ -1,13 +1,14 @@
 //! Overlays: landmarks, lines, curves, meshes and instruments, drawn over a rendered picture in the same depth.
 //!
-//! What it is: a pass on the CPU over a whole frame as it came back from the renderer, the same for every adapter, in f64
-//! and without any dependence on the number of threads: its bytes are the same everywhere. What it is not: it casts no
-//! rays and does not know the voxels; a pixel's depth is all that it knows of the volume.
+//! A pass on the CPU over a rendered frame, the same for every adapter, in f64 and independent of
+//! the number of threads, so its bytes are the same everywhere. It casts no rays and has no voxels;
+//! it uses only the depth of each pixel.
 //!
-//! Rules. Fragments of a pixel are sorted by depth. What lies before the volume's depth is drawn as it is; what lies
-//! behind has a share of its opacity (`occluded`) and writes no depth. Where dense overlays before the volume cover half
-//! of a pixel or more, the pixel takes the depth of one of them: depths are never blended. Clip planes cut the volume,
-//! not the overlays. Instruments (orientation cube, scale bar) stand before everything.
+//! Rules. Fragments of a pixel are sorted by depth. A fragment before the volume's depth is drawn
+//! unchanged; a fragment behind it has a share of its opacity (`occluded`) and writes no depth.
+//! Where dense overlays before the volume cover half of a pixel or more, the pixel takes the depth
+//! of one of them: depths are never blended. Clip planes cut the volume, not the overlays.
+//! Instruments (orientation cube, scale bar) are in front of everything.
 //!
 //! Spaces: items are in patient mm, primitives in view space and pixels (see `lens`); depth is view depth in mm.
 
@@ -72,7 +73,7 @@ pub fn draw_overlays(
 }
 
 impl Drawing {
-    /// What a request wants drawn over the picture of a volume on `grid`; `None` when that is nothing.
+    /// The overlays of a request for a volume on `grid`; `None` when there are no overlays.
     ///
     /// # Errors
     /// When drawing would take too long: items too many and too large for the picture.
@@ -139,8 +140,8 @@ impl Drawing {
         bands
     }
 
-    /// The nearest first, so that what they hide need not be looked at; for balls and words alone, since the depth of others
-    /// is not known before.
+    /// The nearest first, so that parts hidden behind them can be skipped. Only for balls and
+    /// words, since the depth of others is not known in advance.
     fn sort(&self, members: &mut [u32]) {
         let primitive = |member: &u32| &self.primitives[*member as usize];
         let mut keyed: Vec<(f32, u32)> =

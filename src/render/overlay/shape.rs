@@ -25,7 +25,7 @@ pub(super) struct Primitive {
     pub(super) rgb: [f32; 3],
     pub(super) opacity: f32,
     pub(super) rank: Rank,
-    /// The view depth that its pixels are given; its own where there is none.
+    /// A view depth for all of its pixels; by default each has its own.
     pub(super) shown_mm: Option<f64>,
 }
 
@@ -38,7 +38,7 @@ pub(super) enum Shape {
     Stamp(Stamp),
 }
 
-/// What a shape has in one pixel: sample points, view depth in mm, and share of its colour.
+/// A shape's part of one pixel: sample points, view depth in mm, and share of its colour.
 pub(super) struct Cover {
     pub(super) points: u16,
     pub(super) depth_mm: f64,
@@ -64,7 +64,7 @@ impl Primitive {
         }
     }
 
-    /// Draws what lies in the band.
+    /// Draws the part in the band.
     pub(super) fn draw(&self, lens: &Lens, band: &mut Band<'_>) {
         match &self.shape {
             Shape::Ball(ball) => ball.draw(self, lens, band),
@@ -78,8 +78,8 @@ impl Primitive {
         }
     }
 
-    /// Draws what lies in the band, pixel by pixel: where a shape may be in a row, and what it has in the pixel with this upper
-    /// left corner.
+    /// Draws the part in the band, pixel by pixel. One function gives the extent of a shape in a
+    /// row, the other its part of the pixel with this upper left corner.
     fn draw_pixels(
         &self,
         band: &mut Band<'_>,

@@ -80,7 +80,8 @@ pub(super) struct Style {
 /// Pictures of glyphs, by character and height.
 type Bitmaps = HashMap<(char, u32), Arc<Bitmap>>;
 
-/// Pictures of glyphs that earlier drawings needed. Each is made of its key alone, so it does not matter who made it.
+/// Cached glyph pictures of earlier drawings. A glyph depends only on its key, so all drawings can
+/// share the cache.
 static KNOWN: LazyLock<Mutex<Bitmaps>> = LazyLock::new(Mutex::default);
 
 /// So many are kept: those of a few heights of texts, 14 MB at the most.

@@ -1,8 +1,8 @@
 //! The path tracer: light paths with one scattering, added up pass by pass on the GPU.
 //!
-//! What it is: [`PathTrace`], the settings of mode `path-traced`, and the stage that runs them. What it is not: it makes no
-//! depth; that is the ray caster's of the same request. After Kroes, Post and Botha, *Exposure Render* (PLoS ONE 2012),
-//! in the idea of hybrid surface and volume scattering from stochastic paths.
+//! [`PathTrace`] holds the settings of mode `path-traced`; the stage here runs them. The depth is
+//! the ray caster's of the same request. After Kroes, Post and Botha, *Exposure Render* (PLoS ONE
+//! 2012), with its hybrid of surface and volume scattering along stochastic paths.
 //!
 //! A picture is the mean of its passes and nothing else: the same request gives the same bytes, whether its passes
 //! were made at once or as continuations of a picture with fewer. Light is linear and becomes sRGB at the end. Spaces: view

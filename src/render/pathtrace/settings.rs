@@ -4,7 +4,7 @@ use crate::light::{Light, Placement};
 use crate::request::RequestError;
 use relief_base::Vector;
 
-/// What a path-traced picture takes beside the rest of its request.
+/// The settings of a path-traced picture besides the rest of its request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathTrace {
     /// Paths through each pixel; noise falls with the square root.
@@ -63,7 +63,8 @@ impl PathTrace {
         ]
     }
 
-    /// Checks ranges, and that a picture of so many pixels is within [`PathTrace::MAX_PATHS`].
+    /// Checks ranges, and that a picture of the given number of pixels is within
+    /// [`PathTrace::MAX_PATHS`].
     pub(crate) fn validate(&self, pixels: u64) -> Result<(), RequestError> {
         let within = |key: &str, value: f64, low: f64, high: f64| {
             let path = format!("path_trace.{key}");

@@ -41,10 +41,10 @@ pub(crate) struct Order<'a> {
     pub(crate) bands: Bands,
 }
 
-/// What has been added up, and for which request.
+/// The accumulated passes, and their request.
 struct Sums {
     volume: ContentHash,
-    /// With no passes: their number is what may differ.
+    /// Without the number of passes, which may differ between pictures that share passes.
     request: RenderRequest,
     passes: u32,
     pixels: u64,
@@ -71,7 +71,7 @@ impl PathTracer {
         Ok(Self { stage, frame, path, medium: None, sums: None })
     }
 
-    /// Lets go of what is kept of a volume.
+    /// Releases the data of a volume.
     pub(crate) fn forget(&mut self, volume: ContentHash) {
         self.medium = self.medium.take().filter(|medium| !medium.is_of(volume));
         self.sums = self.sums.take().filter(|sums| sums.volume != volume);

@@ -16,7 +16,7 @@ pub(super) struct LightUniform {
     cos_half: f32,
 }
 
-/// One dispatch's parameters as the shader has them; meanings and units are there.
+/// The parameters of one dispatch, in the shader's layout; the shader defines meanings and units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PathUniform {
@@ -136,7 +136,7 @@ mod tests {
             .global_variables
             .iter()
             .filter_map(|(_, g)| g.binding.map(|at| (at.group, at.binding, g.name.as_deref().unwrap())))
-            // What the lib files have for the ray caster alone.
+            // Fields of shared shader files that only the ray caster uses.
             .filter(|(_, _, name)| !["bricks", "brick_distances", "gradients"].contains(name))
             .collect();
         bindings.sort_unstable();

@@ -124,7 +124,7 @@ impl<'a> Caster<'a> {
         sample
     }
 
-    /// What the opacity of the sample at a position depends on: its value, HU, and its factor by gradient.
+    /// The inputs of a sample's opacity at a position: its value, HU, and its factor by gradient.
     fn opacity_basis(&self, p: DVec3) -> DVec2 {
         let factor = self.tables.own.gradient.as_ref().map_or(1.0, |table| {
             let gradient = self.patient_from_voxel_gradient * central_differences(self.volume, p);
@@ -203,7 +203,8 @@ impl<'a> Caster<'a> {
         if j == count {
             return end_of(count).clamp(ray.entry, ray.exit);
         }
-        // Places from here on in parts, from the start of the part before; there is none before the first.
+        // Positions along the rest of the ray by parts, from the start of the previous part; the
+        // first part has no previous one.
         let origin = end_of(j - 1);
         let opacity_at = |s: f64, level| {
             let basis = if s > 1.0 { middle.lerp(late, s - 1.0) } else { early.lerp(middle, s) };

@@ -15,7 +15,8 @@ pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {
     entry(i).lerp(entry(i + 1), x - i as f64)
 }
 
-/// What a value's opacity is multiplied by where the gradient, HU/mm, is this; twin of `shaders/lib/gradient.wgsl`.
+/// The factor of a value's opacity at this gradient magnitude, HU/mm; twin of
+/// `shaders/lib/gradient.wgsl`.
 pub(super) fn gradient_factor(table: &GradientTable, gradient: DVec3) -> f64 {
     let last = table.entries.len() - 1;
     let x = (gradient.length() * f64::from(table.entries_per_hu_mm)).min(last as f64);
@@ -30,7 +31,8 @@ pub(super) fn modulated(table: &GradientTable, opacity: f64, factor: f64) -> f64
     1.0 - (1.0 - opacity * factor).max(0.0).powf(f64::from(table.path_units))
 }
 
-/// Headlight at the eye, two-sided; ambient light alone where the gradient has no length. Patient axes.
+/// Headlight at the eye, two-sided; only ambient light where the gradient has no length. Patient
+/// axes.
 pub(super) fn shade(light: &Shading, rgb: DVec3, gradient: DVec3, direction: DVec3) -> DVec3 {
     if gradient.length_squared() < 1e-12 {
         return rgb * light.ambient;

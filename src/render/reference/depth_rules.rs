@@ -18,7 +18,7 @@ struct Interval {
     rise: f64,
 }
 
-/// The first layer of a ray: the first sample behind it, and what has accumulated in it.
+/// The first layer of a ray: the first sample behind it, and its accumulated opacity.
 pub(super) struct FrontLayer {
     pub(super) end: i32,
     pub(super) opacity: f64,
@@ -154,7 +154,7 @@ impl Caster<'_> {
         layer
     }
 
-    /// What lies behind the first layer; `None` where that reaches to the ray's end.
+    /// The background layer; `None` where the first layer extends to the ray's end.
     pub(super) fn back_layer(&self, ray: &Ray, first: i32) -> Option<Hit> {
         let end = self.front_layer(ray, first).end;
         let DepthRule::TwoLayer { fraction } = self.request.depth else { return None };

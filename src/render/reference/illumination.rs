@@ -158,7 +158,8 @@ impl<'a> CellsOfLight<'a> {
         share
     }
 
-    /// Voxel index of a place inside the volume and what the clip shows, by a margin along the ray on either side.
+    /// Voxel index of a position inside the volume and the clip region, with a margin along the ray
+    /// on either side.
     fn shown_voxel(&self, place: DVec3, margin: DVec3) -> Option<DVec3> {
         let grid = self.volume.grid();
         let voxel = |place: DVec3| (grid.voxel_from_patient() * Point::from_xyz(place)).xyz;

@@ -9,7 +9,7 @@ use crate::surface::Surface;
 
 const HALVINGS: i32 = 8;
 
-/// What a ray has met so far.
+/// The surfaces that a ray has met so far.
 #[derive(Clone, Copy)]
 struct Trace {
     color: DVec3,

@@ -13,7 +13,7 @@ impl Caster<'_> {
         classify_at(&self.tables, self.request.labels.as_deref(), p, hu)
     }
 
-    /// Whether what is at a position is shown at all.
+    /// Whether the segment at a position is visible.
     pub(super) fn is_shown(&self, p: DVec3) -> bool {
         self.request.labels.as_ref().is_none_or(|labels| labels.looks[place_at(labels, p)].visible)
     }

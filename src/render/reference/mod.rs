@@ -4,7 +4,8 @@
 //! takes the request itself and samples voxels by plain trilinear interpolation. It shares with the GPU path the request,
 //! the transfer table, the camera, the depth limits and the overlays' pass, which tests of their own hold against closed forms.
 //!
-//! Of mode path-traced the twin has the depth alone, which is the composite one; its colours here are those of composite.
+//! For mode path-traced the twin computes only the depth, which is that of composite; its colours
+//! are those of composite too.
 //!
 //! | here | shader |
 //! |---|---|

@@ -11,7 +11,7 @@ use relief_volume::{IntegralTable, TransferTable};
 const ALIKE_ENTRIES: f64 = 8.0;
 const LITTLE: f64 = 0.125;
 
-/// A sample's path as two samples one behind the other, each half of it: colour, and what it adds.
+/// A sample's path as two consecutive samples, each half of it: colour, and added opacity.
 struct Passed {
     front: DVec4,
     back: DVec4,
@@ -40,7 +40,7 @@ impl Caster<'_> {
         ((front.w * lit_front + back.w * lit_back) / opacity).extend(opacity)
     }
 
-    /// The opacity of sample k alone.
+    /// The opacity of sample k by itself.
     pub(super) fn passage_opacity(&self, integral: &IntegralTable, ray: &Ray, k: i32) -> f64 {
         let Passed { front, back } = self.passed(integral, ray, k);
         front.w + back.w

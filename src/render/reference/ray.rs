@@ -27,7 +27,7 @@ pub(super) struct Ray {
     pub(super) sample_distance_mm: f64,
 }
 
-/// What the rays of one picture share.
+/// Values that the rays of one picture share.
 pub(super) struct Rays<'a> {
     request: &'a RenderRequest,
     voxel_from_view: DAffine3,

@@ -10,7 +10,8 @@ use crate::slices::SlabSamples;
 
 const FLAT_HU: f64 = 0.05;
 
-/// Value and distance along the ray in mm of what a ray finds in the slab, and the voxel index whose segment it has.
+/// The result of a ray in the slab: value, distance along the ray in mm, and the voxel index whose
+/// segment it has.
 struct Cut {
     hu: f64,
     t: f64,

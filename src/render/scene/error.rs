@@ -1,4 +1,4 @@
-//! Why a scene is refused: always with the key's path in the JSON, the value and what is allowed.
+//! Errors of a scene: each has the key's path in the JSON, the value and the permitted values.
 
 use crate::request::RequestError;
 use relief_display::SettingsError;

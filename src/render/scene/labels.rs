@@ -64,7 +64,7 @@ enum EdgesFile {
     Voxels,
 }
 
-/// What is cut away: some segments, or all but some.
+/// The segments that are cut away: some, or all except some.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct ClipLabelsFile {
@@ -73,7 +73,8 @@ pub(super) struct ClipLabelsFile {
 }
 
 impl ClipLabelsFile {
-    /// What is cut away or kept, each by its label or its name; `None` where both are empty.
+    /// The segments that are cut away or kept, each by its label or its name; `None` where both
+    /// lists are empty.
     pub(super) fn of(cut: &[String], keep: &[String]) -> Option<Self> {
         let list = |words: &[String]| {
             let labels = words
@@ -98,7 +99,7 @@ enum LabelFile {
     Name(String),
 }
 
-/// By hand, so that a refusal says what a label may be.
+/// Written by hand, so that an error names the permitted values of a label.
 impl<'de> Deserialize<'de> for LabelFile {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct LabelOrName;
@@ -159,7 +160,7 @@ fn names(map: &LabelMap) -> String {
     }
 }
 
-/// What a scene says of labels.
+/// The label settings of a scene.
 pub(super) struct Written {
     pub(super) labels: Option<LabelsFile>,
     pub(super) clip: Option<ClipLabelsFile>,
@@ -249,7 +250,7 @@ impl Looks<'_> {
     ) -> Result<Look, SceneError> {
         let SegmentFile { visible, transfer, tint_rgb, tint, .. } = file;
         let segment = place.and_then(|place| place.checked_sub(1)).map(|at| &self.map.segments()[at]);
-        // What has no segment has no colour of its own either.
+        // Voxels without a segment have no colour of their own.
         let usual = if segment.is_some() || tint_rgb.is_some() { usual_tint } else { 0.0 };
         let tint = share(&format!("{path}.tint"), tint.unwrap_or(usual))?;
         for channel in tint_rgb.into_iter().flatten() {
@@ -307,7 +308,7 @@ impl Looks<'_> {
     }
 }
 
-/// Where what is written of labels has objects, as JSON pointers.
+/// The JSON pointers of objects in the label settings.
 pub(super) fn label_objects(scene: &serde_json::Value) -> impl Iterator<Item = String> {
     let length = |list: &str| scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
     let segments = (0..length("/labels/segments")).map(|i| format!("/labels/segments/{i}"));

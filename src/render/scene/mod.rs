@@ -1,7 +1,8 @@
 //! The JSON form of a request: the same in a scene file, in an HTTP body and in a batch job.
 //!
-//! [`SceneFile`] is what was written, every part optional; [`SceneFile::resolve`] fills the gaps for a volume and
-//! gives a [`Scene`] whose every value is in range. Errors name the key's path, the value and what is allowed.
+//! [`SceneFile`] is the written form, every part optional. [`SceneFile::resolve`] fills in defaults
+//! for a volume and returns a [`Scene`] whose every value is in range. Errors name the key's path,
+//! the value and the permitted values.
 
 mod error;
 mod labels;
@@ -42,15 +43,15 @@ pub use written::{preset_json, shading_json, transfer_json};
 /// A picture to render and how to show it.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// What the renderer does.
+    /// The request for the renderer.
     pub request: RenderRequest,
     /// What becomes of the picture.
     pub display: DisplaySettings,
-    /// How long the picture may take to render, ms; without one it is made as it is ordered. The request is reduced by whoever
-    /// knows how fast pictures are.
+    /// Time limit of the render, ms; without one the picture has its full quality. The caller
+    /// reduces the request, since it has measured the speed of pictures.
     pub budget_ms: Option<f64>,
-    /// The annotations that are to be drawn over it. The renderer knows none: whoever has them adds them to the request's
-    /// overlays.
+    /// The annotations to draw. The renderer has no annotations: the caller adds them to the
+    /// request's overlays.
     pub annotations: Shown,
 }
 
@@ -167,14 +168,14 @@ impl SceneFile {
     /// Switches on an overlay by its name, one of [`Overlays::SWITCHES`](super::Overlays::SWITCHES).
     ///
     /// # Errors
-    /// When there is none of this name.
+    /// When no preset has this name.
     pub fn with_overlay(mut self, name: &str) -> Result<Self, RequestError> {
         self.overlays.switch_on(name)?;
         Ok(self)
     }
 
-    /// Cuts these segments away, or keeps these alone, each by its label or its name, and tints all by this share. What is
-    /// empty or `None` leaves what the scene says.
+    /// Cuts these segments away, or keeps only these, each by its label or its name, and tints all
+    /// by this share. An empty list or `None` keeps the scene's value.
     #[must_use]
     pub fn with_labels(mut self, cut: &[String], keep: &[String], tint: Option<f64>) -> Self {
         if let Some(labels) = ClipLabelsFile::of(cut, keep) {
@@ -192,7 +193,7 @@ impl SceneFile {
         matches!(self.mode, Some(Mode::Slice(_)))
     }
 
-    /// The slice, for changes; makes this a scene of a slice if it was none.
+    /// The slice, for changes; converts the scene to a slice scene if necessary.
     pub fn slice_mut(&mut self) -> &mut SliceFile {
         self.mode = Some(Mode::Slice(SlabBlend::default()));
         self.slice.get_or_insert_default()
@@ -343,7 +344,7 @@ impl SceneFile {
     }
 }
 
-/// Refuses a budget that nothing can keep, and one that is none.
+/// Rejects a budget outside the permitted range.
 fn expect_budget(budget_ms: Option<f64>) -> Result<(), RequestError> {
     let range = RenderRequest::BUDGET_MS;
     match budget_ms.filter(|ms| !range.contains(ms)) {

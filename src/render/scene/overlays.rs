@@ -1,4 +1,5 @@
-//! Overlays as written in JSON, and what they become. Positions in patient mm (LPS), colours display-referred sRGB 0..1.
+//! Overlays in JSON, and their conversion to items. Positions in patient mm (LPS), colours
+//! display-referred sRGB 0..1.
 
 use serde::Deserialize;
 
@@ -28,7 +29,7 @@ pub(super) struct OverlaysFile {
     occluded: Option<f64>,
 }
 
-/// One key that says what the item is.
+/// The one key that names the kind of the item.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum ItemFile {

@@ -146,7 +146,7 @@ struct PlaneFile {
 
 /// Refuses arrays where the format has objects: serde would read them as an object's values in order.
 ///
-/// What is no JSON at all passes: the parser proper says where it goes wrong.
+/// Invalid JSON passes here: the actual parser reports its position.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
     const OBJECTS: [&str; 16] = [
         "",
@@ -203,7 +203,7 @@ impl TransferFile {
     }
 }
 
-/// What a window stands for.
+/// The transfer function of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Windows {
     /// White of rising opacity, for rays.

@@ -47,7 +47,7 @@ impl SceneFile {
 }
 
 impl ShadingFile {
-    /// `usual` has what is not written.
+    /// `usual` has the values of omitted keys.
     pub(super) fn resolve(self, usual: Shading) -> Shading {
         Shading {
             ambient: self.ambient.unwrap_or(usual.ambient),
@@ -59,7 +59,7 @@ impl ShadingFile {
 
     pub(super) fn illumination(&self) -> Illumination {
         let usual = Occlusion::default();
-        // Who writes of occlusion wants to see it.
+        // Occlusion settings without a strength have a visible one.
         let occlusion = self.occlusion.as_ref().map_or(usual, |occlusion| Occlusion {
             strength: occlusion.strength.unwrap_or(1.0),
             radius_mm: occlusion.radius_mm.unwrap_or(usual.radius_mm),

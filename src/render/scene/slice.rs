@@ -22,7 +22,7 @@ pub struct SliceFile {
     pub center_mm: Option<[f64; 3]>,
     /// Moves that point: towards the head (axial), the left (sagittal), the back (coronal), or along the normal.
     pub offset_mm: f64,
-    /// Thickness of the slab, half of it on each side; 0 is the plane alone.
+    /// Thickness of the slab, half of it on each side; 0 is a plane.
     pub slab_mm: f64,
     /// Which of the slab's values is shown.
     #[serde(deserialize_with = "blend")]
@@ -42,7 +42,7 @@ pub enum SlicePlane {
     Oblique {
         /// Points from the plane to the eye.
         normal: [f64; 3],
-        /// What is upwards in the picture.
+        /// The direction that is up in the picture.
         up: [f64; 3],
     },
 }
@@ -61,7 +61,7 @@ struct ObliqueFile {
     up: [f64; 3],
 }
 
-/// By hand, since serde's untagged enums forget what is wrong inside.
+/// Written by hand, since serde's untagged enums lose the error inside.
 impl<'de> Deserialize<'de> for SlicePlane {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct NameOrDirections;
@@ -126,7 +126,7 @@ impl SliceFile {
         }
     }
 
-    /// A problem of the camera, told as one of the slice.
+    /// Converts a camera's error to one of the slice.
     fn blame(&self, error: &CameraError) -> RequestError {
         match error {
             CameraError::NoUp(up) => {

@@ -1,4 +1,4 @@
-//! Scenes that are written wrong are refused with the key's path, the value and what is allowed.
+//! Errors of invalid scenes name the key's path, the value and the permitted values.
 
 use super::*;
 

@@ -1,6 +1,6 @@
-//! Parts of a request in its JSON form, written: what can be pasted into a scene file or an HTTP body.
+//! Parts of a request in their JSON form, for a scene file or an HTTP body.
 //!
-//! The reading is in `parts`; what is written here reads back as the same.
+//! `parts` is the reader; it reads the output of this module as an equal value.
 
 use serde_json::{Value, json};
 
