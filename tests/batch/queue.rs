@@ -340,10 +340,10 @@ fn queues_that_cannot_be_used_are_told_without_their_secrets() {
         (&*url, &[][..], "authorization violation"),
         (&*with_password, &[], "authorization violation"),
         ("nats://127.0.0.1:1", &[], "cannot connect to the NATS server"),
-        ("nats://anna:pa55word@:::", &[], "an address is none"),
-        ("http://127.0.0.1:4222", &[], "an address is none"),
+        ("nats://anna:pa55word@:::", &[], "the address is invalid"),
+        ("http://127.0.0.1:4222", &[], "the address is invalid"),
         (&*url, &["--nats-creds", "missing.creds"], "cannot read the credentials"),
-        (&*url, &["--stream", "a.b"], "is no name of a stream"),
+        (&*url, &["--stream", "a.b"], "is not a valid stream name"),
     ] {
         let (status, said) = submit(url, more, None);
         assert!(status == Some(1) && said.contains(reason), "{url} {more:?}: {said}");

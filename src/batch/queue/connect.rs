@@ -75,7 +75,7 @@ impl Queue {
 
 /// Without the address: it may have a password.
 fn not_an_address() -> QueueError {
-    QueueError::Connect("an address is none; write nats://HOST:4222 or tls://HOST:4222".to_owned())
+    QueueError::Connect("the address is invalid; write nats://HOST:4222 or tls://HOST:4222".to_owned())
 }
 
 /// The user information of an address.
