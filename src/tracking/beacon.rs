@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(read(&["[0,0,0]", "[9,0,0]", "[0,9,0]"]), "3 LEDs, allowed: 4 to 6");
         let close = read(&["[0,0,0]", "[9,0,0]", "[0,9,0]", "[9,0.5,0]"]);
         assert_eq!(close, "LEDs 2 and 4 are less than 1 mm apart");
-        assert!(read(&["[0,0,0]", "[9,0,0]", "[18,0,0]", "[27,0,0.5]"]).contains("in one line"));
+        assert!(read(&["[0,0,0]", "[9,0,0]", "[18,0,0]", "[27,0,0.5]"]).contains("are collinear"));
         assert!(read(&["[0,0,0]", "[9,0,0]", "[0,9,0]", "[0,0,nan]"]).contains("LED 4: position_mm"));
         assert!(Beacon::read("leds = 4").unwrap_err().to_string().contains("unknown field"));
     }

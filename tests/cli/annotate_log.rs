@@ -105,7 +105,7 @@ fn edits_are_taken_back_and_conflicts_shown() {
     let redone = json(&relief(&db, &["redo", "--author", "anna", "--times", "9", "--json"]));
     assert_eq!(redone["events"].as_array().unwrap().len(), 2);
     let (status, _, error) = said(&relief(&db, &["redo", "--author", "anna"]));
-    assert!(status == 1 && error.contains("no edit of this author to make again"), "{error}");
+    assert!(status == 1 && error.contains("this author has no edit to redo"), "{error}");
 }
 
 #[test]
@@ -131,5 +131,5 @@ fn sets_are_made_and_their_history_told() {
     assert!(without.0 == 2 && without.2.contains("--db"), "{without:?}");
     std::fs::write(&db, "no database").unwrap();
     let (status, _, error) = said(&relief(&db, &["check"]));
-    assert!(status == 1 && error.contains("no log of relief"), "{error}");
+    assert!(status == 1 && error.contains("not a log of Relief"), "{error}");
 }

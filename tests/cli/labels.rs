@@ -83,7 +83,7 @@ fn label_maps_that_are_none_and_of_other_places_are_refused() {
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
     let truth = format!("{series}/truth.json");
-    assert!(refused(&truth, &[]).contains("neither NIfTI nor NRRD, and no usable DICOM segmentation"));
+    assert!(refused(&truth, &[]).contains("neither NIfTI nor NRRD nor a usable DICOM segmentation"));
     assert!(refused(&series, &[]).contains("is a folder"));
     assert!(refused("nowhere.nii.gz", &[]).contains("nowhere.nii.gz"));
     assert!(refused(&labels, &["--cut-labels", "liver"]).contains("clip.labels.cut[0] is \"liver\""));
@@ -96,7 +96,7 @@ fn label_maps_that_are_none_and_of_other_places_are_refused() {
     let elsewhere = folder.path().join("elsewhere.seg.nrrd");
     std::fs::write(&elsewhere, bytes).unwrap();
     let said = refused(elsewhere.to_str().unwrap(), &[]);
-    assert!(said.contains("lies elsewhere") && said.contains("of the same scan?"), "{said}");
+    assert!(said.contains("do not overlap") && said.contains("the same scan?"), "{said}");
     let several = relief(&["serve", "--series", &series, "--labels", &labels, "--labels", &labels]);
     assert!(String::from_utf8_lossy(&several.stderr).contains("2 --labels for 1 --series"));
 }

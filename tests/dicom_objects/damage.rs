@@ -106,7 +106,7 @@ fn nesting_and_claims_are_bounded() {
     let options = ReportReadOptions { author: "x", series: None };
     let refused = relief_dicom::read_report(&bytes, &options).unwrap_err().to_string();
     assert!(
-        refused.contains("nest deeper than 32 levels") && refused.starts_with("(0040,A730)[1]/"),
+        refused.contains("nested deeper than 32 levels") && refused.starts_with("(0040,A730)[1]/"),
         "{refused}"
     );
     // Four gigabytes of coordinates that are not there.

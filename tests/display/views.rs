@@ -310,7 +310,7 @@ fn an_anaglyph_says_that_it_cannot_be_taken_apart() {
     let frame = Layout::Anaglyph.frame_of_views(&views).unwrap();
     for layout in [Layout::Anaglyph, Layout::Wiggle] {
         let problems = layout.decode(&frame).unwrap_err();
-        assert!(problems[0].to_string().contains("cannot be taken apart"), "{problems:?}");
+        assert!(problems[0].to_string().contains("cannot be separated"), "{problems:?}");
         assert_eq!(problems[0].code(), "inseparable");
     }
 }

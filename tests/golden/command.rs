@@ -224,7 +224,8 @@ fn a_picture_that_shows_nothing_is_not_blessed() {
 #[test]
 fn nothing_to_compare_fails() {
     let place = Place { folder: tempfile::tempdir().unwrap() };
-    for (arguments, part) in [(&["check"][..], "golden"), (&["check", "--dir", "."], "holds no golden case")]
+    for (arguments, part) in
+        [(&["check"][..], "golden"), (&["check", "--dir", "."], "contains no golden case")]
     {
         let output = place.golden(arguments);
         assert_eq!(output.status.code(), Some(1), "{}", said(&output));

@@ -200,7 +200,7 @@ fn what_cannot_be_compared_is_refused_in_words() {
         folder,
         vec![landmark("a", "x", [0.0; 3]), landmark("b", "y", [0.0; 3]), landmark("c", "x", [1.0; 3])],
     );
-    assert!(fails(folder, &["compare", "--sets", "a"]).contains("two or more, or one and a truth"));
+    assert!(fails(folder, &["compare", "--sets", "a"]).contains("needed: at least 2, or 1 and a truth"));
     assert!(fails(folder, &["compare", "--sets", "a,nobody"]).contains("the set nobody has no items"));
     assert!(fails(folder, &["compare", "--sets", "a,b"]).contains("nothing in common"));
     // One landmark: an error, and words in the place of correlation and limits.

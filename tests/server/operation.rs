@@ -222,6 +222,9 @@ async fn what_openapi_lists_is_there_with_these_methods_alone() {
     let stage = Stage::new();
     let api = stage.get("/openapi.json").await.json();
     assert!(api["openapi"].as_str().unwrap().starts_with("3.1"));
+    let modes = serde_json::json!(relief_render::Mode::ALL.map(relief_render::Mode::name));
+    assert_eq!(api["components"]["parameters"]["mode"]["schema"]["enum"], modes, "the query");
+    assert_eq!(api["components"]["schemas"]["Scene"]["properties"]["mode"]["enum"], modes, "the body");
     for (path, methods) in api["paths"].as_object().unwrap() {
         let at = path.replace("{id}", &stage.id);
         let patch = stage.ask(Request::patch(&at).body(Body::empty()).unwrap()).await; // nothing has that

@@ -139,7 +139,7 @@ fn wrong_input_is_refused_and_leaves_no_file() {
     let out = folder.path().join("poses.jsonl");
     let none = folder.path().join("none");
     for (arguments, status, message) in [
-        (vec!["--reports", text(&broken), "--out", text(&out)], 1, "line 1: report id 0x93"),
+        (vec!["--reports", text(&broken), "--out", text(&out)], 1, "line 1: unknown report id 0x93"),
         (vec!["--reports", text(&none)], 1, "cannot read"),
         (vec!["--reports", &reports, "--beacon", &reports], 1, "is no beacon"),
         (vec!["--reports", &reports, "--sensor", &reports], 1, "is no camera"),

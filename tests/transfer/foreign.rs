@@ -111,7 +111,7 @@ fn files_that_are_wrong_are_told_where_and_what() {
         ("{}".to_owned(), &["none of the files that are known"]),
         ("<MRML></MRML>".to_owned(), &["none of the files that are known"]),
         ("<MRML><VolumeProperty name=\"A\" name=\"B\"/></MRML>".to_owned(), &["XML, byte"]),
-        (SLICER_XML.to_owned(), &["holds 2 functions", "Plain, Lit & stepped"]),
+        (SLICER_XML.to_owned(), &["contains 2 functions", "Plain, Lit & stepped"]),
         (xml(&format!("{good} scalarOpacity=\"4 0 0 100\"")), &["A: scalarOpacity: values is 3, allowed: 4"]),
         (xml(&format!("{good} scalarOpacity=\"4 0 0 9 1 8\"")), &["values is more, allowed: 4"]),
         (xml(&format!("{good} scalarOpacity=\"3 0 0 9\"")), &["number of values is 3, allowed: a multiple of 2"]),

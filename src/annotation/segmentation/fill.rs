@@ -361,6 +361,6 @@ mod tests {
         says(&[good.clone(), tilted], "contour 2 is 21.8 degrees off");
         let mut nowhere = good;
         nowhere.points[3] = Point::new(f64::NAN, 0.0, 0.0);
-        says(&[nowhere], "contour 1: point 4 is no place");
+        says(&[nowhere], "contour 1: point 4 is not within 1000000 mm");
     }
 }

@@ -362,7 +362,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named() {
         for (json, says) in [
-            ("", "no intent: EOF"),
+            ("", "invalid intent: EOF"),
             ("[1]", "expected an object with a key \"intent\""),
             (r#"["zoom",2]"#, "expected an object with a key \"intent\""),
             (r#"{"intent":0}"#, "expected an object with a key \"intent\""),

@@ -90,7 +90,7 @@ fn views_that_tell_nothing_are_refused_with_the_reason() {
     };
     assert!(refused(&good[..5]).contains("5 different views"));
     let same = vec![good[0].clone(); 20];
-    assert!(refused(&same).contains("within 0 degrees"), "{}", refused(&same));
+    assert!(refused(&same).contains("span 0 degrees"), "{}", refused(&same));
     let still = views(TRUE, &PointingHand::before(&Beacon::recommended(), 1500.0, 1), 1);
     let message = refused(&still);
     assert!(

@@ -91,7 +91,7 @@ fn blobs_that_end_in_ff_are_blobs() {
 #[test]
 fn bytes_that_are_no_report_are_refused() {
     for (hex, message) in [
-        ("40 00 00", "report id 0x40 is none of"),
+        ("40 00 00", "unknown report id 0x40"),
         ("33 00 00", "has 3 bytes with its id, expected 18"),
         ("3e 00 00", "expected 22"),
     ] {
@@ -184,7 +184,7 @@ fn recordings_say_where_they_are_wrong() {
     let long = "x".repeat(300);
     for (bad, message) in [
         (r#"{"t_ns":5,"report":"30000"}"#, "line 2: the report is not 1 to 22 bytes in hexadecimal"),
-        (r#"{"t_ns":5,"report":"4000"}"#, "line 2: report id 0x40"),
+        (r#"{"t_ns":5,"report":"4000"}"#, "line 2: unknown report id 0x40"),
         (r#"{"t_ns":-5,"report":"3000"}"#, "line 2: invalid value"),
         (r#"{"t_ns":5,"report":"30","x":1}"#, "line 2: unknown field"),
         (long.as_str(), "line 2 is longer than 256 bytes"),

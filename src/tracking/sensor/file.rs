@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn files_that_are_wrong_say_where() {
         for (from, to, message) in [
-            ("camera_matrix", "matrix", "`camera_matrix/data` is not there"),
+            ("camera_matrix", "matrix", "key `camera_matrix/data` is missing"),
             ("1024", "640", "`image_width` is 640, expected that of 1024 x 768"),
             ("-0.1,", "x,", "`distortion_coefficients/data` is [x, 0.01"),
             ("1.3200000000000000e+03", "-5.0", "fx is -5, allowed"),

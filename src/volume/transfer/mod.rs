@@ -214,7 +214,8 @@ mod tests {
         let refused = |points| TransferFunction::new(points, 1.0).unwrap_err().to_string();
         assert!(refused(vec![]).starts_with("0 control points, allowed: 1 to"));
         assert!(
-            refused(vec![point(5.0, 0.1), point(5.0, 0.1)]).contains("point 1 is at 5 HU, allowed: more")
+            refused(vec![point(5.0, 0.1), point(5.0, 0.1)])
+                .contains("point 1 is at 5 HU, allowed: above 5 HU")
         );
         assert!(refused(vec![point(5.0, 1.5)]).contains("opacity is 1.5, allowed: 0 to 1"));
         assert!(refused(vec![point(f64::NAN, 0.5)]).contains("HU is NaN"));
