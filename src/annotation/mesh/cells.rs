@@ -1,9 +1,10 @@
 //! The 256 ways in which a surface can pass between eight voxels.
 //!
-//! A cell lies between 2³ voxel centres, its corners; bit x + 2y + 4z of its case is set where that corner is in. An edge of the
-//! cell is crossed where one end is in. On a face, crossings are joined in pairs; the joints around a cell close to one or more
-//! rings, its sheets. Where a face has two corners in that lie across from each other, each is cut off by itself: voxels of a
-//! region are neighbours by faces alone, and so are they here.
+//! A cell lies between 2³ voxel centres, its corners; bit x + 2y + 4z of its case is set where that
+//! corner is inside. An edge of the cell is crossed where one of its two ends is inside. On a face,
+//! crossings are joined in pairs; the joints around a cell close to one or more rings, its sheets.
+//! Where two diagonal corners of a face are inside, each is cut off separately: voxels of a region
+//! are neighbours only through faces, and so are they here.
 
 use std::sync::LazyLock;
 

@@ -1,9 +1,10 @@
 //! Structures from annotations: growing from a seed, filling between contours, painting.
 //!
-//! What it is: [`grow_region()`] takes what is connected to seeds and has values in a range, within limits against leaks; [`fill_contours()`] takes
-//! what lies within closed curves on several levels; [`paint_strokes()`] takes balls in and out. All of them make or change a
-//! [`Mask`](relief_volume::Mask), which becomes a label map by `Mask::to_labels`. What it is not: no learning and no thresholds for
-//! whole organs; people say where.
+//! [`grow_region()`] collects voxels that are connected to seeds and have values in a range, within
+//! limits against leaks. [`fill_contours()`] fills closed curves on several levels.
+//! [`paint_strokes()`] adds and removes balls. All of them make or change a
+//! [`Mask`](relief_volume::Mask), which `Mask::to_labels` converts to a label map. There is no
+//! learning and no automatic threshold for whole organs: users choose the places.
 //!
 //! Spaces: patient LPS mm in, voxels of the volume's grid out. Values in HU. Voxels are neighbours where they share a face.
 //!

@@ -96,11 +96,12 @@ impl Annotations {
         Ok(())
     }
 
-    /// Takes back the author's newest edit, or makes the one again that was taken back last, where it concerns this volume and sets
-    /// into which the author may write.
+    /// Undoes the author's newest edit, or redoes the one that was undone last. Allowed only where it
+    /// belongs to this volume and to sets into which the author may write.
     ///
     /// # Errors
-    /// 409 where there is none, or it is of another volume, 403 for sets of others, and whatever the store refuses.
+    /// 409 where there is nothing to undo or redo or it belongs to another volume, 403 for
+    /// sets of other authors, and errors of the store.
     pub(crate) async fn step(
         &self,
         entry: &VolumeEntry,

@@ -62,7 +62,7 @@ impl Remote {
     /// The intents of a report, and the message about tracking.
     ///
     /// # Errors
-    /// When it is none.
+    /// When it is invalid.
     pub(super) fn report(
         &mut self,
         message: &Report,

@@ -11,7 +11,7 @@ use super::remote::Remote;
 use relief_live::Role;
 use relief_session::{View, lock};
 
-/// A session; whoever knows its token can resume it.
+/// A session; its token resumes it.
 pub(super) struct Session {
     pub(super) token: String,
     pub(super) view: Arc<View>,
