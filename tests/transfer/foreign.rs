@@ -142,7 +142,7 @@ fn files_that_are_wrong_are_told_where_and_what() {
             assert!(message.contains(part), "{text}: {message:?} lacks {part:?}");
         }
     }
-    assert!(refused(SLICER_XML, Some("Other")).contains("no function called \"Other\"; it has Plain"));
+    assert!(refused(SLICER_XML, Some("Other")).contains("no function named \"Other\"; it contains Plain"));
     let flat = import_transfer(
         br#"{"RGBPoints":[5,0,0,0]}"#,
         &TransferImportChoice { name: None, range_hu: Some([0.0, 1.0]) },
