@@ -96,16 +96,15 @@ struct Found<'a> {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let beacon = match &arguments.beacon {
-        Some(path) => {
-            Beacon::read(&read_text(path)?).with_context(|| format!("{} is no beacon", path.display()))?
-        }
+        Some(path) => Beacon::read(&read_text(path)?)
+            .with_context(|| format!("{} is not a beacon file", path.display()))?,
         None => Beacon::recommended(),
     };
     let name = arguments.reports.display();
     let file = std::fs::File::open(&arguments.reports).with_context(|| format!("cannot read {name}"))?;
     let timed: Vec<_> = RecordingReader::new(BufReader::new(file))
         .collect::<Result<_, _>>()
-        .with_context(|| format!("{name} is no recording"))?;
+        .with_context(|| format!("{name} is not a recording"))?;
     let nominal = nominal(arguments, &timed)?;
     let mut identifier = BlobIdentifier::new(beacon, nominal);
     let views: Vec<_> = timed.iter().filter_map(|timed| identifier.push(timed.t_ns, &timed.report)).collect();

@@ -28,7 +28,7 @@ pub(super) struct Place {
 /// location is an error.
 pub(super) fn places(series: &[PathBuf], labels: &[PathBuf], copies: &Copies) -> anyhow::Result<Vec<Place>> {
     for path in series.iter().filter(|path| !Location::is_bucket(path)).chain(labels) {
-        // Told before anything is opened: a typo should not cost a wait.
+        // Checked before any series is opened, because loading takes long.
         std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
     }
     if labels.len() > series.len() {

@@ -172,14 +172,14 @@ impl SceneArguments {
 /// The beacon of a file, or the recommended one.
 pub(super) fn read_beacon(path: Option<&Path>) -> anyhow::Result<Beacon> {
     let Some(path) = path else { return Ok(Beacon::recommended()) };
-    Beacon::read(&read_text(path)?).with_context(|| format!("{} is no beacon", path.display()))
+    Beacon::read(&read_text(path)?).with_context(|| format!("{} is not a beacon file", path.display()))
 }
 
 /// The camera of a file, or a typical one.
 pub(super) fn read_camera(path: Option<&Path>) -> anyhow::Result<Pinhole> {
     let Some(path) = path else { return Ok(Pinhole::TYPICAL) };
     relief_tracking::read_camera(&read_text(path)?)
-        .with_context(|| format!("{} is no camera", path.display()))
+        .with_context(|| format!("{} is not a camera file", path.display()))
 }
 
 /// A small text file; a larger one is something else.

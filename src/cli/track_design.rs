@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         None => {
             let beacon = match &arguments.beacon {
                 Some(path) => Beacon::read(&read_text(path)?)
-                    .with_context(|| format!("{} is no beacon", path.display()))?,
+                    .with_context(|| format!("{} is not a beacon file", path.display()))?,
                 None => Beacon::recommended(),
             };
             let found = score_design(&beacon, &conditions);

@@ -85,9 +85,8 @@ pub(super) struct Report {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let beacon = match &arguments.beacon {
-        Some(path) => {
-            Beacon::read(&read_text(path)?).with_context(|| format!("{} is no beacon", path.display()))?
-        }
+        Some(path) => Beacon::read(&read_text(path)?)
+            .with_context(|| format!("{} is not a beacon file", path.display()))?,
         None => Beacon::recommended(),
     };
     anyhow::ensure!(

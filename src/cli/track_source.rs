@@ -100,7 +100,7 @@ impl Source {
         match self {
             Self::Recording { reader, name, pace } => {
                 let Some(item) = reader.next() else { return Ok(None) };
-                let timed = item.with_context(|| format!("{name} is no recording"))?;
+                let timed = item.with_context(|| format!("{name} is not a recording"))?;
                 if let Some(pace) = pace {
                     pace.wait(timed.t_ns);
                 }

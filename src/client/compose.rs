@@ -74,7 +74,7 @@ impl Composer {
             Some(found) => {
                 Some(format!("H1 to H4 are {:02x?}, asked: {:02x?}", found.fields(), expected.fields()))
             }
-            None => Some("there is none".to_owned()),
+            None => Some("the frame has no header".to_owned()),
         }
     }
 }

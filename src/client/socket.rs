@@ -59,7 +59,7 @@ async fn reach(server: &ServerAddress) -> Result<TcpStream, ClientError> {
 async fn upgrade(server: &ServerAddress, first: &Hello, stream: TcpStream) -> Result<Socket, ClientError> {
     let not_relief = |reason: String| ClientError::NotRelief { server: server.clone(), reason };
     let uri: Uri =
-        server.session_url(first).parse().map_err(|_| not_relief("its address is none".to_owned()))?;
+        server.session_url(first).parse().map_err(|_| not_relief("its address is invalid".to_owned()))?;
     let request = ClientRequestBuilder::new(uri).with_sub_protocol(SUBPROTOCOL);
     let config = WebSocketConfig::default()
         .max_message_size(Some(MAX_FRAME_BYTES))

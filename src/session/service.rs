@@ -214,7 +214,7 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &Shared) 
                 answer(&mut backend, *order, shared);
             }
             Job::Forget(volume) => {
-                // Again: orders that were before this one have put frames there since.
+                // A second time: requests that were queued before this one have cached frames since.
                 lock(&shared.recent).forget(volume);
                 if let Err(panic) = guarded(|| backend.forget(volume)) {
                     tracing::error!(panic, "forgetting a volume panicked");

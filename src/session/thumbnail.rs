@@ -46,7 +46,7 @@ pub struct Thumbnail<'a> {
 /// Thumbnails of equal size in rows of `columns`, each above its name.
 ///
 /// # Errors
-/// When there is none, their sizes differ, or the sheet is larger than any frame.
+/// When there are no thumbnails, their sizes differ, or the sheet is larger than any frame.
 pub fn contact_sheet(thumbnails: &[Thumbnail<'_>], columns: usize) -> Result<Frame, LayoutError> {
     let size_px = thumbnails.first().map_or([0, 0], |thumbnail| thumbnail.size_px);
     let [cell_width, cell_height] = size_px.map(|side| side as usize);

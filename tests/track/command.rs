@@ -141,8 +141,8 @@ fn wrong_input_is_refused_and_leaves_no_file() {
     for (arguments, status, message) in [
         (vec!["--reports", text(&broken), "--out", text(&out)], 1, "line 1: unknown report id 0x93"),
         (vec!["--reports", text(&none)], 1, "cannot read"),
-        (vec!["--reports", &reports, "--beacon", &reports], 1, "is no beacon"),
-        (vec!["--reports", &reports, "--sensor", &reports], 1, "is no camera"),
+        (vec!["--reports", &reports, "--beacon", &reports], 1, "is not a beacon file"),
+        (vec!["--reports", &reports, "--sensor", &reports], 1, "is not a camera file"),
         (vec!["--reports", "tcp://127.0.0.1:1"], 1, "cannot reach"),
         (vec![], 2, "--reports SOURCE is missing"),
         (vec!["--reports", &reports, "--noise-px", "0"], 2, "allowed: 0.01 to 20 px"),

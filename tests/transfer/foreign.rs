@@ -106,10 +106,10 @@ fn files_that_are_wrong_are_told_where_and_what() {
     let xml = |attributes: &str| format!("<MRML><VolumeProperty name=\"A\" {attributes}/></MRML>");
     let good = r#"colorTransfer="4 0 0 0 0""#;
     for (text, parts) in [
-        (String::new(), &["none of the files that are known"][..]),
-        ("hello".to_owned(), &["none of the files that are known"]),
-        ("{}".to_owned(), &["none of the files that are known"]),
-        ("<MRML></MRML>".to_owned(), &["none of the files that are known"]),
+        (String::new(), &["unknown file format"][..]),
+        ("hello".to_owned(), &["unknown file format"]),
+        ("{}".to_owned(), &["unknown file format"]),
+        ("<MRML></MRML>".to_owned(), &["unknown file format"]),
         ("<MRML><VolumeProperty name=\"A\" name=\"B\"/></MRML>".to_owned(), &["XML, byte"]),
         (SLICER_XML.to_owned(), &["contains 2 functions", "Plain, Lit & stepped"]),
         (xml(&format!("{good} scalarOpacity=\"4 0 0 100\"")), &["A: scalarOpacity: values is 3, allowed: 4"]),

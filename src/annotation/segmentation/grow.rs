@@ -273,7 +273,7 @@ fn open(connected: &Mask, seeds: &Mask, neck_mm: f64, watch: &GrowWatch) -> Resu
     let voxels = connected.voxels();
     let is_wanted = || watch(GrowProgress { stage: GrowStage::Necks, voxels });
     let middles = ball.thinned(connected, &is_wanted).ok_or(GrowError::Cancelled)?;
-    // A seed stands for all places of the ball that cover it.
+    // The ball may start at every place at which it covers a seed.
     let covering = ball.thickened(seeds, &is_wanted).ok_or(GrowError::Cancelled)?;
     let reached = run(&middles, &covering, None, watch)?;
     if reached.voxels() == 0 {

@@ -190,8 +190,8 @@ impl Courier {
         let job = match read_manifest(&message.payload[..]) {
             Ok(jobs) if jobs.len() == 1 => jobs.into_iter().next(),
             other => {
-                let reason = other.err().map_or("there is none in it".to_owned(), |error| error.to_string());
-                tracing::warn!("message {number} of the queue is no job and is taken out: {reason}");
+                let reason = other.err().map_or("it contains no job".to_owned(), |error| error.to_string());
+                tracing::warn!("message {number} of the queue is not a job and is removed: {reason}");
                 None
             }
         };

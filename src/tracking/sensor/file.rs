@@ -49,7 +49,8 @@ pub enum CameraFileError {
 /// Reads a camera file of a Wiimote.
 ///
 /// # Errors
-/// When it is no camera file, of another distortion model, of another size than 1024 x 768, or of a camera that cannot be.
+/// When it is not a camera file, has another distortion model or another size than 1024 x 768, or a
+/// value is out of range.
 pub fn read_camera(text: &str) -> Result<Pinhole, CameraFileError> {
     let flat = yaml::parse(text)?;
     for (key, expected) in [("image_width", SENSOR_WIDTH), ("image_height", SENSOR_HEIGHT)] {

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-/// A longer file is no camera file.
+/// A longer file is not a camera file.
 pub(super) const MAX_BYTES: usize = 65_536;
 const MAX_DEPTH: usize = 8;
 

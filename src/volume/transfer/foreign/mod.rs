@@ -56,7 +56,7 @@ pub struct ImportedLight {
 pub enum TransferImportError {
     /// None of the formats.
     #[error(
-        "this is none of the files that are known: volume properties of 3D Slicer (XML, .vp, .vp.json), colour maps \
+        "unknown file format, expected volume properties of 3D Slicer (XML, .vp, .vp.json), colour maps \
          of VTK and ParaView (JSON)"
     )]
     Unknown,
