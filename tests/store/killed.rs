@@ -213,7 +213,7 @@ fn what_was_acknowledged_survives_a_disk_that_refuses() {
         let place = place.to_str().unwrap();
         let output = start(place, Some(limit_kib)).wait_with_output().unwrap();
         let (acknowledged, refused) = said(&String::from_utf8(output.stdout).unwrap());
-        let plain = |error: &String| error.contains("cannot be reached") || error.contains("no room");
+        let plain = |error: &String| error.contains("cannot reach the log") || error.contains("no room");
         assert!(refused.len() == WRITERS && refused.iter().all(plain), "{limit_kib} KiB: {refused:?}");
         assert!(!acknowledged.is_empty());
         runtime.block_on(look(place, 0, &acknowledged));
