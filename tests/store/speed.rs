@@ -10,7 +10,7 @@ const ITEMS: usize = 10_000;
 const TIMES: usize = 30;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-#[ignore = "a measurement: cargo test --release --test store -- --exact speed::ten_thousand_items --ignored --nocapture"]
+#[ignore = "a measurement: cargo test --release --test services -- --exact store::speed::ten_thousand_items --ignored --nocapture"]
 async fn ten_thousand_items() {
     let made = Made::new().await;
     let changes = (0..ITEMS).map(|i| create(&point(&format!("landmark {i}"), i as f64 / 3.0))).collect();

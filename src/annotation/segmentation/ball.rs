@@ -193,7 +193,7 @@ fn shift_up(words: &mut [u64], by: usize) {
     }
 }
 
-/// Word `n` after a shift up by so many words and bits.
+/// Word `n` after a shift up by the given numbers of words and bits.
 fn above(words: &[u64], n: usize, whole: usize, bits: usize) -> u64 {
     let carried = if bits > 0 && n > whole { words[n - whole - 1] >> (64 - bits) } else { 0 };
     words[n - whole] << bits | carried

@@ -16,7 +16,7 @@ use relief_store::Filter;
 /// Write annotations to a file of another tool
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-What the format cannot hold is told, with the number of items that it concerns; docs/ANNOTATIONS.md has what each format holds. The
+The command reports values that the format cannot represent, with the number of items; docs/ANNOTATIONS.md has a table of formats. The
 file appears whole or not at all. All places are in patient LPS mm.
 
 With --series, items of other series are left alone.
