@@ -12,7 +12,7 @@ pub enum ManifestError {
     Line {
         /// From 1.
         line: usize,
-        /// What is invalid.
+        /// Why it is invalid.
         reason: String,
     },
     /// A job says another key than its content has: it was edited by hand.
@@ -58,7 +58,7 @@ pub enum PlanError {
         path: PathBuf,
         /// From 1.
         line: u64,
-        /// What is invalid.
+        /// Why it is invalid.
         reason: String,
     },
     /// The log of annotations gives nothing.

@@ -1,7 +1,7 @@
 //! Queries that select series by their facts: `modality=CT,slices>=40`.
 //!
-//! Facts are kind, size and spacing of a series, which identify nobody. Names, ids, dates and
-//! private attributes cannot be queried.
+//! Facts are kind, size and spacing of a series, which do not identify a patient. Names, ids, dates
+//! and private attributes cannot be queried.
 
 use std::str::FromStr;
 

@@ -45,7 +45,7 @@ pub enum JournalError {
     Line {
         /// Line, from 1.
         line: usize,
-        /// What is invalid.
+        /// Why it is invalid.
         reason: String,
     },
 }

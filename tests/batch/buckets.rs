@@ -161,7 +161,7 @@ fn sizes(archive: &Archive) -> (u64, u64) {
 }
 
 /// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
-/// copies stay within their limit and name nobody.
+/// copies stay within their limit, and their names identify no patient.
 #[test]
 fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
     let what = "series in buckets";
@@ -215,7 +215,7 @@ fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
 }
 
 /// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
-/// copies stay within their limit and name nobody.
+/// copies stay within their limit, and their names identify no patient.
 #[test]
 fn copies_and_objects_that_were_altered_are_not_taken_for_what_they_were() {
     let what = "altered copies of series in buckets";
@@ -330,7 +330,7 @@ fn refusing_service() -> String {
 }
 
 /// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
-/// copies stay within their limit and name nobody.
+/// copies stay within their limit, and their names identify no patient.
 ///
 /// Whoever has the manifest needs no folder at all: series and label maps come out of the bucket, to a worker of a queue as well.
 #[test]

@@ -34,7 +34,7 @@ fn zipped(folder: &Path, zip: &Path) {
 }
 
 /// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
-/// copies stay within their limit and name nobody.
+/// copies stay within their limit, and their names identify no patient.
 #[test]
 fn servers_of_one_bucket_give_the_ids_bytes_and_tags_of_one_of_folders() {
     let what = "servers of a bucket";

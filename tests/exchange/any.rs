@@ -78,8 +78,8 @@ fn strike(bytes: &mut Vec<u8>, blow: &Blow) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
-    /// Invariant: An annotation file is imported completely or not at all, and LPS and RAS are told
-    /// apart in every format.
+    /// Invariant: An annotation file is imported completely or not at all, and LPS and RAS are
+    /// distinguished in every format.
     #[test]
     fn damaged_files_end_in_valid_items_or_an_error(blows in proptest::collection::vec(blow(), 1..6), of in 0..TEXTS.len()) {
         let format = TEXTS[of];

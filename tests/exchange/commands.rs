@@ -94,8 +94,8 @@ fn several_files_are_one_edit_that_undo_takes_back() {
     assert_eq!(bench.items(), []);
 }
 
-/// Invariant: An annotation file is imported completely or not at all, and LPS and RAS are told
-/// apart in every format.
+/// Invariant: An annotation file is imported completely or not at all, and LPS and RAS are
+/// distinguished in every format.
 #[test]
 fn a_damaged_file_among_others_changes_nothing() {
     let bench = Bench::new();

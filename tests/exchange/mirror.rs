@@ -15,8 +15,8 @@ fn lps() -> Vec<[f64; 3]> {
     asymmetric().iter().map(|item| item.point().unwrap().xyz.to_array()).collect()
 }
 
-/// Invariant: An annotation file is imported completely or not at all, and LPS and RAS are told
-/// apart in every format.
+/// Invariant: An annotation file is imported completely or not at all, and LPS and RAS are
+/// distinguished in every format.
 #[test]
 fn markups_say_their_system_or_are_lps() {
     let written = |system: &str, points: [[f64; 3]; 3]| {

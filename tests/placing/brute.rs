@@ -116,7 +116,7 @@ fn surfaces_are_as_near_as_any_place_on_them() {
 }
 
 /// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
-/// search, or reports that there are none.
+/// search, or reports that it found nothing.
 #[test]
 fn crossings_along_rays_are_the_nearest() {
     let mut compared = 0;
@@ -149,7 +149,7 @@ fn crossings_along_rays_are_the_nearest() {
 }
 
 /// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
-/// search, or reports that there are none.
+/// search, or reports that it found nothing.
 #[test]
 fn edges_are_the_steepest_and_nearest_on_them() {
     let radius = 2.5;

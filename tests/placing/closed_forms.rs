@@ -53,7 +53,7 @@ fn erf(x: f64) -> f64 {
 }
 
 /// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
-/// search, or reports that there are none.
+/// search, or reports that it found nothing.
 #[test]
 fn a_balls_surface_is_met_along_rays_and_at_its_nearest_point() {
     // Sharp edges come out of straight lines between voxels wrong by up to 0.086 voxel, whoever draws them; soft ones do not.
@@ -113,7 +113,7 @@ fn drawn_face_mm(size: usize) -> f64 {
 }
 
 /// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
-/// search, or reports that there are none.
+/// search, or reports that it found nothing.
 #[test]
 fn a_slabs_faces_are_met_at_the_foot_of_the_perpendicular() {
     for size in [100, 256] {

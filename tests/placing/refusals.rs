@@ -54,7 +54,7 @@ fn a_radius_with_too_many_voxels_is_refused_with_one_that_fits() {
 }
 
 /// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
-/// search, or reports that there are none.
+/// search, or reports that it found nothing.
 #[test]
 fn where_nothing_is_that_is_said() {
     let volume = Phantom::sphere(64).unwrap().volume; // 4 mm voxels

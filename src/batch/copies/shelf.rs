@@ -83,9 +83,9 @@ impl Shelf {
         None
     }
 
-    /// Creates a copy of so many files and bytes, which `fetch` puts into a folder. It appears when
-    /// it is complete. A copy that another program has created meanwhile is used; a damaged one is
-    /// replaced.
+    /// Creates a copy with the given numbers of files and bytes, which `fetch` puts into a folder.
+    /// It appears when it is complete. A copy that another program has created meanwhile is used; a
+    /// damaged one is replaced.
     pub(super) fn add(
         &self,
         name: &str,

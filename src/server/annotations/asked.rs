@@ -86,7 +86,7 @@ impl Asked {
     }
 }
 
-/// A body that is one JSON object of at most `MOST_BYTES` bytes.
+/// A request body: one JSON object of at most `MOST_BYTES` bytes.
 pub(super) struct Sent<const MOST_BYTES: usize>(pub(super) Value);
 
 impl<const MOST_BYTES: usize> FromRequest<AppState> for Sent<MOST_BYTES> {

@@ -72,7 +72,7 @@ impl Views {
         lock(&self.views).values().for_each(|view| view.work.notify_one());
     }
 
-    /// Removes a view that nobody has watched for long; false where a viewer came back to it.
+    /// Removes a view that has had no viewer for long; returns false when a viewer has returned to it.
     pub(super) fn remove_abandoned(&self, view: &Arc<View>) -> bool {
         let mut views = lock(&self.views);
         let is_abandoned = view.is_abandoned(Instant::now(), self.patience.linger);
