@@ -1,6 +1,8 @@
-// Measures how fast this driver filters: parallel rays through the volume, nothing but trilinear fetches.
+// Measures how fast this driver filters: parallel rays through the volume, nothing but trilinear
+// fetches.
 //
-// The sum is written out so that no fetch can be dropped. Neighbouring rays are about a voxel apart, as in a picture.
+// The sum is written out so that no fetch can be dropped. Neighbouring rays are about a voxel
+// apart, as in a picture.
 
 @group(0) @binding(0) var plain_volume: texture_3d<f32>;
 @group(0) @binding(1) var plain_sampler: sampler;

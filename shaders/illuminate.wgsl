@@ -1,11 +1,13 @@
-// Fills cells of a coarse grid over the volume with the light that reaches them: from each placed light, or from everywhere.
+// Fills cells of a coarse grid over the volume with the light that reaches them: from each placed
+// light, or from everywhere.
 //
-// A ray from a cell's centre adds up opacity by the samples of the transfer function, or meets isosurfaces, as a ray of the
-// picture does. It begins a stretch away from the centre, so that the surface that a cell lies in does not count. What
-// is clipped casts no shadow. Cells out of reach of anything visible are never looked up, and are left open.
+// A ray from a cell's centre adds up opacity by the samples of the transfer function, or meets
+// isosurfaces, as a ray of the picture does. It begins a stretch away from the centre, so that the
+// surface that a cell lies in does not count. What is clipped casts no shadow. Cells out of reach
+// of anything visible are never looked up, and are left open.
 //
-// Spaces: start space of a camera of its own (see lib/frame.wgsl), which depends on the volume alone; voxel index. Lengths
-// in mm. Twin: `reference::illumination`.
+// Spaces: start space of a camera of its own (see lib/frame.wgsl), which depends on the volume
+// alone; voxel index. Lengths in mm. Twin: `reference::illumination`.
 
 // Looks around for openness, instead of towards lights.
 override OPENNESS: bool = false;
@@ -109,7 +111,8 @@ fn share_of(source: Source, place: vec3<f32>) -> f32 {
     return sum / f32(source.rays);
 }
 
-// The share of light that passes on the last `longest` mm to a place, but for the stretch at its end.
+// The share of light that passes on the last `longest` mm to a place, but for the stretch at its
+// end.
 fn light_passed(place: vec3<f32>, direction: vec3<f32>, longest: f32) -> f32 {
     var ray: Ray;
     ray.origin_voxel = (frame.voxel_from_start * vec4<f32>(place, 1.0)).xyz;
@@ -122,7 +125,8 @@ fn light_passed(place: vec3<f32>, direction: vec3<f32>, longest: f32) -> f32 {
     ray.cut_in = cut.x;
     ray.cut_out = cut.y;
     let step = frame.sample_distance_mm;
-    // Each sample stands for the stretch around it; values at neighbouring samples tell of surfaces between them.
+    // Each sample stands for the stretch around it; values at neighbouring samples tell of surfaces
+    // between them.
     ray.first = illumination.begin_mm + select(0.5 * step, 0.0, SURFACES);
     ray.first_voxel = voxel_at(ray, ray.first);
     ray.sample_voxels = ray.step_voxel * step;
@@ -150,7 +154,8 @@ fn past_samples(ray: Ray, first: f32, last: f32) -> f32 {
     return share;
 }
 
-// Steps are shorter than bricks: see raycast/isosurface.wgsl for why nothing is lost between empty ones.
+// Steps are shorter than bricks: see raycast/isosurface.wgsl for why nothing is lost between empty
+// ones.
 fn past_surfaces(ray: Ray, first: f32, last: f32) -> f32 {
     let walk = walk_of(ray);
     var share = 1.0;

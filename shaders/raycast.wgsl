@@ -1,15 +1,17 @@
 // Casts one ray per pixel: colour over the background, and view depth in mm.
 //
-// The twins of the functions here and in lib/ have the same names in `render::reference`, but for skipping, which
-// changes nothing. Modes and depth rules are
-// pipeline constants, so a pipeline contains only what it uses.
+// The twins of the functions here and in lib/ have the same names in `render::reference`, but for
+// skipping, which changes nothing. Modes and depth rules are pipeline constants, so a pipeline
+// contains only what it uses.
 
 override MODE: u32 = 0u;
 override SHADED: bool = true;
-// One fetch for value and gradient of every sample, where most are visible; else gradients of visible ones alone.
+// One fetch for value and gradient of every sample, where most are visible; else gradients of
+// visible ones alone.
 override FETCH_TOGETHER: bool = false;
-// Drivers in software cut a dispatch into as many runs of tiles as there are cores, and wait for the last one: rows of tiles are
-// dealt out in turn, so that what is to be seen is shared out evenly.
+// Drivers in software cut a dispatch into as many runs of tiles as there are cores, and wait for
+// the last one: rows of tiles are dealt out in turn, so that what is to be seen is shared out
+// evenly.
 override RUNS: u32 = 1u;
 // Writes the number of volume samples in place of the depth, for measuring.
 override COUNT_SAMPLES: bool = false;
@@ -22,7 +24,8 @@ const MODE_AVERAGE: u32 = 4u;
 const MODE_ADDITIVE: u32 = 5u;
 const MODE_ISOSURFACE: u32 = 6u;
 
-// A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into the background.
+// A ray that changes no byte of the picture hits nothing: faint noise must not scatter depths into
+// the background.
 const VISIBLE: f32 = 0.5 / 255.0;
 const MISS: f32 = 0x1p+127f;
 // Half of a pre-integrated sample that adds less than this share of it gets no gradient of its own.
@@ -73,7 +76,8 @@ fn raycast(
 
 fn write_hit(at: u32, ray: Ray, hit: Hit) {
     let over = hit.color.rgb + (1.0 - hit.color.a) * frame.background_rgb;
-    // As pack4x8unorm, which leaves halves to the driver: what is filled in beside the region has to have the same bytes.
+    // As pack4x8unorm, which leaves halves to the driver: what is filled in beside the region has
+    // to have the same bytes.
     let bytes = vec4<u32>(round(clamp(vec4<f32>(over, hit.color.a), vec4<f32>(0.0), vec4<f32>(1.0)) * 255.0));
     color_out[at] = bytes.x | (bytes.y << 8u) | (bytes.z << 16u) | (bytes.w << 24u);
     if COUNT_SAMPLES {
@@ -83,7 +87,8 @@ fn write_hit(at: u32, ray: Ray, hit: Hit) {
     }
 }
 
-// Row number `turn` of so many: the first run has rows 0, RUNS, 2 RUNS and so on, the next one begins with row 1.
+// Row number `turn` of so many: the first run has rows 0, RUNS, 2 RUNS and so on, the next one
+// begins with row 1.
 fn row_dealt_out(turn: u32, rows: u32) -> u32 {
     let whole = rows / RUNS;
     // So many runs have one row more.
@@ -95,7 +100,8 @@ fn row_dealt_out(turn: u32, rows: u32) -> u32 {
     return (turn - ahead) % whole * RUNS + longer + (turn - ahead) / whole;
 }
 
-// Pixels of a tile in blocks of 4x2: eight invocations that run as one vector follow rays that lie close together.
+// Pixels of a tile in blocks of 4x2: eight invocations that run as one vector follow rays that lie
+// close together.
 fn place_in_tile(index: u32) -> vec2<u32> {
     let block = index >> 3u;
     return vec2<u32>((index & 3u) + (block & 1u) * 4u, ((index >> 2u) & 1u) + (block >> 1u) * 2u);
@@ -111,13 +117,14 @@ struct Gathered {
     // The last visible sample, and the opacity before it.
     last: f32,
     before_last: f32,
-    // The sample that takes opacity to the threshold of an opaque ray, and the opacity before the one before it and
-    // before itself.
+    // The sample that takes opacity to the threshold of an opaque ray, and the opacity before the
+    // one before it and before itself.
     crossing: f32,
     before_crossing: vec2<f32>,
 }
 
-// What lies behind the first layer, as if that were not there: its colour, and its depth by the threshold rule.
+// What lies behind the first layer, as if that were not there: its colour, and its depth by the
+// threshold rule.
 fn back_layer(ray: Ray, first: f32) -> Hit {
     var hit: Hit;
     hit.t = MISS;
@@ -145,7 +152,8 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
             k = next;
             continue;
         }
-        // Two samples for each look at the bricks: the second is taken in vain now and then, but shows nothing then.
+        // Two samples for each look at the bricks: the second is taken in vain now and then, but
+        // shows nothing then.
         if PRE_INTEGRATED {
             let passage = passage_of_sample(ray, k);
             gather_passage(&sum, ray, k, passage);
@@ -186,7 +194,8 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
     return hit;
 }
 
-// What is known of a sample before it is classified: its value (w), and its gradient where one fetch gives both.
+// What is known of a sample before it is classified: its value (w), and its gradient where one
+// fetch gives both.
 fn fetch(p: vec3<f32>) -> vec4<f32> {
     if FETCH_TOGETHER {
         return gradient_and_hu(p);

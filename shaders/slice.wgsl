@@ -1,9 +1,10 @@
-// Cuts the volume by a plane across the viewing axis, or by a slab around it: colour over the background, and view
-// depth in mm.
+// Cuts the volume by a plane across the viewing axis, or by a slab around it: colour over the
+// background, and view depth in mm.
 //
-// The twins of the functions here have the same names in `render::reference::slice`. Rays and the volume's box are those
-// of lib/frame.wgsl, so clip planes hold here too. Samples lie on the plane and, in pairs, before and behind it up to
-// the faces of the slab; those outside the volume or clipped are left out.
+// The twins of the functions here have the same names in `render::reference::slice`. Rays and the
+// volume's box are those of lib/frame.wgsl, so clip planes hold here too. Samples lie on the plane
+// and, in pairs, before and behind it up to the faces of the slab; those outside the volume or
+// clipped are left out.
 
 override BLEND: u32 = 0u;
 // Writes the number of volume samples in place of the depth, for measuring.
@@ -79,7 +80,8 @@ fn slab_t(k: i32) -> f32 {
     return slab.plane_t + f32(k) * slab.spacing_mm;
 }
 
-// The mean over what is inside of the slab, by the trapezoidal rule: samples on its faces count half.
+// The mean over what is inside of the slab, by the trapezoidal rule: samples on its faces count
+// half.
 fn mean_of_slab(ray: Ray) -> Cut {
     let pairs = i32(slab.pairs);
     var cut = Cut(0.0, MISS, vec3<f32>(0.0), 0u);
@@ -102,7 +104,8 @@ fn mean_of_slab(ray: Ray) -> Cut {
     return cut;
 }
 
-// The largest value in the slab, or the smallest; from the plane outwards, so that of equal ones the nearest to it.
+// The largest value in the slab, or the smallest; from the plane outwards, so that of equal ones
+// the nearest to it.
 fn extreme_of_slab(ray: Ray) -> Cut {
     let sign = select(-1.0, 1.0, BLEND == BLEND_MIP);
     var cut = Cut(0.0, MISS, vec3<f32>(0.0), 0u);
@@ -128,7 +131,8 @@ fn extreme_of_slab(ray: Ray) -> Cut {
     return cut;
 }
 
-// The top of the parabola through the extreme sample and its neighbours, at most half a sample away and inside the slab.
+// The top of the parabola through the extreme sample and its neighbours, at most half a sample away
+// and inside the slab.
 fn top_t(ray: Ray, t: f32, best: f32, sign: f32) -> f32 {
     let before = sign * sample_hu(voxel_at(ray, t - slab.spacing_mm));
     let after = sign * sample_hu(voxel_at(ray, t + slab.spacing_mm));

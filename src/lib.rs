@@ -1,7 +1,8 @@
 //! Relief: headless CT volume rendering, in colour and depth, for glasses-free 3D displays.
 //!
-//! This library loads a CT series, renders it with a view depth for every pixel, encodes the result for a display, and reads and writes
-//! annotations. It re-exports about forty names of the crates below; depend on those crates for the rest.
+//! This library loads a CT series, renders it with a view depth for every pixel, encodes the result
+//! for a display, and reads and writes annotations. It re-exports about forty names of the crates
+//! below; depend on those crates for the rest.
 //!
 //! ```no_run
 //! use relief::{

@@ -1,4 +1,5 @@
-//! Files in and out: DICOM, annotations, label maps, studies of readers, and the commands that read and write them.
+//! Files in and out: DICOM, annotations, label maps, studies of readers, and the commands that read
+//! and write them.
 //!
 //! One program for all of them, because linking takes longer than most of its tests.
 

@@ -1,4 +1,5 @@
-//! Pictures and the numbers behind them: rendering, golden images, display formats, phantoms, tracking. Bound by the processor.
+//! Pictures and the numbers behind them: rendering, golden images, display formats, phantoms,
+//! tracking. Bound by the processor.
 //!
 //! One program for all of them, because linking takes longer than most of its tests.
 

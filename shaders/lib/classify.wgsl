@@ -20,8 +20,8 @@ fn opacity_of(hu: f32) -> f32 {
     return mix(transfer_table[i].w, transfer_table[i + 1u].w, x - f32(i));
 }
 
-// Headlight at the eye, two-sided. A gradient of no length has no direction: ambient light alone. `gradient` and
-// `direction` along the patient axes; the gradient's length does not matter.
+// Headlight at the eye, two-sided. A gradient of no length has no direction: ambient light alone.
+// `gradient` and `direction` along the patient axes; the gradient's length does not matter.
 fn shade(rgb: vec3<f32>, gradient: vec3<f32>, direction: vec3<f32>) -> vec3<f32> {
     let length_squared = dot(gradient, gradient);
     if length_squared < NO_GRADIENT {

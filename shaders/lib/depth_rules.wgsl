@@ -1,8 +1,8 @@
 // Depth rules that look at a whole ray once more: where on a semi-transparent ray its depth is.
 //
-// Spaces: mm along the ray. `a` is the opacity of one sample, `accumulated` that of all before it, and a sample's
-// weight (1 - accumulated) a is what it adds. A ray is followed as far as the picture shows it: to where 1/512 of its
-// light is left. Twin: `reference::depth_rules`.
+// Spaces: mm along the ray. `a` is the opacity of one sample, `accumulated` that of all before it,
+// and a sample's weight (1 - accumulated) a is what it adds. A ray is followed as far as the
+// picture shows it: to where 1/512 of its light is left. Twin: `reference::depth_rules`.
 
 override DEPTH_RULE: u32 = 0u;
 
@@ -19,10 +19,12 @@ const OPAQUE: f32 = 1.0 - 1.0 / 512.0;
 const BISECTIONS: i32 = 12;
 // As great as the greatest: samples inside one material differ by less than this share.
 const AS_GREAT: f32 = 1.0 - 1.0 / 256.0;
-// An interval of the accumulated opacity ends where its slope has fallen below this share of its greatest, and then
-// rises again by the same factor. Its start is where the slope reaches this share of the greatest: the middle of an edge.
+// An interval of the accumulated opacity ends where its slope has fallen below this share of its
+// greatest, and then rises again by the same factor. Its start is where the slope reaches this
+// share of the greatest: the middle of an edge.
 const SLOPE_SHARE: f32 = 0.5;
-// A layer ends where, once so much opacity has accumulated, opacity falls below this share of its greatest.
+// A layer ends where, once so much opacity has accumulated, opacity falls below this share of its
+// greatest.
 const LAYER_OPACITY: f32 = 0.35;
 const LAYER_END_SHARE: f32 = 0.125;
 
@@ -33,7 +35,8 @@ fn opacity_at(ray: Ray, t: f32) -> f32 {
     return voxel_opacity(voxel_at(ray, t));
 }
 
-// The depth of a ray by one of the rules from `max-opacity` to `wysiwyp`; `first` is its first visible sample.
+// The depth of a ray by one of the rules from `max-opacity` to `wysiwyp`; `first` is its first
+// visible sample.
 fn depth_by_rule(ray: Ray, walk: Walk, first: f32) -> f32 {
     if DEPTH_RULE == DEPTH_MAX_OPACITY {
         return max_opacity(ray, walk, first);
@@ -54,7 +57,8 @@ fn sample_opacity(ray: Ray, k: f32) -> f32 {
     return voxel_opacity(sample_voxel(ray, k));
 }
 
-// Where opacity comes up to `level` between the sample before number k and that one, which reaches it.
+// Where opacity comes up to `level` between the sample before number k and that one, which reaches
+// it.
 fn level_crossing(ray: Ray, k: f32, level: f32) -> f32 {
     var outside = max(ray.entry, sample_t(ray, k - 1.0));
     var inside = sample_t(ray, k);
@@ -72,7 +76,8 @@ fn level_crossing(ray: Ray, k: f32, level: f32) -> f32 {
     return inside;
 }
 
-// Where the weight comes up to `level`, from sample `start` on, before which `accumulated` has accumulated.
+// Where the weight comes up to `level`, from sample `start` on, before which `accumulated` has
+// accumulated.
 fn weight_crossing(ray: Ray, walk: Walk, start: f32, accumulated_before: f32, level: f32) -> f32 {
     let count = sample_count(ray);
     var accumulated = accumulated_before;
@@ -173,7 +178,8 @@ struct Interval {
     rise: f32,
 }
 
-// What you see is what you pick: the start of the interval with the largest rise of accumulated opacity.
+// What you see is what you pick: the start of the interval with the largest rise of accumulated
+// opacity.
 fn wysiwyp(ray: Ray, walk: Walk, first: f32) -> f32 {
     let count = sample_count(ray);
     var best = Interval(first, 0.0, 0.0, 0.0);
@@ -222,7 +228,8 @@ struct FrontLayer {
     opacity: f32,
 }
 
-// The first layer ends where an object ends: what is behind it is followed beyond where its light is used up.
+// The first layer ends where an object ends: what is behind it is followed beyond where its light
+// is used up.
 fn front_layer(ray: Ray, walk: Walk, first: f32) -> FrontLayer {
     let count = sample_count(ray);
     var layer = FrontLayer(count, 0.0);

@@ -1,8 +1,9 @@
 // One frame's parameters, and the ray of a pixel.
 //
-// Spaces: view (mm; x right, y up, looking along -z), voxel index (integers are voxel centres). Lengths in mm. Rays
-// start on a plane before the volume, `near_mm` from the eye, not at the eye: 32 bits cannot tell neighbouring samples
-// apart when they count from an eye hundreds of metres away. "Start space" is view space moved to that plane.
+// Spaces: view (mm; x right, y up, looking along -z), voxel index (integers are voxel centres).
+// Lengths in mm. Rays start on a plane before the volume, `near_mm` from the eye, not at the eye:
+// 32 bits cannot tell neighbouring samples apart when they count from an eye hundreds of metres
+// away. "Start space" is view space moved to that plane.
 
 struct Frame {
     // Voxel index of a position in start space.
@@ -16,7 +17,8 @@ struct Frame {
     sample_distance_mm: f32,
     // Texture coordinates per voxel, 1 / dims.
     texture_per_voxel: vec3<f32>,
-    // The first row of pixels of this dispatch: a picture may be made in bands, and where nothing can be seen in part.
+    // The first row of pixels of this dispatch: a picture may be made in bands, and where nothing
+    // can be seen in part.
     first_row: u32,
     // Half the picture: at 1 mm before the eye (perspective) or everywhere (orthographic), mm.
     half_extent: vec2<f32>,
@@ -38,7 +40,8 @@ struct Frame {
     near_mm: f32,
     // No value below this is visible, HU.
     lowest_visible_hu: f32,
-    // 0 where every sample is to be taken, for tests. Not a pipeline constant: both must run the same code.
+    // 0 where every sample is to be taken, for tests. Not a pipeline constant: both must run the
+    // same code.
     skipping: u32,
     // Bricks along i, j, k.
     brick_dims: vec3<f32>,
@@ -58,19 +61,23 @@ struct Frame {
     gradient_scale: f32,
     // The first column of pixels of this dispatch.
     first_column: u32,
-    // Where the middle of a perspective's picture is off the viewing axis, at 1 mm before the eye, mm; right and up.
+    // Where the middle of a perspective's picture is off the viewing axis, at 1 mm before the eye,
+    // mm; right and up.
     lens_shift: vec2<f32>,
-    // Isosurfaces, rising: the value that a ray has to pass (HU), four to a vector; colour and opacity of a crossing.
+    // Isosurfaces, rising: the value that a ray has to pass (HU), four to a vector; colour and
+    // opacity of a crossing.
     surface_hu: array<vec4<f32>, 2>,
     surface_rgba: array<vec4<f32>, 8>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 
-// Points origin + direction * t for t in mm; `entry` and `exit` bound what is inside the box and the clip planes.
+// Points origin + direction * t for t in mm; `entry` and `exit` bound what is inside the box and
+// the clip planes.
 //
-// Samples lie at whole sample distances from where the ray meets the box of voxel centres, half a voxel inside the
-// volume's own: VTK's place for them. Clip planes hide samples but do not move them.
+// Samples lie at whole sample distances from where the ray meets the box of voxel centres, half a
+// voxel inside the volume's own: VTK's place for them. Clip planes hide samples but do not move
+// them.
 struct Ray {
     // Along the patient axes, unit length.
     direction: vec3<f32>,
@@ -174,7 +181,8 @@ fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -
 fn cut_interval(origin: vec3<f32>, direction: vec3<f32>) -> vec2<f32> {
     let to_center = frame.cut_center - origin;
     let middle = dot(to_center, direction);
-    // By the distance of the ray from the centre: squares of the whole way to it would lose what is small beside them.
+    // By the distance of the ray from the centre: squares of the whole way to it would lose what is
+    // small beside them.
     let beside = to_center - middle * direction;
     let half_squared = frame.cut_radius_mm * frame.cut_radius_mm - dot(beside, beside);
     if frame.cut_radius_mm <= 0.0 || half_squared <= 0.0 {
@@ -184,7 +192,8 @@ fn cut_interval(origin: vec3<f32>, direction: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(middle - half, middle + half);
 }
 
-// Whether the sphere hides a point of the ray. It hides samples but does not move them, as clip planes do.
+// Whether the sphere hides a point of the ray. It hides samples but does not move them, as clip
+// planes do.
 fn is_cut(ray: Ray, t: f32) -> bool {
     return t > ray.cut_in && t < ray.cut_out;
 }

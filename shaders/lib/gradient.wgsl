@@ -1,7 +1,8 @@
 // Opacity by gradient.
 //
-// Behind the transfer table's entries lie one of two numbers, entries per HU/mm and a sample's path in opacity units, and
-// then the opacity by magnitude. Where it is used, the table's own opacities are per opacity unit.
+// Behind the transfer table's entries lie one of two numbers, entries per HU/mm and a sample's path
+// in opacity units, and then the opacity by magnitude. Where it is used, the table's own opacities
+// are per opacity unit.
 
 override GRADIENT_OPACITY: bool = false;
 
@@ -29,7 +30,8 @@ fn opacity_basis(p: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(hu, 1.0);
 }
 
-// Opacity of the sample at a voxel index by what it depends on; that of its segment is looked up here.
+// Opacity of the sample at a voxel index by what it depends on; that of its segment is looked up
+// here.
 fn opacity_from(p: vec3<f32>, basis: vec2<f32>) -> f32 {
     let opacity = opacity_of_label(p, basis.x);
     if GRADIENT_OPACITY && opacity > 0.0 {

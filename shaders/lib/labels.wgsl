@@ -1,14 +1,17 @@
 // Labels: each segment of a label map has its own transfer function, tint and visibility.
 //
-// Spaces: voxel index. The label map lies on the volume's grid. Behind the table's own entries lie the looks, two entries
-// for each place in the list of segments, the first for voxels without a segment, and behind them the tables of further
-// transfer functions. The twins of the functions here have the same names in `render::reference::labels`.
+// Spaces: voxel index. The label map lies on the volume's grid. Behind the table's own entries lie
+// the looks, two entries for each place in the list of segments, the first for voxels without a
+// segment, and behind them the tables of further transfer functions. The twins of the functions
+// here have the same names in `render::reference::labels`.
 
 override LABELLED: bool = false;
-// Whether edges between segments run through voxels, where most of a voxel's surroundings change sides, or around them.
+// Whether edges between segments run through voxels, where most of a voxel's surroundings change
+// sides, or around them.
 override SMOOTH_EDGES: bool = true;
 
-// Places in the list of segments, counted from 1; 0 for voxels without a segment. A single texel where LABELLED is off.
+// Places in the list of segments, counted from 1; 0 for voxels without a segment. A single texel
+// where LABELLED is off.
 @group(0) @binding(8) var labels: texture_3d<u32>;
 
 // How a segment is shown.
@@ -32,8 +35,8 @@ fn place_at(p: vec3<f32>) -> u32 {
     return weightiest(p, top);
 }
 
-// Of the eight voxels around a position, the segment whose voxels have the greatest trilinear weight together; between two
-// segments that is a surface as smooth as an isosurface of the volume.
+// Of the eight voxels around a position, the segment whose voxels have the greatest trilinear
+// weight together; between two segments that is a surface as smooth as an isosurface of the volume.
 fn weightiest(p: vec3<f32>, top: vec3<i32>) -> u32 {
     let base = floor(p);
     let low = clamp(vec3<i32>(base), vec3<i32>(0), top);

@@ -1,11 +1,13 @@
-// Light of a visible sample: the headlight or placed lights, their shadows, and what its surroundings take away.
+// Light of a visible sample: the headlight or placed lights, their shadows, and what its
+// surroundings take away.
 //
-// Shadows and openness are looked up in cells that `illuminate.wgsl` has filled: a cell's width before the surface, on the
-// eye's side, so that a surface does not shade itself. Spaces: voxel index; directions along the patient axes, unit
-// length; places in mm from the volume's centre, along the patient axes. Colours are display-referred. Twin:
-// `reference::lights`.
+// Shadows and openness are looked up in cells that `illuminate.wgsl` has filled: a cell's width
+// before the surface, on the eye's side, so that a surface does not shade itself. Spaces: voxel
+// index; directions along the patient axes, unit length; places in mm from the volume's centre,
+// along the patient axes. Colours are display-referred. Twin: `reference::lights`.
 
-// Whether there are lights in place of the headlight, whether they cast shadows, and whether surroundings count.
+// Whether there are lights in place of the headlight, whether they cast shadows, and whether
+// surroundings count.
 override PLACED_LIGHTS: bool = false;
 override SHADOWS: bool = false;
 override OCCLUSION: bool = false;
@@ -42,8 +44,8 @@ struct Lighting {
 // The share of all directions that is open around a cell.
 @group(1) @binding(2) var open_cells: texture_3d<f32>;
 
-// The colour of a sample at voxel index p, seen along `direction`. The gradient's length does not matter; without one, there
-// is ambient light alone.
+// The colour of a sample at voxel index p, seen along `direction`. The gradient's length does not
+// matter; without one, there is ambient light alone.
 fn lit(rgb: vec3<f32>, gradient: vec3<f32>, direction: vec3<f32>, p: vec3<f32>) -> vec3<f32> {
     if !PLACED_LIGHTS && !OCCLUSION {
         return shade(rgb, gradient, direction);
@@ -66,7 +68,8 @@ fn lit(rgb: vec3<f32>, gradient: vec3<f32>, direction: vec3<f32>, p: vec3<f32>) 
     return sum;
 }
 
-// The share of ambient light that is left: all of it where half of all directions is open, as before an even wall.
+// The share of ambient light that is left: all of it where half of all directions is open, as
+// before an even wall.
 fn openness(cell: vec3<f32>) -> f32 {
     if !OCCLUSION {
         return 1.0;

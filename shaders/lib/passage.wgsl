@@ -1,8 +1,9 @@
-// Pre-integrated classification: a sample stands for all values that its path passes, not for the one in its middle.
+// Pre-integrated classification: a sample stands for all values that its path passes, not for the
+// one in its middle.
 //
-// Values are taken at the ends of a sample's path, half a sample distance to both sides, and in its middle, and are linear
-// between. Behind the transfer table's entries lie their integrals over values (HU), one for each entry: see
-// `transfer::integral`. Twin: `reference::passage`.
+// Values are taken at the ends of a sample's path, half a sample distance to both sides, and in its
+// middle, and are linear between. Behind the transfer table's entries lie their integrals over
+// values (HU), one for each entry: see `transfer::integral`. Twin: `reference::passage`.
 
 override PRE_INTEGRATED: bool = false;
 
@@ -37,7 +38,8 @@ fn optical_depth(opacity: f32) -> f32 {
     return min(-log(max(1.0 - opacity, 1e-30)), OPAQUE_DEPTH);
 }
 
-// The integral up to a value: of colour times optical depth, and of optical depth. Beyond the table, its end goes on.
+// The integral up to a value: of colour times optical depth, and of optical depth. Beyond the
+// table, its end goes on.
 fn integral_to(hu: f32) -> vec4<f32> {
     let last = f32(frame.table_last);
     let x = (hu - frame.table_first_hu) * frame.table_entries_per_hu;
@@ -70,8 +72,9 @@ fn straightened(passage: Passage) -> Passage {
     return Passage(passage.front - bend, passage.middle - bend, passage.back - bend);
 }
 
-// Whether any entry from the value's on to the other's is visible: equal sums, and nothing between them. What lies in empty
-// bricks must show nothing although lines reach beyond the values that they straighten.
+// Whether any entry from the value's on to the other's is visible: equal sums, and nothing between
+// them. What lies in empty bricks must show nothing although lines reach beyond the values that
+// they straighten.
 fn is_visible_between(low: f32, high: f32) -> bool {
     let x = (vec2<f32>(low, high) - frame.table_first_hu) * frame.table_entries_per_hu;
     let last = f32(frame.table_last);

@@ -1,7 +1,8 @@
 // Random numbers by counting: a hash of pixel, pass, seed and of how many were drawn before.
 //
-// No state outlives a path, so a number depends on nothing but those four: not on tiles, nor on how passes are grouped.
-// The hash is pcg4d (Jarzynski and Olano, Hash Functions for GPU Rendering, JCGT 2020).
+// No state outlives a path, so a number depends on nothing but those four: not on tiles, nor on how
+// passes are grouped. The hash is pcg4d (Jarzynski and Olano, Hash Functions for GPU Rendering,
+// JCGT 2020).
 
 struct Random {
     column: u32,

@@ -1,8 +1,9 @@
-// What light does where it collides: a surface where values change fast, a scattering medium where they do not.
+// What light does where it collides: a surface where values change fast, a scattering medium where
+// they do not.
 //
-// Both are weighed by the gradient and summed, not chosen between. Directions in start space, unit length: `eye` and
-// `light` point away from the collision. Light is linear; a light of intensity 1 makes a white surface that faces it 1,
-// that is, its irradiance is pi.
+// Both are weighed by the gradient and summed, not chosen between. Directions in start space, unit
+// length: `eye` and `light` point away from the collision. Light is linear; a light of intensity 1
+// makes a white surface that faces it 1, that is, its irradiance is pi.
 
 struct Collision {
     // Linear colour.
@@ -31,7 +32,8 @@ fn collision_of(albedo: vec3<f32>, gradient: vec3<f32>, eye: vec3<f32>) -> Colli
     return collision;
 }
 
-// Henyey and Greenstein's phase function times 4 pi; `cosine` of the angle by which light is turned.
+// Henyey and Greenstein's phase function times 4 pi; `cosine` of the angle by which light is
+// turned.
 fn phase(cosine: f32) -> f32 {
     let g = path.anisotropy;
     let base = max(1.0 + g * g - 2.0 * g * cosine, 1e-6);
@@ -50,7 +52,8 @@ fn scattered(collision: Collision, light: vec3<f32>) -> vec3<f32> {
     return mix(medium, reflected, collision.surface);
 }
 
-// A direction for light from everywhere, in proportion to what it gives: cosine of a surface, phase of a medium.
+// A direction for light from everywhere, in proportion to what it gives: cosine of a surface, phase
+// of a medium.
 fn sampled_direction(collision: Collision, random: ptr<function, Random>) -> vec3<f32> {
     let choice = next_two(random);
     let u = next_two(random);

@@ -1,12 +1,14 @@
 // Where light collides on its way through the volume, and how much of it passes.
 //
-// Extinction is per mm. Flight is by delta tracking, transmittance by ratio tracking, both brick by brick with the largest
-// extinction that the brick can have; where that is 0 the whole empty cube around the brick is crossed at once. Both are
-// unbiased: what a brick is crossed with does not enter the mean, only the number of steps.
+// Extinction is per mm. Flight is by delta tracking, transmittance by ratio tracking, both brick by
+// brick with the largest extinction that the brick can have; where that is 0 the whole empty cube
+// around the brick is crossed at once. Both are unbiased: what a brick is crossed with does not
+// enter the mean, only the number of steps.
 //
 // Spaces: start space (see frame.wgsl) in mm, and voxel index.
 
-// Above 0: the brick's largest extinction per mm. Else: minus the Chebyshev distance to the nearest visible brick.
+// Above 0: the brick's largest extinction per mm. Else: minus the Chebyshev distance to the nearest
+// visible brick.
 @group(1) @binding(1) var brick_bounds: texture_3d<f32>;
 // Linear red, green, blue and extinction per mm, by HU.
 @group(1) @binding(2) var<storage, read> medium_table: array<vec4<f32>>;
@@ -86,7 +88,8 @@ fn optical_length(u: f32) -> f32 {
     return -log(1.0 - u);
 }
 
-// Distance of a collision, in proportion to the extinction and to the light that reaches it; or none.
+// Distance of a collision, in proportion to the extinction and to the light that reaches it; or
+// none.
 fn free_flight(segment: Segment, random: ptr<function, Random>) -> f32 {
     var t = segment.begin;
     while t < segment.end {

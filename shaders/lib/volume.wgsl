@@ -1,11 +1,12 @@
 // Values and gradients of the volume.
 //
-// Spaces: voxel index in; HU, and HU/mm along the patient axes out. Values are trilinear between voxel centres and clamp
-// outside the outermost ones.
+// Spaces: voxel index in; HU, and HU/mm along the patient axes out. Values are trilinear between
+// voxel centres and clamp outside the outermost ones.
 
 @group(0) @binding(1) var volume: texture_3d<f32>;
 @group(0) @binding(2) var volume_sampler: sampler;
-// Gradients of the voxels along the patient axes, and their values; a single texel where PRECOMPUTED_GRADIENTS is off.
+// Gradients of the voxels along the patient axes, and their values; a single texel where
+// PRECOMPUTED_GRADIENTS is off.
 @group(0) @binding(7) var gradients: texture_3d<f32>;
 
 // HU of a texel value of 1: 32767 for signed normalised 16 bit, 1 for floating point.

@@ -2,14 +2,15 @@
 //
 // Spaces: mm along the ray. Twins in `reference::cast`.
 
-// The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a sample distance.
+// The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a
+// sample distance.
 const PARTS: i32 = 4;
 const LEVELS: i32 = 3;
 // Parts of a pre-integrated sample's path in which something visible is looked for.
 const PATH_PARTS: i32 = 16;
 
-// Where opacity leaves zero between the sample before the first visible one and that one. A pre-integrated sample may be
-// visible anywhere on its path.
+// Where opacity leaves zero between the sample before the first visible one and that one. A
+// pre-integrated sample may be visible anywhere on its path.
 fn first_hit(ray: Ray, first: f32) -> f32 {
     var outside = max(ray.entry, sample_t(ray, first - 1.0));
     var inside = sample_t(ray, first);
@@ -47,9 +48,10 @@ fn part_opacity(opacity: f32, level: i32) -> f32 {
 
 // Where accumulated opacity crosses its share of the ray's final opacity.
 //
-// First the sample whose slab holds the crossing, then that slab and the one before it in finer and finer parts: a
-// sharp edge between two samples is seen by the later one alone, though it may lie nearer to the earlier. An opaque
-// ray's crossing is at or a little behind the sample that gathering has kept; any other is looked for from the start.
+// First the sample whose slab holds the crossing, then that slab and the one before it in finer and
+// finer parts: a sharp edge between two samples is seen by the later one alone, though it may lie
+// nearer to the earlier. An opaque ray's crossing is at or a little behind the sample that
+// gathering has kept; any other is looked for from the start.
 fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
     let target_opacity = frame.depth_fraction * sum.opacity;
     let count = sample_count(ray);
@@ -80,9 +82,11 @@ fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
     return refine_crossing(ray, sample_t(ray, start - 0.5), i32(k - start) + 1, before, target_opacity);
 }
 
-// The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has accumulated.
+// The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has
+// accumulated.
 //
-// What opacity depends on is fetched every quarter of a sample distance and is linear between: finer parts fetch nothing.
+// What opacity depends on is fetched every quarter of a sample distance and is linear between:
+// finer parts fetch nothing.
 fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity: f32) -> f32 {
     let count = slabs * PARTS;
     let part = frame.sample_distance_mm / f32(PARTS);
@@ -111,7 +115,8 @@ fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity
         // Parts add up to a little less than samples did: the crossing is at the end.
         return clamp(begin + f32(count) * part, ray.entry, ray.exit);
     }
-    // Places from here on in parts, from the start of the part before; there is none before the first.
+    // Places from here on in parts, from the start of the part before; there is none before the
+    // first.
     let origin = begin + f32(j - 1) * part;
     var start = select(0.0, 1.0, j == 0);
     var span = min(j + 1, 2);
@@ -153,7 +158,8 @@ fn shown_opacity(ray: Ray, t: f32, basis: vec2<f32>) -> f32 {
     return select(opacity_from(voxel_at(ray, t), basis), 0.0, is_cut(ray, t));
 }
 
-// How far into a part of opacity `a` the crossing lies, 0..1: opacity grows exponentially within it.
+// How far into a part of opacity `a` the crossing lies, 0..1: opacity grows exponentially within
+// it.
 fn share_of_part(a: f32, accumulated: f32, target_opacity: f32) -> f32 {
     let whole = log(max(1.0 - a, 1e-30));
     let needed = log(max((1.0 - target_opacity) / (1.0 - accumulated), 1e-30));

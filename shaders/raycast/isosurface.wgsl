@@ -1,8 +1,9 @@
 // Isosurfaces: where the value along a ray passes given values, lit and blended front to back.
 //
-// A crossing lies between two neighbouring samples on different sides of a surface's value, from below or from above. So
-// that none is lost at the ends, the ray's entry and exit count as samples before the first and behind the last. A body
-// that is cut by a clip plane or by the volume's faces is open there: a cut is no surface. Values in HU, distances in mm.
+// A crossing lies between two neighbouring samples on different sides of a surface's value, from
+// below or from above. So that none is lost at the ends, the ray's entry and exit count as samples
+// before the first and behind the last. A body that is cut by a clip plane or by the volume's faces
+// is open there: a cut is no surface. Values in HU, distances in mm.
 
 // To 1/256 of a sample distance; the straight line through the ends of what is left does the rest.
 const HALVINGS: i32 = 8;
@@ -42,7 +43,8 @@ fn isosurface(ray: Ray) -> Hit {
     return hit;
 }
 
-// The place of sample k among the samples: its own number, but the ray's entry for -1 and its exit for `count`.
+// The place of sample k among the samples: its own number, but the ray's entry for -1 and its exit
+// for `count`.
 fn place_of(ray: Ray, k: f32, count: f32) -> f32 {
     if k < 0.0 {
         return (ray.entry - ray.first) / frame.sample_distance_mm;
@@ -50,11 +52,13 @@ fn place_of(ray: Ray, k: f32, count: f32) -> f32 {
     return select(k, (ray.exit - ray.first) / frame.sample_distance_mm, k >= count);
 }
 
-// Follows the ray through all surfaces; `t` is that of the first one at which opacity reaches the target.
+// Follows the ray through all surfaces; `t` is that of the first one at which opacity reaches the
+// target.
 //
-// An empty brick lies on one side of every surface, and so do two that touch, since they share voxels. Neighbouring
-// samples in empty bricks thus have no crossing between them, as long as a step is shorter than a brick. A sample before
-// or behind a visible brick is taken, whatever brick it is in.
+// An empty brick lies on one side of every surface, and so do two that touch, since they share
+// voxels. Neighbouring samples in empty bricks thus have no crossing between them, as long as a
+// step is shorter than a brick. A sample before or behind a visible brick is taken, whatever brick
+// it is in.
 fn trace_surfaces(ray: Ray, target_opacity: f32) -> Trace {
     var trace = Trace(vec3<f32>(0.0), 0.0, MISS, 0.0, 0.0);
     if ray.exit <= ray.entry {
@@ -75,7 +79,8 @@ fn trace_surfaces(ray: Ray, target_opacity: f32) -> Trace {
             next = next_in_bricks(walk, place);
         }
         let is_empty = next > place;
-        // Places between samples lead to the sample before what is counted from them, at least to the next one.
+        // Places between samples lead to the sample before what is counted from them, at least to
+        // the next one.
         let next_k = select(k + 1.0, max(k + 1.0, floor(next)), is_empty);
         if !is_empty || near_is_known {
             let hu = sample_hu(sample_voxel(ray, place));
@@ -97,7 +102,8 @@ fn trace_surfaces(ray: Ray, target_opacity: f32) -> Trace {
     return trace;
 }
 
-// The surfaces within an interval, in their order along the ray: values rise or fall through them one after another.
+// The surfaces within an interval, in their order along the ray: values rise or fall through them
+// one after another.
 fn meet_surfaces(ray: Ray, interval: Stretch, before: Trace, target_opacity: f32) -> Trace {
     var trace = before;
     var rest = interval;

@@ -1,8 +1,8 @@
 // Projections: a ray's samples become one value, unshaded.
 //
-// The extremes (MIP, MinIP) and the mean go through the transfer function; average and additive are greys of their own,
-// as VTK has them. Values in HU, distances in mm; opacities of the table are per opacity unit, whatever the sample
-// distance.
+// The extremes (MIP, MinIP) and the mean go through the transfer function; average and additive are
+// greys of their own, as VTK has them. Values in HU, distances in mm; opacities of the table are
+// per opacity unit, whatever the sample distance.
 
 // Bending below this, in HU per squared sample distance, is rounding.
 const FLAT_HU: f32 = 0.05;
@@ -14,7 +14,8 @@ fn project(ray: Ray) -> Hit {
     return project_sum(ray);
 }
 
-// The largest or smallest value along the ray, through the transfer function; its depth is where that value lies.
+// The largest or smallest value along the ray, through the transfer function; its depth is where
+// that value lies.
 fn project_extreme(ray: Ray) -> Hit {
     // The smallest value is the largest of the negated ones.
     let sign = select(1.0, -1.0, MODE == MODE_MINIP);
@@ -53,8 +54,8 @@ fn project_extreme(ray: Ray) -> Hit {
     return hit;
 }
 
-// The top of the parabola through the largest sample and its neighbours, at most half a sample away. Where values are
-// all but linear the parabola has no top worth the name: the sample itself.
+// The top of the parabola through the largest sample and its neighbours, at most half a sample
+// away. Where values are all but linear the parabola has no top worth the name: the sample itself.
 fn peak_t(ray: Ray, at: f32, largest: f32, sign: f32) -> f32 {
     let t = sample_t(ray, at);
     let before = sign * sample_hu(voxel_at(ray, t - frame.sample_distance_mm));
@@ -81,8 +82,9 @@ fn share_of_sample(hu: f32) -> f32 {
     return opacity_of(hu) * brightness_of(hu);
 }
 
-// The sum of the samples' shares: as the mean over all samples of the ray that the sphere does not hide, or per opacity unit of path. Its depth is
-// the mean depth of the samples, each weighted by its share. Samples of empty bricks have no share.
+// The sum of the samples' shares: as the mean over all samples of the ray that the sphere does not
+// hide, or per opacity unit of path. Its depth is the mean depth of the samples, each weighted by
+// its share. Samples of empty bricks have no share.
 fn project_sum(ray: Ray) -> Hit {
     let walk = walk_of(ray);
     let count = sample_count(ray);

@@ -114,7 +114,8 @@ impl Edit {
     /// Checks an author's name, and a reason.
     ///
     /// # Errors
-    /// When the name is empty, long or of several lines, or the reason is long or has control characters but those of lines.
+    /// When the name is empty, long or of several lines, or the reason is long or has control
+    /// characters but those of lines.
     pub fn check_words(author: &str, reason: &str) -> Result<(), ItemError> {
         let characters = author.chars().count();
         if !(1..=Item::LONGEST_NAME).contains(&characters) || author.contains(char::is_control) {

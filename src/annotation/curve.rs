@@ -1,8 +1,10 @@
-//! Smooth curves: a centripetal Catmull-Rom spline through given points, as a line of short straight parts.
+//! Smooth curves: a centripetal Catmull-Rom spline through given points, as a line of short
+//! straight parts.
 //!
-//! E. Catmull and R. Rom, "A class of local interpolating splines", 1974; the knots are those of C. Yuksel et al.,
-//! "Parameterization and applications of Catmull-Rom curves", 2011: distance to the power of a half, which makes no loops
-//! and no cusps within a part. Evaluated as P. Barry and R. Goldman do (1988). Any length unit.
+//! E. Catmull and R. Rom, "A class of local interpolating splines", 1974; the knots are those of C.
+//! Yuksel et al., "Parameterization and applications of Catmull-Rom curves", 2011: distance to the
+//! power of a half, which makes no loops and no cusps within a part. Evaluated as P. Barry and R.
+//! Goldman do (1988). Any length unit.
 
 use glam::DVec3;
 
@@ -30,7 +32,8 @@ pub fn catmull_rom(points: &[DVec3], closed: bool, parts: usize) -> Vec<DVec3> {
     curve
 }
 
-/// The four points that shape a span. Past an open end lies the mirror image of the point before it.
+/// The four points that shape a span. Past an open end lies the mirror image of the point before
+/// it.
 fn controls(points: &[DVec3], span: usize, closed: bool) -> [DVec3; 4] {
     let count = points.len();
     let (a, b) = (points[span], points[(span + 1) % count]);
@@ -50,7 +53,8 @@ fn at(controls: [DVec3; 4], share: f64) -> DVec3 {
     let mut level = controls;
     for width in 1..4 {
         for i in 0..4 - width {
-            // The pyramid's middle rows span at most two knots: its top is between the second and the third.
+            // The pyramid's middle rows span at most two knots: its top is between the second and
+            // the third.
             let (low, high) = if width == 3 { (knots[1], knots[2]) } else { (knots[i], knots[i + width]) };
             level[i] = level[i].lerp(level[i + 1], (t - low) / (high - low));
         }

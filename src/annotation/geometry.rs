@@ -141,7 +141,8 @@ impl Geometry {
         }
     }
 
-    /// The points that people set: those of the geometry, a plane's centre; none of regions and meshes.
+    /// The points that people set: those of the geometry, a plane's centre; none of regions and
+    /// meshes.
     #[must_use]
     pub fn points(&self) -> &[Point<Patient>] {
         match self {

@@ -5,7 +5,8 @@
 //! Growing, painting and filling make regions; `mesh` makes surfaces of them; `placing` snaps
 //! points. What it is not: storage (see `relief_store`), files (see `relief_exchange`) or drawing.
 //!
-//! Space: patient LPS, mm, of the item's frame of reference. Angles in degrees, areas in mm², volumes in ml.
+//! Space: patient LPS, mm, of the item's frame of reference. Angles in degrees, areas in mm²,
+//! volumes in ml.
 //!
 //! | word | meaning |
 //! |---|---|

@@ -33,7 +33,8 @@ pub fn measures(geometry: &Geometry) -> Vec<Measure> {
         Geometry::Line { ends_mm: [a, b] } => vec![length(a.distance(*b))],
         Geometry::Angle { points_mm: [a, corner, b] } => {
             let (first, second) = ((*a - *corner).xyz, (*b - *corner).xyz);
-            // By tangent: exact near 0 and 180 degrees, where a cosine is flat. 0 for an arm of no length.
+            // By tangent: exact near 0 and 180 degrees, where a cosine is flat. 0 for an arm of no
+            // length.
             let angle = first.cross(second).length().atan2(first.dot(second));
             vec![Measure { name: "angle", value: angle.to_degrees(), unit: "deg" }]
         }

@@ -6,7 +6,8 @@ use serde_json::Value;
 
 use super::item::Set;
 
-/// The sets whose items are drawn. As JSON: `false`, `true`, names with commas between them, or a list of names.
+/// The sets whose items are drawn. As JSON: `false`, `true`, names with commas between them, or a
+/// list of names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Shown {
     /// Nothing is drawn.

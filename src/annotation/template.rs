@@ -11,7 +11,8 @@ use super::check::ItemError;
 use super::geometry::Geometry;
 use super::item::{Concept, FrameOfReference, Item, Set, State};
 
-/// A named list of expected items. As JSON it is what `relief annotate template` reads and the HTTP interface shows.
+/// A named list of expected items. As JSON it is what `relief annotate template` reads and the HTTP
+/// interface shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Template {
@@ -196,7 +197,8 @@ impl Template {
         Ok(())
     }
 
-    /// The items that a set needs to have all that is expected, [`State::Missing`], in the template's order.
+    /// The items that a set needs to have all that is expected, [`State::Missing`], in the
+    /// template's order.
     ///
     /// `present` are the set's items in the same frame of reference. An item with an expected name
     /// counts as present in any list and state, so applying a template twice adds nothing.
@@ -228,7 +230,8 @@ impl Template {
         lacking.map(create).collect()
     }
 
-    /// How far a set is. Of items of one name the one in the template's list counts, then the first with a place.
+    /// How far a set is. Of items of one name the one in the template's list counts, then the first
+    /// with a place.
     pub fn completeness<'a>(&self, present: impl IntoIterator<Item = &'a Item>) -> Completeness {
         let mut best: std::collections::HashMap<&str, &Item> = std::collections::HashMap::new();
         let rank = |item: &Item| (item.list == self.name, item.state == State::Defined);

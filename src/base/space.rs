@@ -8,8 +8,8 @@
 //! | [`Beacon`] | the LED rig that a Wiimote looks at, mm |
 //! | [`Sensor`] | the camera in a Wiimote, mm: x right, y down, z forward (as OpenCV) |
 //!
-//! A transform is named destination-from-source and typed the same way, so that neighbours in a product agree:
-//! `view_from_patient * patient_from_voxel`. Anything else does not compile:
+//! A transform is named destination-from-source and typed the same way, so that neighbours in a
+//! product agree: `view_from_patient * patient_from_voxel`. Anything else does not compile:
 //!
 //! ```compile_fail
 //! use relief_base::{Patient, Point, Transform, View, Voxel};
@@ -123,7 +123,8 @@ impl<S: Space> Vector<S> {
         self.xyz.length()
     }
 
-    /// The unit vector in this direction; `None` for a vector of (nearly) no length or a non-finite one.
+    /// The unit vector in this direction; `None` for a vector of (nearly) no length or a non-finite
+    /// one.
     #[must_use]
     pub fn normalized(self) -> Option<Self> {
         self.xyz.try_normalize().map(Self::from_xyz)
@@ -149,7 +150,8 @@ impl<Dst: Space, Src: Space> Transform<Dst, Src> {
         Self { affine, spaces: PhantomData }
     }
 
-    /// The transform whose columns are the images of the source axes, and `origin` that of the source origin.
+    /// The transform whose columns are the images of the source axes, and `origin` that of the
+    /// source origin.
     #[must_use]
     pub const fn from_axes(x: DVec3, y: DVec3, z: DVec3, origin: DVec3) -> Self {
         Self::from_affine(DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: origin })

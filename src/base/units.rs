@@ -1,6 +1,7 @@
 //! Quantities whose unit a bare float would hide.
 //!
-//! Three different numbers are called "depth" around 2D-plus-depth displays. They are three types here:
+//! Three different numbers are called "depth" around 2D-plus-depth displays. They are three types
+//! here:
 //!
 //! | type | meaning | range |
 //! |---|---|---|

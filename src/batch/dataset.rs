@@ -1,4 +1,5 @@
-//! Tables of datasets: every picture with its depth and camera, as those read them who learn from pictures.
+//! Tables of datasets: every picture with its depth and camera, as those read them who learn from
+//! pictures.
 //!
 //! | file | of | for |
 //! |---|---|---|
@@ -6,7 +7,8 @@
 //! | `SERIES/transforms.json` | a series | NeRF's readers: poses with OpenGL's axes |
 //! | `SERIES/sparse/0/*.txt` | a series | COLMAP's text model: cameras, images, points |
 //!
-//! They are made of the `camera.json` beside the pictures, whenever a report is written. World: patient LPS, mm.
+//! They are made of the `camera.json` beside the pictures, whenever a report is written. World:
+//! patient LPS, mm.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -79,7 +81,8 @@ fn line(Shot { record, camera }: &Shot<'_>) -> Value {
     })
 }
 
-/// As instant-ngp and nerfstudio read it: camera to world, axes as OpenGL has them (x right, y up, looking along -z).
+/// As instant-ngp and nerfstudio read it: camera to world, axes as OpenGL has them (x right, y up,
+/// looking along -z).
 fn transforms(shots: &[Shot<'_>]) -> Value {
     let to_opengl = DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0));
     let frame = |Shot { record, camera }: &Shot<'_>| {
@@ -102,7 +105,8 @@ fn transforms(shots: &[Shot<'_>]) -> Value {
     })
 }
 
-/// The three files of a text model. Each place of the surface is seen in the one picture that it was taken from.
+/// The three files of a text model. Each place of the surface is seen in the one picture that it
+/// was taken from.
 fn colmap(shots: &[Shot<'_>]) -> [(&'static str, String); 3] {
     let mut cameras = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[fx, fy, cx, cy]\n");
     let mut images = String::from(

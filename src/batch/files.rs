@@ -3,7 +3,8 @@
 use std::io::{Read, Write};
 use std::path::Path;
 
-/// Writes a file so that it appears whole or not at all: a temporary beside it, synced, then renamed.
+/// Writes a file so that it appears whole or not at all: a temporary beside it, synced, then
+/// renamed.
 ///
 /// # Errors
 /// When the file system refuses; there is no new file then, and an earlier one stays.
@@ -16,7 +17,8 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Temporary files are private to their owner. One that becomes a result is no more private than the umask says.
+/// Temporary files are private to their owner. One that becomes a result is no more private than
+/// the umask says.
 #[must_use]
 pub fn shared_temporary() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();

@@ -1,9 +1,11 @@
-//! Views of annotations: one for each landmark, looking along its normal, and those through the cameras that placed it.
+//! Views of annotations: one for each landmark, looking along its normal, and those through the
+//! cameras that placed it.
 //!
-//! The normal of a point is that of the surface it lies on: against the mean gradient of the values in balls about it, towards
-//! what is less dense. Where there is no surface (less than [`LEAST_SLOPE`]) it is looked at from where its placing camera was,
-//! and without one from outside: from the volume's centre through it. A plane has its own normal, and of its two sides the one that its camera
-//! was on, or the outer one. Patient LPS mm.
+//! The normal of a point is that of the surface it lies on: against the mean gradient of the values
+//! in balls about it, towards what is less dense. Where there is no surface (less than
+//! [`LEAST_SLOPE`]) it is looked at from where its placing camera was, and without one from
+//! outside: from the volume's centre through it. A plane has its own normal, and of its two sides
+//! the one that its camera was on, or the outer one. Patient LPS mm.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -15,16 +17,19 @@ use relief_annotation::{CameraRecord, Geometry, Item, value_at};
 use relief_base::{Patient, Point, Vector};
 use relief_volume::{CameraFile, Orbit, ProjectionFile, Volume};
 
-/// Mean gradient below which a point lies on no surface, HU per mm: thrice what noise of 30 HU makes.
+/// Mean gradient below which a point lies on no surface, HU per mm: thrice what noise of 30 HU
+/// makes.
 const LEAST_SLOPE: f64 = 15.0;
-/// Radii of the balls whose mean gradient counts, mm; half as much again as voxels are long at least.
+/// Radii of the balls whose mean gradient counts, mm; half as much again as voxels are long at
+/// least.
 const RADII_MM: [f64; 2] = [1.5, 3.0];
 /// Height of a landmark's view at the landmark's depth at zoom 1, mm.
 pub const LANDMARK_VIEW_MM: f64 = 160.0;
 /// Most letters of an item's name in that of its view.
 const LONGEST_NAME: usize = 40;
 
-/// Directions of the 26-point rule of Lebedev on the sphere, exact to degree 7: to axes, edges and corners of a cube, with weights.
+/// Directions of the 26-point rule of Lebedev on the sphere, exact to degree 7: to axes, edges and
+/// corners of a cube, with weights.
 const RULE: [f64; 3] = [1.0 / 21.0, 4.0 / 105.0, 9.0 / 280.0];
 
 /// One view for each point and plane, along its normal. The orbit has zoom and field of view.
@@ -93,8 +98,9 @@ fn normal(item: &Item, volume: &Volume) -> Option<(Point<Patient>, Vector<Patien
     }
 }
 
-/// The direction from dense to less dense at a place of a surface. By Gauss's theorem the mean gradient in a ball of radius R is
-/// 3/R times the mean, over its sphere, of the values times the direction.
+/// The direction from dense to less dense at a place of a surface. By Gauss's theorem the mean
+/// gradient in a ball of radius R is 3/R times the mean, over its sphere, of the values times the
+/// direction.
 fn surface_normal(volume: &Volume, at: Point<Patient>) -> Option<Vector<Patient>> {
     let longest = volume.grid().spacing_mm().into_iter().fold(0.0, f64::max);
     let mut slope = DVec3::ZERO;
@@ -148,7 +154,8 @@ fn camera(at: Point<Patient>, towards_eye: Vector<Patient>, volume: &Volume, orb
     CameraFile { eye_mm, look_at_mm: at.xyz.to_array(), up, projection, lens_shift: [0.0; 2] }
 }
 
-/// What views of items are called: after the item, with its set where there are several, and a number where names are alike.
+/// What views of items are called: after the item, with its set where there are several, and a
+/// number where names are alike.
 struct Names(HashMap<String, String>);
 
 impl Names {

@@ -1,4 +1,5 @@
-//! Where series are and where outputs go, as options and manifests say it: a path of this machine, or `s3://BUCKET/PREFIX`.
+//! Where series are and where outputs go, as options and manifests say it: a path of this machine,
+//! or `s3://BUCKET/PREFIX`.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

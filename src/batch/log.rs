@@ -1,4 +1,5 @@
-//! The log of annotations that a batch is planned with: which items are a series', and what shapes they have.
+//! The log of annotations that a batch is planned with: which items are a series', and what shapes
+//! they have.
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -66,7 +66,8 @@ impl FromStr for Shard {
 }
 
 impl Shard {
-    /// Whether a job is in this share. All views of a series are in the same one, so that it is loaded once.
+    /// Whether a job is in this share. All views of a series are in the same one, so that it is
+    /// loaded once.
     #[must_use]
     pub fn has(self, job: &Job) -> bool {
         let digits = job.series.sha256.get(..8).unwrap_or_default();
@@ -78,8 +79,8 @@ impl Shard {
 /// What series and views may be called.
 pub(super) const NAMES: &str = "1 to 100 letters, digits, - _ and ., none that other files beside have";
 
-/// Whether a series or a view may be called so. A view's record is NAME.json, its camera NAME.camera.json, its setback
-/// NAME.failed.json; beside them a dataset has transforms.json.
+/// Whether a series or a view may be called so. A view's record is NAME.json, its camera
+/// NAME.camera.json, its setback NAME.failed.json; beside them a dataset has transforms.json.
 pub(super) fn is_name(name: &str) -> bool {
     let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
     (1..=100).contains(&name.len())
@@ -172,7 +173,8 @@ const LONGEST_LINE: u64 = 16 << 20;
 /// Reads a manifest: a job a line; empty lines are passed over.
 ///
 /// # Errors
-/// The first line that is no job, was altered after planning, or would write what another one writes.
+/// The first line that is no job, was altered after planning, or would write what another one
+/// writes.
 pub fn read_manifest(mut manifest: impl BufRead) -> Result<Vec<Job>, ManifestError> {
     let (mut jobs, mut lines, mut text) = (Vec::new(), HashMap::new(), Vec::new());
     for line in 1.. {

@@ -1,5 +1,5 @@
-//! The bytes of a job's outputs, from the picture as the rays made it: whatever is drawn over it is drawn here, so that one picture
-//! serves plain and annotated outputs, off the thread that renders.
+//! The bytes of a job's outputs, from the picture as the rays made it: whatever is drawn over it is
+//! drawn here, so that one picture serves plain and annotated outputs, off the thread that renders.
 
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -37,7 +37,8 @@ pub enum Root {
 pub struct Request {
     /// Where the series are.
     pub root: Root,
-    /// The label map of each, where the table names none: `{}` stands for the series' path, of a file without its ending.
+    /// The label map of each, where the table names none: `{}` stands for the series' path, of a
+    /// file without its ending.
     pub labels: Option<String>,
     /// Which of them are wanted.
     pub query: Query,
@@ -81,11 +82,12 @@ struct Place {
     labels: Option<PathBuf>,
 }
 
-/// Finds the series and makes the jobs. Reads every byte of every series, for its hash. `report` is given how many places were
-/// looked at, and how many there are.
+/// Finds the series and makes the jobs. Reads every byte of every series, for its hash. `report` is
+/// given how many places were looked at, and how many there are.
 ///
 /// # Errors
-/// When the root cannot be read or has no series at all; a place without a usable series is among those skipped.
+/// When the root cannot be read or has no series at all; a place without a usable series is among
+/// those skipped.
 pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<Planned, PlanError> {
     let (mut places, root) = match &request.root {
         Root::Folder(folder) => (places_in(folder, &request.copies)?, folder),

@@ -1,4 +1,5 @@
-//! The camera of a picture in the conventions of computer vision: a matrix of intrinsics, a pose, and places of the surface seen.
+//! The camera of a picture in the conventions of computer vision: a matrix of intrinsics, a pose,
+//! and places of the surface seen.
 //!
 //! Axes are OpenCV's: x right, y down, z forward; the world is patient LPS, mm. Pixel centres of
 //! `K` have integer coordinates, as in OpenCV: (0.5, 0.5) of this program, COLMAP and NeRF's
@@ -29,7 +30,8 @@ pub struct ViewCamera {
     pub far_mm: f64,
     /// The unit of `VIEW.depth.png`, mm.
     pub depth_png_unit_mm: f64,
-    /// Places that the picture shows: column and row of the pixel, patient x, y and z in mm, red, green and blue.
+    /// Places that the picture shows: column and row of the pixel, patient x, y and z in mm, red,
+    /// green and blue.
     pub surface: Vec<[f64; 8]>,
 }
 
@@ -83,7 +85,8 @@ impl ViewCamera {
         ([w, x, y, z], pose.w_axis.truncate().to_array())
     }
 
-    /// Focal lengths and principal point with the corner of the first pixel at (0, 0), as COLMAP and NeRF's readers have them.
+    /// Focal lengths and principal point with the corner of the first pixel at (0, 0), as COLMAP
+    /// and NeRF's readers have them.
     pub(super) fn pinhole(&self) -> [f64; 4] {
         let [[fx, _, cx], [_, fy, cy], _] = self.intrinsics;
         [fx, fy, cx + 0.5, cy + 0.5]

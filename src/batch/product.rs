@@ -22,7 +22,8 @@ pub enum Product {
     Annotated,
     /// The frame in the scene's layout with the annotations drawn in the same depth, PNG.
     AnnotatedFrame,
-    /// Which structure of the annotations is nearest in each pixel, whatever of the volume lies before it: 8-bit grey, PNG.
+    /// Which structure of the annotations is nearest in each pixel, whatever of the volume lies
+    /// before it: 8-bit grey, PNG.
     Labels,
 }
 

@@ -1,4 +1,5 @@
-//! Running: every job that is not done, series by series; while one is rendered the next is loaded and the last is written.
+//! Running: every job that is not done, series by series; while one is rendered the next is loaded
+//! and the last is written.
 
 use std::borrow::Borrow;
 use std::collections::HashSet;
@@ -112,11 +113,12 @@ pub(super) struct Shared<'a> {
     summary: Mutex<Summary>,
 }
 
-/// Runs the jobs that are not done, with a renderer that is opened where there are any. One job that fails stops no other;
-/// `report` hears of each, from several threads.
+/// Runs the jobs that are not done, with a renderer that is opened where there are any. One job
+/// that fails stops no other; `report` hears of each, from several threads.
 ///
 /// # Errors
-/// When the folder of outputs cannot be made, the bucket not be reached, or the renderer not be opened.
+/// When the folder of outputs cannot be made, the bucket not be reached, or the renderer not be
+/// opened.
 pub fn run<E>(
     open: impl FnOnce() -> Result<Renderer, E>,
     jobs: &[Job],
@@ -137,8 +139,9 @@ pub fn run<E>(
     Ok(shared.into_summary())
 }
 
-/// Renders groups of jobs of one series each as they come, until no more come. While one is rendered the next is loaded and the
-/// last is written; groups of one series that come one after the other share its volume.
+/// Renders groups of jobs of one series each as they come, until no more come. While one is
+/// rendered the next is loaded and the last is written; groups of one series that come one after
+/// the other share its volume.
 pub(super) fn render_groups<J: Borrow<Job> + Send>(
     renderer: &mut Renderer,
     groups: impl Iterator<Item = Vec<J>> + Send,
@@ -189,8 +192,8 @@ struct Last<'a> {
 }
 
 impl Last<'_> {
-    /// Whether what came of it holds for another job. A series that is broken for good is not read again for each of its views; but
-    /// it may be mended while a worker lives.
+    /// Whether what came of it holds for another job. A series that is broken for good is not read
+    /// again for each of its views; but it may be mended while a worker lives.
     fn holds_for(&self, wanted: &SeriesSource) -> bool {
         let holds = match &self.series {
             Ok(_) => true,

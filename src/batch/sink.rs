@@ -1,4 +1,5 @@
-//! Where outputs go: a folder, or a bucket of an S3 service. Each of them appears whole or not at all.
+//! Where outputs go: a folder, or a bucket of an S3 service. Each of them appears whole or not at
+//! all.
 //!
 //! Outputs are named by paths such as `SERIES/VIEW.color.png`, with `/` on every system.
 
@@ -55,7 +56,8 @@ impl Sink {
         }
     }
 
-    /// Writes an output unless there is one already; whether it did. In a folder the last one to come wins instead.
+    /// Writes an output unless there is one already; whether it did. In a folder the last one to
+    /// come wins instead.
     pub(super) fn put_new(&self, name: &str, bytes: Bytes) -> std::io::Result<bool> {
         match self {
             Self::Folder(folder) => put_in(folder, name, &bytes).map(|()| true),

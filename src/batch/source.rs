@@ -18,7 +18,8 @@ use relief_volume::{LabelMap, Volume};
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeriesSource {
-    /// A folder, file, DICOMDIR or zip; or a volume as `.nii`, `.nii.gz` or `.nrrd`. Of this machine, or in a bucket: `s3://BUCKET/KEY`.
+    /// A folder, file, DICOMDIR or zip; or a volume as `.nii`, `.nii.gz` or `.nrrd`. Of this
+    /// machine, or in a bucket: `s3://BUCKET/KEY`.
     pub path: PathBuf,
     /// Its UID, where the path holds several series.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -12,7 +12,8 @@ use super::sink::Sink;
 
 /// Time between the pictures of a turntable, ms.
 const TURN_MS: u16 = 120;
-/// Encoders of ffmpeg that write what browsers and slides play, the best one first; builds lack some.
+/// Encoders of ffmpeg that write what browsers and slides play, the best one first; builds lack
+/// some.
 const ENCODERS: [&[&str]; 3] = [
     &["-c:v", "libx264", "-crf", "16", "-pix_fmt", "yuv420p"],
     &["-c:v", "libopenh264", "-b:v", "8M", "-pix_fmt", "yuv420p"],
@@ -79,8 +80,8 @@ impl Films {
         }
     }
 
-    /// Writes `turntable.png` and, with ffmpeg, `turntable.mp4` of these outputs of a series; nothing of fewer than two, or of several
-    /// sizes.
+    /// Writes `turntable.png` and, with ffmpeg, `turntable.mp4` of these outputs of a series;
+    /// nothing of fewer than two, or of several sizes.
     ///
     /// # Errors
     /// When a file cannot be written, or ffmpeg fails.
@@ -95,7 +96,8 @@ impl Films {
     }
 }
 
-/// Pictures as an animated PNG: their own compressed pixels one after the other, as they are (PNG, third edition, 11.3.6).
+/// Pictures as an animated PNG: their own compressed pixels one after the other, as they are (PNG,
+/// third edition, 11.3.6).
 fn apng(out: &Sink, turns: &[String]) -> Option<Vec<u8>> {
     let count = u32::try_from(turns.len()).ok().filter(|count| *count > 1)?;
     let read = |name: &String| out.read(name, LARGEST_PICTURE).ok().flatten();

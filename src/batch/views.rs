@@ -36,11 +36,12 @@ pub struct ViewSet {
 const MOST_TURNS: u32 = 720;
 
 impl ViewSet {
-    /// Reads sets with commas between them: `turntable:N`, `sides`, `planes`, `landmarks`, `cameras`, or a file: a JSON array of
-    /// `{"name", "scene"}`.
+    /// Reads sets with commas between them: `turntable:N`, `sides`, `planes`, `landmarks`,
+    /// `cameras`, or a file: a JSON array of `{"name", "scene"}`.
     ///
     /// # Errors
-    /// When one is no such set, the file cannot be read or has no views, or two views have one name.
+    /// When one is no such set, the file cannot be read or has no views, or two views have one
+    /// name.
     pub fn parse(text: &str) -> Result<Self, PlanError> {
         let mut sets = Self::default();
         let views = &mut sets.views;

@@ -11,8 +11,8 @@ pub(super) struct AdapterArguments {
     /// Graphics adapter: best, software, or a part of its name
     #[arg(long, value_name = "NAME", default_value = "best", env = "RELIEF_ADAPTER")]
     adapter: String,
-    /// Graphics memory for volumes, their gradients and maps of empty space, such as 512MiB or 8GiB; of several volumes
-    /// the one least recently shown goes first
+    /// Graphics memory for volumes, their gradients and maps of empty space, such as 512MiB or
+    /// 8GiB; of several volumes the one least recently shown goes first
     #[arg(long, value_name = "BYTES", default_value = "4GiB", value_parser = parse_bytes)]
     gpu_memory: u64,
 }
@@ -27,8 +27,8 @@ impl AdapterArguments {
         Ok(renderer)
     }
 
-    /// As [`AdapterArguments::open_renderer`], for a volume of these dimensions: one that the adapter cannot take is
-    /// refused here, before it is read.
+    /// As [`AdapterArguments::open_renderer`], for a volume of these dimensions: one that the
+    /// adapter cannot take is refused here, before it is read.
     pub(super) fn open_renderer_for(&self, dims: [usize; 3]) -> anyhow::Result<Renderer> {
         let renderer = self.open_renderer()?;
         renderer.volume_limits().plan(dims)?;

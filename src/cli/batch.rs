@@ -24,9 +24,10 @@ use relief_render::Renderer;
 
 /// Render many views of many series, as jobs that are done once.
 ///
-/// `plan` finds the series under a folder, or those of a table, and writes one job for each view of each. `run` renders the jobs
-/// that are not done: run it again, on as many machines as you like, until nothing is left. A job is known by a hash of its series'
-/// files, its scene and its products.
+/// `plan` finds the series under a folder, or those of a table, and writes one job for each view of
+/// each. `run` renders the jobs that are not done: run it again, on as many machines as you like,
+/// until nothing is left. A job is known by a hash of its series' files, its scene and its
+/// products.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -127,7 +128,8 @@ impl FilmArguments {
 
 /// A run that failed in a way that may pass: EX_TEMPFAIL of sysexits.
 pub(super) const TRY_AGAIN: u8 = 75;
-/// Share of the memory for voxels that are not on the adapter: theirs there take five times as much, with gradients.
+/// Share of the memory for voxels that are not on the adapter: theirs there take five times as
+/// much, with gradients.
 const VOXEL_SHARE: f64 = 0.25;
 /// Memory of the program and of a software adapter beside volumes.
 const BESIDE_BYTES: u64 = 512 << 20;

@@ -18,25 +18,28 @@ use relief_volume::Orbit;
 /// Write the jobs: one for each view of each series
 #[derive(Debug, clap::Args)]
 pub(super) struct PlanArguments {
-    /// Folder of series, or s3://BUCKET/PREFIX: each folder, zip, .nii, .nii.gz and .nrrd in it is looked at
+    /// Folder of series, or s3://BUCKET/PREFIX: each folder, zip, .nii, .nii.gz and .nrrd in it is
+    /// looked at
     #[arg(long, value_name = "DIR", required_unless_present = "table", conflicts_with = "table")]
     root: Option<PathBuf>,
-    /// Table of series, CSV with a header line: path, and if wanted series_uid, name (what its outputs are called) and labels
+    /// Table of series, CSV with a header line: path, and if wanted series_uid, name (what its
+    /// outputs are called) and labels
     #[arg(long, value_name = "FILE.csv")]
     table: Option<PathBuf>,
     #[command(flatten)]
     copies: CopiesArguments,
-    /// Label map of each series: {} stands for the series' path, of a file without its ending, such as '{}/labels.seg.nrrd' or
-    /// '{}.labels.nii.gz'; a table may name them in a column labels
+    /// Label map of each series: {} stands for the series' path, of a file without its ending, such
+    /// as '{}/labels.seg.nrrd' or '{}.labels.nii.gz'; a table may name them in a column labels
     #[arg(long, value_name = "PATTERN", value_parser = parse_pattern)]
     labels: Option<String>,
-    /// Series that are wanted, such as modality=CT,slices>=40: modality, format (dicom, volume), slices, columns, rows, pixel_mm,
-    /// thickness_mm, with = != < <= > >=
+    /// Series that are wanted, such as modality=CT,slices>=40: modality, format (dicom, volume),
+    /// slices, columns, rows, pixel_mm, thickness_mm, with = != < <= > >=
     #[arg(long = "where", value_name = "CONDITIONS")]
     query: Option<Query>,
-    /// Views with commas between them: turntable:N, sides (six), planes (axial, coronal, sagittal), landmarks (one for each point
-    /// and plane of --annotations, along its normal), cameras (as annotations were placed), or a file: a JSON array of
-    /// {"name", "azimuth_deg", "elevation_deg", "scene"}
+    /// Views with commas between them: turntable:N, sides (six), planes (axial, coronal, sagittal),
+    /// landmarks (one for each point and plane of --annotations, along its normal), cameras (as
+    /// annotations were placed), or a file: a JSON array of {"name", "azimuth_deg",
+    /// "elevation_deg", "scene"}
     #[arg(long, value_name = "SETS")]
     views: String,
     /// Log of annotations: a file, sqlite:FILE or postgres://USER@HOST/DATABASE
@@ -62,7 +65,8 @@ pub(super) struct PlanArguments {
     /// is color,depth,depth-png,camera
     #[arg(long, value_name = "PRODUCTS", value_delimiter = ',', default_value = "frame,color")]
     products: Vec<ProductSet>,
-    /// The manifest: a job a line. Annotations that are drawn are kept beside it, in a folder of its name
+    /// The manifest: a job a line. Annotations that are drawn are kept beside it, in a folder of
+    /// its name
     #[arg(long, value_name = "JOBS.jsonl")]
     out: PathBuf,
     /// Print one JSON object

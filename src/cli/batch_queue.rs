@@ -18,7 +18,8 @@ use relief_batch::{Location, Queue, QueueAccess, Step, WorkEnd, WorkOptions, Wor
 /// The queue, and how to get in.
 #[derive(Debug, clap::Args)]
 struct QueueArguments {
-    /// NATS server with JetStream: nats://HOST:4222, or tls://; several of one cluster with commas between them
+    /// NATS server with JetStream: nats://HOST:4222, or tls://; several of one cluster with commas
+    /// between them
     #[arg(long, value_name = "URL", env = "RELIEF_NATS", hide_env_values = true)]
     nats: String,
     /// Stream of the jobs; made where it is not there
@@ -30,7 +31,8 @@ struct QueueArguments {
     /// File that has a token; RELIEF_NATS_TOKEN may have the token itself
     #[arg(long, value_name = "FILE", env = "RELIEF_NATS_TOKEN_FILE")]
     nats_token_file: Option<PathBuf>,
-    /// Certificates of the authorities that the server's is checked with, PEM; the system's otherwise
+    /// Certificates of the authorities that the server's is checked with, PEM; the system's
+    /// otherwise
     #[arg(long, value_name = "FILE")]
     nats_ca: Option<PathBuf>,
 }
@@ -61,7 +63,8 @@ pub(super) struct WorkArguments {
     /// Exit after this time without jobs [default: wait for jobs]
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     idle_exit: Option<u32>,
-    /// After so long without a sign of life the jobs of a worker are given to another; the first worker says it for all
+    /// After so long without a sign of life the jobs of a worker are given to another; the first
+    /// worker says it for all
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=3600))]
     ack_wait: u32,
     /// How often a job is begun before it is given up

@@ -26,10 +26,12 @@ Examples:
   relief bench --capacity                        how many viewers and views per hour this machine carries
   relief bench --series chest --scene scene.json --frames 20 --json")]
 pub(super) struct Arguments {
-    /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or .nrrd
+    /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or
+    /// .nrrd
     #[arg(long, value_name = "PATH", required_unless_present = "capacity")]
     series: Option<PathBuf>,
-    /// Segments of the series: a label map as .nii, .nii.gz, .nrrd or .seg.nrrd, or a DICOM segmentation
+    /// Segments of the series: a label map as .nii, .nii.gz, .nrrd or .seg.nrrd, or a DICOM
+    /// segmentation
     #[arg(long, value_name = "FILE", requires = "series")]
     labels: Option<PathBuf>,
     #[command(flatten)]
@@ -201,7 +203,8 @@ impl Bench<'_> {
         Ok(samples / u64::from(frames))
     }
 
-    /// Preparation, in ms, of another transfer function and of another clip plane: medians of a few.
+    /// Preparation, in ms, of another transfer function and of another clip plane: medians of a
+    /// few.
     fn changes(&mut self, request: &RenderRequest) -> anyhow::Result<(f64, f64)> {
         let mut transfer_ms = Vec::new();
         let mut clip_ms = Vec::new();

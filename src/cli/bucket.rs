@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use super::memory::parse_bytes;
 use relief_batch::{Copies, CopiesOptions, Location, Sink};
 
-/// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION.
+/// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID,
+/// AWS_SECRET_ACCESS_KEY, AWS_REGION.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct BucketArguments {
-    /// Address of the S3 service of s3://BUCKET, where it is not AWS: https://HOST; AWS_ENDPOINT_URL says it, too
+    /// Address of the S3 service of s3://BUCKET, where it is not AWS: https://HOST;
+    /// AWS_ENDPOINT_URL says it, too
     #[arg(long, value_name = "URL")]
     s3_endpoint: Option<String>,
 }
@@ -18,7 +20,8 @@ pub(super) struct BucketArguments {
 pub(super) struct CopiesArguments {
     #[command(flatten)]
     pub(super) bucket: BucketArguments,
-    /// Folder for copies of series in buckets, which stay there for the next time; a temporary one where left out
+    /// Folder for copies of series in buckets, which stay there for the next time; a temporary one
+    /// where left out
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
     /// Most that copies of series in buckets may take together; a series that has more is refused

@@ -1,4 +1,5 @@
-//! Choices of options, made from the tables of the closed sets: parsers that list them, and help texts.
+//! Choices of options, made from the tables of the closed sets: parsers that list them, and help
+//! texts.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 

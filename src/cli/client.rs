@@ -17,7 +17,8 @@ use relief_client::{ClientError, Composer, Handle, Options, ServerAddress};
 use relief_display::{DisplaySettings, Layout, encode_png};
 use relief_live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Settings, check_view_name};
 
-/// Show the frames of a live session on this machine's display, pixel for pixel, and send it the Wiimote's poses.
+/// Show the frames of a live session on this machine's display, pixel for pixel, and send it the
+/// Wiimote's poses.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Arguments {
@@ -53,7 +54,8 @@ pub(super) struct Arguments {
     /// Lossless colour while the view moves, too
     #[arg(long)]
     lossless: bool,
-    /// Draw annotations: all, or sets by their names with commas between them; A places landmarks then, and 1 takes them back
+    /// Draw annotations: all, or sets by their names with commas between them; A places landmarks
+    /// then, and 1 takes them back
     #[arg(long, value_name = "true|SETS", value_parser = Shown::parse)]
     annotations: Option<Shown>,
     /// Author of placed annotations

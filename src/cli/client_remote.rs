@@ -16,7 +16,8 @@ pub(super) struct RemoteArguments {
     /// Wiimote: hidraw (the first one found), /dev/hidrawN, a recording, tcp://HOST:PORT, or none
     #[arg(long, value_name = "SOURCE", default_value = "none")]
     wiimote: String,
-    /// Send the Wiimote's reports as they are, for the server to track (relief serve --sensor, --beacon)
+    /// Send the Wiimote's reports as they are, for the server to track (relief serve --sensor,
+    /// --beacon)
     #[arg(long, conflicts_with_all = ["beacon", "sensor"])]
     relay_reports: bool,
     #[command(flatten)]

@@ -1,4 +1,5 @@
-//! `relief client --replay`: a recorded session once more, and whether it ends in the same pictures.
+//! `relief client --replay`: a recorded session once more, and whether it ends in the same
+//! pictures.
 
 use std::io::BufReader;
 use std::path::Path;

@@ -154,8 +154,9 @@ impl<'a> Watch<'a> {
         pose.and_then(|pose| self.handle.pose(self.handle.now_ns(), pose)).unwrap_or(0)
     }
 
-    /// The still frame that shows message `seq`. A message that changes nothing is shown by none: after a while without frames and
-    /// messages the newest frame counts, if it is still; what moves is shown at once, so it would not be.
+    /// The still frame that shows message `seq`. A message that changes nothing is shown by none:
+    /// after a while without frames and messages the newest frame counts, if it is still; what
+    /// moves is shown at once, so it would not be.
     pub(super) async fn still_after(&self, seq: u64) -> Received {
         *self.moved() = Instant::now();
         loop {

@@ -1,7 +1,8 @@
 //! `relief doctor`: reports adapters, drivers and tools, what is missing, and how to install it.
 //!
-//! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with the f64
-//! twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing can render.
+//! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with
+//! the f64 twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing
+//! can render.
 
 use relief_golden::compare;
 use std::path::PathBuf;
@@ -47,7 +48,8 @@ const ANOTHER_ADAPTER: [&str; 1] =
 /// Mesa's software driver samples about three times faster from this release on.
 const FAST_MESA: u32 = 25;
 
-/// The picture of the self-test: large enough for a share of 0.1 % to mean pixels, quick everywhere.
+/// The picture of the self-test: large enough for a share of 0.1 % to mean pixels, quick
+/// everywhere.
 const SELF_TEST_SIZE_PX: [u32; 2] = [96, 72];
 const SELF_TEST_VOXELS: usize = 48;
 

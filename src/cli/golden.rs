@@ -1,7 +1,7 @@
 //! `relief golden`: compares pictures of procedural volumes with approved ones; approves new ones.
 //!
-//! Exit status of `check`: 0 when every picture is as expected, 1 when one is not, a golden is missing, or
-//! there is nothing to compare. Only `bless` writes goldens.
+//! Exit status of `check`: 0 when every picture is as expected, 1 when one is not, a golden is
+//! missing, or there is nothing to compare. Only `bless` writes goldens.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,8 +17,8 @@ use relief_render::{AdapterChoice, AdapterKind, Gpu, Renderer};
 
 /// Compare pictures of procedural volumes with approved ones, or approve new ones.
 ///
-/// Goldens are compared on a software adapter, whose pictures do not depend on the machine; RELIEF_ADAPTER
-/// chooses another.
+/// Goldens are compared on a software adapter, whose pictures do not depend on the machine;
+/// RELIEF_ADAPTER chooses another.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -1,7 +1,7 @@
 //! The command line: arguments in, library calls, readable reports out.
 //!
-//! Each subcommand has a file with its arguments and a `run`. Only this module writes to stdout and stderr, reads
-//! the environment and decides exit statuses: 0 done, 1 failed, 2 wrong arguments.
+//! Each subcommand has a file with its arguments and a `run`. Only this module writes to stdout and
+//! stderr, reads the environment and decides exit statuses: 0 done, 1 failed, 2 wrong arguments.
 #![expect(clippy::print_stderr, reason = "the command line is where output belongs")]
 
 mod adapter;

@@ -8,7 +8,8 @@ pub(super) struct LightArguments {
     /// Lights of modes composite, isosurface and path-traced: headlight, studio, side, above
     #[arg(long, value_name = "NAME", value_parser = parse_lights)]
     lights: Option<String>,
-    /// How much of the shadows of placed lights shows, 0 to 1; needs --lights, or lights in the scene file
+    /// How much of the shadows of placed lights shows, 0 to 1; needs --lights, or lights in the
+    /// scene file
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     shadows: Option<f64>,
     /// How much less light nooks have, 0 to 1 (ambient occlusion)

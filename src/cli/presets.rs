@@ -18,7 +18,8 @@ use relief_render::{RenderedFrame, preset_json};
 use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 use relief_volume::{PRESETS, PhantomKind, PhantomRecipe, Preset, Volume};
 
-/// List the presets of colours, opacity and light, render a thumbnail of each, or convert those of other programs.
+/// List the presets of colours, opacity and light, render a thumbnail of each, or convert those of
+/// other programs.
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -35,7 +36,8 @@ pub(super) struct Arguments {
     /// Render a PNG of each preset into this folder, and contact-sheet.png with all of them
     #[arg(long, value_name = "DIR")]
     thumbnails: Option<PathBuf>,
-    /// CT series of the thumbnails: a folder, a file, a DICOMDIR or a zip; the procedural head when left out
+    /// CT series of the thumbnails: a folder, a file, a DICOMDIR or a zip; the procedural head when
+    /// left out
     #[arg(long, value_name = "PATH", requires = "thumbnails")]
     series: Option<PathBuf>,
     #[command(flatten)]

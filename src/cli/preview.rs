@@ -19,9 +19,9 @@ const USUAL_OFFSET: u8 = 128;
 /// Show the views that a 2D-plus-depth display synthesises from a frame: side by side, as an
 /// anaglyph or as a wiggle.
 ///
-/// The frame may be any that `relief inspect` knows with depth: wowvx, wowvx-full-height, wowvx-4k, declipse,
-/// declipse-lines or rgbd, whatever program wrote it. A file of views (stereo, views-N, wiggle) becomes another layout of as
-/// many views, or of its outermost two.
+/// The frame may be any that `relief inspect` knows with depth: wowvx, wowvx-full-height, wowvx-4k,
+/// declipse, declipse-lines or rgbd, whatever program wrote it. A file of views (stereo, views-N,
+/// wiggle) becomes another layout of as many views, or of its outermost two.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -32,7 +32,8 @@ pub(super) struct Arguments {
     /// The frame (PNG)
     #[arg(value_name = "FRAME.png")]
     frame: PathBuf,
-    /// What becomes of it: views-N, views-COLUMNSxROWS, stereo, anaglyph, or wiggle, an animated PNG
+    /// What becomes of it: views-N, views-COLUMNSxROWS, stereo, anaglyph, or wiggle, an animated
+    /// PNG
     #[arg(long, value_name = "NAME", default_value = "wiggle")]
     layout: Layout,
     /// Where the picture goes: .png
@@ -44,7 +45,8 @@ pub(super) struct Arguments {
     /// Disparity on the screen plane in place of the header's
     #[arg(long, value_name = "0..255")]
     offset: Option<u8>,
-    /// The display: philips-20, philips-42 or dimenco-4k; the usual one of the frame's layout where left out
+    /// The display: philips-20, philips-42 or dimenco-4k; the usual one of the frame's layout where
+    /// left out
     #[arg(long, value_name = "NAME", value_parser = parse_profile)]
     profile: Option<ProfileName>,
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
@@ -133,7 +135,8 @@ fn factor_and_offset(arguments: &Arguments, report: &FrameReport) -> [u8; 2] {
     [arguments.factor.or(factor).unwrap_or(USUAL_FACTOR), arguments.offset.or(offset).unwrap_or(USUAL_OFFSET)]
 }
 
-/// The views for a layout: all where it has as many, or the outermost two. A wiggle takes any number.
+/// The views for a layout: all where it has as many, or the outermost two. A wiggle takes any
+/// number.
 fn as_many(views: Views, layout: Layout) -> anyhow::Result<Views> {
     let found = views.pictures().len();
     match (layout, views.pictures()) {

@@ -53,11 +53,12 @@ pub(super) struct Arguments {
     /// File for the depth: .png or .exr
     #[arg(long, value_name = "FILE", value_parser = parse_depth)]
     depth_out: Option<Output>,
-    /// How long the picture may take to render: fewer rays, samples or passes, and enlarged, if it would take longer. Two
-    /// very small pictures before it measure how fast this machine is
+    /// How long the picture may take to render: fewer rays, samples or passes, and enlarged, if it
+    /// would take longer. Two very small pictures before it measure how fast this machine is
     #[arg(long, value_name = "MS")]
     budget_ms: Option<f64>,
-    /// Draw the annotations of this log over the picture: a file, sqlite:FILE or postgres://USER@HOST/DATABASE
+    /// Draw the annotations of this log over the picture: a file, sqlite:FILE or
+    /// postgres://USER@HOST/DATABASE
     #[arg(long, value_name = "PLACE")]
     annotations: Option<String>,
     /// Sets of annotations to draw; all that are not blinded where none is named
@@ -171,7 +172,8 @@ fn render(
     })
 }
 
-/// The request, reduced as far as a budget wants it by the speed of two very small pictures; the first one only compiles.
+/// The request, reduced as far as a budget wants it by the speed of two very small pictures; the
+/// first one only compiles.
 fn within_budget(
     renderer: &mut Renderer,
     volume: &Volume,

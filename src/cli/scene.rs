@@ -27,8 +27,9 @@ pub(super) struct SceneArguments {
     /// path-traced (scattered light, see --passes), or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
-    /// Which values a sample of mode composite stands for: sampled, the one in its middle, or pre-integrated, all that its
-    /// path passes: as close at twice the sample distance, and thin layers are not missed
+    /// Which values a sample of mode composite stands for: sampled, the one in its middle, or
+    /// pre-integrated, all that its path passes: as close at twice the sample distance, and thin
+    /// layers are not missed
     #[arg(long, value_name = "NAME", value_parser = parse_classification)]
     classification: Option<Classification>,
     /// Value of an opaque isosurface, in HU; its colour is the preset's there
@@ -62,7 +63,8 @@ pub(super) struct SceneArguments {
     /// Filter for depth in frames: none, median-3, median-5, clear-edge
     #[arg(long, value_name = "NAME", value_parser = parse_depth_filter)]
     depth_filter: Option<DepthFilter>,
-    /// Size of the picture (in 2D-plus-depth layouts, of each half); the layout decides when left out
+    /// Size of the picture (in 2D-plus-depth layouts, of each half); the layout decides when left
+    /// out
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// Where from, about the long axis: 0 the front, 90 the patient's left, 180 the back

@@ -1,6 +1,7 @@
 //! `relief serve`: an HTTP server with its web pages; runs until a signal stops it.
 //!
-//! The address is printed as soon as it answers; series load behind it, and `/readyz` says when frames can be had.
+//! The address is printed as soon as it answers; series load behind it, and `/readyz` says when
+//! frames can be had.
 
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
@@ -50,8 +51,8 @@ Examples:
 
 There is no authentication. Another address than loopback is for trusted networks, or behind a proxy that has it.")]
 pub(super) struct Arguments {
-    /// CT series to serve: a folder, a file, a DICOMDIR or a zip; or s3://BUCKET/PREFIX: each folder, zip, .nii and .nrrd below it; may
-    /// be given several times
+    /// CT series to serve: a folder, a file, a DICOMDIR or a zip; or s3://BUCKET/PREFIX: each
+    /// folder, zip, .nii and .nrrd below it; may be given several times
     #[arg(long, value_name = "PATH")]
     series: Vec<PathBuf>,
     /// Label map of the series in the same place: of the first --series, of the second, ...
@@ -68,7 +69,8 @@ pub(super) struct Arguments {
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
-    /// Listen only when all series are loaded: a proxy before several servers sends requests to the others until then
+    /// Listen only when all series are loaded: a proxy before several servers sends requests to the
+    /// others until then
     #[arg(long)]
     listen_when_loaded: bool,
     /// Also accept this name in the header Host; a loopback address accepts only loopback names by
@@ -80,7 +82,8 @@ pub(super) struct Arguments {
     uploads: Uploads,
     #[command(flatten)]
     adapter: AdapterArguments,
-    /// Memory for voxels of all volumes, such as 8GiB; series that are not shown are read again when they are
+    /// Memory for voxels of all volumes, such as 8GiB; series that are not shown are read again
+    /// when they are
     #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = parse_bytes)]
     memory: u64,
     /// Orders that may wait while one renders; more are answered with 503
@@ -89,7 +92,8 @@ pub(super) struct Arguments {
     /// Live sessions and plain live viewers at a time
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u16).range(1..=4096))]
     sessions: u16,
-    /// Camera of the Wiimotes whose reports clients relay: OpenCV or ROS YAML; a typical one otherwise
+    /// Camera of the Wiimotes whose reports clients relay: OpenCV or ROS YAML; a typical one
+    /// otherwise
     #[arg(long, value_name = "CAM.yaml")]
     sensor: Option<PathBuf>,
     /// Beacon that they look at; the recommended one otherwise
@@ -237,8 +241,8 @@ fn labels_loader() -> LabelsLoader {
     })
 }
 
-/// Tells two builds of one version apart: a frame cached from the one is not a frame of the other. By the program's content, so that
-/// servers of one build agree on every machine.
+/// Tells two builds of one version apart: a frame cached from the one is not a frame of the other.
+/// By the program's content, so that servers of one build agree on every machine.
 fn build() -> String {
     let digest = std::env::current_exe().and_then(|path| sha256(&path));
     let digits = digest.map(|digest| digest[..8].iter().map(|byte| format!("{byte:02x}")).collect());

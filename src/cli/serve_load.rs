@@ -70,7 +70,8 @@ impl Place {
     }
 }
 
-/// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when all went well.
+/// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when
+/// all went well.
 pub(super) fn load_behind(
     places: Vec<Place>,
     copies: Copies,
@@ -181,7 +182,8 @@ impl Loading<'_> {
     }
 }
 
-/// A series that was read before and cannot be read again. The cause may name files and patients, so the log does not get it.
+/// A series that was read before and cannot be read again. The cause may name files and patients,
+/// so the log does not get it.
 #[derive(Debug, thiserror::Error)]
 #[error("the files of the series can no longer be read")]
 struct Unreadable;

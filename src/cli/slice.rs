@@ -9,7 +9,8 @@ use relief_volume::NamedPlane;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Slices")]
 pub(super) struct SliceArguments {
-    /// Show a slice: axial (seen from the feet), coronal (from the front) or sagittal (from the left)
+    /// Show a slice: axial (seen from the feet), coronal (from the front) or sagittal (from the
+    /// left)
     #[arg(long, value_name = "PLANE", value_parser = parse_plane, conflicts_with = "normal")]
     plane: Option<NamedPlane>,
     /// Show an oblique slice, whose normal points to the eye
@@ -21,7 +22,8 @@ pub(super) struct SliceArguments {
     /// Middle of the slice, patient LPS in mm; the volume's centre where left out
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_triple, allow_hyphen_values = true)]
     center_mm: Option<[f64; 3]>,
-    /// Moves the slice towards the head (axial), the back (coronal), the left (sagittal) or along its normal
+    /// Moves the slice towards the head (axial), the back (coronal), the left (sagittal) or along
+    /// its normal
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     offset_mm: Option<f64>,
     /// Thickness of a slab around the plane; 0 is the plane only

@@ -18,10 +18,12 @@ use relief_volume::{Grid, LabelMap};
 /// A CT series to load.
 #[derive(Debug, clap::Args)]
 pub(super) struct SeriesArguments {
-    /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or .nrrd
+    /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or
+    /// .nrrd
     #[arg(long, value_name = "PATH")]
     pub(super) series: PathBuf,
-    /// Segments of the series: a label map as .nii, .nii.gz, .nrrd or .seg.nrrd, or a DICOM segmentation
+    /// Segments of the series: a label map as .nii, .nii.gz, .nrrd or .seg.nrrd, or a DICOM
+    /// segmentation
     #[arg(long, value_name = "FILE")]
     pub(super) labels: Option<PathBuf>,
     #[command(flatten)]
@@ -62,8 +64,9 @@ pub(super) fn load(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loade
     load_after(path, options, |_| Ok(())).map(|(loaded, ())| loaded)
 }
 
-/// As [`load`]; `before` is given the dimensions that the volume will have, when all headers are read and no slice yet, and
-/// may refuse them. Of a volume in a single file it is given them when that is read.
+/// As [`load`]; `before` is given the dimensions that the volume will have, when all headers are
+/// read and no slice yet, and may refuse them. Of a volume in a single file it is given them when
+/// that is read.
 pub(super) fn load_after<T>(
     path: &Path,
     options: &SeriesOptions,
@@ -96,7 +99,8 @@ fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
     Ok(Loaded::of_volume(found.volume).downsampled(options.downsample.into()))
 }
 
-/// The chosen series, or the only one; where there are several, the error names the option that chooses.
+/// The chosen series, or the only one; where there are several, the error names the option that
+/// chooses.
 pub(super) fn select<'a>(found: &'a Discovery, uid: Option<&str>) -> anyhow::Result<&'a SeriesEntry> {
     found.select(uid).map_err(|error| match error {
         relief_dicom::Error::SeveralSeries { .. } => {
@@ -129,8 +133,8 @@ pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow:
     Ok(loaded)
 }
 
-/// The library's own limits, and no more than this machine has to give: a system that promises memory which it does not
-/// have ends the process when that is touched.
+/// The library's own limits, and no more than this machine has to give: a system that promises
+/// memory which it does not have ends the process when that is touched.
 fn limits() -> LoadLimits {
     let usual = LoadLimits::default().voxel_bytes;
     LoadLimits { voxel_bytes: available_bytes().map_or(usual, |available| usual.min(available)) }

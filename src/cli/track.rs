@@ -49,7 +49,8 @@ enum Action {
 
 #[derive(Debug, clap::Args)]
 struct FollowArguments {
-    /// Where reports come from: a recording (- is stdin), hidraw, /dev/hidrawN, or tcp://HOST:PORT, which sends a recording
+    /// Where reports come from: a recording (- is stdin), hidraw, /dev/hidrawN, or tcp://HOST:PORT,
+    /// which sends a recording
     #[arg(long, value_name = "SOURCE")]
     reports: Option<String>,
     #[command(flatten)]
@@ -94,7 +95,8 @@ pub(super) struct SceneArguments {
     /// The LEDs; the recommended beacon by default
     #[arg(long, value_name = "BEACON.toml")]
     beacon: Option<PathBuf>,
-    /// The camera, YAML of OpenCV or ROS; a typical Wiimote by default, whose distances are 3 % uncertain
+    /// The camera, YAML of OpenCV or ROS; a typical Wiimote by default, whose distances are 3 %
+    /// uncertain
     #[arg(long, value_name = "CAMERA.yaml")]
     sensor: Option<PathBuf>,
     /// Noise of a blob's coordinates before they are rounded, px
@@ -128,7 +130,8 @@ enum Solver {
     /// The linearised energy of the 2009 paper, by an interior-point method of our own
     #[value(alias = "paper")]
     InteriorPoint,
-    /// The same by IPOPT, in builds with the cargo feature of that name; in others as interior-point
+    /// The same by IPOPT, in builds with the cargo feature of that name; in others as
+    /// interior-point
     Ipopt,
 }
 

@@ -16,10 +16,12 @@ use relief_tracking::{
     SolverKind, TrackingMethod, run_experiment, simulate_survey,
 };
 
-/// Repeat the paper's experiment in simulation: a robot's arm turns and shifts a Wiimote before a beacon.
+/// Repeat the paper's experiment in simulation: a robot's arm turns and shifts a Wiimote before a
+/// beacon.
 ///
-/// Five runs of 21 stops: turns of 10 degrees about the sensor's X and Y axes, shifts of 10 cm along the beacon's X, Y and
-/// Z. The paper states neither its beacon nor its distance, so its numbers stand beside ours for orientation.
+/// Five runs of 21 stops: turns of 10 degrees about the sensor's X and Y axes, shifts of 10 cm
+/// along the beacon's X, Y and Z. The paper states neither its beacon nor its distance, so its
+/// numbers stand beside ours for orientation.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Ways: the paper's (linearised energy, plain Kalman filter on poses, f = 1320 px) on a sensor whose f differs; ours with the

@@ -187,7 +187,8 @@ fn errors(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
     }
 }
 
-/// The mean error of all repeats at each stop. The same stop is the same to a thousandth of a degree or centimetre.
+/// The mean error of all repeats at each stop. The same stop is the same to a thousandth of a
+/// degree or centimetre.
 fn means_of_stops(points: &[PlotPoint]) -> Vec<PlotPoint> {
     let mut stops: BTreeMap<i64, Vec<PlotPoint>> = BTreeMap::new();
     for point in points {

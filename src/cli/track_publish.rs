@@ -1,4 +1,5 @@
-//! An OpenIGTLink server of poses: every client gets TRANSFORM and POSITION, and TDATA when it asks for it.
+//! An OpenIGTLink server of poses: every client gets TRANSFORM and POSITION, and TDATA when it asks
+//! for it.
 //!
 //! One thread serves the listener and all clients. Only the newest pose waits for it. A client that
 //! does not accept data within 50 ms is disconnected, so that it does not delay the others.

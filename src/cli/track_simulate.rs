@@ -10,7 +10,8 @@ use relief_tracking::{
     recording_line,
 };
 
-/// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried without one.
+/// Make a recording of a Wiimote in a hand that points at the beacon, so that all can be tried
+/// without one.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 --sensor is the true camera and --beacon the true beacon; track with others to see what miscalibration does. Equal arguments
@@ -44,8 +45,8 @@ pub(super) struct Arguments {
     /// Hide LED number N (from 0) from one second to another; may be given several times
     #[arg(long, value_name = "N:FROM:TO", value_parser = parse_hidden)]
     hide: Vec<HiddenLed>,
-    /// Hold a button from one second to another; may be given several times. left, right, up, down, plus, minus, one, two, a, b,
-    /// home
+    /// Hold a button from one second to another; may be given several times. left, right, up, down,
+    /// plus, minus, one, two, a, b, home
     #[arg(long, value_name = "BUTTON:FROM:TO", value_parser = parse_pressed)]
     press: Vec<PressedButton>,
     /// A lens that is sharp at one distance: focal length, aperture and focused distance, mm. At

@@ -1,4 +1,5 @@
-//! Where reports come from: a recording, a socket that sends one, or a Wiimote itself through hidraw.
+//! Where reports come from: a recording, a socket that sends one, or a Wiimote itself through
+//! hidraw.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! `relief track views`: random views of a beacon with their poses, for comparisons with other solvers.
+//! `relief track views`: random views of a beacon with their poses, for comparisons with other
+//! solvers.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,8 +13,8 @@ use relief_tracking::{MAX_SEEN, Pinhole, Pose, PoseView, Random, ViewRange, rand
 
 /// Make random views of a beacon, solve each, and write pixels, poses and truth as JSON.
 ///
-/// Views are from 1 to 2 m, within 30 degrees sideways, up and down and in roll. scripts/compare-track gives the same pixels
-/// to OpenCV, PoseLib and IPOPT.
+/// Views are from 1 to 2 m, within 30 degrees sideways, up and down and in roll.
+/// scripts/compare-track gives the same pixels to OpenCV, PoseLib and IPOPT.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     /// File to make

@@ -15,8 +15,8 @@ use relief_volume::{ImportedTransfer, MAX_IMPORT_BYTES, TransferImportChoice, im
 /// A transfer function that overrides the scene's.
 #[derive(Debug, clap::Args)]
 pub(super) struct TransferArguments {
-    /// Colour, opacity and light from a file: of 3D Slicer (presets.xml, .vp, .vp.json), a colour map of VTK or ParaView
-    /// (JSON), or the "transfer" of a request
+    /// Colour, opacity and light from a file: of 3D Slicer (presets.xml, .vp, .vp.json), a colour
+    /// map of VTK or ParaView (JSON), or the "transfer" of a request
     #[arg(long, value_name = "FILE", conflicts_with_all = ["preset", "window_hu"])]
     transfer: Option<PathBuf>,
     /// Which function, where the file of --transfer holds several

@@ -1,4 +1,5 @@
-//! `relief render --views`: views rendered by cameras side by side, beside those that a display makes of one picture.
+//! `relief render --views`: views rendered by cameras side by side, beside those that a display
+//! makes of one picture.
 
 use anyhow::{Context, bail};
 

@@ -7,7 +7,8 @@ use tokio_tungstenite::tungstenite::http::Uri;
 
 use relief_live::{Hello, check_view_name};
 
-/// A server: `http://HOST:PORT`, `ws://HOST:PORT`, or `HOST:PORT`; a path before `/v1` is kept, for proxies that have one.
+/// A server: `http://HOST:PORT`, `ws://HOST:PORT`, or `HOST:PORT`; a path before `/v1` is kept, for
+/// proxies that have one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServerAddress {
     host: String,
@@ -66,8 +67,8 @@ impl ServerAddress {
         (self.host.trim_start_matches('[').trim_end_matches(']'), self.port)
     }
 
-    /// The address of a live session. It names view and volume for a proxy before several servers, which cannot read the hello; a
-    /// server of its own takes no notice.
+    /// The address of a live session. It names view and volume for a proxy before several servers,
+    /// which cannot read the hello; a server of its own takes no notice.
     #[must_use]
     pub fn session_url(&self, hello: &Hello) -> String {
         let Self { host, port, base } = self;

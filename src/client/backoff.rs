@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-/// Waits that double from [`Backoff::FIRST`] to [`Backoff::LAST`]: a server that was away for long is found again within a second.
+/// Waits that double from [`Backoff::FIRST`] to [`Backoff::LAST`]: a server that was away for long
+/// is found again within a second.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Backoff {
     next: Duration,

@@ -1,4 +1,5 @@
-//! The end of a session that hands hold: poses, intents and acknowledgements go in here, from any thread.
+//! The end of a session that hands hold: poses, intents and acknowledgements go in here, from any
+//! thread.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -45,7 +46,8 @@ impl Handle {
         u64::try_from(self.0.start.elapsed().as_nanos()).unwrap_or(u64::MAX).max(1)
     }
 
-    /// A pose. It replaces one that still waits. Gives its number, or `None` without a connection, or with one that takes nothing.
+    /// A pose. It replaces one that still waits. Gives its number, or `None` without a connection,
+    /// or with one that takes nothing.
     pub fn pose(&self, t_ns: u64, pose: PoseKind) -> Option<u64> {
         self.put(|outbox| outbox.pose(t_ns, pose))
     }

@@ -9,10 +9,11 @@
 //!   "bytes":410233,"sha256":"...","pixels_sha256":"..."}}
 //! ```
 //!
-//! `sha256` is of colour and depth as they were sent, without the header, whose times differ from one day to the next;
-//! `pixels_sha256`, of still lossless frames alone, of what they unpack to: of two equal sessions these are equal. The token of a
-//! session is left out, as are what a volume is called and how it is described. Lines are bounded, so a file of any size is
-//! read in little memory.
+//! `sha256` is of colour and depth as they were sent, without the header, whose times differ from
+//! one day to the next; `pixels_sha256`, of still lossless frames alone, of what they unpack to: of
+//! two equal sessions these are equal. The token of a session is left out, as are what a volume is
+//! called and how it is described. Lines are bounded, so a file of any size is read in little
+//! memory.
 
 use std::io::{BufRead, Read};
 
@@ -106,7 +107,8 @@ fn frame(received: &Received) -> Value {
     frame
 }
 
-/// SHA-256 of the colours and depths of a still lossless frame, as numbers: equal pictures have equal ones however they are packed.
+/// SHA-256 of the colours and depths of a still lossless frame, as numbers: equal pictures have
+/// equal ones however they are packed.
 #[must_use]
 pub fn pixels_sha256(received: &Received) -> Option<String> {
     if !(received.header.still && received.header.lossless()) {

@@ -112,8 +112,8 @@ struct Known {
 /// must return quickly.
 ///
 /// # Errors
-/// When the first connection fails, unless that is waited for; or when a connection ends for a reason that another one would
-/// not change.
+/// When the first connection fails, unless that is waited for; or when a connection ends for a
+/// reason that another one would not change.
 pub async fn run(
     options: &Options,
     handle: &Handle,

@@ -30,9 +30,9 @@ impl Marks {
         self.offline.then_some([0x40, 0x60, 0xd0]).into_iter().chain(tracking)
     }
 
-    /// Draws the marks into the lower left corner of the picture's half: blue without a connection; yellow while the Wiimote is
-    /// looked for, orange where it is ambiguous, red when it is lost. The header's line, depth and lines that are black by
-    /// the layout are not touched.
+    /// Draws the marks into the lower left corner of the picture's half: blue without a connection;
+    /// yellow while the Wiimote is looked for, orange where it is ambiguous, red when it is lost.
+    /// The header's line, depth and lines that are black by the layout are not touched.
     ///
     /// # Errors
     /// None for a frame of the layout.

@@ -67,7 +67,8 @@ impl Outbox {
         self.push(|seq| ClientMessage::Intent(IntentMessage { seq, t_ns, intent }))
     }
 
-    /// A report in hexadecimal digits. Where the connection is behind, those go that change no button.
+    /// A report in hexadecimal digits. Where the connection is behind, those go that change no
+    /// button.
     pub(super) fn report(&mut self, t_ns: u64, report: String) -> Option<u64> {
         if self.queue.len() >= MAX_QUEUED / 4 {
             let idle = (1..self.queue.len()).find(|&at| match (&self.queue[at - 1], &self.queue[at]) {
@@ -117,7 +118,8 @@ fn is_replaced(last: &PoseKind, new: &PoseKind) -> bool {
     }
 }
 
-/// The digits of a report's buttons. Every report has them but 0x3d, which is never equal to another kind.
+/// The digits of a report's buttons. Every report has them but 0x3d, which is never equal to
+/// another kind.
 fn buttons(report: &Report) -> Option<(&str, &str)> {
     Some((report.report.get(..2)?, report.report.get(2..6)?))
 }

@@ -28,7 +28,8 @@ impl PicturePlace {
         Self { columns, rows, step }
     }
 
-    /// The pixel of the picture at a place of the frame, u right and v down; `None` beside the picture.
+    /// The pixel of the picture at a place of the frame, u right and v down; `None` beside the
+    /// picture.
     #[cfg(any(feature = "window", test))]
     pub(super) fn pixel(self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let v = y / self.step as f64;

@@ -4,10 +4,11 @@ use glam::{DQuat, DVec3};
 
 use relief_live::{GrabMode, Intent, Pivot, ViewRecord};
 
-/// What brings a new view to `wanted`; `look_at_mm` is its focal point now. The preset is hello's to set.
+/// What brings a new view to `wanted`; `look_at_mm` is its focal point now. The preset is hello's
+/// to set.
 ///
-/// A look from the front is a known orientation P = Rx(90 degrees). A hand then turns by Q and moves by d: view_from_patient
-/// becomes Q P⁻¹, and the focal point goes to d in view.
+/// A look from the front is a known orientation P = Rx(90 degrees). A hand then turns by Q and
+/// moves by d: view_from_patient becomes Q P⁻¹, and the focal point goes to d in view.
 pub(super) fn intents(look_at_mm: [f64; 3], wanted: &ViewRecord) -> Vec<Intent> {
     let front = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
     let patient_from_view = DQuat::from_array(wanted.orientation_xyzw).normalize();

@@ -19,18 +19,20 @@ use relief_live::{
     ClientMessage, HEADER_BYTES, Hello, MAX_PIXELS, MAX_TEXT_BYTES, SUBPROTOCOL, ServerMessage, Welcome,
 };
 
-/// Most bytes of a message that is received: colours and 16-bit depth of the largest picture, unpacked.
+/// Most bytes of a message that is received: colours and 16-bit depth of the largest picture,
+/// unpacked.
 pub const MAX_FRAME_BYTES: usize = HEADER_BYTES + 5 * MAX_PIXELS;
 
 /// Longest time until a reachable server accepts.
 const CONNECT: Duration = Duration::from_secs(3);
-/// How long it may take for `welcome`: the first volume may still be on its way to the graphics card.
+/// How long it may take for `welcome`: the first volume may still be on its way to the graphics
+/// card.
 const WELCOME: Duration = Duration::from_secs(30);
 
 pub(super) type Socket = WebSocketStream<TcpStream>;
 
-/// Connects and says hello; gives the socket after `welcome`. `first` is the hello that the session began with: by its names a proxy
-/// finds the server of several that has the session.
+/// Connects and says hello; gives the socket after `welcome`. `first` is the hello that the session
+/// began with: by its names a proxy finds the server of several that has the session.
 pub(super) async fn open(
     server: &ServerAddress,
     first: &Hello,

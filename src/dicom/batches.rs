@@ -8,7 +8,8 @@
 /// Most bytes that are unpacked at a time. A single file that has more is a batch of its own.
 const MOST_UNPACKED: u64 = 1 << 30;
 
-/// Divides `files`, in their order, into batches whose bytes in memory are at most [`MOST_UNPACKED`] together.
+/// Divides `files`, in their order, into batches whose bytes in memory are at most
+/// [`MOST_UNPACKED`] together.
 pub(super) fn of<T>(files: Vec<T>, memory_bytes: impl Fn(&T) -> u64) -> Vec<Vec<T>> {
     let mut batches: Vec<Vec<T>> = Vec::new();
     let mut taken = 0u64;

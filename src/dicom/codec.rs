@@ -79,8 +79,8 @@ fn fragments(header: &FileHeader, bytes: &Bytes) -> Result<(Vec<u64>, Vec<Fragme
     let mut position = header.pixels.position;
     reader.seek(SeekFrom::Start(position))?;
     let mut items = Vec::new();
-    // A missing delimiter at the end of the file loses nothing. A file that shrank since its header was read may end
-    // before its pixels begin.
+    // A missing delimiter at the end of the file loses nothing. A file that shrank since its header
+    // was read may end before its pixels begin.
     while end.saturating_sub(position) >= 8 {
         let item = dataset::read_header(&mut reader, &mut position, end, Encoding::ExplicitLittle)?;
         if item.tag == dataset::SEQUENCE_DELIMITATION {
@@ -113,7 +113,8 @@ fn extended(table: &[u8]) -> Vec<u64> {
     table.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes)).collect()
 }
 
-/// The first fragment of each frame by an offset table: offsets of item tags from the first fragment's.
+/// The first fragment of each frame by an offset table: offsets of item tags from the first
+/// fragment's.
 fn starts_from_offsets(offsets: &[u64], fragments: &[Fragment], frames: usize) -> Option<Vec<usize>> {
     let origin = fragments.first()?.start;
     let starts: Option<Vec<usize>> = offsets
@@ -125,7 +126,8 @@ fn starts_from_offsets(offsets: &[u64], fragments: &[Fragment], frames: usize) -
     })
 }
 
-/// The first fragment of each frame by the marker that begins a JPEG (FFD8) or JPEG 2000 (FF4F) codestream.
+/// The first fragment of each frame by the marker that begins a JPEG (FFD8) or JPEG 2000 (FF4F)
+/// codestream.
 fn starts_from_markers(bytes: &Bytes, fragments: &[Fragment], frames: usize) -> Option<Vec<usize>> {
     let mut starts = Vec::new();
     for (index, fragment) in fragments.iter().enumerate() {

@@ -68,7 +68,8 @@ pub(super) fn read(data: &[u8]) -> Option<Header> {
     }
 }
 
-/// Looks for the frame header among the marker segments before the scan (ITU-T T.81 B.2.2, T.87 C.2.2).
+/// Looks for the frame header among the marker segments before the scan (ITU-T T.81 B.2.2, T.87
+/// C.2.2).
 fn read_jpeg(mut data: &[u8]) -> Option<Header> {
     loop {
         let (marker, segment, rest) = segment(data)?;

@@ -72,7 +72,8 @@ pub(super) struct Header {
     pub(super) length: Option<u32>,
 }
 
-/// The longest value that is kept. The attributes wanted here are numbers, codes and UIDs; offset tables apart.
+/// The longest value that is kept. The attributes wanted here are numbers, codes and UIDs; offset
+/// tables apart.
 const LONGEST_VALUE: u32 = 1 << 16;
 /// The longest Extended Offset Table: 8 bytes per frame.
 const LONGEST_OFFSET_TABLE: u32 = 1 << 24;
@@ -227,7 +228,8 @@ struct Walker<'a, R> {
 type Elements = (DataSet, Option<PixelElement>);
 
 impl<R: BufRead + Seek> Walker<'_, R> {
-    /// Elements up to `bound`, to an item delimiter where there is no bound, or to Pixel Data at the top level.
+    /// Elements up to `bound`, to an item delimiter where there is no bound, or to Pixel Data at
+    /// the top level.
     fn elements(&mut self, encoding: Encoding, bound: Option<u64>, depth: u32) -> Result<Elements, Defect> {
         let mut data = DataSet::default();
         while bound.is_none_or(|bound| self.position < bound) {
@@ -302,7 +304,8 @@ impl<R: BufRead + Seek> Walker<'_, R> {
     /// Skips the rest of an element of undefined length: a loop, so that nesting costs no stack.
     fn skip_undefined(&mut self, outer: Encoding) -> Result<(), Defect> {
         let mut open = 1u64;
-        // The number of open containers at which an unknown-VR sequence, implicit by PS3.5 6.2.2, is left again.
+        // The number of open containers at which an unknown-VR sequence, implicit by PS3.5 6.2.2,
+        // is left again.
         let mut implicit_until = None;
         while open > 0 {
             let encoding = if implicit_until.is_some() { Encoding::ImplicitLittle } else { outer };
@@ -331,7 +334,8 @@ impl<R: BufRead + Seek> Walker<'_, R> {
         let u32_of = |bytes| if big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) };
         let tag = Tag(u16_of(a, b), u16_of(c, d));
         let vr = [e, f];
-        // Items and delimiters have no VR. Some writers leave single elements implicit in an explicit data set.
+        // Items and delimiters have no VR. Some writers leave single elements implicit in an
+        // explicit data set.
         let implicit = encoding == Encoding::ImplicitLittle || tag.0 == 0xFFFE || !is_vr(vr);
         let length = if implicit {
             u32_of([e, f, g, h])
@@ -386,7 +390,8 @@ pub(super) fn is_vr(vr: [u8; 2]) -> bool {
     vr.iter().all(u8::is_ascii_uppercase)
 }
 
-/// Whether a VR is followed by a 32-bit length. The short ones are listed: PS3.5 gives future VRs the long form.
+/// Whether a VR is followed by a 32-bit length. The short ones are listed: PS3.5 gives future VRs
+/// the long form.
 fn has_long_length(vr: [u8; 2]) -> bool {
     const SHORT: [&[u8; 2]; 21] = [
         b"AE", b"AS", b"AT", b"CS", b"DA", b"DS", b"DT", b"FL", b"FD", b"IS", b"LO", b"LT", b"PN", b"SH",

@@ -50,7 +50,8 @@ pub struct Discovery {
 
 /// Finds the CT series in a folder (with all folders below), a file, a DICOMDIR or a zip.
 ///
-/// Reads headers only, in parallel. Files that are not CT images are listed in [`Discovery::skipped`].
+/// Reads headers only, in parallel. Files that are not CT images are listed in
+/// [`Discovery::skipped`].
 ///
 /// # Errors
 /// When the path cannot be read, or, under [`Strictness::Strict`], when any file is defective.

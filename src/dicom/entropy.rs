@@ -1,4 +1,5 @@
-//! JPEG's entropy-coded data: Huffman codes and the bits they are read from (ITU-T T.81 annexes C and F).
+//! JPEG's entropy-coded data: Huffman codes and the bits they are read from (ITU-T T.81 annexes C
+//! and F).
 
 /// A fault of a codestream, for a message.
 pub(super) type Problem = String;

@@ -1,4 +1,5 @@
-//! Functional groups of enhanced objects: attributes shared by all frames or given per frame (PS3.3 C.7.6.16).
+//! Functional groups of enhanced objects: attributes shared by all frames or given per frame (PS3.3
+//! C.7.6.16).
 
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;
@@ -28,7 +29,8 @@ impl<'a> Groups<'a> {
         Ok(Self { top, shared, per_frame })
     }
 
-    /// The data set that holds `wanted` for a frame: the macro's item per frame, else shared, else the top level.
+    /// The data set that holds `wanted` for a frame: the macro's item per frame, else shared, else
+    /// the top level.
     pub(super) fn find(&self, frame: u32, group: Tag, wanted: Tag) -> &'a DataSet {
         let per_frame = self.per_frame.get(frame as usize);
         let items = per_frame.into_iter().chain(self.shared).filter_map(|groups| groups.items(group).first());

@@ -1,11 +1,12 @@
 //! What one file says about its CT slices: geometry, rescale and pixel layout of every frame.
 //!
-//! Classic CT objects have one frame and say everything at the top level; enhanced ones say it in functional groups,
-//! shared by all frames or per frame (PS3.3 A.38.1, C.7.6.16). Nothing is assumed: an attribute that placement or HU
-//! depend on and that is missing or unusable is a [`Defect`]. The one exception is an absent rescale, noted in
-//! [`FileHeader::missing_rescale`].
+//! Classic CT objects have one frame and say everything at the top level; enhanced ones say it in
+//! functional groups, shared by all frames or per frame (PS3.3 A.38.1, C.7.6.16). Nothing is
+//! assumed: an attribute that placement or HU depend on and that is missing or unusable is a
+//! [`Defect`]. The one exception is an absent rescale, noted in [`FileHeader::missing_rescale`].
 //!
-//! Spaces and units: positions and directions in patient LPS, mm; stored values become HU by slope and intercept.
+//! Spaces and units: positions and directions in patient LPS, mm; stored values become HU by slope
+//! and intercept.
 
 use std::sync::Arc;
 
@@ -25,7 +26,8 @@ use super::part10::{self, Object, Syntax};
 use super::pixels::{PixelLayout, Rescale};
 use super::source::FileSource;
 
-/// A CT file: what its frames share, and the frames. `Debug` shows no UIDs, which lead to a patient.
+/// A CT file: what its frames share, and the frames. `Debug` shows no UIDs, which lead to a
+/// patient.
 pub(super) struct FileHeader {
     pub(super) source: FileSource,
     pub(super) study_uid: String,
@@ -203,7 +205,8 @@ fn frame(
     })
 }
 
-/// Only images of the CT classes, or with Modality CT where the class is empty (anonymisers do that).
+/// Only images of the CT classes, or with Modality CT where the class is empty (anonymisers do
+/// that).
 fn check_wanted(data: &DataSet) -> Result<(), Rejection> {
     let unwanted = |why: String| Err(Rejection::Unwanted(why));
     let (modality, class) = (text(data, tags::MODALITY), text(data, tags::SOP_CLASS_UID));
@@ -328,7 +331,8 @@ fn orientation(data: &DataSet) -> Result<[DVec3; 2], Defect> {
     let expected = "six numbers: two perpendicular unit vectors";
     let v = numbers::<6>(data, ORIENTATION, expected)?;
     let (row, column) = (DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5]));
-    // Written with a few digits; beyond that it is no orientation, and normalising it would move voxels.
+    // Written with a few digits; beyond that it is no orientation, and normalising it would move
+    // voxels.
     let wrong = (row.length() - 1.0).abs().max((column.length() - 1.0).abs()).max(row.dot(column).abs());
     check(wrong < 0.01, ORIENTATION, &format!("{v:?}"), expected)?;
     // Rows keep their direction; columns are made exactly perpendicular, so that the grid is.

@@ -1,5 +1,5 @@
-//! Which study, series and frame of reference a volume came from, for routing by UID, for matching annotations, and for
-//! nothing else.
+//! Which study, series and frame of reference a volume came from, for routing by UID, for matching
+//! annotations, and for nothing else.
 //!
 //! UIDs identify a patient to anyone with access to the archive, so they are kept out of logs,
 //! metrics and messages: `Debug` shows none of them.

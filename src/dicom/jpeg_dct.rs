@@ -1,10 +1,12 @@
-//! JPEG by discrete cosine transform with more than 8 bits: one component, Huffman codes, sequential or progressive.
+//! JPEG by discrete cosine transform with more than 8 bits: one component, Huffman codes,
+//! sequential or progressive.
 //!
-//! DICOM's extended process 4 (and the retired spectral selection and full progression) store 12 bits per sample,
-//! which the decoder behind dicom-rs does not read. Names and procedures follow ITU-T T.81; lossless, hierarchical and
-//! arithmetic coding are not here.
+//! DICOM's extended process 4 (and the retired spectral selection and full progression) store 12
+//! bits per sample, which the decoder behind dicom-rs does not read. Names and procedures follow
+//! ITU-T T.81; lossless, hierarchical and arithmetic coding are not here.
 //!
-//! Coefficients of the whole image are kept until all scans are read, since progressive scans refine them.
+//! Coefficients of the whole image are kept until all scans are read, since progressive scans
+//! refine them.
 
 use super::codestream;
 use super::entropy::{Bits, Huffman, Problem};
@@ -19,14 +21,16 @@ const ZIGZAG: [u8; 64] = [
     46, 53, 60, 61, 54, 47, 55, 62, 63,
 ];
 
-/// The most scans of an image. Full progression of 12 bits needs a few dozen; each scan visits all blocks, and an empty
-/// one takes a dozen bytes, so that without a limit a small file could keep a thread busy for hours.
+/// The most scans of an image. Full progression of 12 bits needs a few dozen; each scan visits all
+/// blocks, and an empty one takes a dozen bytes, so that without a limit a small file could keep a
+/// thread busy for hours.
 const MOST_SCANS: usize = 1000;
 
 /// Decodes an image of `width` x `height` samples of `precision` bits.
 ///
 /// # Errors
-/// When the codestream is damaged, cut short, coded in another way, or has more than [`MOST_SCANS`] scans.
+/// When the codestream is damaged, cut short, coded in another way, or has more than [`MOST_SCANS`]
+/// scans.
 pub(super) fn decode(data: &[u8], width: usize, height: usize, precision: u32) -> Result<Vec<u16>, Problem> {
     if !(2..=12).contains(&precision) {
         return Err(format!("found {precision} bits per sample, expected at most 12"));
@@ -110,7 +114,8 @@ struct Scan<'a> {
     ac: &'a Huffman,
     first: usize,
     last: usize,
-    /// Bits of precision that earlier scans have delivered (0 for the first), and that remain below this one.
+    /// Bits of precision that earlier scans have delivered (0 for the first), and that remain below
+    /// this one.
     high: u8,
     low: u8,
 }
@@ -246,7 +251,8 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// One more bit of AC coefficients: known ones are refined, new ones placed between them (T.81 G.1.2.3).
+    /// One more bit of AC coefficients: known ones are refined, new ones placed between them (T.81
+    /// G.1.2.3).
     fn refine_ac(
         &self,
         bits: &mut Bits<'_>,
@@ -342,7 +348,8 @@ mod tests {
 
     #[test]
     fn scans_are_counted() {
-        // One Huffman code, `0`, for a difference of no bits; each scan is one such code and seven bits of padding.
+        // One Huffman code, `0`, for a difference of no bits; each scan is one such code and seven
+        // bits of padding.
         let table = [&[0xFF, 0xC4, 0, 20, 0, 1][..], &[0; 15], &[0]].concat();
         let scan = [0xFF, 0xDA, 0, 8, 1, 1, 0, 0, 0, 0, 0x7F];
         let image = |scans| [&[0xFF, 0xD8, 0xFF, 0xC2, 0, 2][..], &table, &scan.repeat(scans)].concat();

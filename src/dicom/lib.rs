@@ -16,8 +16,9 @@
 //! # Ok(()) }
 //! ```
 //!
-//! The data set is walked by a reader of our own (`dataset`), since the pixels of 300 slices should be read once, and
-//! a parser that recurses can be made to overflow the stack; codecs, dictionary and transfer syntaxes are dicom-rs's.
+//! The data set is walked by a reader of our own (`dataset`), since the pixels of 300 slices should
+//! be read once, and a parser that recurses can be made to overflow the stack; codecs, dictionary
+//! and transfer syntaxes are dicom-rs's.
 //!
 //! This crate is not a DICOM toolkit. Objects other than CT images are listed as skipped;
 //! segmentation objects are read as label maps on request.

@@ -1,7 +1,8 @@
 //! Loading: decode the slices of a series in parallel into one volume.
 //!
-//! Every slice is decoded straight into its place, so that beside the volume only the frames being decoded take
-//! memory. Slices that cannot be decoded leave a gap, which is then resampled like any other.
+//! Every slice is decoded straight into its place, so that beside the volume only the frames being
+//! decoded take memory. Slices that cannot be decoded leave a gap, which is then resampled like any
+//! other.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -81,14 +82,15 @@ impl Loaded {
         Self { volume, warnings: Vec::new(), identity, reference: None, stack_sha256: OnceLock::new() }
     }
 
-    /// SHA-256 of the HU stack as read: little-endian 16-bit, (z, y, x) order, ascending along row x column, before
-    /// any resampling.
+    /// SHA-256 of the HU stack as read: little-endian 16-bit, (z, y, x) order, ascending along row
+    /// x column, before any resampling.
     #[must_use]
     pub fn stack_sha256(&self) -> [u8; 32] {
         *self.stack_sha256.get_or_init(|| relief_volume::stack_sha256(self.volume.voxels_hu()))
     }
 
-    /// The series with each block of `factor`³ voxels replaced by its mean; the hash stays that of the stack as read.
+    /// The series with each block of `factor`³ voxels replaced by its mean; the hash stays that of
+    /// the stack as read.
     #[must_use]
     pub fn downsampled(mut self, factor: usize) -> Self {
         if factor > 1 {
@@ -101,8 +103,8 @@ impl Loaded {
 
 /// How much memory a volume may take.
 ///
-/// The sizes of compressed slices are what their headers claim: a file of a few megabytes may well claim, and even
-/// hold, gigabytes. So the limit is checked before anything is allocated.
+/// The sizes of compressed slices are what their headers claim: a file of a few megabytes may well
+/// claim, and even hold, gigabytes. So the limit is checked before anything is allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadLimits {
     /// Maximum bytes of voxels, two for each, of the stack as read and of the volume on its regular
@@ -124,7 +126,8 @@ impl LoadLimits {
     }
 }
 
-/// Loads a series that [`discover`](super::discover()) has found, within the default [`LoadLimits`].
+/// Loads a series that [`discover`](super::discover()) has found, within the default
+/// [`LoadLimits`].
 ///
 /// # Errors
 /// As [`load_within`].
@@ -139,9 +142,9 @@ pub fn load(
 /// Loads a series that [`discover`](super::discover()) has found.
 ///
 /// # Errors
-/// When the volume is larger than the limits allow, no slice can be decoded, positions are ambiguous or too uneven,
-/// or memory is short; under [`Strictness::Strict`] also when a single slice cannot be decoded or lies at another's
-/// position.
+/// When the volume is larger than the limits allow, no slice can be decoded, positions are
+/// ambiguous or too uneven, or memory is short; under [`Strictness::Strict`] also when a single
+/// slice cannot be decoded or lies at another's position.
 pub fn load_within(
     limits: LoadLimits,
     entry: &SeriesEntry,
@@ -204,7 +207,8 @@ fn refuse(strictness: Strictness, warnings: &[Warning]) -> Result<(), Error> {
     Err(Error::Strict { count: warnings.len(), reasons })
 }
 
-/// A volume of one slice: its thickness stands in for the spacing that a single slice does not have.
+/// A volume of one slice: its thickness stands in for the spacing that a single slice does not
+/// have.
 fn single(
     frame: &FrameHeader,
     stack: &Stack,
@@ -234,13 +238,15 @@ fn dims(frames: &[FrameHeader]) -> [usize; 3] {
     [layout.columns as usize, layout.rows as usize, frames.len()]
 }
 
-/// HU for places that no slice covers: the series' own padding, else its lowest value, which is air or darker.
+/// HU for places that no slice covers: the series' own padding, else its lowest value, which is air
+/// or darker.
 fn outside_hu(frame: &FrameHeader, hu: &[i16]) -> i16 {
     let lowest = hu.iter().copied().min().unwrap_or(i16::MIN);
     frame.rescale.padding.map_or(lowest, |padding| frame.rescale.hu(padding).0)
 }
 
-/// A zeroed vector. The system hands out zeroed pages as they are touched; asking first turns a failure into an error.
+/// A zeroed vector. The system hands out zeroed pages as they are touched; asking first turns a
+/// failure into an error.
 fn zeros(voxels: usize) -> Result<Vec<i16>, Error> {
     Vec::<i16>::new().try_reserve_exact(voxels).map_err(|_| Error::Memory { voxels: voxels as u64 })?;
     Ok(vec![0; voxels])

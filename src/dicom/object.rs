@@ -1,4 +1,5 @@
-//! Building DICOM objects: elements, codes, UIDs that follow from content, and the file around them.
+//! Building DICOM objects: elements, codes, UIDs that follow from content, and the file around
+//! them.
 //!
 //! Text is UTF-8, so every object made here declares ISO_IR 192. Values are not validated here;
 //! tests do that with dciodvfy and dsrdump.
@@ -128,8 +129,8 @@ pub(super) fn meta(transfer_syntax: &'static str) -> FileMetaTableBuilder {
         .implementation_version_name(IMPLEMENTATION_VERSION_NAME)
 }
 
-/// A whole file: preamble, meta group, data set. Implicit VR where a value is too long for the 16-bit lengths of explicit
-/// VR, which is the case of floats beyond 64 KiB.
+/// A whole file: preamble, meta group, data set. Implicit VR where a value is too long for the
+/// 16-bit lengths of explicit VR, which is the case of floats beyond 64 KiB.
 pub(super) fn file_bytes(object: InMemDicomObject, is_long: bool) -> Result<Vec<u8>, EncodeError> {
     let syntax = if is_long { uids::IMPLICIT_VR_LITTLE_ENDIAN } else { uids::EXPLICIT_VR_LITTLE_ENDIAN };
     let mut bytes = Vec::new();
@@ -137,7 +138,8 @@ pub(super) fn file_bytes(object: InMemDicomObject, is_long: bool) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Who made the object: the general and the enhanced general equipment modules (PS3.3 C.7.5.1, C.7.5.2).
+/// Who made the object: the general and the enhanced general equipment modules (PS3.3 C.7.5.1,
+/// C.7.5.2).
 pub(super) fn put_equipment(object: &mut InMemDicomObject) {
     put(object, tags::MANUFACTURER, VR::LO, "Relief");
     put(object, tags::MANUFACTURER_MODEL_NAME, VR::LO, "Relief");
@@ -145,7 +147,8 @@ pub(super) fn put_equipment(object: &mut InMemDicomObject) {
     put(object, tags::SOFTWARE_VERSIONS, VR::LO, env!("CARGO_PKG_VERSION"));
 }
 
-/// Date and time in UTC as DICOM writes them; the beginning of 1970 for years that four digits do not hold.
+/// Date and time in UTC as DICOM writes them; the beginning of 1970 for years that four digits do
+/// not hold.
 pub(super) fn date_and_time(moment: Timestamp) -> (String, String) {
     let text = moment.to_string();
     match text.split_once('T').filter(|(date, _)| date.len() == 10) {

@@ -1,7 +1,9 @@
-//! The file around a data set (PS3.10): preamble, file meta information, transfer syntax, deflation.
+//! The file around a data set (PS3.10): preamble, file meta information, transfer syntax,
+//! deflation.
 //!
-//! Files without preamble or meta information, as old archives have them, are taken when they begin like a data set.
-//! The transfer syntax decides how elements are read here and how pixels are decoded in `codec`.
+//! Files without preamble or meta information, as old archives have them, are taken when they begin
+//! like a data set. The transfer syntax decides how elements are read here and how pixels are
+//! decoded in `codec`.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -136,7 +138,8 @@ fn find_start(reader: &mut Reader) -> Result<u64, Defect> {
     if head.starts_with(b"DICM") {
         return Ok(4);
     }
-    // A bare data set begins with file meta (0002,....), a file-set (0004,....) or identifying group (0008,....).
+    // A bare data set begins with file meta (0002,....), a file-set (0004,....) or identifying
+    // group (0008,....).
     let plausible = match head.get(..8) {
         Some(&[2 | 4 | 8, 0, _, _, ..]) => guess_encoding(&head).is_some(),
         Some(&[0, 8, _, _, ..]) => guess_encoding(&head) == Some(Encoding::ExplicitBig),

@@ -1,8 +1,9 @@
 //! From stored pixel values to HU.
 //!
-//! Uncompressed frames are read from the file straight into their place of the volume and converted there; compressed
-//! ones come from `codec`. Stored values are masked and sign-extended to BitsStored (PS3.5 8.1.1), whatever a codec
-//! or a writer left in the other bits. MONOCHROME1 asks for an inverted display and does not concern HU.
+//! Uncompressed frames are read from the file straight into their place of the volume and converted
+//! there; compressed ones come from `codec`. Stored values are masked and sign-extended to
+//! BitsStored (PS3.5 8.1.1), whatever a codec or a writer left in the other bits. MONOCHROME1 asks
+//! for an inverted display and does not concern HU.
 
 use std::fmt;
 
@@ -42,7 +43,8 @@ impl Default for Rescale {
 }
 
 impl Rescale {
-    /// HU of a stored value and whether it had to be clipped to 16 bits; fractions round to nearest.
+    /// HU of a stored value and whether it had to be clipped to 16 bits; fractions round to
+    /// nearest.
     #[expect(clippy::cast_possible_truncation, reason = "clamped to the range first")]
     pub(super) fn hu(self, stored: i32) -> (i16, bool) {
         let hu = (f64::from(stored) * self.slope + self.intercept).round();
@@ -59,7 +61,8 @@ impl Rescale {
 }
 
 impl PixelLayout {
-    /// The layout of `frames` images of rows x columns with bits allocated, stored and the high bit.
+    /// The layout of `frames` images of rows x columns with bits allocated, stored and the high
+    /// bit.
     ///
     /// # Errors
     /// When a frame is larger than any that is read.
@@ -129,7 +132,8 @@ impl fmt::Display for PixelLayout {
     }
 }
 
-/// Reads an uncompressed frame that begins at `position` into `hu`; returns how many values were clipped.
+/// Reads an uncompressed frame that begins at `position` into `hu`; returns how many values were
+/// clipped.
 ///
 /// # Errors
 /// When the bytes cannot be read.
@@ -153,7 +157,8 @@ pub(super) fn read_native(
     Ok(convert(hu, rescale, layout.signed, layout.native_alignment()))
 }
 
-/// Converts a decoded frame, 8 or 16 bits per sample in little-endian order, into `hu`; returns how many were clipped.
+/// Converts a decoded frame, 8 or 16 bits per sample in little-endian order, into `hu`; returns how
+/// many were clipped.
 ///
 /// # Errors
 /// When the decoder delivered another number of samples.
@@ -175,9 +180,10 @@ pub(super) fn take_decoded(
 
 /// Turns cells into HU in place; returns how many values were clipped.
 ///
-/// Four loops rather than one, so that each is plain arithmetic that the compiler turns into vector instructions:
-/// this and the copy out of the file are nearly all of the time that an uncompressed series takes. The arithmetic is
-/// wrapping for the same reason: shifts are below 16 and offsets below a million, but the compiler cannot know.
+/// Four loops rather than one, so that each is plain arithmetic that the compiler turns into vector
+/// instructions: this and the copy out of the file are nearly all of the time that an uncompressed
+/// series takes. The arithmetic is wrapping for the same reason: shifts are below 16 and offsets
+/// below a million, but the compiler cannot know.
 fn convert(hu: &mut [i16], rescale: Rescale, signed: bool, Alignment { above, below }: Alignment) -> u64 {
     match (rescale.offset(), signed) {
         (Some(offset), true) => each(hu, |cell| clip(signed_value(cell, above, below).wrapping_add(offset))),

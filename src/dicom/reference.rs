@@ -1,4 +1,5 @@
-//! What other objects say of a series that they are about: its patient and study, its frame of reference, its images.
+//! What other objects say of a series that they are about: its patient and study, its frame of
+//! reference, its images.
 //!
 //! A report or a segmentation repeats these values word for word (PS3.3 A.1.2.3, C.17.2.1);
 //! otherwise an archive would file it under another patient. `Debug` and messages show none of
@@ -90,7 +91,8 @@ impl SeriesReference {
     /// The values of a series' files. The first file is read again for patient and study.
     ///
     /// # Errors
-    /// When it cannot be read any more, or when the study, the series or an image has no UID to refer to.
+    /// When it cannot be read any more, or when the study, the series or an image has no UID to
+    /// refer to.
     pub fn of(entry: &SeriesEntry) -> Result<Self, Defect> {
         let first = &entry.frames[0].file;
         let walked = part10::open(first.source.bytes()?)?.walk(keep)?;
@@ -167,8 +169,8 @@ impl SeriesReference {
         Some(())
     }
 
-    /// An item of Referenced Series Sequence that names all images of the series, under the name that the using object
-    /// has for them.
+    /// An item of Referenced Series Sequence that names all images of the series, under the name
+    /// that the using object has for them.
     pub(super) fn referenced_series(&self, instances: Tag) -> InMemDicomObject {
         let mut item = InMemDicomObject::new_empty();
         put(&mut item, tags::SERIES_INSTANCE_UID, VR::UI, &self.series_uid);
@@ -190,7 +192,8 @@ impl Instance {
     }
 }
 
-/// The image objects, in the order of the slices. Anonymisers empty the class of CT images; then it is theirs.
+/// The image objects, in the order of the slices. Anonymisers empty the class of CT images; then it
+/// is theirs.
 fn instances(frames: &[FrameHeader]) -> Vec<Instance> {
     let mut instances: Vec<Instance> = Vec::new();
     let mut places = std::collections::HashMap::new();

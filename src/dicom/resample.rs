@@ -1,10 +1,12 @@
 //! Resampling of a sheared or unevenly spaced stack onto a regular grid.
 //!
-//! Rows and columns keep their directions and spacing; slices of the new grid are even along the normal. Values are
-//! linear between the two slices around a point, each sampled bilinearly at its true position; places that no slice
-//! covers get a value for "outside". A slice of the grid that coincides with one of the stack, unshifted, is a copy.
+//! Rows and columns keep their directions and spacing; slices of the new grid are even along the
+//! normal. Values are linear between the two slices around a point, each sampled bilinearly at its
+//! true position; places that no slice covers get a value for "outside". A slice of the grid that
+//! coincides with one of the stack, unshifted, is a copy.
 //!
-//! Spaces: heights and shifts as in [`stack`](super::stack), mm; pixels of the first slice's lattice.
+//! Spaces: heights and shifts as in [`stack`](super::stack), mm; pixels of the first slice's
+//! lattice.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -12,12 +14,13 @@ use rayon::prelude::*;
 use super::error::Error;
 use super::stack::Stack;
 
-/// The new grid may have this many times the voxels that were read. Missing slices at most double a stack, and a
-/// tilt of 45 degrees adds rows as long as the stack is high.
+/// The new grid may have this many times the voxels that were read. Missing slices at most double a
+/// stack, and a tilt of 45 degrees adds rows as long as the stack is high.
 const GROWTH_LIMIT: u64 = 8;
 /// Or this many, whatever was read: 128 MiB.
 const ALWAYS_ALLOWED: u64 = 1 << 26;
-/// Shifts this near to whole pixels and heights this near to slices are taken as such, so that copies stay exact.
+/// Shifts this near to whole pixels and heights this near to slices are taken as such, so that
+/// copies stay exact.
 const SNAP: f64 = 1e-3;
 
 /// The regular grid over a stack.
@@ -92,7 +95,8 @@ impl RegularGrid {
     }
 }
 
-/// Smallest and largest shift along an axis, in whole pixels that cover it; contains 0, the first slice.
+/// Smallest and largest shift along an axis, in whole pixels that cover it; contains 0, the first
+/// slice.
 fn shift_range(stack: &Stack, axis: usize) -> (f64, f64) {
     let pixels = stack.shifts_mm.iter().map(|shift| shift[axis] / stack.spacing_mm[axis]);
     let (low, high) = pixels.fold((0.0, 0.0), |(low, high): (f64, f64), p| (low.min(p), high.max(p)));

@@ -6,8 +6,8 @@
 //! FRACTIONAL objects are not read, since their threshold would be a guess, nor are compressed
 //! ones.
 //!
-//! Spaces: patient LPS mm, as the frames' positions have it. Whether the frame of reference is that of some series is not
-//! looked at: some writers invent one, and the positions hold all the same.
+//! Spaces: patient LPS mm, as the frames' positions have it. Whether the frame of reference is that
+//! of some series is not looked at: some writers invent one, and the positions hold all the same.
 
 use std::path::Path;
 
@@ -85,8 +85,8 @@ fn keep(tag: Tag) -> Keep {
 /// Loads a segmentation object; voxels count two bytes each within the limits.
 ///
 /// # Errors
-/// When it is no segmentation object of type BINARY or LABELMAP, compressed, cut short, larger than allowed, or its frames
-/// lie on no regular grid.
+/// When it is no segmentation object of type BINARY or LABELMAP, compressed, cut short, larger than
+/// allowed, or its frames lie on no regular grid.
 pub fn load_segmentation(limits: LoadLimits, path: &Path) -> Result<LoadedSegmentation, Defect> {
     load(limits, Bytes::Disk(path.to_owned()))
 }
@@ -125,7 +125,8 @@ pub struct LoadedLayers {
     pub warnings: Vec<String>,
 }
 
-/// As [`read_segmentation`], in as many layers as there have to be: segments of BINARY objects may overlap, and nothing of them is lost.
+/// As [`read_segmentation`], in as many layers as there have to be: segments of BINARY objects may
+/// overlap, and nothing of them is lost.
 ///
 /// # Errors
 /// As [`load_segmentation`]; the layers count towards the limits together.
@@ -414,8 +415,8 @@ impl Painter {
     }
 }
 
-/// Display-referred sRGB, 0..1, of a CIELab colour as DICOM has it (PS3.3 C.10.7.1.1): 16-bit shares of 0..100 and
-/// -128..127, under the white of D50.
+/// Display-referred sRGB, 0..1, of a CIELab colour as DICOM has it (PS3.3 C.10.7.1.1): 16-bit
+/// shares of 0..100 and -128..127, under the white of D50.
 fn srgb_of_lab([l, a, b]: [u16; 3]) -> [f64; 3] {
     let share = |value: u16| f64::from(value) / 65535.0;
     let (l, a, b) = (100.0 * share(l), 255.0 * share(a) - 128.0, 255.0 * share(b) - 128.0);
@@ -460,7 +461,8 @@ mod tests {
 
     #[test]
     fn cielab_under_d50_becomes_the_srgb_that_it_was_made_of() {
-        // Worked out apart from this code, by matrices the other way: white, black, (221, 130, 101).
+        // Worked out apart from this code, by matrices the other way: white, black, (221, 130,
+        // 101).
         for (lab, rgb) in [
             ([65535, 32896, 32896], [255.0; 3]),
             ([0, 32896, 32896], [0.0; 3]),

@@ -5,8 +5,8 @@
 //! the standard requires, in the order of their labels. LABELMAP objects are not written, because
 //! few programs read them yet.
 //!
-//! Space: patient LPS mm. Frames lie on the planes of the map's grid, wherever those of the series are; a frame that lies on
-//! a slice of the series names it as its source.
+//! Space: patient LPS mm. Frames lie on the planes of the map's grid, wherever those of the series
+//! are; a frame that lies on a slice of the series names it as its source.
 
 use dicom_core::value::PrimitiveValue;
 use dicom_core::{DataElement, VR};
@@ -23,7 +23,8 @@ use super::segmentation::lab_of_srgb;
 use relief_annotation::{Concept, ItemId, Timestamp};
 use relief_volume::{LabelMap, Segment};
 
-/// How far directions may be from right angles, as a cosine: a thousandth of a voxel over a slice of 1000.
+/// How far directions may be from right angles, as a cosine: a thousandth of a voxel over a slice
+/// of 1000.
 const RIGHT_ANGLE: f64 = 1e-6;
 /// How far a frame may be off a slice of the series to be made of it, mm.
 const SAME_PLANE_MM: f64 = 1e-3;
@@ -130,11 +131,12 @@ struct Frame {
     slice: usize,
 }
 
-/// Writes a label map as a segmentation about a series. The same map, series and options make the same bytes. Segments that
-/// have no voxels are described and have no frames.
+/// Writes a label map as a segmentation about a series. The same map, series and options make the
+/// same bytes. Segments that have no voxels are described and have no frames.
 ///
 /// # Errors
-/// When the series has no frame of reference, no voxel is labelled, or the map's grid is no stack of frames.
+/// When the series has no frame of reference, no voxel is labelled, or the map's grid is no stack
+/// of frames.
 pub fn write_segmentation(
     map: &LabelMap,
     series: &SeriesReference,
@@ -143,8 +145,8 @@ pub fn write_segmentation(
     write_segmentation_layers(std::slice::from_ref(map), series, options)
 }
 
-/// As [`write_segmentation`], of several maps of one grid, whose segments may overlap: each has frames of its own. Segments are in the
-/// order of their labels, which differ.
+/// As [`write_segmentation`], of several maps of one grid, whose segments may overlap: each has
+/// frames of its own. Segments are in the order of their labels, which differ.
 ///
 /// # Errors
 /// As [`write_segmentation`], and when the maps are of different grids.

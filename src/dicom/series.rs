@@ -34,7 +34,8 @@ impl std::fmt::Debug for SeriesEntry {
 }
 
 impl SeriesEntry {
-    /// SeriesInstanceUID (0020,000E), followed by `#1`, `#2`, ... where it names several stacks. May be empty.
+    /// SeriesInstanceUID (0020,000E), followed by `#1`, `#2`, ... where it names several stacks.
+    /// May be empty.
     #[must_use]
     pub fn uid(&self) -> &str {
         &self.uid
@@ -63,7 +64,8 @@ impl SeriesEntry {
         [layout.columns as usize, layout.rows as usize, self.frames.len()]
     }
 
-    /// Bytes of a volume of these slices, as their headers have it; for compressed slices that is a claim.
+    /// Bytes of a volume of these slices, as their headers have it; for compressed slices that is a
+    /// claim.
     #[must_use]
     pub fn voxel_bytes(&self) -> u64 {
         let voxel = size_of::<i16>() as u64;
@@ -116,8 +118,8 @@ fn split(uid: &str, frames: Vec<FrameHeader>) -> Vec<SeriesEntry> {
     stacks.into_iter().enumerate().map(entry).collect()
 }
 
-/// Leaves out files that hold an image found already, as folders with backups have them: the same SOP Instance UID at
-/// the same position (some anonymisers give all slices one UID).
+/// Leaves out files that hold an image found already, as folders with backups have them: the same
+/// SOP Instance UID at the same position (some anonymisers give all slices one UID).
 fn without_copies(frames: Vec<FrameHeader>) -> (Vec<FrameHeader>, Vec<Warning>) {
     let mut seen = HashSet::new();
     let mut copies = Vec::new();
@@ -144,7 +146,8 @@ fn without_copies(frames: Vec<FrameHeader>) -> (Vec<FrameHeader>, Vec<Warning>) 
 /// Separates slices that cannot share a grid.
 fn by_shape(frames: Vec<FrameHeader>) -> Vec<Vec<FrameHeader>> {
     let mut groups: Vec<Vec<FrameHeader>> = Vec::new();
-    // Comparing each slice with the first of each group of its size stays fast with thousands of odd files.
+    // Comparing each slice with the first of each group of its size stays fast with thousands of
+    // odd files.
     let mut candidates: HashMap<(u32, u32, String), Vec<usize>> = HashMap::new();
     for frame in frames {
         let layout = &frame.file.layout;

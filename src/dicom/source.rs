@@ -18,7 +18,8 @@ use super::dataset::Keep;
 use super::error::{Defect, Error};
 use super::part10;
 
-/// The largest zip entry that is unpacked, in bytes: an enhanced CT of 1000 frames has half as much.
+/// The largest zip entry that is unpacked, in bytes: an enhanced CT of 1000 frames has half as
+/// much.
 const LARGEST_ENTRY: u64 = 1 << 30;
 /// The largest zip that is held in memory, in bytes.
 const LARGEST_ZIP: u64 = 4 << 30;
@@ -59,7 +60,8 @@ impl FileSource {
 }
 
 impl FileSource {
-    /// Bytes that [`FileSource::bytes`] keeps in memory: the size of a zip entry, which is a claim that it is held to.
+    /// Bytes that [`FileSource::bytes`] keeps in memory: the size of a zip entry, which is a claim
+    /// that it is held to.
     pub(super) fn memory_bytes(&self) -> u64 {
         match self {
             Self::Disk(_) => 0,
@@ -150,7 +152,8 @@ impl Seek for Reader {
         }
     }
 
-    // The default would seek from the start and drop the buffer, a system call for every skipped element.
+    // The default would seek from the start and drop the buffer, a system call for every skipped
+    // element.
     fn seek_relative(&mut self, offset: i64) -> std::io::Result<()> {
         match self {
             Self::Disk(reader) => reader.seek_relative(offset),
@@ -261,7 +264,8 @@ fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<F
     let mut files = Vec::new();
     for reference in references {
         let relative: PathBuf = reference.split('\\').map(str::trim).collect();
-        // A DICOMDIR names files below itself (PS3.10 8.5); anything else would reach outside of the folder.
+        // A DICOMDIR names files below itself (PS3.10 8.5); anything else would reach outside of
+        // the folder.
         if !relative.components().all(|part| matches!(part, Component::Normal(_))) {
             let found =
                 format!("ReferencedFileID (0004,1500): found {reference:?}, expected a path below it");

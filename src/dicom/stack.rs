@@ -15,7 +15,8 @@ use super::warnings::{Warning, WarningCode};
 
 /// Slices nearer than this to each other along the normal are at the same position, mm.
 const SAME_POSITION_MM: f64 = 0.01;
-/// Positions are written rounded; deviations from an even grid below this, or below 2 % of the spacing, are noise.
+/// Positions are written rounded; deviations from an even grid below this, or below 2 % of the
+/// spacing, are noise.
 const EVEN_TOLERANCE_MM: f64 = 0.01;
 const EVEN_TOLERANCE: f64 = 0.02;
 /// In-plane shifts below this fraction of a pixel over the whole stack are noise.
@@ -45,7 +46,8 @@ pub(super) struct Deviation {
     pub(super) uneven_mm: Option<f64>,
 }
 
-/// Indices of slices whose position an earlier one (along the normal) has, with the index of that one.
+/// Indices of slices whose position an earlier one (along the normal) has, with the index of that
+/// one.
 pub(super) fn duplicates(frames: &[FrameHeader]) -> Vec<(usize, usize)> {
     let order = order(frames);
     let normal = normal(&frames[0]);
@@ -90,7 +92,8 @@ fn duplicate_warning(left_out: &FrameHeader, kept: &FrameHeader) -> Warning {
     Warning::new(WarningCode::DuplicatePosition, message)
 }
 
-/// Indices in ascending order along the normal; files of equal position in the order they were found.
+/// Indices in ascending order along the normal; files of equal position in the order they were
+/// found.
 fn order(frames: &[FrameHeader]) -> Vec<usize> {
     let normal = normal(&frames[0]);
     let mut order: Vec<usize> = (0..frames.len()).collect();

@@ -81,8 +81,8 @@ impl Contour {
 }
 
 impl Structure {
-    /// The levels that its closed contours lie on: distances from the patient's origin along the normal of the first, mm,
-    /// rising. None where there is no closed contour that spans a plane.
+    /// The levels that its closed contours lie on: distances from the patient's origin along the
+    /// normal of the first, mm, rising. None where there is no closed contour that spans a plane.
     #[must_use]
     pub fn levels_mm(&self) -> Vec<f64> {
         let closed = || self.contours.iter().filter(|contour| contour.is_closed());

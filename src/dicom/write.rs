@@ -1,13 +1,13 @@
-//! Writes a volume as a CT series: one CT Image Storage file per slice, in a folder that appears whole or not
-//! at all.
+//! Writes a volume as a CT series: one CT Image Storage file per slice, in a folder that appears
+//! whole or not at all.
 //!
-//! Explicit VR little endian; signed 16-bit pixels that are the HU themselves (slope 1, intercept 0), so that
-//! no value of a volume is lost. Slice k of the volume is one file, placed by its own ImagePositionPatient;
-//! rows run along i, columns along j. Positions are patient LPS mm.
+//! Explicit VR little endian; signed 16-bit pixels that are the HU themselves (slope 1, intercept
+//! 0), so that no value of a volume is lost. Slice k of the volume is one file, placed by its own
+//! ImagePositionPatient; rows run along i, columns along j. Positions are patient LPS mm.
 //!
-//! The same volume with the same labels makes the same bytes: UIDs are name-based (SHA-256 of the volume's
-//! content and the labels, as a UUID under 2.25), and dates are left empty. It is not an archive's exporter:
-//! it knows one series of one invented patient.
+//! The same volume with the same labels makes the same bytes: UIDs are name-based (SHA-256 of the
+//! volume's content and the labels, as a UUID under 2.25), and dates are left empty. It is not an
+//! archive's exporter: it knows one series of one invented patient.
 
 use std::fs;
 use std::io;
@@ -22,7 +22,8 @@ use rayon::prelude::*;
 use super::object::{decimal_string, decimals, meta, put, put_many, uid_of};
 use relief_volume::Volume;
 
-/// Rows, columns and instances are 16-bit or short decimal strings; this also bounds the number of files.
+/// Rows, columns and instances are 16-bit or short decimal strings; this also bounds the number of
+/// files.
 const MAX_EXTENT: usize = u16::MAX as usize;
 /// The name of a replaced folder in the temporary one that holds it meanwhile.
 const OLD: &str = "old";
@@ -116,8 +117,8 @@ pub struct SeriesFolder {
 }
 
 impl SeriesFolder {
-    /// Starts a folder that will appear at `place`, and refuses at once what [`SeriesFolder::finish`] would
-    /// refuse.
+    /// Starts a folder that will appear at `place`, and refuses at once what
+    /// [`SeriesFolder::finish`] would refuse.
     ///
     /// # Errors
     /// When something that may not be replaced is at `place`, or its parent cannot be written.
@@ -202,7 +203,8 @@ fn put_back(aside: Option<tempfile::TempDir>, place: &Path, error: io::Error) ->
     }
 }
 
-/// A temporary folder that may become the result: unlike others, it is no more private than the umask says.
+/// A temporary folder that may become the result: unlike others, it is no more private than the
+/// umask says.
 fn staging_folder(parent: &Path) -> io::Result<tempfile::TempDir> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]

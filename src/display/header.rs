@@ -16,7 +16,8 @@
 //! | H13-H27 | 0 |
 //! | H28-H31 | CRC-32 of H10..H27, big-endian |
 //!
-//! Bit y of byte n is the top blue bit of pixel 16n + 2(7-y) of line 0; odd pixels keep the picture.
+//! Bit y of byte n is the top blue bit of pixel 16n + 2(7-y) of line 0; odd pixels keep the
+//! picture.
 
 use crc::{Algorithm, Crc};
 
@@ -164,7 +165,8 @@ pub enum HeaderProblem {
 pub struct HeaderReading {
     /// The bytes: 10, or 32 with the extended part, or fewer when cut.
     pub bytes: Vec<u8>,
-    /// The fields, when H0 and the content type are right. Trust them only when there are no problems.
+    /// The fields, when H0 and the content type are right. Trust them only when there are no
+    /// problems.
     pub header: Option<Header>,
     /// Everything wrong, in the order of the bytes.
     pub problems: Vec<HeaderProblem>,
@@ -300,10 +302,12 @@ impl Header {
         if self.extended.is_some() { 511 } else { 159 }
     }
 
-    /// Writes the header into the left half of a frame's first line (RGB, 8 bits): top blue bits of even pixels, nothing else.
+    /// Writes the header into the left half of a frame's first line (RGB, 8 bits): top blue bits of
+    /// even pixels, nothing else.
     ///
-    /// Where the picture's own bits behind a header of ten bytes would read as an extended part, two of them (pixels
-    /// 160 and 510) change as well. A line of fewer than [`Header::width_px`] pixels gets only the bits that fit; layouts refuse such frames.
+    /// Where the picture's own bits behind a header of ten bytes would read as an extended part,
+    /// two of them (pixels 160 and 510) change as well. A line of fewer than [`Header::width_px`]
+    /// pixels gets only the bits that fit; layouts refuse such frames.
     pub(super) fn write_into_line(&self, line_rgb: &mut [u8]) {
         let bytes = self.to_bytes();
         let bits = bytes.iter().flat_map(|byte| (0..8).rev().map(move |y| byte >> y & 1));
@@ -365,7 +369,8 @@ fn bytes_of_line(line_rgb: &[u8]) -> Vec<u8> {
 /// Whether an extended part follows H9. After a header of ten bytes the same pixels are plain
 /// picture.
 ///
-/// An extended part begins with 0xF2 0x14, or would have the right checksum if it did (a damaged one).
+/// An extended part begins with 0xF2 0x14, or would have the right checksum if it did (a damaged
+/// one).
 fn has_extended_part(bytes: &[u8]) -> bool {
     let extended = bytes.get(BASE_LEN..).unwrap_or_default();
     if extended.starts_with(&[EXTENDED_MAGIC, EXTENDED_CONSTANT]) {

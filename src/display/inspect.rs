@@ -1,4 +1,5 @@
-//! Inspection: which layout a picture has, what its header says, and everything that is wrong with it.
+//! Inspection: which layout a picture has, what its header says, and everything that is wrong with
+//! it.
 //!
 //! A strict reader of foreign pictures. [`Layout::decode`] is the decoder that returns pixels.
 //!
@@ -277,8 +278,8 @@ fn guess_layout(frame_px: [u32; 2], samples: &[u8], has_header: bool) -> Layout 
     }
 }
 
-/// Which of the two layouts with a background: the header does not say. Where the layers take turns, every other line is
-/// more alike than neighbours are.
+/// Which of the two layouts with a background: the header does not say. Where the layers take
+/// turns, every other line is more alike than neighbours are.
 fn declipse_layout(width: usize, samples: &[u8]) -> Layout {
     let lines: Vec<&[u8]> = samples.chunks_exact(3 * width).collect();
     let difference =

@@ -3,9 +3,10 @@
 //! Sizes and the four constants of `D(Z) = M (1 - vz / (Z - Zd + vz)) + C`. The places of pixels
 //! are in `layout`.
 //!
-//! Z is [`ScaledDepth`] (0 at the near limit, 1 at the far limit), D is [`Disparity`] (255 nearest, 0 farthest). Zd
-//! is the display plane, vz the viewing distance in units of the depth range. The pole of the curve, the viewer, is
-//! at Z = Zd - vz, in front of the near limit; arguments outside their range are clamped to it.
+//! Z is [`ScaledDepth`] (0 at the near limit, 1 at the far limit), D is [`Disparity`] (255 nearest,
+//! 0 farthest). Zd is the display plane, vz the viewing distance in units of the depth range. The
+//! pole of the curve, the viewer, is at Z = Zd - vz, in front of the near limit; arguments outside
+//! their range are clamped to it.
 
 use relief_base::{Disparity, ScaledDepth};
 
@@ -15,7 +16,8 @@ const SCREEN_DISPARITY: f64 = 127.5;
 /// Diagonal of a display that is not known by name.
 const USUAL_INCHES: f64 = 42.0;
 
-/// Viewing distances in depth ranges that a display may have; the 20" and 42" models have 6.2 and 7.7.
+/// Viewing distances in depth ranges that a display may have; the 20" and 42" models have 6.2 and
+/// 7.7.
 pub(super) const VZ_RANGE: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
 /// The frame a display takes and its curve from scaled depth to disparity.
@@ -48,8 +50,9 @@ pub enum ProfileName {
     Philips20,
     /// Philips 42" (`philips-42`), constants as published by its maker.
     Philips42,
-    /// Dimenco 65" with a 3840x2160 panel (`dimenco-4k`). Its constants were never published: they follow from the
-    /// viewing distance of the 42" model by the one-parameter family. Set `vz` where the display's own is known.
+    /// Dimenco 65" with a 3840x2160 panel (`dimenco-4k`). Its constants were never published: they
+    /// follow from the viewing distance of the 42" model by the one-parameter family. Set `vz`
+    /// where the display's own is known.
     Dimenco4k,
 }
 
@@ -226,7 +229,8 @@ impl DisplayProfile {
         Disparity((m * (1.0 - vz / (z - zd + vz)) + c).clamp(0.0, 255.0))
     }
 
-    /// Z of a D, the inverse of [`DisplayProfile::disparity`]. D is clamped to 0..255 and Z to 0..1.
+    /// Z of a D, the inverse of [`DisplayProfile::disparity`]. D is clamped to 0..255 and Z to
+    /// 0..1.
     #[must_use]
     pub fn scaled_depth(&self, d: Disparity) -> ScaledDepth {
         let DisparityConstants { zd, vz, m, c } = self.constants;

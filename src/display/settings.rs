@@ -19,7 +19,8 @@ const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=16.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DisplaySettings {
-    /// The display; `null` is the usual one of the layout: `dimenco-4k` for `wowvx-4k`, else `philips-42`.
+    /// The display; `null` is the usual one of the layout: `dimenco-4k` for `wowvx-4k`, else
+    /// `philips-42`.
     pub profile: Option<ProfileSetting>,
     /// Where picture and depth go in the frame.
     pub layout: Layout,
@@ -29,10 +30,12 @@ pub struct DisplaySettings {
     /// sets the header's factor-select bit, without which displays use their own optimum.
     #[serde(deserialize_with = "byte")]
     pub factor: u8,
-    /// Disparity on the screen plane, 0..=255. Any value but 128 also sets the header's offset-select bit.
+    /// Disparity on the screen plane, 0..=255. Any value but 128 also sets the header's
+    /// offset-select bit.
     #[serde(deserialize_with = "byte")]
     pub offset: u8,
-    /// Eye separations between the outermost views of layouts of views, 0 to 16; `null` is 1 for two views and 2 for more.
+    /// Eye separations between the outermost views of layouts of views, 0 to 16; `null` is 1 for
+    /// two views and 2 for more.
     pub view_span: Option<f64>,
     /// The filter of depth before it becomes Z or D. Picks and depth in mm are never filtered.
     pub depth_filter: DepthFilter,
@@ -167,7 +170,8 @@ impl DisplaySettings {
             })
     }
 
-    /// The limits between which depth is scaled: the request's, and the volume's where the request has `null`.
+    /// The limits between which depth is scaled: the request's, and the volume's where the request
+    /// has `null`.
     ///
     /// # Errors
     /// When near is not below far, or one is not finite.

@@ -59,7 +59,8 @@ impl Columns {
     }
 }
 
-/// The line that a record begins on. Its position is where the reader began to look for it: comments and empty lines come first.
+/// The line that a record begins on. Its position is where the reader began to look for it:
+/// comments and empty lines come first.
 fn line_of(text: &str, at: &csv::Position, comment: Option<u8>) -> u64 {
     let rest = usize::try_from(at.byte()).ok().and_then(|byte| text.get(byte..)).unwrap_or_default();
     let is_none =

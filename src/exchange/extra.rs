@@ -52,7 +52,8 @@ impl Extra {
         }
     }
 
-    /// The item as it was. A place that the file has, or has not, says more than the state that was written beside it.
+    /// The item as it was. A place that the file has, or has not, says more than the state that was
+    /// written beside it.
     pub(super) fn apply(self, item: &mut Item) {
         item.rgb = self.rgb;
         item.concept = self.concept;

@@ -1,8 +1,9 @@
 //! 3D Slicer's older lists of points, `.fcsv`: read in every version, written in LPS.
 //!
-//! Comments at the head say the coordinate system: `0` or `RAS`, `1` or `LPS`; RAS where none does. Columns are those of the
-//! line `# columns`, or those that Slicer 4 and later write. Newer versions write two more than they name: the status of the
-//! position (2 for a defined one) and whether Slicer made the point itself. A text with commas or quotes is quoted.
+//! Comments at the head say the coordinate system: `0` or `RAS`, `1` or `LPS`; RAS where none does.
+//! Columns are those of the line `# columns`, or those that Slicer 4 and later write. Newer
+//! versions write two more than they name: the status of the position (2 for a defined one) and
+//! whether Slicer made the point itself. A text with commas or quotes is quoted.
 
 use std::collections::HashSet;
 use std::fmt::Write;

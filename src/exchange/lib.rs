@@ -4,8 +4,9 @@
 //! losses. They open no files and store nothing (see `store`). `docs/ANNOTATIONS.md` has a table of
 //! what each format can represent.
 //!
-//! Space: patient LPS, mm; formats in RAS are mirrored at the edge. A file is taken whole or refused: an error names its line or
-//! JSON path. Memory grows with the file, by a bounded factor, whatever the file claims.
+//! Space: patient LPS, mm; formats in RAS are mirrored at the edge. A file is taken whole or
+//! refused: an error names its line or JSON path. Memory grows with the file, by a bounded factor,
+//! whatever the file claims.
 
 mod cornerstone;
 mod delimited;
@@ -101,7 +102,8 @@ impl Format {
 /// Reads a file.
 ///
 /// # Errors
-/// When the bytes are not of the format, or describe items that cannot be: with the line or JSON path.
+/// When the bytes are not of the format, or describe items that cannot be: with the line or JSON
+/// path.
 pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
     match format {
         Format::MrkJson => mrk_json::read(bytes, context),

@@ -108,7 +108,8 @@ impl Holds {
     }
 }
 
-/// The items that a format of texts can hold, in the order of files: by list, place in it and age; and what gets lost.
+/// The items that a format of texts can hold, in the order of files: by list, place in it and age;
+/// and what gets lost.
 pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<LeftOut>), ExchangeError> {
     let Some(holds) = Holds::by(format) else { return Ok((items.iter().collect(), Vec::new())) };
     let is_held =

@@ -87,7 +87,8 @@ impl Merged {
     }
 }
 
-/// Items of one name among which the same place is looked for: a file of nothing else must not take the square of its length.
+/// Items of one name among which the same place is looked for: a file of nothing else must not take
+/// the square of its length.
 const MOST_NAMESAKES: usize = 1000;
 
 /// The existing items that have not been matched yet.
@@ -128,7 +129,8 @@ fn named(item: &Item) -> [String; 3] {
 /// An item with what every format says of it taken from a file: the rest is as it was.
 fn updated(current: &Item, read: Item) -> Item {
     let mut geometry = read.geometry;
-    // Files of other tools say neither whether a curve is smooth, nor the last digits of what did not move.
+    // Files of other tools say neither whether a curve is smooth, nor the last digits of what did
+    // not move.
     if let (Some(Geometry::Curve { smooth, .. }), Some(Geometry::Curve { smooth: was, .. })) =
         (&mut geometry, &current.geometry)
     {

@@ -1,7 +1,7 @@
 //! Meshes: a file is an item, whose triangles are a content in binary PLY, patient LPS mm.
 //!
-//! Several meshes are written as one of all their triangles. A closed surface whose triangles go the wrong way round, so that it
-//! would enclose less than nothing, is turned.
+//! Several meshes are written as one of all their triangles. A closed surface whose triangles go
+//! the wrong way round, so that it would enclose less than nothing, is turned.
 
 use super::reading::Reading;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext, regions, structures};

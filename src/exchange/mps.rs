@@ -1,7 +1,8 @@
-//! MITK's point sets, `.mps`: XML of numbered points without names, in world mm (LPS, as ITK has it).
+//! MITK's point sets, `.mps`: XML of numbered points without names, in world mm (LPS, as ITK has
+//! it).
 //!
-//! Points are stored in the axes of their `Geometry3D`, which places them in the world; files without one are in world mm. Of a
-//! set that changes in time, the first step is read.
+//! Points are stored in the axes of their `Geometry3D`, which places them in the world; files
+//! without one are in world mm. Of a set that changes in time, the first step is read.
 
 use std::collections::HashSet;
 use std::fmt::Write;

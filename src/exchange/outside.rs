@@ -4,7 +4,8 @@ use relief_annotation::{Geometry, Item};
 use relief_base::{Patient, Point};
 use relief_volume::Grid;
 
-/// A warning if points lie outside of the volume, with a hint if they are a mirror image of points within.
+/// A warning if points lie outside of the volume, with a hint if they are a mirror image of points
+/// within.
 pub(super) fn warning(items: &[Item], grid: &Grid) -> Option<String> {
     let voxel_from_patient = grid.voxel_from_patient();
     let inside = |point: Point<Patient>| {

@@ -1,4 +1,5 @@
-//! What readers of all formats share: new items of a context, their checks, and warnings that are counted.
+//! What readers of all formats share: new items of a context, their checks, and warnings that are
+//! counted.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -158,7 +159,8 @@ pub(super) fn json_hiding<'t, T: serde::Deserialize<'t>>(
     Ok(read)
 }
 
-/// LPS from RAS, or RAS from LPS: the axes to the left and to the back turn round. Never makes a negative zero.
+/// LPS from RAS, or RAS from LPS: the axes to the left and to the back turn round. Never makes a
+/// negative zero.
 pub(super) fn mirrored([x, y, z]: [f64; 3]) -> [f64; 3] {
     [0.0 - x, 0.0 - y, z + 0.0]
 }

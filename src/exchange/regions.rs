@@ -1,9 +1,11 @@
 //! Label maps: each segment is a region, whose voxels are a content of the whole map.
 //!
-//! A content is always a `.seg.nrrd` file of this crate's own with one layer, whatever the file was that it came in; regions of a
-//! file share one, or one for each layer where they overlap. A written map has the segments of all regions, numbered from 1 in their
-//! order. Where regions overlap, they are in layers (seg.nrrd) or have frames of their own (seg); in NIfTI, which has one label for a
-//! voxel, the later one has it. Maps of other grids are resampled by the nearest voxel.
+//! A content is always a `.seg.nrrd` file of this crate's own with one layer, whatever the file was
+//! that it came in; regions of a file share one, or one for each layer where they overlap. A
+//! written map has the segments of all regions, numbered from 1 in their order. Where regions
+//! overlap, they are in layers (seg.nrrd) or have frames of their own (seg); in NIfTI, which has
+//! one label for a voxel, the later one has it. Maps of other grids are resampled by the nearest
+//! voxel.
 
 use std::collections::BTreeMap;
 use std::io::Write;

@@ -1,6 +1,7 @@
 //! Regions and meshes in the log: a file as content, and its summary in the item.
 //!
-//! A region's content is a `.seg.nrrd` file on the volume's grid, a mesh's a binary PLY in patient LPS mm.
+//! A region's content is a `.seg.nrrd` file on the volume's grid, a mesh's a binary PLY in patient
+//! LPS mm.
 
 use relief_annotation::{
     ContentId, MeshError, MeshFileError, MeshFormat, MeshSummary, RegionSummary, TriangleMesh,

@@ -1,7 +1,8 @@
 //! 3D Slicer's tables of points: `.csv` and `.tsv`, columns in any order, found by their names.
 //!
-//! `label`; `l`, `p`, `s` (LPS) or `r`, `a`, `s` (RAS); `defined`, `visible`, `locked` (0 or 1), `description`. Columns `x`, `y`,
-//! `z` are refused: they do not say which of the two they are, and the wrong one is the mirror image of the right one.
+//! `label`; `l`, `p`, `s` (LPS) or `r`, `a`, `s` (RAS); `defined`, `visible`, `locked` (0 or 1),
+//! `description`. Columns `x`, `y`, `z` are refused: they do not say which of the two they are, and
+//! the wrong one is the mirror image of the right one.
 
 use super::delimited::{Columns, Row};
 use super::reading::{self, Reading, mirrored, point};

@@ -50,8 +50,8 @@ struct Numbers<'a> {
 }
 
 impl Artefacts {
-    /// Artefacts under `dir` (usually `target/golden`); `bless` is the command that blesses the case named
-    /// after it.
+    /// Artefacts under `dir` (usually `target/golden`); `bless` is the command that blesses the
+    /// case named after it.
     #[must_use]
     pub fn new(dir: PathBuf, bless: String) -> Self {
         Self { dir, bless }

@@ -102,8 +102,8 @@ impl Case {
     /// Reads the case in `folder`.
     ///
     /// # Errors
-    /// When a file is missing or refused, a value is out of range, or the folder holds a file that nothing
-    /// compares.
+    /// When a file is missing or refused, a value is out of range, or the folder holds a file that
+    /// nothing compares.
     pub fn read(id: CaseId, folder: &Path) -> Result<Self, GoldenError> {
         let path = folder.join(CASE_FILE);
         let syntax = |reason: String| GoldenError::Syntax { path: path.clone(), reason };
@@ -162,10 +162,12 @@ impl Case {
         &self.aspects
     }
 
-    /// The complete scene for the volume's grid, with the phantom's organs where the case asks for them.
+    /// The complete scene for the volume's grid, with the phantom's organs where the case asks for
+    /// them.
     ///
     /// # Errors
-    /// When a value is out of range, or the tolerance would let a depth pass that is off by one sample.
+    /// When a value is out of range, or the tolerance would let a depth pass that is off by one
+    /// sample.
     pub fn scene(&self, grid: &Grid) -> Result<Scene, GoldenError> {
         let organs = if self.is_labelled { self.recipe.label_map().map(Arc::new) } else { None };
         let resolved = self.scene.clone().resolve_labelled(grid, &Orbit::default(), organs.as_ref());

@@ -128,12 +128,12 @@ impl Harness {
         self.renderer.gpu().description()
     }
 
-    /// Compares every case of a collection with its goldens. What fails leaves its pictures with `artefacts`;
-    /// what passes has them removed.
+    /// Compares every case of a collection with its goldens. What fails leaves its pictures with
+    /// `artefacts`; what passes has them removed.
     ///
     /// # Errors
-    /// When the artefacts cannot be written. A case that cannot be read or rendered is a finding, not an
-    /// error.
+    /// When the artefacts cannot be written. A case that cannot be read or rendered is a finding,
+    /// not an error.
     pub fn check(
         &mut self,
         collection: &Collection,
@@ -182,8 +182,8 @@ impl Harness {
     /// The goldens that a case would have if it were blessed now. Writes nothing.
     ///
     /// # Errors
-    /// When the adapter is no software one, the case cannot be rendered, the picture shows nothing or has
-    /// impossible depths, or a file would be too large.
+    /// When the adapter is no software one, the case cannot be rendered, the picture shows nothing
+    /// or has impossible depths, or a file would be too large.
     pub fn bless(&mut self, case: &Case) -> Result<Vec<Blessing>, GoldenError> {
         if self.adapter().kind != AdapterKind::Software {
             return Err(GoldenError::Adapter { adapter: self.adapter().to_string() });

@@ -57,8 +57,8 @@ pub struct Collection {
 }
 
 impl Collection {
-    /// Finds the cases under `dir`. Every folder in a suite counts, whether it has a `case.toml` or has lost
-    /// it.
+    /// Finds the cases under `dir`. Every folder in a suite counts, whether it has a `case.toml` or
+    /// has lost it.
     ///
     /// # Errors
     /// When there are no cases, a folder cannot be read, a name cannot be written in a

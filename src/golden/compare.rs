@@ -1,8 +1,9 @@
 //! How far two pictures are apart, and whether that is within a tolerance.
 //!
-//! Colour is measured in steps of 1/255 per channel, coverage being the fourth; depth in mm of view depth.
-//! Pixels that are hit in one picture and missed in the other are counted apart from distances. NaN, `-inf`
-//! and depths behind the eye are defects of the picture itself, whatever the other has there.
+//! Colour is measured in steps of 1/255 per channel, coverage being the fourth; depth in mm of view
+//! depth. Pixels that are hit in one picture and missed in the other are counted apart from
+//! distances. NaN, `-inf` and depths behind the eye are defects of the picture itself, whatever the
+//! other has there.
 
 use serde::Serialize;
 
@@ -19,8 +20,8 @@ pub struct Tolerance {
     pub differing_share: f64,
     /// Most mm by which a depth may differ.
     pub depth_mm: f64,
-    /// Share of pixels that may differ by more than that, in colour or in depth, or be hit in one picture
-    /// only.
+    /// Share of pixels that may differ by more than that, in colour or in depth, or be hit in one
+    /// picture only.
     pub outlier_share: f64,
 }
 
@@ -29,12 +30,13 @@ impl Tolerance {
     pub const EXACT: Self =
         Self { name: "exact", color_steps: 0, differing_share: 0.0, depth_mm: 0.0, outlier_share: 0.0 };
 
-    /// The same renderer on another CPU: rounding may move a few pixels by one step, and depth by what 32
-    /// bits hold.
+    /// The same renderer on another CPU: rounding may move a few pixels by one step, and depth by
+    /// what 32 bits hold.
     pub const STRICT: Self =
         Self { name: "strict", color_steps: 1, differing_share: 0.001, depth_mm: 0.01, outlier_share: 0.0 };
 
-    /// A renderer in 32 bits against its twin in 64: rounding moves a sample across an edge now and then.
+    /// A renderer in 32 bits against its twin in 64: rounding moves a sample across an edge now and
+    /// then.
     pub const TWIN: Self =
         Self { name: "twin", color_steps: 1, differing_share: 1.0, depth_mm: 0.05, outlier_share: 0.001 };
 }

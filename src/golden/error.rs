@@ -1,5 +1,5 @@
-//! Why a golden case cannot be read, rendered or shown. A picture that differs is no error but a finding: see
-//! `compare`.
+//! Why a golden case cannot be read, rendered or shown. A picture that differs is no error but a
+//! finding: see `compare`.
 
 use std::path::PathBuf;
 

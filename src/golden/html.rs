@@ -1,5 +1,5 @@
-//! The page that shows every failure of a check side by side. One file, no scripts; pictures by relative
-//! path.
+//! The page that shows every failure of a check side by side. One file, no scripts; pictures by
+//! relative path.
 
 use super::artefacts::{Artefacts, picture_name};
 use super::check::{AspectReport, CaseReport, CheckReport};

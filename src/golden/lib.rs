@@ -1,5 +1,5 @@
-//! Golden images: pictures of procedural volumes that were looked at once and must come out the same ever
-//! after.
+//! Golden images: pictures of procedural volumes that were looked at once and must come out the
+//! same ever after.
 //!
 //! It reads cases, renders them, compares, and shows differences. It writes no golden:
 //! [`Harness::bless`] returns the bytes, and only `relief golden bless` writes them.
@@ -24,8 +24,9 @@
 //! size = 64
 //! ```
 //!
-//! Pictures are compared on a software adapter: its pictures do not depend on the machine. Everything else is
-//! a failure: a golden that is missing, a file that no case asks for, no case at all.
+//! Pictures are compared on a software adapter: its pictures do not depend on the machine.
+//! Everything else is a failure: a golden that is missing, a file that no case asks for, no case at
+//! all.
 
 mod artefacts;
 mod case;

@@ -1,7 +1,7 @@
 //! Pictures in memory, and as the small files of a golden.
 //!
-//! Rows run from the top left. Colour is display-referred sRGB with coverage as the fourth byte; a frame's
-//! fourth byte is 255. Depth is view depth in mm, `+inf` where the ray hit nothing.
+//! Rows run from the top left. Colour is display-referred sRGB with coverage as the fourth byte; a
+//! frame's fourth byte is 255. Depth is view depth in mm, `+inf` where the ray hit nothing.
 
 use std::io::{Cursor, Read};
 use std::path::Path;

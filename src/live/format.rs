@@ -1,4 +1,5 @@
-//! How colour and depth are written in a frame, and which frame a client composes: closed sets with names and bytes.
+//! How colour and depth are written in a frame, and which frame a client composes: closed sets with
+//! names and bytes.
 
 use std::borrow::Cow;
 
@@ -14,7 +15,8 @@ pub enum ColorFormat {
     Jpeg,
     /// Differences along rows, in a Zstandard frame (RFC 8878): lossless.
     RgbZstd,
-    /// Differences along rows, in a zlib stream (RFC 1950), which browsers unpack themselves: lossless.
+    /// Differences along rows, in a zlib stream (RFC 1950), which browsers unpack themselves:
+    /// lossless.
     RgbDeflate,
 }
 
@@ -24,7 +26,8 @@ pub enum ColorFormat {
 pub enum DepthFormat {
     /// Not at all.
     None,
-    /// D as the display takes it, 8 bits, 255 nearest: differences along rows, in a Zstandard frame.
+    /// D as the display takes it, 8 bits, 255 nearest: differences along rows, in a Zstandard
+    /// frame.
     D8Zstd,
     /// Z, 16 bits, 65535 nearest: differences along rows, in a Zstandard frame.
     Z16Zstd,

@@ -1,8 +1,9 @@
-//! Whole frames: header, colour and depth in one message, and out of it again; and the display's frame composed from them.
+//! Whole frames: header, colour and depth in one message, and out of it again; and the display's
+//! frame composed from them.
 //!
-//! A client composes what its display takes itself, header last, so that no bit of it travels through a lossy codec:
-//! [`ReceivedFrame::compose`] gives, for a still frame whose colour is lossless, the pixels that
-//! `GET /v1/volumes/{id}/frame` serves as PNG for the same scene.
+//! A client composes what its display takes itself, header last, so that no bit of it travels
+//! through a lossy codec: [`ReceivedFrame::compose`] gives, for a still frame whose colour is
+//! lossless, the pixels that `GET /v1/volumes/{id}/frame` serves as PNG for the same scene.
 
 use super::codec::{self, CodecError};
 use super::format::{ColorFormat, DepthFormat, LiveLayout};
@@ -210,7 +211,8 @@ impl ReceivedFrame {
     }
 }
 
-/// A display whose frame holds pictures of this size in this layout. Its curve is of no use: D is known.
+/// A display whose frame holds pictures of this size in this layout. Its curve is of no use: D is
+/// known.
 fn profile_of(layout: Layout, [width, height]: [u32; 2]) -> Result<DisplayProfile, ProfileError> {
     let frame_px = match layout {
         Layout::Wowvx | Layout::Declipse | Layout::DeclipseLines => [2 * width, 2 * height],

@@ -1,7 +1,8 @@
 //! The header of a binary frame: 128 bytes, little-endian.
 //!
-//! [`FIELDS`] is the layout as a table; `docs/LIVE.md` and `protocol.json` have the same one, and a test holds the three together.
-//! Decoding takes any bytes: what no encoder of this version writes is refused by name, before a length in it is used.
+//! [`FIELDS`] is the layout as a table; `docs/LIVE.md` and `protocol.json` have the same one, and a
+//! test holds the three together. Decoding takes any bytes: what no encoder of this version writes
+//! is refused by name, before a length in it is used.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 
@@ -92,7 +93,8 @@ pub struct FrameHeader {
     pub shows_seq: u64,
     /// That message's `t_ns`, as the client gave it.
     pub shows_t_ns: u64,
-    /// From the arrival of the newest message that the picture shows, of any client, to the frame's hand-over to the socket, µs.
+    /// From the arrival of the newest message that the picture shows, of any client, to the frame's
+    /// hand-over to the socket, µs.
     pub total_us: u32,
     /// Of that, rendering, µs.
     pub render_us: u32,
@@ -120,7 +122,8 @@ pub struct FrameHeader {
     pub look_at_mm: [f32; 3],
     /// The direction that is up in the picture.
     pub up: [f32; 3],
-    /// Vertical field of view in degrees, 0 for a parallel projection; and the height of that in mm, or 0.
+    /// Vertical field of view in degrees, 0 for a parallel projection; and the height of that in
+    /// mm, or 0.
     pub projection: [f32; 2],
 }
 

@@ -5,7 +5,8 @@
 //! `client`. `docs/LIVE.md` describes the protocol byte by byte, [`PROTOCOL`] describes it for
 //! programs.
 //!
-//! Depth is D (8 bits, 255 nearest) or Z (16 bits, 65535 nearest) of the display's settings; lengths in mm, patient space.
+//! Depth is D (8 bits, 255 nearest) or Z (16 bits, 65535 nearest) of the display's settings;
+//! lengths in mm, patient space.
 
 mod codec;
 mod format;

@@ -31,8 +31,9 @@ pub(super) struct Bands {
 }
 
 impl Bands {
-    /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the cores, and wait for the
-    /// last one: bands of 512 tiles a core cost nothing that can be measured. They take a core some 150 ms at most.
+    /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the
+    /// cores, and wait for the last one: bands of 512 tiles a core cost nothing that can be
+    /// measured. They take a core some 150 ms at most.
     #[expect(clippy::cast_possible_truncation, reason = "no machine has 2^32 cores")]
     pub(super) fn of(kind: AdapterKind) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);

@@ -1,4 +1,5 @@
-//! How many trilinear samples per second the driver can take at all: the yardstick for the ray caster.
+//! How many trilinear samples per second the driver can take at all: the yardstick for the ray
+//! caster.
 
 use std::time::Instant;
 

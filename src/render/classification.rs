@@ -11,8 +11,8 @@ pub enum Classification {
     /// By the value in the middle of its path.
     #[default]
     Sampled,
-    /// By all values that its path passes, linear from end to end: at twice the sample distance as close to the
-    /// converged picture, and thin layers between samples are not missed.
+    /// By all values that its path passes, linear from end to end: at twice the sample distance as
+    /// close to the converged picture, and thin layers between samples are not missed.
     PreIntegrated,
 }
 

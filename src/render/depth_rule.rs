@@ -1,4 +1,5 @@
-//! Depth rules: which depth a semi-transparent ray has. [`DepthRule::TABLE`] is the one list of them; `docs/DEPTH.md` draws each.
+//! Depth rules: which depth a semi-transparent ray has. [`DepthRule::TABLE`] is the one list of
+//! them; `docs/DEPTH.md` draws each.
 //!
 //! The formulas are in `shaders/lib/depth_rules.wgsl` and in its reference,
 //! `reference::depth_rules`. Opacity is that of one sample; the weight of a sample is its
@@ -20,11 +21,11 @@ pub enum DepthRule {
     MostContributing,
     /// The mean depth of the samples by weight.
     Expected,
-    /// What you see is what you pick (Wiebel, Vos, Foerster and Hege, IEEE TVCG 18(12), 2012): the start of the interval with the
-    /// largest rise of accumulated opacity.
+    /// What you see is what you pick (Wiebel, Vos, Foerster and Hege, IEEE TVCG 18(12), 2012): the
+    /// start of the interval with the largest rise of accumulated opacity.
     Wysiwyp,
-    /// Two layers, each with a depth and colours of its own. The depth of a layer is where its accumulated opacity crosses this fraction
-    /// of its final opacity.
+    /// Two layers, each with a depth and colours of its own. The depth of a layer is where its
+    /// accumulated opacity crosses this fraction of its final opacity.
     TwoLayer {
         /// Share of a layer's final opacity, above 0 and up to 1.
         fraction: f64,

@@ -1,7 +1,8 @@
 //! Enlarging a picture: frames under a budget are enlarged before overlays are drawn.
 //!
-//! Colour and coverage are interpolated bilinearly between the centres of pixels. Depth is that of the nearest pixel: a
-//! mean of two depths would hang in the air between two surfaces, where neither a display nor a pick may look.
+//! Colour and coverage are interpolated bilinearly between the centres of pixels. Depth is that of
+//! the nearest pixel: a mean of two depths would hang in the air between two surfaces, where
+//! neither a display nor a pick may look.
 
 use rayon::prelude::*;
 

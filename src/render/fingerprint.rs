@@ -1,4 +1,5 @@
-//! The stable form of a request: bytes that are equal where requests are, in every process and on every machine.
+//! The stable form of a request: bytes that are equal where requests are, in every process and on
+//! every machine.
 //!
 //! Names of pictures, such as entity tags, on which two servers agree. The bytes cannot be decoded;
 //! the readable form is the JSON of `scene`. Every struct is destructured, so that the compiler

@@ -18,7 +18,8 @@ pub struct Timings {
 /// `two-layer`.
 #[derive(Clone, Debug)]
 pub struct BackLayer {
-    /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is the coverage.
+    /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is
+    /// the coverage.
     pub color_rgba: Vec<[u8; 4]>,
     /// Rows from the top. View depth in mm, `+inf` where nothing lies behind.
     pub depth_mm: Vec<f32>,
@@ -29,7 +30,8 @@ pub struct BackLayer {
 pub struct RenderedFrame {
     /// Width and height in pixels.
     pub size_px: [u32; 2],
-    /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is the coverage.
+    /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is
+    /// the coverage.
     pub color_rgba: Vec<[u8; 4]>,
     /// Rows from the top. View depth in mm, `+inf` where the ray hit nothing.
     pub depth_mm: Vec<f32>,
@@ -37,7 +39,8 @@ pub struct RenderedFrame {
     pub back: Option<BackLayer>,
     /// The camera of the request.
     pub camera: Camera,
-    /// Limits that keep depth steady while this volume turns: its bounding sphere around the focal point.
+    /// Limits that keep depth steady while this volume turns: its bounding sphere around the focal
+    /// point.
     pub limits: DepthLimits,
     /// Where the time went.
     pub timings: Timings,

@@ -1,9 +1,9 @@
 //! Gradients of a volume, for shading with one fetch instead of six.
 //!
-//! A gradient is the central difference over one voxel to both sides, in HU/mm along the patient axes. Trilinear
-//! interpolation of central differences equals central differences of interpolated values, so the picture is that of six
-//! fetches but for rounding. Beside a voxel's gradient lies its value: where most samples are visible, one fetch of both
-//! is quicker than one of each.
+//! A gradient is the central difference over one voxel to both sides, in HU/mm along the patient
+//! axes. Trilinear interpolation of central differences equals central differences of interpolated
+//! values, so the picture is that of six fetches but for rounding. Beside a voxel's gradient lies
+//! its value: where most samples are visible, one fetch of both is quicker than one of each.
 
 use glam::{Mat3, Vec3};
 use half::f16;
@@ -37,8 +37,8 @@ impl Gradients {
     }
 }
 
-/// HU/mm of a component of 1: for signed normalised texels the power of two that the steepest gradient needs, so that a
-/// texel's step is far below what opacity by gradient can tell.
+/// HU/mm of a component of 1: for signed normalised texels the power of two that the steepest
+/// gradient needs, so that a texel's step is far below what opacity by gradient can tell.
 fn scale_for(volume: &Volume, format: VoxelFormat) -> f32 {
     match format {
         VoxelFormat::Norm16 => steepest(volume).max(1.0).log2().ceil().exp2(),
@@ -50,8 +50,8 @@ fn scale_for(volume: &Volume, format: VoxelFormat) -> f32 {
 fn steepest(volume: &Volume) -> f32 {
     let [nx, ny, _] = volume.grid().dims();
     let voxels = volume.voxels_hu();
-    // Differences over two voxels; those over one at the faces are smaller than the largest step, and a step is at most
-    // as long as two.
+    // Differences over two voxels; those over one at the faces are smaller than the largest step,
+    // and a step is at most as long as two.
     let largest = |stride: usize| -> f32 {
         let over = |apart: usize| {
             let later = voxels.get(apart..).unwrap_or_default();
@@ -91,7 +91,8 @@ fn texel((format, scale): Storage, gradient: Vec3, hu: i16) -> Texel {
     }
 }
 
-/// As `f32::round`, which is a call where processors of 2003 have to do: a fifth of the time of all gradients.
+/// As `f32::round`, which is a call where processors of 2003 have to do: a fifth of the time of all
+/// gradients.
 #[expect(clippy::cast_possible_truncation, reason = "at most the largest value of 16 bits")]
 fn rounded(x: f32) -> i16 {
     let whole = x as i32;

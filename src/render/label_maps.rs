@@ -1,4 +1,5 @@
-//! Label maps on the GPU: a texture of places in the list of segments, and what occurs in which brick.
+//! Label maps on the GPU: a texture of places in the list of segments, and what occurs in which
+//! brick.
 
 use super::request::RenderRequest;
 use super::upload::{SLAB_BYTES, texture_3d, write_layers};
@@ -54,7 +55,8 @@ impl LabelMaps {
         self.kept.iter().map(|known| known.bytes).sum()
     }
 
-    /// Puts a map last. The volume is within the adapter's limits, the map on its grid, and its bricks have this edge.
+    /// Puts a map last. The volume is within the adapter's limits, the map on its grid, and its
+    /// bricks have this edge.
     pub(super) fn upload(
         &mut self,
         gpu: &Gpu,

@@ -1,4 +1,5 @@
-//! Segment-wise looks of a request: a label map, and for each of its segments transfer function, visibility and tint.
+//! Segment-wise looks of a request: a label map, and for each of its segments transfer function,
+//! visibility and tint.
 //!
 //! Samples look segments up in `shaders/lib/labels.wgsl` and its twin. Modes that add values or
 //! look for surfaces have no segments: an isosurface at the edge of a segment would alternate
@@ -15,7 +16,8 @@ use relief_volume::{Grid, LabelMap, TransferFunction};
 pub struct Look {
     /// Whether it is visible; a hidden segment is transparent.
     pub visible: bool,
-    /// Which transfer function: 0 for the request's own, else the one before this place in [`Labels::transfers`].
+    /// Which transfer function: 0 for the request's own, else the one before this place in
+    /// [`Labels::transfers`].
     pub transfer: usize,
     /// The colour that it is tinted with, display-referred sRGB, 0..1.
     pub tint_rgb: [f64; 3],
@@ -31,7 +33,8 @@ impl Look {
 /// Where the edge between segments runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Edges {
-    /// Where the trilinear weight of one segment's voxels passes that of another's: as smooth as the volume.
+    /// Where the trilinear weight of one segment's voxels passes that of another's: as smooth as
+    /// the volume.
     #[default]
     Smooth,
     /// Around whole voxels.

@@ -1,8 +1,8 @@
 //! Orientation letters burnt into the edges of a slice's picture, by a font of six letters.
 //!
-//! White with a black rim, so that they can be read on bone and on air; at the depth of the slice's plane, so that a 3D
-//! display shows them in it. Drawn on the CPU after read-back, by the renderer and its f64 twin alike. Pixels; columns
-//! from the left, rows from the top.
+//! White with a black rim, so that they can be read on bone and on air; at the depth of the slice's
+//! plane, so that a 3D display shows them in it. Drawn on the CPU after read-back, by the renderer
+//! and its f64 twin alike. Pixels; columns from the left, rows from the top.
 
 use super::frame::RenderedFrame;
 use relief_volume::EdgeLabels;
@@ -36,7 +36,8 @@ pub(super) fn burn(frame: &mut RenderedFrame) {
     }
 }
 
-/// Labels with the place of their top left corners, a margin from the middles of the edges, and the size of a dot.
+/// Labels with the place of their top left corners, a margin from the middles of the edges, and the
+/// size of a dot.
 #[expect(clippy::cast_possible_wrap, reason = "at most 8192 pixels a side")]
 fn placed(labels: &EdgeLabels, size_px: [u32; 2]) -> [(String, [i32; 2], i32); 4] {
     let [width, height] = size_px.map(|side| side as i32);

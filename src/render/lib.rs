@@ -1,4 +1,5 @@
-//! The renderer: a [`RenderRequest`] and a volume become a [`RenderedFrame`] with colour and view depth.
+//! The renderer: a [`RenderRequest`] and a volume become a [`RenderedFrame`] with colour and view
+//! depth.
 //!
 //! The passes on the GPU, overlays, the JSON form of requests, and [`render_reference`], an f64
 //! counterpart of the shaders on the CPU. Display formats are in `relief_display`; queues and
@@ -6,21 +7,24 @@
 //!
 //! Spaces: rays start in view space (mm) and sample in voxel indices. Depth is view depth in mm.
 //!
-//! **A picture.** One invocation casts one pixel, in tiles of 8x8. Rays start where they enter the box of voxel centres; every sample
-//! position is computed from its number, never accumulated. Software adapters render bands of rows, so that a request can be cancelled
-//! between two bands; no pixel depends on its band. Only tiles in which visible bricks can be seen are cast.
+//! **A picture.** One invocation casts one pixel, in tiles of 8x8. Rays start where they enter the
+//! box of voxel centres; every sample position is computed from its number, never accumulated.
+//! Software adapters render bands of rows, so that a request can be cancelled between two bands; no
+//! pixel depends on its band. Only tiles in which visible bricks can be seen are cast.
 //!
-//! **Empty space.** Bricks of 4³ cells keep their smallest and largest HU. For a transfer function, a map holds the distance in bricks
-//! to the nearest visible one, and rays skip whole numbers of samples: the remaining samples are those that would be taken without
-//! skipping, so the bytes are the same. A ray ends when 1/512 of its light is left.
+//! **Empty space.** Bricks of 4³ cells keep their smallest and largest HU. For a transfer function,
+//! a map holds the distance in bricks to the nearest visible one, and rays skip whole numbers of
+//! samples: the remaining samples are those that would be taken without skipping, so the bytes are
+//! the same. A ray ends when 1/512 of its light is left.
 //!
-//! **Voxels** are 16-bit signed normalised 3D textures where the adapter has them (every HU exact), else half floats. Gradients are
-//! central differences along the patient axes, computed at upload and stored next to the value. Volumes of more than 2^27 voxels are lit
-//! by six fetches instead.
+//! **Voxels** are 16-bit signed normalised 3D textures where the adapter has them (every HU exact),
+//! else half floats. Gradients are central differences along the patient axes, computed at upload
+//! and stored next to the value. Volumes of more than 2^27 voxels are lit by six fetches instead.
 //!
-//! **Overlays** are drawn on the CPU in f64, so that their bytes do not depend on the adapter. **Shadows and occlusion** are looked up in
-//! a coarse grid of cells, which is computed once per volume, transfer function and light. **The path tracer** uses delta tracking with a
-//! majorant for each brick; its random numbers are hashes of pixel, pass and seed.
+//! **Overlays** are drawn on the CPU in f64, so that their bytes do not depend on the adapter.
+//! **Shadows and occlusion** are looked up in a coarse grid of cells, which is computed once per
+//! volume, transfer function and light. **The path tracer** uses delta tracking with a majorant for
+//! each brick; its random numbers are hashes of pixel, pass and seed.
 
 mod bands;
 mod calibrate;

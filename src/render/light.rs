@@ -1,7 +1,8 @@
 //! Lights that are placed: where they are, in whose space, how large, bright and of what colour.
 //!
-//! A light of intensity 1 makes a white surface that faces it white, at whatever distance. `View` lights move with the
-//! camera, `Patient` lights stay with the patient. Lengths mm, angles in radians.
+//! A light of intensity 1 makes a white surface that faces it white, at whatever distance. `View`
+//! lights move with the camera, `Patient` lights stay with the patient. Lengths mm, angles in
+//! radians.
 
 use super::request::RequestError;
 use relief_base::{Patient, Point, Vector, View};

@@ -58,7 +58,8 @@ impl Lighting {
         Self::ALL.map(|lighting| lighting.name).join(", ")
     }
 
-    /// The lights of a request in this mode. Mode path-traced has no headlight of its own: there it is a light like others.
+    /// The lights of a request in this mode. Mode path-traced has no headlight of its own: there it
+    /// is a light like others.
     #[must_use]
     pub fn lights(&self, mode: Mode) -> Vec<Light> {
         const AT_THE_EYE: &[DistantLight] = &[([0.0, 0.0, 1.0], [1.0; 3], 1.0, 0.0)];

@@ -1,4 +1,5 @@
-//! How the samples of a ray become a colour: the modes, their names, and what each takes of a transfer function.
+//! How the samples of a ray become a colour: the modes, their names, and what each takes of a
+//! transfer function.
 //!
 //! The modes' formulas are in `shaders/` and in `render::reference`.
 
@@ -13,25 +14,29 @@ use relief_volume::TransferTable;
 pub enum Mode {
     /// Samples are shaded and blended front to back.
     Composite,
-    /// The largest value along the ray, through the transfer function, unshaded. Depth is where it lies.
+    /// The largest value along the ray, through the transfer function, unshaded. Depth is where it
+    /// lies.
     Mip,
-    /// The smallest value along the ray, through the transfer function, unshaded. Depth is where it lies.
+    /// The smallest value along the ray, through the transfer function, unshaded. Depth is where it
+    /// lies.
     Minip,
-    /// The mean value along the ray, through the transfer function, unshaded. Depth is the mean depth of the samples,
-    /// each weighted by its brightness: 0 for the volume's smallest value, 1 for its largest.
+    /// The mean value along the ray, through the transfer function, unshaded. Depth is the mean
+    /// depth of the samples, each weighted by its brightness: 0 for the volume's smallest value, 1
+    /// for its largest.
     Mean,
-    /// A grey: the mean over the ray's samples of brightness times opacity per opacity unit. Depth is the mean depth
-    /// of the samples, each weighted by the same product.
+    /// A grey: the mean over the ray's samples of brightness times opacity per opacity unit. Depth
+    /// is the mean depth of the samples, each weighted by the same product.
     Average,
-    /// As [`Mode::Average`], but the sum per opacity unit of path in place of the mean; white at most.
+    /// As [`Mode::Average`], but the sum per opacity unit of path in place of the mean; white at
+    /// most.
     Additive,
     /// The request's surfaces, lit at the crossing and blended front to back. Depth is by the rule.
     Isosurface,
-    /// The plane through the camera's focal point across the viewing direction, or a slab around it, through the
-    /// transfer function, unshaded. Takes a parallel projection.
+    /// The plane through the camera's focal point across the viewing direction, or a slab around
+    /// it, through the transfer function, unshaded. Takes a parallel projection.
     Slice(SlabBlend),
-    /// Light is followed from the lights to one scattering and the eye; see [`super::PathTrace`]. Depth is as of
-    /// `Composite`.
+    /// Light is followed from the lights to one scattering and the eye; see [`super::PathTrace`].
+    /// Depth is as of `Composite`.
     PathTraced,
 }
 
@@ -144,8 +149,8 @@ impl TryFrom<String> for Mode {
 
 /// Whether a brick with values in this range, in HU, can change the picture.
 ///
-/// For a maximum every value above the lowest visible one counts, even an invisible one: it hides lower values. For a
-/// minimum it is the other way round. Every value changes a plain mean.
+/// For a maximum every value above the lowest visible one counts, even an invisible one: it hides
+/// lower values. For a minimum it is the other way round. Every value changes a plain mean.
 pub(super) fn is_of_interest(
     request: &RenderRequest,
     table: &TransferTable,

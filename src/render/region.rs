@@ -1,4 +1,5 @@
-//! The part of a picture in which rays can hit anything: beside it the background shows, and no ray is cast.
+//! The part of a picture in which rays can hit anything: beside it the background shows, and no ray
+//! is cast.
 //!
 //! Spaces: pixels, rows from the top. The region is computed from a box around the possibly visible
 //! voxels, in patient mm, and is never too small: the picture is the same without it.
@@ -28,7 +29,8 @@ impl Region {
         Self { first: [0; 2], size: size_px }
     }
 
-    /// Where a request shows anything of a volume: its visible bricks, or all of it in modes that blend the invisible in.
+    /// Where a request shows anything of a volume: its visible bricks, or all of it in modes that
+    /// blend the invisible in.
     pub(super) fn of(request: &RenderRequest, grid: &Grid, appearance: &Appearance) -> Self {
         let corners = match request.mode {
             Mode::Composite | Mode::Isosurface => appearance.visible_corners(grid),
@@ -68,7 +70,8 @@ impl Region {
         Self { first: [left, top], size: [width, height] }
     }
 
-    /// Whole pictures of `size_px` one after the other, from buffers of which only this region was written: `empty` beside it.
+    /// Whole pictures of `size_px` one after the other, from buffers of which only this region was
+    /// written: `empty` beside it.
     pub(super) fn spread<T: bytemuck::Pod>(
         self,
         written: &[T],
@@ -122,7 +125,8 @@ mod tests {
     #[test]
     fn a_cube_is_seen_in_the_tiles_that_its_faces_reach() {
         let camera = camera(Projection::Orthographic { height_mm: 540.0 });
-        // A pixel a millimetre, the origin in the picture's middle: columns 429.75 to 530.25 and rows 219.75 to 320.25.
+        // A pixel a millimetre, the origin in the picture's middle: columns 429.75 to 530.25 and
+        // rows 219.75 to 320.25.
         let found = Region::of_corners(&cube([0.0; 3], 50.25), &camera, SIZE_PX);
         assert_eq!(found, Region { first: [424, 216], size: [533 - 424, 323 - 216] });
         // Half out of the picture at its left, and at its top.

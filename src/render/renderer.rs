@@ -24,7 +24,8 @@ use crate::gpu::{ErrorScope, Gpu, Readback};
 use relief_base::DepthLimits;
 use relief_volume::{Camera, ContentHash, Grid, Volume};
 
-/// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn it off.
+/// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn
+/// it off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Skipping {
     /// Empty bricks are stepped over.
@@ -110,8 +111,8 @@ impl Renderer {
         self.store.limits
     }
 
-    /// Replaces what volumes may need, for those that go up from now on. Values beyond those of the adapter, and more
-    /// than [`VolumeLimits::BRICKS`] bricks, are cut to them.
+    /// Replaces what volumes may need, for those that go up from now on. Values beyond those of the
+    /// adapter, and more than [`VolumeLimits::BRICKS`] bricks, are cut to them.
     pub fn set_volume_limits(&mut self, limits: VolumeLimits) {
         let most = VolumeLimits::of(&self.gpu);
         let (side, bricks) = (limits.side.min(most.side), limits.bricks.min(most.bricks));
@@ -135,7 +136,8 @@ impl Renderer {
     /// Renders one picture.
     ///
     /// # Errors
-    /// When the request is out of range, the volume too large for the adapter, or the adapter fails.
+    /// When the request is out of range, the volume too large for the adapter, or the adapter
+    /// fails.
     pub fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
         self.render_with(volume, request, Skipping::On)
     }
@@ -172,8 +174,8 @@ impl Renderer {
         tracer.render(Order { gpu, volume, on_gpu, appearance, sampler, request, bands }, watch)
     }
 
-    /// As [`Renderer::render`], with a say over empty-space skipping by rays. A path-traced picture has their depth, and
-    /// otherwise always skips.
+    /// As [`Renderer::render`], with a say over empty-space skipping by rays. A path-traced picture
+    /// has their depth, and otherwise always skips.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -294,7 +296,8 @@ impl Renderer {
         Ok(total as u64)
     }
 
-    /// Brings a buffer of the last cast back. One that failed may stay mapped: the next picture gets new ones.
+    /// Brings a buffer of the last cast back. One that failed may stay mapped: the next picture
+    /// gets new ones.
     fn read<T>(
         &mut self,
         buffer: impl FnOnce(&Target) -> &Readback,
@@ -345,7 +348,8 @@ impl Renderer {
         Ok((start, upload_ms))
     }
 
-    /// Prepares the light of a request whose volume and appearance are uploaded; says whether that took filling cells.
+    /// Prepares the light of a request whose volume and appearance are uploaded; says whether that
+    /// took filling cells.
     fn illuminate(&mut self, volume: &Volume, request: &RenderRequest) -> Result<bool, RenderError> {
         let (on_gpu, appearance) = (self.store.volume(), self.store.appearance());
         let (gpu, sampler, labels) = (&self.gpu, &self.sampler, self.store.labels(request));
@@ -470,8 +474,9 @@ fn background(request: &RenderRequest) -> [u8; 4] {
     [red, green, blue, 0]
 }
 
-/// The depth limits of a picture, view depth in mm: the volume's bounding sphere around the focal point, along the
-/// viewing axis. They are steady while the camera circles. Near is 0 where the eye is within the sphere.
+/// The depth limits of a picture, view depth in mm: the volume's bounding sphere around the focal
+/// point, along the viewing axis. They are steady while the camera circles. Near is 0 where the eye
+/// is within the sphere.
 #[must_use]
 pub fn depth_limits(camera: &Camera, grid: &Grid) -> DepthLimits {
     let radius =

@@ -1,7 +1,8 @@
-//! A complete, immutable order for one picture: everything that the renderer needs beside the volume.
+//! A complete, immutable order for one picture: everything that the renderer needs beside the
+//! volume.
 //!
-//! Values here are valid by construction of their parts plus [`RenderRequest::validate`]; the JSON form with its
-//! defaults and error paths is in `scene`.
+//! Values here are valid by construction of their parts plus [`RenderRequest::validate`]; the JSON
+//! form with its defaults and error paths is in `scene`.
 
 use std::sync::Arc;
 
@@ -19,8 +20,8 @@ use relief_volume::{Camera, Grid, Projection, TransferFunction};
 
 /// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
 ///
-/// With the light at the eye the reflected and the half vector are both along `v`, so the highlight is a power of
-/// the same cosine.
+/// With the light at the eye the reflected and the half vector are both along `v`, so the highlight
+/// is a power of the same cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shading {
     /// Share of light from everywhere, 0..1.
@@ -99,8 +100,8 @@ pub struct RenderRequest {
     pub camera: Camera,
     /// Width and height in pixels.
     pub size_px: [u32; 2],
-    /// Fewer pixels, for which rays are cast in place of `size_px`; the picture is enlarged to that before overlays and
-    /// letters are drawn. For pictures under a budget of time.
+    /// Fewer pixels, for which rays are cast in place of `size_px`; the picture is enlarged to that
+    /// before overlays and letters are drawn. For pictures under a budget of time.
     pub reduced_px: Option<[u32; 2]>,
     /// How samples become a colour.
     pub mode: Mode,
@@ -123,13 +124,15 @@ pub struct RenderRequest {
     pub depth: DepthRule,
     /// Which part is shown.
     pub clip: Clip,
-    /// How the segments of a label map are shown; `None` where all of the volume is shown alike. Shared, as it may be large.
+    /// How the segments of a label map are shown; `None` where all of the volume is shown alike.
+    /// Shared, as it may be large.
     pub labels: Option<Arc<Labels>>,
     /// Display-referred sRGB, 0..1, behind everything.
     pub background_rgb: [f64; 3],
     /// The overlays of the picture, in the same depth. Shared, since they may be large.
     pub overlays: Arc<Overlays>,
-    /// At most [`Light::MAX`], for modes composite, isosurface and path-traced. Without any the first two have the headlight.
+    /// At most [`Light::MAX`], for modes composite, isosurface and path-traced. Without any the
+    /// first two have the headlight.
     pub lights: Vec<Light>,
     /// Shadows of the lights and occlusion by surroundings, for modes composite and isosurface.
     pub illumination: Illumination,
@@ -237,7 +240,8 @@ impl RenderRequest {
         self.overlays.validate()
     }
 
-    /// [`RenderRequest::validate`], and that the work on a volume of this grid is within [`RenderRequest::MAX_SAMPLES`].
+    /// [`RenderRequest::validate`], and that the work on a volume of this grid is within
+    /// [`RenderRequest::MAX_SAMPLES`].
     ///
     /// # Errors
     /// The first value out of range.
@@ -264,13 +268,15 @@ impl RenderRequest {
         }
     }
 
-    /// Most samples that a ray may take in a volume of this grid, gradients and depth refinement left out.
+    /// Most samples that a ray may take in a volume of this grid, gradients and depth refinement
+    /// left out.
     #[must_use]
     pub fn samples_of_ray(&self, grid: &Grid) -> f64 {
         self.longest_ray_mm(grid) / self.sample_distance_mm
     }
 
-    /// Whether the picture has a second layer behind the first: rule `two-layer`, in the mode that has depth rules.
+    /// Whether the picture has a second layer behind the first: rule `two-layer`, in the mode that
+    /// has depth rules.
     #[must_use]
     pub fn has_back_layer(&self) -> bool {
         matches!(self.mode, Mode::Composite | Mode::PathTraced) && self.depth.has_back_layer()

@@ -60,8 +60,8 @@ impl VolumeLimits {
     const SOFTWARE_TEXTURE_BYTES: u64 = 2 << 30;
     /// Edge of a brick in voxels. Smaller bricks skip more closely but take longer to map.
     const BRICK_EDGE: usize = 4;
-    /// As many bricks are mapped in no time: a volume that has no more of smaller ones has those too. Its voxels are large
-    /// beside its samples, and so are bricks of four.
+    /// As many bricks are mapped in no time: a volume that has no more of smaller ones has those
+    /// too. Its voxels are large beside its samples, and so are bricks of four.
     const QUICK_BRICKS: u64 = 1 << 20;
 
     pub(super) fn of(gpu: &Gpu) -> Self {
@@ -248,7 +248,8 @@ impl Store {
         Ok(true)
     }
 
-    /// Makes the label map of a request on the volume that was prepared last the last used; says whether it went up.
+    /// Makes the label map of a request on the volume that was prepared last the last used; says
+    /// whether it went up.
     fn prepare_labels(&mut self, gpu: &Gpu, request: &RenderRequest) -> Result<bool, RenderError> {
         let Some(labels) = &request.labels else { return Ok(false) };
         let (volume, brick_edge) = (self.volume().hash, self.volume().plan.brick_edge);

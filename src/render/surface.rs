@@ -30,14 +30,15 @@ impl Surface {
 
     /// The value at which crossings are looked for: 1/64 HU above the surface's own.
     ///
-    /// Voxels are whole HU, and so are most surfaces: in a body of that very value, rounding would put samples now on one
-    /// side and now on the other.
+    /// Voxels are whole HU, and so are most surfaces: in a body of that very value, rounding would
+    /// put samples now on one side and now on the other.
     #[must_use]
     pub fn level_hu(&self) -> f64 {
         self.hu + 1.0 / 64.0
     }
 
-    /// Whether values of this range may lie on both sides of the surface; a little more, since sampling rounds.
+    /// Whether values of this range may lie on both sides of the surface; a little more, since
+    /// sampling rounds.
     #[must_use]
     pub(super) fn may_lie_within(&self, low_hu: f32, high_hu: f32) -> bool {
         const ROUNDING_HU: f64 = 0.05;
@@ -65,7 +66,8 @@ pub(super) fn usual_hu(transfer: &TransferFunction) -> f64 {
     })
 }
 
-/// Checks the surfaces of a request: some for isosurfaces, rising, each in range; none for other modes.
+/// Checks the surfaces of a request: some for isosurfaces, rising, each in range; none for other
+/// modes.
 ///
 /// # Errors
 /// The first that is wrong.

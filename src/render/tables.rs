@@ -1,7 +1,8 @@
-//! The transfer tables of a request: one, or with labels several and the looks that choose among them.
+//! The transfer tables of a request: one, or with labels several and the looks that choose among
+//! them.
 //!
-//! With labels, one buffer holds the request's own table, two entries for each look, and the tables of further transfer
-//! functions, in this order; `shaders/lib/labels.wgsl` reads it. Values in HU.
+//! With labels, one buffer holds the request's own table, two entries for each look, and the tables
+//! of further transfer functions, in this order; `shaders/lib/labels.wgsl` reads it. Values in HU.
 
 use super::classification::Classification;
 use super::labels::{Labels, Look};
@@ -25,7 +26,8 @@ pub(super) type TableSet = u32;
 const _: () = assert!(Labels::MOST_TRANSFERS < TableSet::BITS as usize, "a bit for each table");
 
 impl Tables {
-    /// The tables of a request. A projection's opacity is per opacity unit, whatever the sample distance.
+    /// The tables of a request. A projection's opacity is per opacity unit, whatever the sample
+    /// distance.
     pub(super) fn new(request: &RenderRequest) -> Self {
         let step_mm = |transfer: &TransferFunction| match request.mode {
             Mode::Composite | Mode::PathTraced => request.sample_distance_mm,
@@ -96,7 +98,8 @@ impl Tables {
         self.looks.iter().filter(|look| look.visible).map(|look| self.of(look))
     }
 
-    /// The tables that the shown ones among these segments look up; places as in [`relief_volume::Places`].
+    /// The tables that the shown ones among these segments look up; places as in
+    /// [`relief_volume::Places`].
     pub(super) fn set_of(&self, places: &[u16]) -> TableSet {
         let looks = places.iter().map(|&place| &self.looks[usize::from(place)]);
         looks.filter(|look| look.visible).fold(0, |set, look| set | 1 << look.transfer)

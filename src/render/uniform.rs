@@ -122,8 +122,8 @@ impl FrameUniform {
     }
 }
 
-/// Whether a pre-integrated sample's path, half of it to each side, stays within the bricks next to its own: what lets
-/// bricks be skipped.
+/// Whether a pre-integrated sample's path, half of it to each side, stays within the bricks next to
+/// its own: what lets bricks be skipped.
 fn paths_end_in_neighbours(request: &RenderRequest, grid: &Grid, appearance: &Appearance) -> bool {
     let finest_mm = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     request.classification == Classification::Sampled
@@ -136,8 +136,8 @@ fn columns(matrix: glam::DMat3) -> [[f32; 4]; 3] {
     matrix.to_cols_array_2d().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0])
 }
 
-/// A gradient in HU/mm along the patient axes, of one in HU per two voxels along i, j, k: gradients transform by the
-/// transpose of the points' inverse.
+/// A gradient in HU/mm along the patient axes, of one in HU per two voxels along i, j, k: gradients
+/// transform by the transpose of the points' inverse.
 pub(super) fn patient_from_voxel_gradient(grid: &Grid) -> glam::DMat3 {
     grid.voxel_from_patient().linear().transpose() * 0.5
 }

@@ -48,7 +48,8 @@ impl VoxelFormat {
         }
     }
 
-    /// The value that a texel holds for an HU. Rounding keeps the order, so it maps ranges to ranges.
+    /// The value that a texel holds for an HU. Rounding keeps the order, so it maps ranges to
+    /// ranges.
     fn stored(self, hu: i16) -> f32 {
         match self {
             Self::Norm16 => f32::from(hu.max(-i16::MAX)),
@@ -123,7 +124,8 @@ pub(super) struct BrickLayout {
     pub(super) dims: [usize; 3],
 }
 
-/// A transfer function on the GPU, tabulated for a sample distance, and the empty space of a volume under it.
+/// A transfer function on the GPU, tabulated for a sample distance, and the empty space of a volume
+/// under it.
 pub(super) struct Appearance {
     volume: ContentHash,
     transfer: TransferFunction,
@@ -137,7 +139,8 @@ pub(super) struct Appearance {
     pub(super) bricks: BrickLayout,
     /// Four bricks a word.
     pub(super) distances: wgpu::Buffer,
-    /// The first and the last brick along each axis that may show something; none where nothing does.
+    /// The first and the last brick along each axis that may show something; none where nothing
+    /// does.
     visible_bricks: Option<[[usize; 3]; 2]>,
     pub(super) bytes: u64,
     /// HU/mm of a component of 1 of the volume's gradients.
@@ -187,8 +190,8 @@ impl Appearance {
         self.volume == volume
     }
 
-    /// The corners of a box about all that may be visible; none where nothing is. A pre-integrated sample reaches into the
-    /// bricks beside its own.
+    /// The corners of a box about all that may be visible; none where nothing is. A pre-integrated
+    /// sample reaches into the bricks beside its own.
     pub(super) fn visible_corners(&self, grid: &Grid) -> Option<[Point<Patient>; 8]> {
         let BrickLayout { edge, dims } = self.bricks;
         let beside = usize::from(self.classification == Classification::PreIntegrated);
@@ -229,8 +232,9 @@ pub(super) fn upload_table(gpu: &Gpu, buffer: &[[f32; 4]]) -> wgpu::Buffer {
     read_only(gpu, "transfer table", &table_bytes)
 }
 
-/// Whether most samples that rays take are likely to be visible: most bricks that show anything show all they hold, and
-/// rays go on through them for more samples than they take in vain before, about three.
+/// Whether most samples that rays take are likely to be visible: most bricks that show anything
+/// show all they hold, and rays go on through them for more samples than they take in vain before,
+/// about three.
 fn is_mostly_visible(bricks: &BrickRanges, table: &TransferTable, stored: impl Fn(i16) -> f32) -> bool {
     const RUN: f32 = 4.0;
     // A thirteenth of the bricks says it as well.

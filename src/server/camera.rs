@@ -5,7 +5,8 @@ use serde_json::{Value, json};
 use relief_base::DepthLimits;
 use relief_volume::{Camera, Projection};
 
-/// The camera in a request's own words, with the size and the depth limits: the header `Relief-Camera`.
+/// The camera in a request's own words, with the size and the depth limits: the header
+/// `Relief-Camera`.
 pub(super) fn camera_json(camera: &Camera, size_px: [u32; 2], limits: DepthLimits) -> Value {
     let projection = match camera.projection() {
         Projection::Perspective { vertical_fov } => {

@@ -1,7 +1,9 @@
-//! Frames, depth and picks: from a scene in a query or a body to the picture, its depth or a point in it.
+//! Frames, depth and picks: from a scene in a query or a body to the picture, its depth or a point
+//! in it.
 //!
-//! The order of things: volume, media type, scene, its budget of time, then the `ETag`, and only then the render queue. Encoding runs on
-//! blocking threads. A client that leaves drops its handler, and with it the order.
+//! The order of things: volume, media type, scene, its budget of time, then the `ETag`, and only
+//! then the render queue. Encoding runs on blocking threads. A client that leaves drops its
+//! handler, and with it the order.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -184,8 +186,9 @@ impl SizeRule {
     }
 }
 
-/// The complete scene. A size that contradicts the layout is refused where the answer has that layout, and a depth
-/// limit that contradicts the volume's always: nothing is rendered for what cannot be answered.
+/// The complete scene. A size that contradicts the layout is refused where the answer has that
+/// layout, and a depth limit that contradicts the volume's always: nothing is rendered for what
+/// cannot be answered.
 fn resolve(order: Order, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
     let scene = order.file.resolve_labelled(&entry.grid, &order.orbit, entry.labels.as_ref())?;
     if rule == SizeRule::OfLayout {
@@ -252,7 +255,8 @@ async fn render(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene) -> Resu
     Ok(outcome?)
 }
 
-/// Encodes on a blocking thread, as many at a time as there are cores, those whose clients have left included.
+/// Encodes on a blocking thread, as many at a time as there are cores, those whose clients have
+/// left included.
 async fn encode_apart(
     pictures: &Pictures,
     rendered: &Rendered,
@@ -327,8 +331,10 @@ fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
 
 /// A name for the bytes that this order gives: everything that decides them goes into the hash.
 ///
-/// The scene enters by forms that are the same in every process ([`relief_render::RenderRequest::stable_bytes`], JSON), so that
-/// servers of one build before adapters of one kind agree, and one may answer for another. `form` is how the picture is written.
+/// The scene enters by forms that are the same in every process
+/// ([`relief_render::RenderRequest::stable_bytes`], JSON), so that servers of one build before
+/// adapters of one kind agree, and one may answer for another. `form` is how the picture is
+/// written.
 pub(super) fn entity_tag(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene, form: &str) -> String {
     let Scene { request, display, budget_ms, annotations } = scene;
     let around = json!([pictures.config.identity, form, display, budget_ms, annotations]).to_string();

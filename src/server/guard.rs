@@ -48,8 +48,8 @@ fn authority(host: Option<&HeaderValue>) -> Option<Authority> {
     host?.to_str().ok()?.parse().ok()
 }
 
-/// Ends a request that takes too long. Its order leaves the render queue with it. That is no 503: the same order
-/// would take as long again.
+/// Ends a request that takes too long. Its order leaves the render queue with it. That is no 503:
+/// the same order would take as long again.
 pub(super) async fn deadline(State(config): State<Arc<Config>>, request: Request, next: Next) -> Response {
     let limit = config.request_timeout;
     match tokio::time::timeout(limit, next.run(request)).await {
@@ -82,7 +82,8 @@ pub(super) fn on_panic(panic: Box<dyn Any + Send>) -> Response {
     Problem::internal("the request", format!("panic: {}", text.unwrap_or("no message"))).into_response()
 }
 
-/// Refuses a body of another media type. A page of another site cannot send these without being asked first.
+/// Refuses a body of another media type. A page of another site cannot send these without being
+/// asked first.
 pub(super) fn expect_content_type(headers: &HeaderMap, expected: &'static str) -> Result<(), Problem> {
     let found = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");
     let essence = found.split(';').next().unwrap_or("").trim();

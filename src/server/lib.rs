@@ -1,11 +1,13 @@
-//! HTTP: volumes, frames, depth and picks for display boxes, batch jobs and browsers, and the page at `/`.
+//! HTTP: volumes, frames, depth and picks for display boxes, batch jobs and browsers, and the page
+//! at `/`.
 //!
 //! What it is: [`app`], a pure function from a [`Server`] to routes, tested without sockets, and
 //! [`serve`], the loop that accepts connections within limits and drains them at the end. What it
 //! is not: rendering (see `relief_session`) or DICOM (see [`VolumeLoader`]). There is no
 //! authentication: bind to loopback, or run behind a proxy that authenticates.
 //!
-//! Requests say mm, degrees and HU; depth is view depth in mm. No patient's name or id enters this module.
+//! Requests say mm, degrees and HU; depth is view depth in mm. No patient's name or id enters this
+//! module.
 //!
 //! | path | methods | what |
 //! |---|---|---|

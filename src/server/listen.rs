@@ -1,4 +1,5 @@
-//! Connections: accepting them within limits, noticing the slow and the gone, and draining them at the end.
+//! Connections: accepting them within limits, noticing the slow and the gone, and draining them at
+//! the end.
 //!
 //! A WebSocket leaves these limits with its upgrade; `live` has its own. A connection has at most
 //! one request and one encoded frame at a time. Clients that send a request's head too slowly, or
@@ -115,7 +116,8 @@ async fn accept(listener: &TcpListener, places: &Arc<Semaphore>) -> (TcpStream, 
                 return (stream, place);
             }
             Err(error) => {
-                // Out of file descriptors, or the client has left already: neither is a reason to stop.
+                // Out of file descriptors, or the client has left already: neither is a reason to
+                // stop.
                 tracing::warn!(%error, "cannot accept a connection");
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }

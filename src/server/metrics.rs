@@ -1,4 +1,5 @@
-//! Counters and durations in the Prometheus text format (0.0.4). Labels are closed sets: no ids, no paths.
+//! Counters and durations in the Prometheus text format (0.0.4). Labels are closed sets: no ids, no
+//! paths.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -1,4 +1,5 @@
-//! What headers of a request say about the answer: the media type, and whether the client has it already.
+//! What headers of a request say about the answer: the media type, and whether the client has it
+//! already.
 //!
 //! RFC 9110, 12.5.1: each offer gets the weight of the most specific range that matches it; the
 //! largest weight wins, and among equals the server's order. Parameters of media types other than
@@ -39,7 +40,8 @@ pub(super) fn accepts(headers: &HeaderMap, media_type: &str) -> bool {
     !headers.contains_key(header::ACCEPT) || weight(&ranges, media_type) > 0.0
 }
 
-/// Whether `If-None-Match` names this tag, or `*`, by the weak comparison (RFC 9110, 13.1.2). Tags hold no commas.
+/// Whether `If-None-Match` names this tag, or `*`, by the weak comparison (RFC 9110, 13.1.2). Tags
+/// hold no commas.
 pub(super) fn knows_tag(headers: &HeaderMap, tag: &str) -> bool {
     let values = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     let opaque = tag.trim_start_matches("W/");
@@ -63,7 +65,8 @@ impl<'a> Range<'a> {
         (0.0..=1.0).contains(&weight).then_some(Self { kind, subtype, weight })
     }
 
-    /// How closely this range names a media type: 0 for `*/*`, 2 for the very type; `None` if it is another.
+    /// How closely this range names a media type: 0 for `*/*`, 2 for the very type; `None` if it is
+    /// another.
     fn specificity(&self, kind: &str, subtype: &str) -> Option<u8> {
         match (self.kind, self.subtype) {
             ("*", "*") => Some(0),

@@ -1,4 +1,5 @@
-//! One line of log and a few counters per request, and the id that ties a client's complaint to them.
+//! One line of log and a few counters per request, and the id that ties a client's complaint to
+//! them.
 //!
 //! Log lines have the pattern of the route, not the path or the query, so they do not reveal which
 //! volume was requested.

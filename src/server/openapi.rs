@@ -1,6 +1,8 @@
-//! The API description: OpenAPI 3.1, from a template whose closed sets are filled in from the tables of the code.
+//! The API description: OpenAPI 3.1, from a template whose closed sets are filled in from the
+//! tables of the code.
 //!
-//! `"x-relief-values": SET` in `openapi.json` becomes `"enum": [...]`. Routes and parameters are compared with the code by tests.
+//! `"x-relief-values": SET` in `openapi.json` becomes `"enum": [...]`. Routes and parameters are
+//! compared with the code by tests.
 
 use std::sync::LazyLock;
 

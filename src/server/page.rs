@@ -11,7 +11,8 @@ use sha2::{Digest, Sha256};
 use super::negotiate::knows_tag;
 use super::state::AppState;
 
-/// Own scripts and styles only; pictures arrive as blobs. The same for all files: only the page itself obeys it.
+/// Own scripts and styles only; pictures arrive as blobs. The same for all files: only the page
+/// itself obeys it.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 

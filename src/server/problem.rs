@@ -35,7 +35,8 @@ pub(super) struct Problem {
 pub(super) struct Cause(pub(super) String);
 
 impl Problem {
-    /// A problem of this status; `kind` is the last part of its type, `detail` a sentence for the client.
+    /// A problem of this status; `kind` is the last part of its type, `detail` a sentence for the
+    /// client.
     pub(super) fn new(status: StatusCode, kind: &'static str, detail: impl Display) -> Self {
         Self { status, kind, detail: detail.to_string(), members: Map::new(), cause: None }
     }
@@ -70,7 +71,8 @@ impl Problem {
             .with("allowed", error.allowed.as_str())
     }
 
-    /// The path member and the detail with this name in place of the JSON path: for what came in a query.
+    /// The path member and the detail with this name in place of the JSON path: for what came in a
+    /// query.
     pub(super) fn renamed(mut self, from_path: &str, name: &str) -> Self {
         self.detail = self.detail.replacen(from_path, name, 1);
         self.with("path", name)

@@ -14,7 +14,8 @@ static RELIEF_QUALITY: HeaderName = HeaderName::from_static("relief-quality");
 #[derive(Debug)]
 pub(super) struct Quality(Option<HeaderValue>);
 
-/// Reduces a scene that has a budget as far as it must be, so that equal answers have equal scenes, and equal tags.
+/// Reduces a scene that has a budget as far as it must be, so that equal answers have equal scenes,
+/// and equal tags.
 pub(super) fn within_budget(engine: &Engine, entry: &VolumeEntry, scene: &mut Scene) -> Quality {
     let Some(budget_ms) = scene.budget_ms else { return Quality(None) };
     let planned = engine.service.plan(entry.hash, &entry.grid, &scene.request, budget_ms);

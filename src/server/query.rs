@@ -404,7 +404,8 @@ impl Query {
     pub(super) fn blame(&self, problem: Problem) -> Problem {
         let Some(path) = problem.path().map(str::to_owned) else { return problem };
         let about: Vec<&Parameter> = PARAMETERS.iter().filter(|parameter| parameter.sets(&path)).collect();
-        // A value can be wrong beside one that is not there: a far limit before the volume's own near limit.
+        // A value can be wrong beside one that is not there: a far limit before the volume's own
+        // near limit.
         let named = about.iter().find(|parameter| self.has(parameter.name)).or(about.first());
         match named {
             Some(parameter) if parameter.name != path => problem.renamed(&path, parameter.name),

@@ -1,4 +1,5 @@
-//! The parts of a server. Handlers extract the parts that they need from the router's state, never the whole server.
+//! The parts of a server. Handlers extract the parts that they need from the router's state, never
+//! the whole server.
 
 use std::error::Error;
 use std::path::Path;
@@ -27,12 +28,13 @@ pub type LabelsLoader = Arc<dyn Fn(&Path, &Grid) -> Result<Arc<LabelMap>, LoadEr
 /// The configuration of a server.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Build and adapter: what decides the bytes of a frame besides the request. Part of every `ETag`.
+    /// Build and adapter: what decides the bytes of a frame besides the request. Part of every
+    /// `ETag`.
     pub identity: String,
     /// Name of the adapter, for `/readyz`.
     pub adapter: String,
-    /// Accepted values of `Host`, without port; `None` accepts all. A list defends a loopback address against web pages whose
-    /// host name resolves to it (DNS rebinding).
+    /// Accepted values of `Host`, without port; `None` accepts all. A list defends a loopback
+    /// address against web pages whose host name resolves to it (DNS rebinding).
     pub allowed_hosts: Option<Vec<String>>,
     /// Longest time from a request to its answer, except for uploads.
     pub request_timeout: Duration,
@@ -40,7 +42,8 @@ pub struct Config {
     pub body_timeout: Duration,
     /// Limits of uploads; `None` refuses uploads.
     pub uploads: Option<UploadLimits>,
-    /// Most bytes of voxels in host memory, of all volumes together. Render requests that wait or run hold theirs in addition.
+    /// Most bytes of voxels in host memory, of all volumes together. Render requests that wait or
+    /// run hold theirs in addition.
     pub memory_bytes: u64,
     /// Live sessions.
     pub live: LiveConfig,
@@ -51,8 +54,8 @@ pub struct Config {
 pub struct UploadLimits {
     /// Largest file, bytes.
     pub file_bytes: u64,
-    /// Lowest mean rate of an upload, bytes per second, after an initial [`Config::body_timeout`]. One upload is received at a time,
-    /// so a slow one would block the others.
+    /// Lowest mean rate of an upload, bytes per second, after an initial [`Config::body_timeout`].
+    /// One upload is received at a time, so a slow one would block the others.
     pub slowest_bytes_per_s: u64,
     /// Most uploaded volumes at a time.
     pub volumes: usize,
@@ -201,7 +204,8 @@ impl Server {
         Self { annotations: Some(Arc::new(Annotations::new(store))), ..self }
     }
 
-    /// Announces volumes that are still being read. The server is not ready before they have been added.
+    /// Announces volumes that are still being read. The server is not ready before they have been
+    /// added.
     pub fn expect_volumes(&self, count: usize) {
         self.engine.volumes.expect(count);
     }

@@ -1,6 +1,7 @@
 //! Thumbnails: a volume with a preset, small, for menus.
 //!
-//! They are frames like any other: rendered in the same queue, named by the same tags, remembered as shortly.
+//! They are frames like any other: rendered in the same queue, named by the same tags, remembered
+//! as shortly.
 
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, Method, StatusCode, Uri};

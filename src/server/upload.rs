@@ -1,7 +1,7 @@
 //! Uploads: a zip of a series becomes a volume.
 //!
-//! The file is streamed to disk under limits of size and time, one upload at a time, and removed when it has been
-//! read. Reading it goes on when the client has left, and so does its turn.
+//! The file is streamed to disk under limits of size and time, one upload at a time, and removed
+//! when it has been read. Reading it goes on when the client has left, and so does its turn.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -77,7 +77,8 @@ fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
     if length.is_some_and(|length| length > limit) { Err(too_large(limit)) } else { Ok(()) }
 }
 
-/// The body as a file. The slower it comes, the sooner it must be whole: waits count against the slowest rate.
+/// The body as a file. The slower it comes, the sooner it must be whole: waits count against the
+/// slowest rate.
 async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Result<TempPath, Problem> {
     let failed = |error: std::io::Error| Problem::internal("storing the upload", error);
     let file = tempfile::Builder::new().prefix("relief-upload-").tempfile().map_err(failed)?;

@@ -1,5 +1,5 @@
-//! `/v1/volumes`: the list of volumes, their descriptions and their removal. Answers hold geometry and values, nothing about the
-//! patient.
+//! `/v1/volumes`: the list of volumes, their descriptions and their removal. Answers hold geometry
+//! and values, nothing about the patient.
 
 use std::sync::Arc;
 

@@ -1,6 +1,7 @@
 //! Blocking work on threads of its own, limited by permits of a semaphore.
 //!
-//! Encoding, snapping and reading files would stall async tasks. What it is not: the render thread (see `service`).
+//! Encoding, snapping and reading files would stall async tasks. What it is not: the render thread
+//! (see `service`).
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,7 +30,8 @@ pub enum JobError {
     Abandoned,
 }
 
-/// Runs `job` on a blocking thread, which holds `permit` until the job ends. Dropping the returned future does not stop the job.
+/// Runs `job` on a blocking thread, which holds `permit` until the job ends. Dropping the returned
+/// future does not stop the job.
 ///
 /// # Errors
 /// [`JobError::Panicked`].
@@ -45,7 +47,8 @@ pub async fn on_blocking_thread<T: Send + 'static>(
     job.await.map_err(|source| JobError::Panicked { what, source })
 }
 
-/// As [`on_blocking_thread`], with a [`Waiting`] handle that tells the job when the returned future was dropped.
+/// As [`on_blocking_thread`], with a [`Waiting`] handle that tells the job when the returned future
+/// was dropped.
 ///
 /// # Errors
 /// [`JobError`], and the errors of the job.

@@ -13,7 +13,8 @@
 use relief_render::{Mode, RenderRequest};
 use relief_volume::{ContentHash, Grid};
 
-/// What live sessions give a picture of a view that moves, ms: with encoding beside it, 20 a second.
+/// What live sessions give a picture of a view that moves, ms: with encoding beside it, 20 a
+/// second.
 pub const INTERACTIVE_MS: f64 = 36.0;
 /// Fixed cost of a ray in nominal samples: set-up, depth, read-back.
 const RAY_SAMPLES: f64 = 64.0;
@@ -22,18 +23,20 @@ const PATH_SAMPLES: f64 = 256.0;
 
 /// Speed where none was measured, ms for a nominal sample: two cores without a graphics card.
 const UNMEASURED_MS: f64 = 1e-6;
-/// How much of the way to a new measurement the remembered one goes, both as logarithms. A slow picture may have
-/// been slow by accident (a pipeline was compiled, others used the machine), a fast one cannot have been.
+/// How much of the way to a new measurement the remembered one goes, both as logarithms. A slow
+/// picture may have been slow by accident (a pipeline was compiled, others used the machine), a
+/// fast one cannot have been.
 const TOWARDS_FASTER: f64 = 0.6;
 const TOWARDS_SLOWER: f64 = 0.3;
 
 /// Most volumes and modes that are remembered; the one measured the longest ago goes.
 const MOST_SPEEDS: usize = 64;
 
-/// How pictures are reduced, step by step: the share of width and height, and the factor of the sample distance.
+/// How pictures are reduced, step by step: the share of width and height, and the factor of the
+/// sample distance.
 ///
-/// Rays first: half as many on a side quarter the work and only blur. Longer steps between samples show rings and holes
-/// in surfaces, which the eye forgives less, and come last.
+/// Rays first: half as many on a side quarter the work and only blur. Longer steps between samples
+/// show rings and holes in surfaces, which the eye forgives less, and come last.
 const STEPS: [(f64, f64); 15] = [
     (1.0, 1.0),
     (0.84, 1.0),
@@ -84,7 +87,8 @@ impl SpeedBook {
     /// Allowed budgets, ms.
     pub const BUDGET_MS: std::ops::RangeInclusive<f64> = RenderRequest::BUDGET_MS;
 
-    /// Remembers how long a picture took to render. `passes` is how many were made for it, of mode path-traced.
+    /// Remembers how long a picture took to render. `passes` is how many were made for it, of mode
+    /// path-traced.
     pub fn record(
         &mut self,
         volume: ContentHash,
@@ -119,8 +123,9 @@ impl SpeedBook {
         work(grid, request, request.path_trace.passes) * ms_per_sample
     }
 
-    /// The request, reduced as little as it has to be for an expected time within the budget, and not beyond an eighth
-    /// of its width and height at four times its sample distance. Path-traced pictures lose passes first.
+    /// The request, reduced as little as it has to be for an expected time within the budget, and
+    /// not beyond an eighth of its width and height at four times its sample distance. Path-traced
+    /// pictures lose passes first.
     #[must_use]
     pub fn plan(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest, budget_ms: f64) -> Planned {
         let expected = |request: &RenderRequest| self.expected_ms(volume, grid, request);
@@ -180,7 +185,8 @@ fn at_step(request: &RenderRequest, share: f64, factor: f64) -> RenderRequest {
     reduced
 }
 
-/// The largest power of two of passes, or all that are wanted, for which `fits` holds; 1 where it never does.
+/// The largest power of two of passes, or all that are wanted, for which `fits` holds; 1 where it
+/// never does.
 fn most_passes(request: &RenderRequest, wanted: u32, fits: impl Fn(&RenderRequest) -> bool) -> u32 {
     let with = |passes: u32| {
         let mut tried = request.clone();

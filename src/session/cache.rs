@@ -1,4 +1,5 @@
-//! The frames rendered last, so that a pick, a depth map or another encoding of a frame is not rendered again.
+//! The frames rendered last, so that a pick, a depth map or another encoding of a frame is not
+//! rendered again.
 //!
 //! Frames are found by content: the volume's hash and the complete request.
 
@@ -15,7 +16,8 @@ pub(super) struct FrameKey {
     pub(super) request: RenderRequest,
 }
 
-/// Most frames kept. A look for a frame compares it with all, and small frames are soon rendered again.
+/// Most frames kept. A look for a frame compares it with all, and small frames are soon rendered
+/// again.
 const MOST_FRAMES: usize = 64;
 
 /// Recent frames, the latest first, within a limit of bytes and of [`MOST_FRAMES`].
@@ -40,7 +42,8 @@ impl FrameCache {
         Some(frame)
     }
 
-    /// Remembers a frame and forgets the oldest over the limits. A frame larger than the limit is not kept.
+    /// Remembers a frame and forgets the oldest over the limits. A frame larger than the limit is
+    /// not kept.
     pub(super) fn put(&mut self, key: FrameKey, frame: Arc<RenderedFrame>) {
         self.bytes += size_of_entry(&key, &frame);
         self.frames.push_front((key, frame));
@@ -57,7 +60,8 @@ impl FrameCache {
     }
 }
 
-/// Bytes of a frame and of the order that it is found by: the latter's control points outweigh a small picture.
+/// Bytes of a frame and of the order that it is found by: the latter's control points outweigh a
+/// small picture.
 fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
     let request = &key.request;
     let gradient = request.transfer.gradient_opacity().map_or(0, |opacity| size_of_val(opacity.points()));

@@ -1,4 +1,5 @@
-//! From a rendered frame to the bytes of a file or a response: the same for command line, HTTP and batch.
+//! From a rendered frame to the bytes of a file or a response: the same for command line, HTTP and
+//! batch.
 //!
 //! The raw form is little-endian: `RLFR`, version (u16, 1), header length (u16, 32), width and
 //! height (u32 each), near and far limit in mm (f64 each); then RGBA8 rows from the top, then view

@@ -46,7 +46,8 @@ pub enum LabelsError {
     },
 }
 
-/// Share of the labelled space that lies in the volume below which a map may well be of another series.
+/// Share of the labelled space that lies in the volume below which a map may well be of another
+/// series.
 const DOUBTFUL_SHARE: f64 = 0.5;
 
 /// Reads a label map of at most `most_voxels` voxels onto the grid of a volume.

@@ -59,7 +59,8 @@ pub trait RenderBackend: Send + 'static {
         goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, BackendError>;
 
-    /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders needs none.
+    /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders
+    /// needs none.
     fn forget(&mut self, _volume: ContentHash) {}
 
     /// Memory of volumes on the adapter; zero for a backend that keeps nothing.
@@ -71,7 +72,8 @@ pub trait RenderBackend: Send + 'static {
 /// Why a backend gave no frame.
 #[derive(Debug, thiserror::Error)]
 pub enum BackendError {
-    /// The request asks for more than this adapter has; the message says which limit and what to do.
+    /// The request asks for more than this adapter has; the message says which limit and what to
+    /// do.
     #[error("{0}")]
     Refused(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The request was cancelled: its ticket was dropped.

@@ -36,7 +36,8 @@ impl Default for QueueConfig {
     }
 }
 
-/// Owns the thread that renders. Dropping it, or [`RenderService::shut_down`], lets the queue run empty first.
+/// Owns the thread that renders. Dropping it, or [`RenderService::shut_down`], lets the queue run
+/// empty first.
 #[derive(Debug)]
 pub struct RenderService {
     queue: Mutex<Option<Sender<Job>>>,
@@ -121,7 +122,8 @@ impl RenderService {
     /// in the queue as while it renders.
     ///
     /// # Errors
-    /// [`ServiceError::Busy`] when the queue is full, [`ServiceError::Stopped`] when the thread has ended.
+    /// [`ServiceError::Busy`] when the queue is full, [`ServiceError::Stopped`] when the thread has
+    /// ended.
     pub fn render(&self, volume: &Volume, request: RenderRequest) -> Result<Ticket, ServiceError> {
         let key = FrameKey { volume: volume.content_hash(), request };
         if let Some(frame) = lock(&self.shared.recent).get(&key) {
@@ -144,8 +146,8 @@ impl RenderService {
         Ok(ticket)
     }
 
-    /// A request, reduced so that it can be expected to render within a budget (ms), by the speed of earlier pictures of
-    /// this volume and mode.
+    /// A request, reduced so that it can be expected to render within a budget (ms), by the speed
+    /// of earlier pictures of this volume and mode.
     #[must_use]
     pub fn plan(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest, budget_ms: f64) -> Planned {
         lock(&self.shared.speeds).plan(volume, grid, request, budget_ms)
@@ -193,7 +195,8 @@ impl RenderService {
         self.shared.is_healthy.load(Ordering::Relaxed)
     }
 
-    /// Takes no more orders, lets the queue run empty and waits for the thread; blocks. A second call does nothing.
+    /// Takes no more orders, lets the queue run empty and waits for the thread; blocks. A second
+    /// call does nothing.
     pub fn shut_down(&self) {
         drop(lock(&self.queue).take());
         let thread = lock(&self.thread).take();
@@ -214,7 +217,8 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &Shared) 
                 answer(&mut backend, *order, shared);
             }
             Job::Forget(volume) => {
-                // A second time: requests that were queued before this one have cached frames since.
+                // A second time: requests that were queued before this one have cached frames
+                // since.
                 lock(&shared.recent).forget(volume);
                 if let Err(panic) = guarded(|| backend.forget(volume)) {
                     tracing::error!(panic, "forgetting a volume panicked");
@@ -281,8 +285,9 @@ fn render(
     Ok(outcome.map_err(ServiceError::Panicked)??)
 }
 
-/// A call of the backend. A panic in it becomes its message and the thread goes on: one bad request must not stop
-/// the frames of all others. The backend is used again afterwards, so it must not rely on having finished a call.
+/// A call of the backend. A panic in it becomes its message and the thread goes on: one bad request
+/// must not stop the frames of all others. The backend is used again afterwards, so it must not
+/// rely on having finished a call.
 fn guarded<T>(call: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(call)).map_err(|panic| panic_text(panic.as_ref()))
 }

@@ -12,7 +12,8 @@ use relief_volume::{Grid, Orbit, Preset};
 /// Width and height of a thumbnail.
 pub const THUMBNAIL_SIZE_PX: [u32; 2] = [160, 120];
 
-/// From the front, a little from the left and above, and closer than "all of it": corners are mostly air.
+/// From the front, a little from the left and above, and closer than "all of it": corners are
+/// mostly air.
 const VIEW: Orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.45, vertical_fov_deg: 22.0 };
 
 /// The scene of a preset's thumbnail: layout colour, all other settings default.

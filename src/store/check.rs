@@ -34,8 +34,9 @@ struct Folded {
 }
 
 impl Store {
-    /// Reads the whole log: SQLite's own check of its file; events without gaps, each following from those before; items and
-    /// edits as the events have them; contents with the SHA-256 that is their name.
+    /// Reads the whole log: SQLite's own check of its file; events without gaps, each following
+    /// from those before; items and edits as the events have them; contents with the SHA-256 that
+    /// is their name.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] with the first fault, and errors of the database.

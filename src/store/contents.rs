@@ -10,7 +10,8 @@ use relief_annotation::{ContentId, ItemError};
 const MOST_BYTES: usize = 900_000_000;
 
 impl Store {
-    /// Keeps bytes, and says by what name. The same bytes are kept once, with the media type that they came with first.
+    /// Keeps bytes, and says by what name. The same bytes are kept once, with the media type that
+    /// they came with first.
     ///
     /// # Errors
     /// [`StoreError::Invalid`] for more bytes than a database accepts or an invalid media

@@ -101,7 +101,8 @@ fn changed(expected: u64, current: Option<&Versioned>) -> String {
     )
 }
 
-/// Primary result codes of SQLite (<https://www.sqlite.org/rescode.html>); an extended code has one in its low byte.
+/// Primary result codes of SQLite (<https://www.sqlite.org/rescode.html>); an extended code has one
+/// in its low byte.
 mod sqlite {
     pub(super) const BUSY: u32 = 5;
     pub(super) const LOCKED: u32 = 6;

@@ -22,13 +22,14 @@ impl Store {
     /// repeated.
     ///
     /// # Errors
-    /// [`StoreError::NothingToRedo`], and [`StoreError::Conflict`] where an item is not as it was before the edit.
+    /// [`StoreError::NothingToRedo`], and [`StoreError::Conflict`] where an item is not as it was
+    /// before the edit.
     pub async fn redo(&self, author: &str, reason: &str) -> Result<Vec<Event>, StoreError> {
         self.redo_if(author, reason, |_| Ok(())).await
     }
 
-    /// The same as [`Self::undo`], where every item of the edit may be changed: as it was before the edit, as the edit left it, and as it
-    /// is now.
+    /// The same as [`Self::undo`], where every item of the edit may be changed: as it was before
+    /// the edit, as the edit left it, and as it is now.
     ///
     /// # Errors
     /// Those of [`Self::undo`], and whatever `may` says: nothing has changed then.
@@ -108,7 +109,8 @@ async fn next_step(
     kind: Kind,
     author: &str,
 ) -> Result<(u64, Vec<Made>), StoreError> {
-    // Those taken back are all newer than those that stand: the lines of both meet between the newest and the oldest.
+    // Those taken back are all newer than those that stand: the lines of both meet between the
+    // newest and the oldest.
     let (find, nothing) = if kind == Kind::Undo {
         let find = "SELECT coalesce(max(edit), 0) FROM edits WHERE author = $1 AND state = 'done'";
         (find, StoreError::NothingToUndo)

@@ -74,8 +74,9 @@ impl std::fmt::Debug for Store {
 impl Store {
     /// Opens a log, or creates it where it does not exist.
     ///
-    /// `place` is a file (`annotations.db`), `sqlite:FILE` with `?mode=ro` or `?immutable=1` where nothing must be written, or
-    /// `postgres://USER@HOST/DATABASE`, where the tables are in a schema of the name `relief`.
+    /// `place` is a file (`annotations.db`), `sqlite:FILE` with `?mode=ro` or `?immutable=1` where
+    /// nothing must be written, or `postgres://USER@HOST/DATABASE`, where the tables are in a
+    /// schema of the name `relief`.
     ///
     /// # Errors
     /// When it cannot be reached, is no log of Relief, is damaged, or was made by a newer version.
@@ -103,8 +104,9 @@ impl Store {
         Ok(Self { kind, options: place.options.clone(), write: pool(1), read: pool(READERS) })
     }
 
-    /// Closes all connections, when the calls that are under way are done. A SQLite log is one file then, without a `-wal` file
-    /// beside it. A store that is dropped without is as safe, and is tidied up when it is opened next.
+    /// Closes all connections, when the calls that are under way are done. A SQLite log is one file
+    /// then, without a `-wal` file beside it. A store that is dropped without is as safe, and is
+    /// tidied up when it is opened next.
     pub async fn close(&self) {
         self.read.close().await;
         self.write.close().await;
@@ -134,8 +136,9 @@ impl Store {
 
 /// Begins a transaction.
 ///
-/// Where a disk fails, SQLite ends a transaction by itself, and the connection's counter of transactions does not notice: such
-/// a connection is given up, and another one does as well as the disk does by then.
+/// Where a disk fails, SQLite ends a transaction by itself, and the connection's counter of
+/// transactions does not notice: such a connection is given up, and another one does as well as the
+/// disk does by then.
 async fn begin(pool: &AnyPool, statement: &'static str) -> Result<Transaction<'static, Any>, StoreError> {
     for _ in 0..=READERS {
         match pool.begin_with(statement).await {
@@ -158,7 +161,8 @@ mod tests {
     /// Invariant: An acknowledged edit is durable, and no edit is stored partially, whenever the
     /// process is killed.
     ///
-    /// What makes a commit durable, on every connection of both pools, and whatever the file's own settings were.
+    /// What makes a commit durable, on every connection of both pools, and whatever the file's own
+    /// settings were.
     #[tokio::test]
     async fn every_connection_waits_for_the_disk() {
         let folder = tempfile::tempdir().unwrap();

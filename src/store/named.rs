@@ -49,7 +49,8 @@ impl AuditedKind {
 }
 
 impl Store {
-    /// All sets by name: those that were put, and those that items name, which have no reader and are not blinded.
+    /// All sets by name: those that were put, and those that items name, which have no reader and
+    /// are not blinded.
     ///
     /// # Errors
     /// Errors of the database.

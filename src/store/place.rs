@@ -23,7 +23,8 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Reads a file's path or a URL. A SQLite file that is not there is made on connecting if `create` says so.
+    /// Reads a file's path or a URL. A SQLite file that is not there is made on connecting if
+    /// `create` says so.
     pub(super) fn parse(place: &str, create: bool) -> Result<Self, StoreError> {
         sqlx::any::install_default_drivers();
         let wrong = |why: &str| Err(StoreError::Place(why.to_owned()));

@@ -157,8 +157,9 @@ impl Store {
     }
 }
 
-/// So many items come from the database as one text, a line each: rows cost more than reading them. The longest items, of 10,000
-/// points each, make 600 MB of it, within what databases can put into a text.
+/// So many items come from the database as one text, a line each: rows cost more than reading them.
+/// The longest items, of 10,000 points each, make 600 MB of it, within what databases can put into
+/// a text.
 const PART: u64 = 1000;
 
 /// Fewer items are read by the thread that asks, which would wait for others longer than it reads.
@@ -167,7 +168,8 @@ const FEWEST: usize = 256;
 /// Between lines; JSON on one line has none.
 const LINE: char = '\n';
 
-/// The statement for the next items of a listing, by the log: the place of the last one, how many there are, and their lines.
+/// The statement for the next items of a listing, by the log: the place of the last one, how many
+/// there are, and their lines.
 fn part(filter: &Filter, after: u64) -> Conditions {
     let lines = format!("coalesce(max(seq), 0), count(*), string_agg(version || ' ' || item, '{LINE}')");
     let items = "SELECT seq, version, item FROM items WHERE item IS NOT NULL";

@@ -65,7 +65,8 @@ pub(super) fn item_text(item: &Item) -> Result<String, StoreError> {
     serde_json::to_string(item).map_err(|error| StoreError::Database(error.to_string()))
 }
 
-/// The newest state of an item: `None` where there never was one, and `Some` of its version and no item where it is gone.
+/// The newest state of an item: `None` where there never was one, and `Some` of its version and no
+/// item where it is gone.
 pub(super) async fn current(
     transaction: &mut Transaction<'_, Any>,
     id: ItemId,

@@ -143,8 +143,8 @@ async fn is_empty_sqlite(connection: &mut AnyConnection) -> Result<bool, StoreEr
     Ok(tables == 0 && number(connection, "PRAGMA application_id").await? == 0)
 }
 
-/// The mode stays with the file. While another connection is in the middle of something it cannot be changed; waiting for
-/// a turn to write waits for that.
+/// The mode stays with the file. While another connection is in the middle of something it cannot
+/// be changed; waiting for a turn to write waits for that.
 async fn switch_to_wal(connection: &mut AnyConnection) -> Result<(), StoreError> {
     for _ in 0..WAL_TRIES {
         match connection.execute("PRAGMA journal_mode = WAL").await.map_err(StoreError::from) {
@@ -212,8 +212,9 @@ async fn check_schema(connection: &mut AnyConnection) -> Result<(), StoreError> 
 
 /// Settings of a single connection, applied to each.
 ///
-/// SQLite: a commit is on the disk before it returns (`synchronous = FULL`, and `fullfsync` where a system has a lesser sync);
-/// references are kept; a replaced line counts as a deleted one for triggers; pages are looked at before they are believed.
+/// SQLite: a commit is on the disk before it returns (`synchronous = FULL`, and `fullfsync` where a
+/// system has a lesser sync); references are kept; a replaced line counts as a deleted one for
+/// triggers; pages are looked at before they are believed.
 pub(super) async fn settle(
     connection: &mut AnyConnection,
     kind: Kind,

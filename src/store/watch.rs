@@ -4,10 +4,10 @@
 //! event that it has seen, so a lost, repeated or late notification does no harm. It reads no
 //! events itself.
 //!
-//! - **PostgreSQL** notifies: a writer sends `NOTIFY` in the transaction of the events, so listeners
-//!   hear it when that is committed, and never after a rollback. A notification contains only a
-//!   number. Listening takes a connection of its own, which is probed at times, since a network may
-//!   lose it silently.
+//! - **PostgreSQL** notifies: a writer sends `NOTIFY` in the transaction of the events, so
+//!   listeners hear it when that is committed, and never after a rollback. A notification contains
+//!   only a number. Listening takes a connection of its own, which is probed at times, since a
+//!   network may lose it silently.
 //! - **SQLite** is polled: `PRAGMA data_version` changes when another connection has committed.
 
 use std::time::Duration;
@@ -28,7 +28,8 @@ const CHANNEL: &str = "relief_log";
 /// What words say that are of events, and of sets and templates.
 pub(super) const EVENT: &str = "event";
 pub(super) const AUDIT: &str = "audit";
-/// How often SQLite is asked: a person sees a change within a quarter of a second as one that comes at once.
+/// How often SQLite is asked: a person sees a change within a quarter of a second as one that comes
+/// at once.
 const ASKING: Duration = Duration::from_millis(250);
 /// Interval of the probes of a listening connection, and their time limit.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
@@ -85,8 +86,9 @@ impl Store {
 }
 
 impl Watch {
-    /// Waits until the log may have changed since the last call. The first call, and the first one after an error, returns as soon as
-    /// changes can be heard of: whatever came before is in the log by then.
+    /// Waits until the log may have changed since the last call. The first call, and the first one
+    /// after an error, returns as soon as changes can be heard of: whatever came before is in the
+    /// log by then.
     ///
     /// A call that is dropped before it is done loses nothing.
     ///
@@ -122,7 +124,8 @@ impl Source {
                     PoolOptions::<Postgres>::new().max_connections(1).max_lifetime(None).idle_timeout(None);
                 let mut listener = PgListener::connect_with(&pool.connect_with(options).await?).await?;
                 listener.ignore_pool_close_event(true);
-                // A connection that was lost is an error here: the next call makes another one, and the log is read.
+                // A connection that was lost is an error here: the next call makes another one, and
+                // the log is read.
                 listener.eager_reconnect(false);
                 listener.listen(CHANNEL).await?;
                 Ok(Self::Postgres(listener))

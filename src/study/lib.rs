@@ -1,4 +1,5 @@
-//! Studies: the accuracy of annotation, the agreement between readers, and the capacity of a server.
+//! Studies: the accuracy of annotation, the agreement between readers, and the capacity of a
+//! server.
 //!
 //! Simulations, statistics and measurements, as values. Arguments, files and plots are in
 //! `relief_cli`.

@@ -7,8 +7,8 @@
 //! position_mm = [-100, 0, 0]
 //! ```
 //!
-//! A pose needs four LEDs that do not lie in a plane, for the camera sees four blobs at most. Up to six may be
-//! listed, as for a beacon whose LEDs hide one another.
+//! A pose needs four LEDs that do not lie in a plane, for the camera sees four blobs at most. Up to
+//! six may be listed, as for a beacon whose LEDs hide one another.
 
 use nalgebra::{Unit, Vector3};
 

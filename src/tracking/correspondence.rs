@@ -1,8 +1,9 @@
 //! Which blob is which LED, when nothing says so but where they are.
 //!
-//! Every assignment of blobs to LEDs is solved and scored with its chi-square: pixels, the direction of gravity, and an
-//! earlier pose if there is one. The best is taken only when it explains the view and every rival, be it another
-//! assignment or another pose of the same, is much worse; else the view is ambiguous, and nothing is guessed.
+//! Every assignment of blobs to LEDs is solved and scored with its chi-square: pixels, the
+//! direction of gravity, and an earlier pose if there is one. The best is taken only when it
+//! explains the view and every rival, be it another assignment or another pose of the same, is much
+//! worse; else the view is ambiguous, and nothing is guessed.
 
 use nalgebra::Vector2;
 
@@ -11,10 +12,11 @@ use super::pose::Pose;
 use super::sensor::Pinhole;
 use super::solve::{Gravity, MAX_SEEN, PoseView, Refined, Sighting};
 
-/// Chi-square that an assignment may have, per the number of equations beyond the six unknowns. A right one has more in
-/// 1 of 20,000 views with two, which is what four LEDs have.
+/// Chi-square that an assignment may have, per the number of equations beyond the six unknowns. A
+/// right one has more in 1 of 20,000 views with two, which is what four LEDs have.
 pub const GATE: f64 = 20.0;
-/// Chi-square by which every rival has to be worse: it is the logarithm of how much less likely it is, times two.
+/// Chi-square by which every rival has to be worse: it is the logarithm of how much less likely it
+/// is, times two.
 pub const MARGIN: f64 = 25.0;
 
 /// Starts with a larger chi-square are not refined: a start has a few times that of its minimum.
@@ -71,7 +73,8 @@ pub enum Identified {
 
 /// Solves every assignment of two to four blobs (pixels) to the beacon's LEDs.
 ///
-/// Fewer than four blobs are explained by many assignments, so they are identified only with good hints.
+/// Fewer than four blobs are explained by many assignments, so they are identified only with good
+/// hints.
 #[must_use]
 pub fn identify_blobs(
     camera: &Pinhole,

@@ -1,9 +1,10 @@
 //! Layouts of LEDs: how reliably a beacon's views are identified, and how accurately they determine
 //! poses.
 //!
-//! [`score_design`] identifies random views with noise, rounded to whole pixels, their blobs in any order. [`search_design`] tries layouts
-//! within a box: random ones first, then changes of the best. What counts is the margin of the rivals in the worst
-//! twentieth of the views: a beacon with a large one needs no guessing.
+//! [`score_design`] identifies random views with noise, rounded to whole pixels, their blobs in any
+//! order. [`search_design`] tries layouts within a box: random ones first, then changes of the
+//! best. What counts is the margin of the rivals in the worst twentieth of the views: a beacon with
+//! a large one needs no guessing.
 
 use nalgebra::{Rotation3, Unit, Vector2};
 

@@ -1,4 +1,5 @@
-//! The experiment of the 2009 paper, simulated: a robot's arm turns and shifts a Wiimote before a beacon.
+//! The experiment of the 2009 paper, simulated: a robot's arm turns and shifts a Wiimote before a
+//! beacon.
 //!
 //! Five runs: turns about the sensor's own X and Y axes, shifts along the beacon's X, Y and Z. In
 //! each the arm goes through a row of stops, half a second on the way and one second at each. The
@@ -193,7 +194,8 @@ pub struct ExperimentSetting {
 }
 
 impl ExperimentSetting {
-    /// The recommended beacon at a metre, half a pixel of noise, blobs as wide as 5 mm LEDs make them.
+    /// The recommended beacon at a metre, half a pixel of noise, blobs as wide as 5 mm LEDs make
+    /// them.
     #[must_use]
     pub fn new(camera: Pinhole, seed: u64) -> Self {
         let sensing = Sensing::TYPICAL;
@@ -240,7 +242,8 @@ pub struct ExperimentOutcome {
     pub points: Vec<PlotPoint>,
 }
 
-/// Calibrates the camera of a setting as a user would: from four simulated minutes of a hand that moves around the beacon.
+/// Calibrates the camera of a setting as a user would: from four simulated minutes of a hand that
+/// moves around the beacon.
 ///
 /// # Errors
 /// As [`crate::calibrate_camera`].
@@ -363,8 +366,8 @@ fn sightings(setting: &ExperimentSetting, truth: &SensorPose) -> Vec<Sighting> {
         .collect()
 }
 
-/// The information of all frames so far at the true poses, under the filter's own model of motion: what no filter with
-/// that model can be better than on average.
+/// The information of all frames so far at the true poses, under the filter's own model of motion:
+/// what no filter with that model can be better than on average.
 fn bound_of(setting: &ExperimentSetting, run: ExperimentRun, arm: &Arm, reports: &[SimulatedReport]) -> f64 {
     let noise_px = quantised_noise(setting.sensing.noise_px);
     let mut filter: Option<(ErrorStateFilter, u64)> = None;

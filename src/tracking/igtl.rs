@@ -1,8 +1,9 @@
 //! OpenIGTLink, version 1: poses as the messages that navigation software reads.
 //!
-//! A message is a header of 58 bytes (big-endian: version, type, device name, time, length and CRC-64 of the body) and a
-//! body. TRANSFORM has twelve 32-bit floats, the columns of the rotation and the translation in mm; POSITION the
-//! translation and a quaternion; TDATA a list of named tools, of which those that are not seen are left out.
+//! A message is a header of 58 bytes (big-endian: version, type, device name, time, length and
+//! CRC-64 of the body) and a body. TRANSFORM has twelve 32-bit floats, the columns of the rotation
+//! and the translation in mm; POSITION the translation and a quaternion; TDATA a list of named
+//! tools, of which those that are not seen are left out.
 
 use crate::pose::SensorPose;
 
@@ -126,7 +127,8 @@ mod tests {
 
     use super::*;
 
-    /// The numbers of the official test messages (transform, position, tracking data) and the checksums given there.
+    /// The numbers of the official test messages (transform, position, tracking data) and the
+    /// checksums given there.
     #[test]
     fn messages_have_the_official_bytes() {
         let columns: [f32; 9] = [

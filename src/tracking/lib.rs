@@ -15,18 +15,19 @@
 //!
 //! Times are ns of the source.
 //!
-//! **Single views.** The cost of a rotation is `r' Omega r` (SQPnP). Starts are the rotations nearest to the six eigenvectors of the
-//! smallest eigenvalues with both signs; Newton's method on SO(3) descends from them, and Levenberg-Marquardt refines in pixels. With a known
-//! up direction one angle is left, so two LEDs suffice.
+//! **Single views.** The cost of a rotation is `r' Omega r` (SQPnP). Starts are the rotations
+//! nearest to the six eigenvectors of the smallest eigenvalues with both signs; Newton's method on
+//! SO(3) descends from them, and Levenberg-Marquardt refines in pixels. With a known up direction
+//! one angle is left, so two LEDs suffice.
 //!
-//! **Correspondence.** All assignments are solved and scored by chi-square. The best one is used only if every other is worse by 25;
-//! otherwise the view is ambiguous and has no pose.
+//! **Correspondence.** All assignments are solved and scored by chi-square. The best one is used
+//! only if every other is worse by 25; otherwise the view is ambiguous and has no pose.
 //!
-//! **Filter.** An error-state filter of position, velocity, rotation, rate and gyroscope bias: 15 numbers. Measurements are applied one
-//! number at a time, without inverses and without allocation.
+//! **Filter.** An error-state filter of position, velocity, rotation, rate and gyroscope bias: 15
+//! numbers. Measurements are applied one number at a time, without inverses and without allocation.
 //!
-//! **Calibration** is a bundle adjustment of seven camera parameters and a pose per view, with the poses eliminated by a Schur
-//! complement.
+//! **Calibration** is a bundle adjustment of seven camera parameters and a pose per view, with the
+//! poses eliminated by a Schur complement.
 
 mod beacon;
 mod calibrate;

@@ -8,7 +8,8 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
 use relief_base::{Beacon as BeaconSpace, Sensor, Transform};
 
-/// `sensor_from_beacon`: a point P of the beacon is at `rotation * P + translation` before the sensor, mm.
+/// `sensor_from_beacon`: a point P of the beacon is at `rotation * P + translation` before the
+/// sensor, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Turns beacon axes into sensor axes.
@@ -42,7 +43,8 @@ impl Pose {
         }
     }
 
-    /// Covariance of position (mm) and turn (radians, beacon axes) of the inverse, from that of a change to the left.
+    /// Covariance of position (mm) and turn (radians, beacon axes) of the inverse, from that of a
+    /// change to the left.
     #[must_use]
     pub fn inverse_covariance(&self, covariance: &Matrix6<f64>) -> Matrix6<f64> {
         let turn = self.rotation.inverse().into_inner();
@@ -53,7 +55,8 @@ impl Pose {
         jacobian * covariance * jacobian.transpose()
     }
 
-    /// Angle in radians and distance in mm between where this pose and another put the sensor in the beacon's frame.
+    /// Angle in radians and distance in mm between where this pose and another put the sensor in
+    /// the beacon's frame.
     #[must_use]
     pub fn inverse_distance(&self, other: &Self) -> (f64, f64) {
         let (angle, _) = self.distance(other);
@@ -106,8 +109,9 @@ impl SensorPose {
         Transform::from_axes(x, y, z, glam::DVec3::from_array(self.position.into()))
     }
 
-    /// A camera at `position` that looks at `target`, its x axis across `up` (its y axis then points down), rolled by
-    /// `roll` radians about its own z axis; `None` when `up` is along the view.
+    /// A camera at `position` that looks at `target`, its x axis across `up` (its y axis then
+    /// points down), rolled by `roll` radians about its own z axis; `None` when `up` is along the
+    /// view.
     #[must_use]
     pub fn looking_at(
         position: Vector3<f64>,

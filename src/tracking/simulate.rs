@@ -1,8 +1,10 @@
-//! Recordings of a Wiimote that is not there: a path, a beacon, a camera, and everything that goes wrong on the way.
+//! Recordings of a Wiimote that is not there: a path, a beacon, a camera, and everything that goes
+//! wrong on the way.
 //!
-//! The camera sees LEDs with noise, rounds to whole units, reports four blobs at most, and sees two LEDs that are close as
-//! one. A blob keeps its slot while it is seen. Reports come at about 98 Hz with jitter; some are lost, doubled or swapped.
-//! Accelerometer and MotionPlus follow the path. Equal settings make equal recordings.
+//! The camera sees LEDs with noise, rounds to whole units, reports four blobs at most, and sees two
+//! LEDs that are close as one. A blob keeps its slot while it is seen. Reports come at about 98 Hz
+//! with jitter; some are lost, doubled or swapped. Accelerometer and MotionPlus follow the path.
+//! Equal settings make equal recordings.
 
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
@@ -46,8 +48,8 @@ pub struct Sensing {
 }
 
 impl Sensing {
-    /// LEDs of 5 mm, always sharp, with half a pixel of noise and whole pixels; one blob when nearer than two pixels of
-    /// the sensor.
+    /// LEDs of 5 mm, always sharp, with half a pixel of noise and whole pixels; one blob when
+    /// nearer than two pixels of the sensor.
     pub const TYPICAL: Self =
         Self { noise_px: 0.5, whole_pixels: true, merge_px: 16.0, led_mm: 5.0, lens: None };
 
@@ -257,7 +259,8 @@ impl Simulation {
     }
 }
 
-/// The two reports that carry a picture's blobs in full, as a camera sees them: outlines as wide as their size.
+/// The two reports that carry a picture's blobs in full, as a camera sees them: outlines as wide as
+/// their size.
 fn halves(report: Report) -> Vec<Report> {
     let Report::Data(DataReport { buttons, acceleration, blobs, .. }) = report else { return vec![report] };
     let [x, y, z] = acceleration.unwrap_or_default().map(|count| (count >> 2) as u8);
@@ -301,7 +304,8 @@ impl Slots {
     }
 }
 
-/// A hand that points at the beacon: slow sways of position, aim and roll, none of which repeat together.
+/// A hand that points at the beacon: slow sways of position, aim and roll, none of which repeat
+/// together.
 #[derive(Clone, Debug)]
 pub struct PointingHand {
     centre: Vector3<f64>,
@@ -332,7 +336,8 @@ impl SensorPath for PointingHand {
     }
 }
 
-/// A hand that surveys: around the beacon, near and far, so that it comes everywhere in the picture. For calibrations.
+/// A hand that surveys: around the beacon, near and far, so that it comes everywhere in the
+/// picture. For calibrations.
 #[derive(Clone, Debug)]
 pub struct SurveyingHand {
     target: Vector3<f64>,

@@ -1,7 +1,7 @@
 //! Min-max bricks and the distance map over them: what lets a ray step over empty space.
 //!
-//! A brick covers `edge`³ cells between voxel centres, so its range takes in the voxels on its far faces too: every
-//! value that trilinear interpolation can give inside the brick lies within it.
+//! A brick covers `edge`³ cells between voxel centres, so its range takes in the voxels on its far
+//! faces too: every value that trilinear interpolation can give inside the brick lies within it.
 
 use rayon::prelude::*;
 
@@ -15,7 +15,8 @@ pub struct BrickRanges {
     ranges_hu: Vec<(i16, i16)>,
 }
 
-/// For every brick the Chebyshev distance, in bricks, to the nearest one that shows something; 0 where one does.
+/// For every brick the Chebyshev distance, in bricks, to the nearest one that shows something; 0
+/// where one does.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DistanceMap {
     /// Edge of a brick in voxels.
@@ -70,8 +71,8 @@ impl BrickRanges {
         self.distance_map_by(|_, low, high| is_visible(low, high))
     }
 
-    /// As [`BrickRanges::distance_map`], of the bricks for which `is_visible(brick, low, high)` holds; bricks are numbered
-    /// x fastest.
+    /// As [`BrickRanges::distance_map`], of the bricks for which `is_visible(brick, low, high)`
+    /// holds; bricks are numbered x fastest.
     #[must_use]
     pub fn distance_map_by(&self, is_visible: impl Fn(usize, i16, i16) -> bool) -> DistanceMap {
         let start = |(brick, &(low, high)): (usize, &(i16, i16))| {
@@ -112,8 +113,8 @@ fn fold_row(ranges: &mut [(i16, i16)], values: &[i16], edge: usize) {
     }
 }
 
-/// One forward sweep of a chamfer transform over all 26 neighbours at distance 1: exact for Chebyshev distance
-/// once both directions have been swept.
+/// One forward sweep of a chamfer transform over all 26 neighbours at distance 1: exact for
+/// Chebyshev distance once both directions have been swept.
 fn sweep(distances: &mut [u8], [nx, ny, nz]: [usize; 3]) {
     for k in 0..nz {
         for j in 0..ny {

@@ -44,7 +44,8 @@ impl Grid {
     /// A grid of `dims` voxels whose centres `patient_from_voxel` places.
     ///
     /// # Errors
-    /// When a dimension is zero, the voxel count overflows, or the axes are not finite and independent.
+    /// When a dimension is zero, the voxel count overflows, or the axes are not finite and
+    /// independent.
     pub fn new(dims: [usize; 3], patient_from_voxel: Transform<Patient, Voxel>) -> Result<Self, GridError> {
         let count = dims.iter().try_fold(1usize, |product, &n| product.checked_mul(n));
         if !matches!(count, Some(n) if n > 0 && n <= isize::MAX as usize / 16) {
@@ -109,7 +110,8 @@ impl Grid {
         [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::normalize)
     }
 
-    /// The matrix whose columns are the unit vectors of i, j and k in patient space, row by row, as ITK has it.
+    /// The matrix whose columns are the unit vectors of i, j and k in patient space, row by row, as
+    /// ITK has it.
     #[must_use]
     pub fn direction(&self) -> [f64; 9] {
         let [x, y, z] = self.axis_directions();
@@ -156,7 +158,8 @@ impl Grid {
         Bounds { min: Point::from_xyz(min), max: Point::from_xyz(max) }
     }
 
-    /// The grid of blocks of `factor`³ voxels; block centres, counting a smaller last block as a whole one.
+    /// The grid of blocks of `factor`³ voxels; block centres, counting a smaller last block as a
+    /// whole one.
     pub(super) fn downsampled(&self, factor: usize) -> Self {
         let affine = self.patient_from_voxel.affine;
         let first = (factor as f64 - 1.0) / 2.0;

@@ -57,7 +57,8 @@ impl std::fmt::Debug for Volume {
     }
 }
 
-/// SHA-256 of a volume's dimensions, placement and voxels: its identity everywhere (uploads, HTTP ids, caches).
+/// SHA-256 of a volume's dimensions, placement and voxels: its identity everywhere (uploads, HTTP
+/// ids, caches).
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ContentHash(pub [u8; 32]);
 
@@ -146,7 +147,8 @@ impl Volume {
 
     /// The mean of each block of `factor`³ voxels, for adapters whose limits a volume exceeds.
     ///
-    /// Blocks at the far faces may be smaller; the grid keeps covering the same box to within one voxel.
+    /// Blocks at the far faces may be smaller; the grid keeps covering the same box to within one
+    /// voxel.
     #[must_use]
     pub fn downsampled(&self, factor: usize) -> Self {
         let factor = factor.max(1);

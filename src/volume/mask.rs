@@ -1,10 +1,12 @@
-//! Masks: one bit for each voxel of a grid, in rows of whole words, so that 64 voxels are worked on at once.
+//! Masks: one bit for each voxel of a grid, in rows of whole words, so that 64 voxels are worked on
+//! at once.
 
 use rayon::prelude::*;
 
 use super::{Grid, LabelMap, Segment, Volume};
 
-/// Voxels of a grid that are in, and all others. Each row along i begins with a new word; the bits beyond its end are 0.
+/// Voxels of a grid that are in, and all others. Each row along i begins with a new word; the bits
+/// beyond its end are 0.
 #[derive(Clone, PartialEq)]
 pub struct Mask {
     grid: Grid,
@@ -39,7 +41,8 @@ impl Mask {
         mask
     }
 
-    /// The voxels of a map that belong to the segment with this label: none where there is no such segment.
+    /// The voxels of a map that belong to the segment with this label: none where there is no such
+    /// segment.
     #[must_use]
     pub fn of_label(map: &LabelMap, label: u16) -> Self {
         let mut mask = Self::empty(map.grid().clone());
@@ -59,7 +62,8 @@ impl Mask {
         mask
     }
 
-    /// The map of one segment, whose voxels these are. A segment's label 0 becomes 1: 0 is for voxels of none.
+    /// The map of one segment, whose voxels these are. A segment's label 0 becomes 1: 0 is for
+    /// voxels of none.
     #[must_use]
     pub fn to_labels(&self, segment: Segment) -> LabelMap {
         let [nx, ..] = self.grid.dims();

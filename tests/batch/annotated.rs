@@ -1,5 +1,5 @@
-//! Views of landmarks and pictures with annotations: seen along true normals, drawn as `relief render` draws them, and known by
-//! their content.
+//! Views of landmarks and pictures with annotations: seen along true normals, drawn as `relief
+//! render` draws them, and known by their content.
 
 use relief_annotation::{
     CameraRecord, Change, Edit, FrameOfReference, Geometry, Item, MeshFormat, MeshSummary, Method, Placement,
@@ -77,7 +77,8 @@ fn degrees_between(a: [f64; 3], b: [f64; 3]) -> f64 {
     dot.clamp(-1.0, 1.0).acos().to_degrees()
 }
 
-/// On a ball the normal is the direction from its centre, and the middle of the picture shows the landmark at the camera's distance.
+/// On a ball the normal is the direction from its centre, and the middle of the picture shows the
+/// landmark at the camera's distance.
 #[test]
 fn landmarks_are_seen_along_the_true_normal() {
     if software_adapter("views of landmarks").is_none() {
@@ -256,7 +257,8 @@ fn what_needs_annotations_says_so() {
     assert!(nowhere.contains("--annotations cannot be read"), "{nowhere}");
 }
 
-/// Two plates across the viewing axis, one before the other: closed form in every pixel but those at their edges.
+/// Two plates across the viewing axis, one before the other: closed form in every pixel but those
+/// at their edges.
 #[test]
 fn labels_are_the_nearest_structure_in_each_pixel() {
     if software_adapter("pictures of labels").is_none() {
@@ -290,7 +292,8 @@ fn labels_are_the_nearest_structure_in_each_pixel() {
     assert_eq!(record["structures"], serde_json::json!(["near plate", "far plate"]));
     let labels = image::open(folder.join("anterior.labels.png")).unwrap();
     let image::DynamicImage::ImageLuma8(labels) = labels else { panic!("8-bit grey") };
-    // From the front the eye is on -y, at zoom 2 half as wide as the ball that holds the box of 256 mm.
+    // From the front the eye is on -y, at zoom 2 half as wide as the ball that holds the box of 256
+    // mm.
     let distance = 128.0 * 3f64.sqrt() / 11f64.to_radians().sin();
     let px_per_mm = |depth: f64| 48.0 / (11f64.to_radians().tan() * depth);
     let mut counted = [0; 3];

@@ -248,7 +248,8 @@ fn copies_and_objects_that_were_altered_are_not_taken_for_what_they_were() {
     assert!(pictures(&archive.path("again")) == pictures(&archive.path("reference")));
     assert!(files(&archive.path("cache"))[file] == kept[file]);
 
-    // One that was altered in the bucket is another, and refused for good; what has no room is, too.
+    // One that was altered in the bucket is another, and refused for good; what has no room is,
+    // too.
     let alter = "
 key = s3.list_objects_v2(Bucket='views', Prefix='archive/ct/DOE^JOHN 1/')['Contents'][0]['Key']
 s3.put_object(Bucket='views', Key=key, Body=b'x' * 1000)";
@@ -332,7 +333,8 @@ fn refusing_service() -> String {
 /// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
 /// copies stay within their limit, and their names identify no patient.
 ///
-/// Whoever has the manifest needs no folder at all: series and label maps come out of the bucket, to a worker of a queue as well.
+/// Whoever has the manifest needs no folder at all: series and label maps come out of the bucket,
+/// to a worker of a queue as well.
 #[test]
 fn label_maps_in_a_bucket_are_drawn_by_workers_as_those_of_a_folder() {
     let what = "label maps in buckets";

@@ -1,4 +1,5 @@
-//! Datasets: depth and cameras that agree with closed forms, with OpenCV and with COLMAP's own conventions.
+//! Datasets: depth and cameras that agree with closed forms, with OpenCV and with COLMAP's own
+//! conventions.
 
 use super::*;
 
@@ -85,7 +86,8 @@ fn unprojected_depth_of_every_view_lies_on_the_ball() {
 /// Invariant: Depths and cameras of a dataset follow closed forms, and OpenCV and COLMAP project
 /// points to the same pixels.
 ///
-/// Known points through `cv2.projectPoints`, and the model through the rules of COLMAP's own documentation.
+/// Known points through `cv2.projectPoints`, and the model through the rules of COLMAP's own
+/// documentation.
 #[test]
 fn opencv_and_colmap_put_points_where_the_pictures_have_them() {
     if software_adapter("datasets in OpenCV").is_none() {

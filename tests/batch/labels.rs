@@ -1,4 +1,5 @@
-//! Label maps of series: found beside them, part of what a job is, drawn as `relief render` draws them.
+//! Label maps of series: found beside them, part of what a job is, drawn as `relief render` draws
+//! them.
 
 use super::*;
 

@@ -1,6 +1,8 @@
-//! `relief batch`, as researchers run it: many series, interrupted runs, bad series among good ones.
+//! `relief batch`, as researchers run it: many series, interrupted runs, bad series among good
+//! ones.
 //!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the tests say that they skipped.
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the tests say
+//! that they skipped.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 

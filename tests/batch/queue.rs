@@ -1,4 +1,5 @@
-//! Jobs through a queue in a real NATS server: nothing is lost and nothing is there twice, whoever is killed.
+//! Jobs through a queue in a real NATS server: nothing is lost and nothing is there twice, whoever
+//! is killed.
 
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -179,7 +180,8 @@ fn what_may_pass_is_tried_again_and_given_up_at_last() {
     let names: Vec<String> =
         [0, 3].map(|n| archive.jobs()[n]["series"]["name"].as_str().unwrap().to_owned()).into();
     std::fs::create_dir(archive.path("out")).unwrap();
-    // A file where the folder of a series is to be: nothing can be written there, not even the setback.
+    // A file where the folder of a series is to be: nothing can be written there, not even the
+    // setback.
     let (first, second) = (archive.path("out").join(&names[0]), archive.path("out").join(&names[1]));
     std::fs::write(&first, b"in the way").unwrap();
     // A folder where a picture is to be: the picture cannot be written, and the setback can.
@@ -297,7 +299,8 @@ fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
     let done = worked["done"].as_u64().unwrap();
     assert_eq!(pictures(&archive.path("out")).len() as u64, done, "what was begun is whole");
     assert!(done < 90, "it was stopped in the middle");
-    // What it gave back is there at once, long before anybody is given up; and it was not begun, however often it comes.
+    // What it gave back is there at once, long before anybody is given up; and it was not begun,
+    // however often it comes.
     let started = Instant::now();
     let next = Worker::start(&archive, &nats, &out, &["--idle-exit", "1", "--tries", "1"]).end().0;
     assert_eq!((next["done"].as_u64().unwrap(), &next["failed"]), (90 - done, &0.into()), "{next}");

@@ -1,6 +1,7 @@
 //! Servers of a test's own on loopback: NATS with JetStream, and moto, a stand-in for S3.
 //!
-//! Their programs are those of `scripts/setup-services`, named by `RELIEF_NATS_SERVER` and `RELIEF_MOTO`.
+//! Their programs are those of `scripts/setup-services`, named by `RELIEF_NATS_SERVER` and
+//! `RELIEF_MOTO`.
 
 use std::net::TcpStream;
 use std::path::Path;

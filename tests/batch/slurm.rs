@@ -1,4 +1,5 @@
-//! `scripts/batch-slurm` in Slurm itself, on one node: shares as tasks of a job array, requeued where that may help.
+//! `scripts/batch-slurm` in Slurm itself, on one node: shares as tasks of a job array, requeued
+//! where that may help.
 
 use super::*;
 

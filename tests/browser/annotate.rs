@@ -98,7 +98,8 @@ fn a_grabbed_point_follows_in_edit_mode_alone_and_a_locked_one_stays() {
 fn the_keyboard_places_at_the_cursor_and_a_snap_tells_its_shift() {
     let Some(seen) = seen("the keyboard on the page") else { return };
     let keyboard = &seen["keyboard"];
-    // Two voxels to the right of an axial picture, one up and one slice towards the head; voxels are 1.875 mm wide.
+    // Two voxels to the right of an axial picture, one up and one slice towards the head; voxels
+    // are 1.875 mm wide.
     let [before, cursor] = ["before", "cursor"].map(|name| numbers(&keyboard[name]));
     for ((from, to), steps) in before.iter().zip(&cursor).zip([2.0, -1.0, 1.0]) {
         assert!((to - from - steps * 1.875).abs() < 0.01, "{keyboard}");

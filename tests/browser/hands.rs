@@ -1,4 +1,5 @@
-//! Structures, curves, snapping, fingers and linked views of the page for annotations: what `browser/hands.py` saw, and what it has to be.
+//! Structures, curves, snapping, fingers and linked views of the page for annotations: what
+//! `browser/hands.py` saw, and what it has to be.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -92,8 +93,9 @@ fn contours_on_three_levels_become_the_region_between_them() {
     for pair in heights.windows(2) {
         assert!((pair[1] - pair[0] - 10.0 * 1.875).abs() < 0.01, "{heights:?}");
     }
-    // Whole slices of 2.4 mm, those whose middle lies between the levels or within half a slice of them; each as large as the circle, of
-    // which a smooth curve through eight points leaves out about a hundredth.
+    // Whole slices of 2.4 mm, those whose middle lies between the levels or within half a slice of
+    // them; each as large as the circle, of which a smooth curve through eight points leaves out
+    // about a hundredth.
     let radius = number(&filling["radius_mm"]);
     let slice_ml = PI * radius * radius * 2.4 / 1000.0;
     let (height, ml) = (heights[2] - heights[0], number(&filling["region"]["volume_ml"]));
@@ -150,7 +152,8 @@ fn two_fingers_move_and_zoom_what_lies_under_them() {
     let Some(seen) = seen("two fingers") else { return };
     let fingers = &seen["fingers"];
     assert_eq!((&fingers["problems"], &fingers["items"]), (&json!([]), &seen_items(seen)));
-    // The slice: of the height that is seen half is left, and what was between the fingers still is.
+    // The slice: of the height that is seen half is left, and what was between the fingers still
+    // is.
     let axial = &fingers["axial"];
     let [before, after] = ["before", "after"].map(|name| number(&axial[name]["height_mm"]));
     assert!((before / after - 2.0).abs() < 1e-3, "{before} mm, {after} mm");

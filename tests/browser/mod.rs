@@ -1,7 +1,9 @@
-//! The pages for display boxes and for annotations in a browser: pixels on the screen, hands, a Wiimote behind WebHID, a server that dies.
+//! The pages for display boxes and for annotations in a browser: pixels on the screen, hands, a
+//! Wiimote behind WebHID, a server that dies.
 //!
-//! Scripts in `browser/` drive Chromium with Playwright and say what they saw; here, and beside each of them, is what it has to be. Runs where
-//! `RELIEF_PEERS_PYTHON` names a Python with Playwright and Chromium is installed, and says aloud where it does not.
+//! Scripts in `browser/` drive Chromium with Playwright and say what they saw; here, and beside
+//! each of them, is what it has to be. Runs where `RELIEF_PEERS_PYTHON` names a Python with
+//! Playwright and Chromium is installed, and says aloud where it does not.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 mod annotate;
@@ -169,7 +171,8 @@ fn a_wiimote_behind_webhid_is_brought_up_and_tracked() {
     assert_ne!(wiimote["after"]["cursor_mm"], wiimote["before"]["cursor_mm"], "{wiimote}");
 }
 
-/// One bad frame is told and acknowledged like a good one, many end the connection; a copied tab has no token to take.
+/// One bad frame is told and acknowledged like a good one, many end the connection; a copied tab
+/// has no token to take.
 #[test]
 fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     let has_node = Command::new("node").arg("--version").stdout(Stdio::null()).status();

@@ -1,4 +1,5 @@
-//! Several readers of the page for annotations: what `browser/readers.py` saw, and what it has to be.
+//! Several readers of the page for annotations: what `browser/readers.py` saw, and what it has to
+//! be.
 
 use std::sync::OnceLock;
 
@@ -24,7 +25,8 @@ fn two_windows_see_each_others_edits_at_once() {
     let Some(seen) = seen("two windows") else { return };
     let tabs = &seen["tabs"];
     assert_eq!(tabs["problems"], json!([]));
-    // Told by the server: asking by itself, a window would do so after two seconds, and told after twenty.
+    // Told by the server: asking by itself, a window would do so after two seconds, and told after
+    // twenty.
     assert!(tabs["seconds"].as_f64().unwrap() < 1.5, "{tabs}");
     assert_eq!(tabs["placed"], json!({ "rows": ["Point 1"], "marks": 1 }));
     assert_eq!(tabs["renamed"]["rows"], json!(["Sella"]));

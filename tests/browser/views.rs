@@ -1,4 +1,5 @@
-//! The page of the volume, and all pages on screens large and small: what `browser/views.py` saw, and what it has to be.
+//! The page of the volume, and all pages on screens large and small: what `browser/views.py` saw,
+//! and what it has to be.
 
 use std::sync::OnceLock;
 

@@ -1,4 +1,5 @@
-//! `relief annotate list`, `log`, `undo`, `redo`, `sets` and `check`, as people and programs see them.
+//! `relief annotate list`, `log`, `undo`, `redo`, `sets` and `check`, as people and programs see
+//! them.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::path::Path;

@@ -1,7 +1,8 @@
-//! `relief render` with placed lights, as users run it: options are what a scene says, and refusals say what to do.
+//! `relief render` with placed lights, as users run it: options are what a scene says, and refusals
+//! say what to do.
 //!
-//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the test says that it
-//! skipped. Refusals of arguments need none.
+//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
+//! test says that it skipped. Refusals of arguments need none.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 

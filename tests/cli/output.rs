@@ -1,5 +1,5 @@
-//! What the program does with stdout and with the files it makes, whatever the subcommand: closed pipes, full disks,
-//! the umask.
+//! What the program does with stdout and with the files it makes, whatever the subcommand: closed
+//! pipes, full disks, the umask.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

@@ -1,7 +1,8 @@
-//! `relief render` with slices, as users run it: the picture, the letters at its edges, and refusals.
+//! `relief render` with slices, as users run it: the picture, the letters at its edges, and
+//! refusals.
 //!
-//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the test says that it
-//! skipped. Refusals need none.
+//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
+//! test says that it skipped. Refusals need none.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 

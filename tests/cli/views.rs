@@ -1,8 +1,8 @@
 //! `relief render` and `relief preview` with layouts of views, as users run them.
 //!
-//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the test says that it
-//! skipped. Refusals and previews of files need none. OpenCV checks the signal-to-noise ratios where
-//! `RELIEF_PEERS_PYTHON` names a Python that has it.
+//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
+//! test says that it skipped. Refusals and previews of files need none. OpenCV checks the
+//! signal-to-noise ratios where `RELIEF_PEERS_PYTHON` names a Python that has it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, clippy::print_stdout, reason = "a test that cannot run says so aloud")]
 
@@ -160,7 +160,8 @@ fn a_frame_file_is_previewed_with_its_headers_factor_and_its_background() {
     assert_eq!(preview(&strong, &["--layout", "stereo"])["factor"], 160);
     let stereo = views_of(&out);
     assert_eq!((stereo.len(), green(&stereo[0])), (2, 0));
-    // The header's bits do not show: above the ball all views are the wall, whose blue is 160 everywhere.
+    // The header's bits do not show: above the ball all views are the wall, whose blue is 160
+    // everywhere.
     assert!(stereo.iter().all(|view| view[200..700].iter().all(|color| color[2] == 160)));
     assert_eq!(preview(&strong, &["--layout", "stereo", "--factor", "0"])["factor"], 0);
     let flat = views_of(&out);
@@ -169,7 +170,8 @@ fn a_frame_file_is_previewed_with_its_headers_factor_and_its_background() {
     for layout in [Layout::Declipse, Layout::DeclipseLines] {
         let frame = frame_file(folder.path(), &of(layout, 64));
         preview(&frame, &["--layout", "stereo"]);
-        // Two eyes, each half a separation from the middle: the ball's edge is uncovered by some 2 px, 300 lines high.
+        // Two eyes, each half a separation from the middle: the ball's edge is uncovered by some 2
+        // px, 300 lines high.
         let behind = views_of(&out).iter().map(|view| green(view)).collect::<Vec<_>>();
         assert!(behind.iter().all(|green| (250..1200).contains(green)), "{layout}: {behind:?}");
     }

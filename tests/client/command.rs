@@ -108,7 +108,8 @@ pub(crate) fn check_cursor(serving: &Serving, view: &str, cursor: &[f64]) {
     );
     assert!(ball < sphere - 5.0, "the cursor is before the sphere: the hand came closer by 120 mm");
     assert!((depth - ball).abs() < 1.0, "depth {depth}, geometry {ball}");
-    // The hand's way, in view axes: right is x, up is y, towards the viewer is z; tracking knows it to some mm.
+    // The hand's way, in view axes: right is x, up is y, towards the viewer is z; tracking knows it
+    // to some mm.
     let look_at = (camera.view_from_patient() * camera.look_at()).xyz;
     let way = seen - look_at;
     let expected = glam::DVec3::new(10.0, 20.0, 120.0);

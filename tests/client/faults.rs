@@ -73,7 +73,8 @@ async fn a_refused_hello_says_why() {
     assert!(text.contains("there is no volume") && !text.contains('\u{1b}'), "{text:?}");
 }
 
-/// What the server sends after welcome, and what the client says of it when it gives the connection up.
+/// What the server sends after welcome, and what the client says of it when it gives the connection
+/// up.
 async fn after_welcome(message: Message) -> String {
     let (listener, address) = listen(None).await;
     let mut client = Running::start(options(address));

@@ -15,7 +15,8 @@ use crate::client::stand_in::{Socket, accept, frame, header, listen, next, optio
 /// What the server does to each frame before it is sent.
 type Alter = fn(&mut FrameHeader, &mut Vec<u8>);
 
-/// Sends a frame for each pose after 20 ms, at most two unacknowledged, and a still one when no pose comes any more.
+/// Sends a frame for each pose after 20 ms, at most two unacknowledged, and a still one when no
+/// pose comes any more.
 async fn serve(mut socket: Socket, alter: Alter, still_after: Duration) {
     socket.send(welcome("t", false)).await.unwrap();
     socket.send(Message::binary(frame(&header(1)))).await.unwrap();

@@ -1,5 +1,5 @@
-//! A client process and a server process, with a phantom whose geometry is known. Needs an adapter: with
-//! `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+//! A client process and a server process, with a phantom whose geometry is known. Needs an adapter:
+//! with `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -137,7 +137,8 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         assert!(output.status.success(), "{layout}: {}", text(&output.stderr));
         let size = more.iter().position(|name| *name == "--size").map_or("", |_| "&size_px=400,300");
         let factor = more.iter().position(|name| *name == "--factor").map_or("", |_| "&factor=90");
-        // A view stands back in a picture that is taller than wide; a request's zoom is of its height.
+        // A view stands back in a picture that is taller than wide; a request's zoom is of its
+        // height.
         let zoom = if layout == "wowvx-full-height" { 1.2 * (960.0 / 1080.0) } else { 1.2 };
         let angles = format!("azimuth_deg=30&elevation_deg=10&zoom={zoom}");
         let query = format!("preset=bone&{angles}&layout={layout}{size}{factor}");
@@ -295,7 +296,8 @@ impl HandPath for Approach {
     fn at(&self, seconds: f64) -> SensorPose {
         let done = ((seconds - 1.0) / 1.5).clamp(0.0, 1.0);
         let eased = done * done * (3.0 - 2.0 * done);
-        // The beacon looks along its z axis at the hand, and so does the display: towards the viewer is away from both.
+        // The beacon looks along its z axis at the hand, and so does the display: towards the
+        // viewer is away from both.
         let way = Vector3::new(10.0, 20.0, 120.0) * eased;
         SensorPose { position: self.from.position + way, orientation: self.from.orientation }
     }
@@ -318,8 +320,9 @@ fn recording(folder: &Path) -> PathBuf {
 /// Invariant: From the reports of a Wiimote to the frame, the depth of the cursor is correct within
 /// 1 mm.
 ///
-/// Reports of a Wiimote become poses in the client (or in the server), a cursor in the view, and a ball in the frame: its
-/// depth there is that of a ball around the cursor, seen by the frame's camera, within 1 mm; and the cursor has moved as the hand.
+/// Reports of a Wiimote become poses in the client (or in the server), a cursor in the view, and a
+/// ball in the frame: its depth there is that of a ball around the cursor, seen by the frame's
+/// camera, within 1 mm; and the cursor has moved as the hand.
 #[test]
 fn a_wiimotes_cursor_lies_in_the_frames_depth_where_geometry_has_it() {
     if !has_adapter("relief client --wiimote") {

@@ -55,7 +55,8 @@ async fn poses_intents_and_acks_arrive_in_one_row_of_numbers() {
     client.ended().await.unwrap();
 }
 
-/// What the display takes is what the layout makes of the picture that went in, pixel by pixel: placed here by hand.
+/// What the display takes is what the layout makes of the picture that went in, pixel by pixel:
+/// placed here by hand.
 #[tokio::test]
 async fn the_composed_frame_has_picture_depth_and_header_where_the_display_looks_for_them() {
     let (listener, address) = listen(None).await;
@@ -164,7 +165,8 @@ async fn a_session_that_is_over_is_not_begun_again() {
     }
 }
 
-/// While a client takes nothing, messages wait in bounded memory; afterwards the newest pose is there.
+/// While a client takes nothing, messages wait in bounded memory; afterwards the newest pose is
+/// there.
 #[tokio::test]
 async fn a_server_that_reads_nothing_costs_no_memory_and_gets_the_newest_pose() {
     let (listener, address) = listen(None).await;

@@ -1,4 +1,5 @@
-//! A server that speaks `relief.v1` and does what a test wants of it. It renders nothing: its pictures are known beforehand.
+//! A server that speaks `relief.v1` and does what a test wants of it. It renders nothing: its
+//! pictures are known beforehand.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};

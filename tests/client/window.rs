@@ -1,7 +1,7 @@
 //! The window under a virtual X server: what is on its screen is the served frame, byte for byte.
 //!
-//! Xvfb keeps its screen in a file in the format of xwd, which is read here; so nothing of the client's own takes the picture.
-//! Without Xvfb the test says that it skipped.
+//! Xvfb keeps its screen in a file in the format of xwd, which is read here; so nothing of the
+//! client's own takes the picture. Without Xvfb the test says that it skipped.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -111,7 +111,8 @@ fn the_screen_shows_the_served_frame_byte_for_byte() {
         }
         std::thread::sleep(Duration::from_millis(100));
     }
-    // Without its server the picture stays, and a mark in the corner of the picture says so: header row and depth are untouched.
+    // Without its server the picture stays, and a mark in the corner of the picture says so: header
+    // row and depth are untouched.
     serving.kill();
     let since = Instant::now();
     let marked = loop {

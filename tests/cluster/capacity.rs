@@ -54,7 +54,8 @@ fn a_capacity_follows_from_what_was_measured() {
     assert!(rows.len() > 15, "{printed}");
     for line in rows {
         let head = line.split('|').nth(1).unwrap();
-        // Figures differ from machine to machine, what they are called does not; nor does the page's own viewer rate.
+        // Figures differ from machine to machine, what they are called does not; nor does the
+        // page's own viewer rate.
         assert!(page.contains(&format!("|{head}|")), "docs/CAPACITY.md lacks {head:?}");
     }
     for (arguments, why) in [

@@ -1,4 +1,5 @@
-//! The compose file, read as YAML by a parser of its own, and its command lines by the program that they are for.
+//! The compose file, read as YAML by a parser of its own, and its command lines by the program that
+//! they are for.
 
 use std::process::Command;
 
@@ -6,7 +7,8 @@ use serde_json::Value;
 
 use crate::cluster::stage::{relief, root};
 
-/// A YAML file as JSON, by a Python that has a parser; `None` after saying aloud that there is none.
+/// A YAML file as JSON, by a Python that has a parser; `None` after saying aloud that there is
+/// none.
 fn yaml(path: &str) -> Option<Value> {
     let script = "import json, sys, yaml; json.dump(yaml.safe_load(open(sys.argv[1])), sys.stdout)";
     let named = ["RELIEF_MANIFESTS_PYTHON", "RELIEF_PEERS_PYTHON"].into_iter().filter_map(std::env::var_os);

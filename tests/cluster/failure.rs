@@ -1,4 +1,5 @@
-//! Two servers behind nginx, one of which is killed while frames are asked for and annotations are made.
+//! Two servers behind nginx, one of which is killed while frames are asked for and annotations are
+//! made.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Mutex;

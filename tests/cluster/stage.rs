@@ -136,8 +136,8 @@ impl Cluster {
     }
 }
 
-/// A port that is free, as are those behind it; below those that systems give to whoever asks for any, or one of them would be taken
-/// before it is used.
+/// A port that is free, as are those behind it; below those that systems give to whoever asks for
+/// any, or one of them would be taken before it is used.
 fn free_ports() -> u16 {
     const FIRST: u32 = 20_000;
     const RUNS: u32 = 1500;
@@ -174,7 +174,8 @@ impl Answer {
     }
 }
 
-/// Sends a request on a connection of its own. An answer that does not come whole is an error, as it is for any client.
+/// Sends a request on a connection of its own. An answer that does not come whole is an error, as
+/// it is for any client.
 pub(crate) fn ask(address: &str, line: &str, headers: &str, body: &str) -> std::io::Result<Answer> {
     let mut stream = TcpStream::connect(address)?;
     stream.set_read_timeout(Some(PATIENCE))?;

@@ -1,6 +1,8 @@
-//! Shared by the tests: the software adapter, where real data lie, and how the lack of either is said.
+//! Shared by the tests: the software adapter, where real data lie, and how the lack of either is
+//! said.
 //!
-//! Data stay outside of the repository, in `../shared/data`; archives are unpacked once into `.relief/data`.
+//! Data stay outside of the repository, in `../shared/data`; archives are unpacked once into
+//! `.relief/data`.
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
@@ -48,7 +50,8 @@ pub(crate) fn unpacked(what: &str, name: &str) -> Option<PathBuf> {
         return Some(folder);
     }
     std::fs::create_dir_all(&cache).expect("the cache folder can be made");
-    // Tests run side by side: each unpacks for itself, the first to finish moves its folder into place.
+    // Tests run side by side: each unpacks for itself, the first to finish moves its folder into
+    // place.
     let own = tempfile::Builder::new().prefix(".unpacking-").tempdir_in(&cache).expect("a temporary folder");
     let status = Command::new("tar").arg("xJf").arg(&archive).arg("-C").arg(own.path()).status();
     assert!(status.expect("tar is installed").success(), "tar cannot unpack {}", archive.display());

@@ -1,6 +1,7 @@
 //! Shared by the tests: a PostgreSQL server on loopback, in a folder that goes with it.
 //!
-//! Needs PostgreSQL's programs: those of `scripts/setup-postgres` (`RELIEF_POSTGRES`), Debian's, or those on the path.
+//! Needs PostgreSQL's programs: those of `scripts/setup-postgres` (`RELIEF_POSTGRES`), Debian's, or
+//! those on the path.
 #![allow(dead_code, reason = "each test program uses a part of this")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
@@ -58,7 +59,8 @@ impl Server {
         format!("postgres://relief@127.0.0.1:{}/{}", self.port, &database[..database.len().min(60)])
     }
 
-    /// Waits until it answers. One that has just crashed leaves processes, and while they end no other one starts.
+    /// Waits until it answers. One that has just crashed leaves processes, and while they end no
+    /// other one starts.
     async fn wait(&mut self) {
         let patience = Instant::now() + Duration::from_secs(180);
         loop {

@@ -79,7 +79,8 @@ fn lossy_files_differ_no_more_than_other_decoders_find() {
         let loaded = load(&data.join("codecs").join(file)).unwrap_or_else(|error| panic!("{file}: {error}"));
         let expected = fact(&facts, file);
         let step: f64 = expected["RescaleSlope"].as_str().unwrap().parse().unwrap();
-        // Decoders of lossy JPEG may round a sample the other way: one step; HU round to whole numbers.
+        // Decoders of lossy JPEG may round a sample the other way: one step; HU round to whole
+        // numbers.
         let limit = expected["max_abs_hu_diff_vs_reference"].as_f64().unwrap() + step + 0.5;
         let found = largest_difference(&loaded.volume, &reference);
         assert!(f64::from(found) <= limit, "{file}: {found} HU off, limit {limit}");
@@ -88,7 +89,8 @@ fn lossy_files_differ_no_more_than_other_decoders_find() {
         for (hu, expected) in [(low, range[0]), (high, range[1])] {
             assert!((f64::from(hu) - expected).abs() <= step + 0.5, "{file}: {hu} HU, not {expected}");
         }
-        // HU round to whole numbers, all the same way where the slope makes it so; samples that round the other way are few.
+        // HU round to whole numbers, all the same way where the slope makes it so; samples that
+        // round the other way are few.
         let mean = mean(loaded.volume.voxels_hu());
         assert!((mean - range[2]).abs() < 0.5 + step / 50.0, "{file}: mean {mean} HU, not {}", range[2]);
     }
@@ -109,7 +111,8 @@ fn fragments_without_offset_table_are_divided_into_frames() {
     let slices: Vec<&[i16]> = loaded.volume.voxels_hu().chunks(nx * ny).collect();
     assert_eq!(slices.len(), 2);
     for frame in expected["frames_facts"].as_array().unwrap() {
-        // Rows run to the right, so that the normal points to the feet: the stack is not in the file's order.
+        // Rows run to the right, so that the normal points to the feet: the stack is not in the
+        // file's order.
         let [x, y, z] = numbers(&frame["ipp"])[..] else { panic!("{frame}") };
         let [low, high, mean_hu] = numbers(&frame["hu_min_max_mean"])[..] else { panic!("{frame}") };
         let index = grid.voxel_from_patient() * Point::<Patient>::new(x, y, z);

@@ -1,4 +1,5 @@
-//! Limits on memory and work: what a small file claims or unpacks to is refused before it is allocated.
+//! Limits on memory and work: what a small file claims or unpacks to is refused before it is
+//! allocated.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use crate::dicom::made;

@@ -1,5 +1,6 @@
-//! DICOM files made for tests of the reader: a classic CT slice by the library's own writer, and variants of it by
-//! dicom-rs. They are what damage is done to; that the writer is right is for `phantom.rs` to show.
+//! DICOM files made for tests of the reader: a classic CT slice by the library's own writer, and
+//! variants of it by dicom-rs. They are what damage is done to; that the writer is right is for
+//! `phantom.rs` to show.
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -24,7 +25,8 @@ pub(crate) fn stored() -> Vec<i16> {
     values.map(|value| i16::try_from(128 + value % 2064).unwrap()).collect()
 }
 
-/// A CT slice of 128 x 128 pixels whose decimal strings have many digits, so that others fit in their place.
+/// A CT slice of 128 x 128 pixels whose decimal strings have many digits, so that others fit in
+/// their place.
 pub(crate) fn slice() -> Vec<u8> {
     edited(&written(), |object| put(object, tags::RESCALE_INTERCEPT, VR::DS, INTERCEPT.to_string()))
 }
@@ -49,7 +51,8 @@ pub(crate) fn rle_slice() -> Vec<u8> {
     compressed(1, [SIZE as u16; 2], frame)
 }
 
-/// The slice's header with other numbers of frames, rows and columns, and one fragment said to be RLE.
+/// The slice's header with other numbers of frames, rows and columns, and one fragment said to be
+/// RLE.
 pub(crate) fn compressed(frames: u32, [rows, columns]: [u16; 2], fragment: Vec<u8>) -> Vec<u8> {
     edited(&slice(), |object| {
         object.meta_mut().transfer_syntax = uids::RLE_LOSSLESS.to_owned();

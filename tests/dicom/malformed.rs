@@ -1,4 +1,5 @@
-//! Damaged, hostile and contradictory input: a clear error or a warning, never a panic, never unbounded memory.
+//! Damaged, hostile and contradictory input: a clear error or a warning, never a panic, never
+//! unbounded memory.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use crate::common;
@@ -129,7 +130,8 @@ fn prefixes_and_flipped_bits_of_compressed_files_never_panic() {
     }
 }
 
-/// Loads copies of a file with three flipped bits each: all end in a volume of bounded size or an error.
+/// Loads copies of a file with three flipped bits each: all end in a volume of bounded size or an
+/// error.
 fn load_damaged_copies(bytes: &[u8], name: &str, seed: u64, copies: usize) {
     let folder = tempfile::tempdir().unwrap();
     let mut random = seed;

@@ -1,4 +1,5 @@
-//! Odd files, one by one and together: each behaves as the table in `../shared/data/README.md` says.
+//! Odd files, one by one and together: each behaves as the table in `../shared/data/README.md`
+//! says.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use crate::common;
@@ -79,7 +80,8 @@ fn files_that_are_no_ct_slices_are_skipped_with_a_reason() {
         assert!(found.series.is_empty(), "{file} is a series");
         assert_eq!(found.skipped.len(), 1, "{file}");
         assert!(found.skipped[0].reason.contains(reason), "{file}: {}", found.skipped[0].reason);
-        // Sound objects of another kind are no defects, so that strict reading accepts them beside a series.
+        // Sound objects of another kind are no defects, so that strict reading accepts them beside
+        // a series.
         assert!(found.skipped[0].defect.is_none(), "{file}: {}", found.skipped[0].reason);
         let error = found.select(None).unwrap_err().to_string();
         assert!(error.contains(file), "{error}");

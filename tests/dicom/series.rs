@@ -1,6 +1,7 @@
 //! Whole series against facts computed by other software (pydicom, cross-checked with SimpleITK).
 //!
-//! Truth: `../shared/data/NAME.facts.json`, and for resampled series the positions of known features.
+//! Truth: `../shared/data/NAME.facts.json`, and for resampled series the positions of known
+//! features.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use crate::common;
@@ -91,7 +92,8 @@ fn totalseg_abdomen_with_empty_uids_is_as_pydicom_reads_it() {
     check_regular("totalseg-abdomen-j2k");
 }
 
-/// The centre of what is denser than `threshold_hu` within `radius_mm`, found by moving the window to its own centre.
+/// The centre of what is denser than `threshold_hu` within `radius_mm`, found by moving the window
+/// to its own centre.
 fn settle(loaded: &Loaded, start: DVec3, radius_mm: f64, threshold_hu: i16) -> (DVec3, f64) {
     let grid = loaded.volume.grid();
     let [nx, ny, nz] = grid.dims();
@@ -172,7 +174,8 @@ fn catphan_nodes_lie_where_they_were_measured() {
     for node in facts(&data, "catphan504-cbct.metrics.json")["nodes"].as_array().unwrap() {
         let expected = point(&node["LPS_k32"]);
         let at = (grid.voxel_from_patient() * Point::from_xyz(expected)).xyz.round();
-        // Nodes are 3 mm rods of air or Teflon in plastic of about 110 HU; weigh by contrast within 3 mm.
+        // Nodes are 3 mm rods of air or Teflon in plastic of about 110 HU; weigh by contrast within
+        // 3 mm.
         let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
         for (dj, di) in (-7..=7).flat_map(|dj| (-7..=7).map(move |di| (f64::from(dj), f64::from(di)))) {
             let index = at + DVec3::new(di, dj, 0.0);
@@ -189,7 +192,8 @@ fn catphan_nodes_lie_where_they_were_measured() {
     }
 }
 
-/// Heads scanned in two blocks of different gaps, tilted: no feature was measured, but every slice tells where bone is.
+/// Heads scanned in two blocks of different gaps, tilted: no feature was measured, but every slice
+/// tells where bone is.
 #[test]
 fn bone_of_a_tilted_uneven_head_stays_where_the_slices_have_it() {
     let name = "head-ge-varspacing-tilt";

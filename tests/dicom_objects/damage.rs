@@ -1,4 +1,5 @@
-//! Damaged objects end in a result: never in a panic, an endless loop, or memory that a file only claims.
+//! Damaged objects end in a result: never in a panic, an endless loop, or memory that a file only
+//! claims.
 
 use relief_dicom::ReportReadOptions;
 

@@ -58,7 +58,8 @@ pub(crate) fn item(number: u128, name: &str, geometry: Geometry) -> Item {
     item
 }
 
-/// One of each kind that a report holds. Coordinates are short decimals, which 32-bit floats give back.
+/// One of each kind that a report holds. Coordinates are short decimals, which 32-bit floats give
+/// back.
 pub(crate) fn items(frame_of_reference: &str) -> Vec<Item> {
     let curve = |points_mm: Vec<_>, closed, smooth| Geometry::Curve { points_mm, closed, smooth };
     let flat = vec![

@@ -1,4 +1,5 @@
-//! Segments that overlap: each whole in a segmentation of Relief, as highdicom reads it, and in one of highdicom, as Relief does.
+//! Segments that overlap: each whole in a segmentation of Relief, as highdicom reads it, and in one
+//! of highdicom, as Relief does.
 
 use glam::DVec3;
 use relief_dicom::{

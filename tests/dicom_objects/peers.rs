@@ -1,4 +1,5 @@
-//! Reports of Relief as others read them: highdicom as 3D Slicer calls it, DCMTK and dicom3tools, OHIF.
+//! Reports of Relief as others read them: highdicom as 3D Slicer calls it, DCMTK and dicom3tools,
+//! OHIF.
 
 use serde_json::Value;
 
@@ -91,7 +92,8 @@ fn dsrdump_and_dciodvfy_find_no_fault() {
     }
     if let Some((errors, warnings)) = dciodvfy("reports checked by dciodvfy", &file) {
         assert_eq!(errors, Vec::<String>::new());
-        // Names stand for themselves in a scheme of Relief's own, and the phantom's study has no date.
+        // Names stand for themselves in a scheme of Relief's own, and the phantom's study has no
+        // date.
         let is_known = |line: &&String| !line.contains("99") && !line.contains("needed to build DICOMDIR");
         let unknown: Vec<&String> = warnings.iter().filter(is_known).collect();
         assert!(unknown.is_empty(), "{unknown:#?}");

@@ -1,4 +1,5 @@
-//! Reports that Relief writes, read by Relief: what is in them, what is told of what is not, and that nobody is named.
+//! Reports that Relief writes, read by Relief: what is in them, what is told of what is not, and
+//! that nobody is named.
 
 use relief_annotation::{FrameOfReference, Geometry, Item, State};
 use relief_dicom::{ReportError, ReportReadOptions, ReportWriteOptions, WrittenReport};
@@ -120,7 +121,8 @@ fn a_curve_beyond_sixteen_bits_of_length_is_written_all_the_same() {
 /// Invariant: A report or segmentation carries its patient, study and frame of reference, reads the
 /// same in every tool, and no message shows a name or UID.
 ///
-/// Names of patients and UIDs stay out of what people see; the report itself has them, word for word.
+/// Names of patients and UIDs stay out of what people see; the report itself has them, word for
+/// word.
 #[test]
 fn a_report_names_the_patient_and_nothing_else_does() {
     let made = made::series();

@@ -90,7 +90,8 @@ fn named(map: &LabelMap) -> LabelMap {
 #[test]
 fn a_segmentation_has_the_voxels_of_its_map() {
     let made = made::series();
-    // On the series' own grid, on one of other voxels, and mirrored: the third axis against the other two.
+    // On the series' own grid, on one of other voxels, and mirrored: the third axis against the
+    // other two.
     let affine = made.grid.patient_from_voxel().affine;
     let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
     let mirrored = Transform::from_axes(x, y, -z, affine.translation);

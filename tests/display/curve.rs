@@ -13,7 +13,8 @@ fn disparity(profile: &DisplayProfile, z: f64) -> f64 {
     profile.disparity(ScaledDepth(z)).0
 }
 
-/// Numbers of the two Philips displays at a quarter, half and three quarters of the depth range, and their ends.
+/// Numbers of the two Philips displays at a quarter, half and three quarters of the depth range,
+/// and their ends.
 #[test]
 fn named_displays_have_the_published_disparities() {
     for (name, zd, at_quarters) in [
@@ -106,7 +107,8 @@ proptest! {
         prop_assert!((back - z).abs() < 1e-9, "{z} became {back}");
     }
 
-    /// The parallax in eye separations is (D - C) / M, and also (Z - Zd) / (Z - Zd + vz) by similar triangles.
+    /// The parallax in eye separations is (D - C) / M, and also (Z - Zd) / (Z - Zd + vz) by similar
+    /// triangles.
     #[test]
     fn disparity_is_the_parallax_of_similar_triangles(z in 0.0f64..=1.0) {
         let constants = DisparityConstants::from_viewing_distance(7.0).unwrap();

@@ -1,4 +1,5 @@
-//! Files: PNG, JPEG and OpenEXR, read back by decoders and chunk walkers that are not the encoder's.
+//! Files: PNG, JPEG and OpenEXR, read back by decoders and chunk walkers that are not the
+//! encoder's.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use std::collections::BTreeMap;
@@ -54,7 +55,8 @@ fn a_depth_png_has_16_bits_of_grey() {
     let samples: Vec<u16> = (0..67 * 41).map(|i| (i * 2347 % 65536) as u16).collect();
     let png = encode_png(&Frame::new([67, 41], Pixels::Gray16(samples.clone())).unwrap()).unwrap();
     assert!(only_pixels(&png), "{:?}", chunks(&png));
-    // IHDR: bit depth 16, colour type 0; samples in the file are big-endian, which the decoder turns.
+    // IHDR: bit depth 16, colour type 0; samples in the file are big-endian, which the decoder
+    // turns.
     assert_eq!(png[24..26], [16, 0]);
     assert_eq!(image::load_from_memory(&png).unwrap().into_luma16().into_raw(), samples);
 }
@@ -106,7 +108,8 @@ fn an_exr_gives_back_depth_colour_and_attributes_exactly() {
     assert_eq!(decoded.attributes, expected);
 }
 
-/// Read with the OpenEXR crate directly: channel names and types as documented, +inf for a miss, linear colours.
+/// Read with the OpenEXR crate directly: channel names and types as documented, +inf for a miss,
+/// linear colours.
 #[test]
 fn an_exr_has_the_documented_channels() {
     use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, SampleType};
@@ -153,7 +156,8 @@ fn an_exr_has_the_documented_channels() {
     assert_eq!(layer.channel_data.list[4].sample_data.value_by_flat_index(0).to_f32(), f32::INFINITY);
 }
 
-/// OpenEXR's camera looks along +z; its matrices multiply row vectors; (0, 0) of NDC is the top left.
+/// OpenEXR's camera looks along +z; its matrices multiply row vectors; (0, 0) of NDC is the top
+/// left.
 #[test]
 fn the_camera_matrices_are_the_standard_ones() {
     // The eye at (0, -900, 40) looks along +y with z up: view x = x, y = z - 40, z = -(y + 900).

@@ -1,4 +1,5 @@
-//! Depth filters: outliers, edges, values that were there before, and the same numbers as numpy and VTK have.
+//! Depth filters: outliers, edges, values that were there before, and the same numbers as numpy and
+//! VTK have.
 //!
 //! With `RELIEF_PEERS_PYTHON` unset the comparison with the peers says that it skipped.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
@@ -34,7 +35,8 @@ fn a_median_removes_what_is_smaller_than_half_of_its_window() {
     for outlier in [150.0, 800.0, MISS] {
         let one = picture(size, |x, y| if (x, y) == (9, 8) { outlier } else { 400.0 });
         let corner = picture(size, |x, y| if (x, y) == (0, 0) { outlier } else { 400.0 });
-        // Twelve of twenty-five pixels: what the larger window just removes, and the smaller does not.
+        // Twelve of twenty-five pixels: what the larger window just removes, and the smaller does
+        // not.
         let twelve =
             picture(size, |x, y| if (8..11).contains(&x) && (7..11).contains(&y) { outlier } else { 400.0 });
         let flat = vec![400.0; one.len()];
@@ -62,7 +64,8 @@ fn straight_edges_and_slopes_stay_where_they_are() {
         };
         assert_eq!(inner(&gray(filter, size, &slope)), inner(&slope), "{filter}");
     }
-    // A slope is no edge, however far it goes: 5 mm a pixel is below 1/64 of 800 mm even from corner to corner.
+    // A slope is no edge, however far it goes: 5 mm a pixel is below 1/64 of 800 mm even from
+    // corner to corner.
     let long = picture(size, |x, y| 300.0 + x as f32 * 5.0 + y as f32);
     assert_eq!(gray(DepthFilter::ClearEdge, size, &long), long);
 }
@@ -80,7 +83,8 @@ fn misaligned_disc(shift: i32) -> (Vec<[u8; 4]>, Vec<f32>) {
     (color, depth)
 }
 
-/// Pixels of the disc's colour that do not have its depth, and those of the ground that have it, at this distance.
+/// Pixels of the disc's colour that do not have its depth, and those of the ground that have it, at
+/// this distance.
 fn wrong_pixels(color: &[[u8; 4]], depth: &[f32]) -> (usize, usize) {
     let is_object = |color: &[u8; 4]| color[0] > 128;
     let pairs = || color.iter().zip(depth);
@@ -98,7 +102,8 @@ fn clear_edge_moves_depth_edges_onto_colour_edges() {
         let after = wrong_pixels(&color, &filtered(DepthFilter::ClearEdge, [64, 64], &color, &depth));
         println!("moved by {shift} px: {before:?} wrong pixels before, {after:?} after, outline {outline}");
         assert_eq!(after.0, 0, "no pixel of the object is torn off");
-        // Two pixels wider all around and not more: a ring between the circles of 18 and some 20 pixels.
+        // Two pixels wider all around and not more: a ring between the circles of 18 and some 20
+        // pixels.
         assert!((outline..=3 * outline).contains(&after.1), "{} pixels of ground are widened over", after.1);
         if shift != 0 {
             assert!(before.0 > outline / 4 && before.1 > outline / 4, "the test has something to mend");
@@ -106,7 +111,8 @@ fn clear_edge_moves_depth_edges_onto_colour_edges() {
     }
 }
 
-/// What a display does between pixels: the depth at every quarter of a pixel, linear between the middles of pixels.
+/// What a display does between pixels: the depth at every quarter of a pixel, linear between the
+/// middles of pixels.
 fn interpolated(depth: &[f32], x: i32, y: i32) -> f64 {
     let (u, v) = (f64::from(x) / 4.0, f64::from(y) / 4.0);
     let at = |x: f64, y: f64| {
@@ -245,7 +251,8 @@ proptest! {
     }
 }
 
-/// The definitions in numpy, written from docs/DEPTH.md's words; the 3x3 median by VTK as well, border left out.
+/// The definitions in numpy, written from docs/DEPTH.md's words; the 3x3 median by VTK as well,
+/// border left out.
 const PEERS: &str = r"
 import sys
 import numpy as np
@@ -335,7 +342,8 @@ fn numpy_and_vtk_have_the_same_numbers() {
     }
 }
 
-/// Not a test of speed: it prints what a frame of 960x540 costs, so that docs/DEPTH.md's numbers can be had again.
+/// Not a test of speed: it prints what a frame of 960x540 costs, so that docs/DEPTH.md's numbers
+/// can be had again.
 #[test]
 fn a_frame_of_a_display_is_filtered_in_one_go() {
     let size = [960, 540];

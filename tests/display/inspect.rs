@@ -173,7 +173,8 @@ fn known_wrong_writers_are_refused_with_the_reason() {
     assert_eq!(stereo.extended_hex, None);
 }
 
-/// Lossy or scaled frames lose their header; at a display's own size that is never reported as fine.
+/// Lossy or scaled frames lose their header; at a display's own size that is never reported as
+/// fine.
 #[test]
 fn a_picture_of_a_displays_size_without_header_is_a_problem() {
     let color = DisplaySettings { layout: Layout::Color, ..DisplaySettings::default() };

@@ -100,7 +100,8 @@ fn every_layout_gives_back_what_went_in_at_its_own_size() {
     }
 }
 
-/// The table of the format: line i on line 2i, picture left, disparity right with R = G = B, odd lines black.
+/// The table of the format: line i on line 2i, picture left, disparity right with R = G = B, odd
+/// lines black.
 #[test]
 fn wowvx_puts_every_pixel_where_displays_look_for_it() {
     let (color, depth_mm) = noise([960, 540], 3);
@@ -119,7 +120,8 @@ fn wowvx_puts_every_pixel_where_displays_look_for_it() {
     }
     let header = HeaderReading::of_line(&samples[..3 * 960]);
     assert_eq!((header.header, header.problems), (Some(Header::default()), vec![]));
-    // Between the header's bits the picture is untouched: odd pixels, red and green, the low bits of blue.
+    // Between the header's bits the picture is untouched: odd pixels, red and green, the low bits
+    // of blue.
     for (x, source) in color.iter().enumerate().take(960) {
         let [r, g, b, _] = *source;
         let mask = if x % 2 == 0 && x <= 510 { 0x7F } else { 0xFF };

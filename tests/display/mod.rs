@@ -1,4 +1,5 @@
-//! The bytes of frames: disparity, header, layouts, filters, views, files, and what reads them again.
+//! The bytes of frames: disparity, header, layouts, filters, views, files, and what reads them
+//! again.
 
 mod curve;
 mod declipse;

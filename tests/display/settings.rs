@@ -1,4 +1,5 @@
-//! The `display` object of a request: the documented example, its defaults, and what is refused and how.
+//! The `display` object of a request: the documented example, its defaults, and what is refused and
+//! how.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use relief_base::DepthLimits;
@@ -133,7 +134,8 @@ fn limits_come_from_the_request_and_else_from_the_volume() {
     assert_eq!((behind.path, behind.value.as_str()), ("display.near_mm", "1000"));
 }
 
-/// A display ignores factor and offset unless the select bits are set; the defaults leave it its own optimum.
+/// A display ignores factor and offset unless the select bits are set; the defaults leave it its
+/// own optimum.
 #[test]
 fn values_other_than_the_defaults_set_their_select_bit() {
     let header = |json: &str| parse(json).header();

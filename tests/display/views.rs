@@ -1,4 +1,5 @@
-//! Views of a picture and its disparity: closed forms of planes, slopes and holes; layouts of views and their decoders.
+//! Views of a picture and its disparity: closed forms of planes, slopes and holes; layouts of views
+//! and their decoders.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;
@@ -69,7 +70,8 @@ fn without_a_baseline_every_view_is_the_picture_byte_for_byte() {
 /// Invariant: A synthesised view straight ahead equals the picture, planes move rigidly, slopes
 /// have no cracks, and holes have the correct width.
 ///
-/// A plane moves as a whole, by what the formula says, whatever part of a pixel that is: between pixels the picture is linear.
+/// A plane moves as a whole, by what the formula says, whatever part of a pixel that is: between
+/// pixels the picture is linear.
 #[test]
 fn a_plane_at_one_depth_moves_rigidly_by_the_exact_amount() {
     for (d, factor, eye) in [(255, 64, 1.0), (255, 64, -0.37), (0, 64, 0.5), (200, 255, 2.0), (128, 255, 7.0)]
@@ -105,13 +107,15 @@ fn a_slope_is_stretched_without_cracks() {
         let view = seen(&slope, None, 255, eye);
         let mut worst: f64 = 0.0;
         for (x, color) in view.iter().enumerate().skip(60).take(WIDTH as usize - 120) {
-            // x = s + (D(s) - 128) per_step, with D rising by 1/4 a pixel, from pixel 1.5 on average.
+            // x = s + (D(s) - 128) per_step, with D rising by 1/4 a pixel, from pixel 1.5 on
+            // average.
             let source = (x as f64 + 128.0 * per_step + 0.375 * per_step) / (1.0 + per_step / 4.0);
             for (channel, expected) in color.iter().zip(texture(source)) {
                 worst = worst.max((f64::from(*channel) - expected).abs());
             }
         }
-        // Disparities are whole numbers: a place is off by up to 3/8 of a step, 0.08 px, and a step of colours is 11.
+        // Disparities are whole numbers: a place is off by up to 3/8 of a step, 0.08 px, and a step
+        // of colours is 11.
         assert!(worst < 5.0, "eye {eye}: {worst}");
     }
 }
@@ -119,8 +123,8 @@ fn a_slope_is_stretched_without_cracks() {
 /// Invariant: A synthesised view straight ahead equals the picture, planes move rigidly, slopes
 /// have no cracks, and holes have the correct width.
 ///
-/// A near strip before a far wall: the strip is where its disparity puts it, whole; beside it the wall is uncovered by the
-/// difference of both shifts, and the hole shows wall.
+/// A near strip before a far wall: the strip is where its disparity puts it, whole; beside it the
+/// wall is uncovered by the difference of both shifts, and the hole shows wall.
 #[test]
 fn a_hole_is_as_wide_as_the_shifts_differ_and_shows_the_background_alone() {
     let strip = 400..460usize;
@@ -163,8 +167,8 @@ fn a_hole_is_as_wide_as_the_shifts_differ_and_shows_the_background_alone() {
 
 /// Invariant: Foreground is never smeared into a hole, and no view direction is preferred.
 ///
-/// Translucent edges leave a pixel of foreground colour at the background's depth: it neither fills the hole nor stays as a
-/// ghost of the edge.
+/// Translucent edges leave a pixel of foreground colour at the background's depth: it neither fills
+/// the hole nor stays as a ghost of the edge.
 #[test]
 fn a_mixed_pixel_beside_an_edge_is_not_smeared_into_the_hole() {
     let wall = [100, 110, 120];
@@ -182,8 +186,8 @@ fn a_mixed_pixel_beside_an_edge_is_not_smeared_into_the_hole() {
     }
 }
 
-/// Brute force, with nothing in common with the code but the formula: 64 points in each pixel, each asking every pixel of
-/// the picture whether it lies there and which is nearest.
+/// Brute force, with nothing in common with the code but the formula: 64 points in each pixel, each
+/// asking every pixel of the picture whether it lies there and which is nearest.
 #[test]
 fn what_is_nearest_is_seen_wherever_anything_is() {
     let scene = line(|x| {

@@ -1,6 +1,7 @@
 //! Links between the documents resolve.
 //!
-//! Anchors of headings follow the usual renderers of Markdown: lower case, hyphens for spaces, no punctuation.
+//! Anchors of headings follow the usual renderers of Markdown: lower case, hyphens for spaces, no
+//! punctuation.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeMap;

@@ -205,7 +205,8 @@ fn what_was_edited_elsewhere_changes_what_it_was() {
 /// Invariant: Importing a file twice creates no copies unless requested, and reports the items that
 /// were there.
 ///
-/// What is there already stays as it is, and that is said; copies are made where somebody asks for them.
+/// What is there already stays as it is, and that is said; copies are made where somebody asks for
+/// them.
 #[test]
 fn nothing_comes_in_twice_by_itself() {
     let bench = Bench::new();
@@ -221,7 +222,8 @@ fn nothing_comes_in_twice_by_itself() {
         let again = bench.json(&["import", &out]);
         let held = again["files"][0]["items"].as_u64().unwrap();
         assert!(held > 0);
-        // Tables and lists have not every letter of a text: what differs by that is there all the same.
+        // Tables and lists have not every letter of a text: what differs by that is there all the
+        // same.
         let differ = again["skipped"].as_u64().unwrap();
         assert!(differ <= u64::from(format != Format::MrkJson), "{format}: {again}");
         assert_eq!(counts(&again), [0, 0, held - differ, differ].map(Value::from), "{format}");

@@ -1,4 +1,5 @@
-//! What is wrong with a file is said, with its line or path; nothing makes a reader panic or ask for memory beyond measure.
+//! What is wrong with a file is said, with its line or path; nothing makes a reader panic or ask
+//! for memory beyond measure.
 
 use super::{CONTEXT, TEXTS, everything, read, refused, write};
 use relief_annotation::FrameOfReference;

@@ -1,4 +1,5 @@
-//! Label maps: segments become regions with the voxels and volumes that others counted, and are written again.
+//! Label maps: segments become regions with the voxels and volumes that others counted, and are
+//! written again.
 
 use std::collections::HashMap;
 
@@ -81,7 +82,8 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
     let mut labels = [0u16; 24];
     labels[..3].copy_from_slice(&[1, 1, 2]);
     let first = read(Format::SegNrrd, map(0.0, &labels, &["liver", "spleen"])).unwrap();
-    // Half a voxel aside, so that the nearest are taken; two voxels of it are those of the first map.
+    // Half a voxel aside, so that the nearest are taken; two voxels of it are those of the first
+    // map.
     let second = read(Format::SegNrrd, map(0.5, &labels, &["tumour", "other"])).unwrap();
     let contents = contents(&[&first, &second]);
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };

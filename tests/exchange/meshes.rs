@@ -13,7 +13,8 @@ const FORMATS: [(Format, MeshFormat); 4] = [
     (Format::Glb, MeshFormat::Glb),
 ];
 
-/// A corner of a box of 3 x 4 x 5 mm, all on one side of each axis: its volume is a sixth of the box's.
+/// A corner of a box of 3 x 4 x 5 mm, all on one side of each axis: its volume is a sixth of the
+/// box's.
 fn tetrahedron() -> TriangleMesh {
     let at = |x, y, z| Point::new(10.0 + x, 20.0 + y, 30.0 + z);
     let vertices = vec![at(0.0, 0.0, 0.0), at(3.0, 0.0, 0.0), at(0.0, 4.0, 0.0), at(0.0, 0.0, 5.0)];

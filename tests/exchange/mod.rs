@@ -1,5 +1,5 @@
-//! Annotations in the files of other tools: what is written is read again, what others write is read where it lies, and damaged
-//! files are refused with their place.
+//! Annotations in the files of other tools: what is written is read again, what others write is
+//! read where it lies, and damaged files are refused with their place.
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![expect(clippy::unwrap_used, reason = "a test ends at what it did not expect")]
 
@@ -60,7 +60,8 @@ fn landmark(name: &str, order: u32, xyz: [f64; 3]) -> Item {
     Item { order, list: "skull".to_owned(), ..item }
 }
 
-/// Landmarks that no mirror leaves as they are: all on one side of each axis, and at different distances.
+/// Landmarks that no mirror leaves as they are: all on one side of each axis, and at different
+/// distances.
 fn asymmetric() -> Vec<Item> {
     vec![
         landmark("nasion", 0, [1.5, 82.25, 40.125]),

@@ -1,4 +1,5 @@
-//! Reports and segmentations of DICOM, dispatched: what others read of them is in `tests/dicom_objects`.
+//! Reports and segmentations of DICOM, dispatched: what others read of them is in
+//! `tests/dicom_objects`.
 
 use super::{CONTEXT, asymmetric, everything};
 use crate::dicom_objects::made;

@@ -1,4 +1,5 @@
-//! Other readers and writers: 3D Slicer's own (slicer-core), slicerio, and a validator of JSON schemas.
+//! Other readers and writers: 3D Slicer's own (slicer-core), slicerio, and a validator of JSON
+//! schemas.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,8 +8,8 @@ use super::{CONTEXT, asymmetric, everything, landmark, read, same, write};
 use relief_annotation::{Geometry, Item, State, measures};
 use relief_exchange::Format;
 
-/// Reads each markup of `ours.mrk.json` with Slicer's own reader, tells of it, and has Slicer write it; the same with
-/// `ours.fcsv` and `ours.csv`.
+/// Reads each markup of `ours.mrk.json` with Slicer's own reader, tells of it, and has Slicer write
+/// it; the same with `ours.fcsv` and `ours.csv`.
 const SLICER: &str = r"
 import json, os, sys, slicer, vtk
 folder = sys.argv[1]

@@ -1,4 +1,5 @@
-//! What is written is read again: the same points and texts, and all else that the format has a place for.
+//! What is written is read again: the same points and texts, and all else that the format has a
+//! place for.
 
 use proptest::prelude::*;
 

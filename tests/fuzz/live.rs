@@ -1,6 +1,7 @@
 //! Fuzz target: whatever bytes come over a live session, as frames, colour, depth and messages.
 //!
-//! Oracles: nothing panics; a header that is read is written the same; a frame that is read composes or says why not.
+//! Oracles: nothing panics; a header that is read is written the same; a frame that is read
+//! composes or says why not.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

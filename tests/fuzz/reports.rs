@@ -1,7 +1,8 @@
-//! Fuzz target: whatever bytes come from a remote, a recording, a camera file, a beacon or a network client.
+//! Fuzz target: whatever bytes come from a remote, a recording, a camera file, a beacon or a
+//! network client.
 //!
-//! Oracles: nothing panics; what decodes encodes to what decodes to the same; a tracker that is fed reports never gives a
-//! pose that is not finite.
+//! Oracles: nothing panics; what decodes encodes to what decodes to the same; a tracker that is fed
+//! reports never gives a pose that is not finite.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

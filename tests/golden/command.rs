@@ -1,8 +1,8 @@
-//! `relief golden` as developers run it, on folders of its own: statuses, what it leaves, what it says, who
-//! writes.
+//! `relief golden` as developers run it, on folders of its own: statuses, what it leaves, what it
+//! says, who writes.
 //!
-//! Most of it needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise a test
-//! says that it skipped.
+//! Most of it needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails;
+//! otherwise a test says that it skipped.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 use crate::common;

@@ -1,4 +1,5 @@
-//! Golden images: those of this repository, the command that checks them, and the comparison tried on itself.
+//! Golden images: those of this repository, the command that checks them, and the comparison tried
+//! on itself.
 
 mod command;
 mod pictures;

@@ -1,8 +1,9 @@
-//! The golden images of this repository: rendered anew, and held against a renderer that did not make them.
+//! The golden images of this repository: rendered anew, and held against a renderer that did not
+//! make them.
 //!
-//! Needs a software adapter for the first. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
-//! test says that it skipped. The second needs none: goldens were approved by looking at them, and the f64
-//! twin sees to it that what was looked at is also right to the last step.
+//! Needs a software adapter for the first. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails;
+//! otherwise the test says that it skipped. The second needs none: goldens were approved by looking
+//! at them, and the f64 twin sees to it that what was looked at is also right to the last step.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 use crate::common;
@@ -59,7 +60,8 @@ fn every_golden_agrees_with_the_f64_twin() {
         let scene = case.scene(volume.grid()).unwrap();
         let frame = relief_render::render_reference(&volume, &scene.request).unwrap();
         for &aspect in case.aspects() {
-            // The twin follows no paths; `tests/render/pathtrace.rs` holds them against closed forms.
+            // The twin follows no paths; `tests/render/pathtrace.rs` holds them against closed
+            // forms.
             if scene.request.mode == Mode::PathTraced && aspect != Aspect::Depth {
                 continue;
             }
@@ -133,14 +135,15 @@ fn depth_rules_lie_behind_one_another() {
     assert!(differs(&first, &half) > 1000 && differs(&half, &late) > 1000, "the rules differ by millimetres");
 }
 
-/// Depth of a plane in parallel projection is linear over the picture, if it is measured along the viewing
-/// axis.
+/// Depth of a plane in parallel projection is linear over the picture, if it is measured along the
+/// viewing axis.
 #[test]
 fn the_slanted_slabs_depth_is_a_plane() {
     let goldens = goldens().select(&["depth/slab-slanted".to_owned()]).unwrap();
     let case = goldens.read(&goldens.ids()[0]).unwrap();
     let golden = case.expected(Aspect::Depth).unwrap().expect("it is blessed");
-    // The front face, y = -50 mm, through the pixels' rays: origin and direction from the scene's camera.
+    // The front face, y = -50 mm, through the pixels' rays: origin and direction from the scene's
+    // camera.
     let volume = case.recipe().make().volume;
     let camera = case.scene(volume.grid()).unwrap().request.camera;
     let [half_x, half_y] = camera.half_extent(golden.size_px);

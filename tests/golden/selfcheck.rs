@@ -1,7 +1,7 @@
 //! The test of the tester: what golden images must not let pass, does not pass.
 //!
-//! No adapter is needed: approved goldens are altered and compared with themselves, and volumes with swapped
-//! axes are rendered by the f64 twin. `command` has the same through the program.
+//! No adapter is needed: approved goldens are altered and compared with themselves, and volumes
+//! with swapped axes are rendered by the f64 twin. `command` has the same through the program.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 use relief_golden::compare;
@@ -215,8 +215,8 @@ fn is_round(case: &Case) -> bool {
     case.id().to_string() == "composite/coarse-steps"
 }
 
-/// The volume with its voxels taken from elsewhere: what a reader that mixes up axes or directions makes of
-/// it.
+/// The volume with its voxels taken from elsewhere: what a reader that mixes up axes or directions
+/// makes of it.
 fn rearranged(volume: &Volume, source: impl Fn([usize; 3]) -> [usize; 3]) -> Volume {
     let [nx, ny, nz] = volume.grid().dims();
     let indices = (0..nx * ny * nz).map(|n| [n % nx, n / nx % ny, n / (nx * ny)]);

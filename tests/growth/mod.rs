@@ -1,6 +1,7 @@
 //! Memory does not grow with the number of frames, whatever changes between them.
 //!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says
+//! that it skipped.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(target_os = "linux")]
@@ -72,7 +73,8 @@ fn a_thousand_frames_take_no_more_memory_than_a_few() {
     let Some(gpu) = software_adapter("a_thousand_frames_take_no_more_memory_than_a_few") else { return };
     let mut renderer = Renderer::new(gpu).unwrap();
     let volumes = [Phantom::head(32), Phantom::sphere(32)].map(|phantom| phantom.unwrap().volume);
-    // Before measuring, every pipeline is compiled, every buffer has its largest size, and every cache is full.
+    // Before measuring, every pipeline is compiled, every buffer has its largest size, and every
+    // cache is full.
     render(&mut renderer, &volumes, 0..200);
     let before = resident_mib();
     render(&mut renderer, &volumes, 200..1200);

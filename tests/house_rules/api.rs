@@ -1,6 +1,8 @@
-//! The listing of the public API: for each crate the names that its root exports, with the signatures of functions and methods.
+//! The listing of the public API: for each crate the names that its root exports, with the
+//! signatures of functions and methods.
 //!
-//! Reads formatted sources line by line; it is no compiler. A name that a macro makes is listed without its kind.
+//! Reads formatted sources line by line; it is no compiler. A name that a macro makes is listed
+//! without its kind.
 
 use std::collections::{BTreeMap, BTreeSet};
 

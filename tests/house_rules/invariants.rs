@@ -1,4 +1,5 @@
-//! The index of invariants: made from the tests whose documentation begins a paragraph with `Invariant:`.
+//! The index of invariants: made from the tests whose documentation begins a paragraph with
+//! `Invariant:`.
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,9 @@
 //! Rules of the project that no compiler and no linter checks.
 //!
-//! Every file begins with a description; files and functions are short; no mark of unfinished work, path of one machine or address
-//! of a registry is left; scripts are runnable; shaders parse; README and ARCHITECTURE list every subcommand and crate; the index of
-//! invariants is current. Each rule is a function from files to complaints, and is tested with files that break it.
+//! Every file begins with a description; files and functions are short; no mark of unfinished work,
+//! path of one machine or address of a registry is left; scripts are runnable; shaders parse;
+//! README and ARCHITECTURE list every subcommand and crate; the index of invariants is current.
+//! Each rule is a function from files to complaints, and is tested with files that break it.
 
 mod api;
 mod invariants;

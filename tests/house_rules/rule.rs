@@ -75,7 +75,8 @@ pub(super) fn no_machine_is_named(files: &[File]) -> Vec<String> {
             let outside = |c: char| !(c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '}'));
             line.match_indices(root).any(|(at, _)| line[..at].chars().next_back().is_none_or(outside))
         });
-        // Where packages come from is the machine's configuration, not the project's. Services are no such places.
+        // Where packages come from is the machine's configuration, not the project's. Services are
+        // no such places.
         let is_script = file.path.starts_with("scripts/") || file.path.starts_with(".ci/");
         path.or_else(|| is_script.then(|| outside_host(line)).flatten()).map(str::to_owned)
     })
@@ -84,7 +85,8 @@ pub(super) fn no_machine_is_named(files: &[File]) -> Vec<String> {
 /// Placeholders, and services in a network of their own.
 const OWN_HOSTS: [&str; 6] = ["HOST", "localhost", "0.0.0.0", "relief", "nats", "postgres"];
 
-/// The host of an address that is neither this machine, nor a service's name in a network of its own, nor a variable.
+/// The host of an address that is neither this machine, nor a service's name in a network of its
+/// own, nor a variable.
 fn outside_host(line: &str) -> Option<&str> {
     line.match_indices("://").find_map(|(at, mark)| {
         let rest = &line[at + mark.len()..];
@@ -113,7 +115,8 @@ pub(super) fn scripts_are_runnable(files: &[File]) -> Vec<String> {
     found
 }
 
-/// Each stage parses as it is, or together with all of `shaders/lib`; declarations may come in any order.
+/// Each stage parses as it is, or together with all of `shaders/lib`; declarations may come in any
+/// order.
 pub(super) fn shaders_parse(files: &[File]) -> Vec<String> {
     let shaders = files.iter().filter(|file| extension(&file.path) == "wgsl");
     let (library, others): (Vec<_>, Vec<_>) = shaders.partition(|file| file.path.starts_with("shaders/lib/"));
@@ -192,7 +195,8 @@ pub(super) fn public_api_is_listed(files: &[File]) -> Vec<String> {
     is_current(files, api::LISTING, api::listing(files))
 }
 
-/// A generated file has this text. With `RELIEF_BLESS` set it is written instead (see `scripts/bless`).
+/// A generated file has this text. With `RELIEF_BLESS` set it is written instead (see
+/// `scripts/bless`).
 fn is_current(files: &[File], path: &str, text: String) -> Vec<String> {
     if text.is_empty() {
         return vec![format!("there is nothing to list in {path}")];
@@ -208,7 +212,8 @@ fn is_current(files: &[File], path: &str, text: String) -> Vec<String> {
     vec![format!("{path} is out of date; run scripts/bless and review the difference")]
 }
 
-/// ARCHITECTURE.md has a row for every crate, and the dependencies in it are in the crate's manifest.
+/// ARCHITECTURE.md has a row for every crate, and the dependencies in it are in the crate's
+/// manifest.
 pub(super) fn crates_are_in_the_table(files: &[File]) -> Vec<String> {
     let map = find(files, "ARCHITECTURE.md").unwrap_or_default();
     let rows: Vec<Vec<&str>> = map.lines().map(|line| line.split('|').map(str::trim).collect()).collect();

@@ -30,8 +30,8 @@ fn cursor_at(session: &mut Session, point: Point<Patient>) {
 
 /// Invariant: A grabbed volume stays under the hand, and neither release nor new grab moves it.
 ///
-/// With hands that turn by Q and move by d, every point x of the volume goes to Q (x - p) + p + d: that under the hand, p,
-/// stays under it.
+/// With hands that turn by Q and move by d, every point x of the volume goes to Q (x - p) + p + d:
+/// that under the hand, p, stays under it.
 #[test]
 fn what_is_grabbed_stays_under_the_hand() {
     let from = (DVec3::new(400.0, -30.0, 900.0), DQuat::from_euler(EulerRot::XYZ, 0.5, 0.1, -0.2));
@@ -119,7 +119,8 @@ fn others_may_change_what_a_hand_holds() {
     assert_near(moved, turned.patient_from_view().linear() * DVec3::Y * 3.0, 1e-9, "on from there");
 }
 
-/// The focal point stays within twice the sphere, and a hand that comes back finds the volume where it was.
+/// The focal point stays within twice the sphere, and a hand that comes back finds the volume where
+/// it was.
 #[test]
 fn a_volume_cannot_be_thrown_away() {
     let mut session = session();

@@ -82,7 +82,8 @@ fn zoom_narrows_the_field_of_view_and_ends() {
     assert_same_view(&tall.camera(), &with(0.7), 1e-12, "a tall picture");
 }
 
-/// The widest field of view, the smallest zoom and a strip of a picture together still have a camera.
+/// The widest field of view, the smallest zoom and a strip of a picture together still have a
+/// camera.
 #[test]
 fn every_view_has_a_camera() {
     for vertical_fov_deg in [0.0, 5.0, 22.0, 150.0] {
@@ -154,7 +155,8 @@ fn presets_are_a_ring() {
     assert_eq!(session.state.preset(), Some("skin"));
 }
 
-/// A pixel means what was seen there, by the camera of the picture, also when the view has gone on since.
+/// A pixel means what was seen there, by the camera of the picture, also when the view has gone on
+/// since.
 #[test]
 fn the_cursor_goes_to_what_is_seen_at_a_pixel() {
     for vertical_fov_deg in [22.0, 0.0] {
@@ -273,7 +275,8 @@ fn the_record_is_the_documented_json() {
     assert_eq!(back, session.state.record());
 }
 
-/// As `apply` has it inside a message of a protocol: beside other keys, and still without unknown ones.
+/// As `apply` has it inside a message of a protocol: beside other keys, and still without unknown
+/// ones.
 #[test]
 fn intents_lie_flat_in_a_message() {
     #[derive(Debug, serde::Deserialize)]

@@ -1,4 +1,5 @@
-//! A Wiimote's poses and buttons as gestures: made-up ones against closed forms, and recordings from report to view.
+//! A Wiimote's poses and buttons as gestures: made-up ones against closed forms, and recordings
+//! from report to view.
 
 use glam::{DQuat, DVec3};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -100,7 +101,8 @@ fn the_cursor_is_the_tip_scaled_by_the_gain() {
 
 /// Invariant: A grabbed volume stays under the hand, and neither release nor new grab moves it.
 ///
-/// With B held, a hand that turns by Q about its tip and moves by d takes the volume along: all of it turns about the tip.
+/// With B held, a hand that turns by Q about its tip and moves by d takes the volume along: all of
+/// it turns about the tip.
 #[test]
 fn a_held_volume_goes_with_the_hand() {
     let mut remote = Remote::new(exact());
@@ -153,7 +155,8 @@ fn grab_modes_are_the_options() {
     }
 }
 
-/// Tremor within the dead zone moves nothing; beyond it the volume follows without a jump of the zone's width.
+/// Tremor within the dead zone moves nothing; beyond it the volume follows without a jump of the
+/// zone's width.
 #[test]
 fn a_dead_zone_keeps_tremor_out() {
     let options = HandOptions { dead_zone_deg: 1.0, dead_zone_mm: 2.0, ..HandOptions::default() };
@@ -175,7 +178,8 @@ fn a_dead_zone_keeps_tremor_out() {
 
 /// Invariant: An untracked hand moves nothing, and late reports move nothing.
 ///
-/// While the hand is lost or ambiguous the view stands still; seen again, anywhere, it takes hold anew.
+/// While the hand is lost or ambiguous the view stands still; seen again, anywhere, it takes hold
+/// anew.
 #[test]
 fn what_is_not_tracked_moves_nothing() {
     let mut remote = Remote::new(exact());
@@ -223,12 +227,14 @@ fn a_places_and_leaving_tracking_cancels() {
     assert_eq!(remote.events.len(), count, "the release of a cancelled press means nothing");
 }
 
-/// While A is held the cursor goes a part of the way of the hand's mean, from the mean of where the hand was.
+/// While A is held the cursor goes a part of the way of the hand's mean, from the mean of where the
+/// hand was.
 #[test]
 fn a_leads_the_cursor_with_care() {
     let options = HandOptions { precise_gain: 0.25, steady_s: 0.2, dead_zone_mm: 10.0, ..exact() };
     let mut remote = Remote::new(options);
-    // A hand that shakes by 4 mm to both sides of its place, 100 times a second, has its mean there.
+    // A hand that shakes by 4 mm to both sides of its place, 100 times a second, has its mean
+    // there.
     let shaken = |ms: u64| start() + DVec3::X * if (ms / 10).is_multiple_of(2) { 4.0 } else { -4.0 };
     let home = tip(shaken(0), level());
     for ms in (0..3000).step_by(10) {
@@ -263,7 +269,8 @@ fn a_leads_the_cursor_with_care() {
 
 /// Invariant: Buttons of dropped poses count, and held buttons act by time.
 ///
-/// Held buttons count by time, whatever the number of reports, and a gap in the reports counts as 0.1 s at most.
+/// Held buttons count by time, whatever the number of reports, and a gap in the reports counts as
+/// 0.1 s at most.
 #[test]
 fn rates_are_in_time_not_in_reports() {
     let options = HandOptions { zoom_per_s: 2.0, clip_mm_per_s: 60.0, ..exact() };
@@ -388,7 +395,8 @@ impl SensorPath for Twist {
     }
 }
 
-/// Reports of the twist with B held from 1 to 3.5 s, after each the state of the view, and the truth.
+/// Reports of the twist with B held from 1 to 3.5 s, after each the state of the view, and the
+/// truth.
 fn play(simulation: &Simulation, options: &HandOptions) -> Vec<(f64, ViewState, SensorPose, TrackingState)> {
     let mut remote = Remote::new(options.clone());
     let mut tracker = Tracker::new(simulation.camera, simulation.beacon.clone(), TrackerOptions::default());
@@ -415,8 +423,8 @@ fn orientation(state: &ViewState) -> DQuat {
 
 /// Invariant: Reports of a hand that turns by 30 degrees turn the view by 30 degrees.
 ///
-/// From bytes to a view: the hand turns by 30 degrees with B held, and so does the view, about the axis of the hand, within
-/// the noise of tracking and the dead zone.
+/// From bytes to a view: the hand turns by 30 degrees with B held, and so does the view, about the
+/// axis of the hand, within the noise of tracking and the dead zone.
 #[test]
 fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
     for (options, within_deg) in [(exact(), 1.0), (HandOptions::default(), 1.8)] {
@@ -442,7 +450,8 @@ fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
     }
 }
 
-/// All LEDs are hidden for half a second amid the turn: the view waits, and goes on from where it was.
+/// All LEDs are hidden for half a second amid the turn: the view waits, and goes on from where it
+/// was.
 #[test]
 fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
     let mut simulation = Simulation::new(Beacon::recommended(), 3);
@@ -460,7 +469,8 @@ fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
     assert!((8.0..26.0).contains(&turned), "{turned}");
 }
 
-/// What the documentation of the options says: errors of a pose turn about the beacon, so a tip there is steady.
+/// What the documentation of the options says: errors of a pose turn about the beacon, so a tip
+/// there is steady.
 #[test]
 fn a_tip_at_the_beacon_is_ten_times_steadier() {
     struct Rest;

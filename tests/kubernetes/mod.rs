@@ -1,4 +1,5 @@
-//! The manifests of `scripts/kubernetes`: Kubernetes' schemas take them, and Relief takes the command lines in them.
+//! The manifests of `scripts/kubernetes`: Kubernetes' schemas take them, and Relief takes the
+//! command lines in them.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
@@ -23,7 +24,8 @@ fn arguments(manifest: &str) -> Vec<String> {
 /// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
 /// manifests.
 ///
-/// What they name is not on this machine, so the commands fail; but with 1 and not with 2, which is for wrong arguments.
+/// What they name is not on this machine, so the commands fail; but with 1 and not with 2, which is
+/// for wrong arguments.
 #[cfg(feature = "cluster")]
 #[test]
 fn relief_takes_the_command_lines_of_the_manifests() {

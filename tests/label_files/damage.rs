@@ -1,4 +1,5 @@
-//! What is wrong with a file is said; nothing makes the reader panic or ask for memory that the file does not fill.
+//! What is wrong with a file is said; nothing makes the reader panic or ask for memory that the
+//! file does not fill.
 
 use super::{NRRD_FIELDS, file_of, gzipped, labels_of, nifti, nrrd};
 

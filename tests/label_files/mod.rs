@@ -1,5 +1,5 @@
-//! Label maps and volumes in files: NIfTI, NRRD and DICOM segmentations of other programs against facts that were computed
-//! independently, against SimpleITK, and against damage.
+//! Label maps and volumes in files: NIfTI, NRRD and DICOM segmentations of other programs against
+//! facts that were computed independently, against SimpleITK, and against damage.
 
 #![expect(clippy::unwrap_used, reason = "tests fail and speak aloud")]
 

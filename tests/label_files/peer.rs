@@ -4,7 +4,8 @@ use std::process::Command;
 
 use super::near;
 
-/// Writes a turned grid of labels and of HU in every format and type; prints where SimpleITK has a few voxels, in LPS.
+/// Writes a turned grid of labels and of HU in every format and type; prints where SimpleITK has a
+/// few voxels, in LPS.
 const SIMPLEITK: &str = r"
 import json, os, sys, numpy as np, SimpleITK as sitk
 folder = sys.argv[1]

@@ -10,7 +10,8 @@ use sha2::{Digest, Sha256};
 use super::common::{facts, numbers, shared_data, unpacked};
 use super::{measured, near, read};
 
-/// Holds a map against the facts about its labels: voxels, volume, centroid, and mean value where they have it.
+/// Holds a map against the facts about its labels: voxels, volume, centroid, and mean value where
+/// they have it.
 fn expect_labels(map: &LabelMap, volume: &Volume, expected: &serde_json::Value, mean: &str) {
     let expected = expected.as_object().unwrap();
     let found = measured(map);

@@ -52,7 +52,8 @@ fn segments_of_dcmqi_and_highdicom_have_their_voxels_names_and_colours() {
     }
     let liver = load(&interop.join("dicom/dcmqi/liver_seg.dcm")).map;
     let rgb = liver.segments()[0].rgb.unwrap().map(|channel| 255.0 * channel);
-    // 3D Slicer's liver. Its writer takes the white of D65, where the standard has D50: 4 of 255 apart.
+    // 3D Slicer's liver. Its writer takes the white of D65, where the standard has D50: 4 of 255
+    // apart.
     assert!(near(rgb, &[221.0, 130.0, 101.0], 4.5), "{rgb:?}");
     assert!(near(liver.grid().origin().xyz.to_array(), &[-235.2, -226.8, -128.69], 5.0));
     assert_eq!(liver.grid().dims(), [512, 512, 3]);
@@ -64,7 +65,8 @@ fn frames_that_end_within_a_byte_are_read_on_from_there() {
     let whole = load(&data.join("quirks/liver.dcm")).map;
     let odd = load(&data.join("quirks/liver_nonbyte_aligned.dcm")).map;
     assert_eq!(odd.grid().dims(), [510, 510, 3]);
-    // The same liver with a row and a column less on each side, or two on one: nothing of it is lost.
+    // The same liver with a row and a column less on each side, or two on one: nothing of it is
+    // lost.
     assert_eq!(odd.labelled_voxels(), whole.labelled_voxels());
     let counts = |map: &relief_volume::LabelMap| {
         let area = map.grid().dims()[0] * map.grid().dims()[1];

@@ -22,7 +22,8 @@ fn map(axes: DMat3, label: u16) -> LabelMap {
     LabelMap::new(grid, &labels, vec![named]).unwrap()
 }
 
-/// Turned axes of three lengths, the third one turned about as well, and axes that are not at right angles.
+/// Turned axes of three lengths, the third one turned about as well, and axes that are not at right
+/// angles.
 fn grids() -> [DMat3; 3] {
     let turn = DMat3::from_rotation_z(2.4) * DMat3::from_rotation_x(-0.3);
     let [x, y, z] = [turn.x_axis * 0.7, turn.y_axis * 0.9, turn.z_axis * 1.3];

@@ -1,6 +1,7 @@
 //! Volumes beyond what fits are refused by their headers, before they are read.
 //!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says
+//! that it skipped.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
@@ -12,7 +13,8 @@ use std::process::Command;
 
 use common::software_adapter;
 
-/// Standard error of `relief render` with these arguments, which has to fail and to leave no file behind.
+/// Standard error of `relief render` with these arguments, which has to fail and to leave no file
+/// behind.
 fn refusal(rows_and_columns: [u16; 2], frames: u32, arguments: &[&str]) -> Option<String> {
     software_adapter("large volumes")?;
     let folder = tempfile::tempdir().unwrap();

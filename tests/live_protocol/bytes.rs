@@ -1,4 +1,5 @@
-//! Frames, colour and depth as bytes: they read back, damage is named, and a composed frame is the encoder's own.
+//! Frames, colour and depth as bytes: they read back, damage is named, and a composed frame is the
+//! encoder's own.
 
 use proptest::prelude::*;
 use relief_base::DepthLimits;
@@ -61,8 +62,8 @@ proptest! {
         prop_assert_eq!(FrameHeader::decode(&bytes), Ok(header));
     }
 
-    /// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages; any
-    /// bytes are read or refused.
+    /// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and
+    /// messages; any bytes are read or refused.
     #[test]
     fn any_bytes_are_a_frame_or_refused(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
         let _ = ReceivedFrame::decode(&bytes);

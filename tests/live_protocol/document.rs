@@ -17,8 +17,8 @@ fn protocol() -> Value {
     serde_json::from_str(PROTOCOL).unwrap()
 }
 
-/// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages; any
-/// bytes are read or refused.
+/// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages;
+/// any bytes are read or refused.
 #[test]
 fn document_description_and_code_have_the_same_header() {
     let fields = protocol()["header"]["fields"].as_array().unwrap().clone();
@@ -54,7 +54,8 @@ fn document_description_and_code_have_the_same_header() {
     }
 }
 
-/// Every field of the table is where the encoder puts it: a change of it changes its bytes and the checksum alone.
+/// Every field of the table is where the encoder puts it: a change of it changes its bytes and the
+/// checksum alone.
 #[test]
 fn the_encoder_puts_every_field_where_the_table_has_it() {
     let base = FrameHeader { color_bytes: 1, depth_bytes: 1, full_px: [9, 9], ..header() };
@@ -137,8 +138,8 @@ fn parses(side: &str, text: &str) -> Result<String, String> {
     }
 }
 
-/// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages; any
-/// bytes are read or refused.
+/// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages;
+/// any bytes are read or refused.
 #[test]
 fn every_example_is_read_and_written_and_their_keys_are_those_described() {
     let protocol = protocol();
@@ -166,7 +167,8 @@ fn every_example_is_read_and_written_and_their_keys_are_those_described() {
     }
 }
 
-/// Whether what was written has all that the example has; what has a default may be there beside it.
+/// Whether what was written has all that the example has; what has a default may be there beside
+/// it.
 fn same(written: &Value, example: &Value) -> bool {
     match (written, example) {
         (Value::Number(a), Value::Number(b)) => (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-12,

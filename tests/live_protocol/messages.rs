@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use relief_live::{ClientMessage, ServerMessage};
 
 proptest! {
-    /// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages; any
-    /// bytes are read or refused.
+    /// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and
+    /// messages; any bytes are read or refused.
     #[test]
     fn any_text_is_a_message_or_refused(text in "\\PC{0,200}") {
         let _ = ClientMessage::parse(&text);

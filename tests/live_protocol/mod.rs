@@ -1,5 +1,5 @@
-//! The protocol of live sessions: whatever is written reads back, whatever comes from outside is a value or an error, and
-//! docs/LIVE.md, protocol.json and the code say the same.
+//! The protocol of live sessions: whatever is written reads back, whatever comes from outside is a
+//! value or an error, and docs/LIVE.md, protocol.json and the code say the same.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod bytes;

@@ -1,9 +1,9 @@
-//! Phantoms against closed forms, and the DICOM series made of them against readers that this project didn't
-//! write.
+//! Phantoms against closed forms, and the DICOM series made of them against readers that this
+//! project didn't write.
 //!
-//! Oracles: geometry in closed form (integrals over voxels computed here by brute force), `truth.json`
-//! against the voxels, `dicom-object` as reader, and pydicom where `RELIEF_PEERS_PYTHON` names a Python that
-//! has it.
+//! Oracles: geometry in closed form (integrals over voxels computed here by brute force),
+//! `truth.json` against the voxels, `dicom-object` as reader, and pydicom where
+//! `RELIEF_PEERS_PYTHON` names a Python that has it.
 
 use std::path::Path;
 use std::process::Command;
@@ -254,7 +254,8 @@ fn the_head_is_oriented_left_posterior_superior_and_has_human_measures() {
     }
     assert!(at("pronasale")[1] < at("nasion")[1] && at("nasion")[1] < -80.0, "the nose points to -y");
     assert!(at("inion")[1] > 80.0 && at("vertex")[2] > 120.0 && at("menton")[2] < -80.0);
-    // Wide ranges of plausible adult measures between bony landmarks, mm: they catch a wrong scale or axis.
+    // Wide ranges of plausible adult measures between bony landmarks, mm: they catch a wrong scale
+    // or axis.
     let distance =
         |a: &str, b: &str| Point::<Patient>::from_xyz(at(a).into()).distance(Point::from_xyz(at(b).into()));
     assert!((105.0..140.0).contains(&distance("nasion", "menton")), "face height");
@@ -289,8 +290,8 @@ fn eyeballs_are_spheres_of_the_told_place_and_size() {
         let vitreous = truth.material_hu("vitreous body").unwrap();
         let center = sample_hu(volume, Point::new(x, y, z));
         assert!((center - vitreous).abs() < 30.0, "{name}: {center} HU in the middle");
-        // Behind and between the muscles there is fat: the mean over four such directions crosses at the
-        // radius.
+        // Behind and between the muscles there is fat: the mean over four such directions crosses
+        // at the radius.
         let mean = |r: f64| {
             let c = r * (1.0f64 / 3.0).sqrt();
             let corners = [(c, c), (c, -c), (-c, c), (-c, -c)];

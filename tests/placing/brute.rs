@@ -95,7 +95,8 @@ fn surfaces_are_as_near_as_any_place_on_them() {
     for seed in 1..6 {
         let volume = rough(seed);
         for from in places() {
-            // Any place on the surface lies within a step of a pair of places on different sides of it.
+            // Any place on the surface lies within a step of a pair of places on different sides of
+            // it.
             let level = trilinear(&volume, from) + 40.0;
             let near = ball(from, 3.0, 0.05)
                 .filter(|place| trilinear(&volume, *place) >= level)

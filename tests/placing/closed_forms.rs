@@ -56,7 +56,8 @@ fn erf(x: f64) -> f64 {
 /// search, or reports that it found nothing.
 #[test]
 fn a_balls_surface_is_met_along_rays_and_at_its_nearest_point() {
-    // Sharp edges come out of straight lines between voxels wrong by up to 0.086 voxel, whoever draws them; soft ones do not.
+    // Sharp edges come out of straight lines between voxels wrong by up to 0.086 voxel, whoever
+    // draws them; soft ones do not.
     let sharp = (Phantom::sphere(256).unwrap().volume, 80.0, [0.05, 0.1, 0.7]);
     let soft = (soft_ball(15.0, 0.8, 0.9), 15.0, [0.02, 0.04, 0.1]);
     for (volume, radius_mm, [rms_limit, worst_limit, aside_limit]) in [sharp, soft] {
@@ -102,7 +103,8 @@ fn a_balls_edge_is_where_its_surface_is() {
     }
 }
 
-/// Where straight lines between voxels that carry their covered share have half of it, for a face at 50 mm.
+/// Where straight lines between voxels that carry their covered share have half of it, for a face
+/// at 50 mm.
 fn drawn_face_mm(size: usize) -> f64 {
     let spacing = 256.0 / size as f64;
     let centre = |index: usize| (index as f64 - (size as f64 - 1.0) / 2.0) * spacing;

@@ -1,4 +1,5 @@
-//! Snapping: places in closed form on balls and slabs, and an independent search by brute force on rough ground.
+//! Snapping: places in closed form on balls and slabs, and an independent search by brute force on
+//! rough ground.
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod brute;

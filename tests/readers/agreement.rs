@@ -58,7 +58,8 @@ fn readers_of_known_bias_and_variance_are_told_as_they_are() {
     for found in a.deviation_mm.unwrap() {
         assert!((found - deviation).abs() < 0.03, "{a:?}");
     }
-    // Lengths of unbiased normal errors have Maxwell's distribution: mean sqrt(8/pi), median 1.5382, 95 % at 2.7955.
+    // Lengths of unbiased normal errors have Maxwell's distribution: mean sqrt(8/pi), median
+    // 1.5382, 95 % at 2.7955.
     let b = found.errors[1].errors.unwrap();
     for (length, of_unit) in [
         (b.mean_mm, (8.0 / std::f64::consts::PI).sqrt()),
@@ -83,7 +84,8 @@ fn readers_of_known_bias_and_variance_are_told_as_they_are() {
         "{limits:?}"
     );
     assert_eq!((pairing.points.len(), limits.count), (COUNT, COUNT));
-    // ICC(2,1): the landmarks' variance over all variance; two readers 0.8 mm apart have the variance 0.32 mm2.
+    // ICC(2,1): the landmarks' variance over all variance; two readers 0.8 mm apart have the
+    // variance 0.32 mm2.
     let agreement = &found.agreements[0];
     assert_eq!((agreement.relation, agreement.quantity), (Relation::Inter, "L"));
     let icc = agreement.icc.known().unwrap();
@@ -93,7 +95,8 @@ fn readers_of_known_bias_and_variance_are_told_as_they_are() {
     assert!((icc.single_deviation - single).abs() < 0.03, "{icc:?}, expected {single}");
 }
 
-/// Without a truth errors are told from the readers' mean: with two of them, half of their distance.
+/// Without a truth errors are told from the readers' mean: with two of them, half of their
+/// distance.
 #[test]
 fn without_a_truth_the_mean_of_the_readers_is_the_reference() {
     let a =
@@ -210,7 +213,8 @@ fn what_cannot_be_compared_is_said_in_words() {
 
 /// Invariant: Statistics of readers are numbers or reasons, never NaN.
 ///
-/// One landmark, constant readers, skipped items: every figure is a number, or words say why there is none.
+/// One landmark, constant readers, skipped items: every figure is a number, or words say why there
+/// is none.
 #[test]
 fn nothing_that_readers_do_makes_a_number_that_is_none() {
     let skipped = || Item { state: State::Skipped, ..Item::new("z", "anna", None).unwrap() };

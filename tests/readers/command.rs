@@ -56,7 +56,8 @@ fn place(at: usize) -> [f64; 3] {
     [10.0 * at - 30.0, 7.0 * (at * 1.3).sin() * 5.0, 60.0 - 4.0 * at * at]
 }
 
-/// A truth, two readers of two repeats each, of whom one is 1 mm off to the left and skips a landmark, and a line each.
+/// A truth, two readers of two repeats each, of whom one is 1 mm off to the left and skips a
+/// landmark, and a line each.
 fn study(folder: &Path) {
     let mut normal = Normal::new(9);
     let mut items: Vec<Item> =
@@ -179,7 +180,8 @@ fn readers_are_compared_with_the_truth_in_tables_and_on_a_page() {
         let mut reader = csv::Reader::from_path(out.join(name)).unwrap();
         reader.records().collect::<Result<_, _>>().unwrap()
     };
-    // 6 landmarks of 4 sets less the skipped one; a set each, all, and each landmark; 4 quantities between and within two.
+    // 6 landmarks of 4 sets less the skipped one; a set each, all, and each landmark; 4 quantities
+    // between and within two.
     let counts = ["landmarks.csv", "errors.csv", "icc.csv", "measures.csv", "missing.csv"]
         .map(|name| rows(name).len());
     assert_eq!(counts, [23, 4 + 1 + 6, 4 * 3, 4, 2]);

@@ -1,5 +1,5 @@
-//! The sphere that is cut away: the walls of its hole are where the sphere is, nothing else changes, and moving it uploads
-//! nothing.
+//! The sphere that is cut away: the walls of its hole are where the sphere is, nothing else
+//! changes, and moving it uploads nothing.
 
 use relief_base::{Point, Vector};
 use relief_render::{ClipSphere, DepthRule, Mode, RenderRequest, SceneFile, Shading, Skipping};
@@ -51,7 +51,8 @@ fn the_far_wall_of_the_hole_is_where_the_sphere_is() {
             let found = f64::from(frame.depth_at(pixel).0);
             if from_axis < 0.98 * RADIUS_MM {
                 let expected = 550.0 + (RADIUS_MM * RADIUS_MM - from_axis * from_axis).sqrt();
-                // Accumulation over opaque samples starts at the wall; half a part of 1/64 mm is the threshold's own step.
+                // Accumulation over opaque samples starts at the wall; half a part of 1/64 mm is
+                // the threshold's own step.
                 assert!(
                     (found - expected).abs() < 0.02,
                     "{depth} at {pixel:?}: {found} mm for {expected} mm"
@@ -74,7 +75,8 @@ fn a_hole_right_through_shows_what_is_behind() {
     let mut request = slab_request(&volume, DepthRule::FirstHit);
     request.clip.sphere = Some(ClipSphere { center: Point::new(0.0, 0.0, 0.0), radius_mm: 70.0 });
     let frame = renderer.render(&volume, &request).unwrap();
-    // The slab is 100 mm thick: rays closer than sqrt(70² - 50²) mm to the axis meet the sphere alone.
+    // The slab is 100 mm thick: rays closer than sqrt(70² - 50²) mm to the axis meet the sphere
+    // alone.
     for pixel in (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| [column, row])) {
         let off = pixel.map(|at| (f64::from(at) + 0.5) - f64::from(SIDE) / 2.0);
         let from_axis = off[0].hypot(off[1]);

@@ -1,4 +1,5 @@
-//! Pictures whose pixels can be written down: absorption of a slab, depth of a sphere, orientation, step invariance.
+//! Pictures whose pixels can be written down: absorption of a slab, depth of a sphere, orientation,
+//! step invariance.
 
 use glam::DVec3;
 use relief_base::{Point, Vector};
@@ -33,7 +34,8 @@ fn a_slab_absorbs_by_the_exponential_law() {
     let camera = look_along_y(Projection::Orthographic { height_mm: 100.0 });
     for opacity_per_mm in [0.002, 0.01, 0.03] {
         for sample_distance_mm in [0.25, 0.5, 1.0, 2.0] {
-            // Opacity proportional to the covered fraction keeps the slab's partial voxels exact in the sum.
+            // Opacity proportional to the covered fraction keeps the slab's partial voxels exact in
+            // the sum.
             let transfer = white(&[(-1000.0, 0.0), (300.0, opacity_per_mm)]);
             let mut request = unshaded(&volume, transfer, camera, [8, 8]);
             request.sample_distance_mm = sample_distance_mm;
@@ -96,7 +98,8 @@ fn a_translucent_slab_has_its_threshold_depth_where_the_law_says() {
                 unshaded(&volume, white(&[(-1000.0, 0.0), (300.0, opacity_per_mm)]), camera, [4, 4]);
             request.depth = DepthRule::Threshold { fraction };
             let frame = renderer.render(&volume, &request).unwrap();
-            // Accumulated opacity 1 - (1 - a)^s after s mm; the eye is 550 mm before the slab's face.
+            // Accumulated opacity 1 - (1 - a)^s after s mm; the eye is 550 mm before the slab's
+            // face.
             let whole = 1.0 - (1.0 - opacity_per_mm).powf(100.0);
             let expected = 550.0 + (1.0 - fraction * whole).ln() / (1.0 - opacity_per_mm).ln();
             for &mm in &frame.depth_mm {
@@ -108,7 +111,8 @@ fn a_translucent_slab_has_its_threshold_depth_where_the_law_says() {
     }
 }
 
-/// A ball whose HU fall by 60 per mm from its centre: 400 HU at 60 mm, and everywhere a gradient along the radius.
+/// A ball whose HU fall by 60 per mm from its centre: 400 HU at 60 mm, and everywhere a gradient
+/// along the radius.
 fn cone() -> Volume {
     let grid = Grid::axis_aligned([96; 3], [1.5; 3], [-71.25; 3]).unwrap();
     let hu = |i: usize, j: usize, k: usize| {
@@ -218,7 +222,8 @@ fn the_picture_does_not_depend_on_the_sample_distance() {
     assert!(fine.color_rgba.iter().any(|pixel| pixel[0] > 200), "the sphere is there");
 }
 
-/// Azimuth and elevation in degrees, and the patient axes that then point right, up and towards the eye.
+/// Azimuth and elevation in degrees, and the patient axes that then point right, up and towards the
+/// eye.
 const VIEWS: [(f64, f64, [DVec3; 3]); 6] = [
     (0.0, 0.0, [DVec3::X, DVec3::Z, DVec3::NEG_Y]),
     (90.0, 0.0, [DVec3::Y, DVec3::Z, DVec3::X]),

@@ -1,5 +1,5 @@
-//! Depth rules: where they put the depth of layers of known opacity, on the GPU and in the f64 twin; that the two agree on
-//! a head; and that skipping changes no byte.
+//! Depth rules: where they put the depth of layers of known opacity, on the GPU and in the f64
+//! twin; that the two agree on a head; and that skipping changes no byte.
 
 use relief_base::{Point, Vector};
 use relief_render::{
@@ -10,7 +10,8 @@ use relief_volume::{Camera, ControlPoint, Grid, Orbit, Phantom, Projection, Tran
 use super::renderer;
 use super::twin::{compare, oblique_head, request as head_request};
 
-/// Layers one behind the other: thickness in mm and opacity per mm. Voxels of 1 mm; a HU is a thousandth of opacity.
+/// Layers one behind the other: thickness in mm and opacity per mm. Voxels of 1 mm; a HU is a
+/// thousandth of opacity.
 type Layers = [(usize, f64)];
 
 /// View depth of the face of the first layer, mm.
@@ -83,7 +84,8 @@ const RAMP_MM: f64 = 0.5;
 /// A weak layer, a gap, a strong layer: which rules see which.
 #[test]
 fn rules_choose_the_layer_that_their_definition_says() {
-    // The first takes 65 % of the light and the second the rest: its steepest rise is twice that of the first.
+    // The first takes 65 % of the light and the second the rest: its steepest rise is twice that of
+    // the first.
     let thick = [(5, 0.0), (10, 0.1), (10, 0.0), (10, 0.6), (5, 0.0)];
     let (first, second) = (5.0, 25.0);
     expect_depth(&thick, DepthRule::FirstHit, first - RAMP_MM, 0.1);
@@ -158,7 +160,8 @@ fn two_layers_have_a_threshold_each_and_the_back_has_its_own_colour() {
                     (behind - FACE_MM - back_mm).abs() < 0.15,
                     "{behind} mm for {back_mm} mm at {fraction}"
                 );
-                // The back is green but for the ramp of its edge; the picture is the red front, and the back through it.
+                // The back is green but for the ramp of its edge; the picture is the red front, and
+                // the back through it.
                 let [red, green, _, coverage] = back.color_rgba[i].map(f64::from);
                 assert!(green > 200.0 && coverage >= 254.0, "{:?}", back.color_rgba[i]);
                 let [whole_red, whole_green, ..] = frame.color_rgba[i].map(f64::from);

@@ -1,5 +1,6 @@
-//! Placed lights, shadows and occlusion of ray-cast modes: closed forms, the f64 twin, what they depend on and what they
-//! leave alone. Solids are 96³ voxels of 1 mm, centred; pictures look down on a floor, 1 mm a pixel, x to the right.
+//! Placed lights, shadows and occlusion of ray-cast modes: closed forms, the f64 twin, what they
+//! depend on and what they leave alone. Solids are 96³ voxels of 1 mm, centred; pictures look down
+//! on a floor, 1 mm a pixel, x to the right.
 
 use glam::DVec3;
 use relief_base::{Point, Vector};
@@ -23,7 +24,8 @@ const CELL_MM: f64 = 2.0;
 /// Extinction per mm of what has 200 HU.
 const EXTINCTION: f64 = 0.02;
 
-/// 1000 HU where `solid` is above 0 (a distance inside, mm), 200 HU where `veil` is, edges 1 mm wide.
+/// 1000 HU where `solid` is above 0 (a distance inside, mm), 200 HU where `veil` is, edges 1 mm
+/// wide.
 fn solids(solid: impl Fn(DVec3) -> f64, veil: impl Fn(DVec3) -> f64) -> Volume {
     let grid = Grid::axis_aligned([SIDE; 3], [1.0; 3], [-47.5; 3]).unwrap();
     let covered = |distance: f64| (distance + 0.5).clamp(0.0, 1.0);
@@ -235,7 +237,8 @@ fn a_near_light_casts_a_shadow_away_from_itself() {
     assert!(dark > 300 && lit > 1500, "{dark} pixels in shadow, {lit} in the light, radius {radius}");
 }
 
-/// The open share of all directions at height `h` over the floor and distance `s` from the wall, of things within `r`.
+/// The open share of all directions at height `h` over the floor and distance `s` from the wall, of
+/// things within `r`.
 fn corner_openness(h: f64, s: f64, r: f64) -> f64 {
     let steps = 400;
     let mut open = 0.0;

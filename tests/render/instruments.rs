@@ -1,4 +1,5 @@
-//! Words and instruments over a picture: where they stand, at which depth, and what they say of the patient's sides.
+//! Words and instruments over a picture: where they stand, at which depth, and what they say of the
+//! patient's sides.
 
 use glam::{DMat3, DVec2, DVec3};
 use relief_base::{Point, Vector};

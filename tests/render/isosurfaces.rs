@@ -1,4 +1,5 @@
-//! Isosurfaces with closed forms: where they lie, how they are lit, in which order they come, and what clips them.
+//! Isosurfaces with closed forms: where they lie, how they are lit, in which order they come, and
+//! what clips them.
 
 use relief_base::{Point, Vector};
 use relief_render::{
@@ -112,7 +113,8 @@ fn a_surface_is_lit_by_the_cosine_of_its_slope() {
 /// Invariant: Isosurfaces lie where their closed forms put them, are lit by their slope, come in
 /// their order, and are open where they are cut.
 ///
-/// A red shell of 60 mm around a blue ball of 30 mm: what a ray that passes `off_mm` from the centre meets.
+/// A red shell of 60 mm around a blue ball of 30 mm: what a ray that passes `off_mm` from the
+/// centre meets.
 #[test]
 fn nested_surfaces_blend_and_have_the_depth_of_the_rule() {
     let Some(mut renderer) = renderer("nested_surfaces_blend") else { return };

@@ -1,5 +1,5 @@
-//! Segments: each with its own transfer function, tint and visibility; what is hidden is as if it were cut off, in colour,
-//! depth and picks.
+//! Segments: each with its own transfer function, tint and visibility; what is hidden is as if it
+//! were cut off, in colour, depth and picks.
 
 use std::sync::Arc;
 
@@ -31,7 +31,8 @@ fn label_map(grid: &Grid, label: impl Fn([usize; 3], Point<Patient>) -> u16) -> 
     Arc::new(LabelMap::new(grid.clone(), &labels, described).unwrap())
 }
 
-/// The request of a scene on a labelled volume, seen from an oblique side unless the scene has a camera.
+/// The request of a scene on a labelled volume, seen from an oblique side unless the scene has a
+/// camera.
 fn resolved(volume: &Volume, map: &Arc<LabelMap>, json: &str) -> RenderRequest {
     let scene = SceneFile::parse(json.as_bytes()).unwrap();
     let orbit = match scene.is_slice() {
@@ -134,7 +135,8 @@ fn a_tint_takes_its_share_of_the_colour_and_no_opacity() {
 fn half_of(volume: &Volume) -> (Arc<LabelMap>, ClipPlane) {
     let map = label_map(volume.grid(), |[i, ..], _| if i < 30 { 1 } else { 2 });
     let between = volume.grid().patient_from_voxel() * Point::new(29.5, 0.0, 0.0);
-    // Planes turn by the inverse transpose; this grid's axes are not all of one length, but at right angles.
+    // Planes turn by the inverse transpose; this grid's axes are not all of one length, but at
+    // right angles.
     let normal = volume.grid().patient_from_voxel() * Vector::new(1.0, 0.0, 0.0);
     (map, ClipPlane { point: between, normal })
 }
@@ -151,7 +153,8 @@ fn apart(a: &RenderedFrame, b: &RenderedFrame, depth_mm: f32) -> [f64; 2] {
 
 /// Invariant: Hiding segments cuts them off exactly, in colour, depth and picks.
 ///
-/// Hiding what lies on one side of a plane is cutting it off there: clip planes are tested against closed forms.
+/// Hiding what lies on one side of a plane is cutting it off there: clip planes are tested against
+/// closed forms.
 #[test]
 fn hiding_half_of_a_volume_is_cutting_it_off() {
     let Some(mut renderer) = renderer("hiding_half_of_a_volume") else { return };
@@ -305,7 +308,8 @@ fn skipping_changes_no_byte_of_segments_and_skips_what_is_hidden() {
     let whole = RenderRequest { labels: None, ..kept.clone() };
     let counts = [&kept, &whole].map(|r| renderer.count_samples(&volume, r, Skipping::On).unwrap());
     println!("{} samples for a ball in the head, {} for the head", counts[0], counts[1]);
-    // Inside of the ball there is no skin to stop at: rays go deeper there than they would without labels.
+    // Inside of the ball there is no skin to stop at: rays go deeper there than they would without
+    // labels.
     assert!(counts[0] * 2 < counts[1] * 3, "{counts:?}");
 }
 

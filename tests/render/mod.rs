@@ -1,6 +1,7 @@
 //! Rendering, from outside: closed forms, slices, the f64 twin, skipping, refusals.
 //!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says
+//! that it skipped.
 
 #![expect(
     clippy::unwrap_used,
@@ -36,7 +37,8 @@ use std::sync::{Mutex, MutexGuard, OnceLock};
 
 use relief_render::{AdapterChoice, Gpu, Mode, RenderRequest, Renderer, Surface};
 
-/// The one renderer of this test program: software adapters compile pipelines slowly. `None` without an adapter.
+/// The one renderer of this test program: software adapters compile pipelines slowly. `None`
+/// without an adapter.
 fn renderer(test: &str) -> Option<MutexGuard<'static, Renderer>> {
     static RENDERER: OnceLock<Option<Mutex<Renderer>>> = OnceLock::new();
     let shared = RENDERER.get_or_init(|| match Gpu::open(&AdapterChoice::Software) {
@@ -49,7 +51,8 @@ fn renderer(test: &str) -> Option<MutexGuard<'static, Renderer>> {
     if shared.is_none() {
         eprintln!("SKIPPED: {test} (no software graphics adapter)");
     }
-    // A test that failed while it held the renderer left nothing half done: every frame starts anew.
+    // A test that failed while it held the renderer left nothing half done: every frame starts
+    // anew.
     shared.as_ref().map(|shared| shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
 }
 

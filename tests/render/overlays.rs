@@ -1,6 +1,8 @@
-//! Overlays against their closed forms: outlines and depths of balls, lines, boxes; what is hidden; frames that decode.
+//! Overlays against their closed forms: outlines and depths of balls, lines, boxes; what is hidden;
+//! frames that decode.
 //!
-//! Pictures are those of the f64 renderer, so that most of this needs no adapter; the formulas are written down anew here.
+//! Pictures are those of the f64 renderer, so that most of this needs no adapter; the formulas are
+//! written down anew here.
 
 use glam::{DMat3, DVec2, DVec3};
 use relief_base::{Point, Vector};
@@ -37,7 +39,8 @@ fn over_air(camera: Camera, size_px: [u32; 2], overlays: &Value) -> RenderedFram
     relief_render::render_reference(&volume, &request(&volume, camera, size_px, overlays)).unwrap()
 }
 
-/// Origin and unit direction of the ray through a place of the picture, in patient space, and the viewing axis.
+/// Origin and unit direction of the ray through a place of the picture, in patient space, and the
+/// viewing axis.
 fn ray(camera: &Camera, [width, height]: [u32; 2], pixel: DVec2) -> (DVec3, DVec3, DVec3) {
     let forwards = (camera.look_at().xyz - camera.eye().xyz).normalize();
     let right = forwards.cross(camera.up().xyz).normalize();
@@ -359,7 +362,8 @@ fn the_bounding_box_joins_the_projected_corners() {
     for (i, pixel) in centers(size) {
         let nearest = ends.iter().map(|edge| distance(edge, pixel)).fold(f64::INFINITY, f64::min);
         let coverage = frame.color_rgba[i][3];
-        // Lines of two pixels: what is nearer than 0.25 px to an axis is covered, what is farther than 1.75 px is not.
+        // Lines of two pixels: what is nearer than 0.25 px to an axis is covered, what is farther
+        // than 1.75 px is not.
         assert!(nearest > 0.25 || coverage == 255, "{pixel}: {coverage} at {nearest} px");
         assert!(nearest < 1.75 || coverage == 0, "{pixel}: {coverage} at {nearest} px");
         lit += usize::from(coverage > 0);

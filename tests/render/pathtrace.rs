@@ -1,6 +1,8 @@
-//! Mode path-traced: the same bytes for a seed, convergence as the law of large numbers has it, and closed forms.
+//! Mode path-traced: the same bytes for a seed, convergence as the law of large numbers has it, and
+//! closed forms.
 //!
-//! Colours are read back as linear light, 8 bits a pixel; means over many noisy pixels are finer than that.
+//! Colours are read back as linear light, 8 bits a pixel; means over many noisy pixels are finer
+//! than that.
 
 use std::ops::ControlFlow;
 
@@ -161,7 +163,8 @@ fn a_slab_lets_light_through_by_the_exponential_law() {
     }
 }
 
-/// One scattering in a slab under distant light, by quadrature along the ray: extinction on the way in and out.
+/// One scattering in a slab under distant light, by quadrature along the ray: extinction on the way
+/// in and out.
 fn slab_scatter(extinction: f64, cosine: f64, phase: f64) -> f64 {
     let steps = 20_000;
     let ds = SLAB_MM / f64::from(steps);
@@ -183,7 +186,8 @@ fn one_scattering_in_a_slab_is_its_quadrature() {
         request.lights = vec![distant([sine, 0.0, cosine])];
         request.path_trace.anisotropy = anisotropy;
         request.path_trace.passes = 96;
-        // Light is turned from -light towards the eye: by the angle whose cosine is minus that between them.
+        // Light is turned from -light towards the eye: by the angle whose cosine is minus that
+        // between them.
         let g = anisotropy;
         let phase = (1.0 - g * g) / (1.0 + g * g + 2.0 * g * cosine).powf(1.5);
         let expected = slab_scatter(extinction, cosine, phase);
@@ -200,7 +204,8 @@ fn one_scattering_in_a_slab_is_its_quadrature() {
 fn a_near_light_reaches_no_further_than_what_is_before_it() {
     let Some(mut renderer) = renderer("a_near_light") else { return };
     let volume = Phantom::slab(128).unwrap().volume;
-    // A lamp in the middle of the slab, on the line of sight: only the way between it and the collision counts.
+    // A lamp in the middle of the slab, on the line of sight: only the way between it and the
+    // collision counts.
     let extinction = 0.02;
     let mut request = dark(&volume, slab_of(extinction, [1.0; 3]), along_y(1.0), 32);
     request.lights = vec![Light {
@@ -233,7 +238,8 @@ fn a_furnace_gives_what_one_scattering_can_and_never_more() {
     for extinction in [0.06, 0.15] {
         let mut request = dark(&volume, slab_of(extinction, [1.0; 3]), along_y(10.0), 48);
         request.path_trace.environment = 1.0;
-        // White light from everywhere: the mean over directions of what passes is half of E2 to either face.
+        // White light from everywhere: the mean over directions of what passes is half of E2 to
+        // either face.
         let steps = 400;
         let ds = SLAB_MM / f64::from(steps);
         let open = |s: f64| 0.5 * (e2(extinction * s) + e2(extinction * (SLAB_MM - s)));
@@ -254,7 +260,8 @@ fn a_furnace_gives_what_one_scattering_can_and_never_more() {
     assert!(brightest <= 0.255 && brightest > 0.1, "{brightest} in a furnace of 0.25");
 }
 
-/// A ball whose HU fall by 60 per mm from its centre: 400 HU at 60 mm, and everywhere a gradient along the radius.
+/// A ball whose HU fall by 60 per mm from its centre: 400 HU at 60 mm, and everywhere a gradient
+/// along the radius.
 fn cone() -> Volume {
     let grid = Grid::axis_aligned([96; 3], [1.5; 3], [-71.25; 3]).unwrap();
     let hu = |i: usize, j: usize, k: usize| {
@@ -268,8 +275,9 @@ fn cone() -> Volume {
 /// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
 /// is conserved.
 ///
-/// A dense ball is locally a half-space of parallel layers: light that comes at a cosine m and leaves at a cosine n
-/// scatters once with the weight m / (m + n), whatever the layers' profile, and Lambert's surface adds a factor m.
+/// A dense ball is locally a half-space of parallel layers: light that comes at a cosine m and
+/// leaves at a cosine n scatters once with the weight m / (m + n), whatever the layers' profile,
+/// and Lambert's surface adds a factor m.
 #[test]
 fn a_dense_ball_is_lit_from_the_side_as_parallel_layers_are() {
     let Some(mut renderer) = renderer("a_dense_ball_is_lit_from_the_side") else { return };

@@ -1,5 +1,6 @@
-//! Picks against what is displayed: in every mode, by every depth rule, under every kind of clip and in every layout, a picked place
-//! lies on its pixel's ray in the depth that the frame was packed from, and that is the f64 twin's.
+//! Picks against what is displayed: in every mode, by every depth rule, under every kind of clip
+//! and in every layout, a picked place lies on its pixel's ray in the depth that the frame was
+//! packed from, and that is the f64 twin's.
 
 use relief_base::{Disparity, Point, ScaledDepth, Vector, ViewDepth};
 use relief_display::{DecodedDepth, DepthFilter, DisplaySettings, Layout, Picture, decode_exr};
@@ -45,7 +46,8 @@ fn request(volume: &Volume, mode: Mode, vertical_fov_deg: f64) -> RenderRequest 
     request
 }
 
-/// Every picked place is projected back: to its own pixel's middle, at the frame's depth. Returns how many there are.
+/// Every picked place is projected back: to its own pixel's middle, at the frame's depth. Returns
+/// how many there are.
 fn expect_picks(frame: &RenderedFrame, what: &str) -> usize {
     let mut hits = 0;
     for (row, column) in (0..frame.size_px[1]).flat_map(|row| (0..frame.size_px[0]).map(move |at| (row, at)))

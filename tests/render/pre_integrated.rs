@@ -1,4 +1,5 @@
-//! Pre-integrated classification: a thin layer's closed form, the twin, skipping, and what a double sample distance costs.
+//! Pre-integrated classification: a thin layer's closed form, the twin, skipping, and what a double
+//! sample distance costs.
 
 use relief_base::{Point, Vector};
 use relief_render::{Classification, DepthRule, RenderRequest, RenderedFrame, Shading, Skipping};
@@ -34,7 +35,8 @@ fn farthest(frame: &RenderedFrame, expected: f64) -> f64 {
     frame.color_rgba.iter().map(off).fold(0.0, f64::max)
 }
 
-/// Depths are where the ramp reaches 48 HU, which is known from its three slopes and the value in the middle.
+/// Depths are where the ramp reaches 48 HU, which is known from its three slopes and the value in
+/// the middle.
 fn expect_layers_plane(volume: &Volume, frame: &RenderedFrame, sample_mm: f64) {
     for (at, &mm) in frame.depth_mm.iter().enumerate() {
         let (column, row) = ((at % 9) as f64 - 4.0, (at / 9) as f64 - 4.0);
@@ -130,7 +132,8 @@ fn at_a_double_sample_distance_it_is_no_further_from_the_converged_picture() {
             renderer.render(&volume, &request).unwrap()
         };
         let converged = of(Classification::Sampled, 0.1);
-        // From about the voxels' size on: at shorter steps both are within a fifth of a byte's step.
+        // From about the voxels' size on: at shorter steps both are within a fifth of a byte's
+        // step.
         for sample_mm in [2.0, 2.5, 3.0] {
             let sampled = difference(&of(Classification::Sampled, sample_mm), &converged);
             let doubled = difference(&of(Classification::PreIntegrated, 2.0 * sample_mm), &converged);

@@ -1,4 +1,5 @@
-//! Projections with closed forms: extremes of a cone, sums through a slab, what clip planes and misses do to them.
+//! Projections with closed forms: extremes of a cone, sums through a slab, what clip planes and
+//! misses do to them.
 
 use relief_base::{Point, Vector};
 use relief_render::{Clip, ClipPlane, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping};
@@ -34,8 +35,9 @@ fn pixels(frame: &RenderedFrame, height_mm: f64) -> Vec<(f64, f64, f64)> {
         .collect()
 }
 
-/// HU at the centre of a cone are -9000 and rise by 300 per mm, or the negative of that: steep, so that whole HU do not
-/// flatten the bottom of a ray that passes far off. Voxels lie on y = 0, since between two layers all would be bottom.
+/// HU at the centre of a cone are -9000 and rise by 300 per mm, or the negative of that: steep, so
+/// that whole HU do not flatten the bottom of a ray that passes far off. Voxels lie on y = 0, since
+/// between two layers all would be bottom.
 fn cone(sign: f64) -> Volume {
     let grid = Grid::axis_aligned([63; 3], [1.5; 3], [-46.5; 3]).unwrap();
     let hu = |i: usize, j: usize, k: usize| {
@@ -87,8 +89,9 @@ fn clipped_values_are_no_extremes() {
     }
 }
 
-/// The slab: 100 mm of 300 HU across y in air of -1000 HU, rays of 255 mm between outermost voxel centres. At its faces
-/// values are linear over 1 mm, so brightness times an opacity that is linear too adds 1/3 mm of the slab's own there.
+/// The slab: 100 mm of 300 HU across y in air of -1000 HU, rays of 255 mm between outermost voxel
+/// centres. At its faces values are linear over 1 mm, so brightness times an opacity that is linear
+/// too adds 1/3 mm of the slab's own there.
 const SLAB_MM: f64 = 99.0 + 2.0 / 3.0;
 
 /// Invariant: Extremes and sums along a ray follow their closed forms at any sample distance,
@@ -149,7 +152,8 @@ fn rays_that_meet_nothing_show_the_background() {
         assert_eq!(frame.color_rgba[0], [51, 102, 153, 0], "{mode:?}");
         assert_eq!(frame.depth_mm[0], f32::INFINITY, "{mode:?}");
         assert!(frame.depth_mm[15 * 31 + 15].is_finite(), "{mode:?} shows the sphere");
-        // Halves of a byte, which are filled in beside what is cast, and 127.5: to even numbers everywhere.
+        // Halves of a byte, which are filled in beside what is cast, and 127.5: to even numbers
+        // everywhere.
         request.background_rgb = [0.3, 0.7, 0.5];
         let [cast, filled] = [Skipping::Off, Skipping::On]
             .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());

@@ -1,4 +1,5 @@
-//! Pictures of fewer rays, enlarged: in their size, in their place, with depths that were there before.
+//! Pictures of fewer rays, enlarged: in their size, in their place, with depths that were there
+//! before.
 
 use std::sync::Arc;
 
@@ -30,7 +31,8 @@ fn a_reduced_picture_is_the_small_one_enlarged() {
         let small = renderer.render(&volume, &RenderRequest { size_px: [64, 36], ..whole.clone() }).unwrap();
         let large = renderer.render(&volume, &reduced).unwrap();
         assert_eq!((large.size_px, large.depth_mm.len()), ([192, 108], 192 * 108), "{json}");
-        // Three times as large: the middle of each block of 3x3 is the small picture's pixel, in colour and in depth.
+        // Three times as large: the middle of each block of 3x3 is the small picture's pixel, in
+        // colour and in depth.
         let back = large.back.as_ref().zip(small.back.as_ref());
         for (row, column) in (0..36).flat_map(|row| (0..64).map(move |column| (row, column))) {
             let (from, to) = (row * 64 + column, (3 * row + 1) * 192 + 3 * column + 1);

@@ -1,4 +1,5 @@
-//! Slices whose pixels can be written down: ramps, slabs of ramps, the balls of the axes phantom; and the f64 twin.
+//! Slices whose pixels can be written down: ramps, slabs of ramps, the balls of the axes phantom;
+//! and the f64 twin.
 
 use glam::DVec3;
 use relief_base::{Point, Vector};
@@ -24,7 +25,8 @@ fn pixels(frame: &RenderedFrame) -> impl Iterator<Item = ([u32; 2], [u8; 4], f32
 const PLANES: [&str; 4] =
     [r#""axial""#, r#""sagittal""#, r#""coronal""#, r#"{"normal": [0.4, -0.8, 0.3], "up": [0.2, 0.1, 1]}"#];
 
-/// Where a pixel of a parallel picture looks, on the plane through the focal point, by the camera's own axes.
+/// Where a pixel of a parallel picture looks, on the plane through the focal point, by the camera's
+/// own axes.
 fn on_the_plane(request: &RenderRequest, [column, row]: [u32; 2]) -> DVec3 {
     let camera = &request.camera;
     let [half_x, half_y] = camera.half_extent(request.size_px);
@@ -56,7 +58,8 @@ fn a_slice_through_a_ramp_is_exactly_linear_and_lies_at_one_depth() {
         for (at, [red, green, blue, coverage], depth) in pixels(&frame) {
             let position = on_the_plane(&request, at);
             let grey = (gradient.dot(position) / 2.0 + 127.5).clamp(0.0, 255.0);
-            // Half a step of rounding, and what the sampler's 8-bit weights may lose of the 6 HU between voxels.
+            // Half a step of rounding, and what the sampler's 8-bit weights may lose of the 6 HU
+            // between voxels.
             assert!((f64::from(red) - grey).abs() <= 0.55, "{plane} at {at:?}: {red} for {grey:.2}");
             assert_eq!((green, blue, coverage), (red, red, 255), "{plane}: opaque grey");
             assert!((f64::from(depth) - distance).abs() < 1e-3, "{plane}: {depth} mm for {distance} mm");
@@ -98,7 +101,8 @@ fn slabs_of_a_ramp_have_its_mean_on_the_plane_and_its_extremes_on_the_faces() {
     }
 }
 
-/// Name, the phantom's axes that point right and up in the picture, and that along which offsets count.
+/// Name, the phantom's axes that point right and up in the picture, and that along which offsets
+/// count.
 const CONVENTION: [(&str, DVec3, DVec3, DVec3); 3] = [
     ("axial", DVec3::X, DVec3::NEG_Y, DVec3::Z),
     ("sagittal", DVec3::Y, DVec3::Z, DVec3::X),
@@ -121,7 +125,8 @@ fn every_ball_lies_where_the_convention_puts_it() {
                 along.dot(landmark)
             );
             let frame = renderer.render(&phantom.volume, &slice(&phantom.volume, &scene)).unwrap();
-            // One pixel is one mm. The ball's middle is white, and its mirror images are air but for other balls.
+            // One pixel is one mm. The ball's middle is white, and its mirror images are air but
+            // for other balls.
             let [column, row] = [64.0 + right.dot(landmark), 64.0 - up.dot(landmark)].map(|at| at as u32);
             let lit = |column: u32, row: u32| frame.color_rgba[(row * 128 + column) as usize][0] == 255;
             assert!(lit(column, row), "{plane}: nothing at {column}, {row} for the ball at {landmark}");
@@ -148,7 +153,8 @@ fn left_right_front_and_back_are_told_apart_by_their_size() {
         let inside = |at: &[u32; 2]| columns.contains(&at[0]) && rows.contains(&at[1]);
         pixels(&frame).filter(|(at, color, _)| inside(at) && color[0] == 255).count() as f64
     };
-    // Radii 14 (left), 12 (right), 10 (back), 8 (front): the patient's right is on the left, the front above.
+    // Radii 14 (left), 12 (right), 10 (back), 8 (front): the patient's right is on the left, the
+    // front above.
     for (side, area, radius) in [
         ("left", area(84..128, 40..88), 14.0f64),
         ("right", area(0..44, 40..88), 12.0),

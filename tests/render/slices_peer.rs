@@ -32,7 +32,8 @@ for job in work['slices']:
     np.array(blends[job['blend']](np.stack(values)), '<f8').tofile(job['out'])
 ";
 
-/// What the peer is told of a slice, by the request's camera; samples from face to face of the slab.
+/// What the peer is told of a slice, by the request's camera; samples from face to face of the
+/// slab.
 fn job(request: &RenderRequest, blend: &str, samples: u32, out: &Path) -> serde_json::Value {
     let camera = &request.camera;
     let away = (camera.look_at().xyz - camera.eye().xyz).normalize();
@@ -108,7 +109,8 @@ fn slices_and_slabs_are_what_simpleitk_resamples() {
             "{what}: {compared} greys, worst {worst:.2} HU, {sides} pixels on another side of the faces"
         );
         assert!(compared > 150, "{what}: {compared} greys say too little");
-        // Rounding to a grey is half an HU; the sampler's weights are exact to 1/256 of up to 2000 HU a voxel.
+        // Rounding to a grey is half an HU; the sampler's weights are exact to 1/256 of up to 2000
+        // HU a voxel.
         assert!(worst <= 4.0, "{what}: {worst} HU");
         assert!(sides <= 6, "{what}: {sides} pixels are inside for one and outside for the other");
     }

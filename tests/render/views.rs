@@ -1,5 +1,5 @@
-//! Views beside each other: shifted lenses against point projection and the f64 twin, and the views that a display would
-//! make of one picture against true renders.
+//! Views beside each other: shifted lenses against point projection and the f64 twin, and the views
+//! that a display would make of one picture against true renders.
 
 use relief_base::Point;
 use relief_display::{DisplaySettings, Layout, Picture, psnr_db};
@@ -25,7 +25,8 @@ fn gpu_and_twin_agree_through_shifted_lenses() {
 
 /// Invariant: Synthesised views agree with true renders, which agree with point projection.
 ///
-/// Balls of the sphere phantom's series and an overlay's: where `project` says, with the depth that a pick finds again.
+/// Balls of the sphere phantom's series and an overlay's: where `project` says, with the depth that
+/// a pick finds again.
 #[test]
 fn what_is_seen_from_beside_lies_where_projection_says_and_picks_find_it() {
     let Some(mut renderer) = renderer("what_is_seen_from_beside") else { return };
@@ -121,7 +122,8 @@ fn synthesised_views_of_a_head_come_close_to_true_renders() {
     }
 }
 
-/// At twice the usual effect the outermost views have 36.6 and 36.7 dB, the inner ones 38.8 and 38.4.
+/// At twice the usual effect the outermost views have 36.6 and 36.7 dB, the inner ones 38.8 and
+/// 38.4.
 const FLOOR_DB: f64 = 35.5;
 
 /// A second layer that is known is seen in the holes: nearer to the truth than what is beside them.

@@ -1,4 +1,5 @@
-//! Annotations over HTTP: the whole table, two editors in conflict, blinded sets, and what is refused.
+//! Annotations over HTTP: the whole table, two editors in conflict, blinded sets, and what is
+//! refused.
 
 use axum::body::Body;
 use axum::http::{Method, Request};
@@ -417,7 +418,8 @@ async fn files_of_other_tools_come_and_go() {
 #[tokio::test]
 async fn places_snap_to_what_the_volume_has() {
     let stage = Stage::annotated().await;
-    // The cube's values rise by 1 along x, 4 along y and 16 along z, each 10 mm: each HU is a plane. Surfaces are 1/64 HU off theirs.
+    // The cube's values rise by 1 along x, 4 along y and 16 along z, each 10 mm: each HU is a
+    // plane. Surfaces are 1/64 HU off theirs.
     let body = json!({ "at_mm": [1.0, 2.0, 0.0], "to": "surface", "hu": 32.5, "radius_mm": 10 });
     let found = stage.annotate(Method::POST, "/snap", "", body.clone()).await;
     assert_eq!(found.status, 200, "{}", found.text());
@@ -431,7 +433,8 @@ async fn places_snap_to_what_the_volume_has() {
     );
     let length = at("shift_mm").iter().map(|mm| mm * mm).sum::<f64>().sqrt();
     assert!((length - found["distance_mm"].as_f64().unwrap()).abs() < 1e-9 && length > 0.0, "{found}");
-    // 0.1 HU are missing, and 1/64 by which surfaces are off whole HU: along a line of sight that is y, 0.289 mm.
+    // 0.1 HU are missing, and 1/64 by which surfaces are off whole HU: along a line of sight that
+    // is y, 0.289 mm.
     let mut along = body.clone();
     along["ray"] = json!([0.0, -3.0, 0.0]);
     let met = stage.annotate(Method::POST, "/snap", "", along).await;

@@ -1,4 +1,5 @@
-//! Several volumes of one log, and sets of several people: nothing that is asked of one reaches another.
+//! Several volumes of one log, and sets of several people: nothing that is asked of one reaches
+//! another.
 
 use axum::body::Body;
 use axum::http::{Method, Request};
@@ -54,7 +55,8 @@ async fn volumes_of_one_log_are_apart() {
 
 /// Invariant: Requests about one volume, or about another author's set, change nothing else.
 ///
-/// Every way to change an item, asked of a volume that it is not of: it is not there, and stays as it is where it is.
+/// Every way to change an item, asked of a volume that it is not of: it is not there, and stays as
+/// it is where it is.
 #[tokio::test]
 async fn items_of_another_volume_are_not_changed_from_here() {
     let (stage, other) = two_volumes().await;

@@ -1,4 +1,5 @@
-//! Annotations over frames: which are drawn for whom, in which pictures, and when a client has to fetch one again.
+//! Annotations over frames: which are drawn for whom, in which pictures, and when a client has to
+//! fetch one again.
 
 use axum::http::Method;
 use serde_json::{Value, json};

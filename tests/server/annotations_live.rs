@@ -1,4 +1,5 @@
-//! Annotations in live sessions: events to everybody who looks at the volume, landmarks by hand, and taking back.
+//! Annotations in live sessions: events to everybody who looks at the volume, landmarks by hand,
+//! and taking back.
 
 use std::time::Duration;
 

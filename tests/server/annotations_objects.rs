@@ -1,4 +1,5 @@
-//! DICOM reports and segmentations over HTTP: out of a volume that came as a series, as others read them, and in again.
+//! DICOM reports and segmentations over HTTP: out of a volume that came as a series, as others read
+//! them, and in again.
 
 use axum::body::Body;
 use axum::http::{Method, Request};
@@ -10,7 +11,8 @@ use crate::server::made;
 use crate::server::stage::{Answer, Stage};
 use crate::server::tools::{file_of, python};
 
-/// A server with the oblique phantom as a series, whose values rise by 1, 20 and 300 along its axes from -900.
+/// A server with the oblique phantom as a series, whose values rise by 1, 20 and 300 along its axes
+/// from -900.
 async fn stage() -> (Stage, made::Made) {
     let made = made::series();
     let found = relief_dicom::discover(&made.folder.path().join("ct"), Strictness::Strict, &|_| ()).unwrap();

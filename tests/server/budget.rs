@@ -79,7 +79,8 @@ async fn what_has_a_budget_is_asked_for_anew_and_named_by_what_was_used() {
     let tag = first.header("etag").to_owned();
     let headers = [("if-none-match", tag.as_str())];
     let renders = stage.gate.count();
-    // 2 ms for the reduced picture were slow, so that the next plan is another one, with another tag.
+    // 2 ms for the reduced picture were slow, so that the next plan is another one, with another
+    // tag.
     let second = stage.get_with(&format!("{path}&budget_ms=1.1&azimuth_deg=5"), &headers).await;
     assert_eq!(second.status, 200);
     assert_ne!(second.header("etag"), tag);

@@ -297,7 +297,8 @@ async fn a_depth_filter_changes_frames_and_no_pick() {
     assert_eq!(color, same);
     let hits = |d: &[u8]| d.iter().filter(|d| **d > 0).count();
     assert!(hits(&clear) > hits(&plain), "the ball is wider in depth");
-    // A pixel that only the filter gives a depth is still a miss for a pick, and one in the ball is where it was.
+    // A pixel that only the filter gives a depth is still a miss for a pick, and one in the ball is
+    // where it was.
     let widened = (0..plain.len()).find(|i| plain[*i] == 0 && clear[*i] > 0).unwrap();
     let inside = plain.len() / 2 + 16;
     for at in [widened, inside] {

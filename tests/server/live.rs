@@ -1,4 +1,5 @@
-//! Live sessions over real sockets: what is agreed on, what is shown and to whom, and who is refused.
+//! Live sessions over real sockets: what is agreed on, what is shown and to whom, and who is
+//! refused.
 
 use std::time::Duration;
 

@@ -1,4 +1,5 @@
-//! The flow of live frames: the newest pose wins, no wish is lost, two frames at most are on their way, and motion starves nobody.
+//! The flow of live frames: the newest pose wins, no wish is lost, two frames at most are on their
+//! way, and motion starves nobody.
 
 use std::time::Duration;
 

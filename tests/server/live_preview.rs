@@ -1,4 +1,5 @@
-//! Where a landmark would be set down is shown before it is: by a ghost in the picture and in the state, for hands and for pointers.
+//! Where a landmark would be set down is shown before it is: by a ghost in the picture and in the
+//! state, for hands and for pointers.
 
 use std::time::{Duration, Instant};
 
@@ -84,7 +85,8 @@ fn annotating(snap: &Value) -> Value {
 
 /// Invariant: The preview shows where a landmark will be placed; frames keep their rate meanwhile.
 ///
-/// A hand that holds A near the surface sees the place on it, with the shift, and letting go sets the landmark down there.
+/// A hand that holds A near the surface sees the place on it, with the shift, and letting go sets
+/// the landmark down there.
 #[tokio::test]
 async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_there() {
     let running = Running::annotated_sphere().await;
@@ -120,7 +122,8 @@ async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_
 
 /// Invariant: The preview shows where a landmark will be placed; frames keep their rate meanwhile.
 ///
-/// The ghost follows the cursor, in a picture along the line of sight, and goes where nothing is near, and when it is over.
+/// The ghost follows the cursor, in a picture along the line of sight, and goes where nothing is
+/// near, and when it is over.
 #[tokio::test]
 async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
     let running = Running::annotated_sphere().await;
@@ -160,7 +163,8 @@ async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
     assert!(over["snapped"].is_null(), "{over}");
 }
 
-/// Leads the cursor a hundred times in a second at least, as a hand that trembles; gives the last place and the pictures a second.
+/// Leads the cursor a hundred times in a second at least, as a hand that trembles; gives the last
+/// place and the pictures a second.
 async fn tremble(running: &Running, anna: &mut Client, first: u32) -> ([f64; 3], f64) {
     let (start, mut newest) = (Instant::now(), [0.0; 3]);
     let before = running.stage.gate.count();
@@ -178,7 +182,8 @@ async fn tremble(running: &Running, anna: &mut Client, first: u32) -> ([f64; 3],
 
 /// Invariant: The preview shows where a landmark will be placed; frames keep their rate meanwhile.
 ///
-/// Pictures go on at their pace while a hand that trembles is snapped, and the newest place is the one that is shown in the end.
+/// Pictures go on at their pace while a hand that trembles is snapped, and the newest place is the
+/// one that is shown in the end.
 #[tokio::test]
 async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
     let running = Running::annotated_sphere().await;

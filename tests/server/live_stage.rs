@@ -1,4 +1,5 @@
-//! What tests of live sessions stand on: a server on a real socket, and a client that speaks `relief.v1` by hand.
+//! What tests of live sessions stand on: a server on a real socket, and a client that speaks
+//! `relief.v1` by hand.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -198,7 +199,8 @@ impl Client {
         self.send(&json!({ "type": "ack", "frame": sequence, "t_ns": 1 })).await;
     }
 
-    /// Acknowledges frames until one of a still view comes that shows a message of this number or later.
+    /// Acknowledges frames until one of a still view comes that shows a message of this number or
+    /// later.
     pub(crate) async fn still(&mut self, shows_seq: u64) -> ReceivedFrame {
         loop {
             let frame = self.frame().await;

@@ -1,4 +1,5 @@
-//! Voxels of several series in the machine's memory: they go and come back, and what cannot is said.
+//! Voxels of several series in the machine's memory: they go and come back, and what cannot is
+//! said.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -21,7 +22,8 @@ fn loaded(volume: Volume) -> LoadedVolume {
     LoadedVolume { volume, warnings: 0, identity: None, reference: None, labels: None }
 }
 
-/// A server of three series under a limit, how often each was read again, and the paths of their frames.
+/// A server of three series under a limit, how often each was read again, and the paths of their
+/// frames.
 fn three(limit: u64) -> (Stage, Arc<[AtomicUsize; 3]>, [String; 3]) {
     let stage = Stage::empty(Config { memory_bytes: limit, ..Config::default() }, QueueConfig::default());
     let reads = Arc::new([0, 0, 0].map(AtomicUsize::new));

@@ -1,7 +1,7 @@
 //! HTTP, through `app(state)` without sockets and, where connections matter, over real ones.
 //!
-//! The backend here draws a sphere by its closed form, counts its renders and waits at a gate, so that every answer
-//! can be foreseen and every order of events arranged. No GPU is needed.
+//! The backend here draws a sphere by its closed form, counts its renders and waits at a gate, so
+//! that every answer can be foreseen and every order of events arranged. No GPU is needed.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 

@@ -189,7 +189,8 @@ async fn the_page_is_whole_and_loads_nothing_from_elsewhere() {
     assert!(seen.iter().any(|path| path.ends_with(".css")) && seen.iter().any(|path| path.ends_with(".js")));
 }
 
-/// The files that a page or a script at `path` names: values of `src` and `href` from the root, imports from where it lies.
+/// The files that a page or a script at `path` names: values of `src` and `href` from the root,
+/// imports from where it lies.
 fn references(path: &str, text: &str) -> Vec<String> {
     let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
     let named = |key: &'static str, base: String| {

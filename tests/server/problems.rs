@@ -1,4 +1,5 @@
-//! Every refusal: its status, and that its document names what is wrong, where, and what is allowed.
+//! Every refusal: its status, and that its document names what is wrong, where, and what is
+//! allowed.
 
 use std::time::Duration;
 

@@ -1,4 +1,5 @@
-//! Over real sockets: clients that dawdle, stall or vanish harm nobody, and stopping finishes what runs.
+//! Over real sockets: clients that dawdle, stall or vanish harm nobody, and stopping finishes what
+//! runs.
 
 use std::net::SocketAddr;
 use std::time::Duration;

@@ -1,4 +1,5 @@
-//! What the tests stand on: a backend with a closed form and a gate, a server around it, and short ways to ask.
+//! What the tests stand on: a backend with a closed form and a gate, a server around it, and short
+//! ways to ask.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -136,7 +137,8 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
     }
 }
 
-/// View depth of the first point of the sphere on a pixel's ray, mm; of a plane in parallel projections.
+/// View depth of the first point of the sphere on a pixel's ray, mm; of a plane in parallel
+/// projections.
 #[expect(clippy::cast_possible_truncation, reason = "depth is stored as f32")]
 pub(crate) fn sphere_depth(request: &RenderRequest, [column, row]: [u32; 2]) -> f32 {
     let camera = &request.camera;
@@ -218,7 +220,8 @@ impl Stage {
         Self { _folder: Some(folder), ..stage }
     }
 
-    /// A server with one volume whose log of annotations is there, and hears of what others write into it.
+    /// A server with one volume whose log of annotations is there, and hears of what others write
+    /// into it.
     pub(crate) async fn following(place: &str) -> Self {
         let stage = Self::annotated_at(place, Config::default(), cube()).await;
         stage.server.follow_annotations().await;
@@ -313,7 +316,8 @@ pub(crate) fn cube() -> Volume {
     Volume::new(grid, (0..64).collect()).unwrap()
 }
 
-/// A ball of 300 HU and the backend's radius in air, in voxels of 1.5 mm around the patient origin; its edge is 2 mm wide.
+/// A ball of 300 HU and the backend's radius in air, in voxels of 1.5 mm around the patient origin;
+/// its edge is 2 mm wide.
 #[expect(clippy::cast_possible_truncation, reason = "within -1000 and 300")]
 fn ball() -> Volume {
     let (count, mm) = (44u32, 1.5);

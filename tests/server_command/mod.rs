@@ -1,6 +1,8 @@
-//! `relief serve` as users run it: a process that prints its address, loads, answers, and stops when told.
+//! `relief serve` as users run it: a process that prints its address, loads, answers, and stops
+//! when told.
 //!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says
+//! that it skipped.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(unix)]
@@ -222,7 +224,8 @@ fn a_long_render_that_nobody_waits_for_makes_way() {
     let (head, _) = running.get(&format!("/v1/volumes/{id}/frame?layout=color&size_px=64,64"));
     assert!(head.starts_with("HTTP/1.1 200"), "{head}");
     assert_eq!(metric(&running, "relief_render_abandoned_total{when=\"rendering\"}"), 1);
-    // All of it would have been a band for each row of tiles; the uppermost miss the volume, and take no time.
+    // All of it would have been a band for each row of tiles; the uppermost miss the volume, and
+    // take no time.
     let bands = metric(&running, "relief_render_bands_total");
     assert!(bands < SIDE / 8 / 2, "{bands} bands");
     let (status, _) = running.stop("-TERM");
@@ -261,14 +264,16 @@ fn of_three_series_under_a_budget_for_two_one_is_evicted() {
         ["relief_gpu_volumes", "relief_gpu_uploads_total", "relief_gpu_evictions_total"]
             .map(|name| metric(&running, name))
     };
-    // 32^3 voxels of ten bytes, and an appearance of 98304 bytes, a brick a voxel: 425984 bytes each.
+    // 32^3 voxels of ten bytes, and an appearance of 98304 bytes, a brick a voxel: 425984 bytes
+    // each.
     assert_eq!(show(ids[0], 0), [1, 1, 0]);
     assert_eq!(show(ids[1], 0), [2, 2, 0]);
     assert_eq!(show(ids[2], 0), [2, 3, 1]);
     assert_eq!(show(ids[1], 10), [2, 3, 1], "the second is still there");
     assert_eq!(show(ids[0], 10), [2, 4, 2], "the first had gone, and now the third goes");
     assert_eq!(metric(&running, "relief_gpu_memory_limit_bytes"), 900_000);
-    // Of the machine's own memory two volumes may have 65536 bytes each: all but the fourth picture had its series read.
+    // Of the machine's own memory two volumes may have 65536 bytes each: all but the fourth picture
+    // had its series read.
     assert_eq!(metric(&running, "relief_series_reads_total"), 4);
     assert!(metric(&running, "relief_memory_bytes") <= 140_000);
     assert_eq!(running.stop("-TERM").0, Some(0));

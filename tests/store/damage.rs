@@ -44,7 +44,8 @@ async fn raw(file: &Path) -> sqlx::SqliteConnection {
     sqlx::SqliteConnection::connect(&format!("sqlite://{}", file.display())).await.unwrap()
 }
 
-/// Opens it and does all that can be done with it. No panic, and an error is one that says what is wrong.
+/// Opens it and does all that can be done with it. No panic, and an error is one that says what is
+/// wrong.
 async fn use_all(place: &str) -> Result<(), StoreError> {
     let store = Store::open(place).await?;
     let used = async {
@@ -228,7 +229,8 @@ async fn a_log_that_may_only_be_read_is_read() {
     assert!(matches!(refused, StoreError::Foreign(_)), "{refused:?}");
 }
 
-/// A disk that gets full is played by SQLite's own limit of pages; the edit that did not fit leaves nothing behind.
+/// A disk that gets full is played by SQLite's own limit of pages; the edit that did not fit leaves
+/// nothing behind.
 #[tokio::test]
 async fn an_edit_that_finds_no_room_leaves_nothing() {
     let made = closed().await;

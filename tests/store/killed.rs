@@ -1,7 +1,8 @@
-//! `kill -9` under load: what was acknowledged is there, nothing is half there, and the log opens every time.
+//! `kill -9` under load: what was acknowledged is there, nothing is half there, and the log opens
+//! every time.
 //!
-//! The victim is this test program itself, told to write and to say what was acknowledged. `scripts/soak-store` does the same a
-//! thousand times.
+//! The victim is this test program itself, told to write and to say what was acknowledged.
+//! `scripts/soak-store` does the same a thousand times.
 
 use std::collections::HashMap;
 use std::io::{Read, Write};
@@ -75,7 +76,8 @@ async fn write(store: Store, author: String) -> StoreError {
     StoreError::NothingToUndo
 }
 
-/// One line for an edit: it is whole or it was never said. Written past the test harness, which would keep it.
+/// One line for an edit: it is whole or it was never said. Written past the test harness, which
+/// would keep it.
 fn acknowledge(events: &[Event]) {
     let told: Vec<String> =
         events.iter().map(|event| format!("{} {} {}", event.seq, event.id, event.version)).collect();
@@ -94,7 +96,8 @@ fn start(place: &str, limit_kib: Option<u64>) -> Child {
     let mut command = match limit_kib {
         None => Command::new(program),
         Some(kib) => {
-            // A file that must not grow further is as good as a full disk. The signal that goes with it is ignored.
+            // A file that must not grow further is as good as a full disk. The signal that goes
+            // with it is ignored.
             let mut shell = Command::new("sh");
             let limited = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", kib * 2);
             shell.arg("-c").arg(limited).arg(program);
@@ -130,8 +133,8 @@ async fn look(place: &str, after: u64, acknowledged: &HashMap<u64, (String, u64)
     for (seq, event) in acknowledged {
         assert_eq!(found.get(seq), Some(event), "event {seq} was acknowledged");
     }
-    // An edit of which only a part is there would have fewer events than its undo or its sisters: all events of a round have
-    // the same number, as the rounds of the victim do.
+    // An edit of which only a part is there would have fewer events than its undo or its sisters:
+    // all events of a round have the same number, as the rounds of the victim do.
     for edit in log.chunk_by(|a, b| a.edit == b.edit).filter(|edit| edit[0].kind == Kind::Do) {
         let item = edit[0].item.as_ref().map(|item| item.name.clone()).unwrap_or_default();
         if let Some((round, _)) = item.split_once('.') {
@@ -202,7 +205,8 @@ fn soak() {
 /// Invariant: An acknowledged edit is durable, and no edit is stored partially, whenever the
 /// process is killed.
 ///
-/// The file system refuses at some point: the log says so, and nothing that was acknowledged is lost.
+/// The file system refuses at some point: the log says so, and nothing that was acknowledged is
+/// lost.
 #[cfg(unix)]
 #[test]
 fn what_was_acknowledged_survives_a_disk_that_refuses() {

@@ -1,4 +1,5 @@
-//! Random edits, undos and redos of several authors, against a model that keeps whole histories in memory.
+//! Random edits, undos and redos of several authors, against a model that keeps whole histories in
+//! memory.
 #![expect(
     clippy::type_complexity,
     clippy::large_enum_variant,

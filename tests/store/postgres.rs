@@ -1,6 +1,7 @@
 //! The same log in PostgreSQL: a server of our own on loopback, in a folder that goes with it.
 //!
-//! Needs PostgreSQL's programs: those of `scripts/setup-postgres` (`RELIEF_POSTGRES`), Debian's, or those on the path.
+//! Needs PostgreSQL's programs: those of `scripts/setup-postgres` (`RELIEF_POSTGRES`), Debian's, or
+//! those on the path.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -82,7 +83,8 @@ async fn other_schemas_are_refused(server: &Server) {
     assert!(matches!(refused, StoreError::Foreign(_)), "{refused}");
 }
 
-/// The server is killed while others write; afterwards all that was acknowledged is there, and the same store goes on.
+/// The server is killed while others write; afterwards all that was acknowledged is there, and the
+/// same store goes on.
 async fn what_was_acknowledged_survives_a_crash(server: &mut Server) {
     let store = server.store("crash").await;
     for round in 0..3 {

@@ -17,7 +17,8 @@ scenarios! {
     edits_of_many_changes_stay_together,
 }
 
-/// Adds one to the x of an item, again and again where others are faster, as two people with a page open would.
+/// Adds one to the x of an item, again and again where others are faster, as two people with a page
+/// open would.
 async fn count_up(store: Store, id: relief_annotation::ItemId, author: String) -> usize {
     let mut conflicts = 0;
     for _ in 0..ROUNDS {

@@ -100,7 +100,8 @@ fn a_region_is_grown_and_becomes_a_mesh_and_files() {
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
 }
 
-/// Voxels of the phantom (64 of 4 mm along each side, around the origin) that lie in a ball by half, by counting 16³ points in each.
+/// Voxels of the phantom (64 of 4 mm along each side, around the origin) that lie in a ball by
+/// half, by counting 16³ points in each.
 fn half_covered(center: [f64; 3], radius: f64) -> usize {
     let is_in = |voxel: [i32; 3]| {
         let inside = (0..4096).filter(|point| {

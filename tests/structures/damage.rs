@@ -1,4 +1,5 @@
-//! Mesh files that are damaged or made up: an error with its place, or a mesh that is sound; never more memory than bytes.
+//! Mesh files that are damaged or made up: an error with its place, or a mesh that is sound; never
+//! more memory than bytes.
 
 use proptest::prelude::*;
 use relief_annotation::{MeshFilePlace, MeshFormat, TriangleMesh, read_mesh, surface_nets, write_mesh};
@@ -101,7 +102,8 @@ fn nodes_in_a_ring_and_meshes_shown_too_often_end() {
     let children: Vec<String> = (1..=3000).map(|n| n.to_string()).collect();
     let many = format!(r#"[{{"children":[{}]}},{}]"#, children.join(","), many.join(","));
     says(MeshFormat::Glb, with(&many), "no more than the file has bytes");
-    // A node that mirrors turns triangles inside out, so they are turned back; metres and Y up become mm and LPS.
+    // A node that mirrors turns triangles inside out, so they are turned back; metres and Y up
+    // become mm and LPS.
     let mirrored = read_mesh(
         MeshFormat::Glb,
         &with(r#"[{"mesh":0,"scale":[-0.001,0.001,0.001],"translation":[1,0,0]}]"#),

@@ -83,7 +83,8 @@ fn a_neck_is_not_passed_and_the_leak_behind_it_does_not_count() {
     assert_eq!(found.ended, GrowthEnd::AtNeck);
     let ball = mask(dumbbell().grid(), |p| in_ball(p, -20.0)).voxels();
     let share = found.voxels as f64 / ball as f64;
-    // A ball of 6 mm does not reach into the bridge by more than its own curvature, and misses few voxels of the large ball.
+    // A ball of 6 mm does not reach into the bridge by more than its own curvature, and misses few
+    // voxels of the large ball.
     assert!((0.97..1.02).contains(&share), "{share} of the ball");
     for index in super::shapes::indices(dumbbell().grid()) {
         if found.mask.contains(index) {

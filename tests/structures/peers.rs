@@ -186,7 +186,8 @@ print(json.dumps(out))
 /// A volume, seeds and the values that belong.
 pub(crate) type Case<'a> = (&'a Volume, Vec<[usize; 3]>, [i16; 2]);
 
-/// Regions without limits, and SimpleITK's of the same seeds, as numbers of voxels; they must be the same voxels.
+/// Regions without limits, and SimpleITK's of the same seeds, as numbers of voxels; they must be
+/// the same voxels.
 pub(crate) fn same_as_simpleitk(python: &str, cases: &[Case<'_>]) -> Vec<u64> {
     let folder = tempfile::tempdir().unwrap();
     let mut facts = Vec::new();

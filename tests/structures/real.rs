@@ -14,7 +14,8 @@ fn chest(what: &str) -> Option<Volume> {
     Some(relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap().volume)
 }
 
-/// The voxel in the middle of the largest cube of values in a range, looked for on a coarse raster: a seed in the thick of it.
+/// The voxel in the middle of the largest cube of values in a range, looked for on a coarse raster:
+/// a seed in the thick of it.
 fn thick(volume: &Volume, [low, high]: [i16; 2], edge: usize) -> [usize; 3] {
     let [nx, ny, nz] = volume.grid().dims();
     let steps = |n: usize| (0..n.saturating_sub(edge)).step_by(3);

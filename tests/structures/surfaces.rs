@@ -127,7 +127,8 @@ fn has_fan_of_more(mesh: &TriangleMesh) -> bool {
 
 #[test]
 fn sheets_that_meet_twice_get_corners_of_their_own() {
-    // Two voxels across a face's corners, joined by bridges on both sides of the face: the surface goes through the ring.
+    // Two voxels across a face's corners, joined by bridges on both sides of the face: the surface
+    // goes through the ring.
     let mut mask = Mask::empty(Grid::axis_aligned([2, 2, 3], [1.0; 3], [0.0; 3]).unwrap());
     for k in [0, 2] {
         [[0, 0, k], [1, 0, k], [1, 1, k]].into_iter().for_each(|index| mask.set(index, true));

@@ -1,4 +1,5 @@
-//! `relief track` as users run it: recordings made and tracked, against the truth that the recording was made with.
+//! `relief track` as users run it: recordings made and tracked, against the truth that the
+//! recording was made with.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 use std::io::{Read, Write};
@@ -83,7 +84,8 @@ fn a_recording_is_tracked_to_the_truth() {
     assert!((0.9..1.5).contains(&(paper.0 / single.0)), "{spreads:?}");
 }
 
-/// `ipopt` and `interior-point` minimise the same energy; a build without IPOPT says that it takes its own solver.
+/// `ipopt` and `interior-point` minimise the same energy; a build without IPOPT says that it takes
+/// its own solver.
 #[test]
 fn the_solvers_of_the_paper_agree() {
     let folder = tempfile::tempdir().unwrap();
@@ -106,7 +108,8 @@ fn the_solvers_of_the_paper_agree() {
     assert_eq!(solved("paper").0, ours, "the old name");
 }
 
-/// A focal length that is 3 % too short puts the sensor 3 % too near: the file of the camera is used.
+/// A focal length that is 3 % too short puts the sensor 3 % too near: the file of the camera is
+/// used.
 #[test]
 fn the_camera_and_the_beacon_come_from_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -214,7 +217,8 @@ fn poses_are_published_over_openigtlink() {
     child.wait().unwrap();
 }
 
-/// A survey calibrates the camera to what it was made with; a hand that only points is refused, with the reason.
+/// A survey calibrates the camera to what it was made with; a hand that only points is refused,
+/// with the reason.
 #[test]
 fn a_camera_is_calibrated_from_a_survey() {
     let folder = tempfile::tempdir().unwrap();
@@ -263,7 +267,8 @@ fn blobs_in_full_are_tracked() {
     assert!(rms(errors.iter().map(|e| e.0)) < 20.0 && rms(errors.iter().map(|e| e.1)) < 1.0);
 }
 
-/// A lens focused at 1.4 m blurs an LED at z into a disc of A v |1/z - 1/1400|; sizes are told in sensor pixels of 8 units.
+/// A lens focused at 1.4 m blurs an LED at z into a disc of A v |1/z - 1/1400|; sizes are told in
+/// sensor pixels of 8 units.
 #[test]
 fn a_lens_makes_blobs_larger_out_of_focus() {
     let folder = tempfile::tempdir().unwrap();
@@ -291,7 +296,8 @@ fn a_lens_makes_blobs_larger_out_of_focus() {
     assert!(stderr(&refused).contains("more than the focal length of 4 mm"), "{}", stderr(&refused));
 }
 
-/// The EEPROM of a real remote, as published, moves the start of a calibration to where its factory saw four points.
+/// The EEPROM of a real remote, as published, moves the start of a calibration to where its factory
+/// saw four points.
 #[test]
 fn a_calibration_starts_at_what_the_eeprom_says() {
     let folder = tempfile::tempdir().unwrap();
@@ -316,7 +322,8 @@ fn a_calibration_starts_at_what_the_eeprom_says() {
     let told = start(calibrate(&survey, &["--prior", text(&eeprom)]));
     assert!(is_expected(&told), "{told:?}");
     assert_eq!(start(calibrate(&survey, &[])), [1340.0, 511.5, 383.5]);
-    // A recording of the remote itself has the answer to the host's question: 16 bytes from address 0.
+    // A recording of the remote itself has the answer to the host's question: 16 bytes from address
+    // 0.
     let hex: String = [&ir[..], &ir[..5]].concat().iter().map(|byte| format!("{byte:02x}")).collect();
     let told = format!("{{\"t_ns\":1,\"report\":\"210000f00000{hex}\"}}\n");
     let with_memory = folder.path().join("with-memory.jsonl");
@@ -334,7 +341,8 @@ fn a_calibration_starts_at_what_the_eeprom_says() {
 /// Invariant: With a calibrated camera and the filter, the robot experiment stays within 1.2 times
 /// the Cramer-Rao bound of a known camera.
 ///
-/// The table of the experiment: ours is far below the published errors, and the files of plots and numbers are there.
+/// The table of the experiment: ours is far below the published errors, and the files of plots and
+/// numbers are there.
 #[test]
 fn the_experiment_prints_its_table_beside_the_published_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -348,7 +356,8 @@ fn the_experiment_prints_its_table_beside_the_published_one() {
     let way =
         |name: &str| ways.iter().find(|way| way["way"] == name).unwrap()["outcomes"].as_array().unwrap();
     let means = |name: &str| -> Vec<f64> { way(name).iter().map(|o| o["mean"].as_f64().unwrap()).collect() };
-    // Within what a surgeon's pointer may err by, all below the published errors, and as good as the run allows.
+    // Within what a surgeon's pointer may err by, all below the published errors, and as good as
+    // the run allows.
     for outcome in [way("true camera, filtered"), way("calibrated, filtered")] {
         for (outcome, limit) in outcome.iter().zip([0.05, 0.08, 0.1, 0.1, 0.5]) {
             let [mean, rms, bound] = ["mean", "rms", "bound"].map(|key| outcome[key].as_f64().unwrap());
@@ -367,7 +376,8 @@ fn the_experiment_prints_its_table_beside_the_published_one() {
     assert_eq!(std::fs::read_to_string(out.join("table.csv")).unwrap().lines().count(), 1 + 5 + 25);
 }
 
-/// An SVG that is well formed, without letters that would need a font, and a PNG of its shape with ink in many colours.
+/// An SVG that is well formed, without letters that would need a font, and a PNG of its shape with
+/// ink in many colours.
 fn plot_is_readable(path: &Path) {
     let svg = std::fs::read_to_string(path.with_extension("svg")).unwrap();
     let mut reader = quick_xml::Reader::from_str(&svg);

@@ -1,7 +1,8 @@
-//! The virtual remote driven by Debian's libcwiid: an independent host that brings the camera up, and an independent
-//! decoder of what the remote reports.
+//! The virtual remote driven by Debian's libcwiid: an independent host that brings the camera up,
+//! and an independent decoder of what the remote reports.
 //!
-//! Runs where `RELIEF_CWIID` names a folder with libcwiid, unpacked by scripts/setup-peers, and says aloud where it does not.
+//! Runs where `RELIEF_CWIID` names a folder with libcwiid, unpacked by scripts/setup-peers, and
+//! says aloud where it does not.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 use std::io::{BufRead, BufReader, Write};

@@ -1,4 +1,5 @@
-//! `relief track` and `relief calibrate`, beside other solvers and libraries, and a remote that the kernel plays.
+//! `relief track` and `relief calibrate`, beside other solvers and libraries, and a remote that the
+//! kernel plays.
 
 mod command;
 mod cwiid;

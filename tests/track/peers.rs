@@ -1,4 +1,5 @@
-//! Poses against OpenCV, PoseLib, IPOPT and pyigtl: code that is not ours, on the same pixels and bytes.
+//! Poses against OpenCV, PoseLib, IPOPT and pyigtl: code that is not ours, on the same pixels and
+//! bytes.
 //!
 //! Runs where `RELIEF_PEERS_PYTHON` names a Python that has them, and says aloud where it does not.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]

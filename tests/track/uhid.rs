@@ -1,8 +1,9 @@
-//! The virtual remote as a device of the kernel's, through /dev/uhid: found, brought up and tracked by `relief track
-//! --reports hidraw` as a Wiimote is, beside the kernel's own driver for it.
+//! The virtual remote as a device of the kernel's, through /dev/uhid: found, brought up and tracked
+//! by `relief track --reports hidraw` as a Wiimote is, beside the kernel's own driver for it.
 //!
-//! Runs where /dev/uhid may be written, and says aloud where it does not. The encoding of uhid's events, which is our own, is
-//! tested everywhere: against the kernel's header, where there is a C compiler.
+//! Runs where /dev/uhid may be written, and says aloud where it does not. The encoding of uhid's
+//! events, which is our own, is tested everywhere: against the kernel's header, where there is a C
+//! compiler.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
@@ -52,7 +53,8 @@ const INPUTS: [(u8, u8); 14] = [
 
 /// What a Wiimote says of itself: a game pad with reports of bytes.
 fn descriptor() -> Vec<u8> {
-    // Usage page and usage, application; then for all reports: 0 to 255, 8 bits, a usage page of the vendor's.
+    // Usage page and usage, application; then for all reports: 0 to 255, 8 bits, a usage page of
+    // the vendor's.
     let mut bytes =
         vec![0x05, 0x01, 0x09, 0x05, 0xa1, 0x01, 0x15, 0x00, 0x26, 0xff, 0x00, 0x75, 0x08, 0x06, 0x00, 0xff];
     for (reports, kind) in [(OUTPUTS.as_slice(), 0x91), (INPUTS.as_slice(), 0x81)] {

@@ -1,5 +1,6 @@
-//! Files of other programs: `relief presets convert` and `relief render --transfer`, against VTK's own evaluation where
-//! `RELIEF_PEERS_PYTHON` names a Python that has it, and against bytes that are no such files.
+//! Files of other programs: `relief presets convert` and `relief render --transfer`, against VTK's
+//! own evaluation where `RELIEF_PEERS_PYTHON` names a Python that has it, and against bytes that
+//! are no such files.
 
 use std::path::Path;
 use std::process::Command;
@@ -212,7 +213,8 @@ fn midpoint_sharpness_and_colour_spaces_are_those_of_vtk() {
     let mut maps = Vec::new();
     let mut cases = Vec::new();
     for space in spaces {
-        // Slicer's points bend their colours, in RGB; maps have other spaces, and bend their opacity.
+        // Slicer's points bend their colours, in RGB; maps have other spaces, and bend their
+        // opacity.
         let is_rgb = space == "RGB";
         let bend = |i: usize| if is_rgb { bends[i] } else { [0.5, 0.0] };
         let point = |(i, [x, r, g, b]): (usize, [f64; 4])| json!({ "x": x, "color": [r, g, b], "midpoint": bend(i)[0], "sharpness": bend(i)[1] });
@@ -309,7 +311,8 @@ fn printed_gradient(presets: &str) -> Value {
     serde_json::from_str::<Value>(&printed).unwrap()["transfer"]["gradient_opacity"].clone()
 }
 
-/// The file, what is converted of it, and that in a scene all make the same picture, another than the preset's.
+/// The file, what is converted of it, and that in a scene all make the same picture, another than
+/// the preset's.
 #[test]
 fn a_picture_with_the_file_is_one_with_what_it_converts_to() {
     if software_adapter("a_picture_with_the_file_is_one_with_what_it_converts_to").is_none() {

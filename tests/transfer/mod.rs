@@ -1,7 +1,7 @@
 //! Transfer functions from outside: the commands, and what they make.
 //!
-//! Rendering needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise a test says that
-//! it skipped.
+//! Rendering needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails;
+//! otherwise a test says that it skipped.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 use crate::common;

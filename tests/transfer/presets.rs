@@ -33,8 +33,8 @@ fn json_says_what_each_stands_for() {
     }
 }
 
-/// Every preset of a head that holds bone, soft tissue, air, fillings and bright vessels shows something, and no two
-/// pictures are the same.
+/// Every preset of a head that holds bone, soft tissue, air, fillings and bright vessels shows
+/// something, and no two pictures are the same.
 #[test]
 fn every_thumbnail_shows_the_head_in_its_own_way() {
     if software_adapter("every_thumbnail_shows_the_head_in_its_own_way").is_none() {

@@ -16,7 +16,8 @@ pub(super) struct Cells {
     pub(super) sheet_of: [[u8; 12]; 256],
     /// Of each case and sheet the mean of its crossings' middles, in the cell: 0..1.
     pub(super) places: [[[f64; 3]; 4]; 256],
-    /// Of each case the faces whose two joints are parts of one sheet, a bit for each face. Faces: see [`face`].
+    /// Of each case the faces whose two joints are parts of one sheet, a bit for each face. Faces:
+    /// see [`face`].
     pub(super) twice: [u8; 256],
     /// Of each case how many of the edges at corner 0 are crossed.
     pub(super) quads: [u8; 256],
@@ -25,7 +26,8 @@ pub(super) struct Cells {
 /// The table, made when first asked for.
 pub(super) static CELLS: LazyLock<Cells> = LazyLock::new(Cells::new);
 
-/// The edge along `axis`, at `u` and `v` (0 or 1) along the two axes that follow it in the order x, y, z, x, y.
+/// The edge along `axis`, at `u` and `v` (0 or 1) along the two axes that follow it in the order x,
+/// y, z, x, y.
 pub(super) const fn edge(axis: usize, u: usize, v: usize) -> usize {
     axis * 4 + u + 2 * v
 }

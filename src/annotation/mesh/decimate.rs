@@ -11,7 +11,8 @@ use super::{MeshError, TriangleMesh};
 /// How far to go: as far as both allow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decimation {
-    /// Triangles that are wanted. More are left where fewer would change the surface by more than allowed, or its topology.
+    /// Triangles that are wanted. More are left where fewer would change the surface by more than
+    /// allowed, or its topology.
     pub triangles: usize,
     /// How far the surface may move, about, mm.
     pub error_mm: f64,

@@ -56,7 +56,8 @@ impl Fans {
         if sides.is_empty() {
             return Fan::Empty;
         }
-        // Each side leads from one neighbour to the next: a closed fan is one round through all of them.
+        // Each side leads from one neighbour to the next: a closed fan is one round through all of
+        // them.
         let leads_to = |from: u32| {
             let mut ways = sides.iter().filter(|side| side[0] == from);
             let first = ways.next().map(|side| side[1]);
@@ -82,7 +83,8 @@ impl Fans {
         Self::kind_of_many(sides)
     }
 
-    /// The same by sorting: for corners with very many triangles, and those that are not as they should be.
+    /// The same by sorting: for corners with very many triangles, and those that are not as they
+    /// should be.
     fn kind_of_many(sides: &[[u32; 2]]) -> Fan {
         let mut by_start = sides.to_vec();
         by_start.sort_unstable();

@@ -18,7 +18,8 @@ pub struct Measures {
     pub is_closed: bool,
     /// Whether besides that the triangles around every corner make one round: a closed 2-manifold.
     pub is_manifold: bool,
-    /// Corners that triangles have, less edges, plus triangles: 2 for a ball, 0 for a ring; the sum of all parts. Of a closed surface.
+    /// Corners that triangles have, less edges, plus triangles: 2 for a ball, 0 for a ring; the sum
+    /// of all parts. Of a closed surface.
     pub euler: Option<i64>,
 }
 
@@ -28,8 +29,8 @@ const BLOCK: usize = 1 << 14;
 impl TriangleMesh {
     /// Area, volume, and whether it is closed.
     ///
-    /// The volume is that of the divergence theorem: tetrahedra from the middle of the mesh to each triangle, with their signs. A
-    /// mesh that fails [`TriangleMesh::check`] panics.
+    /// The volume is that of the divergence theorem: tetrahedra from the middle of the mesh to each
+    /// triangle, with their signs. A mesh that fails [`TriangleMesh::check`] panics.
     #[must_use]
     pub fn measures(&self) -> Measures {
         let fans = Fans::new(self);
@@ -64,7 +65,8 @@ impl TriangleMesh {
         if low.x <= high.x { (low + high) / 2.0 } else { DVec3::ZERO }
     }
 
-    /// The box around the corners: smallest and largest coordinates, mm. Without corners the first is above the second.
+    /// The box around the corners: smallest and largest coordinates, mm. Without corners the first
+    /// is above the second.
     #[must_use]
     pub fn span(&self) -> [DVec3; 2] {
         let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];

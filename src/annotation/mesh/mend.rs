@@ -1,10 +1,11 @@
 //! Makes a closed mesh a 2-manifold again where decimation folded it: cutting and stitching.
 //!
-//! A. Guéziec et al., "Cutting and stitching: converting sets of polygons to manifold surfaces", 2001. Whatever collapses in a
-//! closed mesh, each edge keeps as many triangles that run along it one way as the other. So triangles that lie on each other
-//! back to back go; those around an edge of four and more are paired, by angle, so that each pair bounds one body; and a corner whose
-//! triangles make several rounds by these pairs becomes several corners, in one place. An edge whose pairs still have both
-//! corners in common gets a corner in its middle for each pair but one.
+//! A. Guéziec et al., "Cutting and stitching: converting sets of polygons to manifold surfaces",
+//! 2001. Whatever collapses in a closed mesh, each edge keeps as many triangles that run along it
+//! one way as the other. So triangles that lie on each other back to back go; those around an edge
+//! of four and more are paired, by angle, so that each pair bounds one body; and a corner whose
+//! triangles make several rounds by these pairs becomes several corners, in one place. An edge
+//! whose pairs still have both corners in common gets a corner in its middle for each pair but one.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -86,8 +87,8 @@ impl TriangleMesh {
         pairs
     }
 
-    /// Pairs of sides around an edge. Seen along it, a body reaches from a triangle that runs backwards to the next, by angle, that
-    /// runs forwards.
+    /// Pairs of sides around an edge. Seen along it, a body reaches from a triangle that runs
+    /// backwards to the next, by angle, that runs forwards.
     fn around(&self, [low, high]: [u32; 2], sides: Vec<Side>) -> Vec<[Side; 2]> {
         let place = |corner: u32| self.vertices[corner as usize].xyz;
         let axis = (place(high) - place(low)).normalize_or(DVec3::Z);
@@ -152,7 +153,8 @@ impl TriangleMesh {
         }
     }
 
-    /// Gives pairs of sides that still have both corners in common with another pair a corner in their middle.
+    /// Gives pairs of sides that still have both corners in common with another pair a corner in
+    /// their middle.
     fn part(&mut self, pairs: &BTreeMap<Side, Side>) {
         let mut known: BTreeMap<[u32; 2], usize> = BTreeMap::new();
         let mut middles: BTreeMap<usize, [Option<u32>; 3]> = BTreeMap::new();

@@ -5,8 +5,8 @@
 //! [`TriangleMesh::measures`] has area and volume; `files` reads and writes PLY, STL, OBJ and GLB.
 //! What it is not: rendering (see `relief_render`).
 //!
-//! Space: patient LPS, mm. The corners of a triangle go counter-clockwise as seen from outside. Equal input gives equal
-//! meshes, whatever the number of threads.
+//! Space: patient LPS, mm. The corners of a triangle go counter-clockwise as seen from outside.
+//! Equal input gives equal meshes, whatever the number of threads.
 
 mod cells;
 mod decimate;

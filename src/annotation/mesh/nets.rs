@@ -1,12 +1,13 @@
-//! Surface nets of a mask: a corner for every sheet of surface between eight voxels, a quadrilateral across every pair of
-//! neighbours of which one is in.
+//! Surface nets of a mask: a corner for every sheet of surface between eight voxels, a
+//! quadrilateral across every pair of neighbours of which one is in.
 //!
-//! S. Gibson, "Constrained elastic surface nets", 1998, with a corner for each sheet instead of one for each cell, as
-//! G. Nielson does in "Dual marching cubes", 2004. The mesh is the dual of a closed surface, so it is closed whatever the mask, and a
-//! 2-manifold but for one case: two sheets that meet twice, on both sides of a face whose corners are in across from each
-//! other. Their two joints then get a corner of their own on that face, and the quadrilaterals next to it one in their
-//! middle. So every edge has two triangles and every corner one fan of them. What is outside of the grid is not in: a region that
-//! ends at the grid's end is closed there.
+//! S. Gibson, "Constrained elastic surface nets", 1998, with a corner for each sheet instead of one
+//! for each cell, as G. Nielson does in "Dual marching cubes", 2004. The mesh is the dual of a
+//! closed surface, so it is closed whatever the mask, and a 2-manifold but for one case: two sheets
+//! that meet twice, on both sides of a face whose corners are in across from each other. Their two
+//! joints then get a corner of their own on that face, and the quadrilaterals next to it one in
+//! their middle. So every edge has two triangles and every corner one fan of them. What is outside
+//! of the grid is not in: a region that ends at the grid's end is closed there.
 
 use std::collections::HashMap;
 
@@ -18,13 +19,14 @@ use super::{MeshError, TriangleMesh};
 use relief_base::{Patient, Point, Transform, Voxel};
 use relief_volume::Mask;
 
-/// Layers of cells that are worked on by one thread at a time; the layer before them is looked at again.
+/// Layers of cells that are worked on by one thread at a time; the layer before them is looked at
+/// again.
 const LAYERS: usize = 8;
 
 /// The surface of a mask.
 ///
-/// Corners lie between the voxel centres, in the mean of the middles of what their sheet crosses; nothing is smoothed. As many
-/// layers as there are voxels along k are worked on side by side.
+/// Corners lie between the voxel centres, in the mean of the middles of what their sheet crosses;
+/// nothing is smoothed. As many layers as there are voxels along k are worked on side by side.
 ///
 /// # Errors
 /// When the mask is empty, or its surface has more than [`TriangleMesh::MOST_TRIANGLES`].
@@ -74,7 +76,8 @@ struct Part<'a> {
     triangles: &'a mut [[u32; 3]],
 }
 
-/// A quadrilateral with sheets that meet twice on a side: what replaces it is known when all corners are numbered.
+/// A quadrilateral with sheets that meet twice on a side: what replaces it is known when all
+/// corners are numbered.
 struct Knot {
     /// Its first triangle.
     slot: usize,
@@ -118,7 +121,8 @@ impl<'a> Net<'a> {
         Self { mask, patient_from_voxel, size: [nx + 1, ny + 1], is_mirrored }
     }
 
-    /// Goes through the cells of a layer that the surface passes: (i, j, case). Cell (i, j, k) has voxel (i, j, k) at its corner 7.
+    /// Goes through the cells of a layer that the surface passes: (i, j, case). Cell (i, j, k) has
+    /// voxel (i, j, k) at its corner 7.
     fn each(&self, layer: usize, mut cell: impl FnMut(usize, usize, u8)) {
         let none = vec![0u64; self.mask.row_words()];
         let row = |j: usize, k: usize| self.mask.row(j, k).unwrap_or(&none);
@@ -126,7 +130,8 @@ impl<'a> Net<'a> {
             let (lower, below) = (j.wrapping_sub(1), layer.wrapping_sub(1));
             let rows = [row(lower, below), row(j, below), row(lower, layer), row(j, layer)];
             for word in 0..self.size[0].div_ceil(64) {
-                // Bits of the voxels at a cell's upper end, and those at its lower end, one voxel before.
+                // Bits of the voxels at a cell's upper end, and those at its lower end, one voxel
+                // before.
                 let high = rows.map(|row| row.get(word).copied().unwrap_or(0));
                 let carried = |n: usize| word.checked_sub(1).map_or(0, |before| rows[n][before] >> 63);
                 let low: [u64; 4] = std::array::from_fn(|n| high[n] << 1 | carried(n));
@@ -202,7 +207,8 @@ impl<'a> Net<'a> {
         knots
     }
 
-    /// The quadrilateral across the edge at corner 0 of cell `at`, along `axis`; `is_low` where its lower end is in.
+    /// The quadrilateral across the edge at corner 0 of cell `at`, along `axis`; `is_low` where its
+    /// lower end is in.
     fn quad(&self, at: [usize; 3], axis: usize, is_low: bool, layers: [&Layer; 2]) -> Quad {
         let cells = &*CELLS;
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -249,7 +255,8 @@ impl<'a> Net<'a> {
         Quad { ring, is_other, splits, middle }
     }
 
-    /// The joint that the edge at corner 0 of cell `at` has on the lower face of cell `above` across `across`.
+    /// The joint that the edge at corner 0 of cell `at` has on the lower face of cell `above`
+    /// across `across`.
     fn split(&self, above: [usize; 3], across: usize, at: [usize; 3], axis: usize, is_low: bool) -> Split {
         let mut voxel = at; // plus one in each direction, as cells are
         voxel[axis] += usize::from(!is_low);

@@ -1,8 +1,9 @@
 //! Smoothing that keeps the volume.
 //!
-//! G. Taubin, "A signal processing approach to fair surface design", 1995: corners move towards the mean of their neighbours,
-//! then by a little more away from it, so that steps between voxels go and shapes stay. What little the volume has changed after
-//! that is given back by moving all corners of a closed mesh along their normals, by the same length.
+//! G. Taubin, "A signal processing approach to fair surface design", 1995: corners move towards the
+//! mean of their neighbours, then by a little more away from it, so that steps between voxels go
+//! and shapes stay. What little the volume has changed after that is given back by moving all
+//! corners of a closed mesh along their normals, by the same length.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -14,7 +15,8 @@ use relief_base::Point;
 /// How much to smooth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Smoothing {
-    /// Times there and back, 0 to 200. Waves shorter than about 2.5 times the square root of this many edges go.
+    /// Times there and back, 0 to 200. Waves shorter than about 2.5 times the square root of this
+    /// many edges go.
     pub rounds: u32,
 }
 
@@ -36,10 +38,12 @@ const THERE: f32 = 0.5;
 const BACK: f32 = -0.526_315_8;
 
 impl TriangleMesh {
-    /// A smoother mesh of the same triangles. Corners that are not surrounded by triangles stay where they are.
+    /// A smoother mesh of the same triangles. Corners that are not surrounded by triangles stay
+    /// where they are.
     ///
     /// # Errors
-    /// When there are more rounds than [`Smoothing::MOST_ROUNDS`], or [`TriangleMesh::check`] fails.
+    /// When there are more rounds than [`Smoothing::MOST_ROUNDS`], or [`TriangleMesh::check`]
+    /// fails.
     pub fn smoothed(&self, smoothing: Smoothing) -> Result<Self, MeshError> {
         self.check()?;
         let rounds = smoothing.rounds;

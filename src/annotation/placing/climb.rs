@@ -1,4 +1,5 @@
-//! The best place of a curved surface near a first one: steps in the tangent plane, each brought back to the surface.
+//! The best place of a curved surface near a first one: steps in the tangent plane, each brought
+//! back to the surface.
 
 use glam::DVec3;
 

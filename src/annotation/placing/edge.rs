@@ -1,4 +1,5 @@
-//! The steepest edge near a place: where the smoothed gradient's magnitude is a maximum along its own direction, or along a ray.
+//! The steepest edge near a place: where the smoothed gradient's magnitude is a maximum along its
+//! own direction, or along a ray.
 //!
 //! Magnitude times nearness selects the edge; only distance selects the point on it, because along
 //! a homogeneous edge the magnitude varies with noise and with the position of the edge between
@@ -27,7 +28,8 @@ const MOST_TURNED: f64 = 0.3;
 /// How far before and behind an edge the magnitude is less, parts of the Gaussian's width.
 const BESIDE: f64 = 0.15;
 
-/// Steps along a line, parts of the Gaussian's width, and how often a zero between them is closed in on.
+/// Steps along a line, parts of the Gaussian's width, and how often a zero between them is closed
+/// in on.
 const STEP: f64 = 0.4;
 const CLOSER: usize = 24;
 
@@ -67,8 +69,8 @@ pub(super) fn find(field: &Field<'_>, search: &Search) -> Result<Option<DVec3>, 
     }))
 }
 
-/// Voxels in and around the ball, apart from one another, with the largest magnitude times nearness: first those whose magnitude is no
-/// less than that of the voxels before and behind them.
+/// Voxels in and around the ball, apart from one another, with the largest magnitude times
+/// nearness: first those whose magnitude is no less than that of the voxels before and behind them.
 fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let to_voxel = field.voxel_from_patient.matrix3;
     let gradient = |place: [usize; 3]| to_voxel.transpose() * lattice.differences(place);

@@ -1,12 +1,14 @@
-//! The voxels as fields over patient space: trilinear, and smoothed by a Gaussian with its derivatives.
+//! The voxels as fields over patient space: trilinear, and smoothed by a Gaussian with its
+//! derivatives.
 
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::{SnapError, out_of_range};
 use relief_volume::Volume;
 
-/// Width of the Gaussian along each voxel axis: the geometric mean of the voxel's sides, but within these limits, voxels. Above
-/// 0.8 the samples of a Gaussian add up to its integral within 1e-5, wherever between voxels it stands.
+/// Width of the Gaussian along each voxel axis: the geometric mean of the voxel's sides, but within
+/// these limits, voxels. Above 0.8 the samples of a Gaussian add up to its integral within 1e-5,
+/// wherever between voxels it stands.
 const SIGMA_VOXELS: [f64; 2] = [0.8, 3.0];
 
 /// The Gaussian is cut off at this many standard deviations.
@@ -64,7 +66,8 @@ pub(super) struct Smooth {
     pub(super) hessian: DMat3,
 }
 
-/// The Gaussian's samples along an axis, with first and second derivative, and the voxels that they belong to.
+/// The Gaussian's samples along an axis, with first and second derivative, and the voxels that they
+/// belong to.
 struct Kernel {
     voxels: Vec<usize>,
     weights: Vec<[f64; 3]>,
@@ -87,8 +90,8 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// The first and the last voxel along each axis of the box around a ball, and `more` voxels to each side; `None` where it is
-    /// outside of the volume.
+    /// The first and the last voxel along each axis of the box around a ball, and `more` voxels to
+    /// each side; `None` where it is outside of the volume.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
     pub(super) fn voxels_around(&self, at: DVec3, radius_mm: f64, more: f64) -> Option<[[usize; 2]; 3]> {
         let middle = self.voxel_from_patient.transform_point3(at).to_array();
@@ -107,7 +110,8 @@ impl<'a> Field<'a> {
         Some(ends)
     }
 
-    /// How often each value occurs among the voxels whose centres lie in a ball: from the first value on, HU, one HU a place.
+    /// How often each value occurs among the voxels whose centres lie in a ball: from the first
+    /// value on, HU, one HU a place.
     ///
     /// # Errors
     /// When the box around the ball holds too many voxels.
@@ -130,7 +134,8 @@ impl<'a> Field<'a> {
         Ok(Histogram(counts))
     }
 
-    /// The trilinear value at a patient place, HU; beyond the outermost voxel centres it stays; `None` outside the volume's box.
+    /// The trilinear value at a patient place, HU; beyond the outermost voxel centres it stays;
+    /// `None` outside the volume's box.
     pub(super) fn value(&self, place: DVec3) -> Option<f64> {
         let index = self.voxel_from_patient.transform_point3(place).to_array();
         let dims = self.volume.grid().dims();
@@ -156,7 +161,8 @@ impl<'a> Field<'a> {
         Some(sum)
     }
 
-    /// The trilinear field's slope by differences over half a voxel to each side, HU per mm; zero where it is not known.
+    /// The trilinear field's slope by differences over half a voxel to each side, HU per mm; zero
+    /// where it is not known.
     pub(super) fn slope(&self, place: DVec3) -> DVec3 {
         let half = self.spacing_mm / 2.0;
         let along = |axis: DVec3| {

@@ -96,7 +96,8 @@ impl Lattice {
 fn smoothed(field: &Field<'_>, first: [usize; 3], dims: [usize; 3]) -> Vec<f64> {
     let counts = field.volume.grid().dims();
     let kernels = field.sigma.map(taps);
-    // The voxels that each axis needs, its reach included; the outermost ones stand for those beyond.
+    // The voxels that each axis needs, its reach included; the outermost ones stand for those
+    // beyond.
     let needed: [Vec<usize>; 3] = std::array::from_fn(|axis| {
         let reach = kernels[axis].len() / 2;
         let index = |at: usize| (first[axis] + at).saturating_sub(reach).min(counts[axis] - 1);
@@ -117,7 +118,8 @@ fn smoothed(field: &Field<'_>, first: [usize; 3], dims: [usize; 3]) -> Vec<f64> 
     along(&by_y, [dims[0] * dims[1], planes, 1], dims[2], &kernels[2])
 }
 
-/// Smooths the middle one of three axes, `size[0]` values lying together; it has `count` values afterwards.
+/// Smooths the middle one of three axes, `size[0]` values lying together; it has `count` values
+/// afterwards.
 fn along(values: &[f64], size: [usize; 3], count: usize, kernel: &[f64]) -> Vec<f64> {
     let [run, length, planes] = size;
     let mut out = vec![0.0; run * count * planes];

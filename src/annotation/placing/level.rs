@@ -3,8 +3,9 @@
 use super::field::Field;
 use super::{Search, SnapError};
 
-/// The part of the variance that lies between the two classes, at least. Values that are all of one kind and noisy have 0.64 (a normal
-/// distribution cut in its middle), two kinds far apart more than 0.9.
+/// The part of the variance that lies between the two classes, at least. Values that are all of one
+/// kind and noisy have 0.64 (a normal distribution cut in its middle), two kinds far apart more
+/// than 0.9.
 const LEAST_BETWEEN: f64 = 0.75;
 
 /// Fewer voxels tell nothing.

@@ -1,4 +1,5 @@
-//! Where something is set down: a picked or pointed place, moved to the surface, edge or extremum that was meant.
+//! Where something is set down: a picked or pointed place, moved to the surface, edge or extremum
+//! that was meant.
 //!
 //! What it is: [`snap_point`], from the voxels only and deterministic. What it is not: input
 //! devices or rendering. Space: patient LPS, mm; values in HU.
@@ -9,10 +10,11 @@
 //! | gradient | the steepest edge along the ray | the nearest point of the steepest edge around |
 //! | minimum, maximum | the nearest local one around | the same |
 //!
-//! A surface is that of the trilinear field, as isosurfaces are rendered. Edges and extremes are those of the field smoothed by a
-//! Gaussian about a voxel wide: noise alone has a local maximum every few voxels, and the trilinear field has them at voxel
-//! centres only. Smoothing moves neither a flat edge nor the middle of what is symmetric; an edge of radius R moves by about
-//! σ²/R (0.01 mm for 1 mm voxels and 80 mm).
+//! A surface is that of the trilinear field, as isosurfaces are rendered. Edges and extremes are
+//! those of the field smoothed by a Gaussian about a voxel wide: noise alone has a local maximum
+//! every few voxels, and the trilinear field has them at voxel centres only. Smoothing moves
+//! neither a flat edge nor the middle of what is symmetric; an edge of radius R moves by about σ²/R
+//! (0.01 mm for 1 mm voxels and 80 mm).
 
 mod climb;
 mod edge;
@@ -36,15 +38,17 @@ pub enum SnapFeature {
         /// The level, HU: -32768 to 32767.
         hu: f64,
     },
-    /// Where the values cross the level halfway between the two kinds of matter that are around (N. Otsu, "A threshold selection method
-    /// from gray-level histograms", 1979).
+    /// Where the values cross the level halfway between the two kinds of matter that are around (N.
+    /// Otsu, "A threshold selection method from gray-level histograms", 1979).
     Boundary,
-    /// Where the gradient is steepest along its own direction. Of several such edges the one with the largest magnitude times
-    /// 1 - (distance/radius)² counts; the place is the nearest on it.
+    /// Where the gradient is steepest along its own direction. Of several such edges the one with
+    /// the largest magnitude times 1 - (distance/radius)² counts; the place is the nearest on it.
     Gradient,
-    /// The nearest local minimum that stands out at least half as far from the mean around as the deepest one.
+    /// The nearest local minimum that stands out at least half as far from the mean around as the
+    /// deepest one.
     Minimum,
-    /// The nearest local maximum that stands out at least half as far from the mean around as the highest one.
+    /// The nearest local maximum that stands out at least half as far from the mean around as the
+    /// highest one.
     Maximum,
 }
 
@@ -163,7 +167,8 @@ pub fn value_at(volume: &Volume, at: Point<Patient>) -> Option<f64> {
 /// length; the module's table explains its effect. Both directions of it count.
 ///
 /// # Errors
-/// When a value is out of range, or nothing of the kind is within the radius, or all of it is outside the volume.
+/// When a value is out of range, or nothing of the kind is within the radius, or all of it is
+/// outside the volume.
 pub fn snap_point(
     volume: &Volume,
     at: Point<Patient>,

@@ -34,7 +34,8 @@ pub(super) fn find(field: &Field<'_>, search: &Search, hu: f64) -> Result<Option
     }
 }
 
-/// How far from `from` along a unit vector, to either side, the level is crossed first; at most `reach_mm`.
+/// How far from `from` along a unit vector, to either side, the level is crossed first; at most
+/// `reach_mm`.
 fn crossing(field: &Field<'_>, from: DVec3, along: DVec3, level: f64, reach_mm: f64) -> Option<f64> {
     let above = |off: f64| field.value(from + along * off).map(|hu| hu >= level);
     let steps = (reach_mm / (STEP * field.spacing_mm)).ceil().max(1.0);

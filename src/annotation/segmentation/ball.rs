@@ -1,7 +1,9 @@
-//! Balls of patient mm on grids of any axes: which voxels of a row lie in one, and masks made thinner and thicker by one.
+//! Balls of patient mm on grids of any axes: which voxels of a row lie in one, and masks made
+//! thinner and thicker by one.
 //!
-//! In voxel indices a ball is an ellipsoid. Each of its rows is an interval, so a mask is made thicker by an interval of every
-//! row of the ellipsoid: with words of 64 voxels and intervals by doubling that is a handful of operations a word.
+//! In voxel indices a ball is an ellipsoid. Each of its rows is an interval, so a mask is made
+//! thicker by an interval of every row of the ellipsoid: with words of 64 voxels and intervals by
+//! doubling that is a handful of operations a word.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,8 +26,8 @@ pub(super) fn span(grid: &Grid, center: Point<Patient>, radius_mm: f64, [j, k]: 
     })
 }
 
-/// The interval of t where `start + t * step` is at most `radius` long. Widened by a billionth against rounding: voxels at
-/// exactly the radius are in.
+/// The interval of t where `start + t * step` is at most `radius` long. Widened by a billionth
+/// against rounding: voxels at exactly the radius are in.
 fn interval(step: DVec3, start: DVec3, radius: f64) -> Option<[f64; 2]> {
     let square = step.length_squared();
     let middle = -step.dot(start) / square;

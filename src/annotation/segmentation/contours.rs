@@ -1,7 +1,8 @@
 //! Closed curves as levels of one direction: what [`fill_contours`](super::fill_contours) works on.
 //!
-//! Tolerances, all named below: a curve's points are within 2 mm of its plane (they are moved into it, along its normal), planes
-//! are parallel to 5 degrees (all get the mean normal), and curves less than 0.05 mm apart are on one level.
+//! Tolerances, all named below: a curve's points are within 2 mm of its plane (they are moved into
+//! it, along its normal), planes are parallel to 5 degrees (all get the mean normal), and curves
+//! less than 0.05 mm apart are on one level.
 
 use glam::DVec3;
 

@@ -1,10 +1,12 @@
 //! The region inside closed curves on several levels.
 //!
-//! On a level a place is inside by the even-odd rule, so curves within curves are holes. Between two levels its signed distances
-//! from the curves of both are interpolated by height, and it is inside where that is 0 or more (S. Raya and J. Udupa,
-//! "Shape-based interpolation of multidimensional objects", 1990). Nothing is added beyond the outermost levels but the other half
-//! of the voxels that they run through: curves on every slice of a series, as radiotherapy structures have them, fill these slices
-//! whole, and their volume is the sum of areas times the slice distance.
+//! On a level a place is inside by the even-odd rule, so curves within curves are holes. Between
+//! two levels its signed distances from the curves of both are interpolated by height, and it is
+//! inside where that is 0 or more (S. Raya and J. Udupa, "Shape-based interpolation of
+//! multidimensional objects", 1990). Nothing is added beyond the outermost levels but the other
+//! half of the voxels that they run through: curves on every slice of a series, as radiotherapy
+//! structures have them, fill these slices whole, and their volume is the sum of areas times the
+//! slice distance.
 //!
 //! Accuracy: on a level, voxel centres are classified exactly. Distances are those from the exact
 //! edges, but the nearest edge is found on a raster of half a voxel, so a distance may be that of
@@ -24,7 +26,8 @@ const MOST_PLACES: f64 = (1u64 << 27) as f64;
 /// The voxels of a grid that lie within the contours.
 ///
 /// # Errors
-/// When there is no contour, or one that is not planar, not parallel to the others, without area, or far away: see [`FillError`].
+/// When there is no contour, or one that is not planar, not parallel to the others, without area,
+/// or far away: see [`FillError`].
 pub fn fill_contours(grid: &Grid, contours: &[Contour]) -> Result<Mask, FillError> {
     let Levels { axes, levels } = Levels::of(contours)?;
     let linear = grid.patient_from_voxel().linear();
@@ -185,7 +188,8 @@ impl Raster {
         }
     }
 
-    /// Even-odd along each row. An edge crosses a row that its lower end is on or below and its upper end above.
+    /// Even-odd along each row. An edge crosses a row that its lower end is on or below and its
+    /// upper end above.
     fn mark_inside(&mut self) {
         let [nu, nv] = self.size;
         let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); nv];
@@ -217,7 +221,8 @@ impl Raster {
         }
     }
 
-    /// Distance from the nearest edge: above 0 inside. Outside of the raster that of its nearest place adds to the way there.
+    /// Distance from the nearest edge: above 0 inside. Outside of the raster that of its nearest
+    /// place adds to the way there.
     fn distance(&self, place: DVec2) -> f64 {
         let [nu, nv] = self.size;
         let inner = ((place - self.origin) / self.step)
@@ -286,7 +291,8 @@ mod tests {
     fn circles_on_levels_become_cylinders_and_cones_of_their_volume() {
         let pi = std::f64::consts::PI;
         for tilt in [0.0, 0.5] {
-            // A layer beyond both ends is half a voxel thick along the axis: a whole voxel is allowed for.
+            // A layer beyond both ends is half a voxel thick along the axis: a whole voxel is
+            // allowed for.
             let cylinder = volume_ml(&[(20.0, -20.0), (20.0, 20.0)], tilt, [0.7, 0.8, 1.0]);
             let truth = pi * 400.0 * 40.0 / 1000.0;
             let layer = pi * 400.0 * 2.0 / 1000.0;

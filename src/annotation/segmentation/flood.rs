@@ -1,9 +1,10 @@
 //! Flood fill: the candidates that are connected to seeds by faces.
 //!
-//! Rows of bits are the unit: a row takes in what its four neighbours have, and each new bit spreads through its run of
-//! candidates by the carry of an addition. Slabs of slices are flooded side by side, each until nothing changes in it; then
-//! neighbouring slabs tell each other what their outermost slices have, and those that learned something go on. The result does
-//! not depend on who is first: it is the smallest set that holds the seeds and is closed.
+//! Rows of bits are the unit: a row takes in what its four neighbours have, and each new bit
+//! spreads through its run of candidates by the carry of an addition. Slabs of slices are flooded
+//! side by side, each until nothing changes in it; then neighbouring slabs tell each other what
+//! their outermost slices have, and those that learned something go on. The result does not depend
+//! on who is first: it is the smallest set that holds the seeds and is closed.
 
 use rayon::prelude::*;
 
@@ -255,7 +256,8 @@ mod tests {
 
     #[test]
     fn noise_near_percolation_floods_as_voxel_by_voxel() {
-        // At 0.3116 of voxels a cluster of face neighbours becomes endless: there it is most winding.
+        // At 0.3116 of voxels a cluster of face neighbours becomes endless: there it is most
+        // winding.
         for (dims, share) in [([70, 30, 40], 32), ([129, 17, 9], 35), ([3, 50, 41], 50), ([64, 5, 1], 80)] {
             let grid = Grid::axis_aligned(dims, [1.0; 3], [0.0; 3]).unwrap();
             let (mut candidates, mut seeds) = (Mask::empty(grid.clone()), Mask::empty(grid));

@@ -143,7 +143,8 @@ pub enum GrowError {
 impl GrowLimits {
     /// Largest neck limit: the cost of its ball grows with its square.
     pub const WIDEST_NECK_MM: f64 = 50.0;
-    /// Most rows of voxels across that ball, which is what thinning costs for each row of the volume.
+    /// Most rows of voxels across that ball, which is what thinning costs for each row of the
+    /// volume.
     const MOST_ROWS: usize = 20_000;
 
     fn check(&self) -> Result<(), GrowError> {
@@ -310,7 +311,8 @@ impl Within<'_> {
         );
     }
 
-    /// Whether a voxel of the region has a neighbour in the range that was left out for being too far.
+    /// Whether a voxel of the region has a neighbour in the range that was left out for being too
+    /// far.
     fn is_cut(&self, region: &Mask, volume: &Volume, [low, high]: [i16; 2]) -> bool {
         let [nx, ny, nz] = region.grid().dims();
         let words = region.row_words();

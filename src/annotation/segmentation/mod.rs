@@ -6,10 +6,12 @@
 //! [`Mask`](relief_volume::Mask), which `Mask::to_labels` converts to a label map. There is no
 //! learning and no automatic threshold for whole organs: users choose the places.
 //!
-//! Spaces: patient LPS mm in, voxels of the volume's grid out. Values in HU. Voxels are neighbours where they share a face.
+//! Spaces: patient LPS mm in, voxels of the volume's grid out. Values in HU. Voxels are neighbours
+//! where they share a face.
 //!
-//! Equal input gives equal voxels, whatever the number of threads. Memory: bits, one for each voxel and mask, at most four
-//! masks at once; of `fill_contours` besides the rasters of its levels (see there).
+//! Equal input gives equal voxels, whatever the number of threads. Memory: bits, one for each voxel
+//! and mask, at most four masks at once; of `fill_contours` besides the rasters of its levels (see
+//! there).
 
 mod ball;
 mod contours;

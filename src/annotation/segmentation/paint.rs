@@ -1,8 +1,9 @@
 //! Painting with a ball: voxels come in or go.
 //!
-//! A voxel is the ball's where at least half of it lies in it, judged at 5³ places inside the voxel. A ball that has no voxel
-//! by that rule, since voxels are larger than it, has the voxel in which its centre lies. So strokes behave alike on voxels of any
-//! shape, and their volume is right to less than a hundredth from a radius of five voxels on.
+//! A voxel is the ball's where at least half of it lies in it, judged at 5³ places inside the
+//! voxel. A ball that has no voxel by that rule, since voxels are larger than it, has the voxel in
+//! which its centre lies. So strokes behave alike on voxels of any shape, and their volume is right
+//! to less than a hundredth from a radius of five voxels on.
 
 use glam::DVec3;
 
@@ -29,12 +30,14 @@ pub struct PaintError {
     allowed: String,
 }
 
-/// Places along each axis of a voxel, from its centre. An odd number: halves of a voxel must not tie.
+/// Places along each axis of a voxel, from its centre. An odd number: halves of a voxel must not
+/// tie.
 const PLACES: [f64; 5] = [-0.4, -0.2, 0.0, 0.2, 0.4];
 /// Largest radius, mm.
 const LARGEST_MM: f64 = 1000.0;
 
-/// Paints a ball of `radius_mm` around `center`; says how many voxels changed. Parts outside of the grid are left out.
+/// Paints a ball of `radius_mm` around `center`; says how many voxels changed. Parts outside of the
+/// grid are left out.
 ///
 /// # Errors
 /// When the radius is not above 0 and at most 1000 mm, or the centre is no place.
@@ -54,7 +57,8 @@ pub fn paint_strokes(
     }
     let grid = mask.grid().clone();
     let linear = grid.patient_from_voxel().linear();
-    // Half the longest way through a voxel: a voxel that has a part in the ball has its centre so near.
+    // Half the longest way through a voxel: a voxel that has a part in the ball has its centre so
+    // near.
     let half = [1.0, -1.0].into_iter().flat_map(|y| [1.0, -1.0].map(|z| DVec3::new(0.5, 0.5 * y, 0.5 * z)));
     let half = half.map(|corner| (linear * corner).length()).fold(0.0, f64::max);
     let is_in = |index: DVec3| {

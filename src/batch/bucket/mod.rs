@@ -36,8 +36,8 @@ pub struct Bucket {
 }
 
 impl Bucket {
-    /// Opens a bucket with the credentials, the region and the endpoint that the environment has in `AWS_...`; `endpoint` goes
-    /// before the environment's. Nothing is sent yet.
+    /// Opens a bucket with the credentials, the region and the endpoint that the environment has in
+    /// `AWS_...`; `endpoint` goes before the environment's. Nothing is sent yet.
     ///
     /// # Errors
     /// When these contradict each other, or an endpoint is no URL.

@@ -46,7 +46,8 @@ impl Bucket {
         Ok(Below { folders, objects })
     }
 
-    /// All objects below a prefix that are not empty, at any depth, or the one that is called so. In the order of names.
+    /// All objects below a prefix that are not empty, at any depth, or the one that is called so.
+    /// In the order of names.
     pub(crate) fn all_below(&self, prefix: &str) -> std::io::Result<Vec<Object>> {
         let prefix = parse(prefix)?;
         let found: Vec<Object> = self.runtime.block_on(
@@ -75,7 +76,8 @@ impl Bucket {
         self.runtime.block_on(part).map(|(bytes, _)| bytes)
     }
 
-    /// Fetches objects into new files; the SHA-256 of each. An object that is no longer the one that was listed is an error.
+    /// Fetches objects into new files; the SHA-256 of each. An object that is no longer the one
+    /// that was listed is an error.
     pub(crate) fn fetch(&self, objects: &[(Object, PathBuf)]) -> std::io::Result<Vec<String>> {
         let each = stream::iter(objects).map(|(object, path)| self.fetch_one(object, path));
         self.runtime.block_on(each.buffered(AT_ONCE).try_collect())

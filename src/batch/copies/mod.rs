@@ -1,4 +1,5 @@
-//! Series that lie in buckets, as copies in a folder of this machine: of bounded size, each whole or absent.
+//! Series that lie in buckets, as copies in a folder of this machine: of bounded size, each whole
+//! or absent.
 //!
 //! A copy is identified by its listing: names, sizes and tags of its objects. It is verified by the
 //! hashes of its files at every use, and fetched again if it has changed; the least recently used
@@ -64,11 +65,12 @@ impl Copies {
         }
     }
 
-    /// The files that a path leads to: itself, or where it is `s3://BUCKET/KEY`, a copy of the object or of all that lies below. Must not
-    /// be called inside an executor.
+    /// The files that a path leads to: itself, or where it is `s3://BUCKET/KEY`, a copy of the
+    /// object or of all that lies below. Must not be called inside an executor.
     ///
     /// # Errors
-    /// When there is nothing, or more than copies may have; the service does not answer or refuses; the folder cannot be written.
+    /// When there is nothing, or more than copies may have; the service does not answer or refuses;
+    /// the folder cannot be written.
     pub fn local(&self, path: &Path) -> std::io::Result<Local> {
         match location(path)? {
             Location::Local(path) => Ok(Local { path, _held: None }),

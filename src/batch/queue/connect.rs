@@ -18,7 +18,8 @@ const LARGEST_TOKEN: u64 = 64 << 10;
 /// How to get in. Nothing of it is ever logged.
 #[derive(Clone, Default)]
 pub struct QueueAccess {
-    /// Servers of one cluster, with commas between them: `nats://HOST:4222`, `tls://HOST:4222`, or `HOST:4222`.
+    /// Servers of one cluster, with commas between them: `nats://HOST:4222`, `tls://HOST:4222`, or
+    /// `HOST:4222`.
     pub url: String,
     /// A file of credentials, as `nsc` writes them.
     pub credentials: Option<PathBuf>,
@@ -86,7 +87,8 @@ enum Secret {
     Password(String, String),
 }
 
-/// A server, and the secret of its address. The address goes without: the client writes it into its log.
+/// A server, and the secret of its address. The address goes without: the client writes it into its
+/// log.
 fn server(url: &str) -> Option<(ServerAddr, Option<Secret>)> {
     let mut url = url.parse::<ServerAddr>().ok()?.into_inner();
     let name = decoded(url.username());

@@ -123,7 +123,8 @@ impl Courier {
         })
     }
 
-    /// Feeds the worker until `stop` is done, there is nothing left to do, or the worker says that it is unfit.
+    /// Feeds the worker until `stop` is done, there is nothing left to do, or the worker says that
+    /// it is unfit.
     pub(super) async fn run(mut self, feed: Sender<Taken>, stop: impl Future<Output = ()>) -> WorkEnd {
         let mut stop = pin!(stop);
         let mut beat = interval(self.ack_wait / 3);
@@ -202,7 +203,8 @@ impl Courier {
         if self.held.is_empty() {
             self.last_word = Instant::now();
         }
-        // One that comes again while it is here, because signs of life were lost on the way, is not begun twice.
+        // One that comes again while it is here, because signs of life were lost on the way, is not
+        // begun twice.
         if self.held.insert(job.job.clone(), acker).is_none() {
             self.waiting.push_back(Taken { job, message: number, delivered });
         }

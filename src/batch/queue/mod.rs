@@ -1,9 +1,11 @@
 //! A work queue: jobs in a stream of NATS JetStream, taken by as many workers as there are.
 //!
-//! What it is: [`Queue::submit`] puts jobs into a stream, each under a subject of its own key, so that a job that waits there is
-//! never there twice; [`work_queue()`] takes jobs through one durable consumer that all workers share. A job leaves the stream when a
-//! worker says that its outputs are there, or that it can never be done. A worker that holds jobs says so again and again; those
-//! of one that is not heard of are given to another. What it is not: no scheduler, and no queue of our own making.
+//! What it is: [`Queue::submit`] puts jobs into a stream, each under a subject of its own key, so
+//! that a job that waits there is never there twice; [`work_queue()`] takes jobs through one
+//! durable consumer that all workers share. A job leaves the stream when a worker says that its
+//! outputs are there, or that it can never be done. A worker that holds jobs says so again and
+//! again; those of one that is not heard of are given to another. What it is not: no scheduler, and
+//! no queue of our own making.
 //!
 //! A job may be delivered twice, because a worker may die between its last write and its report.
 //! That does no harm: existing outputs are not made again, and outputs made at the same time have
@@ -29,8 +31,8 @@ pub use work::{WorkEnd, WorkOptions, WorkSummary, work_queue};
 const CONSUMER: &str = "workers";
 /// Jobs that all workers together may hold.
 const MOST_HELD: i64 = 100_000;
-/// How long the id of a message is remembered: no longer than it takes to send it twice by mistake. A job that waits is known by
-/// its subject, and one that is done may be submitted again.
+/// How long the id of a message is remembered: no longer than it takes to send it twice by mistake.
+/// A job that waits is known by its subject, and one that is done may be submitted again.
 const REMEMBERED: Duration = Duration::from_secs(1);
 
 /// Errors of a queue.
@@ -107,7 +109,8 @@ impl Queue {
         Ok(stream)
     }
 
-    /// The consumer of the stream that all workers share; the first one says how long a job may go unheard of.
+    /// The consumer of the stream that all workers share; the first one says how long a job may go
+    /// unheard of.
     async fn consumer(
         &self,
         ack_wait: Duration,
@@ -116,7 +119,8 @@ impl Queue {
             durable_name: Some(CONSUMER.to_owned()),
             ack_policy: AckPolicy::Explicit,
             ack_wait,
-            // Workers count tries themselves: a message that the server has given up on would stay for ever, and unseen.
+            // Workers count tries themselves: a message that the server has given up on would stay
+            // for ever, and unseen.
             max_deliver: -1,
             max_ack_pending: MOST_HELD,
             ..pull::Config::default()

@@ -23,11 +23,12 @@ pub struct Submitted {
 const UNDER_WAY: usize = 256;
 
 impl Queue {
-    /// Puts jobs into the stream, in their order, so that those of one series come to one worker. `report` is given how many
-    /// are through.
+    /// Puts jobs into the stream, in their order, so that those of one series come to one worker.
+    /// `report` is given how many are through.
     ///
     /// # Errors
-    /// When the server refuses; the jobs before are in the queue then, and submitting again puts in the rest.
+    /// When the server refuses; the jobs before are in the queue then, and submitting again puts in
+    /// the rest.
     pub async fn submit(&self, jobs: &[Job], report: &mut dyn FnMut(usize)) -> Result<Submitted, QueueError> {
         self.stream().await?;
         let (mut submitted, mut under_way) = (Submitted::default(), VecDeque::new());

@@ -31,11 +31,11 @@ pub struct WorkOptions {
     pub copies: Copies,
     /// Bytes of voxels in memory: of the series that is rendered and of the next one.
     pub voxel_bytes: u64,
-    /// After so long without a sign of life the jobs of a worker are given to another; the first worker of a stream says it
-    /// for all.
+    /// After so long without a sign of life the jobs of a worker are given to another; the first
+    /// worker of a stream says it for all.
     pub ack_wait: Duration,
-    /// How often a job is begun before it is given up. A first time, when a worker was killed that had several, leaves no trace and
-    /// does not count.
+    /// How often a job is begun before it is given up. A first time, when a worker was killed that
+    /// had several, leaves no trace and does not count.
     pub tries: u32,
     /// Jobs that are taken at a time: those of one series lie side by side and share its volume.
     pub take: usize,
@@ -50,7 +50,8 @@ pub enum WorkEnd {
     Idle,
     /// A signal stopped it.
     Stopped,
-    /// Several jobs in a row failed in ways that may be its own: others, or it when started anew, may do better.
+    /// Several jobs in a row failed in ways that may be its own: others, or it when started anew,
+    /// may do better.
     Unfit,
 }
 
@@ -80,8 +81,9 @@ const UNFIT: u32 = 5;
 /// Pauses before a job is tried again: the first one, and the longest.
 const PAUSES: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(300)];
 
-/// Takes jobs from the queue and renders them, until `stop` is done or there is no need for it any more. `report` hears of each
-/// job, from several threads. `runtime` has the queue's connection; must be called from outside of it.
+/// Takes jobs from the queue and renders them, until `stop` is done or there is no need for it any
+/// more. `report` hears of each job, from several threads. `runtime` has the queue's connection;
+/// must be called from outside of it.
 ///
 /// # Errors
 /// When the stream or the place of the outputs cannot be opened. Later ones are waited out.
@@ -210,8 +212,8 @@ impl Bench<'_> {
         begun
     }
 
-    /// Whether a job is to be done now. Leaves a trace of one that came before: should it be this worker's end, too, then the
-    /// next one knows how often it was begun.
+    /// Whether a job is to be done now. Leaves a trace of one that came before: should it be this
+    /// worker's end, too, then the next one knows how often it was begun.
     fn begin(&self, Taken { job, message, delivered }: &Taken) -> bool {
         if self.stopping.load(Ordering::Relaxed) {
             lock(&self.counts).handed_back += 1;
@@ -224,7 +226,8 @@ impl Bench<'_> {
             self.say(&job.job, Verdict::Done);
             return false;
         }
-        // One that was handed back, or lay behind one that killed its worker, comes again, too: it was begun if it left a trace.
+        // One that was handed back, or lay behind one that killed its worker, comes again, too: it
+        // was begun if it left a trace.
         let traced = || FailedAttempt::read(job, self.sink).filter(|known| known.message == *message);
         let before = (*delivered > 1).then(traced).flatten().map_or(0, |known| known.tries);
         let begun = Begun { message: *message, tries: before.saturating_add(1) };

@@ -11,7 +11,8 @@ use relief_volume::Grid;
 /// The series that items belong to.
 #[derive(Debug, clap::Args)]
 pub(super) struct SeriesArguments {
-    /// The series that items belong to: a folder, a file, a DICOMDIR or a zip; or a volume as .nii, .nii.gz or .nrrd
+    /// The series that items belong to: a folder, a file, a DICOMDIR or a zip; or a volume as .nii,
+    /// .nii.gz or .nrrd
     #[arg(long, value_name = "PATH")]
     series: Option<PathBuf>,
     /// Which series, where PATH holds several (`relief inspect PATH` lists them)
@@ -25,7 +26,8 @@ pub(super) struct Series {
     pub(super) frame: FrameOfReference,
     /// Its voxels.
     pub(super) grid: Grid,
-    /// What objects of DICOM say of it; none of a volume in a file of its own, or of files without UIDs.
+    /// What objects of DICOM say of it; none of a volume in a file of its own, or of files without
+    /// UIDs.
     pub(super) reference: Option<SeriesReference>,
 }
 

@@ -53,7 +53,8 @@ pub(super) fn parse_place(text: &str) -> Result<Point<Patient>, String> {
     }
 }
 
-/// The item with this id, or the only one with this name; of items with one name those of a wanted kind come first.
+/// The item with this id, or the only one with this name; of items with one name those of a wanted
+/// kind come first.
 pub(super) fn find(log: &Log, wanted: &str, kind: &str) -> anyhow::Result<Versioned> {
     if let Ok(id) = wanted.parse::<ItemId>() {
         return Ok(log.wait(log.store().item(id))?);

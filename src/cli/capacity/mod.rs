@@ -1,4 +1,5 @@
-//! `relief bench --capacity`: how many viewers this machine carries, and what more of them would need.
+//! `relief bench --capacity`: how many viewers this machine carries, and what more of them would
+//! need.
 
 mod print;
 
@@ -16,7 +17,8 @@ use relief_volume::{PhantomKind, PhantomRecipe};
 /// Options of `relief bench --capacity`.
 #[derive(Debug, clap::Args)]
 pub(super) struct CapacityArguments {
-    /// Measure how many viewers and views per hour this machine carries, of a procedural head where no --series is given
+    /// Measure how many viewers and views per hour this machine carries, of a procedural head where
+    /// no --series is given
     #[arg(long)]
     pub(super) capacity: bool,
     /// Frames per second that a viewer is to have while moving the view

@@ -18,7 +18,8 @@ pub(super) struct Meter {
     changed: Notify,
 }
 
-/// All that was seen, of the time between [`Meter::begin`] and [`Meter::end`] unless said otherwise.
+/// All that was seen, of the time between [`Meter::begin`] and [`Meter::end`] unless said
+/// otherwise.
 #[derive(Debug, Default)]
 pub(super) struct Seen {
     begun_ns: Option<u64>,

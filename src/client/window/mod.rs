@@ -183,7 +183,8 @@ impl Screen {
         let _ = self.wake.send_event(Wake::Stop); // fails when the window is gone
     }
 
-    /// Composes the newest frame whenever there is one. Frames that were overtaken are acknowledged with the next.
+    /// Composes the newest frame whenever there is one. Frames that were overtaken are acknowledged
+    /// with the next.
     fn compose_all(&self, composer: &Composer, handle: &Handle) {
         while let Some(received) = self.next_frame() {
             match composer.compose(&received) {

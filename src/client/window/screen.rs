@@ -245,7 +245,8 @@ impl ApplicationHandler<Wake> for App {
     }
 }
 
-/// The frame from the upper left corner, pixel by pixel; black beside it. The buffer's pixels are 0x00RRGGBB.
+/// The frame from the upper left corner, pixel by pixel; black beside it. The buffer's pixels are
+/// 0x00RRGGBB.
 fn put(frame: Option<&Frame>, buffer: &mut [u32], width: usize) {
     buffer.fill(0);
     let Some((size_px, Pixels::Rgb8(samples))) = frame.map(|frame| (frame.size_px(), frame.pixels())) else {

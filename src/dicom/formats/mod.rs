@@ -1,4 +1,5 @@
-//! Volumes and label maps in the files of research: NIfTI and NRRD (with 3D Slicer's segmentations).
+//! Volumes and label maps in the files of research: NIfTI and NRRD (with 3D Slicer's
+//! segmentations).
 //!
 //! Bounded readers of `.nii`, `.nii.gz`, `.nrrd` and `.seg.nrrd`, recognised by their first bytes,
 //! and writers of label maps as `.seg.nrrd` and `.nii.gz`. DICOM segmentation objects become the
@@ -70,8 +71,8 @@ pub fn read_labels(path: &Path) -> Result<ReadLabels, FormatError> {
 /// Reads a label map: whole numbers from 0 to 65535, 0 for no segment.
 ///
 /// # Errors
-/// When the file cannot be read, is of no known format, cut short or larger than allowed, does not say where its voxels
-/// lie, or holds values that are no labels.
+/// When the file cannot be read, is of no known format, cut short or larger than allowed, does not
+/// say where its voxels lie, or holds values that are no labels.
 pub fn read_labels_within(limits: FormatLimits, path: &Path) -> Result<ReadLabels, FormatError> {
     let mut source = Source::open(path)?;
     let Described { header, segments } = header::read(&mut source)?;
@@ -82,14 +83,16 @@ pub fn read_labels_within(limits: FormatLimits, path: &Path) -> Result<ReadLabel
 /// Reads where the voxels of a volume lie, and none of them.
 ///
 /// # Errors
-/// When the file cannot be read, is of no known format or larger than allowed, or does not say where its voxels lie.
+/// When the file cannot be read, is of no known format or larger than allowed, or does not say
+/// where its voxels lie.
 pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
     let Described { header, .. } = header::read(&mut Source::open(path)?)?;
     header.check(FormatLimits::default())?;
     Ok(header.grid)
 }
 
-/// Reads every layer of a label map, within the default [`FormatLimits`]: nothing of segments that overlap is lost.
+/// Reads every layer of a label map, within the default [`FormatLimits`]: nothing of segments that
+/// overlap is lost.
 ///
 /// # Errors
 /// As [`read_labels_within`].

@@ -1,7 +1,8 @@
 //! NIfTI-1 and NIfTI-2 in a single file; segments are described in an XML extension, where there is
 //! one.
 //!
-//! The layout is that of nifti1.h and nifti2.h. Spaces: the file's world is RAS mm; here it becomes LPS.
+//! The layout is that of nifti1.h and nifti2.h. Spaces: the file's world is RAS mm; here it becomes
+//! LPS.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -178,7 +179,8 @@ fn grid(fields: &Fields) -> Result<Grid, FormatError> {
 
 type LpsFromVoxel = Transform<relief_base::Patient, relief_base::Voxel>;
 
-/// The affine map of the s-form, or else of the q-form. What says neither has no place in the patient.
+/// The affine map of the s-form, or else of the q-form. What says neither has no place in the
+/// patient.
 fn lps_from_voxel(fields: &Fields) -> Result<LpsFromVoxel, FormatError> {
     let [qform, sform] = [fields.code([252, 344]), fields.code([254, 348])];
     let (axes, origin) = match (sform > 0, qform > 0) {
@@ -208,7 +210,8 @@ fn sform_map(fields: &Fields) -> (DMat3, DVec3) {
     (DMat3::from_cols(column(0), column(1), column(2)), column(3))
 }
 
-/// A turn by a quaternion whose real part is left out, then spacing, and the sign of the third axis.
+/// A turn by a quaternion whose real part is left out, then spacing, and the sign of the third
+/// axis.
 fn qform_map(fields: &Fields) -> (DMat3, DVec3) {
     let part = |n: usize| fields.float([256, 352], n);
     let [b, c, d] = [part(0), part(1), part(2)];
@@ -219,8 +222,9 @@ fn qform_map(fields: &Fields) -> (DMat3, DVec3) {
     (turn * DMat3::from_diagonal(spacing), DVec3::new(part(3), part(4), part(5)))
 }
 
-/// Segments of the extensions, if one of them is XML with `Label` elements as Connectome Workbench and TotalSegmentator write
-/// them: a key, a colour of 0 to 1, and the name as text. What cannot be read is no segment, and no error either.
+/// Segments of the extensions, if one of them is XML with `Label` elements as Connectome Workbench
+/// and TotalSegmentator write them: a key, a colour of 0 to 1, and the name as text. What cannot be
+/// read is no segment, and no error either.
 fn segments(between: &[u8], is_big_endian: bool) -> Vec<NamedSegment> {
     let Some((&[present, ..], mut rest)) = between.split_first_chunk::<4>() else { return Vec::new() };
     let mut segments = Vec::new();

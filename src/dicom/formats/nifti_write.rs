@@ -1,5 +1,6 @@
-//! Label maps as NIfTI-1, gzip-compressed: both maps of the voxels (s-form and q-form) in RAS mm, and the segments' names and
-//! colours in an extension as Connectome Workbench has it, which other programs pass over.
+//! Label maps as NIfTI-1, gzip-compressed: both maps of the voxels (s-form and q-form) in RAS mm,
+//! and the segments' names and colours in an extension as Connectome Workbench has it, which other
+//! programs pass over.
 
 use std::fmt::Write as _;
 use std::io;
@@ -22,7 +23,8 @@ const MILLIMETRES: u8 = 2;
 /// How far axes may be from right angles, as a cosine, for the q-form, which has turns only.
 const RIGHT_ANGLE: f64 = 1e-6;
 
-/// The bytes of a `.nii.gz` file: labels as unsigned integers of 8 bits, or of 16 where some are beyond 255.
+/// The bytes of a `.nii.gz` file: labels as unsigned integers of 8 bits, or of 16 where some are
+/// beyond 255.
 ///
 /// # Errors
 /// When an axis has more than 32767 voxels, which the format cannot say.

@@ -1,7 +1,8 @@
 //! NRRD with its voxels behind the header, and what 3D Slicer writes of segments into it.
 //!
-//! After Teem's description of the format, versions 1 to 5. Encodings raw and gzip; a layer of a segmentation is a first
-//! axis of kind `list`. Spaces: the header names the world; here it becomes LPS mm.
+//! After Teem's description of the format, versions 1 to 5. Encodings raw and gzip; a layer of a
+//! segmentation is a first axis of kind `list`. Spaces: the header names the world; here it becomes
+//! LPS mm.
 
 use std::collections::HashMap;
 
@@ -189,7 +190,8 @@ fn vectors(text: &str) -> Option<Vec<Option<DVec3>>> {
     (vectors.len() <= 4).then_some(vectors)
 }
 
-/// Segments as 3D Slicer names them: `Segment0_Name`, `_LabelValue`, `_Layer`, `_Color`. The numbering has no gaps.
+/// Segments as 3D Slicer names them: `Segment0_Name`, `_LabelValue`, `_Layer`, `_Color`. The
+/// numbering has no gaps.
 fn segments(lines: &Lines, layers: usize) -> Vec<NamedSegment> {
     let mut segments = Vec::new();
     for n in 0..=usize::from(u16::MAX) {

@@ -18,7 +18,8 @@ pub struct ReadLabels {
 /// The layers of a label map, in each of which no segments overlap, and the anomalies of the file.
 #[derive(Debug)]
 pub struct ReadLayers {
-    /// A map for each layer, on the file's own grid, in patient LPS. Segments of two layers may have the same label.
+    /// A map for each layer, on the file's own grid, in patient LPS. Segments of two layers may
+    /// have the same label.
     pub layers: Vec<LabelMap>,
     /// How each anomaly was handled, as sentences.
     pub warnings: Vec<String>,
@@ -84,8 +85,8 @@ fn values_of(source: &mut Source, header: &Header) -> Result<Vec<u16>, FormatErr
     })
 }
 
-/// One label for each voxel. Labels of several layers may be the same for different segments: then segments are numbered in
-/// the order in which the file has them.
+/// One label for each voxel. Labels of several layers may be the same for different segments: then
+/// segments are numbered in the order in which the file has them.
 fn flatten(
     values: Vec<u16>,
     layers: usize,

@@ -13,7 +13,8 @@ pub fn write_seg_nrrd(map: &LabelMap) -> std::io::Result<Vec<u8>> {
     write_seg_nrrd_layers(std::slice::from_ref(map))
 }
 
-/// The bytes of a `.seg.nrrd` file of several layers, whose segments may overlap: maps of one grid, whose labels differ.
+/// The bytes of a `.seg.nrrd` file of several layers, whose segments may overlap: maps of one grid,
+/// whose labels differ.
 ///
 /// # Errors
 /// When there is no map, or they are of different grids.
@@ -31,8 +32,8 @@ pub fn write_seg_nrrd_layers(maps: &[LabelMap]) -> std::io::Result<Vec<u8>> {
     Ok([header, voxels].concat())
 }
 
-/// A head and the labels behind it, those of a voxel in all layers side by side, of 8 bits or of 16 in little-endian order, compressed
-/// with gzip.
+/// A head and the labels behind it, those of a voxel in all layers side by side, of 8 bits or of 16
+/// in little-endian order, compressed with gzip.
 pub(super) fn compressed(maps: &[LabelMap], head: &[u8], is_wide: bool) -> std::io::Result<Vec<u8>> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     encoder.write_all(head)?;

@@ -1,7 +1,8 @@
 //! Coordinates of a measurement group as geometry.
 //!
-//! Three-dimensional ones are patient mm. Two-dimensional ones are pixels of an image, the corner of the first being
-//! 0, 0 (PS3.3 C.18.6.1.1): with the series that the image is of they have a place too.
+//! Three-dimensional ones are patient mm. Two-dimensional ones are pixels of an image, the corner
+//! of the first being 0, 0 (PS3.3 C.18.6.1.1): with the series that the image is of they have a
+//! place too.
 
 use dicom_dictionary_std::tags;
 use glam::DVec3;
@@ -71,8 +72,8 @@ fn controls(children: &[Node<'_>], inner: &[Node<'_>]) -> Result<Option<Vec<DVec
     controls.next().map(|node| patient_points(node)).transpose()
 }
 
-/// The graphic of a content item; `None` of items without coordinates, and, with a warning, of those whose image is
-/// not known.
+/// The graphic of a content item; `None` of items without coordinates, and, with a warning, of
+/// those whose image is not known.
 fn graphic(
     node: &Node<'_>,
     series: Option<&SeriesReference>,
@@ -137,7 +138,8 @@ fn patient_points(node: &Node<'_>) -> Result<Vec<DVec3>, ObjectError> {
     Ok(triplets.into_iter().map(DVec3::from_array).collect())
 }
 
-/// Pixels as patient points. A circle, its middle and a point on it, is made the ellipse that it is.
+/// Pixels as patient points. A circle, its middle and a point on it, is made the ellipse that it
+/// is.
 fn image_points(node: &Node<'_>, kind: &str, plane: &Plane) -> Result<Vec<DVec3>, ObjectError> {
     let expected = "pairs of pixels; two of a circle";
     let pairs = tuples::<2>(node, expected)?;

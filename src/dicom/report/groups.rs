@@ -168,7 +168,8 @@ fn curve(points: Vec<DVec3>, closed: bool, smooth: bool, measures: &[Measure]) -
     }
 }
 
-/// How far the farthest point of a closed line is off the plane through its middle along its mean normal (Newell's).
+/// How far the farthest point of a closed line is off the plane through its middle along its mean
+/// normal (Newell's).
 fn off_plane(path: &[DVec3]) -> f64 {
     let middle = path.iter().sum::<DVec3>() / path.len().max(1) as f64;
     let normal: DVec3 = path.windows(2).map(|ends| (ends[0] - middle).cross(ends[1] - middle)).sum();

@@ -1,7 +1,8 @@
 //! Reading reports of any program as items: measurement groups with coordinates.
 //!
-//! A group may be anywhere in a report. It becomes an item for each of its shapes: named by its tracking identifier, or, where
-//! that names a tool of Cornerstone, by its finding. Nothing recurses but the bounded walk over the data set.
+//! A group may be anywhere in a report. It becomes an item for each of its shapes: named by its
+//! tracking identifier, or, where that names a tool of Cornerstone, by its finding. Nothing
+//! recurses but the bounded walk over the data set.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -23,7 +24,8 @@ use relief_annotation::{Concept, FrameOfReference, Item, ItemId, Method, Placeme
 
 /// The largest report that is read: one of ten thousand items has a quarter of it.
 const MOST_BYTES: usize = 1 << 26;
-/// Content of reports nests about six deep, and a code of it once more; values are texts and coordinates.
+/// Content of reports nests about six deep, and a code of it once more; values are texts and
+/// coordinates.
 const BOUNDS: Bounds = Bounds { deepest: 32, longest_value: 1 << 22 };
 /// Most items of one report.
 const MOST_ITEMS: usize = 100_000;
@@ -57,7 +59,8 @@ pub(super) struct Node<'a> {
 #[derive(Default)]
 pub(super) struct Warnings(BTreeMap<&'static str, (usize, String)>);
 
-/// Reads the items of a report: Comprehensive 3D SR, or another one with measurement groups (TID 1410 or 1501).
+/// Reads the items of a report: Comprehensive 3D SR, or another one with measurement groups (TID
+/// 1410 or 1501).
 ///
 /// # Errors
 /// When it is not a report, is damaged or too large, or has the wrong number of
@@ -160,8 +163,8 @@ impl<'a> Node<'a> {
         is(tags::CODE_VALUE, value) && is(tags::CODING_SCHEME_DESIGNATOR, scheme)
     }
 
-    /// The code of a content item of type CODE. With an equivalent of the same code, that one's meaning is the concept's and
-    /// its own a name.
+    /// The code of a content item of type CODE. With an equivalent of the same code, that one's
+    /// meaning is the concept's and its own a name.
     fn concept(&self) -> Option<(Concept, String)> {
         let item = self.data.items(tags::CONCEPT_CODE_SEQUENCE).first()?;
         let text = |item: &DataSet, tag| self.charset.text(item, tag).filter(|text| !text.is_empty());
@@ -321,7 +324,8 @@ fn block(text: &str) -> String {
     lines.chars().filter(is_good).take(Item::LONGEST_DESCRIPTION).collect()
 }
 
-/// `YYYYMMDDHHMMSS.FFFFFF+ZZZZ`, of which all after the date may be missing; without an offset taken as UTC.
+/// `YYYYMMDDHHMMSS.FFFFFF+ZZZZ`, of which all after the date may be missing; without an offset
+/// taken as UTC.
 fn moment(text: &str) -> Option<Timestamp> {
     let (stamp, offset) = match text.find(['+', '-']) {
         Some(at) => text.split_at(at),

@@ -1,10 +1,11 @@
 //! OpenEXR: view depth in mm with, if wanted, the colours, the camera and any further attributes.
 //!
-//! Channels: `Z` (32-bit float, mm, `+inf` where the ray hit nothing) and `R G B A` (16-bit float). As the format
-//! wants it, R, G and B are linear light: the sRGB curve is taken off on writing and put back on reading, which
-//! gives the same bytes. A is as rendered.
+//! Channels: `Z` (32-bit float, mm, `+inf` where the ray hit nothing) and `R G B A` (16-bit float).
+//! As the format wants it, R, G and B are linear light: the sRGB curve is taken off on writing and
+//! put back on reading, which gives the same bytes. A is as rendered.
 //!
-//! Attributes: `near_mm` and `far_mm` (double), the standard `worldToCamera` and `worldToNDC`, and the caller's.
+//! Attributes: `near_mm` and `far_mm` (double), the standard `worldToCamera` and `worldToNDC`, and
+//! the caller's.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -43,7 +44,8 @@ pub enum Attribute {
 pub struct CameraMatrices {
     /// Patient mm to view mm.
     pub view_from_patient: Transform<View, Patient>,
-    /// View mm to the picture: after division by w, (0, 0) is its top left and (1, 1) its bottom right corner.
+    /// View mm to the picture: after division by w, (0, 0) is its top left and (1, 1) its bottom
+    /// right corner.
     pub ndc_from_view: DMat4,
 }
 
@@ -73,7 +75,8 @@ pub struct DecodedDepthImage {
     pub depth_mm: Vec<f32>,
     /// Display-referred sRGB and alpha, when the file has R, G, B and A.
     pub color: Option<Vec<[u8; 4]>>,
-    /// Attributes that are numbers (`double`), vectors (`v3d`) or texts, `near_mm` and `far_mm` among them.
+    /// Attributes that are numbers (`double`), vectors (`v3d`) or texts, `near_mm` and `far_mm`
+    /// among them.
     pub attributes: BTreeMap<String, Attribute>,
 }
 
@@ -238,8 +241,9 @@ fn own_value(value: &AttributeValue) -> Option<Attribute> {
     }
 }
 
-/// Puts the header's attributes in the order of their names: the encoder keeps them in a hash map, whose order
-/// changes from run to run. The header's length stays, so the offsets behind it stay right.
+/// Puts the header's attributes in the order of their names: the encoder keeps them in a hash map,
+/// whose order changes from run to run. The header's length stays, so the offsets behind it stay
+/// right.
 fn sort_attributes(file: &mut [u8]) -> Result<(), EncodeError> {
     const START: usize = 8; // magic number and version
     let broken = || EncodeError::ExrHeader;

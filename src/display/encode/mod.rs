@@ -77,8 +77,8 @@ pub enum EncodeError {
     Attribute(String),
 }
 
-/// A PNG of a frame: 8-bit RGB or 16-bit grey, without gAMA, cHRM, iCCP or sRGB chunks, which would let viewers
-/// alter the header's bits.
+/// A PNG of a frame: 8-bit RGB or 16-bit grey, without gAMA, cHRM, iCCP or sRGB chunks, which would
+/// let viewers alter the header's bits.
 ///
 /// # Errors
 /// When the encoder fails.
@@ -89,8 +89,9 @@ pub fn encode_png(frame: &Frame) -> Result<Vec<u8>, EncodeError> {
         Pixels::Gray16(samples) => (bytemuck::cast_slice(samples), ExtendedColorType::L16),
     };
     let mut file = Vec::with_capacity(samples.len() / 4);
-    // One filter for all lines: a third of the time of a search on each line, and the same size within 10 %. The
-    // filter looks along the line, because neighbouring lines of the interleaved layout are black.
+    // One filter for all lines: a third of the time of a search on each line, and the same size
+    // within 10 %. The filter looks along the line, because neighbouring lines of the interleaved
+    // layout are black.
     PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Sub)
         .write_image(samples, width, height, kind)
         .map_err(EncodeError::Png)?;
@@ -100,7 +101,8 @@ pub fn encode_png(frame: &Frame) -> Result<Vec<u8>, EncodeError> {
 /// A JPEG of the colours, for previews; never for 2D+Z frames, whose header would not survive.
 ///
 /// # Errors
-/// When `quality` is not 1..=100, the slice does not fill the size, or the size is not one a JPEG can have.
+/// When `quality` is not 1..=100, the slice does not fill the size, or the size is not one a JPEG
+/// can have.
 pub fn encode_jpeg(size_px: [u32; 2], color: &[[u8; 4]], quality: u8) -> Result<Vec<u8>, EncodeError> {
     check_count("the colour", size_px, color.len())?;
     let [Ok(width @ 1..), Ok(height @ 1..)] = size_px.map(u16::try_from) else {

@@ -1,4 +1,5 @@
-//! PNG files of views: quilts and pairs with their layout written into them, and wiggles as animations.
+//! PNG files of views: quilts and pairs with their layout written into them, and wiggles as
+//! animations.
 //!
 //! A text chunk `relief-layout` contains the layout's name, since a quilt looks like any other
 //! picture to a program. A wiggle is an animated PNG (APNG, the third edition of the PNG
@@ -97,8 +98,8 @@ pub fn decode_wiggle(file: &[u8]) -> Result<Views, EncodeError> {
     Ok(Views::new(size_px, pictures)?)
 }
 
-/// How many pictures an animated PNG says that it has, and the layout that is written into it, as far as the file has them
-/// before its pixels.
+/// How many pictures an animated PNG says that it has, and the layout that is written into it, as
+/// far as the file has them before its pixels.
 pub(crate) fn written_layout(file: &[u8]) -> Option<(Layout, u32)> {
     let limits = png::Limits { bytes: MAX_DECODED_BYTES };
     let reader = png::Decoder::new_with_limits(Cursor::new(file), limits).read_info().ok()?;

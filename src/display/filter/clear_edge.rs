@@ -1,14 +1,15 @@
-//! `clear-edge`: depth edges that lie on colour edges, and a foreground that is a little too wide rather than too
-//! narrow.
+//! `clear-edge`: depth edges that lie on colour edges, and a foreground that is a little too wide
+//! rather than too narrow.
 //!
-//! A 2D-plus-depth display shifts each pixel by its disparity and interpolates between them. Where depth steps beside
-//! the outline of an object and not on it, a rim of the object is torn off or a rim of the background sticks to it. So
-//! near depth edges, in this order:
+//! A 2D-plus-depth display shifts each pixel by its disparity and interpolates between them. Where
+//! depth steps beside the outline of an object and not on it, a rim of the object is torn off or a
+//! rim of the background sticks to it. So near depth edges, in this order:
 //!
-//! 1. A pixel's depth becomes the weighted median of the pixels around it, weighted by the similarity of their colours:
-//!    the rim takes the depth of the object or background that has its colour.
-//! 2. The nearest depth within a few pixels wins: interpolation happens beside the object, on the background, where
-//!    it does no harm.
+//! 1. A pixel's depth becomes the weighted median of the pixels around it, weighted by the
+//!    similarity of their colours: the rim takes the depth of the object or background that has its
+//!    colour.
+//! 2. The nearest depth within a few pixels wins: interpolation happens beside the object, on the
+//!    background, where it does no harm.
 //!
 //! Elsewhere depth is unchanged: an edge is a step between neighbouring pixels, a slope is not. The
 //! median rounds the outline of objects without a colour edge, and removes parts thinner than four
@@ -20,10 +21,11 @@ use super::{DepthFilter, Padded, miss_if_unknown};
 use crate::layout::Picture;
 use relief_base::DepthLimits;
 
-/// Neighbours whose depths differ by more than this share of the depth range have an edge between them: four of 255
-/// disparities.
+/// Neighbours whose depths differ by more than this share of the depth range have an edge between
+/// them: four of 255 disparities.
 const EDGE_SHARE: f64 = 1.0 / 64.0;
-/// Standard deviation of the weight over the difference of colours: the sum over red, green and blue, 0..765.
+/// Standard deviation of the weight over the difference of colours: the sum over red, green and
+/// blue, 0..765.
 const COLOR_DEVIATION: f64 = 30.0;
 /// The weight of the same colour. Whole numbers add up to the same in any order.
 const FULL_WEIGHT: f64 = 65535.0;
@@ -112,7 +114,8 @@ fn weights() -> [u32; 766] {
     std::array::from_fn(|difference| weight(difference as f64).round() as u32)
 }
 
-/// The smallest value at which, with all smaller ones, half of the weight is reached. Shuffles the pairs.
+/// The smallest value at which, with all smaller ones, half of the weight is reached. Shuffles the
+/// pairs.
 fn weighted_median(pairs: &mut [(f32, u32)]) -> f32 {
     let total: u32 = pairs.iter().map(|(_, weight)| weight).sum();
     let mut rest = pairs;

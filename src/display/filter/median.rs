@@ -1,8 +1,8 @@
 //! The median of a square window, for several pixels at a time.
 //!
-//! By forgetful selection: of half the window and two more, the smallest and the largest cannot be the median; they
-//! go, the next value comes, until three are left. The same exchanges whatever the values are, so that a row of
-//! pixels goes through them side by side in vector registers.
+//! By forgetful selection: of half the window and two more, the smallest and the largest cannot be
+//! the median; they go, the next value comes, until three are left. The same exchanges whatever the
+//! values are, so that a row of pixels goes through them side by side in vector registers.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,8 @@ const LANES: usize = 8;
 
 type Lanes = [f32; LANES];
 
-/// The median over `SIDE` x `SIDE` pixels, `COUNT` in all. Values are view depth in mm, `+inf` for a miss.
+/// The median over `SIDE` x `SIDE` pixels, `COUNT` in all. Values are view depth in mm, `+inf` for
+/// a miss.
 pub(super) fn median<const SIDE: usize, const COUNT: usize>(picture: &Picture<'_>) -> Vec<f32> {
     const { assert!(SIDE * SIDE == COUNT && SIDE % 2 == 1, "an odd square window") };
     let width = picture.size_px()[0] as usize;
@@ -77,7 +78,8 @@ fn exchange(values: &mut [Lanes], first: usize, second: usize) {
 mod tests {
     use super::*;
 
-    /// Exchanges that sort every order of zeros and ones find the median of all values (the zero-one principle).
+    /// Exchanges that sort every order of zeros and ones find the median of all values (the
+    /// zero-one principle).
     #[test]
     fn the_middle_of_every_pattern_of_nine_is_right() {
         for pattern in 0u32..1 << 9 {

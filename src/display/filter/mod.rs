@@ -10,8 +10,9 @@
 //! | `median-3`, `median-5` | the median of the 3x3 or 5x5 pixels around it |
 //! | `clear-edge` | near depth edges the median of pixels of its own colour, and then the foreground is widened by two pixels |
 //!
-//! View depth in mm, in rows from the top left; a miss is `+inf` and so the farthest of all. Pixels beyond the
-//! picture's border are those on it. Every filter gives values that were there before: none is made up.
+//! View depth in mm, in rows from the top left; a miss is `+inf` and so the farthest of all. Pixels
+//! beyond the picture's border are those on it. Every filter gives values that were there before:
+//! none is made up.
 
 mod clear_edge;
 mod median;
@@ -46,8 +47,8 @@ impl DepthFilter {
     /// By how many pixels `clear-edge` widens the foreground at depth edges.
     pub const WIDENED_PX: usize = 2;
 
-    /// How far `clear-edge` looks, pixels to each side: depth edges that are up to half as far from their colour
-    /// edge are moved onto it.
+    /// How far `clear-edge` looks, pixels to each side: depth edges that are up to half as far from
+    /// their colour edge are moved onto it.
     pub const REACH_PX: usize = 4;
 
     /// The name in requests and on the command line.
@@ -67,7 +68,8 @@ impl DepthFilter {
         Self::ALL.into_iter().find(|filter| filter.name() == name)
     }
 
-    /// View depth of every pixel after this filter, mm; `+inf` for a miss. `limits` say which steps are edges.
+    /// View depth of every pixel after this filter, mm; `+inf` for a miss. `limits` say which steps
+    /// are edges.
     #[must_use]
     pub fn apply<'a>(self, picture: &Picture<'a>, limits: DepthLimits) -> Cow<'a, [f32]> {
         match self {
@@ -85,7 +87,8 @@ impl std::fmt::Display for DepthFilter {
     }
 }
 
-/// A plane of numbers with `margin` copies of its border on every side, so that windows need no bounds of their own.
+/// A plane of numbers with `margin` copies of its border on every side, so that windows need no
+/// bounds of their own.
 struct Padded {
     values: Vec<f32>,
     /// Numbers from one row to the next.

@@ -13,8 +13,8 @@ pub struct DecodedFrame {
     pub size_px: [u32; 2],
     /// The header, for layouts with one.
     pub header: Option<Header>,
-    /// Red, green, blue of every pixel; empty for `depth16`. Under a header, the top bit of blue at every other
-    /// pixel of line 0 is the header's and not the picture's.
+    /// Red, green, blue of every pixel; empty for `depth16`. Under a header, the top bit of blue at
+    /// every other pixel of line 0 is the header's and not the picture's.
     pub color: Vec<[u8; 3]>,
     /// The depth of every pixel.
     pub depth: DecodedDepth,

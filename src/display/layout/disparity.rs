@@ -1,8 +1,9 @@
 //! D of many depths at once: the same bytes as the curve itself, in a fraction of its time.
 //!
-//! Along depth D only falls, rounding included: scaling, the curve and the byte are monotone, step by step. So there is a largest depth
-//! for each byte, found once by bisection over all numbers of single precision; a depth then starts from the byte of its cell, and
-//! goes the few steps to its own.
+//! Along depth D only falls, rounding included: scaling, the curve and the byte are monotone, step
+//! by step. So there is a largest depth for each byte, found once by bisection over all numbers of
+//! single precision; a depth then starts from the byte of its cell, and goes the few steps to its
+//! own.
 
 use crate::profile::DisplayProfile;
 use relief_base::{DepthLimits, ViewDepth};
@@ -55,8 +56,8 @@ impl DisparityTable {
     }
 }
 
-/// The largest number of single precision for which `holds` is true, where it is true up to some number and false beyond;
-/// infinite where it is true, or false, for all.
+/// The largest number of single precision for which `holds` is true, where it is true up to some
+/// number and false beyond; infinite where it is true, or false, for all.
 fn last_with(holds: impl Fn(f32) -> bool) -> f32 {
     if holds(f32::MAX) {
         return f32::INFINITY;

@@ -3,7 +3,8 @@
 use super::LayoutError;
 use crate::MAX_FRAME_SIDE_PX;
 
-/// A rendered picture: colour and view depth of every pixel, in rows from the top left. Borrowed, never copied.
+/// A rendered picture: colour and view depth of every pixel, in rows from the top left. Borrowed,
+/// never copied.
 #[derive(Clone, Copy, Debug)]
 pub struct Picture<'a> {
     size_px: [u32; 2],
@@ -12,7 +13,8 @@ pub struct Picture<'a> {
     back: Option<(&'a [[u8; 4]], &'a [f32])>,
 }
 
-/// Colour and disparity of every pixel, in rows from the top left: of a colour its first three bytes count.
+/// Colour and disparity of every pixel, in rows from the top left: of a colour its first three
+/// bytes count.
 #[derive(Clone, Copy, Debug)]
 pub struct DisparityLayer<'a, const N: usize> {
     /// Red, green, blue, and whatever follows.
@@ -38,8 +40,8 @@ pub enum Pixels {
 }
 
 impl<'a> Picture<'a> {
-    /// A picture of `size_px` (width, height): display-referred sRGB with alpha, which layouts leave out, and view
-    /// depth in mm, `+inf` where the ray hit nothing.
+    /// A picture of `size_px` (width, height): display-referred sRGB with alpha, which layouts
+    /// leave out, and view depth in mm, `+inf` where the ray hit nothing.
     ///
     /// # Errors
     /// When a side is 0 or above 16384, or the slices do not fill the size.

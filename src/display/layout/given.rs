@@ -15,7 +15,8 @@ impl FrameEncoder {
         self.filter.apply(picture, limits).iter().map(|&mm| table.byte(mm)).collect()
     }
 
-    /// Z of every pixel in 16 bits, 65535 nearest, as layout `depth16` has it: depth filtered and scaled between the limits.
+    /// Z of every pixel in 16 bits, 65535 nearest, as layout `depth16` has it: depth filtered and
+    /// scaled between the limits.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Z is 0..=1")]
     pub fn scaled16(&self, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u16> {
@@ -23,11 +24,13 @@ impl FrameEncoder {
         self.filter.apply(picture, limits).iter().map(gray).collect()
     }
 
-    /// Packs colour and disparity that are known already, such as those that came over a network: with what
-    /// [`FrameEncoder::disparity`] gave, the bytes of [`FrameEncoder::encode`]. Layout `color` needs no disparity.
+    /// Packs colour and disparity that are known already, such as those that came over a network:
+    /// with what [`FrameEncoder::disparity`] gave, the bytes of [`FrameEncoder::encode`]. Layout
+    /// `color` needs no disparity.
     ///
     /// # Errors
-    /// As [`FrameEncoder::encode`]; when values do not fill the size; and for `depth16`, which is no disparity.
+    /// As [`FrameEncoder::encode`]; when values do not fill the size; and for `depth16`, which is
+    /// no disparity.
     pub fn pack<const N: usize>(
         &self,
         size_px: [u32; 2],

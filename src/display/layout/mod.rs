@@ -235,8 +235,8 @@ impl Layout {
         }
     }
 
-    /// The eyes of its views, with `span` eye separations between the first and the last; `None` takes 1 for two views and 2
-    /// for more.
+    /// The eyes of its views, with `span` eye separations between the first and the last; `None`
+    /// takes 1 for two views and 2 for more.
     #[must_use]
     pub fn eyes(self, span: Option<f64>) -> Vec<f64> {
         eyes(self.view_count(), span.unwrap_or(USUAL_SPANS[usize::from(self.view_count() > 2)]))
@@ -251,7 +251,8 @@ impl Layout {
         }
     }
 
-    /// Whether a picture of this size can be made into this layout, for those that take any: before it is rendered.
+    /// Whether a picture of this size can be made into this layout, for those that take any: before
+    /// it is rendered.
     ///
     /// # Errors
     /// When its views would have too many pixels, or their frame too long a side.
@@ -299,7 +300,8 @@ impl Layout {
         if matches!(self, Self::Wowvx) { 2 } else { 1 }
     }
 
-    /// The size at which to render for a display; `None` where the layout takes a picture of any size.
+    /// The size at which to render for a display; `None` where the layout takes a picture of any
+    /// size.
     #[must_use]
     pub fn render_size_px(self, profile: &DisplayProfile) -> Option<[u32; 2]> {
         let [width, height] = profile.frame_px();
@@ -382,11 +384,12 @@ impl<'de> serde::Deserialize<'de> for Layout {
 }
 
 impl FrameEncoder {
-    /// An encoder for frames of `layout` on a display with `profile`; layouts without header ignore `header`, and those with
-    /// a background announce it there.
+    /// An encoder for frames of `layout` on a display with `profile`; layouts without header ignore
+    /// `header`, and those with a background announce it there.
     ///
     /// # Errors
-    /// When the layout's frame is not the one the display takes, or the header does not fit into the left half.
+    /// When the layout's frame is not the one the display takes, or the header does not fit into
+    /// the left half.
     pub fn new(layout: Layout, profile: DisplayProfile, header: Header) -> Result<Self, LayoutError> {
         layout.check_profile(&profile)?;
         let extended = Some(ExtendedPart::DeclipseFull);
@@ -453,7 +456,8 @@ impl FrameEncoder {
         self.layout.render_size_px(&self.profile)
     }
 
-    /// The views that a display makes of a picture and its disparity, in bytes as it is sent, for the layout's eyes.
+    /// The views that a display makes of a picture and its disparity, in bytes as it is sent, for
+    /// the layout's eyes.
     ///
     /// # Errors
     /// When the layout has no views, or the picture has too many pixels for them.
@@ -465,11 +469,12 @@ impl FrameEncoder {
         self.views_of(picture.size_px(), front, back)
     }
 
-    /// Packs a picture into a frame, its depth filtered and scaled between the limits; a miss becomes the far limit.
+    /// Packs a picture into a frame, its depth filtered and scaled between the limits; a miss
+    /// becomes the far limit.
     ///
     /// # Errors
-    /// When the picture is not of the size that the layout needs (see [`FrameEncoder::render_size_px`]), or has no
-    /// background where the layout needs one.
+    /// When the picture is not of the size that the layout needs (see
+    /// [`FrameEncoder::render_size_px`]), or has no background where the layout needs one.
     pub fn encode(&self, picture: &Picture<'_>, limits: DepthLimits) -> Result<Frame, LayoutError> {
         let size_px = picture.size_px();
         self.expect_size(size_px)?;

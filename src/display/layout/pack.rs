@@ -94,7 +94,8 @@ fn side_by_side<const N: usize>(layout: Layout, width: usize, layer: DisparityLa
     samples
 }
 
-/// Red, green and blue of every pixel; alpha is left out, the colour is already over the background.
+/// Red, green and blue of every pixel; alpha is left out, the colour is already over the
+/// background.
 fn copy_color<const N: usize>(rgb: &mut [u8], color: &[[u8; N]]) {
     for (rgb, pixel) in rgb.chunks_exact_mut(3).zip(color) {
         rgb.copy_from_slice(&pixel[..3]);

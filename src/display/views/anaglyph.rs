@@ -1,8 +1,9 @@
-//! Anaglyphs for red-cyan glasses: the left view through the red glass, the right one through the cyan one.
+//! Anaglyphs for red-cyan glasses: the left view through the red glass, the right one through the
+//! cyan one.
 //!
-//! By least squares in the space of perceived colours: E. Dubois, *A projection method to generate anaglyph stereo images*,
-//! IEEE ICASSP 2001, with his matrices for a CRT's red-cyan glasses. They hold for linear light, so sRGB's curve is taken off
-//! before and put on after.
+//! By least squares in the space of perceived colours: E. Dubois, *A projection method to generate
+//! anaglyph stereo images*, IEEE ICASSP 2001, with his matrices for a CRT's red-cyan glasses. They
+//! hold for linear light, so sRGB's curve is taken off before and put on after.
 
 use std::sync::LazyLock;
 

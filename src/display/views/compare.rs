@@ -2,8 +2,8 @@
 
 /// The peak signal-to-noise ratio of two pictures, dB; infinite for equal ones.
 ///
-/// `10 log10(255² / MSE)` (ITU-T J.340), with the mean squared error over all pixels and the three channels alike, of
-/// display-referred values. Compares as many pixels as the shorter one has.
+/// `10 log10(255² / MSE)` (ITU-T J.340), with the mean squared error over all pixels and the three
+/// channels alike, of display-referred values. Compares as many pixels as the shorter one has.
 #[must_use]
 pub fn psnr_db(a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
     let pairs = a.as_flattened().iter().zip(b.as_flattened());

@@ -6,11 +6,12 @@ use std::str::FromStr;
 /// The most views that a picture is made into.
 pub const MAX_VIEWS: u32 = 128;
 
-/// Columns and rows of quilts as Looking Glass displays have them, where these are not the usual ones.
+/// Columns and rows of quilts as Looking Glass displays have them, where these are not the usual
+/// ones.
 const QUILTS: [[u32; 2]; 3] = [[4, 8], [5, 9], [8, 9]];
 
-/// Columns and rows of a quilt. The leftmost view is at the bottom left, the next is right of it, rows go upwards: as Looking
-/// Glass displays take them.
+/// Columns and rows of a quilt. The leftmost view is at the bottom left, the next is right of it,
+/// rows go upwards: as Looking Glass displays take them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ViewGrid {
     columns: u32,
@@ -30,8 +31,8 @@ impl ViewGrid {
         (2..=MAX_VIEWS).contains(&count).then_some(Self { columns, rows })
     }
 
-    /// The usual grid of this many views: a Looking Glass quilt where there is one, else the one nearest to as many rows as
-    /// columns, wider than high.
+    /// The usual grid of this many views: a Looking Glass quilt where there is one, else the one
+    /// nearest to as many rows as columns, wider than high.
     #[must_use]
     pub fn of_count(count: u32) -> Option<Self> {
         let quilt = QUILTS.into_iter().find(|[columns, rows]| columns * rows == count);

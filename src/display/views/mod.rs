@@ -1,12 +1,14 @@
-//! The views that a glasses-free display makes of a picture and its disparity, for people without the display.
+//! The views that a glasses-free display makes of a picture and its disparity, for people without
+//! the display.
 //!
 //! The parallax of a disparity for an eye ([`Parallax`]), views by depth-image-based rendering
 //! ([`synthesize`]), their grids, anaglyphs, and their distance from true renders ([`psnr_db`]). No
 //! maker has published the renderer of a display; this is the displays' geometry with the usual way
 //! to fill holes.
 //!
-//! **Eyes** are places along the viewers' eye line, counted in eye separations to the right of the middle: -0.5 and 0.5
-//! are a pair of eyes before the middle of the screen. Shifts are in pixels of the picture, to the right.
+//! **Eyes** are places along the viewers' eye line, counted in eye separations to the right of the
+//! middle: -0.5 and 0.5 are a pair of eyes before the middle of the screen. Shifts are in pixels of
+//! the picture, to the right.
 
 mod anaglyph;
 mod compare;
@@ -26,7 +28,8 @@ pub use warp::synthesize;
 /// Pixels that all views of a picture may have together.
 const MAX_PIXELS: u64 = 1 << 26;
 
-/// Pictures of one size, from the leftmost eye to the rightmost. Red, green, blue in rows from the top left.
+/// Pictures of one size, from the leftmost eye to the rightmost. Red, green, blue in rows from the
+/// top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Views {
     size_px: [u32; 2],
@@ -72,7 +75,8 @@ pub(super) fn check_size(size_px: [u32; 2], count: usize) -> Result<(), LayoutEr
     Ok(())
 }
 
-/// The places of `count` eyes that are `span` eye separations apart from the first to the last, from left to right and even.
+/// The places of `count` eyes that are `span` eye separations apart from the first to the last,
+/// from left to right and even.
 #[must_use]
 pub fn eyes(count: usize, span: f64) -> Vec<f64> {
     let last = count.saturating_sub(1).max(1) as f64;

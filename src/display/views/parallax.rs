@@ -1,4 +1,5 @@
-//! From disparity to parallax, and from a display to the cameras whose pictures have the same parallax.
+//! From disparity to parallax, and from a display to the cameras whose pictures have the same
+//! parallax.
 //!
 //! A viewer at the distance vz before the screen (in depth ranges) sees a point at Z on the screen
 //! at parallax `p / e = 1 - vz / (Z - Zd + vz)`, by similar triangles, where e is the separation of
@@ -9,8 +10,8 @@
 //!
 //! `shift = s e (factor / 64) (D - offset) / M`
 //!
-//! To an eye on the right, nearer things move left. e in pixels is 65 mm, the usual separation of eyes, on a screen of
-//! the profile's width.
+//! To an eye on the right, nearer things move left. e in pixels is 65 mm, the usual separation of
+//! eyes, on a screen of the profile's width.
 
 use crate::profile::{DisparityConstants, DisplayProfile};
 use relief_base::{DepthLimits, Disparity};
@@ -29,23 +30,26 @@ pub struct Parallax {
     offset: f64,
 }
 
-/// Cameras whose pictures have a display's parallax: side by side, with lenses shifted so that they converge.
+/// Cameras whose pictures have a display's parallax: side by side, with lenses shifted so that they
+/// converge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueViews {
     /// View depth of what stays in its place, mm: where D is the offset.
     pub converging_mm: f64,
     /// How far a camera is moved to the right for one eye separation, mm.
     pub baseline_mm: f64,
-    /// The largest difference to the parallax by disparity between the depth limits, for one eye separation, pixels.
+    /// The largest difference to the parallax by disparity between the depth limits, for one eye
+    /// separation, pixels.
     ///
-    /// The display's viewer and the camera are at different distances, so both agree at the screen plane in place and
-    /// slope, and apart from it to second order. 0 when the camera is where the display's viewer is.
+    /// The display's viewer and the camera are at different distances, so both agree at the screen
+    /// plane in place and slope, and apart from it to second order. 0 when the camera is where the
+    /// display's viewer is.
     pub difference_px: f64,
 }
 
 impl Parallax {
-    /// The parallax on a display of this profile, for pictures of `width_px` across the whole screen, with the header's
-    /// factor and offset.
+    /// The parallax on a display of this profile, for pictures of `width_px` across the whole
+    /// screen, with the header's factor and offset.
     #[must_use]
     pub fn new(profile: &DisplayProfile, factor: u8, offset: u8, width_px: u32) -> Self {
         let separation_px = f64::from(width_px) * EYE_SEPARATION_MM / profile.screen_width_mm();
@@ -66,9 +70,10 @@ impl Parallax {
     /// eye, with depth scaled between `limits`; `None` when the depth of the offset's disparity is
     /// not before the camera.
     ///
-    /// With R the depth range and v the view depth of the display's own viewer, `near + (Zd - vz) R`, a depth d is shifted by
-    /// `s e (1 - vz R / (d - v))` and a constant. A camera moved by t with its picture's middle moved back shifts it by
-    /// `t w (1 / c - 1 / d)`, w pixels per mm at 1 mm. Both are 0 at c; t follows from equal slopes there.
+    /// With R the depth range and v the view depth of the display's own viewer, `near + (Zd - vz)
+    /// R`, a depth d is shifted by `s e (1 - vz R / (d - v))` and a constant. A camera moved by t
+    /// with its picture's middle moved back shifts it by `t w (1 / c - 1 / d)`, w pixels per mm at
+    /// 1 mm. Both are 0 at c; t follows from equal slopes there.
     #[must_use]
     pub fn true_views(&self, limits: DepthLimits, half_width: f64, width_px: u32) -> Option<TrueViews> {
         let DisparityConstants { zd, vz, m, c } = self.constants;
@@ -136,7 +141,8 @@ mod tests {
         let parallax = Parallax::new(&profile, 64, 200, 960);
         let exact = parallax.true_views(limits, 0.2, 960).unwrap();
         assert!(exact.difference_px < 1e-9, "{exact:?}");
-        // Elsewhere place and slope agree at the screen: a tenth of the way there leaves a hundredth of the difference.
+        // Elsewhere place and slope agree at the screen: a tenth of the way there leaves a
+        // hundredth of the difference.
         let near = DepthLimits { near_mm: 300.0, far_mm: 500.0 };
         let cameras = parallax.true_views(near, 0.2, 960).unwrap();
         let difference = |mm: f64| {

@@ -13,8 +13,8 @@
 //! used. It also replaces the mixed pixel as the hole opens, which would otherwise remain as a
 //! ghost of the edge.
 //!
-//! Places are whole numbers of 1/4096 pixel, so that the bytes are the same everywhere, and a mirrored picture has
-//! mirrored views.
+//! Places are whole numbers of 1/4096 pixel, so that the bytes are the same everywhere, and a
+//! mirrored picture has mirrored views.
 
 use rayon::prelude::*;
 
@@ -126,7 +126,8 @@ struct Span {
     disparity: u8,
 }
 
-/// A part of the view's line, from the end of the one before it, that shows one pixel; a hole shows none.
+/// A part of the view's line, from the end of the one before it, that shows one pixel; a hole shows
+/// none.
 #[derive(Clone, Copy)]
 struct Piece {
     to: i32,
@@ -271,7 +272,8 @@ fn filling(pieces: &[Piece], hole: usize, row: &Row<'_>) -> Filling {
     }
 }
 
-/// Lets the mixed pixel beside a hole give way to the filling, the more the wider the hole is, up to a pixel.
+/// Lets the mixed pixel beside a hole give way to the filling, the more the wider the hole is, up
+/// to a pixel.
 fn clean(
     sums: &mut [[i32; 3]],
     pieces: &[Piece],

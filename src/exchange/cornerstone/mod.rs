@@ -7,8 +7,9 @@
 //! | line, angle | `Length`, `Angle` |
 //! | curve | `PlanarFreehandROI` where it is straight between its points, `SplineROI` where it is smooth; `LivewireContour` and `RectangleROI` are read too |
 //!
-//! Other tools are left out with a warning. What Cornerstone has no place for is in a property `relief`, see `extra`. A frame of
-//! reference that is not the series' is refused; its UID is in no message.
+//! Other tools are left out with a warning. What Cornerstone has no place for is in a property
+//! `relief`, see `extra`. A frame of reference that is not the series' is refused; its UID is in no
+//! message.
 
 mod read;
 mod wire;

@@ -76,7 +76,8 @@ fn is_uid(frame: &str) -> bool {
     !frame.is_empty() && frame.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.')
 }
 
-/// The direction across the slice that shows an item whole: that of axial slices, as nearly as its points allow.
+/// The direction across the slice that shows an item whole: that of axial slices, as nearly as its
+/// points allow.
 fn normal(points: &[Point<Patient>]) -> DVec3 {
     let axial = -DVec3::Z;
     let &[first, second, ..] = points else { return axial };

@@ -42,7 +42,8 @@ impl ViewState {
     /// depth.
     ///
     /// # Errors
-    /// When a value is out of range, a preset is not there, or there is no cursor to place at. Nothing has changed then.
+    /// When a value is out of range, a preset is not there, or there is no cursor to place at.
+    /// Nothing has changed then.
     pub fn apply(
         &mut self,
         stage: &Stage,
@@ -235,7 +236,8 @@ impl ViewState {
 impl Aspect {
     /// Turns the eye about the patient's long axis, and up or down about the picture's horizontal.
     ///
-    /// Upright views end at the poles. One that was turned over freely comes back but goes no further.
+    /// Upright views end at the poles. One that was turned over freely comes back but goes no
+    /// further.
     fn orbit(&mut self, azimuth_deg: f64, elevation_deg: f64) {
         let back = self.patient_from_view * DVec3::Z;
         let up = self.patient_from_view * DVec3::Y;

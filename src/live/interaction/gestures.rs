@@ -15,7 +15,8 @@ use super::hand::{HandOptions, HandSample};
 use super::intent::{Intent, IntentError, PlacePhase, unit};
 use relief_tracking::{Buttons, TrackingState};
 
-/// Longest time that a held button counts for between two reports, ns: a connection that stands still does not zoom.
+/// Longest time that a held button counts for between two reports, ns: a connection that stands
+/// still does not zoom.
 const LONGEST_GAP_NS: u64 = 100_000_000;
 /// A sample that is older than the newest by more than this, ns, comes from a clock that was reset.
 const OTHER_CLOCK_NS: u64 = 2_000_000_000;
@@ -113,7 +114,8 @@ impl Gestures {
         Ok(())
     }
 
-    /// The buttons that are held at this time. Those of every report count, also of one whose pose is dropped.
+    /// The buttons that are held at this time. Those of every report count, also of one whose pose
+    /// is dropped.
     pub fn hold(&mut self, t_ns: u64, buttons: Buttons) -> Vec<Intent> {
         let mut intents = Vec::new();
         match order(self.held_ns, t_ns) {

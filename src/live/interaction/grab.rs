@@ -1,7 +1,8 @@
 //! Holding the volume: how it follows a hand from the moment of the grab.
 //!
-//! Everything follows from where hand and view were then, and from where the hand is now; nothing is added up, so a hand that
-//! comes back brings the volume back. View axes, mm; the focal point is 0.
+//! Everything follows from where hand and view were then, and from where the hand is now; nothing
+//! is added up, so a hand that comes back brings the volume back. View axes, mm; the focal point is
+//! 0.
 
 use glam::{DQuat, DVec3};
 

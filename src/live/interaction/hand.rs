@@ -1,7 +1,8 @@
 //! A tracked Wiimote as a hand: where it is at a time, and what its movements mean in view.
 //!
-//! The place of a hand is the Wiimote's tip, a point before its camera. Spaces: `Beacon` and `Sensor` as in `tracking`;
-//! the axes of the recommended beacon (x right, y up, z towards the viewer) are view axes.
+//! The place of a hand is the Wiimote's tip, a point before its camera. Spaces: `Beacon` and
+//! `Sensor` as in `tracking`; the axes of the recommended beacon (x right, y up, z towards the
+//! viewer) are view axes.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -34,12 +35,12 @@ pub struct HandSample {
 pub struct HandOptions {
     /// Millimetres in view for each of the hand: 0.05 to 20.
     pub gain: f64,
-    /// How far the tip is before the Wiimote's camera, mm: 0 to 5000. Errors of a pose turn about the beacon, so a tip at the
-    /// beacon's distance is ten times steadier (0.4 against 4.6 mm rms across the view, from 1200 mm), but turning the
-    /// wrist moves it far.
+    /// How far the tip is before the Wiimote's camera, mm: 0 to 5000. Errors of a pose turn about
+    /// the beacon, so a tip at the beacon's distance is ten times steadier (0.4 against 4.6 mm rms
+    /// across the view, from 1200 mm), but turning the wrist moves it far.
     pub tip_mm: f64,
-    /// The beacon position that is the focal point in view, mm; null: where the tip is when it is first tracked, and after
-    /// home. -10000 to 10000.
+    /// The beacon position that is the focal point in view, mm; null: where the tip is when it is
+    /// first tracked, and after home. -10000 to 10000.
     pub tip_center_mm: Option<[f64; 3]>,
     /// Turns beacon axes into view axes, for beacons that are mounted otherwise; a unit quaternion.
     pub view_from_beacon_xyzw: [f64; 4],
@@ -49,15 +50,15 @@ pub struct HandOptions {
     pub pivot: Pivot,
     /// A grabbed volume rests until the hand has turned by this, degrees: 0 to 20.
     pub dead_zone_deg: f64,
-    /// Or has moved by this, mm: 0 to 50. A remote at rest is tracked from 1200 mm within 0.6 degrees and 10 mm for nine
-    /// tenths of the time.
+    /// Or has moved by this, mm: 0 to 50. A remote at rest is tracked from 1200 mm within 0.6
+    /// degrees and 10 mm for nine tenths of the time.
     pub dead_zone_mm: f64,
     /// The cursor rests until the hand has moved by this, mm: 0 to 50.
     pub cursor_rest_mm: f64,
     /// While A is held the cursor goes so much of the hand's way, as a share: 0.02 to 1.
     pub precise_gain: f64,
-    /// And it follows the mean of the hand over about this time, s: 0 to 2. Where the hand rests as A is pressed (within
-    /// `dead_zone_mm` of that mean), the cursor goes to the mean.
+    /// And it follows the mean of the hand over about this time, s: 0 to 2. Where the hand rests as
+    /// A is pressed (within `dead_zone_mm` of that mean), the cursor goes to the mean.
     pub steady_s: f64,
     /// How much closer one comes in a second of +, as a factor: 1.01 to 100.
     pub zoom_per_s: f64,

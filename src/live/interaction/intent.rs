@@ -1,7 +1,8 @@
 //! Intents: requests to change a view, from any input device; one JSON object each.
 //!
-//! Angles in degrees, lengths in mm, quaternions x, y, z, w. View axes: x right, y up, z towards the viewer. Unknown keys
-//! are refused; ranges are checked by [`Intent::validate`], before anything changes.
+//! Angles in degrees, lengths in mm, quaternions x, y, z, w. View axes: x right, y up, z towards
+//! the viewer. Unknown keys are refused; ranges are checked by [`Intent::validate`], before
+//! anything changes.
 
 use std::ops::RangeInclusive;
 
@@ -14,9 +15,11 @@ use relief_volume::Orbit;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "intent", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Intent {
-    /// Turns the eye about the patient, as a turntable: its elevation ends above the head and below the feet.
+    /// Turns the eye about the patient, as a turntable: its elevation ends above the head and below
+    /// the feet.
     Orbit {
-        /// About the patient's long axis: positive goes from the front to the patient's left. -3600 to 3600.
+        /// About the patient's long axis: positive goes from the front to the patient's left. -3600
+        /// to 3600.
         #[serde(default)]
         azimuth_deg: f64,
         /// Up, positive. -3600 to 3600.
@@ -55,11 +58,14 @@ pub enum Intent {
         /// Above 1 is closer. 0.01 to 100.
         factor: f64,
     },
-    /// Takes hold of the volume. While it is held already: takes hold anew where the hand is now, so that nothing moves.
+    /// Takes hold of the volume. While it is held already: takes hold anew where the hand is now,
+    /// so that nothing moves.
     Grab {
-        /// The hand, mm along view axes, the focal point being 0; -100000 to 100000. Only its changes move the volume.
+        /// The hand, mm along view axes, the focal point being 0; -100000 to 100000. Only its
+        /// changes move the volume.
         position_mm: [f64; 3],
-        /// How the hand is turned in view axes; a unit quaternion. Only its changes turn the volume.
+        /// How the hand is turned in view axes; a unit quaternion. Only its changes turn the
+        /// volume.
         orientation_xyzw: [f64; 4],
         /// The movements that the grab permits.
         #[serde(default)]
@@ -83,7 +89,8 @@ pub enum Intent {
         /// Deeper by this much. -20000 to 20000.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         by_mm: Option<f64>,
-        /// To this depth behind the front of the volume's bounding sphere; 0 cuts nothing. 0 to 20000.
+        /// To this depth behind the front of the volume's bounding sphere; 0 cuts nothing. 0 to
+        /// 20000.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         to_mm: Option<f64>,
     },
@@ -156,7 +163,8 @@ pub enum Pivot {
 pub enum PlacePhase {
     /// It shows where it would be, and follows the cursor.
     Preview,
-    /// The same; but a point of an annotation that is under the cursor is taken hold of instead, and goes with the cursor.
+    /// The same; but a point of an annotation that is under the cursor is taken hold of instead,
+    /// and goes with the cursor.
     Take,
     /// There.
     Commit,

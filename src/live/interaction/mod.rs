@@ -11,7 +11,8 @@
 //! | `Patient` | DICOM LPS, mm |
 //! | pixels | u right, v down, centres at +0.5, of the picture's full size |
 //!
-//! Devices say the same in the same words; [`Gestures`] has the Wiimote's, clients keep to the others:
+//! Devices say the same in the same words; [`Gestures`] has the Wiimote's, clients keep to the
+//! others:
 //!
 //! | what | intent | Wiimote | mouse | touch | keys | gamepad |
 //! |---|---|---|---|---|---|---|

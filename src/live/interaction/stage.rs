@@ -46,10 +46,12 @@ impl Stage {
     /// Farthest coordinate of its centre, mm.
     pub const MAX_CENTER_MM: f64 = 5e5;
 
-    /// A sphere around `center` in pictures of `size_px`, with the names of the presets in the order of menus.
+    /// A sphere around `center` in pictures of `size_px`, with the names of the presets in the
+    /// order of menus.
     ///
     /// # Errors
-    /// When the sphere or the picture is out of range, or the home view is not one of [`super::ViewState`]'s.
+    /// When the sphere or the picture is out of range, or the home view is not one of
+    /// [`super::ViewState`]'s.
     pub fn new(
         center: Point<Patient>,
         radius_mm: f64,
@@ -127,8 +129,8 @@ impl Stage {
         self.clamped(point, self.radius_mm)
     }
 
-    /// The nearest place where the focal point may be: within twice the bounding sphere, which is as far as turning about
-    /// a point of it takes its centre.
+    /// The nearest place where the focal point may be: within twice the bounding sphere, which is
+    /// as far as turning about a point of it takes its centre.
     pub(super) fn clamped_focus(&self, point: Point<Patient>) -> Point<Patient> {
         self.clamped(point, 2.0 * self.radius_mm)
     }

@@ -77,7 +77,8 @@ pub struct CursorMark {
     pub at: Point<Patient>,
     /// Its radius in pixels of the picture's full size.
     pub radius_px: f64,
-    /// Display-referred sRGB, 0..1: yellow, orange while the volume is held, white while something is being placed.
+    /// Display-referred sRGB, 0..1: yellow, orange while the volume is held, white while something
+    /// is being placed.
     pub rgb: [f64; 3],
 }
 
@@ -86,7 +87,8 @@ pub struct CursorMark {
 pub struct Seen<'a> {
     /// The camera that it was made with.
     pub camera: Camera,
-    /// View depth at a pixel (u right, v down, centres at +0.5); a miss where nothing is seen, or outside.
+    /// View depth at a pixel (u right, v down, centres at +0.5); a miss where nothing is seen, or
+    /// outside.
     pub depth: &'a dyn Fn([f64; 2]) -> ViewDepth,
 }
 
@@ -146,8 +148,8 @@ impl ViewState {
 
     /// The plane before which everything is cut away, if any.
     ///
-    /// It lies across the viewing axis and turns with the view; its depth is counted from the front of the bounding sphere,
-    /// wherever the focal point is.
+    /// It lies across the viewing axis and turns with the view; its depth is counted from the front
+    /// of the bounding sphere, wherever the focal point is.
     #[must_use]
     pub fn cut_plane(&self, stage: &Stage) -> Option<CutPlane> {
         let away = Vector::from_xyz(self.aspect.patient_from_view * DVec3::NEG_Z);
@@ -178,8 +180,8 @@ impl ViewState {
         self.aspect.preset.as_deref()
     }
 
-    /// How far a point may be from the cursor that is taken hold of: the cursor's ball and half as much again, where the focal point is,
-    /// mm.
+    /// How far a point may be from the cursor that is taken hold of: the cursor's ball and half as
+    /// much again, where the focal point is, mm.
     ///
     /// # Errors
     /// As [`ViewState::camera`].
@@ -252,7 +254,8 @@ impl Aspect {
     /// Distance of the eye from the focal point, and projection: those of an orbit.
     fn lens(&self, stage: &Stage) -> Result<(f64, Projection), CameraError> {
         let [width, height] = stage.size_px.map(f64::from);
-        // An orbit fits the volume to the picture's height; a picture taller than wide has to stand back for it.
+        // An orbit fits the volume to the picture's height; a picture taller than wide has to stand
+        // back for it.
         let zoom = self.zoom * (width / height).min(1.0);
         let half_angle = (self.vertical_fov_deg / 2.0).to_radians();
         let least = half_angle.tan() / (WIDEST_DEG / 2.0 - 1e-6).to_radians().tan();

@@ -53,7 +53,8 @@ pub enum Role {
     Watcher,
 }
 
-/// Formats that a client reads, in the order of preference. Names that this version does not know are passed over.
+/// Formats that a client reads, in the order of preference. Names that this version does not know
+/// are passed over.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Accept {

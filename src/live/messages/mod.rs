@@ -86,7 +86,8 @@ fn read<T: DeserializeOwned>(message: Map<String, Value>) -> Result<T, MessageEr
         .map_err(|error| refused(&error.path().to_string(), error.inner()))
 }
 
-/// Refuses arrays where the messages have objects: serde would read them as an object's values in order.
+/// Refuses arrays where the messages have objects: serde would read them as an object's values in
+/// order.
 fn expect_objects(message: &Map<String, Value>) -> Result<(), MessageError> {
     const OBJECTS: [&str; 12] = [
         "/accept",
@@ -134,7 +135,8 @@ impl ClientMessage {
     /// Reads a message.
     ///
     /// # Errors
-    /// When it is no JSON object of a known type, or a key is unknown, missing or of the wrong kind.
+    /// When it is no JSON object of a known type, or a key is unknown, missing or of the wrong
+    /// kind.
     pub fn parse(text: &str) -> Result<Self, MessageError> {
         let (kind, mut message) = object(text)?;
         match kind.as_str() {

@@ -21,7 +21,8 @@ pub struct Pose {
 /// The kinds of pose.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PoseKind {
-    /// The Wiimote's camera in the beacon's frame, as `relief track` writes it, and the buttons held.
+    /// The Wiimote's camera in the beacon's frame, as `relief track` writes it, and the buttons
+    /// held.
     Remote(RemotePose),
     /// Angles and zoom around the volume.
     Orbit(OrbitPose),

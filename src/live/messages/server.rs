@@ -30,11 +30,13 @@ pub enum ServerMessage {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnnotationsMessage {
-    /// The last event of the log. It counts those of other volumes too: numbers that are left out are not lost.
+    /// The last event of the log. It counts those of other volumes too: numbers that are left out
+    /// are not lost.
     pub seq: u64,
     /// Events, as `GET /v1/volumes/{id}/annotations/log` has them.
     pub events: Vec<Value>,
-    /// Whether there were more than a message holds, and none is here: the list is to be fetched again.
+    /// Whether there were more than a message holds, and none is here: the list is to be fetched
+    /// again.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub more: bool,
     /// The label that the next `place` of this session uses.

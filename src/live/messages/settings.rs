@@ -11,7 +11,8 @@ use relief_display::DisplaySettings;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// A merge patch (RFC 7396) of the scene, in the JSON of a request without `camera`, `size_px`, `display` and `budget_ms`.
+    /// A merge patch (RFC 7396) of the scene, in the JSON of a request without `camera`, `size_px`,
+    /// `display` and `budget_ms`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<Map<String, Value>>,
     /// The display, as in a request; replaces the previous display settings.
@@ -20,8 +21,8 @@ pub struct Settings {
     /// Size of the picture; where the layout fixes the size, only that size is valid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_px: Option<[u32; 2]>,
-    /// The annotations that are drawn: `false`, `true`, or sets by their names. While any are, `place` sets landmarks down and
-    /// `undo` takes back edits.
+    /// The annotations that are drawn: `false`, `true`, or sets by their names. While any are,
+    /// `place` sets landmarks down and `undo` takes back edits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub annotations: Option<Shown>,
     /// A preset by its name.

@@ -5,7 +5,8 @@ use super::device::GpuError;
 /// Which adapter is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum AdapterChoice {
-    /// The most capable: a discrete GPU before an integrated one, before a virtual one, before software.
+    /// The most capable: a discrete GPU before an integrated one, before a virtual one, before
+    /// software.
     #[default]
     Best,
     /// A software rasteriser: what golden images are compared on.

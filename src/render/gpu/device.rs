@@ -7,7 +7,8 @@ use super::adapter::{AdapterChoice, AdapterDescription, choose};
 
 pub(crate) use wgpu::SubmissionIndex;
 
-/// How long a frame may take before the device counts as hung. Software adapters need seconds for large pictures.
+/// How long a frame may take before the device counts as hung. Software adapters need seconds for
+/// large pictures.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Why the GPU could not do its work.
@@ -63,7 +64,8 @@ pub struct GpuLimits {
     pub texture_3d_side: u32,
     /// Largest buffer that a shader can write, bytes.
     pub storage_bytes: u64,
-    /// Whether signed normalised 16-bit textures can be filtered; otherwise values are stored as half floats.
+    /// Whether signed normalised 16-bit textures can be filtered; otherwise values are stored as
+    /// half floats.
     pub norm16_textures: bool,
 }
 
@@ -95,7 +97,8 @@ impl Gpu {
         let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(|error| {
             GpuError::Device { adapter: description.to_string(), reason: error.to_string() }
         })?;
-        // Errors are caught in scopes; one that escapes is logged, where the default would end the process.
+        // Errors are caught in scopes; one that escapes is logged, where the default would end the
+        // process.
         device.on_uncaptured_error(std::sync::Arc::new(
             |error| tracing::error!(%error, "uncaptured GPU error"),
         ));

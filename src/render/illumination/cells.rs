@@ -32,7 +32,8 @@ impl Cells {
     /// Most cells of a volume: 16 MiB of texels.
     pub(crate) const MOST: usize = 1 << 21;
 
-    /// Cells of two voxels along the finest axis and about as wide along the others, or as much coarser as it takes.
+    /// Cells of two voxels along the finest axis and about as wide along the others, or as much
+    /// coarser as it takes.
     pub(crate) fn of(grid: &Grid) -> Self {
         let spacing = grid.spacing_mm();
         let finest = spacing.into_iter().fold(f64::INFINITY, f64::min);
@@ -61,7 +62,8 @@ impl Cells {
         self.shadow_step_mm().max(radius_mm / 8.0).min(3.0 * self.finest_mm)
     }
 
-    /// Where rays begin: half a cell from its centre, so that the surface that a cell lies in casts no shadow on it.
+    /// Where rays begin: half a cell from its centre, so that the surface that a cell lies in casts
+    /// no shadow on it.
     pub(crate) fn begin_mm(&self) -> f64 {
         0.5 * self.edge_mm
     }
@@ -82,14 +84,15 @@ impl Cells {
         DVec3::from(grid.axis_directions().map(|axis| axis.dot(normal)))
     }
 
-    /// How many bricks a visible sample is at most away from the cells that it looks up: one cell before the surface, and
-    /// one to the next centres.
+    /// How many bricks a visible sample is at most away from the cells that it looks up: one cell
+    /// before the surface, and one to the next centres.
     pub(crate) fn reach(&self, brick_edge: usize) -> usize {
         self.voxels.into_iter().map(|voxels| (2 * voxels + 1) / brick_edge + 1).max().unwrap_or(1)
     }
 }
 
-/// Direction `i` of [`DIRECTIONS`], evenly spread over the sphere (Fibonacci's lattice); unit length.
+/// Direction `i` of [`DIRECTIONS`], evenly spread over the sphere (Fibonacci's lattice); unit
+/// length.
 pub(crate) fn sphere_direction(i: usize) -> DVec3 {
     let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;
     let (sine, cosine) = (i as f64 * PI * (3.0 - 5.0f64.sqrt())).sin_cos();

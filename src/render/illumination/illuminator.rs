@@ -21,8 +21,8 @@ use crate::upload::{Appearance, VolumeOnGpu, VoxelFormat, upload_table};
 use relief_base::Vector;
 use relief_volume::{Camera, ContentHash, Grid, Projection, TransferFunction, Volume};
 
-/// What cells are kept in: every adapter can write and filter it. Drivers in software interpolate 8-bit texels by weights
-/// of 8 bits, which showed in pictures.
+/// What cells are kept in: every adapter can write and filter it. Drivers in software interpolate
+/// 8-bit texels by weights of 8 bits, which showed in pictures.
 pub(super) const TEXELS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// Fillings kept, each of at most 16 MiB; the least recently used goes first.
@@ -46,7 +46,8 @@ pub(crate) struct Order<'a> {
 /// The quantity that is computed for each cell.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Sought {
-    /// The share of each light that reaches it: where the light is, and the angle that it fills in radians.
+    /// The share of each light that reaches it: where the light is, and the angle that it fills in
+    /// radians.
     Shadows(Vec<(InPatient, f64)>),
     /// The share of directions that is open within this radius.
     Openness { radius_mm: f64 },

@@ -5,8 +5,9 @@
 //! GPU fills the cells, and rays light their samples by them through a uniform. Mode path-traced
 //! does not use this; its light follows its own paths.
 //!
-//! Cells are filled once for a volume, a transfer function or surfaces, a clip, and what light comes from, all in
-//! patient space. A light in view space turns with the camera, so its cells are filled anew when that turns.
+//! Cells are filled once for a volume, a transfer function or surfaces, a clip, and what light
+//! comes from, all in patient space. A light in view space turns with the camera, so its cells are
+//! filled anew when that turns.
 //!
 //! Spaces: patient mm, voxel index, start space (see `shaders/lib/frame.wgsl`) of a camera that
 //! depends only on the volume.

@@ -12,8 +12,9 @@ pub struct Illumination {
     pub occlusion: Occlusion,
 }
 
-/// Ambient occlusion: less light where less than half of all directions is open. It takes from ambient light, and from
-/// the headlight, which stands for light from everywhere; placed lights have their own shadows.
+/// Ambient occlusion: less light where less than half of all directions is open. It takes from
+/// ambient light, and from the headlight, which stands for light from everywhere; placed lights
+/// have their own shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Occlusion {
     /// How much of it shows, 0..1; at 0 none is made.

@@ -1,4 +1,5 @@
-//! The stage that fills cells: its sources, bindings and pipelines; and the layout by which rays read them.
+//! The stage that fills cells: its sources, bindings and pipelines; and the layout by which rays
+//! read them.
 
 use std::collections::HashMap;
 

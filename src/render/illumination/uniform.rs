@@ -1,5 +1,5 @@
-//! The Rust mirrors of `struct Lighting` in `shaders/lib/lights.wgsl` and of `struct Illumination` in
-//! `shaders/illuminate.wgsl`, and how a request fills them.
+//! The Rust mirrors of `struct Lighting` in `shaders/lib/lights.wgsl` and of `struct Illumination`
+//! in `shaders/illuminate.wgsl`, and how a request fills them.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat4, DVec3};

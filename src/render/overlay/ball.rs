@@ -22,8 +22,8 @@ pub(super) struct Ball {
     pub(super) bounds: [f64; 4],
 }
 
-/// An ellipse in the picture: the line at `d` px below its middle has `middle.x + lean d` in its middle and goes
-/// `sqrt(half - falling d²)` to both sides of that.
+/// An ellipse in the picture: the line at `d` px below its middle has `middle.x + lean d` in its
+/// middle and goes `sqrt(half - falling d²)` to both sides of that.
 #[derive(Clone, Copy, Debug)]
 struct Outline {
     middle: DVec2,
@@ -41,9 +41,9 @@ impl Outline {
             let (half, falling) = (square * x_to_px, x_to_px * y_to_px);
             return Self { middle: lens.pixel(center), lean: 0.0, half, falling };
         }
-        // Rays are (X, Y, 1). Those of one Y lie in a plane |z Y - y| / sqrt(1 + Y²) away from the centre, and of the disc that the
-        // ball has there they meet the interval
-        // (x (y Y + z) ± sqrt(power (square (1 + Y²) - (z Y - y)²))) / across.
+        // Rays are (X, Y, 1). Those of one Y lie in a plane |z Y - y| / sqrt(1 + Y²) away from the
+        // centre, and of the disc that the ball has there they meet the interval (x (y Y + z) ±
+        // sqrt(power (square (1 + Y²) - (z Y - y)²))) / across.
         let (ahead, across) = (z * z - square, y * y + z * z - square); // above 0: the eye is before the ball
         let power = x * x + across;
         let up = y * z / ahead;
@@ -64,7 +64,8 @@ impl Ball {
             if !lens.is_perspective {
                 return [across - radius_mm, across + radius_mm];
             }
-            // Tangents from the eye to a circle, in the plane of one picture axis and the viewing direction.
+            // Tangents from the eye to a circle, in the plane of one picture axis and the viewing
+            // direction.
             let square = center.z * center.z - radius_mm * radius_mm;
             let reach = radius_mm * (across * across + square).sqrt();
             [(across * center.z - reach) / square, (across * center.z + reach) / square]
@@ -102,7 +103,8 @@ impl Ball {
         band.scratch.points = points;
     }
 
-    /// The sample points that it covers in the pixels of a row, and the column of the first of these.
+    /// The sample points that it covers in the pixels of a row, and the column of the first of
+    /// these.
     fn points_of_row(&self, row: u32, columns: [u32; 2], points: &mut Vec<u16>) -> u32 {
         let [least, most] = columns.map(f64::from);
         let Outline { middle, lean, half, falling } = self.outline;

@@ -1,8 +1,10 @@
-//! A stroke font of our own: letters as lines of one width, which stay readable on lenticular displays and at any size.
+//! A stroke font of our own: letters as lines of one width, which stay readable on lenticular
+//! displays and at any size.
 //!
-//! Units: capitals are 12 high, small letters 8, descenders go down to -4; x to the right, y up from the baseline. A
-//! glyph is a list of strokes with `;` between them, a stroke a list of points `x,y`. A stroke that begins with `~` is a
-//! smooth curve through its points, with `o` a smooth closed one, else straight from point to point; one point is a dot.
+//! Units: capitals are 12 high, small letters 8, descenders go down to -4; x to the right, y up
+//! from the baseline. A glyph is a list of strokes with `;` between them, a stroke a list of points
+//! `x,y`. A stroke that begins with `~` is a smooth curve through its points, with `o` a smooth
+//! closed one, else straight from point to point; one point is a dot.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -45,8 +47,8 @@ pub(super) fn glyph(character: char) -> &'static Glyph {
     ASCII.get(character as usize).copied().unwrap_or_else(|| find(character))
 }
 
-/// A line of text as strokes: from its first ink at x = 0, its baseline at y = 0, in the units of the font; and how far
-/// it goes to the right.
+/// A line of text as strokes: from its first ink at x = 0, its baseline at y = 0, in the units of
+/// the font; and how far it goes to the right.
 ///
 /// For drawings that are no picture of a volume; capitals are [`CAPITAL`] high.
 #[must_use]

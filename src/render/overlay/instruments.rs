@@ -1,5 +1,6 @@
-//! Instruments: the orientation cube and the scale bar. They keep their place in the picture and stand at the depth of
-//! the focal point, which a 3D display shows at its screen: nothing to strain the eyes. The volume never hides them.
+//! Instruments: the orientation cube and the scale bar. They keep their place in the picture and
+//! stand at the depth of the focal point, which a 3D display shows at its screen: nothing to strain
+//! the eyes. The volume never hides them.
 //!
 //! Pixels of the picture; depth is view depth in mm.
 
@@ -39,7 +40,8 @@ struct Face {
     rgb: [f64; 3],
 }
 
-/// Letters are those of DICOM: left, right, anterior, posterior, head, feet; opposite faces have one colour.
+/// Letters are those of DICOM: left, right, anterior, posterior, head, feet; opposite faces have
+/// one colour.
 const FACES: [Face; 6] = [
     Face { letter: 'L', outwards: DVec3::X, up: DVec3::Z, rgb: [0.95, 0.62, 0.55] },
     Face { letter: 'R', outwards: DVec3::NEG_X, up: DVec3::Z, rgb: [0.95, 0.62, 0.55] },
@@ -111,8 +113,8 @@ impl Cube<'_> {
     }
 }
 
-/// A bar of a round length in the lower left corner: true at the depth of the focal point (everywhere, in a parallel
-/// projection).
+/// A bar of a round length in the lower left corner: true at the depth of the focal point
+/// (everywhere, in a parallel projection).
 pub(super) fn scale_bar(lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<Primitive>) {
     let mm_per_px = lens.mm_per_px(lens.focal_mm);
     let length_mm = round_length(lens.size_px.x * BAR_SHARE * mm_per_px);
@@ -175,7 +177,8 @@ mod tests {
     fn letters_are_read_from_outside_with_their_own_up() {
         for Face { letter, outwards, up, .. } in FACES {
             assert_eq!(outwards.dot(up), 0.0, "{letter}");
-            // Seen from outside, right is where up x outwards points: the way back is along `outwards`.
+            // Seen from outside, right is where up x outwards points: the way back is along
+            // `outwards`.
             assert_eq!(up.cross(outwards).cross(up), outwards, "{letter}");
         }
     }

@@ -1,6 +1,7 @@
 //! Overlay items in patient mm, and the instruments that follow the camera.
 //!
-//! These are the values of a request. How they become pixels is in the modules beside; their JSON is in `scene`.
+//! These are the values of a request. How they become pixels is in the modules beside; their JSON
+//! is in `scene`.
 
 use std::sync::Arc;
 
@@ -85,7 +86,8 @@ pub struct Curve {
     pub points: Arc<[Point<Patient>]>,
     /// Whether the last point is joined to the first.
     pub closed: bool,
-    /// Whether it is a centripetal Catmull-Rom spline through the points, instead of straight between them.
+    /// Whether it is a centripetal Catmull-Rom spline through the points, instead of straight
+    /// between them.
     pub smooth: bool,
     /// Width, px.
     pub width_px: f64,

@@ -1,9 +1,11 @@
-//! Labels of landmarks: beside the ball, joined to it by a leader, at its depth, where no other label is.
+//! Labels of landmarks: beside the ball, joined to it by a leader, at its depth, where no other
+//! label is.
 //!
-//! The nearest landmarks choose first. Each tries eight sides at three distances; one that finds no free place within
-//! the picture is left out, its ball stays. Other labelled balls are covered only where there is no place beside them. So a picture
-//! has as many labels as can be read in it, the nearest ones, whatever the number of landmarks; it is full when a thousand in a row
-//! found no place.
+//! The nearest landmarks choose first. Each tries eight sides at three distances; one that finds no
+//! free place within the picture is left out, its ball stays. Other labelled balls are covered only
+//! where there is no place beside them. So a picture has as many labels as can be read in it, the
+//! nearest ones, whatever the number of landmarks; it is full when a thousand in a row found no
+//! place.
 //!
 //! Pixels of the picture; depth is view depth in mm.
 
@@ -44,7 +46,8 @@ pub(super) struct Label<'a> {
     pub(super) rgb: [f64; 3],
 }
 
-/// Sets labels in capitals of this height, shown at these view depths at most. What `out` has of instruments is kept free.
+/// Sets labels in capitals of this height, shown at these view depths at most. What `out` has of
+/// instruments is kept free.
 pub(super) fn set(
     mut labels: Vec<Label<'_>>,
     (height_px, depths_mm): (u32, Option<[f64; 2]>),

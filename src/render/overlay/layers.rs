@@ -1,4 +1,5 @@
-//! What overlays put into the pixels of a band of rows, sorted by depth, and how a pixel becomes one colour and depth.
+//! What overlays put into the pixels of a band of rows, sorted by depth, and how a pixel becomes
+//! one colour and depth.
 //!
 //! A pixel has 16 sample points. A fragment is the part of one primitive in one pixel: the covered
 //! points, and one depth and colour for all of them. Colours are 0..255 in display-referred sRGB;
@@ -21,8 +22,8 @@ const DENSE: f32 = 0.5;
 /// Most fragments kept of a pixel. Where there are more, the two farthest become one.
 const MOST_FRAGMENTS: usize = 32;
 
-/// The sample points of a pixel from its corner: each has a row and a column of sixteenths for itself, so that upright
-/// and level edges have 16 steps too.
+/// The sample points of a pixel from its corner: each has a row and a column of sixteenths for
+/// itself, so that upright and level edges have 16 steps too.
 pub(super) const SAMPLE_POINTS: [DVec2; 16] = {
     let mut points = [DVec2::ZERO; 16];
     let mut i = 0;
@@ -101,7 +102,8 @@ struct Pixel {
     first: u32,
     /// How many there are.
     count: u32,
-    /// Depth from which on nothing is seen, since a fragment hides all behind it: no end where none does.
+    /// Depth from which on nothing is seen, since a fragment hides all behind it: no end where none
+    /// does.
     wall_mm: f32,
 }
 
@@ -116,7 +118,8 @@ struct Linked {
     next: u32,
 }
 
-/// Memory of a band, used again for the next one. Fragments of all pixels lie side by side, in the order in which they came.
+/// Memory of a band, used again for the next one. Fragments of all pixels lie side by side, in the
+/// order in which they came.
 #[derive(Default)]
 pub(super) struct Scratch {
     pixels: Vec<Pixel>,
@@ -161,7 +164,8 @@ impl<'a> Band<'a> {
         self.scratch.insert(at, fragment);
     }
 
-    /// Whether a fragment of this rank, as near as this or farther, would be hidden by others in all of these columns of a row.
+    /// Whether a fragment of this rank, as near as this or farther, would be hidden by others in
+    /// all of these columns of a row.
     pub(super) fn are_hidden(&self, row: u32, [first, end]: [u32; 2], (rank, mm): (Rank, f32)) -> bool {
         let pixels = &self.scratch.pixels[self.place(first, row)..self.place(end, row)];
         rank == Rank::Scene && pixels.iter().all(|pixel| pixel.wall_mm <= mm)
@@ -199,7 +203,8 @@ impl<'a> Band<'a> {
 }
 
 impl Scratch {
-    /// Puts a fragment behind all that are not behind it. Equal ones stay in the order in which they came.
+    /// Puts a fragment behind all that are not behind it. Equal ones stay in the order in which
+    /// they came.
     fn insert(&mut self, at: usize, fragment: Fragment) {
         let (pixel, linked) = (&mut self.pixels[at], &mut self.linked);
         if pixel.first == NONE {
@@ -252,7 +257,8 @@ impl Scratch {
     }
 }
 
-/// Colour and coverage of a pixel: `front` over `hidden` with a part of its opacity over the volume's picture.
+/// Colour and coverage of a pixel: `front` over `hidden` with a part of its opacity over the
+/// volume's picture.
 ///
 /// Hidden fragments hide one another as if the volume were absent; the factor applies to their
 /// combined colour.
@@ -275,7 +281,8 @@ fn blend(front: &[Fragment], hidden: &[Fragment], occluded: f32, [r, g, b, cover
     over_volume(rgb, rest, [r, g, b, coverage])
 }
 
-/// The same where every fragment is opaque, so that a sample point is that of one: counting bits comes to the same numbers.
+/// The same where every fragment is opaque, so that a sample point is that of one: counting bits
+/// comes to the same numbers.
 fn blend_opaque(front: &[Fragment], hidden: &[Fragment], occluded: f32, volume: [u8; 4]) -> [u8; 4] {
     let mut rgb = [0.0; 3];
     let mut open = FULL;
@@ -305,8 +312,8 @@ fn over_volume(rgb: [f32; 3], rest: f32, [r, g, b, coverage]: [u8; 4]) -> [u8; 4
     [r, g, b, byte(255.0 - rest * (255.0 - f32::from(coverage)))]
 }
 
-/// Takes a fragment's opacity out of what passes at each sample point; gives the share of the pixel's light that it has,
-/// where `before` of it comes that far.
+/// Takes a fragment's opacity out of what passes at each sample point; gives the share of the
+/// pixel's light that it has, where `before` of it comes that far.
 fn attenuate(passing: &mut [f32; 16], before: &[f32; 16], fragment: &Fragment) -> f32 {
     let mut share = 0.0;
     for (i, (passes, arrives)) in passing.iter_mut().zip(before).enumerate() {
@@ -329,8 +336,9 @@ fn byte(value: f32) -> u8 {
     (value + 0.5).clamp(0.0, 255.0) as u8
 }
 
-/// The depth that unhidden fragments give a pixel: one of theirs, where the dense ones cover at least half of it. It is
-/// that of the fragment with the largest uncovered part, the nearest of equals; depths are never blended.
+/// The depth that unhidden fragments give a pixel: one of theirs, where the dense ones cover at
+/// least half of it. It is that of the fragment with the largest uncovered part, the nearest of
+/// equals; depths are never blended.
 fn depth_of(front: &[Fragment]) -> Option<f32> {
     let mut covered = 0u16;
     let mut best: Option<(u32, f32)> = None;

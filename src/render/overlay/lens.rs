@@ -97,7 +97,8 @@ impl Lens {
         }
     }
 
-    /// The part of a triangle that is before the near plane: three or four corners in order, or none.
+    /// The part of a triangle that is before the near plane: three or four corners in order, or
+    /// none.
     pub(super) fn clip_triangle(corners: [DVec3; 3]) -> Vec<DVec3> {
         let mut kept = Vec::with_capacity(4);
         for (i, &a) in corners.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Overlays: landmarks, lines, curves, meshes and instruments, drawn over a rendered picture in the same depth.
+//! Overlays: landmarks, lines, curves, meshes and instruments, drawn over a rendered picture in the
+//! same depth.
 //!
 //! A pass on the CPU over a rendered frame, the same for every adapter, in f64 and independent of
 //! the number of threads, so its bytes are the same everywhere. It casts no rays and has no voxels;
@@ -10,7 +11,8 @@
 //! of one of them: depths are never blended. Clip planes cut the volume, not the overlays.
 //! Instruments (orientation cube, scale bar) are in front of everything.
 //!
-//! Spaces: items are in patient mm, primitives in view space and pixels (see `lens`); depth is view depth in mm.
+//! Spaces: items are in patient mm, primitives in view space and pixels (see `lens`); depth is view
+//! depth in mm.
 
 mod ball;
 mod build;
@@ -44,7 +46,8 @@ const BAND_ROWS: u32 = 16;
 /// So many primitives in a band are worth sorting.
 const MANY: usize = 512;
 
-/// Most pixels that all primitives of a picture together may have to look at: some seconds of a core.
+/// Most pixels that all primitives of a picture together may have to look at: some seconds of a
+/// core.
 const MAX_WORK_PX: f64 = (1u64 << 29) as f64;
 
 /// The overlays of one picture, ready to be drawn over it.
@@ -55,11 +58,12 @@ pub(super) struct Drawing {
     occluded: f32,
 }
 
-/// Draws a request's overlays over the picture that it makes without them, of a volume on `grid`: the bytes are those of the
-/// picture with them.
+/// Draws a request's overlays over the picture that it makes without them, of a volume on `grid`:
+/// the bytes are those of the picture with them.
 ///
 /// # Errors
-/// When an item is out of range, or drawing would take too long: items too many and too large for the picture.
+/// When an item is out of range, or drawing would take too long: items too many and too large for
+/// the picture.
 pub fn draw_overlays(
     frame: &mut RenderedFrame,
     request: &RenderRequest,

@@ -1,8 +1,10 @@
-//! Primitives and the pixels that they cover: balls (see `ball`), strokes, triangles and glyphs, already in view and in pixels.
+//! Primitives and the pixels that they cover: balls (see `ball`), strokes, triangles and glyphs,
+//! already in view and in pixels.
 //!
-//! Each is drawn row by row. Coverage is counted at the sample points of `layers`; a pixel's depth and shade are those
-//! at its centre, or at the primitive's nearest part where the centre is outside. Shade is of a headlight: the share
-//! [`AMBIENT`] from everywhere and the rest by the cosine between surface and ray.
+//! Each is drawn row by row. Coverage is counted at the sample points of `layers`; a pixel's depth
+//! and shade are those at its centre, or at the primitive's nearest part where the centre is
+//! outside. Shade is of a headlight: the share [`AMBIENT`] from everywhere and the rest by the
+//! cosine between surface and ray.
 
 use glam::{DVec2, DVec3};
 
@@ -170,8 +172,8 @@ fn points_where(corner: DVec2, is_inside: impl Fn(DVec2) -> bool) -> u16 {
     points
 }
 
-/// A straight line of constant width with round ends. It is as thick as wide: its depth is half its width nearer than
-/// that of its axis, so that a line on a surface is seen.
+/// A straight line of constant width with round ends. It is as thick as wide: its depth is half its
+/// width nearer than that of its axis, so that a line on a surface is seen.
 #[derive(Clone, Debug)]
 pub(super) struct Stroke {
     ends: [DVec2; 2],
@@ -255,7 +257,8 @@ pub(super) struct Triangle {
 }
 
 impl Triangle {
-    /// The triangle between three places in view before the near plane; `None` where it has no area in the picture.
+    /// The triangle between three places in view before the near plane; `None` where it has no area
+    /// in the picture.
     pub(super) fn new(lens: &Lens, places: [DVec3; 3], normal: DVec3) -> Option<Self> {
         let slopes = places.map(|place| lens.slope(place.z));
         Self::between(places.map(|place| lens.pixel(place)), slopes, Some(normal))
@@ -304,12 +307,13 @@ impl Triangle {
         [span[0] - 1e-6, span[1] + 1e-6]
     }
 
-    /// Twice the area between an edge and a pixel, positive inside, and whether points on the edge itself are inside:
-    /// they belong to one of two triangles that share it.
+    /// Twice the area between an edge and a pixel, positive inside, and whether points on the edge
+    /// itself are inside: they belong to one of two triangles that share it.
     fn edge(&self, i: usize, pixel: DVec2) -> (f64, bool) {
         let (a, b) = (self.corners[i], self.corners[(i + 1) % 3]);
         let along = b - a;
-        // Computed from the same end whatever the direction, so that both triangles get the same number.
+        // Computed from the same end whatever the direction, so that both triangles get the same
+        // number.
         let first = if (a.x, a.y) < (b.x, b.y) { a } else { b };
         let owns = along.y < 0.0 || (along.y == 0.0 && along.x > 0.0);
         (along.perp_dot(pixel - first), owns)

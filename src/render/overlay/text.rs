@@ -1,8 +1,8 @@
 //! Text: glyphs as small pictures of sample points, and where the glyphs of a line go.
 //!
-//! Every glyph stands on whole pixels, so that one picture of it serves all its places. Around its ink lies a rim in a
-//! contrasting colour, so that it is read over anything. A text has one depth, rim included: displays that shift pixels by
-//! their depth keep it in one piece.
+//! Every glyph stands on whole pixels, so that one picture of it serves all its places. Around its
+//! ink lies a rim in a contrasting colour, so that it is read over anything. A text has one depth,
+//! rim included: displays that shift pixels by their depth keep it in one piece.
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
@@ -16,7 +16,8 @@ use super::shape::{HALF_DIAGONAL, Primitive, Shape};
 /// Where nothing says how high capitals are: this share of the picture's height, within limits, px.
 const USUAL_SHARE: f64 = 1.0 / 27.0;
 
-/// Half the width of a stroke and the width of the rim, in parts of the height of capitals, and their least, px.
+/// Half the width of a stroke and the width of the rim, in parts of the height of capitals, and
+/// their least, px.
 const HALF_STROKE: (f64, f64) = (0.062, 0.65);
 const RIM: (f64, f64) = (0.1, 1.5);
 
@@ -100,7 +101,8 @@ impl Stamp {
         [x, y, x + f64::from(self.bitmap.width), y + rows as f64]
     }
 
-    /// The sample points that it covers in a row of pixels from a column on, both within its bounds.
+    /// The sample points that it covers in a row of pixels from a column on, both within its
+    /// bounds.
     pub(super) fn points(&self, row: u32, column: u32) -> &[u16] {
         let Bitmap { left, top, width, ink, rim } = &*self.bitmap;
         let place = |at: u32, first: i32| usize::try_from(i64::from(at) - i64::from(first)).ok();
@@ -122,7 +124,8 @@ impl Typesetter {
         DVec2::new(width * scale, f64::from(height_px))
     }
 
-    /// Puts a line around a pixel: its middle there, as far as whole pixels allow. Ink comes before all rims.
+    /// Puts a line around a pixel: its middle there, as far as whole pixels allow. Ink comes before
+    /// all rims.
     #[expect(clippy::cast_possible_truncation, reason = "the places of a picture, bounded before")]
     pub(super) fn set(
         &mut self,

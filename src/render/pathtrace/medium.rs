@@ -1,4 +1,5 @@
-//! A transfer function as a medium on the GPU, and what bounds its extinction in each brick of a volume.
+//! A transfer function as a medium on the GPU, and what bounds its extinction in each brick of a
+//! volume.
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::request::RenderRequest;
@@ -49,7 +50,8 @@ impl Medium {
     }
 }
 
-/// For each brick its largest extinction per mm, or minus its distance in bricks to the nearest one that has any.
+/// For each brick its largest extinction per mm, or minus its distance in bricks to the nearest one
+/// that has any.
 fn brick_bounds(volume: &VolumeOnGpu, table: &MediumTable) -> (Vec<f32>, [usize; 3]) {
     let largest = |low: i16, high: i16| table.largest_extinction(volume.stored(low), volume.stored(high));
     let map = volume.bricks.distance_map(|low, high| largest(low, high) > 0.0);

@@ -4,9 +4,9 @@
 //! the ray caster's of the same request. After Kroes, Post and Botha, *Exposure Render* (PLoS ONE
 //! 2012), with its hybrid of surface and volume scattering along stochastic paths.
 //!
-//! A picture is the mean of its passes and nothing else: the same request gives the same bytes, whether its passes
-//! were made at once or as continuations of a picture with fewer. Light is linear and becomes sRGB at the end. Spaces: view
-//! mm, voxel index; extinction per mm.
+//! A picture is the mean of its passes and nothing else: the same request gives the same bytes,
+//! whether its passes were made at once or as continuations of a picture with fewer. Light is
+//! linear and becomes sRGB at the end. Spaces: view mm, voxel index; extinction per mm.
 
 mod medium;
 mod settings;

@@ -17,7 +17,8 @@ pub struct PathTrace {
     pub environment: f64,
     /// What light is multiplied by before it becomes sRGB.
     pub exposure: f64,
-    /// Mean cosine of the medium's scattering (Henyey-Greenstein): above 0 forwards, below backwards.
+    /// Mean cosine of the medium's scattering (Henyey-Greenstein): above 0 forwards, below
+    /// backwards.
     pub anisotropy: f64,
     /// Largest share of a surface at a collision, 0..1; the rest is medium.
     pub surface: f64,
@@ -48,7 +49,8 @@ impl PathTrace {
     /// Most paths of a picture, all passes together: minutes of a software adapter.
     pub const MAX_PATHS: u64 = 1 << 29;
 
-    /// The lights of a request that names none: a large warm one from the upper left, a faint one from the right.
+    /// The lights of a request that names none: a large warm one from the upper left, a faint one
+    /// from the right.
     #[must_use]
     pub fn default_lights() -> Vec<Light> {
         let light = |[x, y, z]: [f64; 3], rgb, intensity, size: f64| Light {

@@ -1,4 +1,5 @@
-//! Runs passes and keeps their sums, so that a picture of more passes goes on where one of fewer ended.
+//! Runs passes and keeps their sums, so that a picture of more passes goes on where one of fewer
+//! ended.
 
 use super::medium::Medium;
 use super::stage::Stage;
@@ -14,8 +15,8 @@ use crate::upload::{Appearance, VolumeOnGpu};
 use crate::watch::Watch;
 use relief_volume::{ContentHash, Volume};
 
-/// Paths of one dispatch: short enough for drivers that stop long ones and for those who wait for a picture to be
-/// cancelled, long enough not to matter.
+/// Paths of one dispatch: short enough for drivers that stop long ones and for those who wait for a
+/// picture to be cancelled, long enough not to matter.
 const PATHS_OF_DISPATCH: u64 = 1 << 18;
 
 /// The path tracer of one device.
@@ -126,7 +127,8 @@ impl PathTracer {
         let wanted = request.path_trace.passes;
         watch.continues(sums.passes);
         loop {
-            // A picture that has all its passes is written out again: its settings may have come back.
+            // A picture that has all its passes is written out again: its settings may have come
+            // back.
             (uniform.first_pass, uniform.passes) = (sums.passes, at_once.min(wanted - sums.passes));
             gpu.queue.write_buffer(&self.path, 0, bytemuck::bytes_of(&uniform));
             let passes = sums.passes + uniform.passes;

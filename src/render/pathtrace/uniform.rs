@@ -41,7 +41,8 @@ pub(super) struct PathUniform {
 
 #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl PathUniform {
-    /// The parameters of `request`, for no pass yet. `near_mm` is the view depth of the plane that start space begins at.
+    /// The parameters of `request`, for no pass yet. `near_mm` is the view depth of the plane that
+    /// start space begins at.
     pub(super) fn new(request: &RenderRequest, near_mm: f64, table: &MediumTable, brick_edge: usize) -> Self {
         let settings = &request.path_trace;
         let mut lights = [LightUniform::default(); Light::MAX];

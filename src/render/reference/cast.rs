@@ -1,4 +1,5 @@
-//! One ray after another; twin of `shaders/raycast.wgsl`, without empty-space skipping, which changes nothing.
+//! One ray after another; twin of `shaders/raycast.wgsl`, without empty-space skipping, which
+//! changes nothing.
 
 use glam::{DMat3, DVec2, DVec3, DVec4};
 
@@ -32,8 +33,8 @@ pub(super) struct Caster<'a> {
 /// Colour over the background as bytes, and view depth in mm.
 pub(super) type Shown = ([u8; 4], f32);
 
-/// Premultiplied colour and coverage, the first visible sample, and the distance along the ray in mm; `None` when nothing
-/// is visible.
+/// Premultiplied colour and coverage, the first visible sample, and the distance along the ray in
+/// mm; `None` when nothing is visible.
 pub(super) struct Hit {
     pub(super) color: DVec4,
     pub(super) first: Option<i32>,
@@ -49,7 +50,8 @@ impl<'a> Caster<'a> {
         Self { volume, request, rays, tables, lights, patient_from_voxel_gradient }
     }
 
-    /// Colour over the background as bytes, and view depth in mm, of a ray's layers: one, or two by rule `two-layer`.
+    /// Colour over the background as bytes, and view depth in mm, of a ray's layers: one, or two by
+    /// rule `two-layer`.
     pub(super) fn raycast(&self, pixel: [u32; 2]) -> [Shown; 2] {
         let ray = self.rays.ray_of_pixel(pixel);
         let hit = match self.request.mode {

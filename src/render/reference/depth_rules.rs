@@ -1,4 +1,5 @@
-//! Depth rules that look at a whole ray once more; twin of `shaders/lib/depth_rules.wgsl`. Distances along the ray in mm.
+//! Depth rules that look at a whole ray once more; twin of `shaders/lib/depth_rules.wgsl`.
+//! Distances along the ray in mm.
 
 use super::cast::{BISECTIONS, Caster, Hit, OPAQUE};
 use super::ray::Ray;
@@ -25,7 +26,8 @@ pub(super) struct FrontLayer {
 }
 
 impl Caster<'_> {
-    /// The depth of a ray by the rule of the request, whose first visible sample is `first`, and which ends in `opacity`.
+    /// The depth of a ray by the rule of the request, whose first visible sample is `first`, and
+    /// which ends in `opacity`.
     pub(super) fn depth_by_rule(&self, rule: DepthRule, ray: &Ray, first: i32, opacity: f64) -> f64 {
         match rule {
             DepthRule::FirstHit => self.first_hit(ray, first),
@@ -48,7 +50,8 @@ impl Caster<'_> {
         }
     }
 
-    /// Number, opacity and accumulated opacity before it, of each sample of a ray as far as it is shown.
+    /// Number, opacity and accumulated opacity before it, of each sample of a ray as far as it is
+    /// shown.
     fn shown_samples<'a>(&'a self, ray: &'a Ray, first: i32) -> impl Iterator<Item = (i32, f64, f64)> + 'a {
         let mut accumulated = 0.0;
         (first..ray.sample_count()).map_while(move |k| {

@@ -1,6 +1,8 @@
-//! Shadows and openness in cells; twin of `shaders/illuminate.wgsl`, in patient space, without skipping.
+//! Shadows and openness in cells; twin of `shaders/illuminate.wgsl`, in patient space, without
+//! skipping.
 //!
-//! Each cell is computed when it is first looked up. Values are not rounded to half floats as the GPU's are.
+//! Each cell is computed when it is first looked up. Values are not rounded to half floats as the
+//! GPU's are.
 
 use std::sync::OnceLock;
 
@@ -54,8 +56,8 @@ impl<'a> CellsOfLight<'a> {
         Self { volume, request, cells, shadow_march, openness_march, shadows, openness }
     }
 
-    /// Where a sample at voxel index `p` looks up its light: a cell before its surface, whose unit normal points to the eye's
-    /// side.
+    /// Where a sample at voxel index `p` looks up its light: a cell before its surface, whose unit
+    /// normal points to the eye's side.
     pub(super) fn position(&self, p: DVec3, normal: DVec3) -> DVec3 {
         self.cells.position(p) + Cells::step_before(self.volume.grid(), normal)
     }
@@ -86,7 +88,8 @@ impl<'a> CellsOfLight<'a> {
         corners.map(|(at, cell, weight)| weight * self.openness[at].get_or_init(|| open(cell))).sum()
     }
 
-    /// Number, index and weight of the eight cells around a position; outside the outermost centres values go on.
+    /// Number, index and weight of the eight cells around a position; outside the outermost centres
+    /// values go on.
     fn corners(&self, position: DVec3) -> [(usize, [usize; 3], f64); 8] {
         let dims = self.cells.dims;
         let last = DVec3::from(dims.map(|n| (n - 1) as f64));
@@ -134,7 +137,8 @@ impl<'a> CellsOfLight<'a> {
         shares
     }
 
-    /// The share of light that passes on the last `longest` mm to a place, but for the stretch at its end.
+    /// The share of light that passes on the last `longest` mm to a place, but for the stretch at
+    /// its end.
     fn light_passed(&self, march: &March, place: DVec3, direction: DVec3, longest: f64) -> f64 {
         let (begin, step) = (self.cells.begin_mm(), march.step_mm);
         let farthest = longest.min(4.0 * self.volume.grid().bounding_radius_mm());
@@ -196,8 +200,8 @@ impl<'a> CellsOfLight<'a> {
     }
 }
 
-/// Point `i` of a light's disc, by Vogel's spiral. The disc is turned as seen from the front of the patient, where the
-/// shader's start space is.
+/// Point `i` of a light's disc, by Vogel's spiral. The disc is turned as seen from the front of the
+/// patient, where the shader's start space is.
 fn disc_direction(toward: DVec3, size: f64, i: u32, rays: u32) -> DVec3 {
     let turn = (f64::from(i) * 0.618_034).fract() * std::f64::consts::TAU;
     let cosine = 1.0 + ((size / 2.0).cos() - 1.0) * (f64::from(i) + 0.5) / f64::from(rays);

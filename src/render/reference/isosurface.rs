@@ -1,4 +1,5 @@
-//! Isosurfaces; twin of `shaders/raycast/isosurface.wgsl`. Values in HU, distances along the ray in mm.
+//! Isosurfaces; twin of `shaders/raycast/isosurface.wgsl`. Values in HU, distances along the ray in
+//! mm.
 
 use glam::DVec3;
 

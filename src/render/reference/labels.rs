@@ -1,4 +1,5 @@
-//! Segments of a label map; twin of `shaders/lib/labels.wgsl`. Positions are voxel indices, values HU.
+//! Segments of a label map; twin of `shaders/lib/labels.wgsl`. Positions are voxel indices, values
+//! HU.
 
 use glam::{DVec3, DVec4};
 

@@ -1,8 +1,9 @@
 //! The f64 twin of the ray-casting shaders: the same functions under the same names, on the CPU.
 //!
-//! It exists to be compared with, not to be fast: tests render a request here and on the GPU and compare pixels. It
-//! takes the request itself and samples voxels by plain trilinear interpolation. It shares with the GPU path the request,
-//! the transfer table, the camera, the depth limits and the overlays' pass, which tests of their own hold against closed forms.
+//! It exists to be compared with, not to be fast: tests render a request here and on the GPU and
+//! compare pixels. It takes the request itself and samples voxels by plain trilinear interpolation.
+//! It shares with the GPU path the request, the transfer table, the camera, the depth limits and
+//! the overlays' pass, which tests of their own hold against closed forms.
 //!
 //! For mode path-traced the twin computes only the depth, which is that of composite; its colours
 //! are those of composite too.

@@ -1,4 +1,5 @@
-//! Pre-integrated classification; twin of `shaders/lib/passage.wgsl`. Values in HU, distances along the ray in mm.
+//! Pre-integrated classification; twin of `shaders/lib/passage.wgsl`. Values in HU, distances along
+//! the ray in mm.
 
 use glam::{DVec3, DVec4};
 
@@ -81,7 +82,8 @@ impl Integrals<'_> {
         self.integral.entries[end][3] > self.integral.entries[first][3]
     }
 
-    /// Half a sample's path from one value to another: colour times optical depth, and optical depth.
+    /// Half a sample's path from one value to another: colour times optical depth, and optical
+    /// depth.
     fn half_passed(self, front: f64, back: f64) -> DVec4 {
         let change = back - front;
         if change.abs() < ALIKE_ENTRIES * f64::from(self.table.step_hu) {

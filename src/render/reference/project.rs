@@ -1,4 +1,5 @@
-//! Projections; twin of `shaders/raycast/project.wgsl`. Values in HU, distances along the ray in mm.
+//! Projections; twin of `shaders/raycast/project.wgsl`. Values in HU, distances along the ray in
+//! mm.
 
 use glam::{DVec3, DVec4};
 

@@ -1,4 +1,5 @@
-//! The ray of a pixel; twin of `shaders/lib/frame.wgsl`. View space and voxel index, mm along the ray.
+//! The ray of a pixel; twin of `shaders/lib/frame.wgsl`. View space and voxel index, mm along the
+//! ray.
 
 use glam::{DAffine3, DMat3, DVec3};
 

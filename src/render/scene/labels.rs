@@ -124,8 +124,8 @@ impl<'de> Deserialize<'de> for LabelFile {
 }
 
 impl LabelFile {
-    /// Its place among the looks; `None` for a label that the map does not have: that is no mistake, as one scene may be for
-    /// many maps, and not everybody has a gallbladder.
+    /// Its place among the looks; `None` for a label that the map does not have: that is no
+    /// mistake, as one scene may be for many maps, and not everybody has a gallbladder.
     fn place(&self, map: &LabelMap, path: &str) -> Result<Option<usize>, RequestError> {
         let segments = map.segments();
         match self {
@@ -166,8 +166,8 @@ pub(super) struct Written {
     pub(super) clip: Option<ClipLabelsFile>,
 }
 
-/// The looks of a map's segments; `None` where they change nothing, and for a volume without a map. Where nothing is
-/// written, segments are tinted if the mode and the transfer function can.
+/// The looks of a map's segments; `None` where they change nothing, and for a volume without a map.
+/// Where nothing is written, segments are tinted if the mode and the transfer function can.
 ///
 /// # Errors
 /// When something is written and there is no map, or it is out of range.
@@ -240,7 +240,8 @@ impl Looks<'_> {
         Ok(())
     }
 
-    /// The look of a segment as written; of one that the map does not have too, so that it is checked.
+    /// The look of a segment as written; of one that the map does not have too, so that it is
+    /// checked.
     fn look(
         &mut self,
         path: &str,

@@ -68,7 +68,8 @@ impl Scene {
         Err(RequestError::new("annotations", &"to be drawn", allowed).into())
     }
 
-    /// Checks that the picture has the size that its layout needs: of those who write a frame in that layout.
+    /// Checks that the picture has the size that its layout needs: of those who write a frame in
+    /// that layout.
     ///
     /// # Errors
     /// With both sizes when it has another.
@@ -141,7 +142,8 @@ impl SceneFile {
         Self { transfer: Some(TransferFile::Preset(name.to_owned())), shading, ..self }
     }
 
-    /// Replaces the transfer function and the light, and the mode where `look` has one; the rest of `look` is left.
+    /// Replaces the transfer function and the light, and the mode where `look` has one; the rest of
+    /// `look` is left.
     #[must_use]
     pub fn with_look_of(self, look: Self) -> Self {
         let Self { transfer, shading, mode, .. } = look;
@@ -165,7 +167,8 @@ impl SceneFile {
         Self { mode: Some(Mode::Isosurface), iso_hu: Some(hu), surfaces: None, ..self }
     }
 
-    /// Switches on an overlay by its name, one of [`Overlays::SWITCHES`](super::Overlays::SWITCHES).
+    /// Switches on an overlay by its name, one of
+    /// [`Overlays::SWITCHES`](super::Overlays::SWITCHES).
     ///
     /// # Errors
     /// When no preset has this name.
@@ -272,8 +275,9 @@ impl SceneFile {
         self.camera.is_some()
     }
 
-    /// The complete scene for a volume on `grid`: parts that were not written get their defaults, and a camera that
-    /// was not written becomes `orbit` around the volume. A size that was not written is the layout's.
+    /// The complete scene for a volume on `grid`: parts that were not written get their defaults,
+    /// and a camera that was not written becomes `orbit` around the volume. A size that was not
+    /// written is the layout's.
     ///
     /// # Errors
     /// The first value out of range, with the key's path, the value and the allowed range.
@@ -281,8 +285,8 @@ impl SceneFile {
         self.resolve_labelled(grid, orbit, None)
     }
 
-    /// As [`SceneFile::resolve`], for a volume with a label map on its grid. Where the scene says nothing of labels, segments
-    /// are tinted in the modes that show them.
+    /// As [`SceneFile::resolve`], for a volume with a label map on its grid. Where the scene says
+    /// nothing of labels, segments are tinted in the modes that show them.
     ///
     /// # Errors
     /// As [`SceneFile::resolve`].

@@ -144,7 +144,8 @@ struct PlaneFile {
     normal: [f64; 3],
 }
 
-/// Refuses arrays where the format has objects: serde would read them as an object's values in order.
+/// Refuses arrays where the format has objects: serde would read them as an object's values in
+/// order.
 ///
 /// Invalid JSON passes here: the actual parser reports its position.
 pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {

@@ -33,7 +33,8 @@ impl SceneFile {
         Self { lights: Some(LightsFile::named(name)), ..self }
     }
 
-    /// Replaces how much of shadows and of occlusion shows, and how far that reaches (mm), where there is something.
+    /// Replaces how much of shadows and of occlusion shows, and how far that reaches (mm), where
+    /// there is something.
     #[must_use]
     pub fn with_illumination(
         self,

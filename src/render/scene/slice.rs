@@ -1,7 +1,7 @@
 //! The slice of a scene as written in JSON, and the camera that sees it.
 //!
-//! Patient space (LPS), mm. The picture's orthographic camera follows from the slice, so a scene has a camera or a
-//! slice, not both.
+//! Patient space (LPS), mm. The picture's orthographic camera follows from the slice, so a scene
+//! has a camera or a slice, not both.
 
 use serde::de::MapAccess;
 use serde::de::value::MapAccessDeserializer;
@@ -20,7 +20,8 @@ pub struct SliceFile {
     pub plane: SlicePlane,
     /// A point of the plane, in the middle of the picture; the volume's centre when left out.
     pub center_mm: Option<[f64; 3]>,
-    /// Moves that point: towards the head (axial), the left (sagittal), the back (coronal), or along the normal.
+    /// Moves that point: towards the head (axial), the left (sagittal), the back (coronal), or
+    /// along the normal.
     pub offset_mm: f64,
     /// Thickness of the slab, half of it on each side; 0 is a plane.
     pub slab_mm: f64,
@@ -94,7 +95,8 @@ fn blend<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SlabBlend, D::Err
 }
 
 impl SliceFile {
-    /// Farthest that a slice's middle may be from the patient origin along an axis, and its largest offset, mm.
+    /// Farthest that a slice's middle may be from the patient origin along an axis, and its largest
+    /// offset, mm.
     const FARTHEST_MM: f64 = 1e5;
 
     /// The camera that sees the slice in a picture of this size.

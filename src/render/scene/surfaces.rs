@@ -15,8 +15,9 @@ pub(super) struct SurfaceFile {
     opacity: Option<f64>,
 }
 
-/// The surfaces of a request: those written, or an opaque one at `iso_hu`, or an opaque one where the transfer function
-/// reaches half of its largest opacity. Colours that were not written are the transfer function's.
+/// The surfaces of a request: those written, or an opaque one at `iso_hu`, or an opaque one where
+/// the transfer function reaches half of its largest opacity. Colours that were not written are the
+/// transfer function's.
 ///
 /// # Errors
 /// When surfaces are written for another mode, or in both ways.

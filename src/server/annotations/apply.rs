@@ -52,7 +52,8 @@ impl Annotations {
     /// Makes changes to the items of a volume: all or none.
     ///
     /// # Errors
-    /// 404 for items that are not there or not the author's to see, 403 for sets of others, and whatever the store refuses.
+    /// 404 for items that are not there or not the author's to see, 403 for sets of others, and
+    /// whatever the store refuses.
     pub(crate) async fn apply(
         &self,
         entry: &VolumeEntry,
@@ -96,8 +97,8 @@ impl Annotations {
         Ok(())
     }
 
-    /// Undoes the author's newest edit, or redoes the one that was undone last. Allowed only where it
-    /// belongs to this volume and to sets into which the author may write.
+    /// Undoes the author's newest edit, or redoes the one that was undone last. Allowed only where
+    /// it belongs to this volume and to sets into which the author may write.
     ///
     /// # Errors
     /// 409 where there is nothing to undo or redo or it belongs to another volume, 403 for

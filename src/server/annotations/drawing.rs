@@ -1,4 +1,5 @@
-//! Annotations over pictures: which items a picture shows to whom, and the shapes of those that are surfaces.
+//! Annotations over pictures: which items a picture shows to whom, and the shapes of those that are
+//! surfaces.
 
 use std::error::Error;
 use std::sync::Arc;

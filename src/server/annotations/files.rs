@@ -52,7 +52,8 @@ pub(super) async fn content(
 #[serde(default, deny_unknown_fields)]
 struct ImportQuery {
     format: Option<String>,
-    /// The file's name, by which its format may be known. It is kept nowhere but as the name of the list.
+    /// The file's name, by which its format may be known. It is kept nowhere but as the name of the
+    /// list.
     name: Option<String>,
     set: Option<String>,
     list: Option<String>,

@@ -28,8 +28,9 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 pub(super) type Turn<'a> = MutexGuard<'a, Option<u64>>;
 
 impl Server {
-    /// Begins to tell live sessions what other programs change in the log of annotations: all that comes after this call, until the
-    /// task is aborted. Where there is no log, there is nothing to do.
+    /// Begins to tell live sessions what other programs change in the log of annotations: all that
+    /// comes after this call, until the task is aborted. Where there is no log, there is nothing to
+    /// do.
     pub async fn follow_annotations(self: &Arc<Self>) -> JoinHandle<()> {
         if let Some(annotations) = &self.annotations {
             // If the log cannot be read now, publishing starts when it can be.
@@ -126,8 +127,8 @@ impl Annotations {
         }
     }
 
-    /// Events after this one and before that one: a page of them, without the beginning of an edit that goes on beyond it, but at
-    /// least one edit, however long it is.
+    /// Events after this one and before that one: a page of them, without the beginning of an edit
+    /// that goes on beyond it, but at least one edit, however long it is.
     async fn whole_edits(&self, after: u64, before: u64) -> Result<Vec<Event>, Problem> {
         let mut events: Vec<Event> = Vec::new();
         loop {

@@ -1,4 +1,5 @@
-//! One item: shown, changed, deleted. A change names the version that its author saw: two editors never overwrite silently.
+//! One item: shown, changed, deleted. A change names the version that its author saw: two editors
+//! never overwrite silently.
 
 use std::sync::Arc;
 

@@ -1,8 +1,9 @@
 //! The frame of requests that compute a structure: credit, permit, and the edit that stores the
 //! result.
 //!
-//! The work is done on blocking threads, one structure at a time, as it takes all cores. It ends within a moment, or after the step it
-//! is at, when the client leaves or the deadline comes: the request's future is dropped then.
+//! The work is done on blocking threads, one structure at a time, as it takes all cores. It ends
+//! within a moment, or after the step it is at, when the client leaves or the deadline comes: the
+//! request's future is dropped then.
 
 use std::sync::Arc;
 

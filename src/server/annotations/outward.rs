@@ -1,4 +1,5 @@
-//! What clients are shown of items and events: all but the frame of reference, which is a UID and that of the volume anyway.
+//! What clients are shown of items and events: all but the frame of reference, which is a UID and
+//! that of the volume anyway.
 
 use serde_json::{Value, json};
 

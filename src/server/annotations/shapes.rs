@@ -1,4 +1,5 @@
-//! Surfaces of regions and meshes, ready to be drawn: made of their contents once, and kept as long as there is room.
+//! Surfaces of regions and meshes, ready to be drawn: made of their contents once, and kept as long
+//! as there is room.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};

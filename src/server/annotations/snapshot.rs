@@ -1,7 +1,9 @@
-//! The newest state of a volume's annotations, kept beside the store: lists and pictures ask for it many times between two edits.
+//! The newest state of a volume's annotations, kept beside the store: lists and pictures ask for it
+//! many times between two edits.
 //!
-//! A snapshot is that of the log's last event; whether it still is costs one small question. Edits are added to it, those made here and
-//! those that others made and that were heard of; where some were not heard of yet, it is read anew.
+//! A snapshot is that of the log's last event; whether it still is costs one small question. Edits
+//! are added to it, those made here and those that others made and that were heard of; where some
+//! were not heard of yet, it is read anew.
 
 use std::collections::HashMap;
 use std::sync::{Arc, MutexGuard, PoisonError};
@@ -149,7 +151,8 @@ impl Annotations {
         }
     }
 
-    /// All sets, as they were a moment ago. Where they are others than those that were known, pictures have to be looked at again.
+    /// All sets, as they were a moment ago. Where they are others than those that were known,
+    /// pictures have to be looked at again.
     pub(super) async fn sets(&self) -> Result<Arc<[Set]>, Problem> {
         loop {
             let asked = {

@@ -1,4 +1,5 @@
-//! DICOM Supplement 228: rendered volumes by study and series (PS3.18 2024d, 10.4.1.1.7 and 10.4.1.1.8).
+//! DICOM Supplement 228: rendered volumes by study and series (PS3.18 2024d, 10.4.1.1.7 and
+//! 10.4.1.1.8).
 //!
 //! What it is: `GET /studies/{study}/series/{series}/rendered3D` and `.../renderedmpr`, which
 //! return a JPEG or PNG of the series or, for `renderedvolumetricmetadata=yes`, the parameters in

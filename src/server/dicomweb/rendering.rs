@@ -1,9 +1,10 @@
 //! From the parameters of a rendered volume to a scene, and to the Rendered Volume Response Module,
 //! which reports the parameters in use (PS3.18 2024d, Annex K).
 //!
-//! The projection is parallel (8.3.5.3.3). A viewpoint's position says the direction only: rays start outside the volume,
-//! however near it is. The picture shows the whole volume around its centre, whatever is looked at, so that moving the
-//! viewpoint moves the picture and does not scale it. Patient LPS, mm; windows in HU.
+//! The projection is parallel (8.3.5.3.3). A viewpoint's position says the direction only: rays
+//! start outside the volume, however near it is. The picture shows the whole volume around its
+//! centre, whatever is looked at, so that moving the viewpoint moves the picture and does not scale
+//! it. Patient LPS, mm; windows in HU.
 
 use serde_json::{Map, Value, json};
 
@@ -88,7 +89,8 @@ fn usual_window(method: Method, reformat: Reformat) -> Window {
     Window { center, width, shape: Shape::Linear }
 }
 
-/// A window's ramp. `linear` is half a value lower and one value narrower than its numbers (PS3.3, C.11.2.1.2.1).
+/// A window's ramp. `linear` is half a value lower and one value narrower than its numbers (PS3.3,
+/// C.11.2.1.2.1).
 fn transfer(Window { center, width, shape }: Window) -> Value {
     let (center, width) = match shape {
         Shape::Linear => (center - 0.5, (width - 1.0).max(1.0)),

@@ -1,8 +1,9 @@
 //! An open session's connection: a reader executes messages, a writer sends frames while the client
 //! has capacity.
 //!
-//! What waits for the writer is bounded: the newest picture of the view, a few short messages, and the one frame that is being handed
-//! over. Frames are encoded only while fewer than two are out, so a connection that takes nothing holds two and no more.
+//! What waits for the writer is bounded: the newest picture of the view, a few short messages, and
+//! the one frame that is being handed over. Frames are encoded only while fewer than two are out,
+//! so a connection that takes nothing holds two and no more.
 
 use std::sync::Arc;
 use std::time::Instant;

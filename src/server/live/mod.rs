@@ -1,8 +1,10 @@
-//! Live sessions over HTTP: WebSocket connections, MJPEG streams, single frames and intents by POST.
+//! Live sessions over HTTP: WebSocket connections, MJPEG streams, single frames and intents by
+//! POST.
 //!
-//! What it is: [`Live`], the sessions of a server, and the routes under `/v1/session`. Each connection has a reader and a writer (see
-//! `connection`). What it is not: views and their rendering (see `relief_session`), the protocol (see `relief_live`). Names of views
-//! and tokens of sessions are keys: they appear in no log and no metric.
+//! What it is: [`Live`], the sessions of a server, and the routes under `/v1/session`. Each
+//! connection has a reader and a writer (see `connection`). What it is not: views and their
+//! rendering (see `relief_session`), the protocol (see `relief_live`). Names of views and tokens of
+//! sessions are keys: they appear in no log and no metric.
 
 mod connection;
 mod placing;
@@ -117,7 +119,8 @@ impl LiveParts {
 }
 
 impl Server {
-    /// Closes all live sessions and refuses new ones; waits until they have ended, at most `patience`.
+    /// Closes all live sessions and refuses new ones; waits until they have ended, at most
+    /// `patience`.
     pub async fn close_sessions(&self, patience: Duration) {
         self.live.closing.send_replace(true);
         let all = u32::try_from(self.live.config.sessions).unwrap_or(u32::MAX);

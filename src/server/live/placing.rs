@@ -94,8 +94,8 @@ pub(super) async fn apply_effect(
             let began = lock(hand.task).began.take();
             let moved = let_go(hand.task, view);
             let wanted = moved.as_ref().map_or(at, |moved| at + moved.offset);
-            // A hand that closed before the view came to show something else means nothing here, and a point that was taken
-            // hold of and not moved stays where it is.
+            // A hand that closed before the view came to show something else means nothing here,
+            // and a point that was taken hold of and not moved stays where it is.
             let is_stale = began.is_some_and(|began| began != *epoch);
             if is_stale || moved.as_ref().is_some_and(|moved| moved.from == wanted) {
                 return next(parts, view, hand).await;
@@ -152,7 +152,8 @@ pub(super) async fn next(
     Ok(AnnotationsMessage { seq: snapshot.seq, events: Vec::new(), more: false, next: Some(next) })
 }
 
-/// Where something is set down in a view that snaps, and by how much it was moved; where nothing of the kind is near, it stays.
+/// Where something is set down in a view that snaps, and by how much it was moved; where nothing of
+/// the kind is near, it stays.
 async fn snapped(
     engine: &Engine,
     wanted: Option<Snap>,
@@ -191,7 +192,8 @@ struct By<'a> {
 }
 
 impl By<'_> {
-    /// The point that is drawn nearest to a place, within a reach, of an item that the author may change.
+    /// The point that is drawn nearest to a place, within a reach, of an item that the author may
+    /// change.
     async fn nearest(
         &self,
         (at, reach_mm): (Point<Patient>, f64),
@@ -253,7 +255,8 @@ struct List<'a> {
 }
 
 impl<'a> List<'a> {
-    /// Of the sets that are shown the first into which the author may write; the author's own where all are shown.
+    /// Of the sets that are shown the first into which the author may write; the author's own where
+    /// all are shown.
     async fn of(annotations: &Annotations, snapshot: &'a Snapshot, shown: &'a Shown, author: &str) -> Self {
         let visible = Visible::new(&snapshot.sets, Some(author).filter(|author| !author.is_empty()));
         let set = match shown {

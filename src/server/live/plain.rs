@@ -1,4 +1,5 @@
-//! Live views for viewers without a WebSocket: a stream of JPEGs, one frame at a time, and wishes by POST.
+//! Live views for viewers without a WebSocket: a stream of JPEGs, one frame at a time, and wishes
+//! by POST.
 
 use std::convert::Infallible;
 use std::sync::Arc;

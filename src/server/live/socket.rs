@@ -1,4 +1,5 @@
-//! From the upgrade to a session and to its end: who may connect, what `hello` opens, and how one says farewell.
+//! From the upgrade to a session and to its end: who may connect, what `hello` opens, and how one
+//! says farewell.
 //!
 //! `connection` handles messages and frames. Reader and writer run in one task, so that a
 //! connection that receives nothing is still read.
@@ -173,7 +174,8 @@ pub(super) fn malformed(error: &relief_live::MessageError) -> Problem {
     Problem::new(StatusCode::BAD_REQUEST, "malformed-message", error).with("path", error.path.as_str())
 }
 
-/// The session of a hello, the number of its connection, the formats agreed on, and whether it was resumed.
+/// The session of a hello, the number of its connection, the formats agreed on, and whether it was
+/// resumed.
 fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats, bool), Problem> {
     let now = Instant::now();
     let formats = hello.accept.negotiate().map_err(|error| {

@@ -1,4 +1,5 @@
-// The state in the address: a reload or a link shows the same view. Whatever is not usable there is as it usually is.
+// The state in the address: a reload or a link shows the same view. Whatever is not usable there is
+// as it usually is.
 
 import { kept as keptLabels, recalled as recalledLabels } from "./labels.js";
 import { keptLight, recalledLight } from "./light.js";

@@ -1,4 +1,5 @@
-// Draws a fetched picture in the view that is chosen. Rows and columns are those of the picture, not of the stage.
+// Draws a fetched picture in the view that is chosen. Rows and columns are those of the picture,
+// not of the stage.
 
 /**
  * Draws `shown` ({ bitmap, kind }): kind "rgbd" has colour on the left and disparity on the right, "color" and

@@ -1,4 +1,5 @@
-// Clicks ask for the patient position under them in the very picture that is shown; a marker stays on its place in the patient.
+// Clicks ask for the patient position under them in the very picture that is shown; a marker stays
+// on its place in the patient.
 
 import { notify, showFailure } from "./notice.js";
 import { Projection } from "./projection.js";

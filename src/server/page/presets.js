@@ -1,4 +1,5 @@
-// The presets as a grid of thumbnails: one radio button each, with a small picture of the volume that is shown.
+// The presets as a grid of thumbnails: one radio button each, with a small picture of the volume
+// that is shown.
 //
 // Pictures come one at a time, only those in sight, and only while nothing else is being rendered.
 

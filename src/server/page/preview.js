@@ -1,5 +1,6 @@
-// What a 3D display would show of the frame, for people without one: its views as a wiggle or in a grid, or an anaglyph. They
-// are made by the server of picture and depth, as layouts of a frame; here is only the fetching and the showing.
+// What a 3D display would show of the frame, for people without one: its views as a wiggle or in a
+// grid, or an anaglyph. They are made by the server of picture and depth, as layouts of a frame;
+// here is only the fetching and the showing.
 
 import { request, stageQuery } from "./view.js";
 

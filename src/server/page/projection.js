@@ -1,4 +1,5 @@
-// How a camera shows the patient: from mm to fractions of its picture's width and height, and back. It touches no element.
+// How a camera shows the patient: from mm to fractions of its picture's width and height, and back.
+// It touches no element.
 //
 // The one place where the pages project: markers, annotations and grabbing go through here.
 

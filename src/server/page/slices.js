@@ -1,6 +1,8 @@
-// What the page knows of slices: which plane, where, how thick, by which window, and the query that asks for one.
+// What the page knows of slices: which plane, where, how thick, by which window, and the query that
+// asks for one.
 //
-// Positions in DICOM patient coordinates (LPS), mm; windows in HU. It touches only the slice's own controls.
+// Positions in DICOM patient coordinates (LPS), mm; windows in HU. It touches only the slice's own
+// controls.
 
 import { clamp } from "./vectors.js";
 

@@ -1,6 +1,7 @@
 // The stage: asks for pictures of the state, and draws what comes back.
 //
-// A change asks at once for a picture under a budget of time, and for a whole one when things are still.
+// A change asks at once for a picture under a budget of time, and for a whole one when things are
+// still.
 
 import { drawPicture } from "./draw.js";
 import { showFailure } from "./notice.js";

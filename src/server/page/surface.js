@@ -1,4 +1,5 @@
-// The slider of an isosurface's value: there in mode isosurface only, and the preset's own value until it is moved.
+// The slider of an isosurface's value: there in mode isosurface only, and the preset's own value
+// until it is moved.
 
 const $ = (id) => document.getElementById(id);
 

@@ -1,7 +1,8 @@
-// What the page knows of a view: the camera as an orbit, the query that asks for it, and the loop that fetches
-// pictures one at a time. It touches no element of the page.
+// What the page knows of a view: the camera as an orbit, the query that asks for it, and the loop
+// that fetches pictures one at a time. It touches no element of the page.
 //
-// Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the picture.
+// Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the
+// picture.
 
 import { labelQuery } from "./labels.js";
 import { lightQuery } from "./light.js";

@@ -1,10 +1,12 @@
 //! At which depths words can be read on a 3D display.
 //!
-//! A lenticular or barrier display lets some light of neighbouring views through, so that what stands before or behind the screen has
-//! a ghost beside it, as far away as its parallax. Words stay legible while the ghost of a stroke touches the stroke itself: while
-//! the parallax between the eyes is no wider than a stroke. Parallax grows with |D - C|, in eye separations `(D - C) / M` (see
-//! `display`), so that the rule is a range of D around the screen's, and by the curve a range of view depths. On the 42" display at
-//! 960x540 it is about six tenths of the display's range; on the 20" one about a quarter.
+//! A lenticular or barrier display lets some light of neighbouring views through, so that what
+//! stands before or behind the screen has a ghost beside it, as far away as its parallax. Words
+//! stay legible while the ghost of a stroke touches the stroke itself: while the parallax between
+//! the eyes is no wider than a stroke. Parallax grows with |D - C|, in eye separations `(D - C) /
+//! M` (see `display`), so that the rule is a range of D around the screen's, and by the curve a
+//! range of view depths. On the 42" display at 960x540 it is about six tenths of the display's
+//! range; on the 20" one about a quarter.
 
 use relief_base::{DepthLimits, Disparity};
 use relief_display::DisplayProfile;

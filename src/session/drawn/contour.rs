@@ -6,10 +6,12 @@ use super::Shape;
 use super::slice::{Cut, between};
 use relief_base::{Patient, Point};
 
-/// An edge by its corners, the lower index first: where it crosses the plane is one place for both of its triangles.
+/// An edge by its corners, the lower index first: where it crosses the plane is one place for both
+/// of its triangles.
 type Edge = [u32; 2];
 
-/// The outlines of a surface in a plane: each through its points, closed ones ending where they begin.
+/// The outlines of a surface in a plane: each through its points, closed ones ending where they
+/// begin.
 pub(super) fn contours(shape: &Shape, cut: &Cut) -> Vec<Vec<Point<Patient>>> {
     let distances: Vec<f64> = shape.vertices.iter().map(|&vertex| cut.distance(vertex)).collect();
     let is_before = |corner: u32| distances[corner as usize] >= 0.0;

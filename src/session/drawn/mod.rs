@@ -13,8 +13,9 @@
 //! | plane | its outline, with its name | as lines |
 //! | region, mesh | the surface, with its name | its outline in the slice |
 //!
-//! Missing and skipped items, and those that are hidden, are not drawn. Whatever a picture has no room for is counted, not
-//! forgotten in silence; names go before items. Patient mm; depth is view depth in mm.
+//! Missing and skipped items, and those that are hidden, are not drawn. Whatever a picture has no
+//! room for is counted, not forgotten in silence; names go before items. Patient mm; depth is view
+//! depth in mm.
 
 mod comfort;
 mod content;
@@ -56,8 +57,8 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Most triangles of a shape that is to be drawn: a surface of more is decimated before, or three of them would be all
-    /// that a picture has room for.
+    /// Most triangles of a shape that is to be drawn: a surface of more is decimated before, or
+    /// three of them would be all that a picture has room for.
     pub const MOST_TRIANGLES: usize = 20_000;
 }
 
@@ -85,7 +86,8 @@ pub struct Drawn {
     pub drawn: usize,
     /// Items that were not, since the picture has as many overlays as it may have.
     pub left_out: usize,
-    /// Items that were drawn without their names, since the picture has as many words as it may have. The first ones have theirs.
+    /// Items that were drawn without their names, since the picture has as many words as it may
+    /// have. The first ones have theirs.
     pub unlabelled: usize,
 }
 
@@ -122,7 +124,8 @@ impl Drawables {
         self.items.is_empty()
     }
 
-    /// Adds the items to the overlays of a request on this grid, in their order, as long as there is room.
+    /// Adds the items to the overlays of a request on this grid, in their order, as long as there
+    /// is room.
     pub fn draw(&self, request: &mut RenderRequest, display: &DisplaySettings, grid: &Grid) -> Drawn {
         if self.is_empty() {
             return Drawn::default();
@@ -224,7 +227,8 @@ impl Drawable {
         OverlayItem::Landmark(Landmark { at, radius: Radius::Px(radius_px), rgb: self.rgb, label })
     }
 
-    /// A label at a place of the item. Labels are set where there is room for them; words of an item of their own would not be.
+    /// A label at a place of the item. Labels are set where there is room for them; words of an
+    /// item of their own would not be.
     fn anchor(&self, at: Point<Patient>) -> OverlayItem {
         self.ball(at, ANCHOR_PX)
     }

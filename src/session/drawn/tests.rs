@@ -137,7 +137,8 @@ fn what_has_no_room_is_counted() {
 
 /// Invariant: A picture that has no room for all names still draws every item.
 ///
-/// 1,500 names of 100 characters are more than a picture has room for: every item is drawn, the first thousand have their names.
+/// 1,500 names of 100 characters are more than a picture has room for: every item is drawn, the
+/// first thousand have their names.
 #[test]
 fn names_beyond_the_words_of_a_picture_leave_no_item_out() {
     let name = |i: u16| format!("{i:04} {}", "x".repeat(95));
@@ -172,7 +173,8 @@ fn names_beyond_the_words_of_a_picture_leave_no_item_out() {
 /// Invariant: Annotations are drawn at their place and depth, with the same bytes by `relief
 /// render`; slices show outlines; labels stand where they can be read.
 ///
-/// The rule in numbers: between the depths that it gives, the parallax of the display is at most a stroke's width.
+/// The rule in numbers: between the depths that it gives, the parallax of the display is at most a
+/// stroke's width.
 #[test]
 fn labels_stand_where_their_ghost_is_no_wider_than_a_stroke() {
     let items = [item("a", Geometry::Point { at_mm: Point::new(0.0, 0.0, 0.0) })];

@@ -66,8 +66,8 @@ pub struct EditContext {
     pub entry: Arc<VolumeEntry>,
     /// The annotations that are drawn.
     pub shown: Shown,
-    /// Rises when the view shows another volume or other annotations. A point that was taken in an earlier epoch is no longer
-    /// held.
+    /// Rises when the view shows another volume or other annotations. A point that was taken in an
+    /// earlier epoch is no longer held.
     pub epoch: u64,
 }
 

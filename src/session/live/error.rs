@@ -100,7 +100,8 @@ impl LiveError {
         }
     }
 
-    /// Whether the same change may succeed later: the request is valid, and the failure was the server's.
+    /// Whether the same change may succeed later: the request is valid, and the failure was the
+    /// server's.
     #[must_use]
     pub fn is_temporary(&self) -> bool {
         match self {

@@ -1,4 +1,5 @@
-//! A rendered frame of a view and its encodings. The first client that needs an encoding has it made; all share it.
+//! A rendered frame of a view and its encodings. The first client that needs an encoding has it
+//! made; all share it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

@@ -1,8 +1,9 @@
-//! Live views: their state, the frames that they show, and the loop that renders them. No sockets and no HTTP.
+//! Live views: their state, the frames that they show, and the loop that renders them. No sockets
+//! and no HTTP.
 //!
-//! A [`View`] is shared by its viewers. Clients send poses, intents and settings, which change the view at once; its render loop
-//! makes the next frame when a viewer has capacity for one. What it is not: the protocol (see `relief_live`), routes,
-//! connections (see `relief_server`).
+//! A [`View`] is shared by its viewers. Clients send poses, intents and settings, which change the
+//! view at once; its render loop makes the next frame when a viewer has capacity for one. What it
+//! is not: the protocol (see `relief_live`), routes, connections (see `relief_server`).
 
 mod effect;
 mod error;

@@ -1,4 +1,5 @@
-//! When a moving view counts as still, how long to wait for the next change, and when to retry a failed frame.
+//! When a moving view counts as still, how long to wait for the next change, and when to retry a
+//! failed frame.
 //!
 //! What it is: arithmetic on times that the caller passes. What it is not: a clock, or a view.
 
@@ -47,14 +48,15 @@ impl Motion {
         self.arrived = now;
     }
 
-    /// When the view counts as still: `after` the last change, or later where changes arrive slowly, so that a view does not count
-    /// as still between two messages of a moving hand.
+    /// When the view counts as still: `after` the last change, or later where changes arrive
+    /// slowly, so that a view does not count as still between two messages of a moving hand.
     pub(super) fn still_at(&self, after: Duration) -> Instant {
         self.arrived + after.max(self.rhythm * 5 / 2).min(LONGEST_STILL.max(after))
     }
 
-    /// Whether to wait instead of rendering a quick frame: the next change is due, and without it the view is still soon. A quick frame
-    /// would be replaced at once, or would delay the full-quality frame, which takes `still_took`.
+    /// Whether to wait instead of rendering a quick frame: the next change is due, and without it
+    /// the view is still soon. A quick frame would be replaced at once, or would delay the
+    /// full-quality frame, which takes `still_took`.
     pub(super) fn comes_to_rest(
         &self,
         now: Instant,
@@ -125,7 +127,8 @@ mod tests {
             motion.comes_to_rest(motion.arrived + ms(age), still_at, took.map(ms))
         };
         let hand = moving(ms(16), 60);
-        // Just after a change there is something to show; later one waits for the next, or for the end.
+        // Just after a change there is something to show; later one waits for the next, or for the
+        // end.
         let waits: Vec<_> = [0, 5, 9, 12, 20, 39, 60].map(|age| rests(hand, age, Some(200))).into();
         assert_eq!(waits, [false, false, false, true, true, true, true]);
         assert!(!rests(hand, 20, None) && !rests(hand, 20, Some(2000)), "slow best pictures have one before");

@@ -1,23 +1,27 @@
-//! Flow control of one connection: frames in flight, their delay, and the size and quality that the connection carries.
+//! Flow control of one connection: frames in flight, their delay, and the size and quality that the
+//! connection carries.
 //!
-//! What it is: arithmetic on the times of sent frames and acknowledgements. When an acknowledgement is later than the fastest one by
-//! more than two frame intervals, the connection is the bottleneck: frames become smaller, then coarser. What it is not: a clock or a
-//! socket; the caller passes all times.
+//! What it is: arithmetic on the times of sent frames and acknowledgements. When an acknowledgement
+//! is later than the fastest one by more than two frame intervals, the connection is the
+//! bottleneck: frames become smaller, then coarser. What it is not: a clock or a socket; the caller
+//! passes all times.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use relief_live::MAX_IN_FLIGHT;
 
-/// JPEG quality of a moving view on a fast connection. From 90 on the encoder keeps full chroma, at twice the time.
+/// JPEG quality of a moving view on a fast connection. From 90 on the encoder keeps full chroma, at
+/// twice the time.
 pub const USUAL_QUALITY: u8 = LEVELS[0].1;
 
-/// Levels of a moving view: share of width and height, JPEG quality. Resolution drops first, because blur disturbs less than blocks
-/// in a moving picture.
+/// Levels of a moving view: share of width and height, JPEG quality. Resolution drops first,
+/// because blur disturbs less than blocks in a moving picture.
 const LEVELS: [(f64, u8); 9] =
     [(1.0, 85), (0.84, 85), (0.71, 85), (0.59, 85), (0.5, 85), (0.5, 75), (0.5, 65), (0.5, 55), (0.5, 45)];
 
-/// Delay beyond the fastest acknowledgement from which a connection counts as slow, ms: two frames at 20 per second.
+/// Delay beyond the fastest acknowledgement from which a connection counts as slow, ms: two frames
+/// at 20 per second.
 const SLOW_MS: f64 = 100.0;
 /// Delay beyond the fastest acknowledgement below which a connection has spare bandwidth, ms.
 const ROOMY_MS: f64 = 40.0;
@@ -81,7 +85,8 @@ impl Pace {
         self.last_sequence
     }
 
-    /// Records that a frame was shown, and all frames before it; false when no such frame is in flight.
+    /// Records that a frame was shown, and all frames before it; false when no such frame is in
+    /// flight.
     pub fn acknowledged(&mut self, sequence: u32, now: Instant) -> bool {
         let Some(at) = self.out.iter().position(|sent| sent.sequence == sequence) else { return false };
         let shown = self.out.drain(..=at).next_back();

@@ -1,7 +1,8 @@
 //! What a view shows, except for its camera: volume, scene, preset, display settings, size.
 //!
-//! A [`Presentation`] is complete and valid: a change returns a new one, or an error that leaves the old one in place. The scene is
-//! stored as a JSON merge patch (RFC 7396) on an empty request, so that a later patch can remove keys.
+//! A [`Presentation`] is complete and valid: a change returns a new one, or an error that leaves
+//! the old one in place. The scene is stored as a JSON merge patch (RFC 7396) on an empty request,
+//! so that a later patch can remove keys.
 
 use std::sync::Arc;
 

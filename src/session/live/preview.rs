@@ -1,8 +1,10 @@
-//! Preview of snapping: while the user moves the cursor, the view shows where the point would snap to.
+//! Preview of snapping: while the user moves the cursor, the view shows where the point would snap
+//! to.
 //!
-//! A view runs one search at a time, for its newest cursor; it skips cursors that came meanwhile. After each search it pauses as long
-//! as the search took (at most a second), so that rendering keeps at least half of a shared processor. A commit snaps with the
-//! same code from the same place, so the point goes where the preview was.
+//! A view runs one search at a time, for its newest cursor; it skips cursors that came meanwhile.
+//! After each search it pauses as long as the search took (at most a second), so that rendering
+//! keeps at least half of a shared processor. A commit snaps with the same code from the same
+//! place, so the point goes where the preview was.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -64,7 +66,8 @@ impl Preview {
         self.begin(wanted)
     }
 
-    /// Stores a result, unless the view has changed its volume or its snapping. The cursor may have moved on.
+    /// Stores a result, unless the view has changed its volume or its snapping. The cursor may have
+    /// moved on.
     pub(super) fn answer(&mut self, wanted: Option<&Aim>, aim: Aim, found: Option<&Snapped>) {
         if wanted.is_some_and(|wanted| wanted.entry.id == aim.entry.id && wanted.snap == aim.snap) {
             let ghost = found.map(|found| Ghost { from: aim.at, at: found.at });
@@ -87,7 +90,8 @@ impl Preview {
     }
 }
 
-/// Starts a search for the snapped place of the cursor, unless one runs already. It goes on while the cursor moves.
+/// Starts a search for the snapped place of the cursor, unless one runs already. It goes on while
+/// the cursor moves.
 pub fn search_preview(engine: &Arc<Engine>, view: &Arc<View>) {
     let Some(mut aim) = view.preview(Preview::begin) else { return };
     let (engine, view) = (Arc::clone(engine), Arc::clone(view));

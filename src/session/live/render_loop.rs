@@ -1,7 +1,9 @@
-//! The render loop of a view: one task that renders its frames, one at a time, while a viewer has capacity.
+//! The render loop of a view: one task that renders its frames, one at a time, while a viewer has
+//! capacity.
 //!
-//! A quick frame of a moving view is always finished, and the next one shows the newest state, so fast motion cannot starve the
-//! viewers. A full-quality frame of a view at rest is cancelled as soon as the view changes.
+//! A quick frame of a moving view is always finished, and the next one shows the newest state, so
+//! fast motion cannot starve the viewers. A full-quality frame of a view at rest is cancelled as
+//! soon as the view changes.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -174,7 +176,8 @@ async fn render(engine: &Engine, view: &View, job: &FrameJob) -> Result<Option<R
     Ok(Some(outcome?))
 }
 
-/// The request of a moving view, reduced to what the renderer and the presenters' connections have time for.
+/// The request of a moving view, reduced to what the renderer and the presenters' connections have
+/// time for.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a picture's side")]
 fn moving(engine: &Engine, job: &FrameJob) -> RenderRequest {
     let mut request = job.request.clone();

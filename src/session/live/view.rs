@@ -1,7 +1,8 @@
 //! A view that several viewers share: its state, its viewers and its newest frame.
 //!
-//! Messages change the state at once, under a short lock, in the order of their arrival. Poses replace one another before a frame is
-//! rendered; no intent is lost. The view's render loop (see `render_loop`) reads the state when a viewer has capacity for a frame.
+//! Messages change the state at once, under a short lock, in the order of their arrival. Poses
+//! replace one another before a frame is rendered; no intent is lost. The view's render loop (see
+//! `render_loop`) reads the state when a viewer has capacity for a frame.
 
 mod schedule;
 
@@ -51,7 +52,8 @@ impl std::fmt::Debug for View {
 struct Inner {
     presentation: Presentation,
     state: ViewState,
-    /// A camera that a client sent. The next intent that changes the view returns to the camera of the state.
+    /// A camera that a client sent. The next intent that changes the view returns to the camera of
+    /// the state.
     camera: Option<Camera>,
     /// Counts the changes of the picture.
     revision: u64,
@@ -194,7 +196,8 @@ impl View {
         self.work.notify_one();
     }
 
-    /// Calls `act` with the preview and the aim of the cursor, and renders again if the preview has changed.
+    /// Calls `act` with the preview and the aim of the cursor, and renders again if the preview has
+    /// changed.
     pub(super) fn preview<T>(&self, act: impl FnOnce(&mut Preview, Option<Aim>) -> T) -> T {
         let mut inner = self.lock();
         let (aim, shown) = (inner.aim(), inner.preview.ghost());
@@ -253,7 +256,8 @@ impl View {
         }
     }
 
-    /// Applies intents in their order, up to the first that is refused. Those before it stay applied.
+    /// Applies intents in their order, up to the first that is refused. Those before it stay
+    /// applied.
     pub fn apply_intents(
         &self,
         from: Option<(&Viewer, Echo)>,
@@ -276,7 +280,8 @@ impl View {
         Outcome { replaced, effects, context, refused: result.err() }
     }
 
-    /// Shows the volume through a camera that a client sent. True where no frame showed the viewer's previous message.
+    /// Shows the volume through a camera that a client sent. True where no frame showed the
+    /// viewer's previous message.
     pub fn set_camera(&self, (viewer, echo): (&Viewer, Echo), camera: Camera, now: Instant) -> bool {
         let mut inner = self.lock();
         let replaced = viewer.received(echo);
@@ -351,8 +356,8 @@ impl View {
         self.frames.send_replace(Some(frame));
     }
 
-    /// Records that a revision cannot be rendered, and notifies the viewers once. Temporary failures are retried; others wait for the next
-    /// change.
+    /// Records that a revision cannot be rendered, and notifies the viewers once. Temporary
+    /// failures are retried; others wait for the next change.
     pub(super) fn fail(&self, revision: u64, error: LiveError, now: Instant) {
         let mut inner = self.lock();
         let failure = Failure::new(inner.failed, revision, error.is_temporary(), now);
@@ -409,7 +414,8 @@ impl Inner {
         }
         let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |seen| seen.depth_at(at));
         let seen = seen.map(|seen| Seen { camera: seen.frame.camera, depth: &depth });
-        // The presentation may refuse a preset after the state has changed: then the state is restored.
+        // The presentation may refuse a preset after the state has changed: then the state is
+        // restored.
         let may_choose = matches!(intent, Intent::Preset { .. } | Intent::Reset {} | Intent::Undo {});
         let before = may_choose.then(|| self.state.clone());
         let camera = self.camera;
@@ -418,7 +424,8 @@ impl Inner {
         if !self.state.is_placing() {
             self.preview.forget();
         }
-        // A preset replaces the scene's own transfer function only when an intent chose it or restored it.
+        // A preset replaces the scene's own transfer function only when an intent chose it or
+        // restored it.
         let is_chosen = matches!(intent, Intent::Preset { .. } | Intent::Reset {})
             || before.as_ref().is_some_and(|before| self.state.preset() != before.preset());
         let is_other = is_chosen && self.state.preset() != self.presentation.preset.as_deref();

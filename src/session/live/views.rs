@@ -40,7 +40,8 @@ impl Views {
         Some(Arc::clone(view))
     }
 
-    /// The view of this name, or a new one with this presentation. Call it inside a tokio runtime, which runs the render loop.
+    /// The view of this name, or a new one with this presentation. Call it inside a tokio runtime,
+    /// which runs the render loop.
     ///
     /// # Errors
     /// When there are as many views as allowed.
@@ -72,7 +73,8 @@ impl Views {
         lock(&self.views).values().for_each(|view| view.work.notify_one());
     }
 
-    /// Removes a view that has had no viewer for long; returns false when a viewer has returned to it.
+    /// Removes a view that has had no viewer for long; returns false when a viewer has returned to
+    /// it.
     pub(super) fn remove_abandoned(&self, view: &Arc<View>) -> bool {
         let mut views = lock(&self.views);
         let is_abandoned = view.is_abandoned(Instant::now(), self.patience.linger);

@@ -14,7 +14,8 @@ pub struct LoadedVolume {
     pub volume: Volume,
     /// Number of warnings of the reader.
     pub warnings: usize,
-    /// Study and series UIDs by which DICOMweb requests find the volume; `None` where they are unknown.
+    /// Study and series UIDs by which DICOMweb requests find the volume; `None` where they are
+    /// unknown.
     pub identity: Option<SeriesIdentity>,
     /// Attributes for exported reports and segmentations. They name the patient: for files only.
     pub reference: Option<Arc<SeriesReference>>,
@@ -61,8 +62,8 @@ impl VolumeEntry {
         Arc::new(Self { id, grid, hash, voxels, range_hu, warnings, owner, identity, reference, labels })
     }
 
-    /// The frame of reference of annotations in this volume. It may hold a UID, which leads to a patient: for the store, not
-    /// for answers.
+    /// The frame of reference of annotations in this volume. It may hold a UID, which leads to a
+    /// patient: for the store, not for answers.
     #[must_use]
     pub fn frame_of_reference(&self) -> FrameOfReference {
         let of_series = self.identity.as_ref().and_then(SeriesIdentity::frame_of_reference);

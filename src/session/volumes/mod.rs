@@ -1,7 +1,9 @@
-//! The volumes that a server holds: geometry, label maps and voxels; nothing that names a patient leaves it.
+//! The volumes that a server holds: geometry, label maps and voxels; nothing that names a patient
+//! leaves it.
 //!
-//! What it is: a registry of [`VolumeEntry`]s, limits for uploads, and voxels that leave memory and are read again (see
-//! `residents`). What it is not: HTTP, files, graphics memory (see `relief_render`).
+//! What it is: a registry of [`VolumeEntry`]s, limits for uploads, and voxels that leave memory and
+//! are read again (see `residents`). What it is not: HTTP, files, graphics memory (see
+//! `relief_render`).
 //!
 //! A volume's id is the first half of its content hash, so one series has one id on every server.
 
@@ -88,7 +90,8 @@ impl Volumes {
         inner.loading = inner.loading.saturating_sub(count);
     }
 
-    /// Adds a volume of the operator; `reader` reads its voxels again after an eviction. Without one they stay in memory.
+    /// Adds a volume of the operator; `reader` reads its voxels again after an eviction. Without
+    /// one they stay in memory.
     ///
     /// # Errors
     /// When there is no room for its voxels.

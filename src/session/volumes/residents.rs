@@ -1,7 +1,9 @@
-//! Voxels in host memory: beyond a limit of bytes the least recently used are evicted and read again on demand.
+//! Voxels in host memory: beyond a limit of bytes the least recently used are evicted and read
+//! again on demand.
 //!
-//! Series of the operator have a reader and can be evicted; uploads have none and stay. Render requests that wait or run hold
-//! their voxels in addition to the limit. What it is not: graphics memory (see `relief_render`).
+//! Series of the operator have a reader and can be evicted; uploads have none and stay. Render
+//! requests that wait or run hold their voxels in addition to the limit. What it is not: graphics
+//! memory (see `relief_render`).
 
 use std::error::Error;
 use std::sync::atomic::{AtomicU64, Ordering};

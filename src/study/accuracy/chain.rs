@@ -117,7 +117,8 @@ impl Shown {
     }
 }
 
-/// Looks along a standard direction, up where the head's up is; the place is so far aside of the middle.
+/// Looks along a standard direction, up where the head's up is; the place is so far aside of the
+/// middle.
 fn camera(place: Point<Patient>, toward_eye: DVec3, [right, up]: [f64; 2]) -> Result<Camera, StudyError> {
     let upwards = if toward_eye.z.abs() > 0.9 { DVec3::NEG_Y } else { DVec3::Z };
     let look_at = place + Vector::from_xyz(upwards.cross(toward_eye) * right + upwards * up);

@@ -1,4 +1,5 @@
-//! A user in simulation: a hand that trembles and drifts, tracked as in the experiment, and eyes that lead the cursor to a place.
+//! A user in simulation: a hand that trembles and drifts, tracked as in the experiment, and eyes
+//! that lead the cursor to a place.
 //!
 //! Tracker and gestures are the product's own; hand and user are simulated. A figure without a
 //! source is an assumption. View axes equal the beacon's axes; mm.
@@ -31,7 +32,8 @@ const DRIFT_DEG: f64 = 0.1;
 /// is averaged, s: pictures are late, and eyes take time.
 const LOOKS_S: f64 = 0.3;
 const SEES_S: [f64; 2] = [0.3, 0.1];
-/// How well the user sees how far the cursor is off (standard deviation), mm: a pixel across, twice that in depth.
+/// How well the user sees how far the cursor is off (standard deviation), mm: a pixel across, twice
+/// that in depth.
 const SIGHT_MM: [f64; 3] = [0.25, 0.25, 0.5];
 /// The part of that by which the user moves the hand, for how long, and how well.
 const CORRECTS: f64 = 0.7;
@@ -111,7 +113,8 @@ impl SensorPath for Unsteady {
 /// The tracker's poses of a hand that no user steers.
 type Tracked = Vec<(u64, TrackingState, Option<SensorPose>)>;
 
-/// For each of `count` placings, and each mapping: how far from the place that was meant the cursor was set down, mm along view axes.
+/// For each of `count` placings, and each mapping: how far from the place that was meant the cursor
+/// was set down, mm along view axes.
 ///
 /// # Errors
 /// When the survey does not calibrate the camera, or a hand is not tracked.
@@ -192,7 +195,8 @@ impl<'a> User<'a> {
         let first = tracked.first().ok_or(StudyError::HandLost)?.0;
         for (t_ns, state, pose) in tracked {
             let now = (t_ns - first) as f64 * 1e-9;
-            // The hand goes where the user leads it; a few millimetres change nothing of how well it is tracked.
+            // The hand goes where the user leads it; a few millimetres change nothing of how well
+            // it is tracked.
             let led = self.hand(now);
             let pose = pose.and_then(|pose| {
                 let position = DVec3::from_array(pose.position.into()) + led;

@@ -1,7 +1,8 @@
 //! The accuracy of placing landmarks with a Wiimote, by simulation of the whole chain.
 //!
-//! The hand (see `hand`) is tracked by the product's tracker and gestures; the landmark is rendered, picked and snapped by the
-//! product's renderer and snapping (see `chain`). Errors are distances from the true landmark of the head phantom, mm.
+//! The hand (see `hand`) is tracked by the product's tracker and gestures; the landmark is
+//! rendered, picked and snapped by the product's renderer and snapping (see `chain`). Errors are
+//! distances from the true landmark of the head phantom, mm.
 
 mod chain;
 mod hand;
@@ -75,7 +76,8 @@ pub struct WayReport {
     pub p95_mm: f64,
     /// Largest error, mm.
     pub max_mm: f64,
-    /// Placements without a surface under the cursor or without a feature to snap to; the latter keep the unsnapped place.
+    /// Placements without a surface under the cursor or without a feature to snap to; the latter
+    /// keep the unsnapped place.
     pub missed: usize,
     /// Errors, mm, by seed and landmark.
     pub errors_mm: Vec<f64>,

@@ -1,8 +1,9 @@
 //! Bland and Altman's limits of agreement of two ways to measure the same things.
 //!
-//! J. M. Bland and D. G. Altman, "Measuring agreement in method comparison studies", Statistical Methods in Medical Research 8,
-//! 1999: bias and standard deviation of the differences, limits at 1.96 standard deviations, and approximate confidence
-//! intervals from the limits' standard error s sqrt(1/n + 1.96² / (2 (n - 1))).
+//! J. M. Bland and D. G. Altman, "Measuring agreement in method comparison studies", Statistical
+//! Methods in Medical Research 8, 1999: bias and standard deviation of the differences, limits at
+//! 1.96 standard deviations, and approximate confidence intervals from the limits' standard error s
+//! sqrt(1/n + 1.96² / (2 (n - 1))).
 
 use super::quantile::t_95;
 use super::{Figure, Undefined};
@@ -65,9 +66,10 @@ mod tests {
         }
     }
 
-    /// Peak expiratory flow of 17 people by the large and the mini Wright meter, table 1 of Bland and Altman's paper in the
-    /// Lancet of 1986, who give -2.1 l/min with a standard deviation of 38.8, limits -79.7 and 75.5 (with 2 standard
-    /// deviations, from these rounded), and the bias's interval from -22.0 to 17.8.
+    /// Peak expiratory flow of 17 people by the large and the mini Wright meter, table 1 of Bland
+    /// and Altman's paper in the Lancet of 1986, who give -2.1 l/min with a standard deviation of
+    /// 38.8, limits -79.7 and 75.5 (with 2 standard deviations, from these rounded), and the bias's
+    /// interval from -22.0 to 17.8.
     #[test]
     fn the_flow_meters_of_1986_give_the_published_figures() {
         const FLOW: [[f64; 2]; 17] = [
@@ -100,7 +102,8 @@ mod tests {
         assert!((found.limits[1] - found.bias - 1.96 * found.deviation).abs() < 1e-12, "{found:?}");
     }
 
-    /// 95 of 100 intervals hold the bias that the readers were made with, and about as many the limit.
+    /// 95 of 100 intervals hold the bias that the readers were made with, and about as many the
+    /// limit.
     #[test]
     fn intervals_hold_the_truth_as_often_as_they_say() {
         let mut normal = Normal::new(11);

@@ -1,8 +1,10 @@
-//! ICC(2,1): how well single readers agree, of all the differences between the things that they measured.
+//! ICC(2,1): how well single readers agree, of all the differences between the things that they
+//! measured.
 //!
-//! Two-way random effects, absolute agreement, single rater: P. E. Shrout and J. L. Fleiss, "Intraclass correlations: uses in
-//! assessing rater reliability", Psychological Bulletin 86, 1979, ICC(2,1); K. O. McGraw and S. P. Wong, "Forming inferences
-//! about some intraclass correlation coefficients", Psychological Methods 1, 1996, ICC(A,1), whose F method gives the interval.
+//! Two-way random effects, absolute agreement, single rater: P. E. Shrout and J. L. Fleiss,
+//! "Intraclass correlations: uses in assessing rater reliability", Psychological Bulletin 86, 1979,
+//! ICC(2,1); K. O. McGraw and S. P. Wong, "Forming inferences about some intraclass correlation
+//! coefficients", Psychological Methods 1, 1996, ICC(A,1), whose F method gives the interval.
 
 use super::quantile;
 use super::{Figure, Undefined};
@@ -19,8 +21,8 @@ pub struct Icc {
     pub subjects: usize,
     /// How many raters.
     pub raters: usize,
-    /// Standard deviation of a single rater's values of one thing: `sqrt` of the raters' and the residual variance, in the
-    /// values' unit.
+    /// Standard deviation of a single rater's values of one thing: `sqrt` of the raters' and the
+    /// residual variance, in the values' unit.
     pub single_deviation: f64,
 }
 
@@ -33,7 +35,8 @@ struct MeanSquares {
 
 /// ICC(2,1) of values: one row for each subject, one column for each rater.
 ///
-/// The interval uses Satterthwaite's degrees of freedom, and is `[1, 1]` where no rater ever differs.
+/// The interval uses Satterthwaite's degrees of freedom, and is `[1, 1]` where no rater ever
+/// differs.
 #[must_use]
 pub fn icc_2_1(ratings: &[Vec<f64>]) -> Figure<Icc> {
     let subjects = ratings.len();
@@ -59,7 +62,8 @@ pub fn icc_2_1(ratings: &[Vec<f64>]) -> Figure<Icc> {
         return found(1.0, [1.0, 1.0], 0.0);
     }
     let icc = (rows - residual) / (rows + (k - 1.0) * residual + k * (columns - residual) / n);
-    // McGraw and Wong's a and b, both times n (1 - icc): v does not change, and nothing is divided by zero.
+    // McGraw and Wong's a and b, both times n (1 - icc): v does not change, and nothing is divided
+    // by zero.
     let a = k * icc * columns;
     let b = (n + k * icc * (n - 1.0) - n * icc) * residual;
     let v = (a + b).powi(2) / (a * a / (k - 1.0) + b * b / ((n - 1.0) * (k - 1.0)));
@@ -114,7 +118,8 @@ mod tests {
         }
     }
 
-    /// Six targets and four judges, table 2 of Shrout and Fleiss (1979), who give 0.29; the interval is theirs as well.
+    /// Six targets and four judges, table 2 of Shrout and Fleiss (1979), who give 0.29; the
+    /// interval is theirs as well.
     #[test]
     fn the_example_of_shrout_and_fleiss_gives_their_coefficient() {
         let found = known(&[
@@ -129,7 +134,8 @@ mod tests {
         assert!((found.ci95[0] - 0.02).abs() < 0.005 && (found.ci95[1] - 0.76).abs() < 0.005, "{found:?}");
     }
 
-    /// 20 subjects and 3 raters, published with the R package irr as `anxiety`: ICC(A,1) 0.198, interval -0.039 to 0.494.
+    /// 20 subjects and 3 raters, published with the R package irr as `anxiety`: ICC(A,1) 0.198,
+    /// interval -0.039 to 0.494.
     #[test]
     fn the_example_of_irr_gives_its_coefficient_and_interval() {
         const ANXIETY: [[u8; 3]; 20] = [
@@ -180,7 +186,8 @@ mod tests {
         assert!((found.single_deviation - single).abs() < 1e-12, "{found:?}, closed form {single}");
     }
 
-    /// Readers of known variance: the coefficient is the subjects' share of the variance, and 95 of 100 intervals hold it.
+    /// Readers of known variance: the coefficient is the subjects' share of the variance, and 95 of
+    /// 100 intervals hold it.
     #[test]
     fn simulated_readers_have_the_coefficient_they_were_made_with() {
         let (subject, rater, residual): (f64, f64, f64) = (3.0, 1.0, 1.5);
@@ -222,7 +229,8 @@ mod tests {
 
     /// Invariant: Statistics of readers are numbers or reasons, never NaN.
     ///
-    /// Against chance and against each other: negative coefficients, and no interval that is no number.
+    /// Against chance and against each other: negative coefficients, and no interval that is no
+    /// number.
     #[test]
     fn every_interval_is_numbers_in_order() {
         let mut normal = Normal::new(3);

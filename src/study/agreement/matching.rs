@@ -50,8 +50,9 @@ impl Absence {
 
 /// The targets of readings in the order in which the readings have them.
 ///
-/// Items are matched by name; also by list, where a reading has a name in several lists. Readings are of as many cases as
-/// there are frames of reference; items that do not know theirs are of the only case, if there is only one.
+/// Items are matched by name; also by list, where a reading has a name in several lists. Readings
+/// are of as many cases as there are frames of reference; items that do not know theirs are of the
+/// only case, if there is only one.
 pub(super) fn targets<'a>(readings: &[&[&'a Item]]) -> Vec<Target<'a>> {
     let case_of = cases(readings);
     let mut named: HashMap<(usize, &str), Vec<Vec<&Item>>> = HashMap::new();
@@ -113,7 +114,8 @@ fn only<'a>(items: &[&'a Item]) -> Result<&'a Item, Absence> {
     }
 }
 
-/// Leaves the items that are of the kind that most readings have; of as many, the kind that came first.
+/// Leaves the items that are of the kind that most readings have; of as many, the kind that came
+/// first.
 fn same_kind(target: &mut Target<'_>) {
     let kind = |item: &Item| item.geometry.as_ref().map(relief_annotation::Geometry::kind);
     let placed = || target.found.iter().filter_map(|found| found.ok()).filter_map(kind);

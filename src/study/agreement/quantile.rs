@@ -5,7 +5,8 @@ use statrs::function::beta::beta_reg;
 /// Below these degrees of freedom a quantile overflows; above these it is constant.
 const DEGREES: [f64; 2] = [0.01, 1e7];
 
-/// The value that F with `over` and `under` degrees of freedom stays below with this probability. Infinite where it overflows.
+/// The value that F with `over` and `under` degrees of freedom stays below with this probability.
+/// Infinite where it overflows.
 pub(super) fn f(probability: f64, over: f64, under: f64) -> f64 {
     let [over, under] = [over, under].map(|degrees: f64| degrees.clamp(DEGREES[0], DEGREES[1]));
     // F is a ratio of x and 1 - x, where x has the distribution beta(over/2, under/2). The search

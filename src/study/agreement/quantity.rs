@@ -148,7 +148,8 @@ pub(super) fn agreements(readings: &[Reading], quantity: &Quantity) -> Vec<Agree
     inter.into_iter().chain(repeated.map(|(reader, sets)| of(Relation::Intra, Some(reader), sets))).collect()
 }
 
-/// Limits of agreement: of every set with the truth, where there is one; of every two readers; of every two sets of a reader.
+/// Limits of agreement: of every set with the truth, where there is one; of every two readers; of
+/// every two sets of a reader.
 pub(super) fn pairings(readings: &[Reading], truth: Option<&Reading>, quantity: &Quantity) -> Vec<Pairing> {
     let of = |relation, first: usize, second: &str, other: &dyn Fn(&Row) -> Option<f64>| {
         let pairs: Vec<[f64; 2]> =

@@ -1,4 +1,5 @@
-//! How points lie about where they should be: bias, sizes of errors, and the ellipsoid that holds 95 % of them. LPS, mm.
+//! How points lie about where they should be: bias, sizes of errors, and the ellipsoid that holds
+//! 95 % of them. LPS, mm.
 
 use glam::DVec3;
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -18,7 +19,8 @@ pub struct ErrorSummary {
     pub mean_mm: f64,
     /// Median length.
     pub median_mm: f64,
-    /// 95th percentile of the lengths, interpolated between neighbours (type 7 of Hyndman and Fan, 1996).
+    /// 95th percentile of the lengths, interpolated between neighbours (type 7 of Hyndman and Fan,
+    /// 1996).
     pub p95_mm: f64,
     /// Greatest length.
     pub max_mm: f64,
@@ -28,8 +30,9 @@ pub struct ErrorSummary {
 
 /// Where 95 % of further points of the same kind lie, if they are normal.
 ///
-/// With mean m and covariance S of n points these are all x with `(x-m)ᵀ S⁻¹ (x-m) <= 3 (n²-1) / (n (n-3)) F(0.95; 3, n-3)`:
-/// V. Chew, "Confidence, prediction, and tolerance regions for the multivariate normal distribution", JASA 61, 1966.
+/// With mean m and covariance S of n points these are all x with `(x-m)ᵀ S⁻¹ (x-m) <= 3 (n²-1) / (n
+/// (n-3)) F(0.95; 3, n-3)`: V. Chew, "Confidence, prediction, and tolerance regions for the
+/// multivariate normal distribution", JASA 61, 1966.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Ellipsoid {
     /// Its middle, along L, P and S.
@@ -120,7 +123,8 @@ mod tests {
         assert_eq!(ErrorSummary::of(&errors[..1]).unwrap().deviation_mm, None);
     }
 
-    /// Of normal points with known axes, 95 of 100 further ones are inside, and the axes are theirs.
+    /// Of normal points with known axes, 95 of 100 further ones are inside, and the axes are
+    /// theirs.
     #[test]
     fn an_ellipsoid_holds_as_many_further_points_as_it_says() {
         let mut normal = Normal::new(5);
@@ -141,7 +145,8 @@ mod tests {
         let share = f64::from(inside as u32) / f64::from(all);
         assert!((0.935..0.965).contains(&share), "{share}");
         let many = Ellipsoid::of(&(0..20_000).map(|_| point()).collect::<Vec<_>>()).unwrap();
-        // With many points the square of the size is that of chi-squared with 3 degrees of freedom: 7.8147.
+        // With many points the square of the size is that of chi-squared with 3 degrees of freedom:
+        // 7.8147.
         for (axis, deviation) in many.semi_axes_mm.iter().zip([3.0, 1.0, 0.3]) {
             assert!((axis / (deviation * 7.8147_f64.sqrt()) - 1.0).abs() < 0.03, "{many:?}");
         }

@@ -1,5 +1,5 @@
-//! Measures one server on this machine: rates of live frames and of requested pictures, rendered and encoded in parallel as a
-//! server does it.
+//! Measures one server on this machine: rates of live frames and of requested pictures, rendered
+//! and encoded in parallel as a server does it.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError, mpsc};
@@ -20,7 +20,8 @@ use relief_volume::Volume;
 
 /// Angle between two frames, degrees, so that every frame differs.
 const STEP_DEG: f64 = 7.0;
-/// Frames before the measurement: pipelines compile, and the service learns the speed of this machine.
+/// Frames before the measurement: pipelines compile, and the service learns the speed of this
+/// machine.
 const WARM_UP: usize = 4;
 /// Moving frames per still frame.
 const MOVING_FOR_STILL: usize = 5;
@@ -67,7 +68,8 @@ pub struct CapacityMeasurement {
     pub voxels_mib: f64,
     /// Memory of the volume on the adapter, MiB. A software adapter uses host memory.
     pub adapter_mib: f64,
-    /// Memory of the process before the volume was loaded, MiB; null where the system does not report it.
+    /// Memory of the process before the volume was loaded, MiB; null where the system does not
+    /// report it.
     pub base_mib: Option<f64>,
     /// Peak memory of the process, MiB; null where the system does not report it.
     pub peak_mib: Option<f64>,
@@ -143,7 +145,8 @@ pub fn measure_capacity(
 type Encoder<'a> = &'a (dyn Fn(&RenderedFrame) -> Result<usize, StudyError> + Sync);
 
 impl Bench<'_> {
-    /// Renders frames one after the other, with two requests queued so that the renderer never waits, and encodes them on all cores.
+    /// Renders frames one after the other, with two requests queued so that the renderer never
+    /// waits, and encodes them on all cores.
     fn frames(&self, count: usize, moving: bool, encoder: Encoder<'_>) -> Result<FrameRates, StudyError> {
         for i in 0..WARM_UP {
             encoder(&self.service.render(self.volume, self.request(i, moving))?.wait()?.frame)?;

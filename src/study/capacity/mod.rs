@@ -22,7 +22,8 @@ impl CapacityMeasurement {
     }
 }
 
-/// A memory figure of this process in MiB, where the system reports it: `VmHWM:` for the peak, `VmRSS:` for the current value.
+/// A memory figure of this process in MiB, where the system reports it: `VmHWM:` for the peak,
+/// `VmRSS:` for the current value.
 #[must_use]
 pub fn process_mib(field: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

@@ -1,7 +1,9 @@
-//! The capacity model: from the measured rates of one server to the needs of many viewers. Arithmetic only.
+//! The capacity model: from the measured rates of one server to the needs of many viewers.
+//! Arithmetic only.
 //!
-//! A viewer moves its view for a share of the time, in stretches of a few seconds. A moving view is rendered at a fixed frame rate and
-//! a reduced size; each stretch ends with one lossless frame of full size. Viewers move independently of one another.
+//! A viewer moves its view for a share of the time, in stretches of a few seconds. A moving view is
+//! rendered at a fixed frame rate and a reduced size; each stretch ends with one lossless frame of
+//! full size. Viewers move independently of one another.
 
 use serde::Serialize;
 use statrs::function::beta::beta_reg;
@@ -89,7 +91,8 @@ pub struct GroupNeeds {
     pub peak_mbit_s: f64,
     /// Number of volumes that are shown at the same time.
     pub volumes: u64,
-    /// Memory of a server, MiB, if consistent hashing assigns it 1.5 times its share of the volumes.
+    /// Memory of a server, MiB, if consistent hashing assigns it 1.5 times its share of the
+    /// volumes.
     pub server_mib: f64,
     /// Edits of all viewers per second.
     pub edits_per_s: f64,
@@ -188,7 +191,8 @@ impl ViewerHabits {
     }
 }
 
-/// The probability that more than `most` of the viewers move: the tail of the binomial distribution.
+/// The probability that more than `most` of the viewers move: the tail of the binomial
+/// distribution.
 fn more_than(viewers: u64, share: f64, most: u64) -> f64 {
     if most >= viewers || share <= 0.0 {
         return 0.0;
@@ -239,7 +243,8 @@ mod tests {
             let found = more_than(viewers, share, most);
             assert!((found - expected).abs() < 1e-12, "{viewers} {share} {most}: {found}");
         }
-        // Of 10,000 with a tenth moving, 1,000 on average with a deviation of 30: 1,093 is 3.1 deviations above.
+        // Of 10,000 with a tenth moving, 1,000 on average with a deviation of 30: 1,093 is 3.1
+        // deviations above.
         let high = moving_at_most(10_000, 0.1, 0.001);
         assert!((1_090..=1_097).contains(&high), "{high}");
         assert_eq!(moving_at_most(1, 0.1, 0.001), 1);

@@ -37,7 +37,8 @@ type Mixed = SMatrix<f64, COUNT, 6>;
 pub struct Adjusted {
     /// The camera.
     pub camera: Pinhole,
-    /// Covariance of the camera's numbers by the noise that is left over; 0 where they were not looked for.
+    /// Covariance of the camera's numbers by the noise that is left over; 0 where they were not
+    /// looked for.
     pub covariance: Square,
     /// See [`super::Calibration::focal_distance_correlation`].
     pub focal_distance_correlation: f64,
@@ -156,7 +157,8 @@ fn block(free: &Free, camera: &Pinhole, view: &CalibrationView, pose: &Pose) -> 
     Some(block)
 }
 
-/// The camera's part after the poses are eliminated, with this damping; `None` when a pose is not determined.
+/// The camera's part after the poses are eliminated, with this damping; `None` when a pose is not
+/// determined.
 fn reduced(free: &Free, blocks: &[Block], damping: f64) -> Option<(Square, Numbers, Vec<Matrix6<f64>>)> {
     let (mut matrix, mut slope) = (Square::zeros(), Numbers::zeros());
     let mut inverses = Vec::with_capacity(blocks.len());

@@ -1,4 +1,5 @@
-//! Views for a calibration: blobs identified with the nominal camera, and of thousands of frames the few that differ.
+//! Views for a calibration: blobs identified with the nominal camera, and of thousands of frames
+//! the few that differ.
 
 use nalgebra::Vector2;
 
@@ -79,8 +80,8 @@ impl BlobIdentifier {
     }
 }
 
-/// The views in which a blob is at least two pixels from where it was in the last one: a remote that rests says the same
-/// again, with the same errors of rounding.
+/// The views in which a blob is at least two pixels from where it was in the last one: a remote
+/// that rests says the same again, with the same errors of rounding.
 #[must_use]
 pub fn moving_views(mut views: Vec<CalibrationView>) -> Vec<CalibrationView> {
     const MOVED_PX: f64 = 2.0;
@@ -114,7 +115,8 @@ pub fn choose_views(mut views: Vec<CalibrationView>, count: usize) -> Vec<Calibr
     chosen
 }
 
-/// The largest angle between the directions from which two views look at the beacon; of many views, some stand for all.
+/// The largest angle between the directions from which two views look at the beacon; of many views,
+/// some stand for all.
 pub(super) fn tilt(views: &[CalibrationView]) -> f64 {
     let some = views.iter().step_by(views.len().div_ceil(500).max(1));
     let directions: Vec<_> =

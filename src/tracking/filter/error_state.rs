@@ -1,9 +1,11 @@
 //! An error-state Kalman filter on SE(3).
 //!
-//! State: position p (mm) and velocity v (mm/s) in beacon space, orientation q (`beacon_from_sensor`), angular velocity w
-//! (rad/s, sensor axes), gyroscope bias b (rad/s). The error state is their difference, 15 numbers, the turn by sensor
-//! axes: `q exp(d)`. Measurements are independent numbers, so they are taken one after another, without a matrix
-//! inverse and without allocation; the sum of their squared normalised innovations is that of the whole measurement.
+//! State: position p (mm) and velocity v (mm/s) in beacon space, orientation q
+//! (`beacon_from_sensor`), angular velocity w (rad/s, sensor axes), gyroscope bias b (rad/s). The
+//! error state is their difference, 15 numbers, the turn by sensor axes: `q exp(d)`. Measurements
+//! are independent numbers, so they are taken one after another, without a matrix inverse and
+//! without allocation; the sum of their squared normalised innovations is that of the whole
+//! measurement.
 
 use nalgebra::{Matrix3, Matrix6, RowVector3, SMatrix, SVector, UnitQuaternion, Vector3};
 
@@ -99,7 +101,8 @@ impl Correction {
 }
 
 impl ErrorStateFilter {
-    /// Begins at a solved pose and the covariance of its position (mm) and turn (radians, beacon axes).
+    /// Begins at a solved pose and the covariance of its position (mm) and turn (radians, beacon
+    /// axes).
     #[must_use]
     pub fn new(pose: &Pose, covariance: &Matrix6<f64>, motion: MotionDensity) -> Self {
         let mut full = Covariance::zeros();
@@ -180,7 +183,8 @@ impl ErrorStateFilter {
         }
     }
 
-    /// The pose `seconds` from now, at most [`crate::tracker::MAX_PREDICTION_S`] of them; the filter stays.
+    /// The pose `seconds` from now, at most [`crate::tracker::MAX_PREDICTION_S`] of them; the
+    /// filter stays.
     #[must_use]
     pub fn predicted(&self, seconds: f64) -> Self {
         let mut ahead = self.clone();
@@ -188,7 +192,8 @@ impl ErrorStateFilter {
         ahead
     }
 
-    /// How unlikely these sightings are, without taking them; `None` when an LED would be behind the camera.
+    /// How unlikely these sightings are, without taking them; `None` when an LED would be behind
+    /// the camera.
     #[must_use]
     pub fn nis(&self, camera: &Pinhole, sightings: &[Sighting], noise_px: f64) -> Option<f64> {
         self.corrected(camera, sightings, noise_px).map(|correction| correction.nis)

@@ -1,8 +1,9 @@
 //! The pose over time.
 //!
-//! [`ErrorStateFilter`] is an error-state Kalman filter on SE(3) that takes pixels, gravity and angular rates;
-//! [`PoseFilter`] is the paper's, a plain Kalman filter on poses that were solved frame by frame. Both move at a constant
-//! velocity but for white acceleration, whose density is [`MotionDensity`]'s.
+//! [`ErrorStateFilter`] is an error-state Kalman filter on SE(3) that takes pixels, gravity and
+//! angular rates; [`PoseFilter`] is the paper's, a plain Kalman filter on poses that were solved
+//! frame by frame. Both move at a constant velocity but for white acceleration, whose density is
+//! [`MotionDensity`]'s.
 
 mod error_state;
 mod plain;
@@ -22,6 +23,7 @@ pub struct MotionDensity {
 impl MotionDensity {
     /// In a hand: it changes its speed by about 600 mm/s and 3 rad/s in a second.
     pub const HAND: Self = Self { acceleration: 4e5, angular_acceleration: 10.0 };
-    /// On a robot's arm that goes slowly from stop to stop: by about 13 mm/s and 0.5 degrees/s in a second.
+    /// On a robot's arm that goes slowly from stop to stop: by about 13 mm/s and 0.5 degrees/s in a
+    /// second.
     pub const ARM: Self = Self { acceleration: 160.0, angular_acceleration: 7.5e-5 };
 }

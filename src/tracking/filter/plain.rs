@@ -1,7 +1,9 @@
-//! The paper's filter: a plain Kalman filter with constant velocity, on poses that were solved before.
+//! The paper's filter: a plain Kalman filter with constant velocity, on poses that were solved
+//! before.
 //!
-//! Each of six coordinates has its own: three of position (mm), three of the turn since the last estimate (radians, beacon
-//! axes). What one view knows better than another is lost here; that is what [`super::ErrorStateFilter`] keeps.
+//! Each of six coordinates has its own: three of position (mm), three of the turn since the last
+//! estimate (radians, beacon axes). What one view knows better than another is lost here; that is
+//! what [`super::ErrorStateFilter`] keeps.
 
 use nalgebra::{Matrix2, Matrix6, UnitQuaternion, Vector2, Vector3};
 
@@ -67,7 +69,8 @@ impl PoseFilter {
         self.fold();
     }
 
-    /// Takes a solved pose with the covariance of its position and turn, of which the diagonal counts.
+    /// Takes a solved pose with the covariance of its position and turn, of which the diagonal
+    /// counts.
     pub fn update(&mut self, pose: &SensorPose, covariance: &Matrix6<f64>) {
         let turn = (pose.orientation * self.reference.inverse()).scaled_axis();
         for i in 0..3 {

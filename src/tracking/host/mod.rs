@@ -15,7 +15,8 @@ use super::report::motion_plus::GyroCalibration;
 use super::report::output::{DataMode, MemorySpace, Output};
 use super::report::{IrFormat, Layout, Report};
 
-/// How bright a spot has to be: the highest level that sees no stray light gives the finest positions.
+/// How bright a spot has to be: the highest level that sees no stray light gives the finest
+/// positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sensitivity {
     /// The least sensitive.

@@ -1,7 +1,8 @@
 //! A simulated remote: a Wiimote's answers to output reports, as far as its camera is concerned.
 //!
-//! It keeps EEPROM and registers, acknowledges as the real one does, and shows blobs only when the camera was brought up in
-//! the right order and the report's layout fits the camera's format, with all ones otherwise.
+//! It keeps EEPROM and registers, acknowledges as the real one does, and shows blobs only when the
+//! camera was brought up in the right order and the report's layout fits the camera's format, with
+//! all ones otherwise.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,5 @@
-//! A host and a virtual remote, with answers lost, modes changed by others, and the remote unplugged.
+//! A host and a virtual remote, with answers lost, modes changed by others, and the remote
+//! unplugged.
 
 use super::*;
 use crate::report::Blob;
@@ -85,7 +86,8 @@ fn a_motion_plus_is_used_if_there_is_one() {
     }
 }
 
-/// After a status the remote is silent; a driver sets its own mode; both are set right without a new start.
+/// After a status the remote is silent; a driver sets its own mode; both are set right without a
+/// new start.
 #[test]
 fn the_mode_is_set_again() {
     let (mut host, mut remote) = (Host::new(options()), VirtualRemote::new(false));

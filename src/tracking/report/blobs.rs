@@ -72,7 +72,8 @@ impl Blob {
         Self { x, y, size: None, extent: None }
     }
 
-    /// Whether it touches the border of the picture: then it is cut, and its centre is not the LED's.
+    /// Whether it touches the border of the picture: then it is cut, and its centre is not the
+    /// LED's.
     #[must_use]
     pub const fn is_cut(&self) -> bool {
         self.x == 0 || self.y == 0 || self.x >= SENSOR_WIDTH - 1 || self.y >= SENSOR_HEIGHT - 1

@@ -1,7 +1,8 @@
 //! Calibration data in a remote's EEPROM: accelerometer and infrared camera.
 //!
-//! Both blocks are stored twice and end in a checksum, the sum of their bytes plus 0x55. [`Calibrations::decode`]
-//! takes the first 42 bytes of the EEPROM and of each pair the copy that is whole.
+//! Both blocks are stored twice and end in a checksum, the sum of their bytes plus 0x55.
+//! [`Calibrations::decode`] takes the first 42 bytes of the EEPROM and of each pair the copy that
+//! is whole.
 
 use super::blobs::{self, Blob};
 use super::data::Acceleration;
@@ -125,7 +126,8 @@ pub fn encode_ir(calibration: &IrCalibration) -> [u8; 11] {
     with_checksum(block)
 }
 
-/// Zero and one g, volume and motor, checksum; `None` when it does not match or an axis has no gain.
+/// Zero and one g, volume and motor, checksum; `None` when it does not match or an axis has no
+/// gain.
 #[must_use]
 pub fn decode_accelerometer(block: &[u8; 10]) -> Option<AccelerometerCalibration> {
     checked(block)?;

@@ -1,7 +1,8 @@
 //! Reports 0x3e and 0x3f: a full description of the blobs, in two halves that belong together.
 //!
-//! The first half has the x byte of the acceleration, bits 4 to 7 of z and blobs 0 and 1; the second the y byte, bits 0
-//! to 3 of z and blobs 2 and 3. Acceleration has 8 bits here, which [`Interleaver`] scales to the usual 10.
+//! The first half has the x byte of the acceleration, bits 4 to 7 of z and blobs 0 and 1; the
+//! second the y byte, bits 0 to 3 of z and blobs 2 and 3. Acceleration has 8 bits here, which
+//! [`Interleaver`] scales to the usual 10.
 
 use super::blobs::{self, Blob};
 use super::buttons::Buttons;
@@ -66,7 +67,8 @@ impl InterleavedHalf {
     }
 }
 
-/// Puts halves together. A second half without its first is dropped: its other blobs were seen at another time.
+/// Puts halves together. A second half without its first is dropped: its other blobs were seen at
+/// another time.
 #[derive(Clone, Debug, Default)]
 pub struct Interleaver {
     first: Option<InterleavedHalf>,

@@ -1,12 +1,13 @@
 //! A Wiimote's reports: bytes to values and back.
 //!
-//! Input reports come from the remote ([`Report`]), output reports go to it ([`output::Output`]). A report begins
-//! with its id, as Linux' hidraw gives it; the Bluetooth header (`a1`, `a2`, `52`) is no part of it. Decoding takes
-//! any bytes and never panics; `decode(encode(report))` is the report again.
+//! Input reports come from the remote ([`Report`]), output reports go to it ([`output::Output`]). A
+//! report begins with its id, as Linux' hidraw gives it; the Bluetooth header (`a1`, `a2`, `52`) is
+//! no part of it. Decoding takes any bytes and never panics; `decode(encode(report))` is the report
+//! again.
 //!
-//! Raw numbers stay raw: infrared positions are in units of 1/8 sensor pixel, x right and **y up**, 1024 x 768;
-//! acceleration is in 10-bit counts, x to the left, y to the plug, z up. [`calibration`] has what makes them
-//! physical.
+//! Raw numbers stay raw: infrared positions are in units of 1/8 sensor pixel, x right and **y up**,
+//! 1024 x 768; acceleration is in 10-bit counts, x to the left, y to the plug, z up.
+//! [`calibration`] has what makes them physical.
 
 mod blobs;
 mod buttons;
@@ -115,7 +116,8 @@ pub enum ReportError {
 }
 
 impl Report {
-    /// Decodes a report that begins with its id. Bytes after its end are ignored up to 22: some stacks pad.
+    /// Decodes a report that begins with its id. Bytes after its end are ignored up to 22: some
+    /// stacks pad.
     ///
     /// # Errors
     /// When the id is unknown or the length cannot be that of such a report.

@@ -1,7 +1,7 @@
 //! MotionPlus: three angular rates in six extension bytes, and their calibration.
 //!
-//! Each axis has a slow and a fast range. Rates are given about the accelerometer's axes (x to the left, y to the plug,
-//! z up) by the right-hand rule: pitch about x, roll about y, yaw about z.
+//! Each axis has a slow and a fast range. Rates are given about the accelerometer's axes (x to the
+//! left, y to the plug, z up) by the right-hand rule: pitch about x, roll about y, yaw about z.
 
 /// Six bytes of a MotionPlus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +15,8 @@ pub struct MotionPlus {
 }
 
 impl MotionPlus {
-    /// `None` when the bytes are those of an extension that shares the reports, not of the MotionPlus.
+    /// `None` when the bytes are those of an extension that shares the reports, not of the
+    /// MotionPlus.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[yaw, roll, pitch, yaw_high, roll_high, pitch_high] = bytes.get(..6)?.as_array::<6>()?;
@@ -63,7 +64,8 @@ pub struct GyroCalibration {
     pub slow: GyroRange,
 }
 
-/// Counts rise with turns by the right-hand rule; the stored scales of pitch and yaw say the opposite.
+/// Counts rise with turns by the right-hand rule; the stored scales of pitch and yaw say the
+/// opposite.
 const SIGNS: [f64; 3] = [-1.0, 1.0, -1.0];
 
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);

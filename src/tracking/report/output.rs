@@ -1,6 +1,7 @@
 //! Output reports: from a host to the remote.
 //!
-//! Every output report carries the state of the rumble motor in bit 0 of its first byte, so each is encoded with it.
+//! Every output report carries the state of the rumble motor in bit 0 of its first byte, so each is
+//! encoded with it.
 
 use super::data::Layout;
 

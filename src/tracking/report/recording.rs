@@ -4,8 +4,9 @@
 //! {"t_ns":1000000,"report":"33402086aaff..."}
 //! ```
 //!
-//! `t_ns` counts nanoseconds from any start; `report` is hexadecimal, from the report's id on. Blank lines are
-//! skipped, unknown keys are refused. Lines are bounded, so a file of any size is read in little memory.
+//! `t_ns` counts nanoseconds from any start; `report` is hexadecimal, from the report's id on.
+//! Blank lines are skipped, unknown keys are refused. Lines are bounded, so a file of any size is
+//! read in little memory.
 
 use std::io::{BufRead, Read};
 

@@ -149,7 +149,8 @@ fn output_reports_are_those_that_hosts_send() {
     }
 }
 
-/// The slow range turns 270 degrees a second into 0x4400 of 16-bit counts, up for a turn by the right-hand rule.
+/// The slow range turns 270 degrees a second into 0x4400 of 16-bit counts, up for a turn by the
+/// right-hand rule.
 #[test]
 fn rates_follow_their_calibration() {
     let calibration = GyroCalibration::TYPICAL;

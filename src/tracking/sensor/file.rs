@@ -1,8 +1,9 @@
 //! Camera files: the YAML of OpenCV's file storage and of ROS' `camera_info`.
 //!
-//! Both name the same numbers: `image_width`, `image_height`, `camera_matrix` and `distortion_coefficients`
-//! (`plumb_bob`: k1, k2, p1, p2, k3). The skew stands in the matrix, row 0, column 1; OpenCV's own calibration always
-//! has 0 there. Pixels are u right, v **down**: the raw y of reports is 767 - v.
+//! Both name the same numbers: `image_width`, `image_height`, `camera_matrix` and
+//! `distortion_coefficients` (`plumb_bob`: k1, k2, p1, p2, k3). The skew stands in the matrix, row
+//! 0, column 1; OpenCV's own calibration always has 0 there. Pixels are u right, v **down**: the
+//! raw y of reports is 767 - v.
 
 use std::fmt::Write;
 
@@ -80,7 +81,8 @@ pub fn read_camera(text: &str) -> Result<Pinhole, CameraFileError> {
     Ok(Pinhole { fx, fy, skew, cx, cy, distortion: distortion(&flat)? }.checked()?)
 }
 
-/// Four coefficients leave k3 zero; of more than five, the others have to be zero: they are another model's.
+/// Four coefficients leave k3 zero; of more than five, the others have to be zero: they are another
+/// model's.
 fn distortion(flat: &Flat) -> Result<[f64; 5], CameraFileError> {
     const KEY: &str = "distortion_coefficients/data";
     const EXPECTED: &str = "4 or 5 numbers: k1, k2, p1, p2, k3";
@@ -145,7 +147,8 @@ pub fn write_camera(camera: &Pinhole, format: CameraFormat) -> String {
 
 fn matrix(text: &mut String, opencv: bool, key: &str, rows: usize, data: &[f64]) {
     let (tag, kind) = if opencv { (" !!opencv-matrix", "  dt: d\n") } else { ("", "") };
-    // `{:?}` is the shortest number that reads back the same, and keeps a point, by which OpenCV knows reals.
+    // `{:?}` is the shortest number that reads back the same, and keeps a point, by which OpenCV
+    // knows reals.
     let data_text: Vec<_> = data.iter().map(|number| format!("{number:?}")).collect();
     let _ = writeln!(
         text,

@@ -1,8 +1,9 @@
 //! A thin lens: how large a dot looks when it is not where the lens is focused.
 //!
-//! With `1/f = 1/d + 1/v`, the sensor stands at `v` behind the lens when it is focused at `d`. A point at `z` is then
-//! blurred into a disc of diameter `A v |1/z - 1/d|`, A being the aperture's diameter. As a pinhole, the camera has
-//! the focal length `v`, not `f`: the same number in pixels for every distance, since the sensor does not move.
+//! With `1/f = 1/d + 1/v`, the sensor stands at `v` behind the lens when it is focused at `d`. A
+//! point at `z` is then blurred into a disc of diameter `A v |1/z - 1/d|`, A being the aperture's
+//! diameter. As a pinhole, the camera has the focal length `v`, not `f`: the same number in pixels
+//! for every distance, since the sensor does not move.
 
 use super::Pinhole;
 
@@ -37,7 +38,8 @@ pub enum LensError {
 }
 
 impl ThinLens {
-    /// A lens of `focal_mm` and an aperture of `aperture_mm` across, focused at `focus_mm`; `pixel_mm` is a pixel's side.
+    /// A lens of `focal_mm` and an aperture of `aperture_mm` across, focused at `focus_mm`;
+    /// `pixel_mm` is a pixel's side.
     ///
     /// # Errors
     /// When a length is not positive, or the focused distance is within the focal length.
@@ -76,7 +78,8 @@ impl ThinLens {
         self.aperture_mm * self.sensor_distance_mm() * defocus / self.pixel_mm
     }
 
-    /// Diameter in px of the picture of a dot of `diameter_mm` at `depth_mm`: its own size and the blur.
+    /// Diameter in px of the picture of a dot of `diameter_mm` at `depth_mm`: its own size and the
+    /// blur.
     #[must_use]
     pub fn dot_px(&self, diameter_mm: f64, depth_mm: f64) -> f64 {
         self.sensor_distance_mm() * diameter_mm / depth_mm / self.pixel_mm + self.blur_px(depth_mm)

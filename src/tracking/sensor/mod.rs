@@ -1,8 +1,9 @@
 //! The Wiimote's camera: from points in `Sensor` space (mm) to pixels (u right, v down) and back.
 //!
-//! [`Pinhole`] is the model that poses are computed with: `K = (fx, skew, cx; 0, fy, cy; 0, 0, 1)` and OpenCV's
-//! `plumb_bob` distortion (k1, k2, p1, p2, k3). A published tracker writes the skew as `-tan(Q) fx`; here it is the
-//! number itself. [`ThinLens`] says how distance defocuses a dot. [`mod@file`] reads and writes the YAML of OpenCV and ROS.
+//! [`Pinhole`] is the model that poses are computed with: `K = (fx, skew, cx; 0, fy, cy; 0, 0, 1)`
+//! and OpenCV's `plumb_bob` distortion (k1, k2, p1, p2, k3). A published tracker writes the skew as
+//! `-tan(Q) fx`; here it is the number itself. [`ThinLens`] says how distance defocuses a dot.
+//! [`mod@file`] reads and writes the YAML of OpenCV and ROS.
 
 pub(crate) mod file;
 mod lens;
@@ -15,7 +16,8 @@ use nalgebra::{Matrix2x3, Vector2, Vector3};
 use super::report::SENSOR_HEIGHT;
 use super::report::calibration::IrCalibration;
 
-/// Focal length that Wiimotes have about, px: published measurements range from 1236 to 1430, with units 2 % apart.
+/// Focal length that Wiimotes have about, px: published measurements range from 1236 to 1430, with
+/// units 2 % apart.
 pub const TYPICAL_FOCAL_PX: f64 = 1340.0;
 
 /// A pinhole camera with skew and radial and tangential distortion.

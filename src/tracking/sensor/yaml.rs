@@ -1,8 +1,8 @@
 //! As much YAML as camera files hold: nested maps of scalars and lists of numbers.
 //!
-//! Not a YAML parser: no anchors, no quoting beyond plain quotes, no lists of maps. It reads what OpenCV's file storage
-//! writes (whose first line, `%YAML:1.0`, is no valid YAML) and what ROS writes, lists over several lines included.
-//! A tag such as `!!opencv-matrix` is skipped.
+//! Not a YAML parser: no anchors, no quoting beyond plain quotes, no lists of maps. It reads what
+//! OpenCV's file storage writes (whose first line, `%YAML:1.0`, is no valid YAML) and what ROS
+//! writes, lists over several lines included. A tag such as `!!opencv-matrix` is skipped.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! How well a pose can be known from a view at all: the bound of Cramer and Rao.
 //!
-//! No unbiased estimate has a covariance below the inverse of `sum J' S^-1 J`, J being the derivative of each
-//! measurement by the pose. Whole pixels add 1/12 px² to the noise.
+//! No unbiased estimate has a covariance below the inverse of `sum J' S^-1 J`, J being the
+//! derivative of each measurement by the pose. Whole pixels add 1/12 px² to the noise.
 
 use nalgebra::Matrix6;
 
@@ -18,8 +18,8 @@ pub fn quantised_noise(noise_px: f64) -> f64 {
 }
 
 impl PoseView<'_> {
-    /// The least covariance of position (mm) and turn (radians) of the sensor in beacon axes at this true pose; `None`
-    /// when the view leaves a direction open.
+    /// The least covariance of position (mm) and turn (radians) of the sensor in beacon axes at
+    /// this true pose; `None` when the view leaves a direction open.
     #[must_use]
     pub fn bound(&self, truth: &Pose) -> Option<Matrix6<f64>> {
         let information = self.linear(truth)?.information;

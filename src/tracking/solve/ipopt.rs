@@ -42,7 +42,8 @@ fn slope(form: &Form, at: &Point) -> [f64; NUMBERS] {
     numbers(&Point { q: form.a * at.q * 2.0, t: form.b })
 }
 
-/// Adds `weight` times the second derivative of a form: it is quadratic in the quaternion, linear in t.
+/// Adds `weight` times the second derivative of a form: it is quadratic in the quaternion, linear
+/// in t.
 fn add_curvature(form: &Form, weight: f64, sum: &mut [f64]) {
     for (sum, (row, column)) in sum.iter_mut().zip(triangle()) {
         if row < 4 && column < 4 {
@@ -161,8 +162,8 @@ impl ConstrainedProblem for Problem {
     }
 }
 
-/// Minimises the energy from `start`; `None` when there are fewer than three LEDs, or IPOPT ends without a minimum.
-/// Steps are not counted.
+/// Minimises the energy from `start`; `None` when there are fewer than three LEDs, or IPOPT ends
+/// without a minimum. Steps are not counted.
 #[must_use]
 pub fn solve_with_ipopt(view: &PoseView<'_>, start: &Pose) -> Option<PaperSolution> {
     let energy = Energy::new(view)?;

@@ -1,8 +1,9 @@
 //! Poses from one view: pixels of known LEDs, and which way is up.
 //!
-//! [`PoseView::solve`] finds the pose with the least sum of squared pixel errors: global starts ([`start`]), each refined by
-//! Levenberg-Marquardt on SE(3) ([`PoseView::refine`]). [`paper`] keeps the way of the 2009 paper; `ipopt`, of builds with that
-//! feature, has its solver. [`bound`] says how well it could be done at all. Nothing here allocates, but `ipopt`.
+//! [`PoseView::solve`] finds the pose with the least sum of squared pixel errors: global starts
+//! ([`start`]), each refined by Levenberg-Marquardt on SE(3) ([`PoseView::refine`]). [`paper`]
+//! keeps the way of the 2009 paper; `ipopt`, of builds with that feature, has its solver. [`bound`]
+//! says how well it could be done at all. Nothing here allocates, but `ipopt`.
 
 pub(crate) mod bound;
 #[cfg(feature = "ipopt")]
@@ -68,14 +69,15 @@ const SAME_ANGLE: f64 = 1e-3;
 const SAME_MM: f64 = 0.5;
 
 impl PoseView<'_> {
-    /// The pose with the least cost, and the next best minimum; `None` when the view has fewer than three LEDs
-    /// (two with gravity), or no pose has them before the camera.
+    /// The pose with the least cost, and the next best minimum; `None` when the view has fewer than
+    /// three LEDs (two with gravity), or no pose has them before the camera.
     #[must_use]
     pub fn solve(&self) -> Option<Solutions> {
         self.solve_below(f64::INFINITY)
     }
 
-    /// The same, without minima whose starts have a chi-square above `hopeless`: starts are close to their minima.
+    /// The same, without minima whose starts have a chi-square above `hopeless`: starts are close
+    /// to their minima.
     #[must_use]
     pub fn solve_below(&self, hopeless: f64) -> Option<Solutions> {
         let mut starts = start::Starts::default();
@@ -104,7 +106,8 @@ impl PoseView<'_> {
         best.map(|best| Solutions { best, second })
     }
 
-    /// Root mean square of the pixel coordinates' errors, px; `None` when an LED is behind the camera.
+    /// Root mean square of the pixel coordinates' errors, px; `None` when an LED is behind the
+    /// camera.
     #[must_use]
     pub fn rms_px(&self, pose: &Pose) -> Option<f64> {
         let mut sum = 0.0;

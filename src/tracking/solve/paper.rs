@@ -1,12 +1,13 @@
 //! The way of the 2009 paper: an algebraic energy, minimised by an interior-point method.
 //!
 //! With (X, Y, Z) = R P + t, each LED gives two equations that are linear in the camera's matrix,
-//! `u Z = fx X + skew Y + cx Z` and `v Z = fy Y + cy Z`; the energy is the sum of their squared errors. R is a quaternion of
-//! length 1 (an equality), and every LED lies before the camera (inequalities, kept by a logarithmic barrier that
-//! fades). Errors weigh as the depth of their LED, so this minimum is not that of the pixels' errors.
+//! `u Z = fx X + skew Y + cx Z` and `v Z = fy Y + cy Z`; the energy is the sum of their squared
+//! errors. R is a quaternion of length 1 (an equality), and every LED lies before the camera
+//! (inequalities, kept by a logarithmic barrier that fades). Errors weigh as the depth of their
+//! LED, so this minimum is not that of the pixels' errors.
 //!
-//! Everything is of the form `q' A q + b t`, so derivatives are exact. Each step is Newton's in the space tangent to
-//! the equality, after a step back onto it.
+//! Everything is of the form `q' A q + b t`, so derivatives are exact. Each step is Newton's in the
+//! space tangent to the equality, after a step back onto it.
 
 use nalgebra::{Matrix4, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector4, Vector6};
 
@@ -39,7 +40,8 @@ pub(super) struct Point {
     pub(super) t: Vector3<f64>,
 }
 
-/// Value, slope and curvature in the tangent space: a small turn (as `q * (1, w / 2)`, beacon axes), then t.
+/// Value, slope and curvature in the tangent space: a small turn (as `q * (1, w / 2)`, beacon
+/// axes), then t.
 struct Tangent {
     value: f64,
     slope: Vector6<f64>,
@@ -75,7 +77,8 @@ impl Form {
         Vector6::new(x, y, z, self.b.x, self.b.y, self.b.z)
     }
 
-    /// The second derivative along the sphere: that of the form, and what following the sphere's bend adds.
+    /// The second derivative along the sphere: that of the form, and what following the sphere's
+    /// bend adds.
     fn add_curvature(&self, at: &Point, tangent: &[Vector4<f64>; 3], weight: f64, sum: &mut Matrix6<f64>) {
         let bend = at.q.dot(&(self.a * at.q)) / 2.0;
         for i in 0..3 {
@@ -187,15 +190,16 @@ impl Energy {
     }
 }
 
-/// Where the paper's way begins when nothing is known: level, before the beacon, looking along its -z axis.
+/// Where the paper's way begins when nothing is known: level, before the beacon, looking along its
+/// -z axis.
 #[must_use]
 pub fn level_start(distance_mm: f64) -> Pose {
     let half_turn = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
     Pose { rotation: half_turn.to_rotation_matrix(), translation: Vector3::new(0.0, 0.0, distance_mm) }
 }
 
-/// Minimises the energy from `start`; `None` when there are fewer than three LEDs, or one is not before the camera at
-/// the start.
+/// Minimises the energy from `start`; `None` when there are fewer than three LEDs, or one is not
+/// before the camera at the start.
 #[must_use]
 pub fn solve_as_published(view: &PoseView<'_>, start: &Pose) -> Option<PaperSolution> {
     let energy = Energy::new(view)?;
@@ -219,7 +223,8 @@ pub fn solve_as_published(view: &PoseView<'_>, start: &Pose) -> Option<PaperSolu
     Some(PaperSolution { pose, energy: energy.energy(&at) * view.camera.fx.powi(2), iterations, converged })
 }
 
-/// One damped Newton step, shortened until it goes down with every LED before the camera; and its length.
+/// One damped Newton step, shortened until it goes down with every LED before the camera; and its
+/// length.
 fn step(energy: &Energy, at: &Point, barrier: f64) -> Option<(Point, f64)> {
     let here = energy.tangent(at, barrier);
     let largest = here.curvature.diagonal().amax().max(1e-12);

@@ -1,7 +1,7 @@
 //! Random numbers for simulations, and random views of a beacon.
 //!
-//! The sequence of a seed is part of what simulations promise, so it is written out here: `SplitMix64` (Steele, Lea and
-//! Flood 2014), and normal numbers by Box and Muller's formula.
+//! The sequence of a seed is part of what simulations promise, so it is written out here:
+//! `SplitMix64` (Steele, Lea and Flood 2014), and normal numbers by Box and Muller's formula.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -50,8 +50,9 @@ impl Random {
         Vector3::from_fn(|_, _| self.normal())
     }
 
-    /// A sensor that sees the whole beacon: `distance_mm` away, within `tilt` radians of the beacon's z axis sideways and
-    /// up and down, rolled by up to `roll` radians, the beacon anywhere in the picture.
+    /// A sensor that sees the whole beacon: `distance_mm` away, within `tilt` radians of the
+    /// beacon's z axis sideways and up and down, rolled by up to `roll` radians, the beacon
+    /// anywhere in the picture.
     pub fn view(&mut self, beacon: &Beacon, camera: &Pinhole, range: &ViewRange) -> Pose {
         loop {
             let distance = self.between(range.distance_mm[0], range.distance_mm[1]);
@@ -90,7 +91,8 @@ impl ViewRange {
     };
 }
 
-/// The first four LEDs as a camera at this pose sees them, with normal noise of `noise_px`; LEDs behind it are left out.
+/// The first four LEDs as a camera at this pose sees them, with normal noise of `noise_px`; LEDs
+/// behind it are left out.
 #[must_use]
 pub fn random_sightings(
     beacon: &Beacon,

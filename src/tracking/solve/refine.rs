@@ -1,7 +1,8 @@
 //! Levenberg-Marquardt on SE(3) in pixels, with the covariance of its result.
 //!
-//! The cost is the chi-square of the view: squared pixel errors over `noise_px` squared, and the squared part of the
-//! measured up across the predicted one over its sigma. Changes act from the left: `exp(w) R P + t + v`.
+//! The cost is the chi-square of the view: squared pixel errors over `noise_px` squared, and the
+//! squared part of the measured up across the predicted one over its sigma. Changes act from the
+//! left: `exp(w) R P + t + v`.
 
 use nalgebra::{Matrix2x6, Matrix3, Matrix6, Vector3, Vector6};
 
@@ -22,8 +23,8 @@ pub struct Refined {
 }
 
 impl Refined {
-    /// Covariance of the sensor's position (mm) and turn (radians) in beacon axes; `None` when the view leaves a
-    /// direction open.
+    /// Covariance of the sensor's position (mm) and turn (radians) in beacon axes; `None` when the
+    /// view leaves a direction open.
     #[must_use]
     pub fn covariance(&self) -> Option<Matrix6<f64>> {
         let covariance = self.information.cholesky()?.inverse();
@@ -73,7 +74,8 @@ impl PoseView<'_> {
         Some(linear)
     }
 
-    /// The minimum next to `start`; `None` when an LED is behind the camera there, or numbers run away.
+    /// The minimum next to `start`; `None` when an LED is behind the camera there, or numbers run
+    /// away.
     #[must_use]
     pub fn refine(&self, start: &Pose) -> Option<Refined> {
         let mut pose = *start;

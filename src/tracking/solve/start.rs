@@ -1,10 +1,11 @@
 //! Global starts for a view: poses from which a local method finds every minimum that matters.
 //!
-//! For a given rotation the best translation is linear in it, so that the object-space cost is `r' Omega r` with r the
-//! nine numbers of the rotation (Terzakis and Lourakis, "A consistently fast and globally optimal solution to the
-//! perspective-n-point problem", ECCV 2020). [`global`] starts at the rotations nearest to the eigenvectors of the
-//! smallest eigenvalues, as they do, and goes down by Newton's method on SO(3) in place of their quadratic programmes.
-//! [`upright`] needs but two LEDs: with up known, one angle is left, of which the cost is a trigonometric polynomial of
+//! For a given rotation the best translation is linear in it, so that the object-space cost is `r'
+//! Omega r` with r the nine numbers of the rotation (Terzakis and Lourakis, "A consistently fast
+//! and globally optimal solution to the perspective-n-point problem", ECCV 2020). [`global`] starts
+//! at the rotations nearest to the eigenvectors of the smallest eigenvalues, as they do, and goes
+//! down by Newton's method on SO(3) in place of their quadratic programmes. [`upright`] needs but
+//! two LEDs: with up known, one angle is left, of which the cost is a trigonometric polynomial of
 //! degree two.
 
 use nalgebra::{Matrix3, Matrix3x1, Rotation3, SMatrix, SVector, Unit, Vector3};
@@ -203,7 +204,8 @@ pub(crate) fn upright(view: &PoseView<'_>, starts: &mut Starts) {
         minima.for_each(|pose| starts.push(pose));
         return;
     }
-    // Noise can push a minimum of the object's cost, which knows no before and behind, across the camera.
+    // Noise can push a minimum of the object's cost, which knows no before and behind, across the
+    // camera.
     let before = pieces().map(|(angle, _)| (wave.value(angle), pose(angle)));
     let before = before.filter(|(_, pose)| is_before_camera(view, pose));
     if let Some((_, least)) = before.min_by(|(a, _), (b, _)| a.total_cmp(b)) {

@@ -41,7 +41,8 @@ fn exact_pixels_give_the_exact_pose() {
 /// Invariant: The pose of a view is the global minimum, with an error close to the Cramer-Rao
 /// bound.
 ///
-/// No start out of 300 random ones leads lower than the starts that [`PoseView::solve_as_published`] tries.
+/// No start out of 300 random ones leads lower than the starts that
+/// [`PoseView::solve_as_published`] tries.
 #[test]
 fn the_minimum_found_is_the_global_one() {
     let (beacon, mut random) = (tetra(), Random::new(2));
@@ -63,7 +64,8 @@ fn the_minimum_found_is_the_global_one() {
 /// Invariant: The pose of a view is the global minimum, with an error close to the Cramer-Rao
 /// bound.
 ///
-/// Errors over the bound, over many views at one to two metres: an efficient estimate has a ratio of 1.
+/// Errors over the bound, over many views at one to two metres: an efficient estimate has a ratio
+/// of 1.
 #[test]
 fn errors_reach_the_bound() {
     let (beacon, mut random) = (tetra(), Random::new(3));
@@ -119,7 +121,8 @@ fn fewer_leds_do_with_gravity() {
             sum += nearest.min(100.0);
             inside += usize::from(nearest < 22.5); // 99.9 % of a chi-square of six
         }
-        // With two LEDs the turn about up is known so little that its covariance is only a first guess.
+        // With two LEDs the turn about up is known so little that its covariance is only a first
+        // guess.
         assert!(inside >= if count == 2 { 350 } else { 390 }, "{count} LEDs: {inside} of 400 are within");
         assert!(
             count == 2 || (4.0..9.5).contains(&(sum / 400.0)),
@@ -140,8 +143,8 @@ fn two_leds_alone_and_no_leds_have_no_pose() {
     }
 }
 
-/// From exact pixels both energies vanish at the truth; from noisy ones the paper's lies near, and its own energy is
-/// least there.
+/// From exact pixels both energies vanish at the truth; from noisy ones the paper's lies near, and
+/// its own energy is least there.
 #[test]
 fn the_papers_way_finds_its_minimum() {
     let (beacon, mut random) = (tetra(), Random::new(6));

@@ -1,4 +1,5 @@
-//! IPOPT against the interior-point solver of our own, on random views: for builds with the feature `ipopt`.
+//! IPOPT against the interior-point solver of our own, on random views: for builds with the feature
+//! `ipopt`.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic and talk")]
 
 use relief_tracking::{Beacon, Pinhole, PoseView, Random, ViewRange, random_sightings, solve_with_ipopt};
@@ -30,7 +31,8 @@ fn ipopt_and_our_own_solver_find_the_same_minima() {
     println!("{VIEWS} views: IPOPT and ours within {:.1e} degrees, {:.1e} mm", largest.0, largest.1);
 }
 
-/// Nothing of the pose given away: most views end in the same minimum even from a level start far off.
+/// Nothing of the pose given away: most views end in the same minimum even from a level start far
+/// off.
 #[test]
 fn both_come_from_a_level_start_to_the_same_minima() {
     let (beacon, camera, mut random) = (Beacon::recommended(), Pinhole::TYPICAL, Random::new(8));

@@ -1,7 +1,8 @@
 //! Which blob is which LED, when the filter knows where each should be.
 //!
-//! Blobs are paired with the LEDs that could be there; every way to do so is scored by its squared normalised innovation,
-//! a blob without LED by a fixed penalty. When two ways are nearly as good, the frame is ambiguous.
+//! Blobs are paired with the LEDs that could be there; every way to do so is scored by its squared
+//! normalised innovation, a blob without LED by a fixed penalty. When two ways are nearly as good,
+//! the frame is ambiguous.
 
 use nalgebra::Vector2;
 
@@ -11,7 +12,8 @@ use crate::filter::ErrorStateFilter;
 use crate::sensor::Pinhole;
 use crate::solve::Sighting;
 
-/// Squared normalised innovation of one blob beyond which it is not that LED: 1 in 100,000 right ones.
+/// Squared normalised innovation of one blob beyond which it is not that LED: 1 in 100,000 right
+/// ones.
 const PAIR_GATE: f64 = 23.0;
 /// The cost of a blob without an LED: slightly more than the worst permitted pair.
 const STRAY: f64 = 24.0;

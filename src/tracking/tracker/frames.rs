@@ -11,9 +11,11 @@ use crate::solve::{Gravity, MAX_SEEN};
 
 /// Reports that are the same within this time are one report that came twice.
 const REPEAT_NS: u64 = 2_000_000;
-/// Time over which acceleration is averaged, seconds: it evens out the counts' rounding and a hand's tremor.
+/// Time over which acceleration is averaged, seconds: it evens out the counts' rounding and a
+/// hand's tremor.
 const AVERAGE_S: f64 = 0.1;
-/// Beyond this difference from one g the remote is being swung, and its acceleration says nothing of up.
+/// Beyond this difference from one g the remote is being swung, and its acceleration says nothing
+/// of up.
 const MAX_OFF_G: f64 = 0.1;
 
 /// A picture of the camera at one time, with the other data of that time.

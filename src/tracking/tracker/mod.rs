@@ -6,8 +6,9 @@
 //! any LED for [`MAX_PREDICTION_S`] it is lost, and searches with the last pose as a hint. An
 //! ambiguous view has no pose.
 //!
-//! Reports may come twice, late or not at all: a report that is not newer than the last one is dropped, and the filter moves
-//! by the time between reports. Every sample carries the time of its report.
+//! Reports may come twice, late or not at all: a report that is not newer than the last one is
+//! dropped, and the filter moves by the time between reports. Every sample carries the time of its
+//! report.
 
 mod associate;
 mod frames;
@@ -158,7 +159,8 @@ impl Tracker {
         }
     }
 
-    /// One step of the error-state filter; `None` when it has lost the LEDs and they must be found again.
+    /// One step of the error-state filter; `None` when it has lost the LEDs and they must be found
+    /// again.
     fn follow(&mut self, frame: &Frame) -> Option<TrackedSample> {
         let Estimate::ErrorState { filter, t_ns, seen_ns } = &mut self.estimate else { return None };
         let seconds = seconds_between(*t_ns, frame.t_ns);
@@ -182,8 +184,8 @@ impl Tracker {
             Association::Ambiguous => ambiguous = true,
             Association::Nothing => {}
         }
-        // Four LEDs say more about the tilt than an accelerometer in a moving hand. Its errors last longer than a frame, so
-        // each of its many samples weighs less.
+        // Four LEDs say more about the tilt than an accelerometer in a moving hand. Its errors last
+        // longer than a frame, so each of its many samples weighs less.
         let slowness = (2.0 * GRAVITY_ERROR_S / seconds.max(1e-3)).sqrt().max(1.0);
         if taken < MAX_SEEN
             && let Some(gravity) = frame.gravity(&self.beacon, self.options.gravity_sigma * slowness)
@@ -217,7 +219,8 @@ impl Tracker {
         })
     }
 
-    /// Identifies the blobs of a frame on their own, and begins or corrects the estimate with the pose.
+    /// Identifies the blobs of a frame on their own, and begins or corrects the estimate with the
+    /// pose.
     fn find(&mut self, frame: &Frame) -> TrackedSample {
         let without = if self.had_pose { TrackingState::Lost } else { TrackingState::Searching };
         let hints = self.hints(frame);
@@ -247,7 +250,8 @@ impl Tracker {
         let earlier = last.map(|(pose, t_ns)| (pose, seconds_between(t_ns, frame.t_ns)));
         let earlier = earlier.filter(|(_, seconds)| *seconds < HINT_S).map(|(pose, seconds)| EarlierPose {
             pose,
-            // A single view is known to a degree and 20 mm, and a hand turns by a radian and moves by 0.5 m in a second.
+            // A single view is known to a degree and 20 mm, and a hand turns by a radian and moves
+            // by 0.5 m in a second.
             sigma_angle: 0.02 + seconds,
             sigma_mm: 20.0 + 500.0 * seconds,
             reach_px: 10.0 + 2.0 * self.camera.fx * seconds, // and it turns by 2 radians at most

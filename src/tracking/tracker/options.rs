@@ -39,8 +39,8 @@ pub struct TrackerOptions {
     pub noise_px: f64,
     /// How the Wiimote may move.
     pub motion: MotionDensity,
-    /// Standard deviation of up by the accelerometer while tracking fewer than four LEDs, radians. A hand's acceleration
-    /// is the largest part of it, and lasts for about 0.15 s.
+    /// Standard deviation of up by the accelerometer while tracking fewer than four LEDs, radians.
+    /// A hand's acceleration is the largest part of it, and lasts for about 0.15 s.
     pub gravity_sigma: f64,
     /// The same while searching.
     pub search_gravity_sigma: f64,

@@ -92,7 +92,8 @@ fn a_gyroscope_steadies_the_turn() {
     assert!((2.5..9.0).contains(&mean_chi_square(&with)), "{}", mean_chi_square(&with));
 }
 
-/// Two LEDs are hidden for a second, then three, then all: the pose goes on, goes on, and is lost, and comes back.
+/// Two LEDs are hidden for a second, then three, then all: the pose goes on, goes on, and is lost,
+/// and comes back.
 #[test]
 fn hidden_leds_make_the_pose_less_certain_until_it_is_lost() {
     let mut simulation = Simulation::new(Beacon::recommended(), 3);

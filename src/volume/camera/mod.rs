@@ -1,8 +1,9 @@
 //! Cameras: where the eye is in patient space and how it projects.
 //!
-//! View space: x right, y up, looking along -z, mm. Image space: pixels, u right, v down, centres at +0.5. Angles
-//! are radians inside; names that end in `_deg` are degrees. The camera of a request says nothing of picture size:
-//! the vertical extent is fixed, the horizontal one follows from the aspect ratio.
+//! View space: x right, y up, looking along -z, mm. Image space: pixels, u right, v down, centres
+//! at +0.5. Angles are radians inside; names that end in `_deg` are degrees. The camera of a
+//! request says nothing of picture size: the vertical extent is fixed, the horizontal one follows
+//! from the aspect ratio.
 
 mod orbit;
 mod slice;
@@ -64,7 +65,8 @@ pub enum CameraError {
     /// The height of an orthographic picture is not a usable length.
     #[error("orthographic height is {0} mm, allowed: 0.001 to 1000000")]
     Height(f64),
-    /// The middle of the picture is too far from the viewing axis, or there is no eye that it could be seen from.
+    /// The middle of the picture is too far from the viewing axis, or there is no eye that it could
+    /// be seen from.
     #[error("lens_shift is {0:?}, allowed: -10 to 10 each way in a perspective, 0 in a parallel projection")]
     LensShift([f64; 2]),
 }
@@ -73,7 +75,8 @@ impl Camera {
     /// A camera at `eye` that looks at `look_at` with `up` upwards in the picture.
     ///
     /// # Errors
-    /// When a coordinate is not finite, the direction or the up vector vanishes, or the projection is out of range.
+    /// When a coordinate is not finite, the direction or the up vector vanishes, or the projection
+    /// is out of range.
     pub fn new(
         eye: Point<Patient>,
         look_at: Point<Patient>,
@@ -130,13 +133,16 @@ impl Camera {
         self.projection
     }
 
-    /// This camera with the middle of its picture off the viewing axis: `[right, up]` in mm at 1 mm before the eye.
+    /// This camera with the middle of its picture off the viewing axis: `[right, up]` in mm at 1 mm
+    /// before the eye.
     ///
-    /// The frustum becomes asymmetric and the picture's plane stays across the viewing direction, as behind a lens that
-    /// is shifted: whatever lies at one depth stays as it is but for its place.
+    /// The frustum becomes asymmetric and the picture's plane stays across the viewing direction,
+    /// as behind a lens that is shifted: whatever lies at one depth stays as it is but for its
+    /// place.
     ///
     /// # Errors
-    /// When a part is not finite or beyond 10, or a parallel projection, which has no eye, is to be shifted.
+    /// When a part is not finite or beyond 10, or a parallel projection, which has no eye, is to be
+    /// shifted.
     pub fn with_lens_shift(self, lens_shift: [f64; 2]) -> Result<Self, CameraError> {
         let parallel = matches!(self.projection, Projection::Orthographic { .. });
         let far = |part: &f64| !(-10.0..=10.0).contains(part) || parallel && *part != 0.0;
@@ -146,7 +152,8 @@ impl Camera {
         Ok(Self { lens_shift, ..self })
     }
 
-    /// How far the middle of the picture is off the viewing axis: `[right, up]` in mm at 1 mm before the eye.
+    /// How far the middle of the picture is off the viewing axis: `[right, up]` in mm at 1 mm
+    /// before the eye.
     #[must_use]
     pub fn lens_shift(&self) -> [f64; 2] {
         self.lens_shift
@@ -171,7 +178,8 @@ impl Camera {
         self.eye.distance(self.look_at)
     }
 
-    /// Patient position of a view position. Its columns are right, up and backwards; its origin is the eye.
+    /// Patient position of a view position. Its columns are right, up and backwards; its origin is
+    /// the eye.
     #[must_use]
     pub fn patient_from_view(&self) -> Transform<Patient, View> {
         let backwards = (self.eye.xyz - self.look_at.xyz).normalize();
@@ -186,7 +194,8 @@ impl Camera {
         Transform::from_affine(self.patient_from_view().affine.inverse())
     }
 
-    /// Half the picture's extent: at 1 mm before the eye for a perspective, everywhere for a parallel projection.
+    /// Half the picture's extent: at 1 mm before the eye for a perspective, everywhere for a
+    /// parallel projection.
     ///
     /// `[horizontal, vertical]`, in mm, for a picture of `size_px` (width, height) square pixels.
     #[must_use]
@@ -198,8 +207,8 @@ impl Camera {
         [vertical * f64::from(width) / f64::from(height), vertical]
     }
 
-    /// This camera turned about the axis `up` through its focal point, by an angle in radians, counter-clockwise
-    /// as seen from the tip of `up`.
+    /// This camera turned about the axis `up` through its focal point, by an angle in radians,
+    /// counter-clockwise as seen from the tip of `up`.
     #[must_use]
     pub fn orbited(&self, angle: f64) -> Self {
         let axis = self.up.xyz.normalize();
@@ -207,7 +216,8 @@ impl Camera {
         Self { eye: self.look_at + Vector::from_xyz(arm), ..*self }
     }
 
-    /// Where a patient position appears: pixel coordinates (u right, v down, centres at +0.5) and view depth in mm.
+    /// Where a patient position appears: pixel coordinates (u right, v down, centres at +0.5) and
+    /// view depth in mm.
     ///
     /// `None` behind the eye of a perspective camera.
     #[must_use]
@@ -265,7 +275,8 @@ mod tests {
         assert!(matches!(make(far, up, perspective(20.0)), Err(CameraError::Coordinate { .. })));
     }
 
-    /// By similar triangles: an eye moved by t sees a point at depth d moved by t (1/c - 1/d) at 1 mm before it.
+    /// By similar triangles: an eye moved by t sees a point at depth d moved by t (1/c - 1/d) at 1
+    /// mm before it.
     #[test]
     fn a_camera_beside_sees_what_converges_in_place_and_the_rest_moved_by_its_depth() {
         let (size, half_px) = ([200, 100], 50.0); // 90 degrees: half the height is 1 mm at 1 mm

@@ -12,7 +12,8 @@ use relief_base::{Patient, Point, Vector};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Orbit {
-    /// Degrees about the patient's long axis: 0 from the front, 90 from the patient's left, 180 from behind.
+    /// Degrees about the patient's long axis: 0 from the front, 90 from the patient's left, 180
+    /// from behind.
     pub azimuth_deg: f64,
     /// Degrees above the horizontal: 90 from the head, -90 from the feet.
     pub elevation_deg: f64,

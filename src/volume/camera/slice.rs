@@ -1,4 +1,5 @@
-//! Planes through a volume, seen head-on as radiologists see them, and the letters at a picture's edges.
+//! Planes through a volume, seen head-on as radiologists see them, and the letters at a picture's
+//! edges.
 //!
 //! It defines the standard planes, the camera that looks at a plane, and DICOM's letters for
 //! patient directions. It cuts nothing: the renderer's mode `slice` cuts through the focal point of
@@ -52,7 +53,8 @@ impl NamedPlane {
         PlaneView { towards_eye: Vector::from_xyz(towards_eye), up: Vector::from_xyz(up) }
     }
 
-    /// The patient axis along which slices of this plane are counted: to the head, to the left, to the back.
+    /// The patient axis along which slices of this plane are counted: to the head, to the left, to
+    /// the back.
     #[must_use]
     pub const fn offset_axis(self) -> Vector<Patient> {
         Vector::from_xyz(match self {
@@ -73,12 +75,14 @@ pub struct PlaneView {
 }
 
 impl PlaneView {
-    /// The parallel camera that sees the plane through `center`, which is in the middle of the picture.
+    /// The parallel camera that sees the plane through `center`, which is in the middle of the
+    /// picture.
     ///
     /// The eye is `distance_mm` away: that is the view depth of the whole plane.
     ///
     /// # Errors
-    /// As [`Camera::new`]: when the normal has no length, is along `up`, or a length is out of range.
+    /// As [`Camera::new`]: when the normal has no length, is along `up`, or a length is out of
+    /// range.
     pub fn camera(
         &self,
         center: Point<Patient>,
@@ -90,7 +94,8 @@ impl PlaneView {
         Camera::new(center + towards_eye * distance_mm, center, self.up, projection)
     }
 
-    /// The height in mm of the smallest picture of `size_px` around `center` that shows all of these points.
+    /// The height in mm of the smallest picture of `size_px` around `center` that shows all of
+    /// these points.
     ///
     /// `None` when normal and up do not span a picture.
     #[must_use]
@@ -110,10 +115,11 @@ impl PlaneView {
     }
 }
 
-/// The letters of a patient direction: up to three of L and R, A and P, H and F, the largest component first.
+/// The letters of a patient direction: up to three of L and R, A and P, H and F, the largest
+/// component first.
 ///
-/// As in DICOM's Patient Orientation (0020,0020). Components below 1e-4 of the whole have no letter; a direction of no
-/// length has none at all.
+/// As in DICOM's Patient Orientation (0020,0020). Components below 1e-4 of the whole have no
+/// letter; a direction of no length has none at all.
 #[must_use]
 pub fn orientation_label(direction: Vector<Patient>) -> String {
     const LEAST: f64 = 1e-4;

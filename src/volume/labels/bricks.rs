@@ -7,10 +7,12 @@ use rayon::prelude::*;
 
 use super::{LabelMap, Places};
 
-/// For every brick of a label map the places of the segments that occur in it, 0 for voxels without one.
+/// For every brick of a label map the places of the segments that occur in it, 0 for voxels without
+/// one.
 ///
-/// Bricks are those of [`BrickRanges`](crate::BrickRanges): `edge`³ cells between voxel centres with the voxels on
-/// their far faces, so whatever voxel is nearest to a position in the brick, or around it, is among them.
+/// Bricks are those of [`BrickRanges`](crate::BrickRanges): `edge`³ cells between voxel centres
+/// with the voxels on their far faces, so whatever voxel is nearest to a position in the brick, or
+/// around it, is among them.
 #[derive(Clone, Debug)]
 pub struct BrickLabels {
     sets: Vec<Vec<u16>>,

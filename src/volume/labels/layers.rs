@@ -1,4 +1,5 @@
-//! Segments that overlap, in layers: label maps of one grid, in each of which no two segments have a voxel in common.
+//! Segments that overlap, in layers: label maps of one grid, in each of which no two segments have
+//! a voxel in common.
 
 use super::{LabelMap, Segment};
 use crate::Grid;

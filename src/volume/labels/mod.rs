@@ -5,7 +5,8 @@
 //! skipping. This module reads no files (see the crate `dicom`), and has no colours except those in
 //! a file.
 //!
-//! Spaces: voxel index and patient mm. A voxel belongs to one segment or to none; label 0 means none.
+//! Spaces: voxel index and patient mm. A voxel belongs to one segment or to none; label 0 means
+//! none.
 
 mod bricks;
 mod layers;
@@ -37,8 +38,8 @@ impl Segment {
     /// Longest name that is kept, in characters.
     pub const LONGEST_NAME: usize = 128;
 
-    /// A segment as a file describes it: the name without control characters and cut to [`Segment::LONGEST_NAME`], a colour
-    /// only where all of it is within 0..1.
+    /// A segment as a file describes it: the name without control characters and cut to
+    /// [`Segment::LONGEST_NAME`], a colour only where all of it is within 0..1.
     #[must_use]
     pub fn new(label: u16, name: Option<&str>, rgb: Option<[f64; 3]>) -> Self {
         let clean = |name: &str| -> String {
@@ -57,7 +58,8 @@ impl Segment {
     }
 }
 
-/// For every voxel the place of its segment in [`LabelMap::segments`], counted from 1; 0 for none. x fastest.
+/// For every voxel the place of its segment in [`LabelMap::segments`], counted from 1; 0 for none.
+/// x fastest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Places {
     /// At most 255 segments.
@@ -120,8 +122,9 @@ impl PartialEq for LabelMap {
 }
 
 impl LabelMap {
-    /// The map of `labels` (x fastest) on `grid`. Segments are all labels that occur and all that are `described`, in the
-    /// order of their labels; of two descriptions of one label the first counts.
+    /// The map of `labels` (x fastest) on `grid`. Segments are all labels that occur and all that
+    /// are `described`, in the order of their labels; of two descriptions of one label the first
+    /// counts.
     ///
     /// # Errors
     /// When the number of labels is not that of the grid's voxels.
@@ -210,8 +213,8 @@ impl LabelMap {
         place.checked_sub(1).map(|at| &self.segments[at])
     }
 
-    /// The map on another grid, by nearest neighbour; outside of this map there is no segment. Segments stay, even those
-    /// that have no voxel there.
+    /// The map on another grid, by nearest neighbour; outside of this map there is no segment.
+    /// Segments stay, even those that have no voxel there.
     #[must_use]
     pub fn resampled(&self, grid: &Grid) -> Self {
         let to_own = self.grid.voxel_from_patient() * grid.patient_from_voxel();
@@ -264,8 +267,9 @@ fn count(labels: &[u16]) -> Vec<u64> {
     labels.par_chunks(1 << 22).fold(empty, add).reduce(empty, merge)
 }
 
-/// The voxel that a continuous index is nearest to. Exactly between two it is the higher one, whatever was rounded on the
-/// way: the voxels of a map of twice the resolution all lie between two.
+/// The voxel that a continuous index is nearest to. Exactly between two it is the higher one,
+/// whatever was rounded on the way: the voxels of a map of twice the resolution all lie between
+/// two.
 fn nearest(index: glam::DVec3) -> [i64; 3] {
     const ROUNDING: f64 = 1e-6;
     #[expect(clippy::cast_possible_truncation, reason = "saturates, and is then outside")]

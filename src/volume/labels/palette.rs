@@ -1,7 +1,7 @@
 //! Colours for segments whose file names none.
 
-/// Hues go round by the golden ratio, so that labels next to each other differ; three steps of lightness and strength tell
-/// apart those whose hues come close. Display-referred sRGB, 0..1.
+/// Hues go round by the golden ratio, so that labels next to each other differ; three steps of
+/// lightness and strength tell apart those whose hues come close. Display-referred sRGB, 0..1.
 pub(super) fn color(label: u16) -> [f64; 3] {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let hue = (f64::from(label) * GOLDEN + 0.97).fract();

@@ -1,7 +1,8 @@
 //! Procedural phantoms: volumes made by formula, each with its [`PhantomTruth`].
 //!
-//! A [`PhantomRecipe`] (kind, size, seed) makes a [`Phantom`] (volume and truth). Equal recipes make equal voxels,
-//! whatever the number of threads. Nothing is read or written here: `dicom::write` makes files of it.
+//! A [`PhantomRecipe`] (kind, size, seed) makes a [`Phantom`] (volume and truth). Equal recipes
+//! make equal voxels, whatever the number of threads. Nothing is read or written here:
+//! `dicom::write` makes files of it.
 //!
 //! | kind | size is | what it is for |
 //! |---|---|---|
@@ -145,7 +146,8 @@ impl PhantomRecipe {
         self.make_reporting(&|_| {})
     }
 
-    /// Makes the phantom and calls `report` with the number of slices just finished, from any thread.
+    /// Makes the phantom and calls `report` with the number of slices just finished, from any
+    /// thread.
     #[must_use]
     pub fn make_reporting(&self, report: &(dyn Fn(usize) + Sync)) -> Phantom {
         let placement = self.placement();
@@ -196,8 +198,8 @@ impl PhantomRecipe {
         Phantom { volume, truth }
     }
 
-    /// Where the voxels lie: around the patient origin, except for the head, whose origin is between the
-    /// ears.
+    /// Where the voxels lie: around the patient origin, except for the head, whose origin is
+    /// between the ears.
     fn placement(&self) -> Placement {
         let n = self.size;
         match self.kind {

@@ -18,7 +18,8 @@ fn hash(cell: IVec3, seed: u64) -> u64 {
     bits ^ (bits >> 31)
 }
 
-/// Smooth noise of zero mean, about -1..1, with features of about one unit (Perlin's improved noise).
+/// Smooth noise of zero mean, about -1..1, with features of about one unit (Perlin's improved
+/// noise).
 pub(super) fn gradient_noise(p: Vec3, seed: u64) -> f32 {
     let floor = p.floor();
     let (cell, f) = (floor.as_ivec3(), p - floor);
@@ -52,8 +53,8 @@ pub(super) fn vector_noise(p: Vec3, seed: u64) -> Vec3 {
     )
 }
 
-/// Distances, in units of the lattice, to the nearest and second nearest of points scattered one to a cell
-/// (Worley).
+/// Distances, in units of the lattice, to the nearest and second nearest of points scattered one to
+/// a cell (Worley).
 pub(super) fn cell_distances(p: Vec3, seed: u64) -> (f32, f32) {
     let cell = p.floor().as_ivec3();
     let (mut first, mut second) = (f32::MAX, f32::MAX);
@@ -76,8 +77,8 @@ fn unit(bits: u64) -> f32 {
     (bits & 0xffff) as f32 / 65_536.0
 }
 
-/// The grain of one slice: normal to a good approximation, mean 0, deviation 1, correlated between neighbours
-/// in the slice as the reconstruction of a CT leaves it.
+/// The grain of one slice: normal to a good approximation, mean 0, deviation 1, correlated between
+/// neighbours in the slice as the reconstruction of a CT leaves it.
 pub(super) fn grain(width: usize, height: usize, slice: usize, seed: u64) -> Vec<f32> {
     /// Weights of the neighbours along one axis, and what makes their squares sum to 1.
     const SIDE: f32 = 0.22;
@@ -116,7 +117,8 @@ mod tests {
         let mean = grain.iter().sum::<f32>() / grain.len() as f32;
         let variance = grain.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / grain.len() as f32;
         let neighbours = grain.windows(2).map(|w| w[0] * w[1]).sum::<f32>() / grain.len() as f32;
-        // Three deviations of the mean of 200 x 200 values that a kernel of weight 2.4 has correlated.
+        // Three deviations of the mean of 200 x 200 values that a kernel of weight 2.4 has
+        // correlated.
         assert!(mean.abs() < 0.037 && (variance - 1.0).abs() < 0.03, "mean {mean}, variance {variance}");
         assert!((0.4..0.8).contains(&neighbours), "correlation {neighbours}");
     }

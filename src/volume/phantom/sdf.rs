@@ -1,10 +1,11 @@
 //! Signed distance fields of rounded parts: what organic shapes are built from.
 //!
-//! A [`Field`] is a list of parts, joined to or cut from what came before with a smooth transition of `blend`
-//! mm (quadratic polynomial blending after Quilez). Distances are negative inside, in patient LPS mm. They
-//! are exact near the surface of balls, cones and blocks and first-order elsewhere; beyond a field's `reach`
-//! only their sign and the fact that they are beyond it can be relied on, which is what allows parts to be
-//! left out of a block of voxels that they cannot touch.
+//! A [`Field`] is a list of parts, joined to or cut from what came before with a smooth transition
+//! of `blend` mm (quadratic polynomial blending after Quilez). Distances are negative inside, in
+//! patient LPS mm. They are exact near the surface of balls, cones and blocks and first-order
+//! elsewhere; beyond a field's `reach` only their sign and the fact that they are beyond it can be
+//! relied on, which is what allows parts to be left out of a block of voxels that they cannot
+//! touch.
 
 use glam::{Mat3, Vec2, Vec3};
 
@@ -49,12 +50,13 @@ impl Box3 {
 pub(super) enum Shape {
     /// An ellipsoid, turned by `local_from_model`.
     Ellipsoid { center: Vec3, radii: Vec3, local_from_model: Mat3 },
-    /// A capsule whose radius changes linearly from `a` to `b`; `scale` flattens it (above 1) or stretches
-    /// it.
+    /// A capsule whose radius changes linearly from `a` to `b`; `scale` flattens it (above 1) or
+    /// stretches it.
     Cone { a: Vec3, b: Vec3, radius_a: f32, radius_b: f32, scale: Vec3 },
     /// A box with rounded edges; `half` includes the rounding.
     Block { center: Vec3, half: Vec3, round: f32, local_from_model: Mat3 },
-    /// A horseshoe: the front (-y) half of an elliptic wall with straight legs, as dental arches are.
+    /// A horseshoe: the front (-y) half of an elliptic wall with straight legs, as dental arches
+    /// are.
     Arch { center: Vec3, radii: Vec2, leg: f32, half: Vec2, round: f32 },
 }
 
@@ -78,15 +80,15 @@ pub(super) fn block(center: [f32; 3], half: [f32; 3], round: f32) -> Shape {
     Shape::Block { center: center.into(), half: half.into(), round, local_from_model: Mat3::IDENTITY }
 }
 
-/// A horseshoe of semi-axes `radii` in x and y around `center`, with legs of 10 mm, `half` wide across the
-/// wall and along z.
+/// A horseshoe of semi-axes `radii` in x and y around `center`, with legs of 10 mm, `half` wide
+/// across the wall and along z.
 pub(super) fn arch(center: [f32; 3], radii: [f32; 2], half: [f32; 2], round: f32) -> Shape {
     Shape::Arch { center: center.into(), radii: radii.into(), leg: 10.0, half: half.into(), round }
 }
 
 impl Shape {
-    /// An ellipsoid or block turned about its centre: first about x (front up), then y (left up), then z
-    /// (front to the left), degrees. Other shapes have no orientation of their own.
+    /// An ellipsoid or block turned about its centre: first about x (front up), then y (left up),
+    /// then z (front to the left), degrees. Other shapes have no orientation of their own.
     pub(super) fn turned(mut self, about_x: f32, about_y: f32, about_z: f32) -> Self {
         let [x, y, z] = [-about_x, -about_y, about_z].map(f32::to_radians);
         let model_from_local = Mat3::from_rotation_z(z) * Mat3::from_rotation_y(y) * Mat3::from_rotation_x(x);
@@ -104,7 +106,8 @@ impl Shape {
         self
     }
 
-    /// A cone flattened (factor above 1) or stretched (below 1) along x, y and z, about its own axis.
+    /// A cone flattened (factor above 1) or stretched (below 1) along x, y and z, about its own
+    /// axis.
     pub(super) fn scaled(mut self, factors: [f32; 3]) -> Self {
         if let Self::Cone { scale, .. } = &mut self {
             *scale = factors.into();
@@ -271,8 +274,8 @@ impl Field {
         self.push(vec![shape], Operation::Join, blend, Sides::Both);
     }
 
-    /// Adds several shapes as one part, and its mirror image: between them there is no smoothing, hence no
-    /// bulge.
+    /// Adds several shapes as one part, and its mirror image: between them there is no smoothing,
+    /// hence no bulge.
     pub(super) fn join_all_both(&mut self, blend: f32, shapes: Vec<Shape>) {
         self.push(shapes, Operation::Join, blend, Sides::Both);
     }

@@ -1,9 +1,9 @@
 //! The phantoms of closed form: sphere, slab, ramp, axes.
 //!
-//! Edges are anti-aliased by covered volume: a voxel's value is the mean of the continuous phantom over the
-//! voxel's box, rounded to a whole HU. For the slab that fraction is exact; for balls it is a 16 x 16
-//! midpoint quadrature of exact chords along the axis that the surface faces most, good to 0.2 % of a voxel.
-//! No noise.
+//! Edges are anti-aliased by covered volume: a voxel's value is the mean of the continuous phantom
+//! over the voxel's box, rounded to a whole HU. For the slab that fraction is exact; for balls it
+//! is a 16 x 16 midpoint quadrature of exact chords along the axis that the surface faces most,
+//! good to 0.2 % of a voxel. No noise.
 
 use rayon::prelude::*;
 
@@ -14,9 +14,11 @@ const SPHERE_HU: f64 = 500.0;
 const SPHERE_RADIUS_MM: f64 = 80.0;
 const SLAB_HU: f64 = 300.0;
 const SLAB_HALF_THICKNESS_MM: f64 = 50.0;
-/// Whole numbers and even ones for x and y, so that HU is whole at every voxel centre of every size.
+/// Whole numbers and even ones for x and y, so that HU is whole at every voxel centre of every
+/// size.
 const RAMP_HU_PER_MM: [f64; 3] = [2.0, 4.0, -6.0];
-/// Name, axis, side, value and radius of each ball of the `axes` phantom; all at 40 mm from the origin.
+/// Name, axis, side, value and radius of each ball of the `axes` phantom; all at 40 mm from the
+/// origin.
 const AXIS_BALLS: [(&str, usize, f64, f64, f64); 6] = [
     ("left (+x)", 0, 1.0, 300.0, 14.0),
     ("right (-x)", 0, -1.0, 600.0, 12.0),
@@ -139,9 +141,11 @@ impl Ball {
         self.edge_fraction(offset, size_mm)
     }
 
-    /// Mean over sub-columns of the chord's share of the box, along the axis that the surface faces most.
+    /// Mean over sub-columns of the chord's share of the box, along the axis that the surface faces
+    /// most.
     ///
-    /// Along that axis the chord's end varies slowly from column to column, so the midpoint rule is accurate.
+    /// Along that axis the chord's end varies slowly from column to column, so the midpoint rule is
+    /// accurate.
     fn edge_fraction(&self, offset: [f64; 3], size: [f64; 3]) -> f64 {
         let chord_axis = (0..3).fold(0, |best, a| if offset[a] > offset[best] { a } else { best });
         let (u, v) = ((chord_axis + 1) % 3, (chord_axis + 2) % 3);

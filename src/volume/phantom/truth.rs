@@ -1,9 +1,9 @@
 //! The truth of a phantom: its objects and their places, as JSON.
 //!
-//! Positions and lengths are in patient LPS mm, values in HU. Lists keep their order from version to version,
-//! so that a test or a tool may address an entry by its place as well as by its name. It is not a
-//! segmentation: it names closed-form surfaces and single points, each of which lies on the model by
-//! construction.
+//! Positions and lengths are in patient LPS mm, values in HU. Lists keep their order from version
+//! to version, so that a test or a tool may address an entry by its place as well as by its name.
+//! It is not a segmentation: it names closed-form surfaces and single points, each of which lies on
+//! the model by construction.
 
 use serde::{Deserialize, Serialize};
 
@@ -102,7 +102,8 @@ pub enum SurfaceShape {
         /// Radius.
         radius_mm: f64,
     },
-    /// Points at which the three coordinates from the centre, divided by the semi-axes, have norm 1.
+    /// Points at which the three coordinates from the centre, divided by the semi-axes, have norm
+    /// 1.
     Ellipsoid {
         /// Centre.
         center_mm: [f64; 3],

@@ -1,11 +1,13 @@
 //! Opacity by gradient: surfaces stay, the even insides of things fade.
 //!
-//! A sample's opacity per opacity unit is that of its value times that of its gradient's magnitude, HU per mm. The path
-//! that a sample stands for is corrected for after the product, so that pictures do not depend on the sample distance.
+//! A sample's opacity per opacity unit is that of its value times that of its gradient's magnitude,
+//! HU per mm. The path that a sample stands for is corrected for after the product, so that
+//! pictures do not depend on the sample distance.
 
 use super::TransferError;
 
-/// Piecewise linear opacity, 0..1, over the gradient's magnitude in HU per mm; constant beyond its ends.
+/// Piecewise linear opacity, 0..1, over the gradient's magnitude in HU per mm; constant beyond its
+/// ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradientOpacity {
     points: Vec<[f64; 2]>,
@@ -75,7 +77,8 @@ impl GradientTable {
     /// Entries of every table. `GRADIENT_LAST` of `shaders/lib/gradient.wgsl` is one less.
     pub const ENTRIES: usize = 1024;
 
-    /// The table of a function up to its last point, for samples that each stand for `path_units` opacity units.
+    /// The table of a function up to its last point, for samples that each stand for `path_units`
+    /// opacity units.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "tables are in 32 bits")]
     pub fn new(opacity: &GradientOpacity, path_units: f64) -> Self {

@@ -10,8 +10,8 @@ use glam::DVec4;
 
 use super::TransferTable;
 
-/// The integral over values, in HU, up to each entry of a table: of colour times optical depth, and of optical depth, both
-/// of one sample's path.
+/// The integral over values, in HU, up to each entry of a table: of colour times optical depth, and
+/// of optical depth, both of one sample's path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegralTable {
     /// As many as the table has entries; linear between them.
@@ -19,7 +19,8 @@ pub struct IntegralTable {
 }
 
 impl IntegralTable {
-    /// Optical depth of an opaque sample: what 1 - exp(-12) lacks is far below a byte, and sums keep their precision.
+    /// Optical depth of an opaque sample: what 1 - exp(-12) lacks is far below a byte, and sums
+    /// keep their precision.
     pub const OPAQUE_DEPTH: f64 = 12.0;
 
     /// The integrals of a table.
@@ -49,8 +50,8 @@ mod tests {
 
     #[test]
     fn a_ramps_integral_is_that_of_its_extinction() {
-        // Opacity 1 - exp(-x) over one unit, where x rises from 0 to 1 between 0 and 200 HU: extinction x, but for the
-        // control points' straight lines between.
+        // Opacity 1 - exp(-x) over one unit, where x rises from 0 to 1 between 0 and 200 HU:
+        // extinction x, but for the control points' straight lines between.
         let points = (0..=50).map(|i| {
             let x = f64::from(i) / 50.0;
             ControlPoint { hu: 4.0 * f64::from(i), rgba: [0.5, 1.0, x, 1.0 - (-x).exp()] }
@@ -67,7 +68,8 @@ mod tests {
                 reason = "a place in the table"
             )]
             let found = integral.entries[(hu / table.step_hu) as usize].map(f64::from);
-            // Twice the extinction, for samples of 2 mm: 2 x; its integral over HU is 200 x², of colours accordingly.
+            // Twice the extinction, for samples of 2 mm: 2 x; its integral over HU is 200 x², of
+            // colours accordingly.
             let expected = [100.0 * x * x, 200.0 * x * x, 400.0 / 3.0 * x * x * x, 200.0 * x * x];
             for (found, expected) in found.into_iter().zip(expected) {
                 assert!((found - expected).abs() < 0.05, "{hu} HU: {found} for {expected}");

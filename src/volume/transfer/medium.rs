@@ -1,4 +1,5 @@
-//! A transfer function as a medium: linear colour and extinction per mm, for light that is followed in linear terms.
+//! A transfer function as a medium: linear colour and extinction per mm, for light that is followed
+//! in linear terms.
 //!
 //! Opacity a per unit of path is an extinction of `-ln(1 - a) / unit`: after `d` mm,
 //! `exp(-extinction d)` of the light remains. Between entries, colour and extinction are linear in
@@ -42,7 +43,8 @@ impl MediumTable {
         Self { first_hu, step_hu, entries, maxima }
     }
 
-    /// The largest extinction per mm of any value in `low_hu..=high_hu`, by the entries that its look-up may touch.
+    /// The largest extinction per mm of any value in `low_hu..=high_hu`, by the entries that its
+    /// look-up may touch.
     ///
     /// Slightly more than the range, since sampling rounds: no sample may be denser than this
     /// bound.

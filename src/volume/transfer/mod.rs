@@ -1,8 +1,9 @@
 //! Transfer functions: from HU to colour and opacity.
 //!
-//! Colours are display-referred sRGB values 0..1 and blend as they are. Opacity is per `opacity_unit_mm` of path,
-//! so an image does not depend on its sample distance: a sample that stands for `step` mm has the opacity
-//! `1 - (1 - a)^(step / unit)`. Colour is not premultiplied at the control points.
+//! Colours are display-referred sRGB values 0..1 and blend as they are. Opacity is per
+//! `opacity_unit_mm` of path, so an image does not depend on its sample distance: a sample that
+//! stands for `step` mm has the opacity `1 - (1 - a)^(step / unit)`. Colour is not premultiplied at
+//! the control points.
 //!
 //! Values: HU. Lengths: mm. This module uses no GPU: a shader and its f64 twin share
 //! [`TransferTable`].

@@ -10,7 +10,8 @@ pub struct TransferTable {
     pub first_hu: f32,
     /// HU from one entry to the next: a power of two, at least [`TransferTable::FINEST_STEP_HU`].
     pub step_hu: f32,
-    /// Red, green, blue and the opacity of one sample; where there is opacity by gradient, that of one opacity unit.
+    /// Red, green, blue and the opacity of one sample; where there is opacity by gradient, that of
+    /// one opacity unit.
     pub entries: Vec<[f32; 4]>,
     /// What opacities are still to be multiplied by.
     pub gradient: Option<GradientTable>,
@@ -24,27 +25,30 @@ impl TransferTable {
     /// Most entries of a table: 4096 of 16 bytes stay in a processor's first caches.
     pub const MAX_ENTRIES: usize = 4096;
 
-    /// The step of functions that span up to 255 HU; wider ones have coarser steps, 1 HU up to 4095 HU.
+    /// The step of functions that span up to 255 HU; wider ones have coarser steps, 1 HU up to 4095
+    /// HU.
     pub const FINEST_STEP_HU: f64 = 1.0 / 16.0;
 
     /// The table of `transfer` for samples that each stand for `step_mm` of path.
     ///
-    /// Entries lie at multiples of the step from a whole HU on, so control points at whole HU are met exactly while
-    /// all points span at most 4095 HU.
+    /// Entries lie at multiples of the step from a whole HU on, so control points at whole HU are
+    /// met exactly while all points span at most 4095 HU.
     #[must_use]
     pub fn new(transfer: &TransferFunction, step_mm: f64) -> Self {
         Self::within(transfer, step_mm, Self::MAX_ENTRIES)
     }
 
-    /// As [`TransferTable::new`], with what pre-integrated classification looks up beside; both have half the room.
+    /// As [`TransferTable::new`], with what pre-integrated classification looks up beside; both
+    /// have half the room.
     #[must_use]
     pub fn integrated(transfer: &TransferFunction, step_mm: f64) -> Self {
         let table = Self::within(transfer, step_mm, Self::MAX_ENTRIES / 2);
         Self { integral: Some(IntegralTable::new(&table)), ..table }
     }
 
-    /// As [`TransferTable::new`], with at most `most` entries, 64 to [`TransferTable::MAX_ENTRIES`]: for tables that share a
-    /// buffer. A function with opacity by gradient takes 1025 of them beside.
+    /// As [`TransferTable::new`], with at most `most` entries, 64 to
+    /// [`TransferTable::MAX_ENTRIES`]: for tables that share a buffer. A function with opacity by
+    /// gradient takes 1025 of them beside.
     ///
     /// # Panics
     /// When `most` leaves no room.
@@ -99,9 +103,11 @@ impl TransferTable {
         self.entries.iter().copied().chain(integrals).chain(behind).collect()
     }
 
-    /// Whether any value in `low_hu..=high_hu` is visible, judged by the entries that its look-up may touch.
+    /// Whether any value in `low_hu..=high_hu` is visible, judged by the entries that its look-up
+    /// may touch.
     ///
-    /// A little beyond the range, since sampling rounds: a skipped brick must not have shown anything.
+    /// A little beyond the range, since sampling rounds: a skipped brick must not have shown
+    /// anything.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     pub fn is_visible(&self, low_hu: f32, high_hu: f32) -> bool {
@@ -121,7 +127,8 @@ impl TransferTable {
         low + (x - i as f32) * (high - low)
     }
 
-    /// No value below this is visible, HU; the lowest number when even the lowest entry is, for it holds below the table.
+    /// No value below this is visible, HU; the lowest number when even the lowest entry is, for it
+    /// holds below the table.
     #[must_use]
     pub fn lowest_visible_hu(&self) -> f32 {
         // The entry before the first visible one: its look-up may touch that.

@@ -1,8 +1,8 @@
 //! Windows: a range of values shown as a ramp of greys or of colours.
 //!
-//! A value is `(hu - center) / width + 0.5` of the ramp, clamped: DICOM's LINEAR_EXACT (PS3.3, C.11.2.1.3). Colours are
-//! display-referred sRGB 0..1. On black, a maximum projection with a translucent window looks like a slice with the
-//! opaque one.
+//! A value is `(hu - center) / width + 0.5` of the ramp, clamped: DICOM's LINEAR_EXACT (PS3.3,
+//! C.11.2.1.3). Colours are display-referred sRGB 0..1. On black, a maximum projection with a
+//! translucent window looks like a slice with the opaque one.
 
 use super::{ControlPoint, TransferError, TransferFunction};
 
@@ -64,8 +64,8 @@ impl Window {
         Self { center_hu, width_hu, map: WindowMap::Grey, is_inverted: false }
     }
 
-    /// For rays: the brightest channel of a colour is its opacity, and what remains is the colour. Grey is white of
-    /// rising opacity.
+    /// For rays: the brightest channel of a colour is its opacity, and what remains is the colour.
+    /// Grey is white of rising opacity.
     ///
     /// # Errors
     /// When the window is narrower than 1 HU or outside ±32768 HU.
@@ -74,7 +74,8 @@ impl Window {
         let point = |i: usize| {
             let (share, color) = stops[i];
             let opacity = color.into_iter().fold(0.0, f64::max);
-            // Black has no colour of its own: that of its neighbour, so that the way between is straight.
+            // Black has no colour of its own: that of its neighbour, so that the way between is
+            // straight.
             let pure = if opacity > 0.0 { color } else { stops[i + 1].1 };
             let brightest = pure.into_iter().fold(0.0, f64::max);
             let [r, g, b] = pure.map(|channel| channel / brightest);

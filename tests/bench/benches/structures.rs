@@ -1,10 +1,13 @@
-//! Times of structures: a region grown from a seed, its mask's surface, smoothed and decimated; one JSON object.
+//! Times of structures: a region grown from a seed, its mask's surface, smoothed and decimated; one
+//! JSON object.
 //!
-//! cargo bench -p relief-bench --bench structures -- [--size N] [--repeat N] [--input head|gyroid] [--keep FOLDER]
+//! cargo bench -p relief-bench --bench structures -- [--size N] [--repeat N] [--input head|gyroid]
+//! [--keep FOLDER]
 //!
-//! Two volumes of N voxels along each side (512 by default; the head has fewer slices): the head phantom's bone, and a ball of
-//! winding sheets (a gyroid), which is all one region and nearly all surface. The median of the repeats counts, three by default.
-//! With `--keep` the volumes and seeds are written for scripts/peers/structures.py, which scripts/compare-structures calls.
+//! Two volumes of N voxels along each side (512 by default; the head has fewer slices): the head
+//! phantom's bone, and a ball of winding sheets (a gyroid), which is all one region and nearly all
+//! surface. The median of the repeats counts, three by default. With `--keep` the volumes and seeds
+//! are written for scripts/peers/structures.py, which scripts/compare-structures calls.
 #![expect(clippy::unwrap_used, reason = "volumes are made here: what fails is the benchmark")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a benchmark says what it found")]
 

@@ -1,9 +1,10 @@
-//! Times of tracking: single views by each solver, correspondence, a filter's step, reports, and the whole of it.
+//! Times of tracking: single views by each solver, correspondence, a filter's step, reports, and
+//! the whole of it.
 //!
 //! cargo bench -p relief-bench --bench tracking [FILTER]
 //!
-//! Each number is of one view or one report, from sets of random ones, so that neither caches nor luck decide. With the
-//! feature `ipopt` there is IPOPT beside the solver of our own.
+//! Each number is of one view or one report, from sets of random ones, so that neither caches nor
+//! luck decide. With the feature `ipopt` there is IPOPT beside the solver of our own.
 #![expect(clippy::unwrap_used, reason = "views and reports are made here: what fails is the benchmark")]
 
 use std::hint::black_box;

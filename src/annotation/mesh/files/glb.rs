@@ -1,4 +1,5 @@
-//! GLB: binary glTF 2.0 with one buffer of its own. Triangles of the shown scene, wherever its nodes put them.
+//! GLB: binary glTF 2.0 with one buffer of its own. Triangles of the shown scene, wherever its
+//! nodes put them.
 //!
 //! glTF has metres, Y up and the front towards +Z, so a patient's left is +X: X = x, Y = z, Z = -y
 //! of LPS, divided by 1000. Written files keep LPS mm in the buffer; the node converts.

@@ -22,7 +22,8 @@ use relief_base::Point;
 /// A mesh file's format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshFormat {
-    /// Stanford's polygons; written binary, little-endian. Numbers are f32 within 8 m of the origin, else f64.
+    /// Stanford's polygons; written binary, little-endian. Numbers are f32 within 8 m of the
+    /// origin, else f64.
     Ply,
     /// Stereolithography; written binary, f32. Corners at equal places become one when it is read.
     Stl,
@@ -144,7 +145,8 @@ pub fn write_mesh(format: MeshFormat, mesh: &TriangleMesh, name: &str) -> Result
 /// Reads a file's bytes.
 ///
 /// # Errors
-/// When they are not of the format, cut short, or hold a triangle without its corners, a corner that is no place, or nothing.
+/// When they are not of the format, cut short, or hold a triangle without its corners, a corner
+/// that is no place, or nothing.
 pub fn read_mesh(format: MeshFormat, bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let found = match format {
         MeshFormat::Ply => ply::read(bytes),

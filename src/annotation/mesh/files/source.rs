@@ -42,7 +42,8 @@ impl<'a> Bytes<'a> {
     }
 }
 
-/// Lines of text with their numbers, from 1, without blanks around them. Bytes that are no UTF-8 are replaced.
+/// Lines of text with their numbers, from 1, without blanks around them. Bytes that are no UTF-8
+/// are replaced.
 pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, std::borrow::Cow<'_, str>)> {
     let lines = bytes.split(|byte| *byte == b'\n');
     (1..).zip(lines.map(|line| String::from_utf8_lossy(line.trim_ascii())))

@@ -1,4 +1,5 @@
-//! `relief annotate accuracy`: how near landmarks come to where they are, by the whole chain, in simulation.
+//! `relief annotate accuracy`: how near landmarks come to where they are, by the whole chain, in
+//! simulation.
 
 mod plot;
 
@@ -12,7 +13,8 @@ use crate::output::{print_json, say, write_whole};
 use relief_study::{AccuracyReport, AccuracySettings, measure_accuracy};
 use relief_volume::{PhantomKind, PhantomRecipe};
 
-/// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they are missed.
+/// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they
+/// are missed.
 ///
 /// The remote is tracked as in `relief track experiment`: half a pixel of noise, rounding to
 /// pixels, a camera calibrated from a survey, the default filter. The hand trembles and drifts; the

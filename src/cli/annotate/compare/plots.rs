@@ -1,4 +1,5 @@
-//! The plots of the report: errors by set and by landmark, errors from three sides, limits of agreement.
+//! The plots of the report: errors by set and by landmark, errors from three sides, limits of
+//! agreement.
 
 use super::svg::{Anchor, Panel, SERIES, Svg, about_zero, around, minus, shortened};
 use relief_study::{Comparison, Ellipsoid, Landmark, Pairing};
@@ -42,7 +43,8 @@ pub(super) fn by_set(comparison: &Comparison) -> String {
         }
         for (row, landmark) in comparison.landmarks.iter().enumerate() {
             let Some(distance) = landmark.placed[at].and_then(|placed| placed.distance_mm) else { continue };
-            // Spread over the row's height, the same way every time, so that equal errors do not hide each other.
+            // Spread over the row's height, the same way every time, so that equal errors do not
+            // hide each other.
             let shift = (row as f64 * 0.618_034).fract() - 0.5;
             let place = [panel.place([distance, 0.0])[0], middle + 22.0 * shift];
             svg.mark(at, place, &format!("{}: {distance:.2} mm", label_of(comparison, landmark)));
@@ -51,7 +53,8 @@ pub(super) fn by_set(comparison: &Comparison) -> String {
     svg.finish("Lengths of the errors of each set, with median and 95th percentile")
 }
 
-/// Lengths of the errors: a row for each landmark. Of many, those with the greatest mean error; says how many are left out.
+/// Lengths of the errors: a row for each landmark. Of many, those with the greatest mean error;
+/// says how many are left out.
 pub(super) fn by_landmark(comparison: &Comparison) -> (String, usize) {
     const ROW: f64 = 20.0;
     let mut shown: Vec<&Landmark> = comparison.landmarks.iter().filter(|l| l.errors.is_some()).collect();
@@ -147,7 +150,8 @@ pub(super) fn from_three_sides(comparison: &Comparison) -> String {
     svg.finish("Errors along the patient's axes, from three sides")
 }
 
-/// The outline of an ellipsoid along two axes: that of the matrix `sum of (semi axis)^2 direction direction^T` there.
+/// The outline of an ellipsoid along two axes: that of the matrix `sum of (semi axis)^2 direction
+/// direction^T` there.
 fn silhouette(ellipsoid: &Ellipsoid, axes: [usize; 2]) -> Vec<[f64; 2]> {
     const CORNERS: usize = 72;
     let shape = |a: usize, b: usize| -> f64 {
@@ -220,7 +224,8 @@ pub(super) fn limits(pairings: &[&Pairing]) -> String {
 mod tests {
     use super::*;
 
-    /// Of a ball the silhouette is a circle; of a turned ellipsoid its extent along an axis is the root of the matrix's entry.
+    /// Of a ball the silhouette is a circle; of a turned ellipsoid its extent along an axis is the
+    /// root of the matrix's entry.
     #[test]
     fn silhouettes_reach_as_far_as_the_ellipsoid() {
         let s = std::f64::consts::FRAC_1_SQRT_2;

@@ -1,7 +1,8 @@
 //! Plots as SVG inside an HTML page: real text, colours from the page's style sheet, marks with
 //! tooltips.
 //!
-//! Unlike `cli::drawing` it makes no PNG and needs no font of its own: a browser draws it. Lengths are CSS pixels.
+//! Unlike `cli::drawing` it makes no PNG and needs no font of its own: a browser draws it. Lengths
+//! are CSS pixels.
 
 use std::fmt::Write;
 
@@ -73,7 +74,8 @@ impl Svg {
         );
     }
 
-    /// A mark of a series, which says `title` under the pointer. Series differ in shape and in colour.
+    /// A mark of a series, which says `title` under the pointer. Series differ in shape and in
+    /// colour.
     pub(super) fn mark(&mut self, series: usize, [x, y]: [f64; 2], title: &str) {
         let title = escaped(title);
         let class = format!("mark s{}", series % SERIES);

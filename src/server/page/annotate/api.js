@@ -1,4 +1,5 @@
-// The server's annotations over HTTP: one function for each thing that can be asked. It touches no element.
+// The server's annotations over HTTP: one function for each thing that can be asked. It touches no
+// element.
 
 import { Refusal } from "/view.js";
 

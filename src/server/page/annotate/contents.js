@@ -1,4 +1,5 @@
-// Files of regions and meshes as the page draws them: `.seg.nrrd` masks and binary PLY, in patient LPS mm. It touches no element.
+// Files of regions and meshes as the page draws them: `.seg.nrrd` masks and binary PLY, in patient
+// LPS mm. It touches no element.
 
 /** Voxels of a region's skin that are drawn in 3D at most. */
 const MOST_SKIN = 60_000;

@@ -1,4 +1,5 @@
-// Dialogs: who one is, a conflict with both versions, a new set, export, templates, help. One `<dialog>` for all.
+// Dialogs: who one is, a conflict with both versions, a new set, export, templates, help. One
+// `<dialog>` for all.
 
 import { element } from "./pane.js";
 import { measureWords, measures, places, pointsOf } from "./geometry.js";

@@ -1,7 +1,8 @@
-// Shapes in patient LPS mm as numbers: vectors, curves, measures, and the points that people can grab. It touches no element.
+// Shapes in patient LPS mm as numbers: vectors, curves, measures, and the points that people can
+// grab. It touches no element.
 //
-// The formulas are those of the server's `annotation` module: a measure that is shown while a point moves is the one that
-// the server gives afterwards.
+// The formulas are those of the server's `annotation` module: a measure that is shown while a point
+// moves is the one that the server gives afterwards.
 
 import { add, cross, distance, dot, length, lerp, scale, sub, unit } from "/vectors.js";
 

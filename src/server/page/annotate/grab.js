@@ -1,4 +1,5 @@
-// Editing by grabbing: a point of an item follows the pointer, and the change is made when it is let go.
+// Editing by grabbing: a point of an item follows the pointer, and the change is made when it is
+// let go.
 
 import { add, clamp, distance, dot, lerp, measures, partsOf, pointsOf, scale, sub, withInserted, withPoint } from "./geometry.js";
 import { SliceSight } from "./sight.js";
@@ -134,7 +135,8 @@ export class Grab {
     if (!held) return;
     this.#wish = null;
     const still = Math.hypot(...pane.size.map((side, i) => side * (at[i] - held.started[i]))) < 3;
-    // A point that is added stays where the line was pressed; one that was there has to go somewhere.
+    // A point that is added stays where the line was pressed; one that was there has to go
+    // somewhere.
     const there = held.adds ? { mm: held.point } : null;
     const spot = still ? there : await this.#target(held, pane, at, event).catch(() => there);
     if (!spot || (!held.adds && distance(spot.mm, held.point) < 1e-6)) return this.cancel();

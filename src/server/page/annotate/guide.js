@@ -1,4 +1,5 @@
-// Guided placement: the landmarks of a template one after the other, skipped and come back to, until all are decided.
+// Guided placement: the landmarks of a template one after the other, skipped and come back to,
+// until all are decided.
 
 import { askTemplate } from "./dialogs.js";
 import { element } from "./pane.js";

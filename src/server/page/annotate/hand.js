@@ -1,6 +1,7 @@
 // What hands do in panes, by the tool that is chosen: look, edit by grabbing, place, grow, paint.
 //
-// Looking is what panes do by themselves when nothing here takes a gesture, so nothing changes by accident.
+// Looking is what panes do by themselves when nothing here takes a gesture, so nothing changes by
+// accident.
 
 import { Grab } from "./grab.js";
 import { Placing, SHAPES } from "./placing.js";
@@ -60,7 +61,8 @@ export class Hand {
     if (to === "off" || event?.ctrlKey) return spot;
     try {
       const level = to === "surface" ? { hu } : {};
-      // Along the line of sight, where the place was seen in 3D: what is meant lies under the pointer.
+      // Along the line of sight, where the place was seen in 3D: what is meant lies under the
+      // pointer.
       const ray = found.ray ? { ray: found.ray } : {};
       const moved = await this.annotations().snap({ at_mm: found.mm, ...ray, to, radius_mm, ...level });
       const shift = moved.shift_mm ?? sub(moved.at_mm, found.mm);

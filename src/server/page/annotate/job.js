@@ -1,6 +1,7 @@
 // Work that takes a while: what it is and for how long it has gone on, and a way to break it off.
 //
-// The server tells no share of what is done: growing and meshing do not know it beforehand. Whoever leaves ends the work there.
+// The server tells no share of what is done: growing and meshing do not know it beforehand. Whoever
+// leaves ends the work there.
 
 import { element } from "./pane.js";
 

@@ -1,4 +1,5 @@
-// The list of items, by set and list: choose, jump to, rename, recolour, hide, lock, delete, measures.
+// The list of items, by set and list: choose, jump to, rename, recolour, hide, lock, delete,
+// measures.
 
 import { element } from "./pane.js";
 import { measureWords, measures as measured } from "./geometry.js";

@@ -1,7 +1,8 @@
-// Other people's changes: told by the server on a live session's WebSocket, and asked for where that is not to be had.
+// Other people's changes: told by the server on a live session's WebSocket, and asked for where
+// that is not to be had.
 //
-// Asking costs little: an answer without news is a 304. A session that only listens takes no frames: it acknowledges none, so
-// two are sent to it, once.
+// Asking costs little: an answer without news is a 304. A session that only listens takes no
+// frames: it acknowledges none, so two are sent to it, once.
 
 const OFTEN_MS = 2000;
 /** While changes are told, asking is only for what a broken line swallowed. */

@@ -1,4 +1,5 @@
-// What the page knows: items, sets, the cursor, what is chosen. Everything else listens to it. It touches no element.
+// What the page knows: items, sets, the cursor, what is chosen. Everything else listens to it. It
+// touches no element.
 
 import { measures, middleOf } from "./geometry.js";
 

@@ -1,4 +1,5 @@
-// Placing by hand: a press previews a point, its release sets it, and as many points as the tool takes become an item.
+// Placing by hand: a press previews a point, its release sets it, and as many points as the tool
+// takes become an item.
 
 import { distance, measures, planeOf } from "./geometry.js";
 import { newId } from "./api.js";

@@ -1,4 +1,5 @@
-// Structures out of places: a region grown from a seed, painted with a sphere, filled between contours; a mesh of a region.
+// Structures out of places: a region grown from a seed, painted with a sphere, filled between
+// contours; a mesh of a region.
 
 import { colorOf } from "./model.js";
 import { Contents } from "./contents.js";

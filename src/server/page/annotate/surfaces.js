@@ -1,4 +1,5 @@
-// Draws regions and meshes on a pane's layer: as areas and outlines in slices, as lit surfaces in 3D, hidden parts dimmed.
+// Draws regions and meshes on a pane's layer: as areas and outlines in slices, as lit surfaces in
+// 3D, hidden parts dimmed.
 
 const rgb = (color) => [1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16));
 

@@ -1,4 +1,5 @@
-// Mouse, touch, pen, keyboard and gamepad as intents. Movements are added up and sent once for each picture of the screen.
+// Mouse, touch, pen, keyboard and gamepad as intents. Movements are added up and sent once for each
+// picture of the screen.
 
 const DEGREES_A_PIXEL = 0.35;
 const CLICK_PIXELS = 4;

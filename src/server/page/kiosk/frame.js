@@ -1,7 +1,9 @@
-// Live frames: what docs/LIVE.md says of their bytes, and the frame of the display composed from them.
+// Live frames: what docs/LIVE.md says of their bytes, and the frame of the display composed from
+// them.
 //
-// Colour travels as JPEG or as differences in a zlib stream, disparity D as differences (255 is nearest). The display's header
-// is written here, last, so that no bit of it travels through a lossy codec. Pixels are in rows from the top.
+// Colour travels as JPEG or as differences in a zlib stream, disparity D as differences (255 is
+// nearest). The display's header is written here, last, so that no bit of it travels through a
+// lossy codec. Pixels are in rows from the top.
 
 const HEADER_BYTES = 128;
 const FLAGS = { lossless: 1, full: 2, still: 4, back: 8 };

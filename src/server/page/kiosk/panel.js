@@ -1,7 +1,9 @@
-// A canvas that is the panel's pixels: one of the frame on one of the screen, and what stands in the way of that.
+// A canvas that is the panel's pixels: one of the frame on one of the screen, and what stands in
+// the way of that.
 //
-// Nothing on the way may convert colours. The canvas is sRGB, as is all that is untagged, and its numbers reach the panel as they are
-// while the browser takes the screen for sRGB, too. Pages cannot read the screen; they are told when it is another one.
+// Nothing on the way may convert colours. The canvas is sRGB, as is all that is untagged, and its
+// numbers reach the panel as they are while the browser takes the screen for sRGB, too. Pages
+// cannot read the screen; they are told when it is another one.
 
 import { isHeader, readBytes } from "./frame.js";
 

@@ -1,4 +1,5 @@
-// A view brought back to where it was, by intents: for a server that was started anew. Quaternions x, y, z, w.
+// A view brought back to where it was, by intents: for a server that was started anew. Quaternions
+// x, y, z, w.
 
 const product = ([ax, ay, az, aw], [bx, by, bz, bw]) => [
   aw * bx + ax * bw + ay * bz - az * by,

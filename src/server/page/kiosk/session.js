@@ -1,7 +1,7 @@
 // A live session: one WebSocket, its messages, and the way back when it breaks.
 //
-// Times are nanoseconds of this page's clock. The newest frame is shown; one that is superseded while it is unpacked is
-// acknowledged with its successor.
+// Times are nanoseconds of this page's clock. The newest frame is shown; one that is superseded
+// while it is unpacked is acknowledged with its successor.
 
 import { ACCEPT, compose, readHeader, unpack } from "./frame.js";
 import { intentsTo } from "./restore.js";
@@ -41,7 +41,8 @@ export class Session {
    */
   constructor(hello, { show, heard, changed }) {
     Object.assign(this, { hello, show, heard, changed });
-    // Only a page that goes leaves its token: a copy of this tab gets a session of its own, and does not take this one's.
+    // Only a page that goes leaves its token: a copy of this tab gets a session of its own, and
+    // does not take this one's.
     this.token = sessionStorage.getItem(TOKEN);
     sessionStorage.removeItem(TOKEN);
     addEventListener("pagehide", () => this.token && sessionStorage.setItem(TOKEN, this.token));
@@ -80,7 +81,8 @@ export class Session {
     this.changed("connecting");
     const url = new URL("/v1/session", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-    // For a proxy before several servers, which cannot read the hello: whoever shares a view has to meet at one of them.
+    // For a proxy before several servers, which cannot read the hello: whoever shares a view has to
+    // meet at one of them.
     for (const key of ["view", "volume"]) if (this.hello[key]) url.searchParams.set(key, this.hello[key]);
     const socket = new WebSocket(url, "relief.v1");
     socket.binaryType = "arraybuffer";

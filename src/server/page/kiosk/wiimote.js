@@ -1,7 +1,9 @@
-// A Wiimote through WebHID: its camera is brought up step by step, and what it reports is handed on as it is.
+// A Wiimote through WebHID: its camera is brought up step by step, and what it reports is handed on
+// as it is.
 //
-// Each step waits for its answer, for a camera that is hurried ends up at a random sensitivity. Later an unrequested status
-// means that reporting stopped, a foreign report id that a driver set its own mode, and silence that it begins anew.
+// Each step waits for its answer, for a camera that is hurried ends up at a random sensitivity.
+// Later an unrequested status means that reporting stopped, a foreign report id that a driver set
+// its own mode, and silence that it begins anew.
 
 const FILTERS = [{ vendorId: 0x057e, productId: 0x0306 }, { vendorId: 0x057e, productId: 0x0330 }];
 /** Buttons, acceleration and the camera's blobs with their sizes. */

@@ -1,4 +1,5 @@
-//! Which frame of a view is rendered next: first a quick one, then one of full quality, while a viewer has capacity.
+//! Which frame of a view is rendered next: first a quick one, then one of full quality, while a
+//! viewer has capacity.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,7 +31,8 @@ impl Inner {
         let newest = self.published.map_or(0, |published| published.number);
         let has_capacity = |viewer: &Arc<Viewer>| {
             let flow = viewer.flow();
-            // By the time a full-quality frame is rendered, a viewer that keeps up has capacity for it.
+            // By the time a full-quality frame is rendered, a viewer that keeps up has capacity for
+            // it.
             flow.taken == newest && (is_still || flow.has_capacity())
         };
         if !self.viewers.iter().any(has_capacity) {

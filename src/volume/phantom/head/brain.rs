@@ -1,7 +1,8 @@
 //! The brain: hemispheres with folds, ventricles, deep grey matter, cerebellum and brain stem.
 //!
-//! Folds are made as growth makes them, not as an atlas has them: sulci are sheets that run inwards from the
-//! surface along the zeros of a warped noise, so they look like folds without being any person's.
+//! Folds are made as growth makes them, not as an atlas has them: sulci are sheets that run inwards
+//! from the surface along the zeros of a warped noise, so they look like folds without being any
+//! person's.
 
 use glam::Vec3;
 
@@ -70,7 +71,8 @@ impl Brain {
 }
 
 impl LocalBrain<'_> {
-    /// HU of a point at a signed distance from the wall of the cranial cavity (negative inside), mm.
+    /// HU of a point at a signed distance from the wall of the cranial cavity (negative inside),
+    /// mm.
     pub(super) fn hu(&self, p: Vec3, cavity: f32, edge: Edge, seed: u64) -> f32 {
         let below = posterior_fossa(p);
         let mut hu = CSF_HU;

@@ -63,8 +63,8 @@ impl LocalCavities<'_> {
         self.air.is_absent() && self.sinuses.is_absent() && self.mastoid.is_absent()
     }
 
-    /// Signed distance to air, mm, at a signed distance from the solid skull: walls of bone stay around
-    /// sinuses.
+    /// Signed distance to air, mm, at a signed distance from the solid skull: walls of bone stay
+    /// around sinuses.
     pub(super) fn air(&self, p: Vec3, skull: f32, seed: u64) -> f32 {
         let (open, closed) = (self.air.distance(p), self.sinuses.distance(p));
         let ripple =

@@ -1,8 +1,8 @@
 //! The head's truth: landmarks found on the model itself, surfaces with a closed form, materials.
 //!
-//! A landmark is where a straight line that a textbook's definition gives first meets its tissue: the
-//! anatomy's own values are followed with infinitely sharp edges and no grain, so that the point lies on the
-//! model by construction and not where someone typed it.
+//! A landmark is where a straight line that a textbook's definition gives first meets its tissue:
+//! the anatomy's own values are followed with infinitely sharp edges and no grain, so that the
+//! point lies on the model by construction and not where someone typed it.
 
 use glam::Vec3;
 
@@ -53,7 +53,8 @@ struct Definition {
     from: [f32; 3],
     /// Where lines go; need not be a unit vector.
     toward: [f32; 3],
-    /// Half-extents of the start points around `from`, along one or two directions; zero for a single line.
+    /// Half-extents of the start points around `from`, along one or two directions; zero for a
+    /// single line.
     spread: [[f32; 3]; 2],
 }
 
@@ -63,7 +64,8 @@ const fn alone(name: &'static str, on: Boundary, from: [f32; 3], toward: [f32; 3
     Definition { name, on, from, toward, spread: [NONE, NONE] }
 }
 
-/// Definitions in the order of the truth. Those of a pair are given for the left and mirrored for the right.
+/// Definitions in the order of the truth. Those of a pair are given for the left and mirrored for
+/// the right.
 fn definitions() -> Vec<Definition> {
     use Boundary::{Bone, Skin, Tooth};
     let (back, front, up, down) = ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
@@ -173,8 +175,8 @@ fn grid(spread: Vec3) -> impl Iterator<Item = f32> + Clone {
     (-steps..=steps).map(|n| n as f32 / 5.0)
 }
 
-/// Way along a line to where the value first rises through `level`, mm; `None` for a line that starts above
-/// it or meets nothing.
+/// Way along a line to where the value first rises through `level`, mm; `None` for a line that
+/// starts above it or meets nothing.
 fn first_crossing(anatomy: &Anatomy, start: Vec3, toward: Vec3, level: f32) -> Option<f32> {
     const PIECES: u8 = 6;
     for piece in 0..PIECES {

@@ -1,7 +1,7 @@
 //! The skull: vault, base and face, and the inside of the cranial cavity.
 //!
-//! Model space is patient LPS mm with the origin midway between the ear canals. Parts with x above 0 that are
-//! added for `both` sides are given for the patient's left.
+//! Model space is patient LPS mm with the origin midway between the ear canals. Parts with x above
+//! 0 that are added for `both` sides are given for the patient's left.
 
 use super::super::sdf::{Field, block, cone, ellipsoid};
 

@@ -1,7 +1,7 @@
 //! The teeth: fourteen to a row (no wisdom teeth), each a crown with cusps and one to three roots.
 //!
-//! Teeth stand on an ellipse (the dental arch), shoulder to shoulder from the midline back. Crown widths are
-//! close to the means that textbooks of dental anatomy give, mm.
+//! Teeth stand on an ellipse (the dental arch), shoulder to shoulder from the midline back. Crown
+//! widths are close to the means that textbooks of dental anatomy give, mm.
 
 use glam::{Mat3, Vec3};
 
@@ -59,7 +59,8 @@ pub(super) struct Teeth {
     pub(super) dentine: Field,
     /// Pulp chambers and root canals.
     pub(super) pulp: Field,
-    /// Amalgam in the first lower molar on the left: the one tooth that differs from its mirror image.
+    /// Amalgam in the first lower molar on the left: the one tooth that differs from its mirror
+    /// image.
     pub(super) filling: Field,
     /// Middle of the biting edge of the upper left central incisor.
     pub(super) upper_incisor: Vec3,

@@ -162,7 +162,8 @@ impl LocalAnatomy<'_> {
         AIR_HU + (hu - AIR_HU) * inside
     }
 
-    /// Label of the organ at a point of the region, of [`super::ORGANS`]; 0 for skin, fat and air outside.
+    /// Label of the organ at a point of the region, of [`super::ORGANS`]; 0 for skin, fat and air
+    /// outside.
     pub(super) fn label(&self, p: Vec3) -> u16 {
         let skull = self.skull.distance(p);
         let airways = || !self.cavities.is_absent() && self.cavities.air(p, skull, self.seed) < 0.0;

@@ -1,7 +1,7 @@
 //! Arteries and veins filled with contrast medium.
 //!
-//! Main trunks follow textbook courses; the branches on the brain's surface grow from a seed. Arteries and
-//! veins have one value each, as in a late arterial phase.
+//! Main trunks follow textbook courses; the branches on the brain's surface grow from a seed.
+//! Arteries and veins have one value each, as in a late arterial phase.
 
 use glam::Vec3;
 

@@ -1,9 +1,9 @@
 //! Functions of nodes with midpoint and sharpness, as VTK has them, and their values.
 //!
-//! A node says where it is, what value it has, and how the way to the next node goes: `midpoint` is where, between 0 and 1
-//! of it, half the way is done, and `sharpness` bends it from a straight line (0) to a step (1). Beyond the first and
-//! last node the value stays. The formulas are those of `vtkPiecewiseFunction` and `vtkColorTransferFunction`; a test
-//! compares with both.
+//! A node says where it is, what value it has, and how the way to the next node goes: `midpoint` is
+//! where, between 0 and 1 of it, half the way is done, and `sharpness` bends it from a straight
+//! line (0) to a step (1). Beyond the first and last node the value stays. The formulas are those
+//! of `vtkPiecewiseFunction` and `vtkColorTransferFunction`; a test compares with both.
 
 use super::TransferImportError;
 use super::space::{ColorSpace, Way};
@@ -32,8 +32,8 @@ pub(super) struct Curve<const N: usize> {
     nodes: Vec<Node<N>>,
 }
 
-/// From one node to its twin at the same place: nothing beside a table's steps, and enough to survive being written
-/// and read.
+/// From one node to its twin at the same place: nothing beside a table's steps, and enough to
+/// survive being written and read.
 pub(super) const TWIN_GAP: f64 = 1e-6;
 
 /// Below this a way is straight, above the other it is a step.
@@ -122,7 +122,8 @@ impl<const N: usize> Curve<N> {
         (next.checked_sub(1).map(|i| &self.nodes[i]), self.nodes.get(next))
     }
 
-    /// Where half of each way is done that is no straight line, and whether the function leaps there.
+    /// Where half of each way is done that is no straight line, and whether the function leaps
+    /// there.
     pub(super) fn middles(&self) -> impl Iterator<Item = (f64, bool)> {
         let bent = self.nodes.windows(2).filter(|pair| !is_line(&pair[0]));
         bent.map(|pair| {
@@ -193,7 +194,8 @@ impl Way {
         Self::Bent { share: bent, sharpness }
     }
 
-    /// The value between two: for bent ways the cubic with the same slope at both ends, kept between them.
+    /// The value between two: for bent ways the cubic with the same slope at both ends, kept
+    /// between them.
     pub(super) fn between(self, low: f64, high: f64) -> f64 {
         match self {
             Self::Step { is_over } => {

@@ -1,8 +1,9 @@
-//! Colour maps of VTK and ParaView in JSON: `RGBPoints` of four numbers a point, and perhaps `Points` of opacity with
-//! midpoint and sharpness.
+//! Colour maps of VTK and ParaView in JSON: `RGBPoints` of four numbers a point, and perhaps
+//! `Points` of opacity with midpoint and sharpness.
 //!
-//! A file is one map or a list of them. A map without opacity becomes one whose opacity rises from 0 to 1 over its range,
-//! which is what ParaView begins with. Many maps run from 0 to 1; `TransferImportChoice::range_hu` puts them where CT is.
+//! A file is one map or a list of them. A map without opacity becomes one whose opacity rises from
+//! 0 to 1 over its range, which is what ParaView begins with. Many maps run from 0 to 1;
+//! `TransferImportChoice::range_hu` puts them where CT is.
 
 use serde_json::Value;
 

@@ -1,18 +1,19 @@
 //! Control points through a colour function and an opacity function whose nodes lie anywhere.
 //!
-//! Every node of either becomes a control point. Between them both may bend; there points are added until straight lines
-//! between all of them are near enough. Steps become ramps of next to no length. Values in HU.
+//! Every node of either becomes a control point. Between them both may bend; there points are added
+//! until straight lines between all of them are near enough. Steps become ramps of next to no
+//! length. Values in HU.
 
 use super::curve::{Curve, TWIN_GAP, is_line};
 use super::space::ColorSpace;
 use crate::transfer::{ControlPoint, TransferFunction};
 
-/// How far off straight lines may be at the places looked at: a quarter of 1/255, while there is room for enough points.
-/// Elsewhere it is less than twice that.
+/// How far off straight lines may be at the places looked at: a quarter of 1/255, while there is
+/// room for enough points. Elsewhere it is less than twice that.
 pub(super) const TOLERANCE: f64 = 1.0 / 1024.0;
 
-/// Where this cannot be reached with as many points as there may be, the tolerance is doubled up to this; then nodes are
-/// all that is left.
+/// Where this cannot be reached with as many points as there may be, the tolerance is doubled up to
+/// this; then nodes are all that is left.
 const WORST: f64 = 1.0 / 16.0;
 
 /// Parts of a way at whose ends it is held against a straight line.
@@ -21,8 +22,8 @@ const PROBES: u32 = 24;
 /// Halvings of the way between two nodes, at most.
 const HALVINGS: u32 = 12;
 
-/// Half the length of the ramp that stands for a leap, HU: less than a table resolves. Of functions that span little, such
-/// as those of 0 to 1, it is a part of their span.
+/// Half the length of the ramp that stands for a leap, HU: less than a table resolves. Of functions
+/// that span little, such as those of 0 to 1, it is a part of their span.
 const HALF_RAMP_HU: f64 = 1.0 / 64.0;
 const HALF_RAMP_SHARE: f64 = 1.0 / 65536.0;
 

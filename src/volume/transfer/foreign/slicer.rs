@@ -1,7 +1,9 @@
-//! Volume properties of 3D Slicer: `VolumeProperty` elements of its presets and scenes, and `.vp` files of nine lines.
+//! Volume properties of 3D Slicer: `VolumeProperty` elements of its presets and scenes, and `.vp`
+//! files of nine lines.
 //!
-//! Both write a function as its number of values and then the values: `4 0 0 100 1` is 0 at 0 and 1 at 100; colours
-//! have four values a point. Two points at one place are a step. Values of the scalars, HU in a CT.
+//! Both write a function as its number of values and then the values: `4 0 0 100 1` is 0 at 0 and 1
+//! at 100; colours have four values a point. Two points at one place are a step. Values of the
+//! scalars, HU in a CT.
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};

@@ -1,8 +1,9 @@
 //! The colour spaces in which VTK goes from one colour to the next, and the way in each.
 //!
-//! Display-referred sRGB 0..1 goes in and comes out. Lab is CIE L*a*b* of sRGB under D65; `Diverging` is Moreland's way
-//! through Msh, polar coordinates of Lab, with white between two saturated colours (Diverging Color Maps for Scientific
-//! Visualization, 2009). The constants are VTK's, so that maps look as they do there; a test compares.
+//! Display-referred sRGB 0..1 goes in and comes out. Lab is CIE L*a*b* of sRGB under D65;
+//! `Diverging` is Moreland's way through Msh, polar coordinates of Lab, with white between two
+//! saturated colours (Diverging Color Maps for Scientific Visualization, 2009). The constants are
+//! VTK's, so that maps look as they do there; a test compares.
 
 use std::f64::consts::PI;
 
@@ -163,8 +164,8 @@ fn diverging(way: Way, low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
     rgb_of_msh(std::array::from_fn(|c| way.between(a[c], b[c])))
 }
 
-/// The hue at which to leave a saturated colour for one without hue of this magnitude: turned so that the way stays
-/// smooth in Lab, away from purple.
+/// The hue at which to leave a saturated colour for one without hue of this magnitude: turned so
+/// that the way stays smooth in Lab, away from purple.
 fn hue_towards([m, s, h]: [f64; 3], magnitude: f64) -> f64 {
     if m >= magnitude - 0.1 {
         return h;

@@ -1,8 +1,10 @@
-//! Transfer functions for common CT purposes, named by purpose, with control points of our own choosing.
+//! Transfer functions for common CT purposes, named by purpose, with control points of our own
+//! choosing.
 //!
-//! Each group is a file with its presets; [`PRESETS`] is all of them in the order of menus. A preset decides colours,
-//! opacity, light and, where it is made for one, the mode; it knows no camera and no volume, so a purpose that needs
-//! contrast medium shows little without it. Values: HU. Opacities: per mm.
+//! Each group is a file with its presets; [`PRESETS`] is all of them in the order of menus. A
+//! preset decides colours, opacity, light and, where it is made for one, the mode; it knows no
+//! camera and no volume, so a purpose that needs contrast medium shows little without it. Values:
+//! HU. Opacities: per mm.
 
 mod abdomen;
 mod chest;
@@ -133,7 +135,8 @@ impl Preset {
         TransferFunction { points, opacity_unit_mm: 1.0, gradient_opacity: None }
     }
 
-    /// The HU from which on something is visible, and up to which; `None` where that is everything above.
+    /// The HU from which on something is visible, and up to which; `None` where that is everything
+    /// above.
     #[must_use]
     pub fn visible_hu(&self) -> (f64, Option<f64>) {
         let visible = |point: &&[f64; 5]| point[4] > 0.0;

@@ -1,4 +1,5 @@
-//! Values gathered along the ray, without light: maximum projections and the look of a radiograph. Values in HU, opacities per mm.
+//! Values gathered along the ray, without light: maximum projections and the look of a radiograph.
+//! Values in HU, opacities per mm.
 
 use super::{Preset, PresetGroup, PresetMode};
 
