@@ -44,7 +44,7 @@ Examples:
 
 Exit status of run: 0 all done, 1 some jobs failed for good, 75 some failed that may succeed when run again.
 Exit status of work: 0 when it was told to stop or nothing is left, 75 when it had better be started anew.")]
-pub(super) struct Arguments {
+pub(super) struct BatchArguments {
     #[command(subcommand)]
     command: Command,
 }
@@ -134,7 +134,7 @@ const VOXEL_SHARE: f64 = 0.25;
 /// Memory of the program and of a software adapter beside volumes.
 const BESIDE_BYTES: u64 = 512 << 20;
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: BatchArguments) -> anyhow::Result<ExitCode> {
     match arguments.command {
         Command::Plan(arguments) => write_plan(&arguments),
         Command::Run(arguments) => run_manifest(&arguments),

@@ -25,7 +25,7 @@ Examples:
   relief bench --series head --preset bone
   relief bench --capacity                        how many viewers and views per hour this machine carries
   relief bench --series chest --scene scene.json --frames 20 --json")]
-pub(super) struct Arguments {
+pub(super) struct BenchArguments {
     /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or
     /// .nrrd
     #[arg(long, value_name = "PATH", required_unless_present = "capacity")]
@@ -82,9 +82,19 @@ struct Report {
     rss_growth_mib: Option<f64>,
 }
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { series, labels, options, capacity, scene, adapter, frames, orbit_deg, no_skipping, json } =
-        arguments;
+pub(super) fn run(arguments: BenchArguments) -> anyhow::Result<ExitCode> {
+    let BenchArguments {
+        series,
+        labels,
+        options,
+        capacity,
+        scene,
+        adapter,
+        frames,
+        orbit_deg,
+        no_skipping,
+        json,
+    } = arguments;
     let series = series.map(|series| SeriesArguments { series, labels, options });
     if capacity.capacity {
         let frames = frames as usize;

@@ -26,7 +26,7 @@ Examples:
   relief track --reports hidraw --record survey.jsonl
   relief calibrate --reports survey.jsonl --beacon beacon.toml --out camera.yaml
   relief track simulate --path survey --seconds 120 --out survey.jsonl      to try it without a Wiimote")]
-pub(super) struct Arguments {
+pub(super) struct CalibrateArguments {
     /// The recording: reports as JSON lines
     #[arg(long, value_name = "FILE")]
     reports: PathBuf,
@@ -94,7 +94,7 @@ struct Found<'a> {
     view_rms_px: &'a [f64],
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &CalibrateArguments) -> anyhow::Result<ExitCode> {
     let beacon = match &arguments.beacon {
         Some(path) => Beacon::read(&read_text(path)?)
             .with_context(|| format!("{} is not a beacon file", path.display()))?,
@@ -136,7 +136,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 }
 
 /// Start of the adjustment: a typical Wiimote, or the factory calibration.
-fn nominal(arguments: &Arguments, recording: &[TimedReport]) -> anyhow::Result<Pinhole> {
+fn nominal(arguments: &CalibrateArguments, recording: &[TimedReport]) -> anyhow::Result<Pinhole> {
     let factory = match &arguments.prior {
         Some(path) => {
             let name = path.display();
@@ -157,7 +157,12 @@ fn nominal(arguments: &Arguments, recording: &[TimedReport]) -> anyhow::Result<P
     Ok(factory.map_or(Pinhole::TYPICAL, |factory| Pinhole::of_factory(&factory)))
 }
 
-fn report<'a>(arguments: &'a Arguments, found: &'a Calibration, frames: usize, views: usize) -> Found<'a> {
+fn report<'a>(
+    arguments: &'a CalibrateArguments,
+    found: &'a Calibration,
+    frames: usize,
+    views: usize,
+) -> Found<'a> {
     let k = &found.camera;
     Found {
         out: &arguments.out,

@@ -21,7 +21,7 @@ use relief_live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Setti
 /// Wiimote's poses.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
-pub(super) struct Arguments {
+pub(super) struct ClientArguments {
     /// The server: http://HOST:PORT or ws://HOST:PORT
     #[arg(long, value_name = "URL")]
     server: ServerAddress,
@@ -149,7 +149,7 @@ fn parse_look(text: &str) -> Result<OrbitPose, String> {
     }
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &ClientArguments) -> anyhow::Result<ExitCode> {
     let session = Session::of(arguments)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let outcome = match (&arguments.replay, arguments.headless.measure) {
@@ -171,7 +171,7 @@ pub(super) struct Session {
 }
 
 impl Session {
-    fn of(arguments: &Arguments) -> anyhow::Result<Self> {
+    fn of(arguments: &ClientArguments) -> anyhow::Result<Self> {
         let usual = DisplaySettings::default();
         let display = DisplaySettings {
             layout: arguments.layout.unwrap_or(usual.layout),
@@ -230,7 +230,7 @@ impl Session {
 
 /// Everything but measuring and replaying: shows, saves, relays, records.
 fn run_session(
-    arguments: &Arguments,
+    arguments: &ClientArguments,
     session: &Session,
     runtime: &tokio::runtime::Runtime,
 ) -> anyhow::Result<ExitCode> {
@@ -294,7 +294,7 @@ async fn finished<T>(
 const STILL: Duration = Duration::from_secs(120);
 
 fn report_saved(
-    arguments: &Arguments,
+    arguments: &ClientArguments,
     path: &std::path::Path,
     still: &relief_client::Received,
 ) -> anyhow::Result<()> {
@@ -327,7 +327,11 @@ pub(super) fn save_frame(path: &std::path::Path, composed: &relief_client::Compo
     write_whole(path, &encode_png(&composed.frame)?)
 }
 
-async fn run_measure(arguments: &Arguments, session: &Session, seconds: f64) -> anyhow::Result<ExitCode> {
+async fn run_measure(
+    arguments: &ClientArguments,
+    session: &Session,
+    seconds: f64,
+) -> anyhow::Result<ExitCode> {
     let headless = &arguments.headless;
     let plan = relief_client::MeasurePlan {
         options: session.options.clone(),

@@ -26,7 +26,7 @@ Examples:
   relief doctor                            a readable report
   relief doctor --json                     the same as one JSON object
   RELIEF_ADAPTER=software relief doctor    what is said of the software adapter")]
-pub(super) struct Arguments {
+pub(super) struct DoctorArguments {
     /// Print the report as one JSON object
     #[arg(long)]
     json: bool,
@@ -97,8 +97,8 @@ struct SelfTest {
     problems: Vec<String>,
 }
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { json } = arguments;
+pub(super) fn run(arguments: DoctorArguments) -> anyhow::Result<ExitCode> {
+    let DoctorArguments { json } = arguments;
     let report = examine();
     if json {
         print_json(&report)?;

@@ -25,7 +25,7 @@ Examples:
   relief golden check                      every case of the folder golden
   relief golden check camera clip/box      a suite and a case
   relief golden bless camera/front         the present picture becomes the expected one: look at it first")]
-pub(super) struct Arguments {
+pub(super) struct GoldenArguments {
     #[command(subcommand)]
     action: Action,
 }
@@ -74,7 +74,7 @@ struct Place {
 
 const DEFAULT_DIR: &str = "golden";
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: GoldenArguments) -> anyhow::Result<ExitCode> {
     match arguments.action {
         Action::Check(arguments) => check(&arguments),
         Action::Bless(arguments) => bless(&arguments),

@@ -14,7 +14,7 @@ use super::{inspect_frame, output, source};
 
 /// Describe a CT series or decode a 2D-plus-depth frame, and report errors
 #[derive(Debug, clap::Args)]
-pub(super) struct Arguments {
+pub(super) struct InspectArguments {
     /// CT series (folder, file, DICOMDIR or zip), or a 2D-plus-depth frame (PNG)
     #[arg(value_name = "SERIES|FRAME.png")]
     path: PathBuf,
@@ -49,7 +49,7 @@ struct SeriesReport {
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
     if is_png(&arguments.path) {
         return inspect_frame::run(&arguments.path, arguments.json);
     }
@@ -73,7 +73,7 @@ fn is_png(path: &Path) -> bool {
     read.is_ok() && signature == *b"\x89PNG\r\n\x1a\n"
 }
 
-fn report(arguments: &Arguments) -> anyhow::Result<Report> {
+fn report(arguments: &InspectArguments) -> anyhow::Result<Report> {
     let strictness = source::strictness(arguments.strict);
     let found = source::discover(&arguments.path, strictness)?;
     let mut report = Report { series: Vec::new(), skipped: found.skipped.clone() };

@@ -62,7 +62,7 @@ use clap::{Parser, Subcommand};
 /// Headless CT volume rendering, in colour and depth, for glasses-free 3D displays.
 #[derive(Debug, Parser)]
 #[command(name = "relief", version, about, long_about = None, after_help = AFTER_HELP)]
-struct Arguments {
+struct CommandLine {
     #[command(subcommand)]
     command: Command,
 }
@@ -83,26 +83,26 @@ Exit status: 0 done, 1 failed, 2 wrong arguments.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Phantom(phantom::Arguments),
-    Inspect(inspect::Arguments),
-    Render(render::Arguments),
-    Preview(preview::Arguments),
-    Presets(presets::Arguments),
-    Bench(bench::Arguments),
-    Serve(serve::Arguments),
-    Client(client::Arguments),
-    Track(track::Arguments),
-    Calibrate(calibrate::Arguments),
-    Annotate(annotate::Arguments),
-    Batch(batch::Arguments),
-    Golden(golden::Arguments),
-    Doctor(doctor::Arguments),
+    Phantom(phantom::PhantomArguments),
+    Inspect(inspect::InspectArguments),
+    Render(render::RenderArguments),
+    Preview(preview::PreviewArguments),
+    Presets(presets::PresetsArguments),
+    Bench(bench::BenchArguments),
+    Serve(serve::ServeArguments),
+    Client(client::ClientArguments),
+    Track(track::TrackArguments),
+    Calibrate(calibrate::CalibrateArguments),
+    Annotate(annotate::AnnotateArguments),
+    Batch(batch::BatchArguments),
+    Golden(golden::GoldenArguments),
+    Doctor(doctor::DoctorArguments),
 }
 
 /// Parses the command line, runs the subcommand and reports errors.
 #[must_use]
 pub fn main() -> ExitCode {
-    let arguments = Arguments::parse(); // exits with status 2 on wrong arguments
+    let arguments = CommandLine::parse(); // exits with status 2 on wrong arguments
     start_logging();
     let outcome = match arguments.command {
         Command::Phantom(arguments) => phantom::run(arguments),

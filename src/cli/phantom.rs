@@ -20,7 +20,7 @@ Examples:
   relief phantom --out head                        a head, 256 x 256 x 220 voxels
   relief phantom --size 512 --seed 7 --out head    finer, with other noise and folds
   relief phantom --kind sphere --out sphere        a ball whose depth is known in closed form")]
-pub(super) struct Arguments {
+pub(super) struct PhantomArguments {
     /// Folder to make.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -58,8 +58,8 @@ struct Report<'a> {
     seconds: f64,
 }
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { out, kind, size, seed, force, json } = arguments;
+pub(super) fn run(arguments: PhantomArguments) -> anyhow::Result<ExitCode> {
+    let PhantomArguments { out, kind, size, seed, force, json } = arguments;
     let started = Instant::now();
     let recipe = PhantomRecipe::new(kind).with_size(size.unwrap_or(kind.default_size()))?.with_seed(seed);
     let existing = if force { ExistingFolder::Replace } else { ExistingFolder::Keep };

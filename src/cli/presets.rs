@@ -30,7 +30,7 @@ Examples:
   relief presets --thumbnails pictures --series chest  a PNG of each, and contact-sheet.png
   relief presets convert presets.xml --name CT-Bones   a preset of 3D Slicer, as a request has it"
 )]
-pub(super) struct Arguments {
+pub(super) struct PresetsArguments {
     #[command(subcommand)]
     action: Option<Action>,
     /// Render a PNG of each preset into this folder, and contact-sheet.png with all of them
@@ -68,7 +68,7 @@ struct ConvertArguments {
     range_hu: Option<Range>,
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &PresetsArguments) -> anyhow::Result<ExitCode> {
     if let Some(Action::Convert(ConvertArguments { file, name, range_hu })) = &arguments.action {
         print_json(&read_look(file, name.as_deref(), *range_hu)?)?;
         return Ok(ExitCode::SUCCESS);
@@ -123,7 +123,7 @@ const HEAD_SIZE: usize = 160;
 const SHEET_COLUMNS: usize = 6;
 const SHEET_NAME: &str = "contact-sheet.png";
 
-fn thumbnails(arguments: &Arguments, folder: &Path) -> anyhow::Result<ExitCode> {
+fn thumbnails(arguments: &PresetsArguments, folder: &Path) -> anyhow::Result<ExitCode> {
     if folder.exists() && !folder.is_dir() {
         bail!("{} is no folder", folder.display());
     }
@@ -158,7 +158,7 @@ fn thumbnails(arguments: &Arguments, folder: &Path) -> anyhow::Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
-fn volume(arguments: &Arguments) -> anyhow::Result<Volume> {
+fn volume(arguments: &PresetsArguments) -> anyhow::Result<Volume> {
     let SeriesOptions { series_uid, strict, downsample } = &arguments.options;
     match &arguments.series {
         Some(path) => Ok(load(path, &arguments.options)?.volume),

@@ -28,7 +28,7 @@ Examples:
   relief preview frame.png --layout wiggle --out wiggle.png
   relief preview frame.png --layout views-9x1 --factor 128 --out strip.png
   relief preview quilt.png --layout anaglyph --out anaglyph.png")]
-pub(super) struct Arguments {
+pub(super) struct PreviewArguments {
     /// The frame (PNG)
     #[arg(value_name = "FRAME.png")]
     frame: PathBuf,
@@ -68,8 +68,8 @@ fn parse_profile(name: &str) -> Result<ProfileName, String> {
     ProfileName::from_name(name).ok_or_else(|| format!("profiles are {names}"))
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments { frame: path, layout, out, .. } = arguments;
+pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
+    let PreviewArguments { frame: path, layout, out, .. } = arguments;
     if layout.view_count() == 0 {
         bail!("--layout {layout} is no layout of views; allowed: views-N, stereo, anaglyph and wiggle");
     }
@@ -97,7 +97,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 }
 
 /// The views, and factor and offset where they were made of disparity.
-fn views(arguments: &Arguments, file: &[u8]) -> anyhow::Result<(Views, Option<[u8; 2]>)> {
+fn views(arguments: &PreviewArguments, file: &[u8]) -> anyhow::Result<(Views, Option<[u8; 2]>)> {
     let (frame, report) = read_png(file)?;
     if report.layout == Layout::Wiggle {
         return Ok((as_many(decode_wiggle(file)?, arguments.layout)?, None));
@@ -128,7 +128,7 @@ fn views(arguments: &Arguments, file: &[u8]) -> anyhow::Result<(Views, Option<[u
 }
 
 /// Factor and offset: the given ones, else those that the header selects, else the defaults.
-fn factor_and_offset(arguments: &Arguments, report: &FrameReport) -> [u8; 2] {
+fn factor_and_offset(arguments: &PreviewArguments, report: &FrameReport) -> [u8; 2] {
     let selected = report.select;
     let factor = report.factor.filter(|_| selected.is_some_and(|select| select.factor));
     let offset = report.offset.filter(|_| selected.is_some_and(|select| select.offset));

@@ -40,7 +40,7 @@ Examples:
   relief render --series head --preset bone --layout views-9 --views both --out compared.png
   relief render --series head --annotations head.db --set anna --layout color --out placed.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
-pub(super) struct Arguments {
+pub(super) struct RenderArguments {
     #[command(flatten)]
     series: SeriesArguments,
     #[command(flatten)]
@@ -107,8 +107,8 @@ fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, St
     }
 }
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
-    let Arguments {
+pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
+    let RenderArguments {
         series,
         scene,
         adapter,

@@ -50,7 +50,7 @@ Examples:
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
 There is no authentication. Another address than loopback is for trusted networks, or behind a proxy that has it.")]
-pub(super) struct Arguments {
+pub(super) struct ServeArguments {
     /// CT series to serve: a folder, a file, a DICOMDIR or a zip; or s3://BUCKET/PREFIX: each
     /// folder, zip, .nii and .nrrd below it; may be given several times
     #[arg(long, value_name = "PATH")]
@@ -112,7 +112,7 @@ enum Uploads {
     Off,
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let copies = arguments.copies.copies();
     let places = places(&arguments.series, &arguments.labels, &copies)?;
     let renderer = arguments.adapter.open_renderer()?;
@@ -194,7 +194,7 @@ fn bound(address: SocketAddr) -> std::io::Result<TcpSocket> {
     Ok(socket)
 }
 
-fn config(arguments: &Arguments, adapter: &str) -> anyhow::Result<Config> {
+fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
     let loopback = arguments.listen.ip().is_loopback();
     let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
     let hosts = own.into_iter().chain([host_of(arguments.listen.ip())]).chain(arguments.allow_host.clone());

@@ -19,7 +19,7 @@ use relief_tracking::{
 /// Track a Wiimote: from the blobs its camera sees to poses, as JSON lines or OpenIGTLink.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, after_help = AFTER_HELP)]
-pub(super) struct Arguments {
+pub(super) struct TrackArguments {
     #[command(subcommand)]
     action: Option<Action>,
     #[command(flatten)]
@@ -39,10 +39,10 @@ Examples:
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    Simulate(track_simulate::Arguments),
-    Experiment(track_experiment::Arguments),
-    Design(track_design::Arguments),
-    Views(track_views::Arguments),
+    Simulate(track_simulate::TrackSimulateArguments),
+    Experiment(track_experiment::TrackExperimentArguments),
+    Design(track_design::TrackDesignArguments),
+    Views(track_views::TrackViewsArguments),
     /// Print the recommended beacon as a beacon.toml
     Beacon,
 }
@@ -235,7 +235,7 @@ impl FilterArguments {
     }
 }
 
-pub(super) fn run(arguments: Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: TrackArguments) -> anyhow::Result<ExitCode> {
     match arguments.action {
         Some(Action::Simulate(arguments)) => track_simulate::run(&arguments),
         Some(Action::Experiment(arguments)) => track_experiment::run(&arguments),

@@ -22,7 +22,7 @@ Examples:
   relief track design                                  score the recommended beacon
   relief track design --beacon mine.toml --views 2000
   relief track design --search 300 --size-mm 240,160,120 --out beacon.toml")]
-pub(super) struct Arguments {
+pub(super) struct TrackDesignArguments {
     /// The LEDs that are scored; the recommended beacon by default
     #[arg(long, value_name = "BEACON.toml", conflicts_with = "search")]
     beacon: Option<PathBuf>,
@@ -56,7 +56,7 @@ struct Report {
     score: DesignScore,
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &TrackDesignArguments) -> anyhow::Result<ExitCode> {
     let mut conditions = DesignConditions {
         views: arguments.views as usize,
         seed: arguments.seed,
@@ -91,7 +91,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 }
 
 fn search_for(
-    arguments: &Arguments,
+    arguments: &TrackDesignArguments,
     layouts: usize,
     conditions: &DesignConditions,
 ) -> anyhow::Result<(Beacon, DesignScore)> {

@@ -31,7 +31,7 @@ are means of their sizes. The bound is the posterior Cramer-Rao bound of the run
 Examples:
   relief track experiment
   relief track experiment --distance-mm 1500 --focal-error 1 --out results")]
-pub(super) struct Arguments {
+pub(super) struct TrackExperimentArguments {
     /// From the beacon's middle to the sensor
     #[arg(long, value_name = "MM", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(500..=3000))]
     distance_mm: u32,
@@ -85,7 +85,7 @@ pub(super) struct Report {
     pub(super) ways: Vec<WayReport>,
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &TrackExperimentArguments) -> anyhow::Result<ExitCode> {
     let beacon = match &arguments.beacon {
         Some(path) => Beacon::read(&read_text(path)?)
             .with_context(|| format!("{} is not a beacon file", path.display()))?,

@@ -21,7 +21,7 @@ Examples:
   relief track simulate --out rec.jsonl --truth truth.jsonl
   relief track simulate --distance-mm 2000 --mishaps --hide 0:2:3 --out rec.jsonl
   relief track simulate --press b:2:5 --press a:6:6.5 --out rec.jsonl")]
-pub(super) struct Arguments {
+pub(super) struct TrackSimulateArguments {
     /// File to make: reports as JSON lines
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -90,7 +90,7 @@ struct Report<'a> {
     seed: u64,
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &TrackSimulateArguments) -> anyhow::Result<ExitCode> {
     let beacon = arguments.scene.beacon()?;
     let mut simulation = Simulation::new(beacon.clone(), arguments.seed);
     simulation.camera = arguments.scene.camera()?;

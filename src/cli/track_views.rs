@@ -16,7 +16,7 @@ use relief_tracking::{MAX_SEEN, Pinhole, Pose, PoseView, Random, ViewRange, rand
 /// Views are from 1 to 2 m, within 30 degrees sideways, up and down and in roll.
 /// scripts/compare-track gives the same pixels to OpenCV, PoseLib and IPOPT.
 #[derive(Debug, clap::Args)]
-pub(super) struct Arguments {
+pub(super) struct TrackViewsArguments {
     /// File to make
     #[arg(long, value_name = "FILE.json")]
     out: PathBuf,
@@ -66,7 +66,7 @@ impl FilePose {
     }
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &TrackViewsArguments) -> anyhow::Result<ExitCode> {
     let (beacon, camera) = (arguments.scene.beacon()?, arguments.scene.camera()?);
     let mut random = Random::new(arguments.seed);
     let mut views = Vec::new();

@@ -14,13 +14,13 @@ status 1 where something is wrong.
 
 Examples:
   relief annotate --db ann.db check")]
-pub(super) struct Arguments {
+pub(super) struct CheckArguments {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &CheckArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let log = log.open_existing()?;
     let found = log.wait(log.store().check())?;
     if arguments.json {

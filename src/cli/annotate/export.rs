@@ -25,7 +25,7 @@ Examples:
   relief annotate --db ann.db export --format mrk.json --out skull.mrk.json
   relief annotate --db ann.db export --format csv --out anna.csv --set anna --list skull
   relief annotate --db ann.db export --format cornerstone --out head.json --series head --json")]
-pub(super) struct Arguments {
+pub(super) struct ExportArguments {
     #[arg(long, value_name = "FORMAT", help = formats("Format of the file", Format::can_write))]
     format: Format,
     /// The file to write
@@ -52,7 +52,7 @@ struct Report<'a> {
     left_out: &'a [LeftOut],
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &ExportArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let log = log.open_existing()?;
     let series = arguments.series.load()?;
     let sets = (!arguments.sets.is_empty()).then(|| arguments.sets.clone());

@@ -21,7 +21,7 @@ curves are holes; between levels the shape goes over from one to the next. The r
 
 Examples:
   relief annotate --db ann.db fill liver-1 liver-2 liver-3 --series abdomen --name liver")]
-pub(super) struct Arguments {
+pub(super) struct FillArguments {
     /// Closed curves, by id or name
     #[arg(value_name = "ITEM", required = true)]
     items: Vec<String>,
@@ -34,7 +34,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &FillArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let log = log.open_existing()?;
     let mut contours = Vec::new();
     for wanted in &arguments.items {

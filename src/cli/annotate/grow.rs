@@ -23,7 +23,7 @@ nothing is made. Parts behind bridges thinner than --neck-mm are left out, and v
 Examples:
   relief annotate --db ann.db grow --series head --seed 0,-20,45 --hu 300,3000 --name skull
   relief annotate --db ann.db grow --series chest --seed 12,-30,-90 --hu 150,600 --max-ml 400 --neck-mm 4 --name aorta")]
-pub(super) struct Arguments {
+pub(super) struct GrowArguments {
     #[command(flatten)]
     series: SeriesArguments,
     /// Where it begins, patient LPS mm; may be given several times
@@ -48,7 +48,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &GrowArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let scan = Scan::load(&arguments.series)?;
     let limits = GrowLimits {
         max_ml: arguments.max_ml,

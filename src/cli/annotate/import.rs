@@ -31,7 +31,7 @@ Examples:
   relief annotate --db ann.db import skull.mrk.json --series head --author anna
   relief annotate --db ann.db import *.fcsv --set anna --reason 'second session' --dry-run
   relief annotate --db ann.db import edited-in-slicer.mrk.json --update")]
-pub(super) struct Arguments {
+pub(super) struct ImportArguments {
     /// Files to read
     #[arg(value_name = "IN", required = true)]
     files: Vec<PathBuf>,
@@ -90,7 +90,7 @@ struct ItemReport {
     kind: &'static str,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &ImportArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let author = arguments.by.who.name()?;
     Set::check_name(&arguments.set)?;
     let series = arguments.series.load()?;

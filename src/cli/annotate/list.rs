@@ -18,7 +18,7 @@ Examples:
   relief annotate --db ann.db list
   relief annotate --db ann.db list --set anna,ben
   relief annotate --db ann.db list --json | jq '.items[].item.name'")]
-pub(super) struct Arguments {
+pub(super) struct ListArguments {
     /// Only items of these sets
     #[arg(long = "set", value_name = "NAME", value_delimiter = ',')]
     sets: Vec<String>,
@@ -27,7 +27,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &ListArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let log = log.open_existing()?;
     let sets = (!arguments.sets.is_empty()).then(|| arguments.sets.clone());
     let listing = log.wait(log.store().list(&Filter { sets, ..Filter::default() }))?;

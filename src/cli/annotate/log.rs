@@ -20,7 +20,7 @@ Examples:
   relief annotate --db ann.db log
   relief annotate --db ann.db log --by anna --after 100 --limit 20
   relief annotate --db ann.db log --item 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10 --json")]
-pub(super) struct Arguments {
+pub(super) struct HistoryArguments {
     /// Only events after this number
     #[arg(long, value_name = "SEQ", default_value_t = 0)]
     after: u64,
@@ -38,9 +38,9 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &HistoryArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let log = log.open_existing()?;
-    let Arguments { after, limit, by, item, json } = arguments;
+    let HistoryArguments { after, limit, by, item, json } = arguments;
     let filter = LogFilter { after: *after, limit: *limit, author: by.clone(), item: *item };
     let events = log.wait(log.store().log(&filter))?;
     if *json {

@@ -23,7 +23,7 @@ Examples:
   relief annotate --db ann.db mesh skull --smooth --out skull.stl
   relief annotate --db ann.db mesh skull --smooth 30 --triangles 50000 --name 'skull, light'
   relief annotate --db ann.db mesh skull --only-file --out skull.glb")]
-pub(super) struct Arguments {
+pub(super) struct MeshArguments {
     /// The region, by id or name
     #[arg(value_name = "ITEM")]
     item: String,
@@ -49,7 +49,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &MeshArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let format = arguments.out.as_deref().map(format_of).transpose()?;
     let log = log.open_existing()?;
     let found = find(&log, &arguments.item, "region")?.item;

@@ -32,7 +32,7 @@ use relief_store::{Store, StoreError};
 /// Annotations of volumes: landmarks, lines, regions, meshes, in a log that forgets nothing.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
-pub(super) struct Arguments {
+pub(super) struct AnnotateArguments {
     #[command(flatten)]
     log: LogArguments,
     #[command(subcommand)]
@@ -62,24 +62,24 @@ Exit status: 0 done, 1 failed (a conflict with another author among them), 2 wro
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    Import(import::Arguments),
-    Export(export::Arguments),
-    List(list::Arguments),
-    Log(log::Arguments),
+    Import(import::ImportArguments),
+    Export(export::ExportArguments),
+    List(list::ListArguments),
+    Log(log::HistoryArguments),
     Undo(undo::UndoArguments),
     Redo(undo::RedoArguments),
-    Sets(sets::Arguments),
-    Template(template::Arguments),
-    Compare(compare::Arguments),
-    Check(check::Arguments),
-    Grow(grow::Arguments),
-    Paint(paint::Arguments),
-    Fill(fill::Arguments),
-    Mesh(mesh::Arguments),
-    Accuracy(accuracy::Arguments),
+    Sets(sets::SetsArguments),
+    Template(template::TemplateArguments),
+    Compare(compare::CompareArguments),
+    Check(check::CheckArguments),
+    Grow(grow::GrowArguments),
+    Paint(paint::PaintArguments),
+    Fill(fill::FillArguments),
+    Mesh(mesh::MeshArguments),
+    Accuracy(accuracy::AccuracyArguments),
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &AnnotateArguments) -> anyhow::Result<ExitCode> {
     let log = &arguments.log;
     match &arguments.action {
         Action::Import(arguments) => import::run(arguments, log),
@@ -168,7 +168,7 @@ impl LogArguments {
     fn place(&self) -> &str {
         let Some(place) = &self.db else {
             let lacking = "which log? Give it with --db FILE, or in RELIEF_ANNOTATIONS";
-            super::Arguments::command().error(ErrorKind::MissingRequiredArgument, lacking).exit();
+            super::CommandLine::command().error(ErrorKind::MissingRequiredArgument, lacking).exit();
         };
         place
     }

@@ -25,7 +25,7 @@ the log has a region of that name (or id), it is changed; else a new one is made
 Examples:
   relief annotate --db ann.db paint --series head --at 10,-40,3 --radius-mm 6 --name lesion
   relief annotate --db ann.db paint --series head --at 12,-40,3 --radius-mm 3 --erase --name lesion")]
-pub(super) struct Arguments {
+pub(super) struct PaintArguments {
     #[command(flatten)]
     series: SeriesArguments,
     /// Centre of a ball, patient LPS mm; may be given several times
@@ -44,7 +44,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &PaintArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let scan = Scan::load(&arguments.series)?;
     let log = log.open()?;
     let existing = existing(&log, &arguments.new.name)?;

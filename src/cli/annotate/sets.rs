@@ -23,7 +23,7 @@ Examples:
   relief annotate --db ann.db sets put anna --reader anna --blinded --template skull
   relief annotate --db ann.db sets --history        who made them what they are"
 )]
-pub(super) struct Arguments {
+pub(super) struct SetsArguments {
     #[command(subcommand)]
     action: Option<Action>,
     /// Every change of sets and templates, the oldest first
@@ -58,7 +58,7 @@ struct PutArguments {
     who: AuthorArguments,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &SetsArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     if let Some(Action::Put(put)) = &arguments.action {
         let author = put.who.name()?;
         let PutArguments { name, reader, blinded, template, .. } = put;
@@ -86,7 +86,7 @@ pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<E
     list(arguments, &log)
 }
 
-fn list(arguments: &Arguments, log: &super::Log) -> anyhow::Result<ExitCode> {
+fn list(arguments: &SetsArguments, log: &super::Log) -> anyhow::Result<ExitCode> {
     let sets = log.wait(log.store().sets())?;
     let items = log.wait(log.store().list(&Filter::default()))?.items;
     let count = |set: &Set| items.iter().filter(|found| found.item.set == set.name).count();

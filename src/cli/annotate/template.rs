@@ -27,7 +27,7 @@ Examples:
   relief annotate --db ann.db template add skull.mrk.json --name skull
   relief annotate --db ann.db template apply skull --set anna --series head
   relief annotate --db ann.db template status skull --set anna,ben")]
-pub(super) struct Arguments {
+pub(super) struct TemplateArguments {
     #[command(subcommand)]
     action: Action,
 }
@@ -102,7 +102,7 @@ struct StatusArguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &TemplateArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     match &arguments.action {
         Action::Add(arguments) => add(arguments, log),
         Action::List(arguments) => list(arguments, log),

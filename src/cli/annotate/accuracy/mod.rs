@@ -38,7 +38,7 @@ Examples:
   relief annotate accuracy --distance-mm 1500 --tremor-g 0.035 --json
   relief annotate accuracy --seed 1,2,3,4,5 --repeats 10
   relief annotate accuracy --out results                  accuracy.svg and accuracy.png")]
-pub(super) struct Arguments {
+pub(super) struct AccuracyArguments {
     /// From the beacon to the remote
     #[arg(long, value_name = "MM", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(500..=3000))]
     distance_mm: u32,
@@ -75,7 +75,7 @@ fn gravities(text: &str) -> Result<f64, String> {
     if (0.0..=0.2).contains(&gravities) { Ok(gravities) } else { Err("allowed: 0 to 0.2".to_owned()) }
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &AccuracyArguments) -> anyhow::Result<ExitCode> {
     let recipe = PhantomRecipe::new(PhantomKind::Head).with_size(arguments.size as usize)?;
     let phantom = recipe.make();
     let mut renderer = arguments.adapter.open_renderer_for(recipe.dims())?;

@@ -31,7 +31,7 @@ Examples:
   relief annotate --db ann.db compare --sets anna,ben,carla --out report
   relief annotate --db ann.db compare --sets anna,ben --truth phantom --json
   relief annotate --db ann.db compare --sets anna.1,anna.2,ben.1,ben.2 --repeats . --out report")]
-pub(super) struct Arguments {
+pub(super) struct CompareArguments {
     /// The sets to compare, of each reader one or more
     #[arg(long, value_name = "SET,...", required = true, value_delimiter = ',')]
     sets: Vec<String>,
@@ -50,7 +50,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-pub(super) fn run(arguments: &Arguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
+pub(super) fn run(arguments: &CompareArguments, log: &LogArguments) -> anyhow::Result<ExitCode> {
     let log = log.open_existing()?;
     let known = log.wait(log.store().sets())?;
     let read = |set: &String| read(&log, &known, set, arguments.repeats.as_deref());
