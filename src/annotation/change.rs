@@ -59,7 +59,7 @@ pub struct Versioned {
 /// The kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum EventKind {
     /// An edit was made.
     Do,
     /// It was taken back.
@@ -76,7 +76,7 @@ pub struct Event {
     /// The edit that it is part of: the `seq` of the edit's first event.
     pub edit: u64,
     /// The kind of the event.
-    pub kind: Kind,
+    pub kind: EventKind,
     /// Of an undo or redo: the edit that it takes back or makes again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<u64>,

@@ -1,5 +1,6 @@
 //! The geometry of an item, in patient LPS mm.
 
+use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 
 use super::patient_mm;
@@ -98,7 +99,7 @@ impl ContentId {
     #[must_use]
     pub fn of(bytes: &[u8]) -> Self {
         use sha2::Digest;
-        Self(sha2::Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+        Self(HEXLOWER.encode(&sha2::Sha256::digest(bytes)))
     }
 
     /// The 64 digits.

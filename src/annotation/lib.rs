@@ -31,14 +31,14 @@ mod shown;
 mod template;
 mod time;
 
-pub use change::{Author, Change, Edit, Event, Kind, Versioned};
+pub use change::{Author, Change, Edit, Event, EventKind, Versioned};
 pub use check::ItemError;
 pub use curve::catmull_rom;
 pub use geometry::{ContentId, Geometry, MeshSummary, RegionSummary};
 pub use item::{Concept, FrameOfReference, Item, ItemId, Set, State};
 pub use measure::{Measure, measures};
 pub use placement::{CameraRecord, Device, Method, Placement};
-pub use shown::Shown;
+pub use shown::ShownSets;
 pub use template::{Completeness, Expected, ExpectedKind, Template, TemplateError};
 pub use time::Timestamp;
 

@@ -9,7 +9,7 @@ use super::item::Set;
 /// The sets whose items are drawn. As JSON: `false`, `true`, names with commas between them, or a
 /// list of names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Shown {
+pub enum ShownSets {
     /// Nothing is drawn.
     #[default]
     Nothing,
@@ -19,14 +19,14 @@ pub enum Shown {
     Sets(Vec<String>),
 }
 
-impl Shown {
+impl ShownSets {
     /// Most sets that can be named.
     pub const MOST: usize = 64;
 
     /// Parses `true`, `false`, or names with commas between them.
     ///
     /// # Errors
-    /// When a name is not a valid name of a set, or there are more than [`Shown::MOST`].
+    /// When a name is not a valid name of a set, or there are more than [`ShownSets::MOST`].
     pub fn parse(word: &str) -> Result<Self, String> {
         match word {
             "true" => Ok(Self::All),
@@ -38,7 +38,7 @@ impl Shown {
     /// These sets.
     ///
     /// # Errors
-    /// As [`Shown::parse`].
+    /// As [`ShownSets::parse`].
     pub fn of_names<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Self, String> {
         let checked = names.into_iter().map(|name| Set::check_name(name).map(|()| name.to_owned()));
         let names = checked.collect::<Result<Vec<_>, _>>().map_err(|error| error.to_string())?;
@@ -65,7 +65,7 @@ impl Shown {
     }
 }
 
-impl Serialize for Shown {
+impl Serialize for ShownSets {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Nothing => serializer.serialize_bool(false),
@@ -75,7 +75,7 @@ impl Serialize for Shown {
     }
 }
 
-impl<'de> Deserialize<'de> for Shown {
+impl<'de> Deserialize<'de> for ShownSets {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let shown = match Value::deserialize(deserializer)? {
             Value::Bool(shown) => Ok(if shown { Self::All } else { Self::Nothing }),
@@ -96,17 +96,19 @@ mod tests {
 
     #[test]
     fn sets_are_named_in_three_ways_and_checked() {
-        let read = |json: &str| serde_json::from_str::<Shown>(json);
-        for (json, shown) in [("true", Shown::All), ("\"true\"", Shown::All), ("false", Shown::Nothing)] {
+        let read = |json: &str| serde_json::from_str::<ShownSets>(json);
+        for (json, shown) in
+            [("true", ShownSets::All), ("\"true\"", ShownSets::All), ("false", ShownSets::Nothing)]
+        {
             assert_eq!(read(json).unwrap(), shown);
         }
-        let two = Shown::Sets(vec!["a".to_owned(), "b.1".to_owned()]);
+        let two = ShownSets::Sets(vec!["a".to_owned(), "b.1".to_owned()]);
         assert_eq!(
             (read("\"a, b.1\"").unwrap(), read("[\"a\",\"b.1\"]").unwrap()),
             (two.clone(), two.clone())
         );
         assert_eq!(serde_json::to_string(&two).unwrap(), r#"["a","b.1"]"#);
-        assert!(two.has("a") && !two.has("c") && Shown::All.has("c") && !Shown::Nothing.has("c"));
+        assert!(two.has("a") && !two.has("c") && ShownSets::All.has("c") && !ShownSets::Nothing.has("c"));
         for (json, says) in [
             ("1", "names of sets"),
             ("[]", "0 sets, allowed: 1 to 64"),

@@ -9,15 +9,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use super::error::Lasting;
-use super::files::{read_at_most, write_whole};
-use super::manifest::hex;
-use super::source::Trouble;
+use super::error::FailureKind;
+use super::source::SeriesError;
 use relief_annotation::{Geometry, Item};
-use relief_base::Point;
-use relief_session::{Drawables, Shape};
+use relief_base::{Point, read_at_most, sha256_of, write_whole};
+use relief_session::{Drawables, SurfaceMesh};
 
 /// The annotations that a job draws.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -56,11 +53,11 @@ struct KeptShape {
 
 /// Annotations, read and ready to be drawn.
 #[derive(Debug)]
-pub(super) struct Readied {
+pub(super) struct PreparedAnnotations {
     /// All of them.
     pub(super) drawables: Drawables,
     /// Regions and meshes by name, in order.
-    pub(super) structures: Vec<(String, Arc<Shape>)>,
+    pub(super) structures: Vec<(String, Arc<SurfaceMesh>)>,
 }
 
 /// Largest file that is read, bytes: a hundred structures of the most triangles.
@@ -74,7 +71,7 @@ impl KeptAnnotations {
     /// When the folder or the file cannot be written.
     pub(super) fn keep<'a>(
         items: impl IntoIterator<Item = &'a Item>,
-        mut shape_of: impl FnMut(&Geometry) -> Option<Arc<Shape>>,
+        mut shape_of: impl FnMut(&Geometry) -> Option<Arc<SurfaceMesh>>,
         folder: &Path,
     ) -> std::io::Result<Self> {
         let items = items.into_iter().filter_map(|item| {
@@ -88,7 +85,7 @@ impl KeptAnnotations {
                 format!("the annotations of a series take {} bytes, allowed: {LARGEST}", bytes.len());
             return Err(std::io::Error::other(reason));
         }
-        let sha256 = hex(&Sha256::digest(&bytes).into());
+        let sha256 = sha256_of(&bytes);
         let path = folder.join(format!("{sha256}.json"));
         if !path.exists() {
             std::fs::create_dir_all(folder)?;
@@ -98,23 +95,23 @@ impl KeptAnnotations {
     }
 
     /// Reads the file and checks that it is the one that was planned with.
-    pub(super) fn read(&self) -> Result<Readied, Trouble> {
+    pub(super) fn read(&self) -> Result<PreparedAnnotations, SeriesError> {
         let wrong = |reason: &str| {
-            (Lasting::Permanent, format!("the annotations {}: {reason}; plan anew", self.path.display()))
+            (FailureKind::Permanent, format!("the annotations {}: {reason}; plan anew", self.path.display()))
         };
         let refused = |error: std::io::Error| {
-            (Lasting::Retryable, format!("cannot read {}: {error}", self.path.display()))
+            (FailureKind::Retryable, format!("cannot read {}: {error}", self.path.display()))
         };
         let bytes = read_at_most(&self.path, LARGEST).map_err(refused)?;
         let bytes = bytes.ok_or_else(|| wrong("larger than any that are planned, or no file"))?;
-        if hex(&Sha256::digest(&bytes).into()) != self.sha256 {
+        if sha256_of(&bytes) != self.sha256 {
             return Err(wrong("not those that were planned with"));
         }
         let file: File = serde_json::from_slice(&bytes).map_err(|error| wrong(&error.to_string()))?;
         let (mut items, mut shapes) = (Vec::new(), Vec::new());
         for KeptItem { name, rgb, geometry, shape } in file.items {
             let item = Item::new(&name, "batch", Some(geometry));
-            let mut item = item.map_err(|error| (Lasting::Retryable, error.to_string()))?;
+            let mut item = item.map_err(|error| (FailureKind::Retryable, error.to_string()))?;
             item.rgb = rgb;
             item.validate().map_err(|error| wrong(&error.to_string()))?;
             let shape = shape.map(KeptShape::shape).transpose().map_err(|reason| wrong(&reason))?;
@@ -128,7 +125,7 @@ impl KeptAnnotations {
         let mut in_order =
             items.iter().zip(shapes).filter(|(item, _)| is_structure(item)).map(|(_, shape)| shape);
         let drawables = Drawables::new(&items, |_| in_order.next().flatten());
-        Ok(Readied { drawables, structures })
+        Ok(PreparedAnnotations { drawables, structures })
     }
 }
 
@@ -137,7 +134,7 @@ fn is_structure(item: &Item) -> bool {
 }
 
 impl KeptShape {
-    fn of(shape: &Shape) -> Self {
+    fn of(shape: &SurfaceMesh) -> Self {
         // Rounded to a thousandth of a millimetre: far below the resolution of a picture, and half
         // the file size.
         let rounded = |mm: f64| (mm * 1e3).round() / 1e3;
@@ -145,7 +142,7 @@ impl KeptShape {
         Self { vertices_mm, triangles: shape.triangles.to_vec() }
     }
 
-    fn shape(self) -> Result<Shape, String> {
+    fn shape(self) -> Result<SurfaceMesh, String> {
         let count = self.vertices_mm.len();
         if let Some(index) = self.triangles.as_flattened().iter().find(|index| **index as usize >= count) {
             return Err(format!("a triangle has corner {index} of {count}"));
@@ -154,16 +151,16 @@ impl KeptShape {
             return Err(format!("a corner is beyond {} mm", Item::FARTHEST_MM));
         }
         let vertices = self.vertices_mm.into_iter().map(|[x, y, z]| Point::new(x, y, z)).collect();
-        Ok(Shape { vertices, triangles: self.triangles.into() })
+        Ok(SurfaceMesh { vertices, triangles: self.triangles.into() })
     }
 }
 
 /// The annotations that were read last: all views of a series have the same.
 #[derive(Debug, Default)]
-pub(super) struct ReadiedLast(Mutex<HashMap<String, Arc<Readied>>>);
+pub(super) struct ReadiedLast(Mutex<HashMap<String, Arc<PreparedAnnotations>>>);
 
 impl ReadiedLast {
-    pub(super) fn get(&self, kept: &KeptAnnotations) -> Result<Arc<Readied>, Trouble> {
+    pub(super) fn get(&self, kept: &KeptAnnotations) -> Result<Arc<PreparedAnnotations>, SeriesError> {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = last.get(&kept.sha256) {
             return Ok(Arc::clone(known));

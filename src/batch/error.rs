@@ -100,7 +100,7 @@ fn listed(skipped: &[(PathBuf, String)]) -> String {
 /// Whether trying again may help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Lasting {
+pub enum FailureKind {
     /// It will fail the same way: the series or the scene is at fault.
     Permanent,
     /// The machine was: a full disk, too little memory, a lost adapter.
@@ -115,7 +115,7 @@ pub struct Failure {
     /// Series and view.
     pub name: String,
     /// Whether trying again may help.
-    pub kind: Lasting,
+    pub kind: FailureKind,
     /// Why.
     pub reason: String,
 }

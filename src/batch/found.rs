@@ -2,7 +2,7 @@
 
 use super::copies::Local;
 use super::log::AnnotationLog;
-use super::query::{Facts, Query};
+use super::query::{Query, SeriesFacts};
 use super::source::SeriesSource;
 use super::views::View;
 use relief_annotation::{FrameOfReference, Item};
@@ -11,38 +11,38 @@ use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
 use relief_volume::Volume;
 
 /// A series, not loaded.
-pub(super) struct Found {
+pub(super) struct FoundSeries {
     pub(super) source: SeriesSource,
     /// Its files on this machine.
     pub(super) local: Local,
-    pub(super) kind: Kind,
+    pub(super) kind: SeriesFormat,
 }
 
 /// Its source.
-pub(super) enum Kind {
+pub(super) enum SeriesFormat {
     /// Slices.
     Dicom(SeriesEntry),
     /// A file of voxels.
     File,
 }
 
-impl Found {
+impl FoundSeries {
     /// Whether a query wants it.
     pub(super) fn admit(&self, query: &Query) -> Result<(), String> {
         if query.is_empty() {
             return Ok(());
         }
         let facts = match &self.kind {
-            Kind::Dicom(entry) => Facts {
+            SeriesFormat::Dicom(entry) => SeriesFacts {
                 modality: entry.modality().to_owned(),
                 format: "dicom",
                 dims: entry.dims(),
                 pixel_mm: entry.pixel_spacing_mm(),
                 thickness_mm: entry.thickness_mm(),
             },
-            Kind::File => {
+            SeriesFormat::File => {
                 let grid = relief_dicom::read_grid(self.local.path()).map_err(|error| error.to_string())?;
-                Facts::of_grid(&grid)
+                SeriesFacts::of_grid(&grid)
             }
         };
         query.admit(&facts)
@@ -58,7 +58,7 @@ impl Found {
         views_of: impl FnOnce(&[&Item], Option<&Volume>) -> Vec<View>,
     ) -> Result<(Vec<View>, Vec<&'a Item>), String> {
         let mut volume = None;
-        let uid = if let Kind::Dicom(entry) = &self.kind { entry.frame_of_reference() } else { None };
+        let uid = if let SeriesFormat::Dicom(entry) = &self.kind { entry.frame_of_reference() } else { None };
         let items = match uid {
             Some(uid) => log.items_of(&FrameOfReference::of(Some(uid), "")),
             None if log.has_items_of_volumes() => {
@@ -76,10 +76,10 @@ impl Found {
 
     fn load(&self) -> Result<Volume, String> {
         match &self.kind {
-            Kind::File => relief_dicom::read_volume(self.local.path())
+            SeriesFormat::File => relief_dicom::read_volume(self.local.path())
                 .map(|read| read.volume)
                 .map_err(|error| error.to_string()),
-            Kind::Dicom(entry) => {
+            SeriesFormat::Dicom(entry) => {
                 let limits = LoadLimits::default();
                 let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
                 loaded.map(|loaded| loaded.volume).map_err(|error| error.to_string())

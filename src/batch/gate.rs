@@ -4,7 +4,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Bytes that may be held at once.
 #[derive(Debug)]
-pub(super) struct Gate {
+pub(super) struct MemoryBudget {
     limit: u64,
     held: Mutex<u64>,
     freed: Condvar,
@@ -12,12 +12,12 @@ pub(super) struct Gate {
 
 /// Bytes that are held; given back when dropped.
 #[derive(Debug)]
-pub(super) struct Held<'a> {
-    gate: &'a Gate,
+pub(super) struct ReservedMemory<'a> {
+    gate: &'a MemoryBudget,
     bytes: u64,
 }
 
-impl Gate {
+impl MemoryBudget {
     pub(super) fn new(limit: u64) -> Self {
         Self { limit, held: Mutex::new(0), freed: Condvar::new() }
     }
@@ -27,14 +27,14 @@ impl Gate {
     }
 
     /// Waits until so many bytes are free. A request beyond the limit waits until all are.
-    pub(super) fn hold(&self, bytes: u64) -> Held<'_> {
+    pub(super) fn hold(&self, bytes: u64) -> ReservedMemory<'_> {
         let bytes = bytes.min(self.limit);
         let mut held = self.lock();
         while *held + bytes > self.limit {
             held = self.freed.wait(held).unwrap_or_else(PoisonError::into_inner);
         }
         *held += bytes;
-        Held { gate: self, bytes }
+        ReservedMemory { gate: self, bytes }
     }
 
     /// A number is whole after a panic elsewhere, too.
@@ -43,7 +43,7 @@ impl Gate {
     }
 }
 
-impl Held<'_> {
+impl ReservedMemory<'_> {
     /// Releases bytes that were not needed.
     pub(super) fn shrink(&mut self, bytes: u64) {
         let spare = self.bytes.saturating_sub(bytes);
@@ -53,7 +53,7 @@ impl Held<'_> {
     }
 }
 
-impl Drop for Held<'_> {
+impl Drop for ReservedMemory<'_> {
     fn drop(&mut self) {
         self.shrink(0);
     }
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn bytes_beyond_the_limit_wait_for_those_held() {
-        let gate = Gate::new(100);
+        let gate = MemoryBudget::new(100);
         let first = gate.hold(70);
         let mut second = gate.hold(30);
         second.shrink(10);

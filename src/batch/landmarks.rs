@@ -34,7 +34,7 @@ const RULE: [f64; 3] = [1.0 / 21.0, 4.0 / 105.0, 9.0 / 280.0];
 
 /// One view for each point and plane, along its normal. The orbit has zoom and field of view.
 pub(super) fn landmark_views(items: &[&Item], volume: &Volume, orbit: &Orbit) -> Vec<View> {
-    let names = Names::new(items);
+    let names = ViewNames::new(items);
     let view = |item: &&Item| {
         let (at, towards_eye) = normal(item, volume)?;
         let camera = camera(at, towards_eye, volume, orbit);
@@ -45,7 +45,7 @@ pub(super) fn landmark_views(items: &[&Item], volume: &Volume, orbit: &Orbit) ->
 
 /// One view for each item that has the camera through which it was placed.
 pub(super) fn camera_views(items: &[&Item]) -> Vec<View> {
-    let names = Names::new(items);
+    let names = ViewNames::new(items);
     let view = |item: &&Item| {
         let camera = written(item.placement.as_ref()?.camera.as_ref()?)?;
         Some(view(names.of("camera", item), "cameras", &camera))
@@ -156,9 +156,9 @@ fn camera(at: Point<Patient>, towards_eye: Vector<Patient>, volume: &Volume, orb
 
 /// What views of items are called: after the item, with its set where there are several, and a
 /// number where names are alike.
-struct Names(HashMap<String, String>);
+struct ViewNames(HashMap<String, String>);
 
-impl Names {
+impl ViewNames {
     fn new(items: &[&Item]) -> Self {
         let sets: BTreeSet<&str> = items.iter().map(|item| item.set.as_str()).collect();
         let (mut names, mut used) = (HashMap::new(), BTreeSet::new());

@@ -18,7 +18,6 @@ mod bucket;
 mod copies;
 mod dataset;
 mod error;
-mod files;
 mod found;
 mod gate;
 mod landmarks;
@@ -44,23 +43,22 @@ pub use annotations::KeptAnnotations;
 #[cfg(feature = "cluster")]
 pub use bucket::Bucket;
 pub use copies::{Copies, CopiesOptions, Local};
-pub use error::{Failure, Lasting, ManifestError, PlanError};
-pub use files::{shared_temporary, write_whole};
+pub use error::{Failure, FailureKind, ManifestError, PlanError};
 pub use landmarks::LANDMARK_VIEW_MM;
 pub use location::Location;
 pub use log::AnnotationLog;
 pub use manifest::{Job, JobKey, Shard, read_manifest};
 pub use outputs::DEPTH_UNIT_MM;
-pub use plan::{Planned, Request, Root, plan};
+pub use plan::{Plan, Request, Root, plan};
 pub use pose::ViewCamera;
 pub use product::{Product, ProductSet};
-pub use query::{Facts, Query};
+pub use query::{Query, SeriesFacts};
 pub use record::Record;
 pub use report::{REPORT, write_report};
-pub use run::{Options, RunError, Seconds, Step, Summary, run};
+pub use run::{Options, RunError, RunEvent, Seconds, Summary, run};
 pub use sink::Sink;
 pub use source::{LabelsSource, SeriesSource};
-pub use turntable::{Film, Films};
+pub use turntable::{FilmChoice, FilmWriter};
 pub use views::{View, ViewSet};
 
 #[cfg(feature = "cluster")]

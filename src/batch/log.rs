@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use super::annotations::KeptAnnotations;
 use super::error::PlanError;
-use relief_annotation::{FrameOfReference, Geometry, Item, Shown};
-use relief_session::{Shape, shape_of_content};
+use relief_annotation::{FrameOfReference, Geometry, Item, ShownSets};
+use relief_session::{SurfaceMesh, shape_of_content};
 use relief_store::{Filter, Store, StoreError};
 
 /// The items of a log that are drawn, and the folder that they are kept in.
@@ -33,7 +33,7 @@ impl AnnotationLog {
     ///
     /// # Errors
     /// When the log cannot be read, or has no set of a name.
-    pub fn open(place: &str, shown: &Shown, folder: PathBuf) -> Result<Self, PlanError> {
+    pub fn open(place: &str, shown: &ShownSets, folder: PathBuf) -> Result<Self, PlanError> {
         let system = |error: std::io::Error| PlanError::Annotations(error.to_string());
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
         let runtime = runtime.map_err(system)?;
@@ -45,12 +45,12 @@ impl AnnotationLog {
         };
         let (log, sets, items) =
             runtime.block_on(read).map_err(|error| PlanError::Annotations(error.to_string()))?;
-        if let Shown::Sets(names) = shown
+        if let ShownSets::Sets(names) = shown
             && let Some(name) = names.iter().find(|name| !sets.iter().any(|set| set.name == **name))
         {
             return Err(PlanError::Annotations(format!("there is no set {name:?}")));
         }
-        let is_named = matches!(shown, Shown::Sets(_));
+        let is_named = matches!(shown, ShownSets::Sets(_));
         let is_blinded = |name: &str| sets.iter().any(|set| set.blinded && set.name == name);
         let is_wanted = |item: &Item| {
             shown.has(&item.set)
@@ -93,7 +93,7 @@ impl AnnotationLog {
             .map_err(|source| PlanError::Unwritable { path: self.folder.clone(), source })
     }
 
-    fn shape(&self, geometry: &Geometry) -> Option<Result<Shape, String>> {
+    fn shape(&self, geometry: &Geometry) -> Option<Result<SurfaceMesh, String>> {
         let content = self.runtime.block_on(self.log.content(geometry.content()?));
         let label = if let Geometry::Region(region) = geometry { region.label } else { 0 };
         Some(

@@ -4,9 +4,9 @@ use std::collections::HashMap;
 use std::io::BufRead;
 use std::str::FromStr;
 
+use relief_base::sha256_of;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 
 use super::annotations::KeptAnnotations;
 use super::error::ManifestError;
@@ -128,7 +128,7 @@ impl Job {
         if let Some(labels) = &self.series.labels {
             content["labels"] = labels.sha256.clone().into();
         }
-        JobKey(hex(&Sha256::digest(content.to_string()).into()))
+        JobKey(sha256_of(content.to_string().as_bytes()))
     }
 
     fn check(&self, line: usize) -> Result<(), ManifestError> {
@@ -161,10 +161,6 @@ impl Job {
         }
         Ok(())
     }
-}
-
-pub(super) fn hex(bytes: &[u8; 32]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Longest line of a manifest, bytes: a scene with many overlays.

@@ -4,11 +4,11 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::annotations::Readied;
-use super::error::Lasting;
+use super::annotations::PreparedAnnotations;
+use super::error::FailureKind;
 use super::pose::ViewCamera;
 use super::product::Product;
-use super::source::Trouble;
+use super::source::SeriesError;
 use relief_display::{DisplaySettings, Frame, Layout, Pixels, encode_png};
 use relief_render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, draw_overlays};
 use relief_session::{EncodingError, FileFormat, Product as Picture, encode};
@@ -20,7 +20,7 @@ pub const DEPTH_UNIT_MM: f64 = 0.1;
 const MOST_LABELS: usize = 255;
 
 /// A picture as rays made it, and all that becomes of it.
-pub(super) struct Sight {
+pub(super) struct RenderedView {
     pub(super) frame: RenderedFrame,
     /// With the scene's own overlays.
     pub(super) request: RenderRequest,
@@ -38,17 +38,17 @@ pub(super) struct Outputs {
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "for map_err")]
-fn permanent(error: impl ToString) -> Trouble {
-    (Lasting::Permanent, error.to_string())
+fn permanent(error: impl ToString) -> SeriesError {
+    (FailureKind::Permanent, error.to_string())
 }
 
-impl Sight {
+impl RenderedView {
     /// Makes all outputs. `annotations` are given if an output draws them.
     pub(super) fn outputs(
         &self,
         products: &[Product],
-        annotations: Option<&Readied>,
-    ) -> Result<Outputs, Trouble> {
+        annotations: Option<&PreparedAnnotations>,
+    ) -> Result<Outputs, SeriesError> {
         let mut made = Outputs { files: Vec::new(), warnings: Vec::new(), structures: Vec::new() };
         let plain = self.drawn(&self.request)?;
         let mut annotated = None;
@@ -85,7 +85,7 @@ impl Sight {
     }
 
     /// The picture with a request's overlays.
-    fn drawn(&self, request: &RenderRequest) -> Result<Cow<'_, RenderedFrame>, Trouble> {
+    fn drawn(&self, request: &RenderRequest) -> Result<Cow<'_, RenderedFrame>, SeriesError> {
         if request.overlays.is_empty() {
             return Ok(Cow::Borrowed(&self.frame));
         }
@@ -100,7 +100,11 @@ impl Sight {
     }
 
     /// Every structure is drawn into an empty picture; the nearest one gets the pixel.
-    fn labels(&self, annotations: Option<&Readied>, made: &mut Outputs) -> Result<Vec<u8>, Trouble> {
+    fn labels(
+        &self,
+        annotations: Option<&PreparedAnnotations>,
+        made: &mut Outputs,
+    ) -> Result<Vec<u8>, SeriesError> {
         let structures = annotations.map_or(&[][..], |readied| &readied.structures);
         if structures.len() > MOST_LABELS {
             return Err(permanent(format!(
@@ -137,7 +141,7 @@ impl Sight {
 
 /// View depth in units of [`DEPTH_UNIT_MM`]; 0 where nothing is seen.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be in range")]
-fn depth_png(frame: &RenderedFrame) -> Result<Vec<u8>, Trouble> {
+fn depth_png(frame: &RenderedFrame) -> Result<Vec<u8>, SeriesError> {
     let mut values = Vec::with_capacity(frame.depth_mm.len());
     for mm in &frame.depth_mm {
         let value = (f64::from(*mm) / DEPTH_UNIT_MM).round();

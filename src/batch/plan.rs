@@ -1,5 +1,6 @@
 //! Planning: which series there are, and one job for each view of each.
 
+use data_encoding::HEXLOWER;
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -7,16 +8,17 @@ use serde_json::{Map, Value};
 
 use super::copies::{Copies, Local};
 use super::error::PlanError;
-use super::found::{Found, Kind};
+use super::found::{FoundSeries, SeriesFormat};
 use super::landmarks::{camera_views, landmark_views};
 use super::location::Location;
 use super::log::AnnotationLog;
-use super::manifest::{Job, NAMES, hex, is_name};
+use super::manifest::{Job, NAMES, is_name};
 use super::product::Product;
 use super::query::Query;
-use super::source::{LabelsSource, SeriesSource, file_sha256};
+use super::source::{LabelsSource, SeriesSource};
 use super::views::{View, ViewSet};
 use relief_annotation::Item;
+use relief_base::sha256_of_file;
 use relief_dicom::{SeriesEntry, Strictness};
 use relief_volume::Orbit;
 
@@ -58,7 +60,7 @@ pub struct Request {
 
 /// Jobs, and what gave none.
 #[derive(Clone, Debug)]
-pub struct Planned {
+pub struct Plan {
     /// All views of a series side by side; series in the order of their paths.
     pub jobs: Vec<Job>,
     /// How many series.
@@ -75,7 +77,7 @@ const COLUMNS: [&str; 4] = ["path", "series_uid", "name", "labels"];
 pub(super) const SERIES_ENDINGS: [&str; 4] = [".zip", ".nii", ".nii.gz", ".nrrd"];
 
 /// One place to look at.
-struct Place {
+struct Candidate {
     path: PathBuf,
     uid: Option<String>,
     name: Option<String>,
@@ -88,7 +90,7 @@ struct Place {
 /// # Errors
 /// When the root cannot be read or has no series at all; a place without a usable series is among
 /// those skipped.
-pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<Planned, PlanError> {
+pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<Plan, PlanError> {
     let (mut places, root) = match &request.root {
         Root::Folder(folder) => (places_in(folder, &request.copies)?, folder),
         Root::Table(table) => (read_table(table)?, table),
@@ -99,7 +101,7 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
         let labels: HashSet<PathBuf> = places.iter().filter_map(|place| place.labels.clone()).collect();
         places.retain(|place| !labels.contains(&place.path));
     }
-    let mut planned = Planned { jobs: Vec::new(), series: 0, unwanted: 0, skipped: Vec::new() };
+    let mut planned = Plan { jobs: Vec::new(), series: 0, unwanted: 0, skipped: Vec::new() };
     let (mut known, mut found_any, mut why) = (HashSet::new(), false, String::new());
     for (done, place) in places.iter().enumerate() {
         report(done, places.len());
@@ -144,7 +146,7 @@ type Skipped = Vec<(PathBuf, String)>;
 
 /// The jobs of a series, or why it has none. The outer error ends the planning.
 fn jobs_of(
-    found: &Found,
+    found: &FoundSeries,
     request: &Request,
     skipped: &mut Skipped,
 ) -> Result<Result<Vec<Job>, String>, PlanError> {
@@ -189,9 +191,9 @@ fn own_views(items: &[&Item], volume: Option<&Volume>, request: &Request) -> Vec
 }
 
 /// The entries of a folder, one place each; the folder itself if it contains files of series.
-fn places_in(root: &Path, copies: &Copies) -> Result<Vec<Place>, PlanError> {
+fn places_in(root: &Path, copies: &Copies) -> Result<Vec<Candidate>, PlanError> {
     let unreadable = |source| PlanError::Unreadable { path: root.to_owned(), source };
-    let place = |path: PathBuf| Place { path, uid: None, name: None, labels: None };
+    let place = |path: PathBuf| Candidate { path, uid: None, name: None, labels: None };
     if Location::is_bucket(root) {
         return Ok(copies.places(root).map_err(unreadable)?.into_iter().map(place).collect());
     }
@@ -219,7 +221,7 @@ fn is_dicom(path: &Path) -> bool {
     read.is_ok() && &head[128..] == b"DICM"
 }
 
-fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
+fn read_table(table: &Path) -> Result<Vec<Candidate>, PlanError> {
     let wrong = |line: u64, reason: String| PlanError::Table { path: table.to_owned(), line, reason };
     let of_csv = |error: csv::Error| {
         let line = error.position().map_or(1, csv::Position::line);
@@ -255,7 +257,7 @@ fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
             path if Location::is_bucket(&path) => path,
             path => folder.join(path),
         };
-        places.push(Place {
+        places.push(Candidate {
             path: told(path),
             uid: cell("series_uid"),
             name,
@@ -265,7 +267,7 @@ fn read_table(table: &Path) -> Result<Vec<Place>, PlanError> {
     Ok(places)
 }
 
-impl Place {
+impl Candidate {
     fn find_labels(&mut self, pattern: &str) {
         let path = self.path.to_string_lossy();
         let name = path.to_ascii_lowercase();
@@ -277,14 +279,14 @@ impl Place {
 }
 
 fn find_labels(path: &Path, copies: &Copies) -> Result<LabelsSource, String> {
-    let sha256 = copies.local(path).and_then(|local| file_sha256(local.path()));
+    let sha256 = copies.local(path).and_then(|local| sha256_of_file(local.path()));
     let sha256 =
         sha256.map_err(|error| format!("its label map {} cannot be read: {error}", path.display()))?;
     Ok(LabelsSource { path: path.to_owned(), sha256 })
 }
 
 /// The series of a place.
-fn find(place: &Place, copies: &Copies) -> Result<Vec<Found>, String> {
+fn find(place: &Candidate, copies: &Copies) -> Result<Vec<FoundSeries>, String> {
     let local: Local = copies.local(&place.path).map_err(|error| error.to_string())?;
     let labels = place.labels.as_deref().map(|path| find_labels(path, copies)).transpose()?;
     let source = |uid: Option<String>, sha256: String| {
@@ -292,8 +294,8 @@ fn find(place: &Place, copies: &Copies) -> Result<Vec<Found>, String> {
         SeriesSource { path: place.path.clone(), uid, name, sha256, labels: labels.clone() }
     };
     if relief_dicom::is_volume_file(local.path()) {
-        let sha256 = file_sha256(local.path()).map_err(|error| error.to_string())?;
-        return Ok(vec![Found { source: source(None, sha256), local, kind: Kind::File }]);
+        let sha256 = sha256_of_file(local.path()).map_err(|error| error.to_string())?;
+        return Ok(vec![FoundSeries { source: source(None, sha256), local, kind: SeriesFormat::File }]);
     }
     let found = relief_dicom::discover(local.path(), Strictness::Lenient, &|_| ())
         .map_err(|error| error.to_string())?;
@@ -309,9 +311,9 @@ fn find(place: &Place, copies: &Copies) -> Result<Vec<Found>, String> {
     wanted
         .into_iter()
         .map(|entry| {
-            let sha256 = hex(&entry.content_sha256().map_err(|error| error.to_string())?);
+            let sha256 = HEXLOWER.encode(&entry.content_sha256().map_err(|error| error.to_string())?);
             let source = source(several.then(|| entry.uid().to_owned()), sha256);
-            Ok(Found { source, local: local.clone(), kind: Kind::Dicom(entry) })
+            Ok(FoundSeries { source, local: local.clone(), kind: SeriesFormat::Dicom(entry) })
         })
         .collect()
 }

@@ -8,8 +8,8 @@
 use glam::{DMat3, DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::error::Lasting;
-use super::source::Trouble;
+use super::error::FailureKind;
+use super::source::SeriesError;
 use relief_render::RenderedFrame;
 use relief_volume::Projection;
 
@@ -45,11 +45,11 @@ impl ViewCamera {
     ///
     /// # Errors
     /// When it is parallel: neither OpenCV nor COLMAP has such cameras.
-    pub(super) fn of(frame: &RenderedFrame) -> Result<Self, Trouble> {
+    pub(super) fn of(frame: &RenderedFrame) -> Result<Self, SeriesError> {
         let camera = &frame.camera;
         if let Projection::Orthographic { .. } = camera.projection() {
             let reason = "product camera is for perspective views; slices and parallel projections have no matrix of intrinsics";
-            return Err((Lasting::Permanent, reason.to_owned()));
+            return Err((FailureKind::Permanent, reason.to_owned()));
         }
         let [width, height] = frame.size_px.map(f64::from);
         let [half_x, half_y] = camera.half_extent(frame.size_px);

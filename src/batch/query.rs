@@ -9,7 +9,7 @@ use relief_volume::Grid;
 
 /// The facts of a series.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Facts {
+pub struct SeriesFacts {
     /// `CT`, or whatever its files say.
     pub modality: String,
     /// `dicom`, or `volume` for a file of voxels.
@@ -30,11 +30,11 @@ pub struct Query(Vec<Condition>);
 struct Condition {
     key: &'static str,
     relation: Relation,
-    wanted: Wanted,
+    wanted: Operand,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-enum Wanted {
+enum Operand {
     Word(String),
     Number(f64),
 }
@@ -61,7 +61,7 @@ const RELATIONS: [(&str, Relation); 6] = [
     ("<", Relation::Less),
 ];
 
-impl Facts {
+impl SeriesFacts {
     /// Of a volume in a file of its own.
     #[must_use]
     pub fn of_grid(grid: &Grid) -> Self {
@@ -97,22 +97,22 @@ impl Query {
     ///
     /// # Errors
     /// The first condition that the series does not meet, and its value.
-    pub fn admit(&self, facts: &Facts) -> Result<(), String> {
+    pub fn admit(&self, facts: &SeriesFacts) -> Result<(), String> {
         self.0.iter().try_for_each(|condition| condition.admit(facts))
     }
 }
 
 impl Condition {
-    fn admit(&self, facts: &Facts) -> Result<(), String> {
+    fn admit(&self, facts: &SeriesFacts) -> Result<(), String> {
         let Self { key, relation, wanted } = self;
         match wanted {
-            Wanted::Word(word) => {
+            Operand::Word(word) => {
                 let found = facts.word(key);
                 let equal = found.eq_ignore_ascii_case(word);
                 let is_met = equal == (*relation == Relation::Equal);
                 if is_met { Ok(()) } else { Err(format!("{key} is {found}, which --where does not want")) }
             }
-            Wanted::Number(number) => match facts.number(key) {
+            Operand::Number(number) => match facts.number(key) {
                 None => Err(format!("its files do not say {key}")),
                 Some(found) if relation.holds(found, *number) => Ok(()),
                 Some(found) => Err(format!("{key} is {found}, which --where does not want")),
@@ -155,11 +155,11 @@ fn condition(text: &str) -> Result<Condition, String> {
         if !is_word || !matches!(relation, Relation::Equal | Relation::NotEqual) {
             return Err(wrong("is no condition of a word, which are = and !="));
         }
-        return Ok(Condition { key, relation, wanted: Wanted::Word(value.to_owned()) });
+        return Ok(Condition { key, relation, wanted: Operand::Word(value.to_owned()) });
     }
     let key =
         NUMBERS.into_iter().find(|known| *known == key).ok_or_else(|| wrong("asks for what is not known"))?;
     let number = value.parse().ok().filter(|number: &f64| number.is_finite());
     let number = number.ok_or_else(|| wrong("compares with no number"))?;
-    Ok(Condition { key, relation, wanted: Wanted::Number(number) })
+    Ok(Condition { key, relation, wanted: Operand::Number(number) })
 }

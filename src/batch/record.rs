@@ -1,10 +1,10 @@
 //! Records of finished jobs. A record is written after the outputs, so a job with a record is done.
 
 use bytes::Bytes;
+use relief_base::sha256_of;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use super::manifest::{Job, JobKey, hex};
+use super::manifest::{Job, JobKey};
 use super::product::Product;
 use super::sink::Sink;
 
@@ -20,7 +20,7 @@ pub struct Record {
     /// The views that it belongs together with.
     pub group: String,
     /// The files beside this record.
-    pub outputs: Vec<Written>,
+    pub outputs: Vec<OutputFile>,
     /// The structures of the values of `VIEW.labels.png`, from 1 on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<String>,
@@ -36,7 +36,7 @@ pub struct Record {
 
 /// A file that a job wrote.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Written {
+pub struct OutputFile {
     /// Its name, in the series' folder.
     pub file: String,
     /// Its SHA-256.
@@ -48,12 +48,7 @@ pub struct Written {
 /// Largest record that is read, bytes.
 const LARGEST: u64 = 1 << 20;
 
-/// SHA-256 in hexadecimal digits.
-pub(super) fn sha256_of(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes).into())
-}
-
-impl Written {
+impl OutputFile {
     pub(super) fn new(file: String, bytes: &[u8]) -> Self {
         Self { file, sha256: sha256_of(bytes), bytes: bytes.len() as u64 }
     }
@@ -94,7 +89,8 @@ impl Record {
     pub fn of_done(job: &Job, sink: &Sink) -> Option<Self> {
         let record = Self::read(job, sink).ok().flatten()?;
         let is_whole = record.outputs.len() == job.products.len();
-        let is_there = |output: &Written| sink.holds(&format!("{}/{}", job.series.name, output.file), output);
+        let is_there =
+            |output: &OutputFile| sink.holds(&format!("{}/{}", job.series.name, output.file), output);
         (is_whole && record.outputs.iter().all(is_there)).then_some(record)
     }
 }

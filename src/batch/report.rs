@@ -2,21 +2,20 @@
 //! turntable.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::io::Cursor;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
+use data_encoding::BASE64;
 use image::{DynamicImage, ImageReader, Limits, RgbaImage};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rayon::prelude::*;
 
 use super::dataset;
-use super::error::Failure;
+use super::error::{Failure, FailureKind};
 use super::manifest::Job;
 use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
-use super::turntable::Films;
+use super::turntable::FilmWriter;
 use relief_display::{MAX_FRAME_SIDE_PX, encode_png};
 use relief_session::{Thumbnail, contact_sheet};
 
@@ -30,7 +29,7 @@ pub(super) const LARGEST_PICTURE: u64 = 1 << 30;
 const LONGEST: usize = 400;
 
 /// A job that is done, with its picture made small.
-struct Shown {
+struct ReportedJob {
     record: Record,
     small: Option<RgbaImage>,
 }
@@ -43,13 +42,18 @@ pub const REPORT: &str = "report.html";
 ///
 /// # Errors
 /// When records cannot be read, or a file cannot be written.
-pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Sink, films: &Films) -> std::io::Result<()> {
+pub fn write_report(
+    jobs: &[Job],
+    failures: &[Failure],
+    out: &Sink,
+    films: &FilmWriter,
+) -> std::io::Result<()> {
     let shown = |job| {
         let Some(record) = Record::read(job, out)? else { return Ok(None) };
-        Ok(Some((job, Shown { record, small: small_picture(job, out) })))
+        Ok(Some((job, ReportedJob { record, small: small_picture(job, out) })))
     };
-    let shown: std::io::Result<Vec<Option<(&Job, Shown)>>> = jobs.par_iter().map(shown).collect();
-    let mut series: BTreeMap<&str, Vec<Shown>> = BTreeMap::new();
+    let shown: std::io::Result<Vec<Option<(&Job, ReportedJob)>>> = jobs.par_iter().map(shown).collect();
+    let mut series: BTreeMap<&str, Vec<ReportedJob>> = BTreeMap::new();
     for (job, shown) in shown?.into_iter().flatten() {
         series.entry(&job.series.name).or_default().push(shown);
     }
@@ -65,7 +69,7 @@ pub fn write_report(jobs: &[Job], failures: &[Failure], out: &Sink, films: &Film
 }
 
 /// The colours of group `turntable`.
-fn turns(series: &str, shown: &[Shown]) -> Vec<String> {
+fn turns(series: &str, shown: &[ReportedJob]) -> Vec<String> {
     let turns = shown.iter().filter(|one| one.record.group == "turntable");
     turns.filter_map(|one| one.record.output(Product::Color)).map(|file| format!("{series}/{file}")).collect()
 }
@@ -97,9 +101,9 @@ pub(super) fn open(out: &Sink, name: &str) -> Option<DynamicImage> {
 }
 
 /// All views of a series in one picture; those of another shape than the first are left out.
-fn sheet(shown: &[Shown]) -> Option<Vec<u8>> {
+fn sheet(shown: &[ReportedJob]) -> Option<Vec<u8>> {
     let (width, height) = shown.iter().find_map(|one| one.small.as_ref()).map(RgbaImage::dimensions)?;
-    let pixels = |one: &Shown| -> Option<Vec<[u8; 4]>> {
+    let pixels = |one: &ReportedJob| -> Option<Vec<[u8; 4]>> {
         let small = one.small.as_ref().filter(|small| small.dimensions() == (width, height))?;
         Some(small.pixels().map(|pixel| pixel.0).collect())
     };
@@ -122,60 +126,73 @@ figure{margin:0;background:var(--card);border:1px solid var(--line);border-radiu
 img{display:block;width:100%;background:#000}figcaption{padding:.4rem .6rem;font-size:.85rem}
 table{border-collapse:collapse;background:var(--card)}td,th{border:1px solid var(--line);padding:.3rem .6rem;text-align:left}";
 
-fn page(jobs: usize, series: &BTreeMap<&str, Vec<Shown>>, failures: &[Failure]) -> String {
+fn page(jobs: usize, series: &BTreeMap<&str, Vec<ReportedJob>>, failures: &[Failure]) -> String {
     let done: usize = series.values().map(Vec::len).sum();
-    let mut html =
-        String::from("<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Relief batch</title>");
-    let _ = write!(
-        html,
-        "<meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style><h1>{done} of {jobs} views of {} series</h1>\
-         <p class=\"quiet\">{}</p>",
-        series.len(),
-        timings(series)
-    );
-    if !failures.is_empty() {
-        html.push_str("<h2 class=\"bad\">Not done</h2><table><tr><th>View<th>Again?<th>Why");
-        for failure in failures {
-            let again = match failure.kind {
-                super::error::Lasting::Permanent => "no use",
-                super::error::Lasting::Retryable => "may help",
-            };
-            let _ =
-                write!(html, "<tr><td>{}<td>{again}<td>{}", escaped(&failure.name), escaped(&failure.reason));
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width";
+                title { "Relief batch" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (done) " of " (jobs) " views of " (series.len()) " series" }
+                p.quiet { (timings(series)) }
+                @if !failures.is_empty() { (failure_table(failures)) }
+                @for (name, views) in series {
+                    h2 { (name) }
+                    @for warning in views.first().map(|one| one.record.warnings.as_slice()).unwrap_or_default() {
+                        p.quiet { "Warning: " (shortened(warning)) }
+                    }
+                    div.views { @for view in views { (figure(view)) } }
+                }
+            }
         }
-        html.push_str("</table>");
     }
-    for (name, shown) in series {
-        let _ = write!(html, "<h2>{}</h2>", escaped(name));
-        for warning in shown.first().map(|one| one.record.warnings.as_slice()).unwrap_or_default() {
-            let _ = write!(html, "<p class=\"quiet\">Warning: {}</p>", escaped(warning));
-        }
-        html.push_str("<div class=\"views\">");
-        shown.iter().for_each(|one| figure(&mut html, one));
-        html.push_str("</div>");
-    }
-    html
+    .into_string()
 }
 
-fn figure(html: &mut String, Shown { record, small }: &Shown) {
-    html.push_str("<figure>");
-    if let Some(jpeg) = small.as_ref().and_then(jpeg) {
-        let _ = write!(
-            html,
-            "<img alt=\"{}\" src=\"data:image/jpeg;base64,{}\">",
-            escaped(&record.view),
-            STANDARD.encode(jpeg)
-        );
+fn failure_table(failures: &[Failure]) -> Markup {
+    html! {
+        h2.bad { "Failures" }
+        table {
+            tr { th { "View" } th { "Retry" } th { "Reason" } }
+            @for failure in failures {
+                tr {
+                    td { (failure.name) }
+                    td {
+                        @match failure.kind {
+                            FailureKind::Permanent => "no use",
+                            FailureKind::Retryable => "may help",
+                        }
+                    }
+                    td { (shortened(&failure.reason)) }
+                }
+            }
+        }
     }
+}
+
+fn figure(ReportedJob { record, small }: &ReportedJob) -> Markup {
     let [width, height] = record.size_px;
     let bytes: u64 = record.outputs.iter().map(|output| output.bytes).sum();
-    let _ = write!(
-        html,
-        "<figcaption>{}<br><span class=\"quiet\">{width} × {height}, rendered in {:.0} ms, {} kB</span></figcaption></figure>",
-        escaped(&record.view),
-        record.render_ms,
-        bytes.div_ceil(1000)
-    );
+    html! {
+        figure {
+            @if let Some(jpeg) = small.as_ref().and_then(jpeg) {
+                img alt=(record.view) src={ "data:image/jpeg;base64," (BASE64.encode(&jpeg)) };
+            }
+            figcaption {
+                (record.view)
+                br;
+                span.quiet {
+                    (width) " × " (height) ", rendered in " (format!("{:.0}", record.render_ms)) " ms, "
+                    (bytes.div_ceil(1000)) " kB"
+                }
+            }
+        }
+    }
 }
 
 fn jpeg(small: &RgbaImage) -> Option<Vec<u8>> {
@@ -183,7 +200,7 @@ fn jpeg(small: &RgbaImage) -> Option<Vec<u8>> {
     relief_display::encode_jpeg([small.width(), small.height()], &pixels, 80).ok()
 }
 
-fn timings(series: &BTreeMap<&str, Vec<Shown>>) -> String {
+fn timings(series: &BTreeMap<&str, Vec<ReportedJob>>) -> String {
     let mut ms: Vec<f64> = series.values().flatten().map(|one| one.record.render_ms).collect();
     ms.sort_by(f64::total_cmp);
     let Some(most) = ms.last() else { return "nothing was rendered".to_owned() };
@@ -194,17 +211,7 @@ fn timings(series: &BTreeMap<&str, Vec<Shown>>) -> String {
     )
 }
 
-/// Text for HTML, cut where it is long.
-fn escaped(text: &str) -> String {
-    let mut out = String::new();
-    for letter in text.chars().take(LONGEST) {
-        match letter {
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '&' => out.push_str("&amp;"),
-            '"' => out.push_str("&quot;"),
-            other => out.push(other),
-        }
-    }
-    out
+/// A text of at most [`LONGEST`] characters.
+fn shortened(text: &str) -> String {
+    text.chars().take(LONGEST).collect()
 }

@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::annotations::{Readied, ReadiedLast};
+use super::annotations::{PreparedAnnotations, ReadiedLast};
 use super::copies::Copies;
-use super::error::{Failure, Lasting};
-use super::gate::Gate;
+use super::error::{Failure, FailureKind};
+use super::gate::MemoryBudget;
 use super::manifest::{Job, JobKey, Shard};
-use super::outputs::{Outputs, Sight};
-use super::record::{Record, Written};
+use super::outputs::{Outputs, RenderedView};
+use super::record::{OutputFile, Record};
 use super::sink::Sink;
-use super::source::{Loaded, SeriesSource, Trouble};
+use super::source::{BudgetedVolume, SeriesError, SeriesSource};
 use relief_render::{GpuError, Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
 
 /// What to run and how.
@@ -37,7 +37,7 @@ pub struct Options {
 
 /// An event of a job.
 #[derive(Clone, Copy, Debug)]
-pub enum Step<'a> {
+pub enum RunEvent<'a> {
     /// It was done before.
     Skipped(&'a Job),
     /// Its outputs exist now.
@@ -101,14 +101,14 @@ const MOST_WRITERS: usize = 4;
 /// A picture on its way to its files.
 struct Finished<J> {
     job: J,
-    sight: Sight,
+    sight: RenderedView,
     warnings: Vec<String>,
 }
 
 /// State that all threads of a run share.
-pub(super) struct Shared<'a> {
+pub(super) struct RunState<'a> {
     sink: &'a Sink,
-    report: &'a (dyn Fn(Step<'_>) + Sync),
+    report: &'a (dyn Fn(RunEvent<'_>) + Sync),
     annotations: ReadiedLast,
     summary: Mutex<Summary>,
 }
@@ -123,17 +123,17 @@ pub fn run<E>(
     open: impl FnOnce() -> Result<Renderer, E>,
     jobs: &[Job],
     options: &Options,
-    report: &(dyn Fn(Step<'_>) + Sync),
+    report: &(dyn Fn(RunEvent<'_>) + Sync),
 ) -> Result<Summary, RunError<E>> {
     options.out.prepare().map_err(RunError::Out)?;
-    let shared = Shared::new(&options.out, report);
+    let shared = RunState::new(&options.out, report);
     let started = Instant::now();
     let pending = pending(jobs, options, &shared);
     shared.change(|summary| summary.seconds.looking = started.elapsed().as_secs_f64());
     if !pending.is_empty() {
         let mut renderer = open().map_err(RunError::Renderer)?;
         let groups = pending.chunk_by(|a, b| a.series == b.series).map(<[&Job]>::to_vec);
-        let from = (&options.copies, &Gate::new(options.voxel_bytes));
+        let from = (&options.copies, &MemoryBudget::new(options.voxel_bytes));
         render_groups(&mut renderer, groups, from, &shared);
     }
     Ok(shared.into_summary())
@@ -145,8 +145,8 @@ pub fn run<E>(
 pub(super) fn render_groups<J: Borrow<Job> + Send>(
     renderer: &mut Renderer,
     groups: impl Iterator<Item = Vec<J>> + Send,
-    from: (&Copies, &Gate),
-    shared: &Shared<'_>,
+    from: (&Copies, &MemoryBudget),
+    shared: &RunState<'_>,
 ) {
     let writers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(MOST_WRITERS);
     // Without room: the next series is loaded while this one is rendered, and no further one.
@@ -164,7 +164,7 @@ pub(super) fn render_groups<J: Borrow<Job> + Send>(
 }
 
 /// The jobs of this run that are not done.
-fn pending<'a>(jobs: &'a [Job], options: &Options, shared: &Shared<'_>) -> Vec<&'a Job> {
+fn pending<'a>(jobs: &'a [Job], options: &Options, shared: &RunState<'_>) -> Vec<&'a Job> {
     let only: HashSet<&JobKey> = options.only.iter().collect();
     let is_wanted = |job: &&Job| {
         options.shard.is_none_or(|shard| shard.has(job)) && (only.is_empty() || only.contains(&job.job))
@@ -175,19 +175,19 @@ fn pending<'a>(jobs: &'a [Job], options: &Options, shared: &Shared<'_>) -> Vec<&
         let is_done = Record::of_done(job, &options.out).is_some();
         if is_done {
             shared.change(|summary| summary.skipped += 1);
-            (shared.report)(Step::Skipped(job));
+            (shared.report)(RunEvent::Skipped(job));
         }
         !is_done
     };
     wanted.into_par_iter().filter(is_done).collect()
 }
 
-type Series<'a, J> = (Vec<J>, Result<Arc<Loaded<'a>>, Trouble>);
+type Series<'a, J> = (Vec<J>, Result<Arc<BudgetedVolume<'a>>, SeriesError>);
 
 /// The series that was loaded last, or its error.
 struct Last<'a> {
     source: SeriesSource,
-    series: Result<Arc<Loaded<'a>>, Trouble>,
+    series: Result<Arc<BudgetedVolume<'a>>, SeriesError>,
     at: Instant,
 }
 
@@ -197,7 +197,7 @@ impl Last<'_> {
     fn holds_for(&self, wanted: &SeriesSource) -> bool {
         let holds = match &self.series {
             Ok(_) => true,
-            Err((kind, _)) => *kind == Lasting::Permanent && self.at.elapsed() < BROKEN_FOR,
+            Err((kind, _)) => *kind == FailureKind::Permanent && self.at.elapsed() < BROKEN_FOR,
         };
         holds && self.source == *wanted
     }
@@ -205,9 +205,9 @@ impl Last<'_> {
 
 fn load_all<'a, J: Borrow<Job>>(
     groups: impl Iterator<Item = Vec<J>>,
-    (copies, gate): (&Copies, &'a Gate),
+    (copies, gate): (&Copies, &'a MemoryBudget),
     loaded: &SyncSender<Series<'a, J>>,
-    shared: &Shared<'_>,
+    shared: &RunState<'_>,
 ) {
     let mut last: Option<Last<'a>> = None;
     for group in groups {
@@ -238,7 +238,7 @@ fn render_all<'a, J: Borrow<Job>>(
     renderer: &mut Renderer,
     series: &Receiver<Series<'a, J>>,
     finished: &SyncSender<Finished<J>>,
-    shared: &Shared<'_>,
+    shared: &RunState<'_>,
 ) {
     let (mut shown, mut waiting) = (None, Instant::now());
     while let Ok((jobs, loaded)) = series.recv() {
@@ -265,10 +265,10 @@ fn render_all<'a, J: Borrow<Job>>(
 /// Whether the writers still run.
 fn render_series<J: Borrow<Job>>(
     renderer: &mut Renderer,
-    loaded: &Loaded<'_>,
+    loaded: &BudgetedVolume<'_>,
     jobs: Vec<J>,
     finished: &SyncSender<Finished<J>>,
-    shared: &Shared<'_>,
+    shared: &RunState<'_>,
 ) -> bool {
     for job in jobs {
         match render(renderer, loaded, job.borrow()) {
@@ -291,9 +291,13 @@ fn render_series<J: Borrow<Job>>(
 }
 
 /// The picture before overlays are drawn.
-fn render(renderer: &mut Renderer, loaded: &Loaded<'_>, job: &Job) -> Result<Sight, Trouble> {
+fn render(
+    renderer: &mut Renderer,
+    loaded: &BudgetedVolume<'_>,
+    job: &Job,
+) -> Result<RenderedView, SeriesError> {
     let (volume, labels) = (&loaded.volume, loaded.labels.as_ref());
-    let permanent = |error: SceneError| (Lasting::Permanent, error.to_string());
+    let permanent = |error: SceneError| (FailureKind::Permanent, error.to_string());
     let file = SceneFile::parse(job.scene.to_string().as_bytes()).map_err(permanent)?;
     let scene: Scene = file.resolve_labelled(volume.grid(), &job.orbit, labels).map_err(permanent)?;
     scene.expect_no_annotations().map_err(permanent)?;
@@ -305,17 +309,17 @@ fn render(renderer: &mut Renderer, loaded: &Loaded<'_>, job: &Job) -> Result<Sig
     let frame = renderer.render(volume, &request).map_err(|error| {
         let kind = match error {
             // A file that is missing here may exist on another machine, or later.
-            RenderError::Gpu(GpuError::OutOfMemory { .. }) | RenderError::Cancelled => Lasting::Retryable,
-            RenderError::Gpu(_) => Lasting::Retryable,
-            _ => Lasting::Permanent,
+            RenderError::Gpu(GpuError::OutOfMemory { .. }) | RenderError::Cancelled => FailureKind::Retryable,
+            RenderError::Gpu(_) => FailureKind::Retryable,
+            _ => FailureKind::Permanent,
         };
         (kind, error.to_string())
     })?;
     request.overlays = overlays;
-    Ok(Sight { frame, request, display: scene.display, grid: volume.grid().clone() })
+    Ok(RenderedView { frame, request, display: scene.display, grid: volume.grid().clone() })
 }
 
-fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &Shared<'_>) {
+fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &RunState<'_>) {
     let next = || pictures.lock().unwrap_or_else(PoisonError::into_inner).recv();
     while let Ok(picture) = next() {
         let (job, started) = (picture.job.borrow(), Instant::now());
@@ -324,25 +328,25 @@ fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &S
         match written {
             Ok(record) => {
                 shared.change(|summary| summary.done += 1);
-                (shared.report)(Step::Done(job, &record));
+                (shared.report)(RunEvent::Done(job, &record));
             }
             Err(trouble) => shared.fail(job, trouble),
         }
     }
 }
 
-fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &Shared<'_>) -> Result<Record, Trouble> {
+fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result<Record, SeriesError> {
     let Finished { job, sight, warnings } = picture;
     let (job, started) = (job.borrow(), Instant::now());
     let refused =
-        |error: std::io::Error| (Lasting::Retryable, format!("cannot write {}: {error}", job.name()));
-    let readied: Option<Arc<Readied>> =
+        |error: std::io::Error| (FailureKind::Retryable, format!("cannot write {}: {error}", job.name()));
+    let readied: Option<Arc<PreparedAnnotations>> =
         job.annotations.as_ref().map(|kept| shared.annotations.get(kept)).transpose()?;
     let made: Outputs = sight.outputs(&job.products, readied.as_deref())?;
     let mut outputs = Vec::new();
     for (product, bytes) in made.files {
         let name = format!("{}.{}", job.view, product.ending());
-        let (path, written) = (format!("{}/{name}", job.series.name), Written::new(name, &bytes));
+        let (path, written) = (format!("{}/{name}", job.series.name), OutputFile::new(name, &bytes));
         shared.sink.put_written(&path, bytes, &written).map_err(refused)?;
         outputs.push(written);
     }
@@ -363,8 +367,8 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &Shared<'_>) -> Result<R
     Ok(record)
 }
 
-impl<'a> Shared<'a> {
-    pub(super) fn new(sink: &'a Sink, report: &'a (dyn Fn(Step<'_>) + Sync)) -> Self {
+impl<'a> RunState<'a> {
+    pub(super) fn new(sink: &'a Sink, report: &'a (dyn Fn(RunEvent<'_>) + Sync)) -> Self {
         Self { sink, report, annotations: ReadiedLast::default(), summary: Mutex::default() }
     }
 
@@ -376,9 +380,9 @@ impl<'a> Shared<'a> {
         change(&mut self.summary.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    fn fail(&self, job: &Job, (kind, reason): Trouble) {
+    fn fail(&self, job: &Job, (kind, reason): SeriesError) {
         let failure = Failure { job: job.job.0.clone(), name: job.name(), kind, reason };
-        (self.report)(Step::Failed(&failure));
+        (self.report)(RunEvent::Failed(&failure));
         self.change(|summary| summary.failures.push(failure));
     }
 }
@@ -412,15 +416,15 @@ mod tests {
             Some(group)
         });
         let copies = Copies::new(CopiesOptions { folder: None, bytes: 0, endpoint: None });
-        let (sink, gate) = (Sink::Folder(folder.path().join("out")), Gate::new(1 << 20));
-        let shared = Shared::new(&sink, &|_| ());
+        let (sink, gate) = (Sink::Folder(folder.path().join("out")), MemoryBudget::new(1 << 20));
+        let shared = RunState::new(&sink, &|_| ());
         let (send, series) = sync_channel(3);
         load_all(groups, (&copies, &gate), &send, &shared);
         drop(send);
-        let reasons: Vec<Trouble> = series.iter().map(|(_, loaded)| loaded.unwrap_err()).collect();
+        let reasons: Vec<SeriesError> = series.iter().map(|(_, loaded)| loaded.unwrap_err()).collect();
         assert_eq!(reasons[0], reasons[1]);
         assert_eq!(reasons.len(), 3);
         let again = source("a").load(&gate, &copies).unwrap_err();
-        assert!(again.0 == Lasting::Permanent && again != reasons[0], "{again:?}");
+        assert!(again.0 == FailureKind::Permanent && again != reasons[0], "{again:?}");
     }
 }

@@ -12,9 +12,9 @@ use bytes::Bytes;
 
 #[cfg(feature = "cluster")]
 use super::bucket::Bucket;
-use super::files::{read_at_most, write_whole};
-use super::record::Written;
-use super::source::file_sha256;
+use super::record::OutputFile;
+use relief_base::sha256_of_file;
+use relief_base::{read_at_most, write_whole};
 
 /// Where outputs go.
 #[derive(Clone, Debug)]
@@ -48,7 +48,12 @@ impl Sink {
 
     /// As [`Sink::put`], of bytes whose hash is known.
     #[cfg_attr(not(feature = "cluster"), expect(unused_variables, reason = "folders keep no hashes"))]
-    pub(super) fn put_written(&self, name: &str, bytes: Vec<u8>, written: &Written) -> std::io::Result<()> {
+    pub(super) fn put_written(
+        &self,
+        name: &str,
+        bytes: Vec<u8>,
+        written: &OutputFile,
+    ) -> std::io::Result<()> {
         match self {
             Self::Folder(folder) => put_in(folder, name, &bytes),
             #[cfg(feature = "cluster")]
@@ -89,12 +94,12 @@ impl Sink {
     }
 
     /// Whether an output exists and has these bytes.
-    pub(super) fn holds(&self, name: &str, written: &Written) -> bool {
+    pub(super) fn holds(&self, name: &str, written: &OutputFile) -> bool {
         match self {
             Self::Folder(folder) => {
                 let path = folder.join(name);
                 let has_length = std::fs::metadata(&path).is_ok_and(|found| found.len() == written.bytes);
-                has_length && file_sha256(&path).is_ok_and(|found| found == written.sha256)
+                has_length && sha256_of_file(&path).is_ok_and(|found| found == written.sha256)
             }
             #[cfg(feature = "cluster")]
             Self::Bucket(bucket) => bucket.holds(name, written),

@@ -1,14 +1,15 @@
 //! A series of a job: found again where it was planned, checked to be the same, loaded.
 
+use data_encoding::HEXLOWER;
+use relief_base::sha256_of_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::copies::Copies;
-use super::error::Lasting;
-use super::gate::{Gate, Held};
-use super::manifest::hex;
+use super::error::FailureKind;
+use super::gate::{MemoryBudget, ReservedMemory};
 use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
 
 use relief_session::load_labels;
@@ -45,35 +46,26 @@ pub struct LabelsSource {
 
 /// A volume with the bytes that it holds of a gate.
 #[derive(Debug)]
-pub(super) struct Loaded<'a> {
+pub(super) struct BudgetedVolume<'a> {
     pub(super) volume: Volume,
     /// On its grid.
     pub(super) labels: Option<Arc<LabelMap>>,
     /// Warnings of its reading.
     pub(super) warnings: Vec<String>,
-    held: Held<'a>,
+    held: ReservedMemory<'a>,
 }
 
 /// Why a series was not loaded.
-pub(super) type Trouble = (Lasting, String);
-
-/// SHA-256 of a volume's file.
-pub(super) fn file_sha256(path: &Path) -> std::io::Result<String> {
-    use sha2::{Digest, Sha256};
-    let mut file = std::fs::File::open(path)?;
-    let (mut hasher, mut part) = (Sha256::new(), vec![0; 1 << 16]);
-    loop {
-        match std::io::Read::read(&mut file, &mut part)? {
-            0 => return Ok(hex(&hasher.finalize().into())),
-            read => hasher.update(&part[..read]),
-        }
-    }
-}
+pub(super) type SeriesError = (FailureKind, String);
 
 impl SeriesSource {
     /// Loads the series within the limit of the gate, when memory is free; from a bucket through a
     /// copy. Errors are shown to others, so they name no file: folders may be named after patients.
-    pub(super) fn load<'a>(&self, gate: &'a Gate, copies: &Copies) -> Result<Loaded<'a>, Trouble> {
+    pub(super) fn load<'a>(
+        &self,
+        gate: &'a MemoryBudget,
+        copies: &Copies,
+    ) -> Result<BudgetedVolume<'a>, SeriesError> {
         let local = match copies.local(&self.path) {
             Ok(local) => local,
             Err(error) => return Err((lasting(&error), error.to_string())),
@@ -90,10 +82,14 @@ impl SeriesSource {
         Ok(loaded)
     }
 
-    fn load_series<'a>(&self, path: &Path, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
+    fn load_series<'a>(
+        &self,
+        path: &Path,
+        gate: &'a MemoryBudget,
+    ) -> Result<BudgetedVolume<'a>, SeriesError> {
         let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
         let entry = found.select(self.uid.as_deref()).map_err(of_dicom)?;
-        self.expect(&hex(&entry.content_sha256().map_err(of_dicom)?))?;
+        self.expect(&HEXLOWER.encode(&entry.content_sha256().map_err(of_dicom)?))?;
         // A label map has at most as many bytes as the voxels.
         let bytes = needed_bytes(entry).saturating_mul(1 + u64::from(self.labels.is_some()));
         if bytes > gate.limit() {
@@ -105,26 +101,26 @@ impl SeriesSource {
             relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
         let warnings = found.warnings().into_iter().chain(loaded.warnings);
         let warnings = warnings.map(|warning| warning.message).collect();
-        Ok(Loaded { volume: loaded.volume, labels: None, warnings, held })
+        Ok(BudgetedVolume { volume: loaded.volume, labels: None, warnings, held })
     }
 
-    fn load_file<'a>(&self, path: &Path, gate: &'a Gate) -> Result<Loaded<'a>, Trouble> {
-        let sha256 = file_sha256(path).map_err(|error| (Lasting::Retryable, error.to_string()))?;
+    fn load_file<'a>(&self, path: &Path, gate: &'a MemoryBudget) -> Result<BudgetedVolume<'a>, SeriesError> {
+        let sha256 = sha256_of_file(path).map_err(|error| (FailureKind::Retryable, error.to_string()))?;
         self.expect(&sha256)?;
         // How large it is, is known when it is read.
         let held = gate.hold(gate.limit());
         let limits = relief_dicom::FormatLimits { voxels: gate.limit() / size_of::<i16>() as u64 };
         let read = relief_dicom::read_volume_within(limits, path)
-            .map_err(|error| (Lasting::Permanent, error.to_string()))?;
-        Ok(Loaded { volume: read.volume, labels: None, warnings: read.warnings, held })
+            .map_err(|error| (FailureKind::Permanent, error.to_string()))?;
+        Ok(BudgetedVolume { volume: read.volume, labels: None, warnings: read.warnings, held })
     }
 
-    fn expect(&self, found: &str) -> Result<(), Trouble> {
+    fn expect(&self, found: &str) -> Result<(), SeriesError> {
         if self.sha256 == found {
             return Ok(());
         }
         Err((
-            Lasting::Permanent,
+            FailureKind::Permanent,
             "the series' files are not those that were planned with; plan anew".to_owned(),
         ))
     }
@@ -132,17 +128,22 @@ impl SeriesSource {
 
 impl LabelsSource {
     /// Loads the label map onto the grid of the volume, within the reserved bytes.
-    fn load(&self, copies: &Copies, gate: &Gate, loaded: &mut Loaded<'_>) -> Result<(), Trouble> {
+    fn load(
+        &self,
+        copies: &Copies,
+        gate: &MemoryBudget,
+        loaded: &mut BudgetedVolume<'_>,
+    ) -> Result<(), SeriesError> {
         let of_file = |error: std::io::Error| (lasting(&error), format!("its label map: {error}"));
         let local = copies.local(&self.path).map_err(of_file)?;
         let path = local.path();
-        if file_sha256(path).map_err(of_file)? != self.sha256 {
+        if sha256_of_file(path).map_err(of_file)? != self.sha256 {
             let reason = "the series' label map is not the one that was planned with; plan anew";
-            return Err((Lasting::Permanent, reason.to_owned()));
+            return Err((FailureKind::Permanent, reason.to_owned()));
         }
         let most_voxels = gate.limit() / size_of::<u16>() as u64;
         let labels = load_labels(path, most_voxels, loaded.volume.grid()).map_err(|error| {
-            (Lasting::Permanent, format!("its label map: {}", without_path(path, &error.to_string())))
+            (FailureKind::Permanent, format!("its label map: {}", without_path(path, &error.to_string())))
         })?;
         loaded.warnings.extend(labels.warnings);
         loaded.labels = Some(labels.map);
@@ -171,10 +172,10 @@ fn without_path(path: &Path, reason: &str) -> String {
 }
 
 /// Missing or invalid input fails again at the next try.
-fn lasting(error: &std::io::Error) -> Lasting {
+fn lasting(error: &std::io::Error) -> FailureKind {
     match error.kind() {
-        std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput => Lasting::Permanent,
-        _ => Lasting::Retryable,
+        std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput => FailureKind::Permanent,
+        _ => FailureKind::Retryable,
     }
 }
 
@@ -183,20 +184,20 @@ fn needed_bytes(entry: &SeriesEntry) -> u64 {
     entry.voxel_bytes()
 }
 
-fn too_large(needed: u64, allowed: u64) -> Trouble {
+fn too_large(needed: u64, allowed: u64) -> SeriesError {
     let (needed, allowed) = (needed.div_ceil(1 << 20), allowed >> 20);
     let reason =
         format!("the volume needs {needed} MiB, and {allowed} MiB are for voxels; allow more with --memory");
-    (Lasting::Permanent, reason)
+    (FailureKind::Permanent, reason)
 }
 
-fn of_dicom(error: relief_dicom::Error) -> Trouble {
+fn of_dicom(error: relief_dicom::Error) -> SeriesError {
     let kind = match &error {
         relief_dicom::Error::Unreadable { source, .. } if source.kind() != std::io::ErrorKind::NotFound => {
-            Lasting::Retryable
+            FailureKind::Retryable
         }
-        relief_dicom::Error::Memory { .. } => Lasting::Retryable,
-        _ => Lasting::Permanent,
+        relief_dicom::Error::Memory { .. } => FailureKind::Retryable,
+        _ => FailureKind::Permanent,
     };
     // A list of UIDs is nothing for a report that goes elsewhere.
     let reason = match error {

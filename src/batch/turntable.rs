@@ -24,7 +24,7 @@ const LONGEST: u64 = 2000;
 
 /// What turntables are asked to be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Film {
+pub enum FilmChoice {
     /// Animated PNG, and MP4 where ffmpeg is.
     #[default]
     Auto,
@@ -36,14 +36,14 @@ pub enum Film {
 
 /// What turntables will be.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Films {
+pub struct FilmWriter {
     /// The program that makes MP4, where it does.
     ffmpeg: Option<PathBuf>,
     /// Whether MP4 was wanted where it could be had, and cannot.
     pub lacks_ffmpeg: bool,
 }
 
-impl FromStr for Film {
+impl FromStr for FilmChoice {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
@@ -56,13 +56,13 @@ impl FromStr for Film {
     }
 }
 
-impl Films {
+impl FilmWriter {
     /// Looks for ffmpeg, by its name or path, where it is wanted.
     ///
     /// # Errors
     /// When ffmpeg is required and missing: how to install it.
-    pub fn new(film: Film, ffmpeg: &Path) -> Result<Self, String> {
-        if film == Film::Apng {
+    pub fn new(film: FilmChoice, ffmpeg: &Path) -> Result<Self, String> {
+        if film == FilmChoice::Apng {
             return Ok(Self { ffmpeg: None, lacks_ffmpeg: false });
         }
         let mut command = Command::new(ffmpeg);
@@ -71,7 +71,7 @@ impl Films {
         let runs = command.status().is_ok_and(|status| status.success());
         match (runs, film) {
             (true, _) => Ok(Self { ffmpeg: Some(ffmpeg.to_owned()), lacks_ffmpeg: false }),
-            (false, Film::Mp4) => Err(format!(
+            (false, FilmChoice::Mp4) => Err(format!(
                 "{} does not run, and MP4 needs it: install ffmpeg (Debian, Ubuntu: apt-get install ffmpeg), name it with \
                  --ffmpeg, or leave out --turntable mp4 for animated PNG",
                 ffmpeg.display()

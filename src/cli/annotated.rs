@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use relief_annotation::{ContentId, FrameOfReference, Geometry, Item};
 use relief_dicom::Loaded;
 use relief_render::Scene;
-use relief_session::{Drawables, Shape, shape_of_content};
+use relief_session::{Drawables, SurfaceMesh, shape_of_content};
 use relief_store::{Filter, Listing, Store, StoreError};
 
 /// Adds the annotations that a scene requests to its overlays. Blinded sets must be named.
@@ -35,7 +35,7 @@ pub(super) fn draw_annotations(
         shape_of_content(bytes, label)
             .map_err(|reason| tracing::warn!("an annotation cannot be drawn: {reason}"))
             .ok()
-            .map(Arc::<Shape>::new)
+            .map(Arc::<SurfaceMesh>::new)
     };
     let drawables = Drawables::new(items, shape_of);
     let drawn = drawables.draw(&mut scene.request, &scene.display, loaded.volume.grid());
@@ -55,7 +55,7 @@ async fn read(
     let log = Store::open_existing(place).await?;
     let sets = log.sets().await?;
     let is_open = |name: &str| !sets.iter().any(|set| set.blinded && set.name == name);
-    let is_named = matches!(scene.annotations, relief_annotation::Shown::Sets(_));
+    let is_named = matches!(scene.annotations, relief_annotation::ShownSets::Sets(_));
     let filter = Filter { frame_of_reference: Some(frame), ..Filter::default() };
     let mut listing = log.list(&filter).await?;
     listing.items.retain(|known| {

@@ -17,8 +17,8 @@ use super::bucket::{BucketArguments, CopiesArguments};
 use super::memory::{available_bytes, parse_bytes};
 use super::output::{print_json, say};
 use relief_batch::{
-    Failure, Film, Films, Job, JobKey, Lasting, Location, Options, REPORT, RunError, Shard, Sink, Step,
-    Summary, read_manifest, write_report,
+    Failure, FailureKind, FilmChoice, FilmWriter, Job, JobKey, Location, Options, REPORT, RunError, RunEvent,
+    Shard, Sink, Summary, read_manifest, write_report,
 };
 use relief_render::Renderer;
 
@@ -109,7 +109,7 @@ struct ReportArguments {
 struct FilmArguments {
     /// Turntables: apng, mp4 (and apng; needs ffmpeg), or auto: apng, and mp4 where ffmpeg is
     #[arg(long, value_name = "FILM", default_value = "auto")]
-    turntable: Film,
+    turntable: FilmChoice,
     /// The ffmpeg to use
     #[arg(long, value_name = "PATH", env = "RELIEF_FFMPEG", default_value = "ffmpeg")]
     ffmpeg: PathBuf,
@@ -117,8 +117,8 @@ struct FilmArguments {
 
 impl FilmArguments {
     /// What turntables of these jobs will be; says so where they are less than they might be.
-    fn films(&self, jobs: &[Job]) -> anyhow::Result<Films> {
-        let films = Films::new(self.turntable, &self.ffmpeg).map_err(anyhow::Error::msg)?;
+    fn films(&self, jobs: &[Job]) -> anyhow::Result<FilmWriter> {
+        let films = FilmWriter::new(self.turntable, &self.ffmpeg).map_err(anyhow::Error::msg)?;
         if films.lacks_ffmpeg && jobs.iter().any(|job| job.group == "turntable") {
             eprintln!("turntables are animated PNG alone: there is no ffmpeg to make MP4");
         }
@@ -190,7 +190,7 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let out = arguments.copies.bucket.open(&arguments.out)?;
     let copies = arguments.copies.copies();
     let options = Options { out, shard: arguments.shard, only, voxel_bytes: share.voxels, copies };
-    let teller = Teller::new(jobs.len());
+    let teller = RunProgress::new(jobs.len());
     let started = Instant::now();
     let open = || share.open_renderer(&arguments.adapter);
     let summary =
@@ -247,7 +247,7 @@ fn tell(
     [took, report]: [Duration; 2],
 ) -> anyhow::Result<ExitCode> {
     let Summary { jobs, done, skipped, loaded, failures, seconds } = summary;
-    let again = failures.iter().filter(|failure| failure.kind == Lasting::Retryable).count();
+    let again = failures.iter().filter(|failure| failure.kind == FailureKind::Retryable).count();
     if arguments.json {
         print_json(&json!({
             "out": arguments.out.to_string(), "jobs": jobs, "done": done, "skipped": skipped, "series_loaded": loaded,
@@ -278,12 +278,12 @@ pub(super) fn bar(what: &'static str) -> ProgressBar {
 }
 
 /// Progress of a run: a bar on a terminal, a line now and then elsewhere.
-struct Teller {
+struct RunProgress {
     bar: ProgressBar,
     told: Mutex<(Instant, usize)>,
 }
 
-impl Teller {
+impl RunProgress {
     const BETWEEN: Duration = Duration::from_secs(10);
 
     fn new(jobs: usize) -> Self {
@@ -292,10 +292,10 @@ impl Teller {
         Self { bar, told: Mutex::new((Instant::now(), 0)) }
     }
 
-    fn tell(&self, step: Step<'_>) {
+    fn tell(&self, step: RunEvent<'_>) {
         self.bar.inc(1);
         let Ok(mut told) = self.told.lock() else { return };
-        if let Step::Failed(Failure { name, reason, .. }) = step {
+        if let RunEvent::Failed(Failure { name, reason, .. }) = step {
             told.1 += 1;
             self.bar.set_message(format!("({} failed)", told.1));
             self.bar.suspend(|| eprintln!("failed: {name}: {reason}"));

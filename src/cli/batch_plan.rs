@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use super::batch::bar;
 use super::bucket::CopiesArguments;
 use super::output::{GrowingFile, print_json, say};
-use relief_annotation::Shown;
+use relief_annotation::ShownSets;
 use relief_batch::{AnnotationLog, Product, ProductSet, Query, Request, Root, ViewSet};
 use relief_render::SceneFile;
 use relief_volume::Orbit;
@@ -133,9 +133,9 @@ fn parse_pattern(text: &str) -> Result<String, String> {
 fn open_log(place: &str, arguments: &PlanArguments) -> anyhow::Result<AnnotationLog> {
     let names = arguments.set.iter().map(String::as_str);
     let shown = if arguments.set.is_empty() {
-        Shown::All
+        ShownSets::All
     } else {
-        Shown::of_names(names).map_err(anyhow::Error::msg)?
+        ShownSets::of_names(names).map_err(anyhow::Error::msg)?
     };
     Ok(AnnotationLog::open(place, &shown, arguments.out.with_extension("annotations"))?)
 }

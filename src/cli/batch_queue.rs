@@ -13,7 +13,7 @@ use super::batch::{MemoryShare, TRY_AGAIN, read};
 use super::bucket::CopiesArguments;
 use super::memory::parse_bytes;
 use super::output::{print_json, say};
-use relief_batch::{Location, Queue, QueueAccess, Step, WorkEnd, WorkOptions, WorkSummary};
+use relief_batch::{Location, Queue, QueueAccess, RunEvent, WorkEnd, WorkOptions, WorkSummary};
 
 /// The queue, and how to get in.
 #[derive(Debug, clap::Args)]
@@ -142,10 +142,10 @@ pub(super) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
     };
     tracing::info!("waiting for jobs of the stream {}", arguments.queue.stream);
     let started = Instant::now();
-    let tell = |step: Step<'_>| match step {
-        Step::Failed(failure) => eprintln!("failed: {}: {}", failure.name, failure.reason),
-        Step::Done(job, record) => tracing::debug!("done: {} in {:.0} ms", job.name(), record.render_ms),
-        Step::Skipped(job) => tracing::debug!("done before: {}", job.name()),
+    let tell = |step: RunEvent<'_>| match step {
+        RunEvent::Failed(failure) => eprintln!("failed: {}: {}", failure.name, failure.reason),
+        RunEvent::Done(job, record) => tracing::debug!("done: {} in {:.0} ms", job.name(), record.render_ms),
+        RunEvent::Skipped(job) => tracing::debug!("done before: {}", job.name()),
     };
     let worked = work_queue(&mut renderer, (&runtime, &queue), &options, stop, &tell)
         .with_context(|| format!("cannot work into {}", arguments.out))?;

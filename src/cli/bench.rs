@@ -11,7 +11,9 @@ use super::capacity::{self, CapacityArguments};
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::{SeriesArguments, SeriesOptions};
-use relief_render::{Clip, ClipPlane, RenderError, RenderRequest, RenderedFrame, Renderer, Skipping};
+use relief_render::{
+    Clip, ClipPlane, EmptySpaceSkipping, RenderError, RenderRequest, RenderedFrame, Renderer,
+};
 use relief_study::process_mib;
 use relief_volume::{TransferFunction, Volume};
 
@@ -58,7 +60,7 @@ pub(super) struct BenchArguments {
 
 /// The measurements; the README documents the JSON form.
 #[derive(Debug, serde::Serialize)]
-struct Report {
+struct BenchReport {
     adapter: String,
     driver: String,
     size_px: [u32; 2],
@@ -114,7 +116,7 @@ pub(super) fn run(arguments: BenchArguments) -> anyhow::Result<ExitCode> {
     let scene = scene_file.resolve_labelled(loaded.volume.grid(), &scene.orbit(), labels.as_ref())?;
     scene.expect_no_annotations()?;
     let turntable = Turntable { frames, step: orbit_deg.to_radians() };
-    let skipping = if no_skipping { Skipping::Off } else { Skipping::On };
+    let skipping = if no_skipping { EmptySpaceSkipping::Off } else { EmptySpaceSkipping::On };
     let mut bench = Bench { renderer: &mut renderer, volume: &loaded.volume, skipping };
     let report = bench.measure(&scene.request, turntable, load_ms)?;
     if json {
@@ -148,7 +150,7 @@ impl Turntable {
 struct Bench<'a> {
     renderer: &'a mut Renderer,
     volume: &'a Volume,
-    skipping: Skipping,
+    skipping: EmptySpaceSkipping,
 }
 
 impl Bench<'_> {
@@ -157,7 +159,7 @@ impl Bench<'_> {
         request: &RenderRequest,
         turntable: Turntable,
         load_ms: f64,
-    ) -> anyhow::Result<Report> {
+    ) -> anyhow::Result<BenchReport> {
         let start = Instant::now();
         let first = self.render(&turntable.frame(request, -1))?;
         let first_frame_ms = milliseconds(start);
@@ -177,7 +179,7 @@ impl Bench<'_> {
         let (transfer_change_ms, clip_change_ms) = self.changes(request)?;
         let driver_samples_per_s = self.renderer.sampling_rate(self.volume)?;
         let adapter = self.renderer.gpu().description();
-        Ok(Report {
+        Ok(BenchReport {
             adapter: adapter.name.clone(),
             driver: adapter.driver.clone(),
             size_px: request.size_px,
@@ -247,8 +249,8 @@ fn milliseconds(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
 }
 
-fn print(report: &Report) {
-    let Report { size_px: [width, height], frames, .. } = report;
+fn print(report: &BenchReport) {
+    let BenchReport { size_px: [width, height], frames, .. } = report;
     say!("{} ({})", report.adapter, report.driver);
     say!(
         "{width}x{height}, {frames} frames: median {:.1} ms ({:.1} frames/s), fastest {:.1} ms",

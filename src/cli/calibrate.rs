@@ -11,8 +11,8 @@ use anyhow::Context;
 use super::output::{print_json, say, write_whole};
 use super::track::read_text;
 use relief_tracking::{
-    Beacon, BlobIdentifier, Calibration, CalibrationModel, Calibrations, CameraFormat, Pinhole,
-    RecordingReader, Report, TimedReport, calibrate_camera, decode_ir, moving_views,
+    Beacon, BlobIdentifier, Calibration, CalibrationModel, Calibrations, CameraFormat, InputReport, Pinhole,
+    RecordingReader, TimedReport, calibrate_camera, decode_ir, moving_views,
 };
 
 /// Calibrate a Wiimote's camera from a recording in which it moves around a beacon.
@@ -37,8 +37,8 @@ pub(super) struct CalibrateArguments {
     #[arg(long, value_name = "CAMERA.yaml")]
     out: PathBuf,
     /// Parameters to calibrate
-    #[arg(long, value_enum, default_value_t = Wanted::Square)]
-    model: Wanted,
+    #[arg(long, value_enum, default_value_t = CameraModelChoice::Square)]
+    model: CameraModelChoice,
     /// Whose YAML
     #[arg(long, value_enum, default_value_t = Format::Opencv)]
     format: Format,
@@ -55,7 +55,7 @@ pub(super) struct CalibrateArguments {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Wanted {
+enum CameraModelChoice {
     /// One focal length and the principal point
     Square,
     /// Two focal lengths and the principal point
@@ -75,7 +75,7 @@ enum Format {
 }
 
 #[derive(serde::Serialize)]
-struct Found<'a> {
+struct CalibrationReport<'a> {
     out: &'a std::path::Path,
     camera_matrix: [f64; 9],
     distortion: [f64; 5],
@@ -115,10 +115,10 @@ pub(super) fn run(arguments: &CalibrateArguments) -> anyhow::Result<ExitCode> {
         None => moved,
     };
     let model = match arguments.model {
-        Wanted::Square => CalibrationModel::Square,
-        Wanted::Pinhole => CalibrationModel::Pinhole,
-        Wanted::Skew => CalibrationModel::Skew,
-        Wanted::Radial => CalibrationModel::Radial,
+        CameraModelChoice::Square => CalibrationModel::Square,
+        CameraModelChoice::Pinhole => CalibrationModel::Pinhole,
+        CameraModelChoice::Skew => CalibrationModel::Skew,
+        CameraModelChoice::Radial => CalibrationModel::Radial,
     };
     let found = calibrate_camera(&chosen, &nominal, model)
         .with_context(|| format!("{frames} frames of {name} with four LEDs do not calibrate the camera"))?;
@@ -148,7 +148,7 @@ fn nominal(arguments: &CalibrateArguments, recording: &[TimedReport]) -> anyhow:
             Some(known.ir.with_context(|| format!("{name} {without}"))?)
         }
         None => recording.iter().find_map(|timed| match &timed.report {
-            Report::Memory(memory) if memory.address == 0 && memory.error == 0 => {
+            InputReport::Memory(memory) if memory.address == 0 && memory.error == 0 => {
                 decode_ir(memory.bytes().first_chunk()?)
             }
             _ => None,
@@ -162,9 +162,9 @@ fn report<'a>(
     found: &'a Calibration,
     frames: usize,
     views: usize,
-) -> Found<'a> {
+) -> CalibrationReport<'a> {
     let k = &found.camera;
-    Found {
+    CalibrationReport {
         out: &arguments.out,
         camera_matrix: [k.fx, k.skew, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
         distortion: k.distortion,

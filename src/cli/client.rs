@@ -8,11 +8,11 @@ use anyhow::{Context, bail};
 
 use super::choices::layouts;
 use super::client_remote::{self, RemoteArguments};
-use super::client_watch::{Recorder, Watch};
+use super::client_watch::{FrameCounter, Recorder};
 use super::output::{print_json, say, write_whole};
 use super::scene::parse_size;
 use super::serve::stop_signal;
-use relief_annotation::Shown;
+use relief_annotation::ShownSets;
 use relief_client::{ClientError, Composer, Handle, Options, ServerAddress};
 use relief_display::{DisplaySettings, Layout, encode_png};
 use relief_live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Settings, check_view_name};
@@ -56,8 +56,8 @@ pub(super) struct ClientArguments {
     lossless: bool,
     /// Draw annotations: all, or sets by their names with commas between them; A places landmarks
     /// then, and 1 takes them back
-    #[arg(long, value_name = "true|SETS", value_parser = Shown::parse)]
-    annotations: Option<Shown>,
+    #[arg(long, value_name = "true|SETS", value_parser = ShownSets::parse)]
+    annotations: Option<ShownSets>,
     /// Author of placed annotations
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
     author: Option<String>,
@@ -248,7 +248,7 @@ fn run_session(
         bail!("this program was built without its window (feature window); --headless works without one");
     }
     drop(remote);
-    let watch = Watch::new(&handle, &recorder);
+    let watch = FrameCounter::new(&handle, &recorder);
     let save = arguments.headless.save_frame.as_deref();
     let outcome = runtime.block_on(async {
         let signal = stop_signal()?;

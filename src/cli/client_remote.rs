@@ -3,12 +3,12 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::track::SceneArguments;
+use super::track::TrackSceneArguments;
 use super::track_source::{Event, LiveOptions, Source};
 use relief_client::Handle;
 use relief_live::{PoseKind, RemotePose};
 use relief_tracking::{
-    Buttons, Report, Sensitivity, Tracker, TrackerOptions, TrackingState, quantised_noise,
+    Buttons, InputReport, Sensitivity, Tracker, TrackerOptions, TrackingState, quantised_noise,
 };
 
 #[derive(Debug, clap::Args)]
@@ -21,7 +21,7 @@ pub(super) struct RemoteArguments {
     #[arg(long, conflicts_with_all = ["beacon", "sensor"])]
     relay_reports: bool,
     #[command(flatten)]
-    scene: SceneArguments,
+    scene: TrackSceneArguments,
     /// Sensitivity of the camera, 1 to 6: the highest that sees no stray light
     #[arg(long, value_name = "LEVEL", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=6))]
     sensitivity: u8,
@@ -64,7 +64,7 @@ pub(super) fn start(arguments: &RemoteArguments, handle: &Handle) -> anyhow::Res
         }
         Err(error) => return Err(error),
     };
-    let hand = Arc::new(Mutex::new(Hand::new(handle, tracker, Arc::clone(&tracking))));
+    let hand = Arc::new(Mutex::new(RemoteReader::new(handle, tracker, Arc::clone(&tracking))));
     watch_for_silence(Arc::clone(&hand))?;
     let stopped = handle.clone();
     let read = move || {
@@ -94,7 +94,7 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 /// Lets go of everything when nothing comes any more.
-fn watch_for_silence(hand: Arc<Mutex<Hand>>) -> anyhow::Result<()> {
+fn watch_for_silence(hand: Arc<Mutex<RemoteReader>>) -> anyhow::Result<()> {
     let watch = move || {
         loop {
             std::thread::sleep(SILENT / 5);
@@ -112,7 +112,7 @@ fn watch_for_silence(hand: Arc<Mutex<Hand>>) -> anyhow::Result<()> {
 }
 
 /// Reads the reports of a Wiimote and sends their effects.
-struct Hand {
+struct RemoteReader {
     handle: Handle,
     /// `None` where the server tracks.
     tracker: Option<Tracker>,
@@ -125,7 +125,7 @@ struct Hand {
     heard: Option<Instant>,
 }
 
-impl Hand {
+impl RemoteReader {
     fn new(handle: &Handle, tracker: Option<Tracker>, tracking: Tracking) -> Self {
         if tracker.is_some() {
             *lock(&tracking) = Some(TrackingState::Searching);
@@ -152,7 +152,7 @@ impl Hand {
         }
     }
 
-    fn report(&mut self, t_ns: u64, at_ns: u64, report: &Report) {
+    fn report(&mut self, t_ns: u64, at_ns: u64, report: &InputReport) {
         let buttons = report.buttons().unwrap_or(self.buttons);
         let changed = buttons != self.buttons;
         self.buttons = buttons;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 
 use super::client::Session;
-use super::client_watch::{Recorder, Watch};
+use super::client_watch::{FrameCounter, Recorder};
 use super::output::{print_json, say};
 use relief_client::{Handle, Journal, JournalEntry, Options};
 use relief_live::{ClientMessage, Hello};
@@ -19,7 +19,7 @@ const STILL: Duration = Duration::from_secs(60);
 
 /// What came of a replay.
 #[derive(serde::Serialize)]
-struct Outcome {
+struct ReplayOutcome {
     messages: u64,
     dropped: u64,
     seconds: f64,
@@ -47,7 +47,7 @@ pub(super) async fn run(json: bool, path: &Path, session: &Session) -> anyhow::R
     let options = Options { hello, ..session.options.clone() };
     let handle = Handle::new();
     let recorder = Recorder::create(None, &options.hello)?;
-    let watch = Watch::new(&handle, &recorder);
+    let watch = FrameCounter::new(&handle, &recorder);
     let on = |event| watch.take(event);
     let link = relief_client::run(&options, &handle, &on);
     let play = async {
@@ -75,7 +75,11 @@ pub(super) async fn run(json: bool, path: &Path, session: &Session) -> anyhow::R
     Ok(if same == Some(false) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-async fn play(recorded: Recorded, handle: &Handle, watch: &Watch<'_>) -> anyhow::Result<Outcome> {
+async fn play(
+    recorded: Recorded,
+    handle: &Handle,
+    watch: &FrameCounter<'_>,
+) -> anyhow::Result<ReplayOutcome> {
     watch.look(None).await;
     let start = Instant::now();
     let (mut messages, mut dropped, mut first_ns, mut last_seq) = (0, 0, None, 0);
@@ -99,7 +103,7 @@ async fn play(recorded: Recorded, handle: &Handle, watch: &Watch<'_>) -> anyhow:
     let pixels_sha256 = still.as_ref().and_then(relief_client::pixels_sha256);
     let same = recorded_pixels_sha256.as_ref().zip(pixels_sha256.as_ref()).map(|(a, b)| a == b);
     let seconds = start.elapsed().as_secs_f64();
-    Ok(Outcome { messages, dropped, seconds, recorded_pixels_sha256, pixels_sha256, same })
+    Ok(ReplayOutcome { messages, dropped, seconds, recorded_pixels_sha256, pixels_sha256, same })
 }
 
 /// Says it again, now; gives its number, 0 for messages without one, `None` where it was dropped.
@@ -110,7 +114,7 @@ fn send(handle: &Handle, message: ClientMessage) -> Option<u64> {
         ClientMessage::Intent(intent) => handle.intent(now, intent.intent),
         ClientMessage::Settings(settings) => handle.settings(*settings).then_some(0),
         ClientMessage::Report(report) => {
-            let report = relief_tracking::Report::decode(&report.bytes().ok()?).ok()?;
+            let report = relief_tracking::InputReport::decode(&report.bytes().ok()?).ok()?;
             handle.report(now, &report)
         }
         ClientMessage::Hello(_) | ClientMessage::Ack(_) => Some(0),

@@ -89,7 +89,7 @@ pub(super) fn tell(event: &Event) {
 const QUIET: Duration = Duration::from_secs(2);
 
 /// Takes frames without showing them.
-pub(super) struct Watch<'a> {
+pub(super) struct FrameCounter<'a> {
     handle: &'a Handle,
     recorder: &'a Recorder,
     still: Mutex<Option<Received>>,
@@ -99,7 +99,7 @@ pub(super) struct Watch<'a> {
     changed: Notify,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> FrameCounter<'a> {
     pub(super) fn new(handle: &'a Handle, recorder: &'a Recorder) -> Self {
         let (still, connected) = (Mutex::new(None), Mutex::new(false));
         let (moved, changed) = (Mutex::new(Instant::now()), Notify::new());

@@ -76,7 +76,7 @@ struct Finding {
 
 /// Everything that was found out.
 #[derive(Debug, Serialize)]
-struct Report {
+struct DoctorReport {
     version: &'static str,
     can_render: bool,
     adapters: Vec<AdapterDescription>,
@@ -108,7 +108,7 @@ pub(super) fn run(arguments: DoctorArguments) -> anyhow::Result<ExitCode> {
     Ok(if report.can_render { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn examine() -> Report {
+fn examine() -> DoctorReport {
     let adapters = adapters();
     let mut findings = vec![system_finding()];
     findings.extend(driver_file_findings());
@@ -118,7 +118,7 @@ fn examine() -> Report {
         let found = "no graphics adapter".to_owned();
         findings.push(Finding::new(Mark::Missing, "adapter", found).advise(GET_A_DRIVER));
     }
-    let mut report = Report {
+    let mut report = DoctorReport {
         version: env!("CARGO_PKG_VERSION"),
         can_render: false,
         adapters,
@@ -142,7 +142,7 @@ impl Finding {
     }
 }
 
-impl Report {
+impl DoctorReport {
     /// Opens the adapter that every other subcommand would open, and renders with it.
     fn examine_choice(&mut self) {
         if self.adapters.is_empty() {
@@ -364,7 +364,7 @@ fn jpeg_ls_finding() -> Finding {
         .advise(["build with --features jpeg-ls; it needs cmake and a C++ compiler"])
 }
 
-fn readable(report: &Report) -> String {
+fn readable(report: &DoctorReport) -> String {
     let mut text = format!("relief {}\n\n", report.version);
     for Finding { mark, what, found, advice } in &report.findings {
         let mark = match mark {

@@ -43,7 +43,7 @@ pub(super) enum Anchor {
 }
 
 #[derive(Debug)]
-struct Shape {
+struct StyledLines {
     /// Lines with round ends; one of a single point is a dot.
     lines: Vec<Vec<[f64; 2]>>,
     pen: Pen,
@@ -56,7 +56,7 @@ struct Shape {
 pub(super) struct Drawing {
     size: [u16; 2],
     title: String,
-    shapes: Vec<Shape>,
+    shapes: Vec<StyledLines>,
 }
 
 impl Drawing {
@@ -66,7 +66,7 @@ impl Drawing {
 
     pub(super) fn line(&mut self, points: &[[f64; 2]], pen: Pen) {
         if !points.is_empty() {
-            self.shapes.push(Shape { lines: vec![points.to_vec()], pen, label: None });
+            self.shapes.push(StyledLines { lines: vec![points.to_vec()], pen, label: None });
         }
     }
 
@@ -92,7 +92,7 @@ impl Drawing {
             }
         }
         let pen = Pen::solid(color, (height * 0.13).max(1.0));
-        self.shapes.push(Shape { lines, pen, label: Some(text.to_owned()) });
+        self.shapes.push(StyledLines { lines, pen, label: Some(text.to_owned()) });
     }
 
     /// The drawing as SVG.

@@ -43,7 +43,7 @@ struct CheckArguments {
     #[arg(value_name = "CASE")]
     cases: Vec<String>,
     #[command(flatten)]
-    place: Place,
+    place: SuiteArguments,
     /// Print the findings as one JSON object
     #[arg(long)]
     json: bool,
@@ -59,11 +59,11 @@ struct BlessArguments {
     #[arg(long, conflicts_with = "cases")]
     all: bool,
     #[command(flatten)]
-    place: Place,
+    place: SuiteArguments,
 }
 
 #[derive(Debug, clap::Args)]
-struct Place {
+struct SuiteArguments {
     /// Folder of the cases, DIR/SUITE/CASE/case.toml
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DIR)]
     dir: PathBuf,
@@ -81,7 +81,7 @@ pub(super) fn run(arguments: GoldenArguments) -> anyhow::Result<ExitCode> {
     }
 }
 
-impl Place {
+impl SuiteArguments {
     fn artefacts(&self) -> Artefacts {
         let mut bless = "relief golden bless".to_owned();
         if self.dir.as_os_str() != DEFAULT_DIR {

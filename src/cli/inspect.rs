@@ -1,5 +1,6 @@
 //! `relief inspect`: describes a series or a 2D-plus-depth frame, and reports errors.
 
+use data_encoding::HEXLOWER;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -27,7 +28,7 @@ pub(super) struct InspectArguments {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct InspectReport {
     series: Vec<SeriesReport>,
     skipped: Vec<Skipped>,
 }
@@ -73,10 +74,10 @@ fn is_png(path: &Path) -> bool {
     read.is_ok() && signature == *b"\x89PNG\r\n\x1a\n"
 }
 
-fn report(arguments: &InspectArguments) -> anyhow::Result<Report> {
+fn report(arguments: &InspectArguments) -> anyhow::Result<InspectReport> {
     let strictness = source::strictness(arguments.strict);
     let found = source::discover(&arguments.path, strictness)?;
-    let mut report = Report { series: Vec::new(), skipped: found.skipped.clone() };
+    let mut report = InspectReport { series: Vec::new(), skipped: found.skipped.clone() };
     for entry in &found.series {
         match source::load_entry(entry, strictness) {
             Ok(loaded) => report.series.push(SeriesReport::new(entry, &loaded)),
@@ -103,14 +104,14 @@ impl SeriesReport {
             origin_mm: grid.origin().xyz.to_array(),
             direction: grid.direction(),
             hu_range: [low, high],
-            stack_sha256: loaded.stack_sha256().iter().map(|byte| format!("{byte:02x}")).collect(),
+            stack_sha256: HEXLOWER.encode(&loaded.stack_sha256()),
             transfer_syntax: entry.transfer_syntax(),
             warnings: loaded.warnings.clone(),
         }
     }
 }
 
-fn print(report: &Report) {
+fn print(report: &InspectReport) {
     for series in &report.series {
         print_series(series);
     }

@@ -21,7 +21,7 @@ pub(super) fn report(error: &anyhow::Error) -> String {
 
 /// Writes a file so that it appears whole or not at all.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    relief_batch::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    relief_base::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// A file that is written bit by bit and appears when it is finished.
@@ -33,7 +33,7 @@ pub(super) struct GrowingFile {
 impl GrowingFile {
     pub(super) fn create(path: &Path) -> anyhow::Result<Self> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let file = relief_batch::shared_temporary().prefix(".relief-").tempfile_in(folder);
+        let file = relief_base::shared_temporary().prefix(".relief-").tempfile_in(folder);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
         Ok(Self { file: std::io::BufWriter::new(file), path: path.to_owned() })
     }

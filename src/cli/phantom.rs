@@ -43,7 +43,7 @@ pub(super) struct PhantomArguments {
 
 /// What `--json` prints.
 #[derive(serde::Serialize)]
-struct Report<'a> {
+struct PhantomReport<'a> {
     kind: &'a str,
     folder: &'a std::path::Path,
     truth: PathBuf,
@@ -80,7 +80,7 @@ pub(super) fn run(arguments: PhantomArguments) -> anyhow::Result<ExitCode> {
     }
     folder.finish()?;
     bar.finish_and_clear();
-    let report = Report {
+    let report = PhantomReport {
         kind: kind.name(),
         folder: &out,
         truth: out.join("truth.json"),
@@ -102,7 +102,7 @@ pub(super) fn run(arguments: PhantomArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn print_text(report: &Report<'_>) {
+fn print_text(report: &PhantomReport<'_>) {
     let ([nx, ny, nz], [sx, sy, sz]) = (report.dims, report.spacing_mm);
     let folder = report.folder.display();
     say!("Made the {} phantom in {folder} in {:.1} s.", report.kind, report.seconds);

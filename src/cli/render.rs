@@ -15,7 +15,7 @@ use super::output::{print_json, say, write_whole};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
 use super::views;
-use relief_annotation::Shown;
+use relief_annotation::ShownSets;
 use relief_render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
 use relief_session::{FileFormat, Product, SpeedBook};
 use relief_volume::Volume;
@@ -66,7 +66,7 @@ pub(super) struct RenderArguments {
     set: Vec<String>,
     /// Which views a layout of views has
     #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
-    views: views::Choice,
+    views: views::ViewChoice,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
@@ -126,8 +126,8 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
         scene_file = scene_file.with_budget_ms(ms);
     }
     if annotations.is_some() && (scene_file.annotations().is_nothing() || !set.is_empty()) {
-        let shown = Shown::of_names(set.iter().map(String::as_str)).map_err(anyhow::Error::msg);
-        scene_file = scene_file.with_annotations(if set.is_empty() { Shown::All } else { shown? });
+        let shown = ShownSets::of_names(set.iter().map(String::as_str)).map_err(anyhow::Error::msg);
+        scene_file = scene_file.with_annotations(if set.is_empty() { ShownSets::All } else { shown? });
     }
     check_outputs(&out, depth_out.as_ref())?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
@@ -136,7 +136,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
     draw_annotations(annotations.as_deref(), &loaded, &mut scene)?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
-    } else if choice != views::Choice::Synthesised {
+    } else if choice != views::ViewChoice::Synthesised {
         bail!("--views is for .png files");
     }
     views::check(choice, &scene)?;
@@ -145,7 +145,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
     }
     let frame = render(&mut renderer, &loaded.volume, &scene.request)?;
     let made = match choice {
-        views::Choice::Synthesised => None,
+        views::ViewChoice::Synthesised => None,
         _ => Some(views::make(choice, &scene, &frame, (&mut renderer, &loaded.volume), render)?),
     };
     let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
@@ -234,7 +234,7 @@ fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()>
 fn report(
     renderer: &Renderer,
     (scene, frame): (&Scene, &RenderedFrame),
-    ((out, depth_out), views): ((&Path, Option<&Path>), Option<&views::Made>),
+    ((out, depth_out), views): ((&Path, Option<&Path>), Option<&views::ViewFile>),
     json: bool,
 ) -> anyhow::Result<ExitCode> {
     let adapter = renderer.gpu().description();

@@ -3,7 +3,7 @@
 //! The address is printed as soon as it answers; series load behind it, and `/readyz` says when
 //! frames can be had.
 
-use std::io::Read;
+use relief_base::sha256_of_file;
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,7 +12,6 @@ use std::time::Duration;
 
 use anyhow::Context;
 use futures_util::FutureExt;
-use sha2::{Digest, Sha256};
 use tokio::net::TcpSocket;
 use tokio::sync::oneshot;
 
@@ -27,7 +26,7 @@ use super::track::{read_beacon, read_camera};
 use relief_dicom::{LoadLimits, Strictness};
 use relief_render::VolumeLimits;
 use relief_server::{
-    Config, ConnectionLimits, Drained, LabelsLoader, LiveConfig, Server, UploadLimits, VolumeLoader,
+    Config, ConnectionLimits, LabelsLoader, LiveConfig, Server, Shutdown, UploadLimits, VolumeLoader,
 };
 use relief_session::{LoadedVolume, QueueConfig, RenderService};
 use relief_store::Store;
@@ -176,7 +175,7 @@ async fn serve(
     };
     let drained =
         relief_server::serve(listener, relief_server::app(server), ConnectionLimits::default(), stop).await;
-    if drained == Drained::CutOff {
+    if drained == Shutdown::CutOff {
         eprintln!("warning: some requests were cut off");
     }
     follower.abort();
@@ -244,22 +243,11 @@ fn labels_loader() -> LabelsLoader {
 /// Tells two builds of one version apart: a frame cached from the one is not a frame of the other.
 /// By the program's content, so that servers of one build agree on every machine.
 fn build() -> String {
-    let digest = std::env::current_exe().and_then(|path| sha256(&path));
-    let digits = digest.map(|digest| digest[..8].iter().map(|byte| format!("{byte:02x}")).collect());
+    let digest = std::env::current_exe().and_then(|path| sha256_of_file(&path));
     // The start time identifies a program whose file cannot be read.
-    let digits: String = digits.unwrap_or_else(|_| format!("{:?}", std::time::SystemTime::now()));
+    let digits = digest
+        .map_or_else(|_| format!("{:?}", std::time::SystemTime::now()), |digest| digest[..16].to_owned());
     format!("{}-{digits}", env!("CARGO_PKG_VERSION"))
-}
-
-fn sha256(path: &Path) -> std::io::Result<[u8; 32]> {
-    let mut file = std::fs::File::open(path)?;
-    let (mut hash, mut part) = (Sha256::new(), vec![0; 1 << 20]);
-    loop {
-        match file.read(&mut part)? {
-            0 => return Ok(hash.finalize().into()),
-            bytes => hash.update(&part[..bytes]),
-        }
-    }
 }
 
 /// An address that a browser on this machine can open.

@@ -17,7 +17,7 @@ use relief_session::LoadedVolume;
 
 /// A place that there is a series in.
 #[derive(Clone, Debug)]
-pub(super) struct Place {
+pub(super) struct SeriesLocation {
     path: PathBuf,
     labels: Option<PathBuf>,
     /// Of several below a prefix of a bucket: the prefix, which of them it is, and of how many.
@@ -26,7 +26,11 @@ pub(super) struct Place {
 
 /// The locations of series, in the order of the options; those in buckets are listed. A missing
 /// location is an error.
-pub(super) fn places(series: &[PathBuf], labels: &[PathBuf], copies: &Copies) -> anyhow::Result<Vec<Place>> {
+pub(super) fn places(
+    series: &[PathBuf],
+    labels: &[PathBuf],
+    copies: &Copies,
+) -> anyhow::Result<Vec<SeriesLocation>> {
     for path in series.iter().filter(|path| !Location::is_bucket(path)).chain(labels) {
         // Checked before any series is opened, because loading takes long.
         std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -39,7 +43,7 @@ pub(super) fn places(series: &[PathBuf], labels: &[PathBuf], copies: &Copies) ->
     let labels = labels.iter().cloned().map(Some).chain(std::iter::repeat(None));
     for (path, labels) in series.iter().zip(labels) {
         if !Location::is_bucket(path) {
-            places.push(Place { path: path.clone(), labels, among: None });
+            places.push(SeriesLocation { path: path.clone(), labels, among: None });
             continue;
         }
         let found = copies.places(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -47,7 +51,7 @@ pub(super) fn places(series: &[PathBuf], labels: &[PathBuf], copies: &Copies) ->
             bail!("--labels are of one series, and {} has {}", path.display(), found.len());
         }
         let count = found.len();
-        places.extend(found.into_iter().zip(1..).map(|(found, number)| Place {
+        places.extend(found.into_iter().zip(1..).map(|(found, number)| SeriesLocation {
             path: found,
             labels: labels.clone(),
             among: Some((path.clone(), number, count)),
@@ -56,7 +60,7 @@ pub(super) fn places(series: &[PathBuf], labels: &[PathBuf], copies: &Copies) ->
     Ok(places)
 }
 
-impl Place {
+impl SeriesLocation {
     /// The name for messages: below a prefix of a bucket a number, because names there may be those
     /// of patients.
     fn name(&self) -> String {
@@ -73,7 +77,7 @@ impl Place {
 /// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when
 /// all went well.
 pub(super) fn load_behind(
-    places: Vec<Place>,
+    places: Vec<SeriesLocation>,
     copies: Copies,
     (options, limits): (SeriesOptions, VolumeLimits),
     server: Arc<Server>,
@@ -96,7 +100,7 @@ struct Loading<'a> {
 }
 
 impl Loading<'_> {
-    fn all(&self, places: &[Place]) -> anyhow::Result<()> {
+    fn all(&self, places: &[SeriesLocation]) -> anyhow::Result<()> {
         let mut added = 0;
         for place in places {
             added += self.place(place).with_context(|| format!("cannot serve {}", place.name()))?;
@@ -109,7 +113,7 @@ impl Loading<'_> {
 
     /// Adds the series of a location and returns their number. Unusable locations of several in a
     /// bucket are skipped with a warning.
-    fn place(&self, place: &Place) -> anyhow::Result<usize> {
+    fn place(&self, place: &SeriesLocation) -> anyhow::Result<usize> {
         let Some((_, _, count)) = place.among else {
             return self.series(place, self.options).map(|()| 1);
         };
@@ -141,7 +145,7 @@ impl Loading<'_> {
         Ok(added)
     }
 
-    fn leave_out(&self, place: &Place, reason: &anyhow::Error) -> usize {
+    fn leave_out(&self, place: &SeriesLocation, reason: &anyhow::Error) -> usize {
         eprintln!("warning: cannot serve {}: {reason:#}", place.name());
         self.server.expect_fewer_volumes(1);
         0
@@ -161,7 +165,7 @@ impl Loading<'_> {
     }
 
     /// Loads a series and its label map, with room made before and a way to read it again.
-    fn series(&self, place: &Place, options: &SeriesOptions) -> anyhow::Result<()> {
+    fn series(&self, place: &SeriesLocation, options: &SeriesOptions) -> anyhow::Result<()> {
         let local = self.copies.local(&place.path)?;
         let (loaded, _) = source::load_after(local.path(), options, |dims| {
             self.limits.plan(dims)?;

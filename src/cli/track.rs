@@ -54,7 +54,7 @@ struct FollowArguments {
     #[arg(long, value_name = "SOURCE")]
     reports: Option<String>,
     #[command(flatten)]
-    scene: SceneArguments,
+    scene: TrackSceneArguments,
     #[command(flatten)]
     filter: FilterArguments,
     /// Sensitivity of the camera, 1 to 6: the highest that sees no stray light
@@ -91,7 +91,7 @@ struct FollowArguments {
 
 /// Source of reports, camera and beacon.
 #[derive(Debug, clap::Args)]
-pub(super) struct SceneArguments {
+pub(super) struct TrackSceneArguments {
     /// The LEDs; the recommended beacon by default
     #[arg(long, value_name = "BEACON.toml")]
     beacon: Option<PathBuf>,
@@ -116,8 +116,8 @@ struct FilterArguments {
     #[arg(long, conflicts_with = "filter")]
     no_filter: bool,
     /// How the Wiimote moves
-    #[arg(long, value_enum, default_value_t = Moved::Hand)]
-    motion: Moved,
+    #[arg(long, value_enum, default_value_t = MotionModel::Hand)]
+    motion: MotionModel,
     /// Use the rates of a MotionPlus
     #[arg(long)]
     gyro: bool,
@@ -146,7 +146,7 @@ enum Filter {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Moved {
+enum MotionModel {
     /// In a hand
     Hand,
     /// On a robot's arm or a tripod
@@ -158,7 +158,7 @@ fn noise(text: &str) -> Result<f64, String> {
     if (0.01..=20.0).contains(&px) { Ok(px) } else { Err("allowed: 0.01 to 20 px".to_owned()) }
 }
 
-impl SceneArguments {
+impl TrackSceneArguments {
     pub(super) fn beacon(&self) -> anyhow::Result<Beacon> {
         read_beacon(self.beacon.as_deref())
     }
@@ -228,7 +228,7 @@ impl FilterArguments {
             filter,
             solver: self.solver.kind(),
             noise_px: quantised_noise(noise_px),
-            motion: if self.motion == Moved::Arm { MotionDensity::ARM } else { MotionDensity::HAND },
+            motion: if self.motion == MotionModel::Arm { MotionDensity::ARM } else { MotionDensity::HAND },
             use_gyroscope: self.gyro,
             ..TrackerOptions::default()
         }

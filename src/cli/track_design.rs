@@ -50,7 +50,7 @@ pub(super) struct TrackDesignArguments {
 }
 
 #[derive(serde::Serialize)]
-struct Report {
+struct DesignReport {
     leds_mm: Vec<[f64; 3]>,
     views: u32,
     score: DesignScore,
@@ -81,7 +81,7 @@ pub(super) fn run(arguments: &TrackDesignArguments) -> anyhow::Result<ExitCode> 
         write_whole(out, beacon.write().as_bytes())?;
     }
     let leds_mm = beacon.leds().iter().map(|led| (*led).into()).collect();
-    let report = Report { leds_mm, views: arguments.views, score: found };
+    let report = DesignReport { leds_mm, views: arguments.views, score: found };
     if arguments.json {
         print_json(&report)?;
     } else {
@@ -106,7 +106,7 @@ fn search_for(
     found.context("no layout was better than none; try more, or a larger box")
 }
 
-fn print_text(report: &Report) {
+fn print_text(report: &DesignReport) {
     for (at, [x, y, z]) in report.leds_mm.iter().enumerate() {
         say!("LED {}  {x:7.1} {y:7.1} {z:7.1} mm", at + 1);
     }

@@ -73,7 +73,7 @@ pub(super) struct WayReport {
 }
 
 #[derive(serde::Serialize)]
-pub(super) struct Report {
+pub(super) struct ExperimentReport {
     pub(super) distance_mm: f64,
     pub(super) noise_px: f64,
     pub(super) repeats: u32,
@@ -112,7 +112,7 @@ pub(super) fn run(arguments: &TrackExperimentArguments) -> anyhow::Result<ExitCo
         way: way.name,
         outcomes: ExperimentRun::ALL.par_iter().map(|run| run_experiment(&setting, *run, way)).collect(),
     };
-    let report = Report {
+    let report = ExperimentReport {
         distance_mm: setting.distance_mm,
         noise_px: setting.sensing.noise_px,
         repeats: setting.repeats,
@@ -152,7 +152,7 @@ fn ways(calibration: &Calibration, truth: Pinhole) -> [TrackingMethod; 5] {
     ]
 }
 
-fn print_table(report: &Report) {
+fn print_table(report: &ExperimentReport) {
     say!(
         "Robot-arm experiment at {:.0} mm, {} times; noise {} px and whole pixels; f = {:.1} px, calibrated {:.1} px.",
         report.distance_mm,
@@ -182,7 +182,7 @@ fn cell(outcome: &ExperimentOutcome) -> String {
     format!("{:.3} ({:.3}) [{:.2}]", outcome.mean, outcome.deviation, outcome.rms / outcome.bound)
 }
 
-fn write_files(folder: &std::path::Path, report: &Report) -> anyhow::Result<()> {
+fn write_files(folder: &std::path::Path, report: &ExperimentReport) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let mut table = "way,run,mean,deviation,rms,bound,lost\n".to_owned();
     let mut points = "way,run,truth,error\n".to_owned();

@@ -6,7 +6,7 @@ use anyhow::Context;
 
 use super::output::GrowingFile;
 use relief_live::{Gestures, HandOptions, HandSample, Intent};
-use relief_tracking::{Report, TrackedSample};
+use relief_tracking::{InputReport, TrackedSample};
 
 /// A file of intents that grows with the reports.
 pub(super) struct Intents {
@@ -29,7 +29,7 @@ impl Intents {
     }
 
     /// The buttons of a report, whether it has a picture or not.
-    pub(super) fn report(&mut self, t_ns: u64, report: &Report) -> anyhow::Result<()> {
+    pub(super) fn report(&mut self, t_ns: u64, report: &InputReport) -> anyhow::Result<()> {
         let intents = report.buttons().map_or_else(Vec::new, |buttons| self.gestures.hold(t_ns, buttons));
         self.write(t_ns, &intents)
     }

@@ -11,7 +11,7 @@ use std::path::Path;
 use super::axis::{number, ticks};
 use super::drawing::{Anchor, Color, Drawing, Pen};
 use super::output::write_whole;
-use super::track_experiment::Report;
+use super::track_experiment::ExperimentReport;
 use relief_tracking::PlotPoint;
 
 const INK: Color = [0x22, 0x22, 0x22];
@@ -46,7 +46,7 @@ struct Area {
 }
 
 /// Writes `r-x.svg`, `r-x.png` and so on, and `overview.svg`, `overview.png`.
-pub(super) fn write(folder: &Path, report: &Report) -> anyhow::Result<()> {
+pub(super) fn write(folder: &Path, report: &ExperimentReport) -> anyhow::Result<()> {
     let both = |name: &str, drawing: &Drawing| -> anyhow::Result<()> {
         write_whole(&folder.join(format!("{name}.svg")), drawing.svg().as_bytes())?;
         write_whole(&folder.join(format!("{name}.png")), &drawing.png()?)
@@ -74,15 +74,15 @@ fn deed(axis: &str) -> String {
     }
 }
 
-fn setting(report: &Report) -> String {
-    let Report { distance_mm, noise_px, repeats, true_focal_px, calibrated_focal_px, .. } = report;
+fn setting(report: &ExperimentReport) -> String {
+    let ExperimentReport { distance_mm, noise_px, repeats, true_focal_px, calibrated_focal_px, .. } = report;
     format!(
         "simulated: {distance_mm:.0} mm before the beacon, {repeats} x 21 stops, noise {noise_px} px and whole pixels, f = {true_focal_px:.1} px, \
          calibrated {calibrated_focal_px:.1} px"
     )
 }
 
-fn plot(report: &Report, run: usize) -> Drawing {
+fn plot(report: &ExperimentReport, run: usize) -> Drawing {
     let (axis, unit) = axis_and_unit(report.runs[run]);
     let title = format!("{axis}: {}", deed(axis));
     let mut drawing = Drawing::new([1240, 470], &title);
@@ -104,7 +104,7 @@ fn plot(report: &Report, run: usize) -> Drawing {
     drawing
 }
 
-fn overview(report: &Report) -> Drawing {
+fn overview(report: &ExperimentReport) -> Drawing {
     const PANEL: f64 = 206.0;
     let title = "Robot-arm experiment: the published errors (2009) and ours";
     let mut drawing = Drawing::new([680, 1150], title);
@@ -142,7 +142,7 @@ fn note(drawing: &mut Drawing, [x, y]: [f64; 2]) {
 }
 
 /// Errors over the commanded position.
-fn errors(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
+fn errors(drawing: &mut Drawing, report: &ExperimentReport, run: usize, area: Area) {
     let (axis, unit) = axis_and_unit(report.runs[run]);
     let published = report.paper_mean[run];
     let points = || report.ways.iter().flat_map(|way| &way.outcomes[run].points);
@@ -205,7 +205,7 @@ fn means_of_stops(points: &[PlotPoint]) -> Vec<PlotPoint> {
 
 /// Mean errors: a row for the published values and one for each method, with name, mean and
 /// standard deviation.
-fn comparison(drawing: &mut Drawing, report: &Report, run: usize, area: Area) {
+fn comparison(drawing: &mut Drawing, report: &ExperimentReport, run: usize, area: Area) {
     let mut rows =
         vec![("published (2009)", report.paper_mean[run], report.paper_deviation[run], None, PUBLISHED)];
     for (way, pen) in report.ways.iter().zip(PENS) {

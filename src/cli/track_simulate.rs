@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use super::output::{print_json, say, write_whole};
-use super::track::SceneArguments;
+use super::track::TrackSceneArguments;
 use relief_tracking::{
     Buttons, HiddenLed, PointingHand, PressedButton, ReportDelivery, Simulation, SurveyingHand, ThinLens,
     recording_line,
@@ -29,13 +29,13 @@ pub(super) struct TrackSimulateArguments {
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     #[command(flatten)]
-    scene: SceneArguments,
+    scene: TrackSceneArguments,
     /// Length of the recording
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=3600))]
     seconds: u16,
     /// Movement of the hand
-    #[arg(long, value_enum, default_value_t = Moves::Point)]
-    path: Moves,
+    #[arg(long, value_enum, default_value_t = SimulatedMotion::Point)]
+    path: SimulatedMotion,
     /// Mean distance from the beacon, when it points
     #[arg(long, value_name = "MM", default_value_t = 1400, value_parser = clap::value_parser!(u32).range(300..=10_000))]
     distance_mm: u32,
@@ -68,7 +68,7 @@ pub(super) struct TrackSimulateArguments {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Moves {
+enum SimulatedMotion {
     /// It points at the beacon, and sways
     Point,
     /// It moves around the beacon and over the whole picture, for calibrations
@@ -83,7 +83,7 @@ struct Truth {
 }
 
 #[derive(serde::Serialize)]
-struct Report<'a> {
+struct SimulationReport<'a> {
     out: &'a std::path::Path,
     reports: usize,
     seconds: u16,
@@ -108,8 +108,10 @@ pub(super) fn run(arguments: &TrackSimulateArguments) -> anyhow::Result<ExitCode
     let seconds = f64::from(arguments.seconds);
     let hand = PointingHand::before(&beacon, f64::from(arguments.distance_mm), arguments.seed);
     let made = match arguments.path {
-        Moves::Point => simulation.record(&hand, seconds),
-        Moves::Survey => simulation.record(&SurveyingHand::around(&beacon, arguments.seed), seconds),
+        SimulatedMotion::Point => simulation.record(&hand, seconds),
+        SimulatedMotion::Survey => {
+            simulation.record(&SurveyingHand::around(&beacon, arguments.seed), seconds)
+        }
     };
     let line = |t_ns: u64, bytes: &[u8]| recording_line(t_ns, bytes) + "\n";
     let reports: String = made.iter().map(|made| line(made.t_ns, &made.report.encode())).collect();
@@ -125,8 +127,12 @@ pub(super) fn run(arguments: &TrackSimulateArguments) -> anyhow::Result<ExitCode
         }
         write_whole(truth, lines.as_bytes())?;
     }
-    let report =
-        Report { out: &arguments.out, reports: made.len(), seconds: arguments.seconds, seed: arguments.seed };
+    let report = SimulationReport {
+        out: &arguments.out,
+        reports: made.len(),
+        seconds: arguments.seconds,
+        seed: arguments.seed,
+    };
     if arguments.json {
         print_json(&report)?;
     } else {

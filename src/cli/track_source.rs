@@ -12,14 +12,14 @@ use anyhow::Context;
 
 use super::output::GrowingFile;
 use relief_tracking::{
-    AccelerometerCalibration, GyroCalibration, Host, HostOptions, HostState, MAX_REPORT_BYTES,
-    RecordingReader, Report, Sensitivity, recording_line,
+    AccelerometerCalibration, GyroCalibration, Host, HostOptions, HostState, InputReport, MAX_REPORT_BYTES,
+    RecordingReader, Sensitivity, recording_line,
 };
 
 /// An event of a source.
 pub(super) enum Event {
     /// A report and its time, ns.
-    Report(u64, Report),
+    Report(u64, InputReport),
     /// Calibration data of a remote.
     Calibration(Option<AccelerometerCalibration>, Option<GyroCalibration>),
 }
@@ -37,7 +37,7 @@ type Recorded = RecordingReader<Box<dyn BufRead + Send>>;
 
 pub(super) enum Source {
     Recording { reader: Recorded, name: String, pace: Option<Pace> },
-    Socket { events: Receiver<Result<(u64, Report), String>>, stop: Arc<AtomicBool> },
+    Socket { events: Receiver<Result<(u64, InputReport), String>>, stop: Arc<AtomicBool> },
     Remote(Box<Remote>),
 }
 
@@ -230,7 +230,7 @@ impl Remote {
             match open.reports.recv_timeout(Duration::from_millis(20)) {
                 Ok((at, bytes)) => {
                     // Input that is not a report (from a driver or another program) is skipped.
-                    let Ok(report) = Report::decode(&bytes) else { continue };
+                    let Ok(report) = InputReport::decode(&bytes) else { continue };
                     let t_ns = clock.ns(at);
                     open.host.take(t_ns, &report);
                     if let Some(record) = &mut self.record {

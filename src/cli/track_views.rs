@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::Context;
 
 use super::output::{say, write_whole};
-use super::track::SceneArguments;
+use super::track::TrackSceneArguments;
 use relief_tracking::{MAX_SEEN, Pinhole, Pose, PoseView, Random, ViewRange, random_sightings};
 
 /// Make random views of a beacon, solve each, and write pixels, poses and truth as JSON.
@@ -21,7 +21,7 @@ pub(super) struct TrackViewsArguments {
     #[arg(long, value_name = "FILE.json")]
     out: PathBuf,
     #[command(flatten)]
-    scene: SceneArguments,
+    scene: TrackSceneArguments,
     /// How many
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     count: u32,

@@ -10,7 +10,7 @@ use relief_volume::{Camera, Volume};
 
 /// Which views are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Choice {
+pub(super) enum ViewChoice {
     /// Made of one picture and its disparity, as a 2D-plus-depth display makes them
     #[default]
     Synthesised,
@@ -21,7 +21,7 @@ pub(super) enum Choice {
 }
 
 /// A file of views and its report.
-pub(super) struct Made {
+pub(super) struct ViewFile {
     pub(super) file: Vec<u8>,
     /// Beside the usual report, as JSON.
     pub(super) report: serde_json::Value,
@@ -30,9 +30,9 @@ pub(super) struct Made {
 }
 
 /// Refuses layouts without true views before rendering.
-pub(super) fn check(choice: Choice, scene: &Scene) -> anyhow::Result<()> {
+pub(super) fn check(choice: ViewChoice, scene: &Scene) -> anyhow::Result<()> {
     let (layout, mode) = (scene.display.layout, scene.request.mode);
-    if choice == Choice::Synthesised {
+    if choice == ViewChoice::Synthesised {
         return Ok(());
     }
     if layout.view_count() == 0 {
@@ -44,7 +44,7 @@ pub(super) fn check(choice: Choice, scene: &Scene) -> anyhow::Result<()> {
     if scene.budget_ms.is_some() {
         bail!("true views are compared at full quality: leave --budget-ms out");
     }
-    if choice == Choice::Both {
+    if choice == ViewChoice::Both {
         both_layout(layout).map(|both| both.check_size(scene.request.size_px)).transpose()?;
     }
     cameras(scene, &scene.request.camera, DepthLimits { near_mm: 1.0, far_mm: 2.0 }).map(|_| ())
@@ -52,12 +52,12 @@ pub(super) fn check(choice: Choice, scene: &Scene) -> anyhow::Result<()> {
 
 /// The file with these views of a picture that is rendered already.
 pub(super) fn make(
-    choice: Choice,
+    choice: ViewChoice,
     scene: &Scene,
     frame: &RenderedFrame,
     (renderer, volume): (&mut Renderer, &Volume),
     render: impl Fn(&mut Renderer, &Volume, &RenderRequest) -> anyhow::Result<RenderedFrame>,
-) -> anyhow::Result<Made> {
+) -> anyhow::Result<ViewFile> {
     let layout = scene.display.layout;
     let limits = scene.display.limits(frame.limits)?;
     let (setup, cameras) = cameras(scene, &frame.camera, limits)?;
@@ -71,7 +71,7 @@ pub(super) fn make(
     let psnr: Vec<f64> =
         rendered.pictures().iter().zip(synthesised.pictures()).map(|(a, b)| psnr_db(a, b)).collect();
     let file = match choice {
-        Choice::Both => both(layout, &rendered, &synthesised)?,
+        ViewChoice::Both => both(layout, &rendered, &synthesised)?,
         _ => encode_views(layout, &rendered)?,
     };
     let finite: Vec<f64> = psnr.iter().copied().filter(|db| db.is_finite()).collect();
@@ -97,7 +97,7 @@ pub(super) fn make(
             format!("mean of those that differ: {mean:.2} dB")
         }),
     ];
-    Ok(Made { file, report, lines })
+    Ok(ViewFile { file, report, lines })
 }
 
 fn synthesised(encoder: &FrameEncoder, frame: &RenderedFrame, limits: DepthLimits) -> anyhow::Result<Views> {

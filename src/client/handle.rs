@@ -1,6 +1,7 @@
 //! The end of a session that hands hold: poses, intents and acknowledgements go in here, from any
 //! thread.
 
+use data_encoding::HEXLOWER;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -8,14 +9,14 @@ use tokio::sync::{Notify, watch};
 
 use super::outbox::Outbox;
 use relief_live::{ClientMessage, Intent, PoseKind, Settings};
-use relief_tracking::Report;
+use relief_tracking::InputReport;
 
 /// The sending end of a session. Clones are the same end.
 #[derive(Clone, Debug)]
-pub struct Handle(Arc<Shared>);
+pub struct Handle(Arc<HandleState>);
 
 #[derive(Debug)]
-struct Shared {
+struct HandleState {
     outbox: Mutex<Outbox>,
     waiting: Notify,
     stop: watch::Sender<bool>,
@@ -32,7 +33,7 @@ impl Handle {
     /// An end without a session yet; its clock begins.
     #[must_use]
     pub fn new() -> Self {
-        Self(Arc::new(Shared {
+        Self(Arc::new(HandleState {
             outbox: Mutex::default(),
             waiting: Notify::new(),
             stop: watch::Sender::new(false),
@@ -58,8 +59,8 @@ impl Handle {
     }
 
     /// Sends a Wiimote report for the server to track. `None` as for poses.
-    pub fn report(&self, t_ns: u64, report: &Report) -> Option<u64> {
-        let digits = report.encode().iter().map(|byte| format!("{byte:02x}")).collect();
+    pub fn report(&self, t_ns: u64, report: &InputReport) -> Option<u64> {
+        let digits = HEXLOWER.encode(&report.encode());
         self.put(|outbox| outbox.report(t_ns, digits))
     }
 

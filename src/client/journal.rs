@@ -15,6 +15,7 @@
 //! called and how it is described. Lines are bounded, so a file of any size is read in little
 //! memory.
 
+use data_encoding::HEXLOWER;
 use std::io::{BufRead, Read};
 
 use serde_json::{Value, json};
@@ -99,7 +100,7 @@ fn frame(received: &Received) -> Value {
         "still": header.still,
         "lossless": header.lossless(),
         "bytes": received.bytes.len(),
-        "sha256": hex(&Sha256::digest(received.bytes.get(HEADER_BYTES..).unwrap_or_default())),
+        "sha256": HEXLOWER.encode(&Sha256::digest(received.bytes.get(HEADER_BYTES..).unwrap_or_default())),
     });
     if let Some(pixels) = pixels_sha256(received) {
         frame["pixels_sha256"] = pixels.into();
@@ -123,11 +124,7 @@ pub fn pixels_sha256(received: &Received) -> Option<String> {
             scaled.iter().fold(hash, |hash, z| hash.chain_update(z.to_le_bytes()))
         }
     };
-    Some(hex(&hash.finalize()))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    Some(HEXLOWER.encode(&hash.finalize()))
 }
 
 /// The content of a line, as far as a replay needs it.

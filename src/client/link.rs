@@ -100,7 +100,7 @@ pub struct Received {
 
 /// The state of a session beyond its connection.
 #[derive(Default)]
-struct Known {
+struct SessionState {
     token: Option<String>,
     view: Option<String>,
     volume: Option<String>,
@@ -119,7 +119,7 @@ pub async fn run(
     handle: &Handle,
     on: &(dyn Fn(Event) + Send + Sync),
 ) -> Result<(), ClientError> {
-    let known = Mutex::new(Known::default());
+    let known = Mutex::new(SessionState::default());
     let mut backoff = Backoff::new();
     let mut was_connected = false;
     loop {
@@ -148,7 +148,7 @@ struct Session<'a> {
     options: &'a Options,
     handle: &'a Handle,
     on: &'a (dyn Fn(Event) + Send + Sync),
-    known: &'a Mutex<Known>,
+    known: &'a Mutex<SessionState>,
 }
 
 impl Session<'_> {
@@ -165,7 +165,7 @@ impl Session<'_> {
         self.pump(socket, connection).await
     }
 
-    fn known<T>(&self, take: impl FnOnce(&mut Known) -> T) -> T {
+    fn known<T>(&self, take: impl FnOnce(&mut SessionState) -> T) -> T {
         take(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use relief_live::{Ack, ClientMessage, Intent, IntentMessage, Pose, PoseKind, Report, Settings};
+use relief_live::{Ack, ClientMessage, Intent, IntentMessage, Pose, PoseKind, RawReport, Settings};
 
 /// Most messages that wait; a connection that is this far behind is stalled, and takes no more.
 pub const MAX_QUEUED: usize = 512;
@@ -79,7 +79,7 @@ impl Outbox {
                 self.queue.remove(at - 1);
             }
         }
-        self.push(|seq| ClientMessage::Report(Report { seq, t_ns, report }))
+        self.push(|seq| ClientMessage::Report(RawReport { seq, t_ns, report }))
     }
 
     pub(super) fn settings(&mut self, settings: Settings) -> bool {
@@ -120,7 +120,7 @@ fn is_replaced(last: &PoseKind, new: &PoseKind) -> bool {
 
 /// The digits of a report's buttons. Every report has them but 0x3d, which is never equal to
 /// another kind.
-fn buttons(report: &Report) -> Option<(&str, &str)> {
+fn buttons(report: &RawReport) -> Option<(&str, &str)> {
     Some((report.report.get(..2)?, report.report.get(2..6)?))
 }
 

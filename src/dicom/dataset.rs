@@ -24,11 +24,11 @@ pub(super) enum Encoding {
 }
 
 /// What of each element is kept, by its tag.
-pub(super) type KeepOf = fn(Tag) -> Keep;
+pub(super) type KeepOf = fn(Tag) -> Retention;
 
 /// What to do with an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Keep {
+pub(super) enum Retention {
     Nothing,
     Value,
     Items,
@@ -58,7 +58,7 @@ pub(super) struct PixelElement {
 
 /// A walked data set: the kept elements, and the Pixel Data if there is any.
 #[derive(Clone, Debug)]
-pub(super) struct Walked {
+pub(super) struct ParsedDataSet {
     pub(super) data: DataSet,
     pub(super) pixels: Option<PixelElement>,
 }
@@ -163,7 +163,7 @@ impl Bounds {
 
 /// A fault of a data set, and its path: sequences, and item numbers from 1.
 #[derive(Debug)]
-pub(super) struct Located {
+pub(super) struct LocatedFault {
     pub(super) trail: Vec<(Tag, usize)>,
     pub(super) defect: Defect,
 }
@@ -177,7 +177,7 @@ pub(super) fn walk<R: BufRead + Seek>(
     range: (u64, u64),
     encoding: Encoding,
     keep: KeepOf,
-) -> Result<Walked, Defect> {
+) -> Result<ParsedDataSet, Defect> {
     walk_within(Bounds::IMAGES, source, range, encoding, keep).map_err(|located| located.defect)
 }
 
@@ -191,11 +191,11 @@ pub(super) fn walk_within<R: BufRead + Seek>(
     (start, end): (u64, u64),
     encoding: Encoding,
     keep: KeepOf,
-) -> Result<Walked, Located> {
-    let mut walker = Walker { source, position: start, end, keep, bounds, trail: Vec::new() };
+) -> Result<ParsedDataSet, LocatedFault> {
+    let mut walker = DataSetReader { source, position: start, end, keep, bounds, trail: Vec::new() };
     let walked = walker.elements(encoding, Some(end), 0);
-    let (data, pixels) = walked.map_err(|defect| Located { trail: walker.trail, defect })?;
-    Ok(Walked { data, pixels })
+    let (data, pixels) = walked.map_err(|defect| LocatedFault { trail: walker.trail, defect })?;
+    Ok(ParsedDataSet { data, pixels })
 }
 
 /// Reads one element header, for loops that handle elements themselves (file meta, fragments).
@@ -208,14 +208,14 @@ pub(super) fn read_header<R: BufRead + Seek>(
     end: u64,
     encoding: Encoding,
 ) -> Result<Header, Defect> {
-    let (keep, bounds, trail) = (|_| Keep::Nothing, Bounds::IMAGES, Vec::new());
-    let mut walker = Walker { source, position: *position, end, keep, bounds, trail };
+    let (keep, bounds, trail) = (|_| Retention::Nothing, Bounds::IMAGES, Vec::new());
+    let mut walker = DataSetReader { source, position: *position, end, keep, bounds, trail };
     let header = walker.header(encoding)?;
     *position = walker.position;
     Ok(header)
 }
 
-struct Walker<'a, R> {
+struct DataSetReader<'a, R> {
     source: &'a mut R,
     position: u64,
     end: u64,
@@ -227,7 +227,7 @@ struct Walker<'a, R> {
 
 type Elements = (DataSet, Option<PixelElement>);
 
-impl<R: BufRead + Seek> Walker<'_, R> {
+impl<R: BufRead + Seek> DataSetReader<'_, R> {
     /// Elements up to `bound`, to an item delimiter where there is no bound, or to Pixel Data at
     /// the top level.
     fn elements(&mut self, encoding: Encoding, bound: Option<u64>, depth: u32) -> Result<Elements, Defect> {
@@ -258,12 +258,12 @@ impl<R: BufRead + Seek> Walker<'_, R> {
     ) -> Result<(), Defect> {
         let inner = if &header.vr == b"UN" { Encoding::ImplicitLittle } else { encoding };
         match ((self.keep)(header.tag), header.length) {
-            (Keep::Value, Some(length)) => {
+            (Retention::Value, Some(length)) => {
                 let bytes = self.value(header.tag, length)?;
                 let big_endian = inner == Encoding::ExplicitBig;
                 data.elements.push((header.tag, Value::Bytes { bytes, big_endian }));
             }
-            (Keep::Items, length) => {
+            (Retention::Items, length) => {
                 let items = self.items(header.tag, inner, length, depth + 1)?;
                 data.elements.push((header.tag, Value::Items(items)));
             }
@@ -406,15 +406,15 @@ mod tests {
 
     use super::*;
 
-    fn keep_rows_and_shared_groups(tag: Tag) -> Keep {
+    fn keep_rows_and_shared_groups(tag: Tag) -> Retention {
         match tag {
-            tags::ROWS => Keep::Value,
-            tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE => Keep::Items,
-            _ => Keep::Nothing,
+            tags::ROWS => Retention::Value,
+            tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE => Retention::Items,
+            _ => Retention::Nothing,
         }
     }
 
-    fn walked(bytes: &[u8], encoding: Encoding) -> Result<Walked, Defect> {
+    fn walked(bytes: &[u8], encoding: Encoding) -> Result<ParsedDataSet, Defect> {
         walk(&mut Cursor::new(bytes), (0, bytes.len() as u64), encoding, keep_rows_and_shared_groups)
     }
 

@@ -19,7 +19,7 @@ use super::attributes::{
     POSITION, REPRESENTATION, ROWS, SAMPLES, SLOPE, SPACING, THICKNESS, check, numbers, positive, required,
     text, unsigned,
 };
-use super::dataset::{DataSet, Keep, PixelElement};
+use super::dataset::{DataSet, PixelElement, Retention};
 use super::error::Defect;
 use super::groups::Groups;
 use super::part10::{self, Object, Syntax};
@@ -99,7 +99,7 @@ impl From<Defect> for Rejection {
     }
 }
 
-fn keep(tag: Tag) -> Keep {
+fn keep(tag: Tag) -> Retention {
     match tag {
         tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE
         | tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE
@@ -107,7 +107,7 @@ fn keep(tag: Tag) -> Keep {
         | tags::PLANE_ORIENTATION_SEQUENCE
         | tags::PIXEL_MEASURES_SEQUENCE
         | tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE
-        | tags::CT_IMAGE_FRAME_TYPE_SEQUENCE => Keep::Items,
+        | tags::CT_IMAGE_FRAME_TYPE_SEQUENCE => Retention::Items,
         tags::IMAGE_TYPE
         | tags::FRAME_TYPE
         | tags::SOP_CLASS_UID
@@ -135,8 +135,8 @@ fn keep(tag: Tag) -> Keep {
         | tags::RESCALE_INTERCEPT
         | tags::RESCALE_SLOPE
         | tags::LOSSY_IMAGE_COMPRESSION
-        | tags::EXTENDED_OFFSET_TABLE => Keep::Value,
-        _ => Keep::Nothing,
+        | tags::EXTENDED_OFFSET_TABLE => Retention::Value,
+        _ => Retention::Nothing,
     }
 }
 

@@ -12,7 +12,7 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_encoding::transfer_syntax::TransferSyntaxIndex;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
-use super::dataset::{self, Bounds, Encoding, KeepOf, Located, Walked};
+use super::dataset::{self, Bounds, Encoding, KeepOf, LocatedFault, ParsedDataSet};
 use super::error::Defect;
 use super::source::{Bytes, Reader};
 
@@ -62,15 +62,15 @@ struct Meta {
 
 impl Object {
     /// Walks the data set up to Pixel Data; see [`dataset::walk`].
-    pub(super) fn walk(&self, keep: KeepOf) -> Result<Walked, Defect> {
+    pub(super) fn walk(&self, keep: KeepOf) -> Result<ParsedDataSet, Defect> {
         let (mut reader, end) = self.bytes.open()?;
         reader.seek(SeekFrom::Start(self.start))?;
         dataset::walk(&mut reader, (self.start, end), self.syntax.encoding, keep)
     }
 
     /// Walks the data set within other bounds than images have; see [`dataset::walk_within`].
-    pub(super) fn walk_within(&self, bounds: Bounds, keep: KeepOf) -> Result<Walked, Located> {
-        let at_top = |defect| Located { trail: Vec::new(), defect };
+    pub(super) fn walk_within(&self, bounds: Bounds, keep: KeepOf) -> Result<ParsedDataSet, LocatedFault> {
+        let at_top = |defect| LocatedFault { trail: Vec::new(), defect };
         let (mut reader, end) = self.bytes.open().map_err(at_top)?;
         reader.seek(SeekFrom::Start(self.start)).map_err(|error| at_top(error.into()))?;
         dataset::walk_within(bounds, &mut reader, (self.start, end), self.syntax.encoding, keep)

@@ -13,7 +13,7 @@ use dicom_object::InMemDicomObject;
 use glam::DVec3;
 
 use super::charset::Charset;
-use super::dataset::Keep;
+use super::dataset::Retention;
 use super::error::{Attribute, Defect};
 use super::header::FrameHeader;
 use super::object::{put, put_items};
@@ -81,10 +81,10 @@ impl std::fmt::Debug for SeriesReference {
     }
 }
 
-fn keep(tag: Tag) -> Keep {
+fn keep(tag: Tag) -> Retention {
     let is_wanted = REPEATED.iter().any(|(repeated, _)| *repeated == tag)
         || [tags::SPECIFIC_CHARACTER_SET, tags::POSITION_REFERENCE_INDICATOR].contains(&tag);
-    if is_wanted { Keep::Value } else { Keep::Nothing }
+    if is_wanted { Retention::Value } else { Retention::Nothing }
 }
 
 impl SeriesReference {

@@ -19,7 +19,7 @@ use super::attributes::{
     BETWEEN, BITS_ALLOCATED, COLUMNS, FRAMES, ORIENTATION, POSITION, ROWS, SEGMENT, SEGMENTATION, SPACING,
     THICKNESS, check, numbers, positive, required, text,
 };
-use super::dataset::{DataSet, Encoding, Keep};
+use super::dataset::{DataSet, Encoding, Retention};
 use super::error::Defect;
 use super::groups::Groups;
 use super::load::LoadLimits;
@@ -55,7 +55,7 @@ struct Stack {
     slices: usize,
 }
 
-fn keep(tag: Tag) -> Keep {
+fn keep(tag: Tag) -> Retention {
     match tag {
         tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE
         | tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE
@@ -63,7 +63,7 @@ fn keep(tag: Tag) -> Keep {
         | tags::PLANE_ORIENTATION_SEQUENCE
         | tags::PIXEL_MEASURES_SEQUENCE
         | tags::SEGMENT_SEQUENCE
-        | tags::SEGMENT_IDENTIFICATION_SEQUENCE => Keep::Items,
+        | tags::SEGMENT_IDENTIFICATION_SEQUENCE => Retention::Items,
         tags::ROWS
         | tags::COLUMNS
         | tags::NUMBER_OF_FRAMES
@@ -77,8 +77,8 @@ fn keep(tag: Tag) -> Keep {
         | tags::IMAGE_ORIENTATION_PATIENT
         | tags::PIXEL_SPACING
         | tags::SLICE_THICKNESS
-        | tags::SPACING_BETWEEN_SLICES => Keep::Value,
-        _ => Keep::Nothing,
+        | tags::SPACING_BETWEEN_SLICES => Retention::Value,
+        _ => Retention::Nothing,
     }
 }
 

@@ -115,7 +115,7 @@ pub enum SegmentationError {
 }
 
 /// A segment among those of all layers.
-struct Numbered<'a> {
+struct NumberedSegment<'a> {
     layer: usize,
     map: &'a LabelMap,
     /// Its place in the map, from 1.
@@ -205,20 +205,20 @@ fn check_right_angles(map: &LabelMap) -> Result<(), SegmentationError> {
 }
 
 /// The segments of all layers in the order of their labels.
-fn numbered(maps: &[LabelMap]) -> Vec<Numbered<'_>> {
+fn numbered(maps: &[LabelMap]) -> Vec<NumberedSegment<'_>> {
     let mut all = Vec::new();
     for (layer, map) in maps.iter().enumerate() {
         let segments = (1..).zip(map.segments());
-        all.extend(segments.map(|(place, segment)| Numbered { layer, map, place, segment }));
+        all.extend(segments.map(|(place, segment)| NumberedSegment { layer, map, place, segment }));
     }
     all.sort_by_key(|one| one.segment.label);
     all
 }
 
 /// The slices of each segment that have voxels of it, segment by segment.
-fn frames(maps: &[LabelMap], numbered: &[Numbered<'_>]) -> Vec<Frame> {
+fn frames(maps: &[LabelMap], numbered: &[NumberedSegment<'_>]) -> Vec<Frame> {
     let occurs: Vec<Vec<Vec<bool>>> = maps.iter().map(occurrences).collect();
-    let of = |(index, one): (usize, &Numbered<'_>)| {
+    let of = |(index, one): (usize, &NumberedSegment<'_>)| {
         let slices = occurs[one.layer][one.place].iter().enumerate().filter(|(_, occurs)| **occurs);
         slices.map(move |(slice, _)| Frame { index, slice }).collect::<Vec<_>>()
     };
@@ -236,11 +236,11 @@ fn occurrences(map: &LabelMap) -> Vec<Vec<bool>> {
 }
 
 /// A bit for each voxel of each frame, the first in the lowest bit; an even number of bytes.
-fn packed(numbered: &[Numbered<'_>], frames: &[Frame]) -> Vec<u8> {
+fn packed(numbered: &[NumberedSegment<'_>], frames: &[Frame]) -> Vec<u8> {
     let area = numbered.first().map_or(0, |one| one.map.grid().dims()[..2].iter().product());
     let mut bytes = vec![0u8; (area * frames.len()).div_ceil(8).next_multiple_of(2)];
     for (index, frame) in frames.iter().enumerate() {
-        let Numbered { map, place, .. } = &numbered[frame.index];
+        let NumberedSegment { map, place, .. } = &numbered[frame.index];
         for at in 0..area {
             if map.places().at(frame.slice * area + at) == *place {
                 let bit = index * area + at;

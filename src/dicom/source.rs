@@ -14,7 +14,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use zip::ZipArchive;
 
-use super::dataset::Keep;
+use super::dataset::Retention;
 use super::error::{Defect, Error};
 use super::part10;
 
@@ -244,9 +244,9 @@ fn unpack(archive: &mut SharedZip, index: usize) -> Result<bytes::Bytes, Defect>
 /// The file references of a DICOMDIR; `None` when the file is not one.
 fn directory_records(file: &FileSource) -> Option<Vec<String>> {
     let keep = |tag: Tag| match tag {
-        tags::DIRECTORY_RECORD_SEQUENCE => Keep::Items,
-        tags::REFERENCED_FILE_ID => Keep::Value,
-        _ => Keep::Nothing,
+        tags::DIRECTORY_RECORD_SEQUENCE => Retention::Items,
+        tags::REFERENCED_FILE_ID => Retention::Value,
+        _ => Retention::Nothing,
     };
     let object = part10::open(file.bytes().ok()?).ok().filter(part10::Object::is_directory)?;
     let walked = object.walk(keep).ok()?;

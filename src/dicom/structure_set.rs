@@ -12,7 +12,7 @@ use dicom_dictionary_std::tags;
 use glam::DVec3;
 
 use super::charset::Charset;
-use super::dataset::{Bounds, DataSet, Keep};
+use super::dataset::{Bounds, DataSet, Retention};
 use super::whole::{self, ObjectError};
 use relief_annotation::{FrameOfReference, Geometry, Item, Method, Placement};
 use relief_base::{Patient, Point};
@@ -202,12 +202,12 @@ pub fn read_structure_set(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
     Ok(StructureSet { warnings: warnings(&structures, orphans), structures })
 }
 
-fn keep(tag: Tag) -> Keep {
+fn keep(tag: Tag) -> Retention {
     match tag {
         tags::STRUCTURE_SET_ROI_SEQUENCE
         | tags::ROI_CONTOUR_SEQUENCE
         | tags::CONTOUR_SEQUENCE
-        | tags::RTROI_OBSERVATIONS_SEQUENCE => Keep::Items,
+        | tags::RTROI_OBSERVATIONS_SEQUENCE => Retention::Items,
         tags::SPECIFIC_CHARACTER_SET
         | tags::MODALITY
         | tags::ROI_NUMBER
@@ -217,8 +217,8 @@ fn keep(tag: Tag) -> Keep {
         | tags::ROI_DISPLAY_COLOR
         | tags::CONTOUR_GEOMETRIC_TYPE
         | tags::CONTOUR_DATA
-        | tags::RTROI_INTERPRETED_TYPE => Keep::Value,
-        _ => Keep::Nothing,
+        | tags::RTROI_INTERPRETED_TYPE => Retention::Value,
+        _ => Retention::Nothing,
     }
 }
 

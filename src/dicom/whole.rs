@@ -4,7 +4,7 @@
 
 use dicom_core::Tag;
 
-use super::dataset::{Bounds, DataSet, KeepOf, Located};
+use super::dataset::{Bounds, DataSet, KeepOf, LocatedFault};
 use super::error::{Attribute, Defect};
 use super::part10;
 use super::source::Bytes;
@@ -57,7 +57,7 @@ pub(super) fn read(
     }
     let at_top = |defect| ObjectError::Damaged { path: String::new(), defect };
     let object = part10::open(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes))).map_err(at_top)?;
-    let damaged = |Located { trail, defect }: Located| {
+    let damaged = |LocatedFault { trail, defect }: LocatedFault| {
         let steps: Vec<String> = trail.iter().map(|(tag, number)| format!("{tag}[{number}]")).collect();
         ObjectError::Damaged { path: steps.join("/"), defect }
     };

@@ -9,6 +9,7 @@
 //! background layer; their lines do. At a display's own frame size a missing header is a problem
 //! whatever the pixels are, because the display would show plain 2D.
 
+use data_encoding::HEXUPPER;
 use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
@@ -203,8 +204,8 @@ impl FrameReport {
         }
         self.content = reading.header.map(|header| header.content);
         let (base, extended) = reading.bytes.split_at(reading.bytes.len().min(10));
-        self.header_hex = Some(hex(base));
-        self.extended_hex = (!extended.is_empty()).then(|| hex(extended));
+        self.header_hex = Some(HEXUPPER.encode(base));
+        self.extended_hex = (!extended.is_empty()).then(|| HEXUPPER.encode(extended));
         self
     }
 }
@@ -297,10 +298,6 @@ fn is_gray(samples: &[u8]) -> bool {
 fn disparity_extent(layout: Layout, width: usize, samples: &[u8]) -> DepthExtent {
     let lines = samples.chunks_exact(3 * width).step_by(layout.line_step());
     DepthExtent::of(lines.flat_map(|line| line[3 * (width / 2)..].iter().step_by(3).map(|&d| u16::from(d))))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
 }
 
 /// What IHDR says of the samples.

@@ -30,7 +30,7 @@ mod written_json;
 pub use error::ExchangeError;
 pub use format::{Format, UnknownFormat};
 pub use loss::LeftOut;
-pub use merge::{Merged, Present};
+pub use merge::{ExistingItems, Merged};
 
 pub use structures::{
     REGION_TYPE, StoredContent, StructureError, content_of_mesh, content_of_region, mask_of_content,
@@ -82,7 +82,7 @@ pub struct Imported {
 
 /// A file.
 #[derive(Clone, Debug)]
-pub struct Written {
+pub struct ExportedFile {
     /// Its bytes.
     pub bytes: Vec<u8>,
     /// How many items it has.
@@ -123,7 +123,11 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
 ///
 /// # Errors
 /// When the format holds none of the items.
-pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Result<Written, ExchangeError> {
+pub fn write(
+    format: Format,
+    items: &[Item],
+    context: &WriteContext<'_>,
+) -> Result<ExportedFile, ExchangeError> {
     let (mut kept, mut left_out) = loss::kept(format, items)?;
     let mut count = kept.len();
     let bytes = match format {
@@ -137,7 +141,7 @@ pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Resu
             bytes
         }),
         Format::Seg | Format::SegNrrd | Format::Nifti => {
-            let regions::ToWrite { maps, items: ids, lost } = regions::join(format, &kept, context)?;
+            let regions::LabelMapParts { maps, items: ids, lost } = regions::join(format, &kept, context)?;
             left_out.extend(lost);
             kept.retain(|item| ids.contains(&item.id));
             count = kept.len();
@@ -157,5 +161,5 @@ pub fn write(format: Format, items: &[Item], context: &WriteContext<'_>) -> Resu
             return Err(ExchangeError::OneWay { format, action: "written", possible });
         }
     }?;
-    Ok(Written { bytes, items: count, left_out })
+    Ok(ExportedFile { bytes, items: count, left_out })
 }

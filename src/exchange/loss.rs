@@ -16,7 +16,7 @@ pub struct LeftOut {
 
 /// The values that a format can represent.
 #[derive(Clone, Copy, Debug)]
-struct Holds {
+struct Representable {
     /// Kinds of geometries.
     kinds: &'static [&'static str],
     /// Items without a place.
@@ -38,7 +38,7 @@ struct Holds {
 
 const POINTS: &[&str] = &["point"];
 
-impl Holds {
+impl Representable {
     const EVERYTHING: Self = Self {
         kinds: &["point", "line", "angle", "curve", "plane"],
         undefined: true,
@@ -111,7 +111,7 @@ impl Holds {
 /// The items that a format of texts can hold, in the order of files: by list, place in it and age;
 /// and what gets lost.
 pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<LeftOut>), ExchangeError> {
-    let Some(holds) = Holds::by(format) else { return Ok((items.iter().collect(), Vec::new())) };
+    let Some(holds) = Representable::by(format) else { return Ok((items.iter().collect(), Vec::new())) };
     let is_held =
         |item: &Item| item.geometry.as_ref().map_or(holds.undefined, |g| holds.kinds.contains(&g.kind()));
     let mut kept: Vec<&Item> = items.iter().filter(|item| is_held(item)).collect();
@@ -142,7 +142,7 @@ pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<Le
 }
 
 /// What gets lost of items that are kept.
-fn fields(format: Format, holds: Holds, kept: &[&Item], lost: &mut Vec<LeftOut>) {
+fn fields(format: Format, holds: Representable, kept: &[&Item], lost: &mut Vec<LeftOut>) {
     let none = format!("{format} has none");
     type Has = fn(&Item) -> bool;
     let fields: [(bool, &str, &str, Has); 9] = [

@@ -10,7 +10,7 @@ const SAME_MM: f64 = 1e-4;
 
 /// The treatment of items that exist already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Present {
+pub enum ExistingItems {
     /// They stay as they are.
     Keep,
     /// They are replaced by the file's version.
@@ -38,13 +38,17 @@ impl Merged {
     ///
     /// # Errors
     /// When this machine gives no random numbers.
-    pub fn of(items: Vec<Item>, known: Vec<Versioned>, present: Present) -> Result<Self, ExchangeError> {
-        let mut known = Known::of(known);
+    pub fn of(
+        items: Vec<Item>,
+        known: Vec<Versioned>,
+        present: ExistingItems,
+    ) -> Result<Self, ExchangeError> {
+        let mut known = UnmatchedItems::of(known);
         let mut merged = Self { changes: Vec::new(), unchanged: 0, skipped: 0, copies: 0 };
         for mut item in items {
             let found = known.take(&item);
             let (found, read) = match (found, present) {
-                (Some(found), Present::Keep | Present::Update) => (found, item),
+                (Some(found), ExistingItems::Keep | ExistingItems::Update) => (found, item),
                 (found, _) => {
                     merged.copies += usize::from(found.is_some());
                     item.id = ItemId::random()?; // an id that was ever used is never used again
@@ -55,7 +59,7 @@ impl Merged {
             let updated = updated(&found.item, read);
             if updated == found.item {
                 merged.unchanged += 1;
-            } else if present == Present::Update {
+            } else if present == ExistingItems::Update {
                 merged.changes.push(Change::Update { item: Box::new(updated), version: found.version });
             } else {
                 merged.skipped += 1;
@@ -92,12 +96,12 @@ impl Merged {
 const MOST_NAMESAKES: usize = 1000;
 
 /// The existing items that have not been matched yet.
-struct Known {
+struct UnmatchedItems {
     by_id: HashMap<ItemId, Versioned>,
     by_name: HashMap<[String; 3], VecDeque<ItemId>>,
 }
 
-impl Known {
+impl UnmatchedItems {
     fn of(known: Vec<Versioned>) -> Self {
         let mut by_name: HashMap<[String; 3], VecDeque<ItemId>> = HashMap::new();
         for found in &known {

@@ -104,7 +104,7 @@ fn file_of<T>(
 }
 
 /// The parts of a file.
-pub(super) struct ToWrite {
+pub(super) struct LabelMapParts {
     /// Layers; one at least.
     pub(super) maps: Vec<LabelMap>,
     /// The items of the labels, from 1.
@@ -122,8 +122,8 @@ pub(super) fn join(
     format: Format,
     items: &[&Item],
     context: &WriteContext<'_>,
-) -> Result<ToWrite, ExchangeError> {
-    let mut joined: Option<Joined> = None;
+) -> Result<LabelMapParts, ExchangeError> {
+    let mut joined: Option<JoinedRegions> = None;
     let mut maps = BTreeMap::new();
     for item in items {
         let Some(Geometry::Region(region)) = &item.geometry else { continue };
@@ -135,10 +135,10 @@ pub(super) fn join(
             maps.insert(region.content.clone(), map);
         }
         let map = &maps[&region.content];
-        let joined = joined.get_or_insert_with(|| Joined::new(map.grid(), format == Format::Nifti));
+        let joined = joined.get_or_insert_with(|| JoinedRegions::new(map.grid(), format == Format::Nifti));
         joined.add(item, map, region.label).map_err(|error| failed(format, &error))?;
     }
-    let Some(Joined { grid, voxels, segments, items, lost }) = joined else {
+    let Some(JoinedRegions { grid, voxels, segments, items, lost }) = joined else {
         return Err(ExchangeError::Nothing { format, why: "there are no regions".to_owned() });
     };
     let maps = match voxels {
@@ -151,7 +151,7 @@ pub(super) fn join(
         let why = "no region lies on the voxels of the map".to_owned();
         return Err(ExchangeError::Nothing { format, why });
     }
-    Ok(ToWrite { maps, items, lost })
+    Ok(LabelMapParts { maps, items, lost })
 }
 
 pub(super) fn no_content(format: Format, id: ItemId) -> ExchangeError {
@@ -159,7 +159,7 @@ pub(super) fn no_content(format: Format, id: ItemId) -> ExchangeError {
 }
 
 /// Regions of one grid.
-struct Joined {
+struct JoinedRegions {
     grid: Grid,
     voxels: Voxels,
     segments: Vec<Segment>,
@@ -174,7 +174,7 @@ enum Voxels {
     Layers(Layers),
 }
 
-impl Joined {
+impl JoinedRegions {
     fn new(grid: &Grid, is_flat: bool) -> Self {
         let voxels = if is_flat {
             Voxels::Flat(vec![0; grid.voxel_count()])

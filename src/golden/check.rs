@@ -97,7 +97,7 @@ pub enum Change {
 }
 
 /// A case's picture as rendered and as it is to be shown.
-struct Rendered {
+struct RenderedCase {
     frame: RenderedFrame,
     display: DisplaySettings,
 }
@@ -193,11 +193,11 @@ impl Harness {
         case.aspects().iter().map(|&aspect| rendered.blessing(case, aspect)).collect()
     }
 
-    fn render(&mut self, case: &Case) -> Result<Rendered, GoldenError> {
+    fn render(&mut self, case: &Case) -> Result<RenderedCase, GoldenError> {
         let volume = self.volumes.entry(case.recipe()).or_insert_with(|| case.recipe().make().volume);
         let scene = case.scene(volume.grid())?;
         let frame = self.renderer.render(volume, &scene.request)?;
-        Ok(Rendered { frame, display: scene.display })
+        Ok(RenderedCase { frame, display: scene.display })
     }
 }
 
@@ -240,7 +240,7 @@ impl CaseReport {
     }
 }
 
-impl Rendered {
+impl RenderedCase {
     fn raster(&self, aspect: Aspect) -> Result<Raster, GoldenError> {
         let samples = match aspect {
             Aspect::Color => Samples::Color(self.frame.color_rgba.clone()),

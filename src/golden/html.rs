@@ -1,5 +1,7 @@
-//! The page that shows every failure of a check side by side. One file, no scripts; pictures by
-//! relative path.
+//! The page that shows every failed case of a check side by side. It is one file without scripts, and
+//! refers to pictures by relative path.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::artefacts::{Artefacts, picture_name};
 use super::check::{AspectReport, CaseReport, CheckReport};
@@ -21,57 +23,49 @@ pub(super) fn page(report: &CheckReport, artefacts: &Artefacts) -> String {
         0 => format!("All {} golden images are as expected", report.cases.len()),
         _ => format!("{failures} of {} golden images differ", report.cases.len()),
     };
-    let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n<title>{headline}</title>\n\
-         <style>\n{STYLE}\n</style>\n<h1>{headline}</h1>\n<p>Rendered on {}.</p>\n",
-        escaped(&report.adapter.to_string())
-    );
-    for case in report.failures() {
-        add_case(&mut page, case, artefacts);
-    }
-    page.push_str("</html>\n");
-    page
-}
-
-fn add_case(page: &mut String, case: &CaseReport, artefacts: &Artefacts) {
-    let mut add = |text: String| page.push_str(&text);
-    add(format!("<h2>{}</h2>\n<p>{}</p>\n<ul>\n", case.case, escaped(&case.purpose)));
-    for problem in &case.problems {
-        add(format!("<li>{}</li>\n", escaped(problem)));
-    }
-    add(format!(
-        "</ul>\n<p>If the new picture is right: <code>{}</code>. \
-         <a href=\"{}/numbers.json\">Numbers</a></p>\n",
-        escaped(&case.bless),
-        case.case
-    ));
-    for AspectReport { aspect, .. } in &case.aspects {
-        add("<div>".to_owned());
-        for role in ["expected", "actual", "difference"] {
-            let name = picture_name(*aspect, role);
-            if artefacts.folder(&case.case).join(&name).exists() {
-                add(figure(&format!("{}/{name}", case.case), &format!("{} {role}", aspect.name())));
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width";
+                title { (headline) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (headline) }
+                p { "Rendered on " (report.adapter) "." }
+                @for case in report.failures() { (section(case, artefacts)) }
             }
         }
-        add("</div>\n".to_owned());
     }
+    .into_string()
 }
 
-fn figure(source: &str, caption: &str) -> String {
-    format!("<figure><img src=\"{source}\" alt=\"{caption}\"><figcaption>{caption}</figcaption></figure>")
-}
-
-fn escaped(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            _ => safe.push(letter),
+fn section(case: &CaseReport, artefacts: &Artefacts) -> Markup {
+    html! {
+        h2 { (case.case) }
+        p { (case.purpose) }
+        ul {
+            @for problem in &case.problems { li { (problem) } }
+        }
+        p {
+            "If the new picture is right: " code { (case.bless) } ". "
+            a href={ (case.case) "/numbers.json" } { "Numbers" }
+        }
+        @for AspectReport { aspect, .. } in &case.aspects {
+            div {
+                @for role in ["expected", "actual", "difference"] {
+                    @let name = picture_name(*aspect, role);
+                    @if artefacts.folder(&case.case).join(&name).exists() {
+                        @let caption = format!("{} {role}", aspect.name());
+                        figure {
+                            img src={ (case.case) "/" (name) } alt=(caption);
+                            figcaption { (caption) }
+                        }
+                    }
+                }
+            }
         }
     }
-    safe
 }

@@ -25,13 +25,14 @@ pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KI
 pub use messages::{
     Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Formats, Hello,
     IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, Peers, Pose,
-    PoseKind, Quality, RemotePose, Report, Role, ServerMessage, Settings, SnapTarget, SnapTo, SnappedPlace,
-    StateMessage, TrackingMessage, Welcome, check_view_name,
+    PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget, SnapTo,
+    SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
 };
 
 pub use interaction::{
-    AppliedIntent, CursorMark, CutPlane, Gestures, GrabMode, HandOptions, HandPose, HandSample, Home, Intent,
-    IntentEffect, IntentError, Pivot, PlacePhase, Seen, Stage, StageError, ViewRecord, ViewState,
+    AppliedIntent, CursorMark, CutPlane, DisplayedPicture, Gestures, GrabMode, HandOptions, HandPose,
+    HandSample, Home, Intent, IntentEffect, IntentError, Pivot, PlacePhase, Stage, StageError, ViewRecord,
+    ViewState,
 };
 
 /// The WebSocket subprotocol.

@@ -26,13 +26,13 @@ pub(super) fn enlarged(frame: RenderedFrame, size_px: [u32; 2]) -> RenderedFrame
 
 /// The neighbours of a place along the smaller side, and the share of the second in 256ths.
 #[derive(Clone, Copy)]
-struct Between {
+struct Neighbours {
     first: usize,
     second: usize,
     share: u32,
 }
 
-impl Between {
+impl Neighbours {
     /// For every place along the larger side.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places within a side")]
     fn all(from: u32, to: u32) -> Vec<Self> {
@@ -55,7 +55,7 @@ impl Between {
 #[expect(clippy::cast_possible_truncation, reason = "means of bytes")]
 fn colors(pixels: &[[u8; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[u8; 4]> {
     let width = from[0] as usize;
-    let (columns, rows) = (Between::all(from[0], to[0]), Between::all(from[1], to[1]));
+    let (columns, rows) = (Neighbours::all(from[0], to[0]), Neighbours::all(from[1], to[1]));
     let mut enlarged = vec![[0; 4]; columns.len() * rows.len()];
     enlarged.par_chunks_mut(columns.len()).zip(&rows).for_each(|(out, row)| {
         let (above, below) = (&pixels[row.first * width..][..width], &pixels[row.second * width..][..width]);

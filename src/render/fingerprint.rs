@@ -24,16 +24,16 @@ impl RenderRequest {
     /// Bytes that are equal where requests are, in every process; see the module.
     #[must_use]
     pub fn stable_bytes(&self) -> Vec<u8> {
-        let mut form = Form(Vec::with_capacity(1024 + self.overlays.size_bytes()));
+        let mut form = FingerprintBytes(Vec::with_capacity(1024 + self.overlays.size_bytes()));
         form.request(self);
         form.0
     }
 }
 
 /// The bytes so far.
-struct Form(Vec<u8>);
+struct FingerprintBytes(Vec<u8>);
 
-impl Form {
+impl FingerprintBytes {
     fn numbers(&mut self, numbers: &[f64]) {
         for number in numbers {
             self.0.extend((number + 0.0).to_le_bytes()); // -0 is 0

@@ -4,7 +4,7 @@
 use super::request::RenderRequest;
 use super::upload::{SLAB_BYTES, texture_3d, write_layers};
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use relief_volume::{BrickLabels, ContentHash, LabelMap, Places};
+use relief_volume::{BrickLabels, ContentHash, LabelMap, SegmentIndices};
 
 /// Label maps kept on the GPU; the least recently used goes first.
 const KEPT: usize = 4;
@@ -97,8 +97,8 @@ impl LabelMaps {
 
 fn upload(gpu: &Gpu, map: &LabelMap) -> wgpu::TextureView {
     let (format, texels, texel_bytes): (_, &[u8], _) = match map.places() {
-        Places::Bytes(places) => (wgpu::TextureFormat::R8Uint, places, 1),
-        Places::Words(places) => (wgpu::TextureFormat::R16Uint, bytemuck::cast_slice(places), 2),
+        SegmentIndices::Bytes(places) => (wgpu::TextureFormat::R8Uint, places, 1),
+        SegmentIndices::Words(places) => (wgpu::TextureFormat::R16Uint, bytemuck::cast_slice(places), 2),
     };
     let dims = map.grid().dims();
     let texture = texture_3d(gpu, "labels", dims, format);

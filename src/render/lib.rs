@@ -71,7 +71,7 @@ pub use mode::{Mode, SlabBlend};
 pub use overlay::{CAPITAL, draw_overlays, label_height_px, label_stroke_px, lettering};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
-pub use renderer::{Renderer, Skipping, depth_limits};
+pub use renderer::{EmptySpaceSkipping, Renderer, depth_limits};
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, RequestError, Shading};
 pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,

@@ -11,7 +11,7 @@ use super::illumination::{self, Illumination, Illuminator};
 use super::letters;
 use super::mode::Mode;
 use super::overlay::Drawing;
-use super::pathtrace::{Order, PathTracer};
+use super::pathtrace::{PathTraceJob, PathTracer};
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant};
 use super::region::Region;
 use super::request::{RenderRequest, RequestError};
@@ -27,7 +27,7 @@ use relief_volume::{Camera, ContentHash, Grid, Volume};
 /// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn
 /// it off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Skipping {
+pub enum EmptySpaceSkipping {
     /// Empty bricks are stepped over.
     #[default]
     On,
@@ -139,7 +139,7 @@ impl Renderer {
     /// When the request is out of range, the volume too large for the adapter, or the adapter
     /// fails.
     pub fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
-        self.render_with(volume, request, Skipping::On)
+        self.render_with(volume, request, EmptySpaceSkipping::On)
     }
 
     /// Like [`Renderer::render`]. Calls `goes_on` with the progress after every band, and after
@@ -154,7 +154,7 @@ impl Renderer {
         request: &RenderRequest,
         goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, RenderError> {
-        self.render_as(volume, request, Skipping::On, &mut Watch::new(goes_on))
+        self.render_as(volume, request, EmptySpaceSkipping::On, &mut Watch::new(goes_on))
     }
 
     /// The picture of mode path-traced, of a volume that was cast before.
@@ -171,7 +171,7 @@ impl Renderer {
         // Both went up for its depth.
         let (on_gpu, appearance) = (self.store.volume(), self.store.appearance());
         let (gpu, sampler, bands) = (&self.gpu, &self.sampler, self.bands);
-        tracer.render(Order { gpu, volume, on_gpu, appearance, sampler, request, bands }, watch)
+        tracer.render(PathTraceJob { gpu, volume, on_gpu, appearance, sampler, request, bands }, watch)
     }
 
     /// As [`Renderer::render`], with a say over empty-space skipping by rays. A path-traced picture
@@ -183,7 +183,7 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        skipping: Skipping,
+        skipping: EmptySpaceSkipping,
     ) -> Result<RenderedFrame, RenderError> {
         self.render_as(volume, request, skipping, &mut Watch::new(&mut |_| ControlFlow::Continue(())))
     }
@@ -192,7 +192,7 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        skipping: Skipping,
+        skipping: EmptySpaceSkipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
         request.validate_on(volume.grid())?;
@@ -226,7 +226,7 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        skipping: Skipping,
+        skipping: EmptySpaceSkipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
         if request.mode != Mode::PathTraced {
@@ -246,7 +246,7 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        skipping: Skipping,
+        skipping: EmptySpaceSkipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
         let (start, upload_ms) = self.cast(volume, request, (skipping, Output::Depth), watch)?;
@@ -282,7 +282,7 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        skipping: Skipping,
+        skipping: EmptySpaceSkipping,
     ) -> Result<u64, RenderError> {
         let how = (skipping, Output::SampleCount);
         self.cast(volume, request, how, &mut Watch::new(&mut |_| ControlFlow::Continue(())))?;
@@ -335,7 +335,7 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        how: (Skipping, Output),
+        how: (EmptySpaceSkipping, Output),
         watch: &mut Watch<'_>,
     ) -> Result<(Instant, f64), RenderError> {
         request.validate_on(volume.grid())?;
@@ -353,7 +353,8 @@ impl Renderer {
     fn illuminate(&mut self, volume: &Volume, request: &RenderRequest) -> Result<bool, RenderError> {
         let (on_gpu, appearance) = (self.store.volume(), self.store.appearance());
         let (gpu, sampler, labels) = (&self.gpu, &self.sampler, self.store.labels(request));
-        let order = illumination::Order { gpu, volume, on_gpu, appearance, labels, sampler, request };
+        let order =
+            illumination::IlluminationJob { gpu, volume, on_gpu, appearance, labels, sampler, request };
         self.illuminator.prepare(order)
     }
 
@@ -384,12 +385,12 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        (skipping, output): (Skipping, Output),
+        (skipping, output): (EmptySpaceSkipping, Output),
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
         let appearance = self.store.appearance();
         let region = match (request.mode, skipping) {
-            (Mode::Slice(_), _) | (_, Skipping::Off) => Region::whole(request.size_px),
+            (Mode::Slice(_), _) | (_, EmptySpaceSkipping::Off) => Region::whole(request.size_px),
             _ => Region::of(request, volume.grid(), appearance),
         };
         self.target.as_mut().expect("made before").region = region;

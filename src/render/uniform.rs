@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::classification::Classification;
-use super::renderer::{Skipping, depth_limits};
+use super::renderer::{EmptySpaceSkipping, depth_limits};
 use super::request::{Clip, RenderRequest};
 use super::surface::Surface;
 use super::upload::Appearance;
@@ -62,7 +62,7 @@ impl FrameUniform {
         request: &RenderRequest,
         volume: &Volume,
         appearance: &Appearance,
-        skipping: Skipping,
+        skipping: EmptySpaceSkipping,
     ) -> Self {
         let grid = volume.grid();
         let (lowest_hu, span_hu) = brightness_range(volume);
@@ -101,7 +101,7 @@ impl FrameUniform {
             near_mm: near_mm as f32,
             lowest_visible_hu: appearance.tables.lowest_visible_hu(),
             skipping: u32::from(
-                skipping == Skipping::On && paths_end_in_neighbours(request, grid, appearance),
+                skipping == EmptySpaceSkipping::On && paths_end_in_neighbours(request, grid, appearance),
             ),
             brick_dims: appearance.bricks.dims.map(|n| n as f32),
             bricks_per_voxel: 1.0 / appearance.bricks.edge as f32,

@@ -5,6 +5,7 @@
 //! then the render queue. Encoding runs on blocking threads. A client that leaves drops its
 //! handler, and with it the order.
 
+use data_encoding::HEXLOWER;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -23,12 +24,14 @@ use super::guard::read_body;
 use super::negotiate::{knows_tag, negotiate};
 use super::problem::Problem;
 use super::quality::within_budget;
-use super::query::{Order, Query};
+use super::query::{Query, SceneQuery};
 use super::state::{AppState, Pictures};
 use relief_annotation::value_at;
 use relief_base::{Patient, Point};
 use relief_render::{RenderedFrame, RequestError, Scene, depth_limits};
-use relief_session::{Drawn, EncodingError, FileFormat, Origin, Product, Rendered, VolumeEntry, encode};
+use relief_session::{
+    EncodingError, FileFormat, LeftOutCounts, Origin, Product, Rendered, VolumeEntry, encode,
+};
 
 /// A browser revalidates after a minute, and gets 304 for unchanged pictures.
 const CACHE_CONTROL: &str = "private, max-age=60";
@@ -79,7 +82,7 @@ pub(super) async fn get_pick(
     let mut query = Query::of(&uri)?;
     let at = [query.take_number("u")?, query.take_number("v")?];
     let picked = async {
-        let mut scene = resolve(Order::from_query(&query, &entry.grid)?, &entry, SizeRule::Any)?;
+        let mut scene = resolve(SceneQuery::from_query(&query, &entry.grid)?, &entry, SizeRule::Any)?;
         draw(&pictures, &entry, &mut scene, &headers).await?;
         pick(&pictures, &entry, scene, at).await
     };
@@ -123,7 +126,7 @@ async fn answer_query(
     (product, media): (Product, FileFormat),
 ) -> Result<Response, Problem> {
     let answered = async {
-        let order = Order::from_query(query, &entry.grid)?;
+        let order = SceneQuery::from_query(query, &entry.grid)?;
         let scene = resolve(order, entry, SizeRule::of(product, media))?;
         answer_annotated(pictures, entry, scene, headers, (Method::GET, product, media)).await
     };
@@ -156,7 +159,7 @@ async fn answer_annotated(
     // Before the tag: annotations are part of the scene, so the tag changes with them.
     let drawn = draw(pictures, entry, &mut scene, headers).await?;
     let mut answered = answer(pictures, entry, scene, headers, what).await?;
-    if let Some(Drawn { drawn, left_out, unlabelled }) = drawn {
+    if let Some(LeftOutCounts { drawn, left_out, unlabelled }) = drawn {
         let headers = answered.headers_mut();
         let silent = if unlabelled > 0 { format!(", unlabelled={unlabelled}") } else { String::new() };
         headers.insert(&RELIEF_ANNOTATIONS, ascii(&format!("drawn={drawn}, left_out={left_out}{silent}")));
@@ -165,10 +168,10 @@ async fn answer_annotated(
     Ok(answered)
 }
 
-async fn read_order(pictures: &Pictures, headers: &HeaderMap, body: Body) -> Result<Order, Problem> {
+async fn read_order(pictures: &Pictures, headers: &HeaderMap, body: Body) -> Result<SceneQuery, Problem> {
     super::guard::expect_content_type(headers, "application/json")?;
     let body = read_body(body, SCENE_BYTES, pictures.config.body_timeout).await?;
-    Order::from_body(&body)
+    SceneQuery::from_body(&body)
 }
 
 /// The sizes that a scene may have. A scene without a size gets the layout's in both cases.
@@ -189,7 +192,7 @@ impl SizeRule {
 /// The complete scene. A size that contradicts the layout is refused where the answer has that
 /// layout, and a depth limit that contradicts the volume's always: nothing is rendered for what
 /// cannot be answered.
-fn resolve(order: Order, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
+fn resolve(order: SceneQuery, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
     let scene = order.file.resolve_labelled(&entry.grid, &order.orbit, entry.labels.as_ref())?;
     if rule == SizeRule::OfLayout {
         scene.expect_size_of_layout()?;
@@ -305,7 +308,7 @@ pub(super) async fn pick_scene(
     scene: &[u8],
     at: [f64; 2],
 ) -> Result<(Option<Point<Patient>>, Point<Patient>), Problem> {
-    let mut scene = resolve(Order::from_body(scene)?, entry, SizeRule::Any)?;
+    let mut scene = resolve(SceneQuery::from_body(scene)?, entry, SizeRule::Any)?;
     let pixel = pixel_at(at, scene.request.size_px)?;
     within_budget(&pictures.engine, entry, &mut scene);
     let frame = render(pictures, entry, &scene).await?.frame;
@@ -343,7 +346,7 @@ pub(super) fn entity_tag(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene
         .chain_update(around)
         .chain_update(request.stable_bytes())
         .finalize();
-    let digits: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    let digits = HEXLOWER.encode(&hash[..16]);
     // Weak: another adapter of the same name may round a pixel another way.
     format!("W/\"{digits}\"")
 }

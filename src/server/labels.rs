@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use super::problem::Problem;
 use super::state::{Config, LabelsLoader, Uploads};
-use super::upload::{Received, take_in};
+use super::upload::{ReceivedUpload, take_in};
 use super::volumes::describe;
 use relief_session::{Engine, on_blocking_thread};
 
@@ -31,7 +31,7 @@ pub(super) async fn upload(
         let detail = "this server reads no label maps";
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
     };
-    let Received { turn, path, .. } =
+    let ReceivedUpload { turn, path, .. } =
         take_in(&config, &uploads, &headers, body, "application/octet-stream").await?;
     let job = move || read(&engine, &loader, &path, &entry.id);
     Ok(Json(on_blocking_thread(turn, "reading the label map", job).await??))

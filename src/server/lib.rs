@@ -64,7 +64,7 @@ use problem::Problem;
 use relief_session::Product;
 use state::AppState;
 
-pub use listen::{ConnectionLimits, Drained, serve};
+pub use listen::{ConnectionLimits, Shutdown, serve};
 pub use live::LiveConfig;
 pub use state::{Config, LabelsLoader, LoadError, Server, UploadLimits, VolumeLoader};
 

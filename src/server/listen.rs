@@ -48,7 +48,7 @@ impl Default for ConnectionLimits {
 
 /// How serving ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drained {
+pub enum Shutdown {
     /// Every running request was finished.
     Whole,
     /// Time ran out; the rest was cut off.
@@ -61,7 +61,7 @@ pub async fn serve(
     app: Router,
     limits: ConnectionLimits,
     stop: impl Future<Output = ()>,
-) -> Drained {
+) -> Shutdown {
     let places = Arc::new(Semaphore::new(limits.connections));
     let draining = watch::Sender::new(false);
     let mut connections = tokio::task::JoinSet::new();
@@ -100,8 +100,8 @@ pub async fn serve(
     draining.send_replace(true);
     let all = async { while connections.join_next().await.is_some() {} };
     match tokio::time::timeout(limits.drain_timeout, all).await {
-        Ok(()) => Drained::Whole,
-        Err(_) => Drained::CutOff, // dropping the set ends what is left
+        Ok(()) => Shutdown::Whole,
+        Err(_) => Shutdown::CutOff, // dropping the set ends what is left
     }
 }
 

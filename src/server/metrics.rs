@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use relief_render::MemoryUse;
-use relief_session::{Counts, HostMemory, Origin, Rendered, ServiceError};
+use relief_session::{HostMemory, Origin, Rendered, ServiceCounts, ServiceError};
 
 /// Method, route pattern and status of an answer.
 type Answer = (&'static str, String, u16);
@@ -73,7 +73,7 @@ impl LiveMetrics {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gauges {
     pub(super) waiting: usize,
-    pub(super) counts: Counts,
+    pub(super) counts: ServiceCounts,
     pub(super) memory: MemoryUse,
     pub(super) host: HostMemory,
     pub(super) volumes: usize,
@@ -84,7 +84,7 @@ pub(super) struct Gauges {
 /// How a render order ended; the index is that of [`Metrics::outcomes`].
 const OUTCOMES: [&str; 5] = ["rendered", "reused", "busy", "refused", "failed"];
 
-/// Counts a request while it is held.
+/// ServiceCounts a request while it is held.
 #[derive(Debug)]
 pub(super) struct InFlight<'a>(&'a AtomicI64);
 
@@ -147,7 +147,7 @@ impl Metrics {
             "counter",
             "Render orders that nobody waited for any more.",
         );
-        let Counts { skipped, cancelled, .. } = gauges.counts;
+        let ServiceCounts { skipped, cancelled, .. } = gauges.counts;
         for (when, count) in [("waiting", skipped), ("rendering", cancelled)] {
             line(&mut text, "relief_render_abandoned_total", &format!("when=\"{when}\""), count);
         }

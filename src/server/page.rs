@@ -1,5 +1,6 @@
 //! The page at `/`: files built into the program, so that it loads nothing from anywhere else.
 
+use data_encoding::HEXLOWER;
 use std::sync::LazyLock;
 
 use axum::Router;
@@ -101,7 +102,7 @@ pub(super) fn routes() -> Router<AppState> {
 static TAG: LazyLock<String> = LazyLock::new(|| {
     let hash =
         FILES.iter().fold(Sha256::new(), |hash, (_, _, content)| hash.chain_update(content)).finalize();
-    let digits: String = hash[..8].iter().map(|byte| format!("{byte:02x}")).collect();
+    let digits = HEXLOWER.encode(&hash[..8]);
     format!("\"{digits}\"")
 });
 

@@ -167,7 +167,7 @@ impl From<&JobError> for Problem {
 impl From<&ReadError> for Problem {
     fn from(error: &ReadError) -> Self {
         match error {
-            ReadError::NoRoom(full) => Self::new(StatusCode::INSUFFICIENT_STORAGE, "memory-full", full)
+            ReadError::MemoryFull(full) => Self::new(StatusCode::INSUFFICIENT_STORAGE, "memory-full", full)
                 .with("needed_bytes", full.needed)
                 .with("available_bytes", full.available),
             ReadError::Changed => Self::new(StatusCode::CONFLICT, "series-changed", error),

@@ -8,13 +8,13 @@ use axum::http::{StatusCode, Uri};
 use serde_json::{Map, Value};
 
 use super::problem::Problem;
-use relief_annotation::Shown;
+use relief_annotation::ShownSets;
 use relief_render::{Overlays, SceneFile};
 use relief_volume::{Grid, Orbit};
 
 /// The type of a parameter's value.
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+enum ParameterType {
     /// A word.
     Text,
     /// `true` or `false`.
@@ -56,15 +56,15 @@ enum Target {
 #[derive(Clone, Copy, Debug)]
 struct Parameter {
     name: &'static str,
-    kind: Kind,
+    kind: ParameterType,
     target: Target,
 }
 
-const fn key(name: &'static str, kind: Kind, path: &'static str) -> Parameter {
+const fn key(name: &'static str, kind: ParameterType, path: &'static str) -> Parameter {
     Parameter { name, kind, target: Target::Key(path) }
 }
 
-const fn to(name: &'static str, kind: Kind, target: Target) -> Parameter {
+const fn to(name: &'static str, kind: ParameterType, target: Target) -> Parameter {
     Parameter { name, kind, target }
 }
 
@@ -72,56 +72,56 @@ const HEIGHT: &str = "camera.projection.orthographic.height_mm";
 
 /// All parameters of a scene. `openapi.json` lists the same ones; a test compares them.
 const PARAMETERS: &[Parameter] = &[
-    key("preset", Kind::Text, "transfer"),
-    to("window_hu", Kind::Numbers(2), Target::Window),
-    to("window", Kind::Numbers(2), Target::Window),
-    key("mode", Kind::Text, "mode"),
-    key("classification", Kind::Text, "classification"),
-    key("iso_hu", Kind::Number, "iso_hu"),
-    key("passes", Kind::Whole(1), "path_trace.passes"),
-    key("seed", Kind::Whole(1), "path_trace.seed"),
-    key("lights", Kind::Text, "lights"),
-    key("shadows", Kind::Number, "shading.shadows"),
-    key("occlusion", Kind::Number, "shading.occlusion.strength"),
-    key("occlusion_radius_mm", Kind::Number, "shading.occlusion.radius_mm"),
-    key("size_px", Kind::Whole(2), "size_px"),
-    key("budget_ms", Kind::Number, "budget_ms"),
-    to("azimuth_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
-    to("elevation_deg", Kind::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),
-    to("zoom", Kind::Number, Target::Orbit(|orbit| &mut orbit.zoom)),
-    to("vertical_fov_deg", Kind::Number, Target::FieldOfView),
-    key("eye_mm", Kind::Numbers(3), "camera.eye_mm"),
-    key("look_at_mm", Kind::Numbers(3), "camera.look_at_mm"),
-    to("up", Kind::Numbers(3), Target::View { camera: "camera.up", slice: "slice.plane.up" }),
-    to("height_mm", Kind::Number, Target::View { camera: HEIGHT, slice: "slice.height_mm" }),
-    key("plane", Kind::Text, "slice.plane"),
-    key("normal", Kind::Numbers(3), "slice.plane.normal"),
-    key("center_mm", Kind::Numbers(3), "slice.center_mm"),
-    key("offset_mm", Kind::Number, "slice.offset_mm"),
-    key("slab_mm", Kind::Number, "slice.slab_mm"),
-    key("slab_blend", Kind::Text, "slice.blend"),
-    key("letters", Kind::Flag, "slice.letters"),
-    key("sample_distance_mm", Kind::Number, "sample_distance_mm"),
-    key("depth_rule", Kind::Text, "depth.rule"),
-    key("depth_fraction", Kind::Number, "depth.fraction"),
-    to("clip_box_mm", Kind::Numbers(6), Target::ClipBox),
-    to("clip_sphere_mm", Kind::Numbers(4), Target::ClipSphere),
-    key("cut_labels", Kind::Labels, "clip.labels.cut"),
-    key("keep_labels", Kind::Labels, "clip.labels.keep"),
-    key("label_tint", Kind::Number, "labels.tint"),
-    key("background_rgb", Kind::Numbers(3), "background_rgb"),
-    to("overlay", Kind::Text, Target::Overlay),
-    key("annotations", Kind::Sets, "annotations"),
-    key("layout", Kind::Text, "display.layout"),
-    key("profile", Kind::Text, "display.profile"),
-    key("vz", Kind::Number, "display.profile.vz"),
-    key("content", Kind::Text, "display.content"),
-    key("factor", Kind::Whole(1), "display.factor"),
-    key("offset", Kind::Whole(1), "display.offset"),
-    key("view_span", Kind::Number, "display.view_span"),
-    key("depth_filter", Kind::Text, "display.depth_filter"),
-    key("near_mm", Kind::Number, "display.near_mm"),
-    key("far_mm", Kind::Number, "display.far_mm"),
+    key("preset", ParameterType::Text, "transfer"),
+    to("window_hu", ParameterType::Numbers(2), Target::Window),
+    to("window", ParameterType::Numbers(2), Target::Window),
+    key("mode", ParameterType::Text, "mode"),
+    key("classification", ParameterType::Text, "classification"),
+    key("iso_hu", ParameterType::Number, "iso_hu"),
+    key("passes", ParameterType::Whole(1), "path_trace.passes"),
+    key("seed", ParameterType::Whole(1), "path_trace.seed"),
+    key("lights", ParameterType::Text, "lights"),
+    key("shadows", ParameterType::Number, "shading.shadows"),
+    key("occlusion", ParameterType::Number, "shading.occlusion.strength"),
+    key("occlusion_radius_mm", ParameterType::Number, "shading.occlusion.radius_mm"),
+    key("size_px", ParameterType::Whole(2), "size_px"),
+    key("budget_ms", ParameterType::Number, "budget_ms"),
+    to("azimuth_deg", ParameterType::Number, Target::Orbit(|orbit| &mut orbit.azimuth_deg)),
+    to("elevation_deg", ParameterType::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),
+    to("zoom", ParameterType::Number, Target::Orbit(|orbit| &mut orbit.zoom)),
+    to("vertical_fov_deg", ParameterType::Number, Target::FieldOfView),
+    key("eye_mm", ParameterType::Numbers(3), "camera.eye_mm"),
+    key("look_at_mm", ParameterType::Numbers(3), "camera.look_at_mm"),
+    to("up", ParameterType::Numbers(3), Target::View { camera: "camera.up", slice: "slice.plane.up" }),
+    to("height_mm", ParameterType::Number, Target::View { camera: HEIGHT, slice: "slice.height_mm" }),
+    key("plane", ParameterType::Text, "slice.plane"),
+    key("normal", ParameterType::Numbers(3), "slice.plane.normal"),
+    key("center_mm", ParameterType::Numbers(3), "slice.center_mm"),
+    key("offset_mm", ParameterType::Number, "slice.offset_mm"),
+    key("slab_mm", ParameterType::Number, "slice.slab_mm"),
+    key("slab_blend", ParameterType::Text, "slice.blend"),
+    key("letters", ParameterType::Flag, "slice.letters"),
+    key("sample_distance_mm", ParameterType::Number, "sample_distance_mm"),
+    key("depth_rule", ParameterType::Text, "depth.rule"),
+    key("depth_fraction", ParameterType::Number, "depth.fraction"),
+    to("clip_box_mm", ParameterType::Numbers(6), Target::ClipBox),
+    to("clip_sphere_mm", ParameterType::Numbers(4), Target::ClipSphere),
+    key("cut_labels", ParameterType::Labels, "clip.labels.cut"),
+    key("keep_labels", ParameterType::Labels, "clip.labels.keep"),
+    key("label_tint", ParameterType::Number, "labels.tint"),
+    key("background_rgb", ParameterType::Numbers(3), "background_rgb"),
+    to("overlay", ParameterType::Text, Target::Overlay),
+    key("annotations", ParameterType::Sets, "annotations"),
+    key("layout", ParameterType::Text, "display.layout"),
+    key("profile", ParameterType::Text, "display.profile"),
+    key("vz", ParameterType::Number, "display.profile.vz"),
+    key("content", ParameterType::Text, "display.content"),
+    key("factor", ParameterType::Whole(1), "display.factor"),
+    key("offset", ParameterType::Whole(1), "display.offset"),
+    key("view_span", ParameterType::Number, "display.view_span"),
+    key("depth_filter", ParameterType::Text, "display.depth_filter"),
+    key("near_mm", ParameterType::Number, "display.near_mm"),
+    key("far_mm", ParameterType::Number, "display.far_mm"),
 ];
 
 /// Parameters that exclude each other: two ways to say the same thing.
@@ -231,14 +231,14 @@ impl Query {
 
 /// A scene as ordered, before its gaps are filled for a volume.
 #[derive(Debug)]
-pub(super) struct Order {
+pub(super) struct SceneQuery {
     /// The text of the request.
     pub(super) file: SceneFile,
     /// The camera where it wrote none.
     pub(super) orbit: Orbit,
 }
 
-impl Order {
+impl SceneQuery {
     /// The scene of a query.
     ///
     /// # Errors
@@ -333,7 +333,7 @@ impl Parameter {
     }
 }
 
-impl Kind {
+impl ParameterType {
     fn read(self, name: &str, text: &str) -> Result<Value, Problem> {
         match self {
             Self::Text => Ok(text.into()),
@@ -355,7 +355,7 @@ impl Kind {
                 };
                 Ok(text.split(',').map(label).collect::<Vec<_>>().into())
             }
-            Self::Sets => Shown::parse(text).map(|shown| serde_json::json!(shown)).map_err(|reason| {
+            Self::Sets => ShownSets::parse(text).map(|shown| serde_json::json!(shown)).map_err(|reason| {
                 malformed(name, text, &format!("true, false, or names of sets ({reason})"))
             }),
             Self::Whole(count) => {

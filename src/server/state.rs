@@ -12,7 +12,7 @@ use tokio::sync::Semaphore;
 use super::annotations::Annotations;
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
-use relief_session::{Engine, LoadedVolume, NoRoom, RenderService, VolumeReader};
+use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeReader};
 use relief_store::Store;
 use relief_volume::{Grid, LabelMap};
 
@@ -227,7 +227,7 @@ impl Server {
     ///
     /// # Errors
     /// When there is no room for it, even after evicting everything that can be read again.
-    pub fn add_series(&self, loaded: LoadedVolume, reader: VolumeReader) -> Result<(), NoRoom> {
+    pub fn add_series(&self, loaded: LoadedVolume, reader: VolumeReader) -> Result<(), MemoryFull> {
         self.engine.volumes.add_own(loaded, Some(reader))
     }
 
@@ -235,7 +235,7 @@ impl Server {
     ///
     /// # Errors
     /// When evicting everything that can be read again does not free enough.
-    pub fn make_room(&self, bytes: u64) -> Result<(), NoRoom> {
+    pub fn make_room(&self, bytes: u64) -> Result<(), MemoryFull> {
         self.engine.volumes.make_room(bytes)
     }
 }

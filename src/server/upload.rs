@@ -29,7 +29,7 @@ pub(super) async fn upload(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let Received { limits, turn, path } =
+    let ReceivedUpload { limits, turn, path } =
         take_in(&config, &uploads, &headers, body, "application/zip").await?;
     let job = move || read(&engine, &uploads.loader, &path, limits);
     let (entry, added) = on_blocking_thread(turn, "reading the upload", job).await??;
@@ -42,7 +42,7 @@ pub(super) async fn upload(
 }
 
 /// An upload that has arrived.
-pub(super) struct Received {
+pub(super) struct ReceivedUpload {
     pub(super) limits: UploadLimits,
     /// The place for uploads, to be kept until the file has been read.
     pub(super) turn: OwnedSemaphorePermit,
@@ -56,7 +56,7 @@ pub(super) async fn take_in(
     headers: &HeaderMap,
     body: Body,
     media_type: &'static str,
-) -> Result<Received, Problem> {
+) -> Result<ReceivedUpload, Problem> {
     let Some(limits) = config.uploads else {
         let detail = "uploads are off; start the server with --uploads on";
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
@@ -67,7 +67,7 @@ pub(super) async fn take_in(
         .try_acquire_owned()
         .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
     let path = receive(body, config.body_timeout, limits).await?;
-    Ok(Received { limits, turn, path })
+    Ok(ReceivedUpload { limits, turn, path })
 }
 
 /// Refuses what says that it is too large before any of it is read.

@@ -60,7 +60,7 @@ const MOST_SAMPLE_MM: f64 = 100.0;
 
 /// A request within a budget.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Planned {
+pub struct BudgetedRequest {
     /// The request, reduced where it had to be.
     pub request: RenderRequest,
     /// How long it is expected to render.
@@ -127,7 +127,13 @@ impl SpeedBook {
     /// not beyond an eighth of its width and height at four times its sample distance. Path-traced
     /// pictures lose passes first.
     #[must_use]
-    pub fn plan(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest, budget_ms: f64) -> Planned {
+    pub fn plan(
+        &self,
+        volume: ContentHash,
+        grid: &Grid,
+        request: &RenderRequest,
+        budget_ms: f64,
+    ) -> BudgetedRequest {
         let expected = |request: &RenderRequest| self.expected_ms(volume, grid, request);
         let wanted = request.path_trace.passes;
         let mut reduced = request.clone();
@@ -142,7 +148,7 @@ impl SpeedBook {
             }
         }
         let (expected_ms, is_reduced) = (expected(&reduced), reduced != *request);
-        Planned { request: reduced, expected_ms, is_reduced }
+        BudgetedRequest { request: reduced, expected_ms, is_reduced }
     }
 
     /// The least that [`SpeedBook::plan`] gives: to measure speed by where nothing is known.
@@ -279,7 +285,7 @@ mod tests {
             (10.0, [200, 100], 2.0), // a quarter of each side, and longer steps
             (0.5, [100, 50], 4.0),   // no less than this
         ] {
-            let Planned { request: reduced, expected_ms, is_reduced } = plan(budget_ms);
+            let BudgetedRequest { request: reduced, expected_ms, is_reduced } = plan(budget_ms);
             assert!(
                 is_reduced && (expected_ms <= budget_ms || budget_ms < 1.0),
                 "{budget_ms}: {expected_ms}"

@@ -27,21 +27,21 @@ use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use relief_volume::{ContentHash, Volume};
 
 pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
-pub use budget::{INTERACTIVE_MS, Planned, SpeedBook};
-pub use drawn::{Drawables, Drawn, Shape, region_of_content, shape_of_content};
+pub use budget::{BudgetedRequest, INTERACTIVE_MS, SpeedBook};
+pub use drawn::{Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use engine::{Engine, RenderObserver};
 pub use label_maps::{LabelsError, PlacedLabels, load_labels};
 pub use live::{
-    DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, Flow, HeldPoint, LiveError,
-    OpenError, Outcome, Pace, Patience, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer, Views, lock,
+    Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, Flow, HeldPoint,
+    LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer, Views, lock,
     micros, search_preview,
 };
-pub use service::{Counts, QueueConfig, RenderService};
+pub use service::{QueueConfig, RenderService, ServiceCounts};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
 pub use volumes::{
-    Added, HostMemory, LoadedVolume, NoRoom, ReadError, UploadRefused, UploadedVolumes, VolumeEntry,
+    Added, HostMemory, LoadedVolume, MemoryFull, ReadError, UploadRefused, UploadedVolumes, VolumeEntry,
     VolumeError, VolumeReader, Volumes,
 };
 

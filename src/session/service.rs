@@ -14,9 +14,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use super::budget::{Planned, SpeedBook};
+use super::budget::{BudgetedRequest, SpeedBook};
 use super::cache::{FrameCache, FrameKey};
-use super::ticket::{Promise, Ticket, pair};
+use super::ticket::{Ticket, TicketSender, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
 use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use relief_volume::{ContentHash, Grid, Volume};
@@ -42,13 +42,13 @@ impl Default for QueueConfig {
 pub struct RenderService {
     queue: Mutex<Option<Sender<Job>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
-    shared: Arc<Shared>,
+    shared: Arc<ServiceState>,
     capacity: usize,
 }
 
 /// State that the service and its thread share.
 #[derive(Debug)]
-struct Shared {
+struct ServiceState {
     /// Orders in the queue: it bounds them, since the channel does not.
     waiting: AtomicUsize,
     recent: Mutex<FrameCache>,
@@ -62,7 +62,7 @@ struct Shared {
 
 /// Counters since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct ServiceCounts {
     /// Requests that were skipped in the queue.
     pub skipped: u64,
     /// Requests that were cancelled while they were rendered.
@@ -73,14 +73,14 @@ pub struct Counts {
 
 /// A message for the thread.
 enum Job {
-    Render(Box<Order>),
+    Render(Box<RenderJob>),
     Forget(ContentHash),
 }
 
-struct Order {
+struct RenderJob {
     volume: Volume,
     key: FrameKey,
-    promise: Promise,
+    promise: TicketSender,
     since: Instant,
 }
 
@@ -96,7 +96,7 @@ impl RenderService {
         )]
         let (sender, receiver) = channel();
         let recent = Mutex::new(FrameCache::new(config.recent_bytes));
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(ServiceState {
             waiting: AtomicUsize::new(0),
             recent,
             is_healthy: AtomicBool::new(true),
@@ -130,7 +130,7 @@ impl RenderService {
             return Ok(Ticket::ready(Rendered { frame, queue_ms: 0.0, origin: Origin::Reused }));
         }
         let (ticket, promise) = pair();
-        let order = Order { volume: volume.clone(), key, promise, since: Instant::now() };
+        let order = RenderJob { volume: volume.clone(), key, promise, since: Instant::now() };
         let queue = lock(&self.queue);
         let sender = queue.as_ref().ok_or(ServiceError::Stopped)?;
         // Counted first: the thread may take the order, and count it off, before `send` returns.
@@ -149,7 +149,13 @@ impl RenderService {
     /// A request, reduced so that it can be expected to render within a budget (ms), by the speed
     /// of earlier pictures of this volume and mode.
     #[must_use]
-    pub fn plan(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest, budget_ms: f64) -> Planned {
+    pub fn plan(
+        &self,
+        volume: ContentHash,
+        grid: &Grid,
+        request: &RenderRequest,
+        budget_ms: f64,
+    ) -> BudgetedRequest {
         lock(&self.shared.speeds).plan(volume, grid, request, budget_ms)
     }
 
@@ -171,10 +177,10 @@ impl RenderService {
 
     /// Counters since the start.
     #[must_use]
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> ServiceCounts {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        let Shared { skipped, cancelled, bands, .. } = &*self.shared;
-        Counts { skipped: read(skipped), cancelled: read(cancelled), bands: read(bands) }
+        let ServiceState { skipped, cancelled, bands, .. } = &*self.shared;
+        ServiceCounts { skipped: read(skipped), cancelled: read(cancelled), bands: read(bands) }
     }
 
     /// Memory of volumes on the adapter, after the last request.
@@ -209,7 +215,7 @@ impl RenderService {
 }
 
 /// The render thread: until the queue is closed and empty.
-fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &Shared) {
+fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &ServiceState) {
     while let Ok(job) = jobs.recv() {
         match job {
             Job::Render(order) => {
@@ -230,7 +236,7 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &Shared) 
 }
 
 /// Answers one order, from the recent frames if it can.
-fn answer(backend: &mut impl RenderBackend, order: Order, shared: &Shared) {
+fn answer(backend: &mut impl RenderBackend, order: RenderJob, shared: &ServiceState) {
     if !order.promise.is_wanted() {
         shared.skipped.fetch_add(1, Ordering::Relaxed);
         tracing::debug!("skipped an order that nobody waits for");
@@ -254,8 +260,8 @@ fn answer(backend: &mut impl RenderBackend, order: Order, shared: &Shared) {
 /// concerns the request.
 fn render(
     backend: &mut impl RenderBackend,
-    order: &Order,
-    shared: &Shared,
+    order: &RenderJob,
+    shared: &ServiceState,
 ) -> Result<RenderedFrame, ServiceError> {
     let is_healthy = &shared.is_healthy;
     let mut last = Progress::default();

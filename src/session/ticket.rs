@@ -1,6 +1,6 @@
 //! A promise of a frame: a future without a runtime, and the render thread's end of it.
 //!
-//! Dropping the [`Ticket`] cancels the request. Dropping the [`Promise`] answers
+//! Dropping the [`Ticket`] cancels the request. Dropping the [`TicketSender`] answers
 //! [`ServiceError::Stopped`], so that nobody waits for a thread that has ended.
 
 use std::pin::Pin;
@@ -27,14 +27,14 @@ pub struct Ticket {
 
 /// The render thread's end of a ticket.
 #[derive(Debug)]
-pub(super) struct Promise {
+pub(super) struct TicketSender {
     slot: Arc<Mutex<Slot>>,
 }
 
 /// A ticket and the promise behind it.
-pub(super) fn pair() -> (Ticket, Promise) {
+pub(super) fn pair() -> (Ticket, TicketSender) {
     let slot = Arc::default();
-    (Ticket { slot: Arc::clone(&slot) }, Promise { slot })
+    (Ticket { slot: Arc::clone(&slot) }, TicketSender { slot })
 }
 
 impl Ticket {
@@ -67,7 +67,7 @@ impl Future for Ticket {
     }
 }
 
-impl Promise {
+impl TicketSender {
     /// Whether the ticket is still held.
     pub(super) fn is_wanted(&self) -> bool {
         Arc::strong_count(&self.slot) > 1
@@ -79,7 +79,7 @@ impl Promise {
     }
 }
 
-impl Drop for Promise {
+impl Drop for TicketSender {
     fn drop(&mut self) {
         answer(&self.slot, Err(ServiceError::Stopped));
     }

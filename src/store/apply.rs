@@ -5,13 +5,13 @@ use sqlx::{Any, Row, Transaction};
 use super::error::StoreError;
 use super::rows::{current, item_text, kind_name, signed, unsigned, versioned};
 use super::{Store, watch};
-use relief_annotation::{Change, ContentId, Edit, Event, Item, ItemId, Kind, Timestamp};
+use relief_annotation::{Change, ContentId, Edit, Event, EventKind, Item, ItemId, Timestamp};
 
 /// Events that are being added, all of one edit.
-pub(super) struct Writing<'a> {
+pub(super) struct EditWriter<'a> {
     pub(super) transaction: &'a mut Transaction<'static, Any>,
     /// Their common properties.
-    kind: Kind,
+    kind: EventKind,
     target: Option<u64>,
     author: &'a str,
     reason: &'a str,
@@ -32,7 +32,7 @@ impl Store {
         edit.validate()?;
         let mut transaction = self.begin_write().await?;
         let mut writing =
-            Writing::begin(&mut transaction, Kind::Do, None, (&edit.author, &edit.reason)).await?;
+            EditWriter::begin(&mut transaction, EventKind::Do, None, (&edit.author, &edit.reason)).await?;
         for change in &edit.changes {
             writing.change(change).await?;
         }
@@ -50,10 +50,10 @@ impl Store {
     }
 }
 
-impl<'a> Writing<'a> {
+impl<'a> EditWriter<'a> {
     pub(super) async fn begin(
         transaction: &'a mut Transaction<'static, Any>,
-        kind: Kind,
+        kind: EventKind,
         target: Option<u64>,
         (author, reason): (&'a str, &'a str),
     ) -> Result<Self, StoreError> {

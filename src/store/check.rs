@@ -6,9 +6,9 @@ use sqlx::{Any, Row, Transaction};
 
 use super::Store;
 use super::error::StoreError;
-use super::place::Kind as Database;
+use super::place::DatabaseKind as Database;
 use super::rows::{EVENT, event, item, signed, unsigned};
-use relief_annotation::{ContentId, Event, Item, ItemId, Kind};
+use relief_annotation::{ContentId, Event, EventKind, Item, ItemId};
 
 /// Events that are read at a time.
 const PAGE: u64 = 5000;
@@ -100,14 +100,14 @@ impl Folded {
     /// The effect of an edit, undo or redo, by its first event, on the author's history.
     fn turn(&mut self, event: &Event) -> Result<(), StoreError> {
         let (from, to) = match event.kind {
-            Kind::Do => {
+            EventKind::Do => {
                 let own = self.edits.values_mut().filter(|(author, _)| *author == event.author);
                 own.filter(|(_, state)| *state == "undone").for_each(|(_, state)| *state = "dropped");
                 self.edits.insert(event.edit, (event.author.clone(), "done"));
                 return Ok(());
             }
-            Kind::Undo => ("done", "undone"),
-            Kind::Redo => ("undone", "done"),
+            EventKind::Undo => ("done", "undone"),
+            EventKind::Redo => ("undone", "done"),
         };
         match self.edits.get_mut(&event.target.unwrap_or_default()) {
             Some((author, state)) if *author == event.author && *state == from => {

@@ -2,11 +2,11 @@
 
 use sqlx::{Any, Row, Transaction};
 
-use super::apply::Writing;
+use super::apply::EditWriter;
 use super::error::StoreError;
 use super::rows::{EVENT, current, event, item, signed, unsigned, versioned};
 use super::{Store, watch};
-use relief_annotation::{Edit, Event, Item, ItemId, Kind};
+use relief_annotation::{Edit, Event, EventKind, Item, ItemId};
 
 impl Store {
     /// Takes back the author's newest edit that stands, all of it.
@@ -39,7 +39,7 @@ impl Store {
         reason: &str,
         may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
     ) -> Result<Vec<Event>, E> {
-        self.step(Kind::Undo, (author, reason), may).await
+        self.step(EventKind::Undo, (author, reason), may).await
     }
 
     /// The same as [`Self::redo`], where every item of the edit may be changed.
@@ -52,19 +52,19 @@ impl Store {
         reason: &str,
         may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
     ) -> Result<Vec<Event>, E> {
-        self.step(Kind::Redo, (author, reason), may).await
+        self.step(EventKind::Redo, (author, reason), may).await
     }
 
     async fn step<E: From<StoreError>>(
         &self,
-        kind: Kind,
+        kind: EventKind,
         (author, reason): (&str, &str),
         may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
     ) -> Result<Vec<Event>, E> {
         Edit::check_words(author, reason).map_err(StoreError::from)?;
         let mut transaction = self.begin_write().await?;
         let (target, made) = next_step(&mut transaction, kind, author).await?;
-        for Made { event, before, now, .. } in &made {
+        for MadeEvent { event, before, now, .. } in &made {
             event.item.iter().chain(before).chain(now).try_for_each(&may)?;
         }
         Ok(self.take_step(transaction, (kind, target), (author, reason), made).await?)
@@ -73,17 +73,17 @@ impl Store {
     async fn take_step(
         &self,
         mut transaction: Transaction<'static, Any>,
-        (kind, target): (Kind, u64),
+        (kind, target): (EventKind, u64),
         (author, reason): (&str, &str),
-        made: Vec<Made>,
+        made: Vec<MadeEvent>,
     ) -> Result<Vec<Event>, StoreError> {
-        let mut writing = Writing::begin(&mut transaction, kind, Some(target), (author, reason)).await?;
+        let mut writing = EditWriter::begin(&mut transaction, kind, Some(target), (author, reason)).await?;
         for made in made {
             restore(&mut writing, kind, made, author).await?;
         }
         let events = writing.finish();
         sqlx::query("UPDATE edits SET state = $1 WHERE edit = $2")
-            .bind(if kind == Kind::Undo { "undone" } else { "done" })
+            .bind(if kind == EventKind::Undo { "undone" } else { "done" })
             .bind(signed(target))
             .execute(&mut *transaction)
             .await?;
@@ -94,7 +94,7 @@ impl Store {
 }
 
 /// An event of an edit.
-struct Made {
+struct MadeEvent {
     event: Event,
     /// The item before it; `None` where it did not exist.
     before: Option<Item>,
@@ -106,12 +106,12 @@ struct Made {
 /// The edit that a step of an author concerns: its number, and its events in the order of the step.
 async fn next_step(
     transaction: &mut Transaction<'_, Any>,
-    kind: Kind,
+    kind: EventKind,
     author: &str,
-) -> Result<(u64, Vec<Made>), StoreError> {
+) -> Result<(u64, Vec<MadeEvent>), StoreError> {
     // Those taken back are all newer than those that stand: the lines of both meet between the
     // newest and the oldest.
-    let (find, nothing) = if kind == Kind::Undo {
+    let (find, nothing) = if kind == EventKind::Undo {
         let find = "SELECT coalesce(max(edit), 0) FROM edits WHERE author = $1 AND state = 'done'";
         (find, StoreError::NothingToUndo)
     } else {
@@ -130,19 +130,24 @@ async fn next_step(
         let Some((version, now)) = current(transaction, id).await? else {
             return Err(StoreError::Damaged(format!("item {id} has events and no state")));
         };
-        made.push(Made { event, before, now, version });
+        made.push(MadeEvent { event, before, now, version });
     }
-    if kind == Kind::Undo {
+    if kind == EventKind::Undo {
         made.reverse();
     }
     Ok((target, made))
 }
 
 /// Brings one item from one side of an edit's event to the other.
-async fn restore(writing: &mut Writing<'_>, kind: Kind, made: Made, author: &str) -> Result<(), StoreError> {
-    let Made { event, before, now, version } = made;
+async fn restore(
+    writing: &mut EditWriter<'_>,
+    kind: EventKind,
+    made: MadeEvent,
+    author: &str,
+) -> Result<(), StoreError> {
+    let MadeEvent { event, before, now, version } = made;
     let id = event.id;
-    let (from, to) = if kind == Kind::Undo { (event.item, before) } else { (before, event.item) };
+    let (from, to) = if kind == EventKind::Undo { (event.item, before) } else { (before, event.item) };
     if now != from {
         let expected = own_version(writing.transaction, id, author).await?;
         return Err(StoreError::Conflict {

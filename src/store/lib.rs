@@ -49,7 +49,7 @@ pub use named::{Audited, AuditedKind};
 pub use query::{Filter, Listing, LogFilter};
 pub use watch::{Changed, Watch};
 
-use place::{Kind, Place};
+use place::{DatabaseAddress, DatabaseKind};
 
 /// Connections that read side by side. One writes: writers of this process wait in line for it.
 const READERS: u32 = 4;
@@ -59,7 +59,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// An open log. A clone is the same log; calls may come from many tasks at once.
 #[derive(Clone)]
 pub struct Store {
-    kind: Kind,
+    kind: DatabaseKind,
     options: AnyConnectOptions,
     write: AnyPool,
     read: AnyPool,
@@ -81,7 +81,7 @@ impl Store {
     /// # Errors
     /// When it cannot be reached, is no log of Relief, is damaged, or was made by a newer version.
     pub async fn open(place: &str) -> Result<Self, StoreError> {
-        Self::open_place(&Place::parse(place, true)?).await
+        Self::open_place(&DatabaseAddress::parse(place, true)?).await
     }
 
     /// Opens an existing log; creates none.
@@ -89,10 +89,10 @@ impl Store {
     /// # Errors
     /// Those of [`Self::open`], and when the log does not exist.
     pub async fn open_existing(place: &str) -> Result<Self, StoreError> {
-        Self::open_place(&Place::parse(place, false)?).await
+        Self::open_place(&DatabaseAddress::parse(place, false)?).await
     }
 
-    async fn open_place(place: &Place) -> Result<Self, StoreError> {
+    async fn open_place(place: &DatabaseAddress) -> Result<Self, StoreError> {
         schema::prepare(place).await?;
         let (kind, read_only) = (place.kind, place.read_only);
         let pool = |connections| {
@@ -115,8 +115,8 @@ impl Store {
     /// A transaction that changes something: no other connection writes until it ends.
     async fn begin_write(&self) -> Result<Transaction<'static, Any>, StoreError> {
         match self.kind {
-            Kind::Sqlite => begin(&self.write, "BEGIN IMMEDIATE").await,
-            Kind::Postgres => {
+            DatabaseKind::Sqlite => begin(&self.write, "BEGIN IMMEDIATE").await,
+            DatabaseKind::Postgres => {
                 let mut transaction = begin(&self.write, "BEGIN").await?;
                 sqlx::query("LOCK TABLE events IN EXCLUSIVE MODE").execute(&mut *transaction).await?;
                 Ok(transaction)
@@ -127,8 +127,8 @@ impl Store {
     /// A transaction that sees one moment of the log.
     async fn begin_read(&self) -> Result<Transaction<'static, Any>, StoreError> {
         let statement = match self.kind {
-            Kind::Sqlite => "BEGIN DEFERRED",
-            Kind::Postgres => "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
+            DatabaseKind::Sqlite => "BEGIN DEFERRED",
+            DatabaseKind::Postgres => "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
         };
         begin(&self.read, statement).await
     }

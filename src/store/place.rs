@@ -9,27 +9,27 @@ use super::error::StoreError;
 
 /// Which program keeps the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum DatabaseKind {
     Sqlite,
     Postgres,
 }
 
 /// A place that can be connected to. Not shown: it may have a password.
-pub(super) struct Place {
-    pub(super) kind: Kind,
+pub(super) struct DatabaseAddress {
+    pub(super) kind: DatabaseKind,
     /// Nothing may be written.
     pub(super) read_only: bool,
     pub(super) options: AnyConnectOptions,
 }
 
-impl Place {
+impl DatabaseAddress {
     /// Reads a file's path or a URL. A SQLite file that is not there is made on connecting if
     /// `create` says so.
     pub(super) fn parse(place: &str, create: bool) -> Result<Self, StoreError> {
         sqlx::any::install_default_drivers();
         let wrong = |why: &str| Err(StoreError::Place(why.to_owned()));
         if place.starts_with("postgres://") || place.starts_with("postgresql://") {
-            return Self::connect_to(Kind::Postgres, place, false);
+            return Self::connect_to(DatabaseKind::Postgres, place, false);
         }
         if let Some(rest) = place.strip_prefix("sqlite:") {
             let rest = rest.strip_prefix("//").unwrap_or(rest);
@@ -45,7 +45,7 @@ impl Place {
                 return wrong("it names no file; a log in memory would be lost");
             }
             return Self::connect_to(
-                Kind::Sqlite,
+                DatabaseKind::Sqlite,
                 &format!("sqlite://{path}?{mode}"),
                 mode.starts_with("mode=ro"),
             );
@@ -58,10 +58,14 @@ impl Place {
         }
         let path = std::path::absolute(place).map_err(|error| StoreError::Place(error.to_string()))?;
         let Some(path) = path.to_str() else { return wrong("the path is no UTF-8") };
-        Self::connect_to(Kind::Sqlite, &format!("sqlite://{}?{}", encoded(path), writing(create)), false)
+        Self::connect_to(
+            DatabaseKind::Sqlite,
+            &format!("sqlite://{}?{}", encoded(path), writing(create)),
+            false,
+        )
     }
 
-    fn connect_to(kind: Kind, url: &str, read_only: bool) -> Result<Self, StoreError> {
+    fn connect_to(kind: DatabaseKind, url: &str, read_only: bool) -> Result<Self, StoreError> {
         let options = AnyConnectOptions::from_str(url);
         let options = options.map_err(|error| StoreError::Place(error.to_string()))?;
         // Statements contain no values and reveal only how the log works; they are not logged.
@@ -87,24 +91,24 @@ mod tests {
     #[test]
     fn places_are_files_and_urls() {
         let url = |place: &str, create| {
-            let place = Place::parse(place, create).unwrap();
+            let place = DatabaseAddress::parse(place, create).unwrap();
             (place.kind, place.read_only, place.options.database_url.to_string())
         };
         let (kind, read_only, file) = url("/a b/ü?#%.db", true);
-        assert_eq!((kind, read_only), (Kind::Sqlite, false));
+        assert_eq!((kind, read_only), (DatabaseKind::Sqlite, false));
         assert_eq!(file, "sqlite:///a%20b/%C3%BC%3F%23%25.db?mode=rwc");
         assert!(url("a.db", false).2.ends_with("/a.db?mode=rw"));
         assert_eq!(
             url("sqlite:/a.db?mode=ro", true),
-            (Kind::Sqlite, true, "sqlite:///a.db?mode=ro".to_owned())
+            (DatabaseKind::Sqlite, true, "sqlite:///a.db?mode=ro".to_owned())
         );
         assert_eq!(url("sqlite:///a.db", true).2, "sqlite:///a.db?mode=rwc");
         assert!(url("sqlite:/a.db?immutable=1", true).1);
-        assert_eq!(url("postgres://me@localhost/x", true).0, Kind::Postgres);
+        assert_eq!(url("postgres://me@localhost/x", true).0, DatabaseKind::Postgres);
         for wrong in
             ["", "mysql://x/y", "sqlite::memory:", "sqlite:", "sqlite:/a?mode=memory", "postgres://[x"]
         {
-            assert!(matches!(Place::parse(wrong, true), Err(StoreError::Place(_))), "{wrong}");
+            assert!(matches!(DatabaseAddress::parse(wrong, true), Err(StoreError::Place(_))), "{wrong}");
         }
     }
 }

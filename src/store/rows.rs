@@ -4,7 +4,7 @@ use sqlx::any::AnyRow;
 use sqlx::{Any, Row, Transaction};
 
 use super::error::StoreError;
-use relief_annotation::{Event, Item, ItemId, Kind, Versioned};
+use relief_annotation::{Event, EventKind, Item, ItemId, Versioned};
 
 /// All columns of an event, in the order in which [`event`] reads them.
 pub(super) const EVENT: &str = "seq, edit, kind, target, id, version, author, reason, time, item";
@@ -20,11 +20,11 @@ pub(super) fn unsigned(row: &AnyRow, column: usize) -> Result<u64, StoreError> {
     u64::try_from(number).map_err(|_| StoreError::Damaged(format!("a number is {number}")))
 }
 
-pub(super) const fn kind_name(kind: Kind) -> &'static str {
+pub(super) const fn kind_name(kind: EventKind) -> &'static str {
     match kind {
-        Kind::Do => "do",
-        Kind::Undo => "undo",
-        Kind::Redo => "redo",
+        EventKind::Do => "do",
+        EventKind::Undo => "undo",
+        EventKind::Redo => "redo",
     }
 }
 
@@ -33,9 +33,9 @@ pub(super) fn event(row: &AnyRow) -> Result<Event, StoreError> {
     let seq = unsigned(row, 0)?;
     let odd = |what: &str| StoreError::Damaged(format!("event {seq} has no readable {what}"));
     let kind = match row.try_get::<String, _>(2)?.as_str() {
-        "do" => Kind::Do,
-        "undo" => Kind::Undo,
-        "redo" => Kind::Redo,
+        "do" => EventKind::Do,
+        "undo" => EventKind::Undo,
+        "redo" => EventKind::Redo,
         _ => return Err(odd("kind")),
     };
     let target: Option<i64> = row.try_get(3)?;

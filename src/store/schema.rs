@@ -3,7 +3,7 @@
 use sqlx::{AnyConnection, AssertSqlSafe, ConnectOptions, Connection, Executor, Row};
 
 use super::error::StoreError;
-use super::place::{Kind, Place};
+use super::place::{DatabaseAddress, DatabaseKind};
 
 /// The newest schema that this version knows, and the one that it makes.
 const SCHEMA: u64 = 1;
@@ -105,11 +105,11 @@ const APPEND_ONLY: [&str; 3] = ["events", "contents", "audit"];
 /// Looks whether a log of a known schema is at the place, and makes one where there is nothing.
 ///
 /// By a connection of its own: a pool tries again and again where one fails, and does not say why.
-pub(super) async fn prepare(place: &Place) -> Result<(), StoreError> {
+pub(super) async fn prepare(place: &DatabaseAddress) -> Result<(), StoreError> {
     let mut connection = place.options.connect().await?;
     let prepared = match place.kind {
-        Kind::Sqlite => prepare_sqlite(&mut connection, place.read_only).await,
-        Kind::Postgres => prepare_postgres(&mut connection).await,
+        DatabaseKind::Sqlite => prepare_sqlite(&mut connection, place.read_only).await,
+        DatabaseKind::Postgres => prepare_postgres(&mut connection).await,
     };
     // The schema is committed; an error on closing does not change it.
     let _ = connection.close().await;
@@ -134,7 +134,7 @@ async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Resu
         return Err(StoreError::Foreign("the SQLite database belongs to another program".to_owned()));
     }
     check_schema(connection).await?;
-    Ok(settle(connection, Kind::Sqlite, read_only).await?)
+    Ok(settle(connection, DatabaseKind::Sqlite, read_only).await?)
 }
 
 /// Whether the file has no tables yet.
@@ -196,7 +196,7 @@ async fn prepare_postgres(connection: &mut AnyConnection) -> Result<(), StoreErr
     {
         return Err(StoreError::Foreign("its schema relief belongs to another program".to_owned()));
     }
-    settle(connection, Kind::Postgres, false).await?;
+    settle(connection, DatabaseKind::Postgres, false).await?;
     check_schema(connection).await
 }
 
@@ -217,11 +217,11 @@ async fn check_schema(connection: &mut AnyConnection) -> Result<(), StoreError> 
 /// triggers; pages are looked at before they are believed.
 pub(super) async fn settle(
     connection: &mut AnyConnection,
-    kind: Kind,
+    kind: DatabaseKind,
     read_only: bool,
 ) -> Result<(), sqlx::Error> {
     match kind {
-        Kind::Sqlite => {
+        DatabaseKind::Sqlite => {
             for pragma in [
                 "PRAGMA busy_timeout = 30000",
                 "PRAGMA synchronous = FULL",
@@ -240,7 +240,7 @@ pub(super) async fn settle(
                 connection.execute("PRAGMA journal_mode = WAL").await?;
             }
         }
-        Kind::Postgres => {
+        DatabaseKind::Postgres => {
             connection.execute("SET search_path TO relief").await?;
             connection.execute("SET lock_timeout TO '30s'").await?;
             let durable = "SELECT set_config('synchronous_commit', 'on', false) \

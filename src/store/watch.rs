@@ -20,7 +20,7 @@ use tokio::time::{sleep, timeout};
 
 use super::Store;
 use super::error::StoreError;
-use super::place::Kind;
+use super::place::DatabaseKind;
 use super::schema::number;
 
 /// The channel of PostgreSQL.
@@ -46,7 +46,7 @@ pub enum Changed {
 
 /// See the module.
 pub struct Watch {
-    kind: Kind,
+    kind: DatabaseKind,
     options: AnyConnectOptions,
     source: Option<Source>,
 }
@@ -77,7 +77,7 @@ impl Store {
         what: &'static str,
         seq: u64,
     ) -> Result<(), StoreError> {
-        if self.kind == Kind::Postgres {
+        if self.kind == DatabaseKind::Postgres {
             let notify = AssertSqlSafe(format!("NOTIFY {CHANNEL}, '{what} {seq}'"));
             (&mut **transaction).execute(notify).await?;
         }
@@ -111,14 +111,14 @@ impl Watch {
 }
 
 impl Source {
-    async fn open(kind: Kind, options: &AnyConnectOptions) -> Result<Self, StoreError> {
+    async fn open(kind: DatabaseKind, options: &AnyConnectOptions) -> Result<Self, StoreError> {
         match kind {
-            Kind::Sqlite => {
+            DatabaseKind::Sqlite => {
                 let mut connection = options.connect().await?;
                 let version = version(&mut connection).await?;
                 Ok(Self::Sqlite(connection, version))
             }
-            Kind::Postgres => {
+            DatabaseKind::Postgres => {
                 let options = PgConnectOptions::from_url(&options.database_url)?.disable_statement_logging();
                 let pool =
                     PoolOptions::<Postgres>::new().max_connections(1).max_lifetime(None).idle_timeout(None);

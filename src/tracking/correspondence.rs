@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 use super::beacon::{Beacon, MAX_LEDS};
 use super::pose::Pose;
 use super::sensor::Pinhole;
-use super::solve::{Gravity, MAX_SEEN, PoseView, Refined, Sighting};
+use super::solve::{Gravity, MAX_SEEN, Minimum, PoseView, Sighting};
 
 /// Chi-square that an assignment may have, per the number of equations beyond the six unknowns. A
 /// right one has more in 1 of 20,000 views with two, which is what four LEDs have.
@@ -56,7 +56,7 @@ pub enum Identified {
         /// Blob i is LED `assignment[i]`.
         assignment: Assignment,
         /// The pose.
-        refined: Refined,
+        refined: Minimum,
         /// Chi-square of the best rival; infinite without a rival.
         rival: f64,
     },
@@ -101,7 +101,7 @@ struct Search<'a> {
     blobs: &'a [Vector2<f64>],
     noise_px: f64,
     hints: &'a IdentifyHints,
-    best: Option<(f64, Assignment, Refined)>,
+    best: Option<(f64, Assignment, Minimum)>,
     rival: f64,
 }
 

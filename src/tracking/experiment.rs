@@ -13,7 +13,7 @@ use super::beacon::Beacon;
 use super::filter::{ErrorStateFilter, MotionDensity};
 use super::pose::SensorPose;
 use super::sensor::{Pinhole, TYPICAL_FOCAL_PX};
-use super::simulate::{ReportDelivery, Sensing, SensorPath, SimulatedReport, Simulation, SurveyingHand};
+use super::simulate::{ReportDelivery, SensorModel, SensorPath, SimulatedReport, Simulation, SurveyingHand};
 use super::solve::bound::quantised_noise;
 use super::solve::{PoseView, Sighting};
 use super::tracker::{FilterKind, SolverKind, TrackedSample, Tracker, TrackerOptions};
@@ -186,7 +186,7 @@ pub struct ExperimentSetting {
     /// The true camera.
     pub camera: Pinhole,
     /// Noise.
-    pub sensing: Sensing,
+    pub sensing: SensorModel,
     /// How often each run is done.
     pub repeats: u32,
     /// Seed.
@@ -198,7 +198,7 @@ impl ExperimentSetting {
     /// them.
     #[must_use]
     pub fn new(camera: Pinhole, seed: u64) -> Self {
-        let sensing = Sensing::TYPICAL;
+        let sensing = SensorModel::TYPICAL;
         Self { beacon: Beacon::recommended(), distance_mm: 1000.0, camera, sensing, repeats: 1, seed }
     }
 }

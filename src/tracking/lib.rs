@@ -47,7 +47,7 @@ mod tracker;
 pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
 
 pub use calibrate::{
-    Adjusted, BlobIdentifier, Calibration, CalibrationError, CalibrationModel, CalibrationView, MIN_VIEWS,
+    Adjustment, BlobIdentifier, Calibration, CalibrationError, CalibrationModel, CalibrationView, MIN_VIEWS,
     Parameter, Square, adjust, calibrate_camera, choose_views, moving_views,
 };
 pub use correspondence::{Assignment, EarlierPose, GATE, Identified, IdentifyHints, MARGIN, identify_blobs};
@@ -73,22 +73,22 @@ pub use report::recording::{
     MAX_LINE_BYTES, RecordingError, RecordingReader, TimedReport, bytes_of_hex, hex_of_bytes, recording_line,
 };
 pub use report::{
-    Acceleration, Acknowledge, Blob, BlobExtent, Buttons, DataReport, Extension, Half, InterleavedHalf,
-    Interleaver, IrFormat, Layout, MAX_REPORT_BYTES, Memory, Report, ReportError, SENSOR_HEIGHT,
+    Acceleration, Acknowledge, Blob, BlobExtent, Buttons, DataReport, Extension, Half, InputReport,
+    InterleavedHalf, Interleaver, IrFormat, Layout, MAX_REPORT_BYTES, Memory, ReportError, SENSOR_HEIGHT,
     SENSOR_WIDTH, Status,
 };
 pub use sensor::file::{CameraFileError, CameraFormat, YamlError, read_camera, write_camera};
 pub use sensor::{LensError, Pinhole, PinholeError, TYPICAL_FOCAL_PX, ThinLens};
 pub use simulate::{
-    HiddenLed, PointingHand, PressedButton, REPORT_HZ, ReportDelivery, Sensing, SensorPath, SimulatedReport,
-    Simulation, SurveyingHand,
+    HiddenLed, PointingHand, PressedButton, REPORT_HZ, ReportDelivery, SensorModel, SensorPath,
+    SimulatedReport, Simulation, SurveyingHand,
 };
 pub use solve::bound::{QUANTISATION_VARIANCE, quantised_noise};
 #[cfg(feature = "ipopt")]
 pub use solve::ipopt::solve_with_ipopt;
 pub use solve::paper::{PaperSolution, level_start, solve_as_published};
 pub use solve::random::{Random, ViewRange, is_seen, random_sightings};
-pub use solve::{Gravity, MAX_SEEN, PoseView, Refined, Sighting, Solutions};
+pub use solve::{Gravity, MAX_SEEN, Minimum, PoseView, Sighting, Solutions};
 pub use tracker::{
     DroppedReports, FilterKind, Frame, Frames, MAX_PREDICTION_S, PoseRecord, SolverKind, TrackedSample,
     Tracker, TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,

@@ -13,8 +13,8 @@ use super::pose::SensorPose;
 use super::report::calibration::AccelerometerCalibration;
 use super::report::motion_plus::GyroCalibration;
 use super::report::{
-    Blob, BlobExtent, Buttons, DataReport, Extension, Half, InterleavedHalf, Layout, Report, SENSOR_HEIGHT,
-    SENSOR_WIDTH,
+    Blob, BlobExtent, Buttons, DataReport, Extension, Half, InputReport, InterleavedHalf, Layout,
+    SENSOR_HEIGHT, SENSOR_WIDTH,
 };
 use super::sensor::{Pinhole, ThinLens};
 use super::solve::random::Random;
@@ -33,7 +33,7 @@ pub trait SensorPath {
 
 /// The camera's effects on a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sensing {
+pub struct SensorModel {
     /// Standard deviation of a blob's coordinates before rounding, px.
     pub noise_px: f64,
     /// Whether coordinates are rounded to whole units, as a Wiimote's are.
@@ -47,7 +47,7 @@ pub struct Sensing {
     pub lens: Option<ThinLens>,
 }
 
-impl Sensing {
+impl SensorModel {
     /// LEDs of 5 mm, always sharp, with half a pixel of noise and whole pixels; one blob when
     /// nearer than two pixels of the sensor.
     pub const TYPICAL: Self =
@@ -106,7 +106,7 @@ pub struct Simulation {
     /// The true beacon.
     pub beacon: Beacon,
     /// Noise.
-    pub sensing: Sensing,
+    pub sensing: SensorModel,
     /// Mishaps.
     pub delivery: ReportDelivery,
     /// LEDs that are hidden at times.
@@ -127,7 +127,7 @@ pub struct SimulatedReport {
     /// Time stamp, ns.
     pub t_ns: u64,
     /// The report.
-    pub report: Report,
+    pub report: InputReport,
     /// Where the sensor was.
     pub truth: SensorPose,
 }
@@ -139,7 +139,7 @@ impl Simulation {
         Self {
             camera: Pinhole::TYPICAL,
             beacon,
-            sensing: Sensing::TYPICAL,
+            sensing: SensorModel::TYPICAL,
             delivery: ReportDelivery::PERFECT,
             hidden: Vec::new(),
             pressed: Vec::new(),
@@ -234,7 +234,7 @@ impl Simulation {
         at: f64,
         blobs: [Option<Blob>; 4],
         random: &mut Random,
-    ) -> Report {
+    ) -> InputReport {
         let pose = path.at(at);
         let to_sensor = pose.orientation.inverse();
         const STEP: f64 = 2e-3;
@@ -249,7 +249,7 @@ impl Simulation {
         let reading = GyroCalibration::TYPICAL.reading(body_from_sensor(&rates)).encode();
         let layout = if self.gyroscope { Layout::AccelerationIrExtension6 } else { Layout::AccelerationIr };
         let plain = |blob: Blob| if self.gyroscope { Blob::at(blob.x, blob.y) } else { blob };
-        Report::Data(DataReport {
+        InputReport::Data(DataReport {
             layout,
             buttons: Some(self.buttons(at)),
             acceleration: Some([x, y & !1, z & !1]),
@@ -261,8 +261,10 @@ impl Simulation {
 
 /// The two reports that carry a picture's blobs in full, as a camera sees them: outlines as wide as
 /// their size.
-fn halves(report: Report) -> Vec<Report> {
-    let Report::Data(DataReport { buttons, acceleration, blobs, .. }) = report else { return vec![report] };
+fn halves(report: InputReport) -> Vec<InputReport> {
+    let InputReport::Data(DataReport { buttons, acceleration, blobs, .. }) = report else {
+        return vec![report];
+    };
     let [x, y, z] = acceleration.unwrap_or_default().map(|count| (count >> 2) as u8);
     let outlined = |blob: Blob| {
         let half = blob.size.unwrap_or(1) / 2;
@@ -279,7 +281,7 @@ fn halves(report: Report) -> Vec<Report> {
     let [a, b, c, d] = blobs.unwrap_or_default().map(|blob| blob.map(outlined));
     let half = |half, acceleration, z_bits, blobs| {
         let buttons = buttons.unwrap_or_default();
-        Report::Interleaved(InterleavedHalf { half, buttons, acceleration, z_bits, blobs })
+        InputReport::Interleaved(InterleavedHalf { half, buttons, acceleration, z_bits, blobs })
     };
     vec![half(Half::First, x, z >> 4, [a, b]), half(Half::Second, y, z & 0x0f, [c, d])]
 }

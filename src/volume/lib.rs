@@ -20,7 +20,7 @@ use sha2::{Digest, Sha256};
 
 pub use bricks::{BrickRanges, DistanceMap};
 pub use grid::{Bounds, Grid, GridError};
-pub use labels::{BrickLabels, LabelCountError, LabelMap, Layers, LayersError, Places, Segment};
+pub use labels::{BrickLabels, LabelCountError, LabelMap, Layers, LayersError, Segment, SegmentIndices};
 pub use mask::Mask;
 
 pub use camera::{
@@ -66,7 +66,7 @@ impl ContentHash {
     /// The first 16 hexadecimal digits: what ids show.
     #[must_use]
     pub fn short(&self) -> String {
-        self.0[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+        data_encoding::HEXLOWER.encode(&self.0[..8])
     }
 }
 

@@ -50,11 +50,11 @@ impl Mask {
         let nx = mask.grid.dims()[0];
         let rows = mask.words.par_chunks_mut(mask.row_words);
         match map.places() {
-            super::Places::Bytes(places) => {
+            super::SegmentIndices::Bytes(places) => {
                 rows.zip(places.par_chunks(nx))
                     .for_each(|(words, row)| pack(words, row, |place| usize::from(place) == at + 1));
             }
-            super::Places::Words(places) => {
+            super::SegmentIndices::Words(places) => {
                 rows.zip(places.par_chunks(nx))
                     .for_each(|(words, row)| pack(words, row, |place| usize::from(place) == at + 1));
             }

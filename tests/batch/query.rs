@@ -1,10 +1,10 @@
 //! Queries: which series are wanted, by what is known of them and leads to nobody.
 
 use super::*;
-use relief_batch::{Facts, Query};
+use relief_batch::{Query, SeriesFacts};
 
-fn facts() -> Facts {
-    Facts {
+fn facts() -> SeriesFacts {
+    SeriesFacts {
         modality: "CT".to_owned(),
         format: "dicom",
         dims: [512, 256, 40],
@@ -30,7 +30,7 @@ fn conditions_mean_what_they_say() {
         let query: Query = text.parse().unwrap();
         assert_eq!(query.admit(&facts()).is_ok(), is_wanted, "{text}");
     }
-    let unknown = Facts { thickness_mm: None, ..facts() };
+    let unknown = SeriesFacts { thickness_mm: None, ..facts() };
     let refused = "thickness_mm>0".parse::<Query>().unwrap().admit(&unknown).unwrap_err();
     assert_eq!(refused, "its files do not say thickness_mm");
 }

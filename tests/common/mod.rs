@@ -6,10 +6,13 @@
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 
 use relief_render::{AdapterChoice, Gpu};
+use relief_volume::{Phantom, PhantomKind, PhantomRecipe, Volume};
 
 /// The software adapter, or `None` after saying aloud that `what` was not tested.
 ///
@@ -26,6 +29,20 @@ pub(crate) fn software_adapter(what: &str) -> Option<Gpu> {
             None
         }
     }
+}
+
+/// The phantom of a recipe, made once per test program. Two tests that need it at the same time wait
+/// for one computation.
+pub(crate) fn phantom(recipe: PhantomRecipe) -> Arc<Phantom> {
+    type Entry = Arc<OnceLock<Arc<Phantom>>>;
+    static MADE: LazyLock<Mutex<HashMap<PhantomRecipe, Entry>>> = LazyLock::new(Mutex::default);
+    let entry = Arc::clone(MADE.lock().expect("no test panics here").entry(recipe).or_default());
+    Arc::clone(entry.get_or_init(|| Arc::new(recipe.make())))
+}
+
+/// The volume of a phantom of this kind and size; see [`phantom`].
+pub(crate) fn volume(kind: PhantomKind, size: usize) -> Volume {
+    phantom(PhantomRecipe::new(kind).with_size(size).expect("an allowed size")).volume.clone()
 }
 
 /// The folder of real data, or `None` after saying aloud that `what` was not tested.

@@ -21,7 +21,7 @@ use relief_annotation::{
     Timestamp,
 };
 use relief_base::{Patient, Point};
-use relief_exchange::{ExchangeError, Format, Imported, ReadContext, WriteContext, Written};
+use relief_exchange::{ExchangeError, ExportedFile, Format, Imported, ReadContext, WriteContext};
 
 /// What files of texts are written and read here.
 const TEXTS: [Format; 6] =
@@ -44,7 +44,7 @@ fn read(format: Format, bytes: impl AsRef<[u8]>) -> Result<Imported, ExchangeErr
     relief_exchange::read(format, bytes.as_ref(), &CONTEXT)
 }
 
-fn write(format: Format, items: &[Item]) -> Result<Written, ExchangeError> {
+fn write(format: Format, items: &[Item]) -> Result<ExportedFile, ExchangeError> {
     relief_exchange::write(format, items, &WriteContext { contents: &|_| None, grid: None, series: None })
 }
 

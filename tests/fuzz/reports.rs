@@ -6,7 +6,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use relief_tracking::{Calibrations, MotionPlus, Output, RecordingReader, MAX_REPORT_BYTES, Report, Pinhole, TrackerOptions, Tracker, Beacon};
+use relief_tracking::{Calibrations, MotionPlus, Output, RecordingReader, MAX_REPORT_BYTES, InputReport, Pinhole, TrackerOptions, Tracker, Beacon};
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = Calibrations::decode(bytes);
@@ -26,8 +26,8 @@ fuzz_target!(|bytes: &[u8]| {
         if let Ok((output, rumble)) = Output::decode(chunk) {
             assert_eq!(Output::decode(&output.encode(rumble)), Ok((output, rumble)));
         }
-        let Ok(report) = Report::decode(chunk) else { continue };
-        assert_eq!(Report::decode(&report.encode()), Ok(report.clone()));
+        let Ok(report) = InputReport::decode(chunk) else { continue };
+        assert_eq!(InputReport::decode(&report.encode()), Ok(report.clone()));
         let sample = tracker.push(at as u64 * 10_000_000, &report);
         if let Some(pose) = sample.and_then(|sample| sample.pose) {
             assert!(

@@ -56,9 +56,10 @@ fn every_golden_agrees_with_the_f64_twin() {
     let mut wrong = Vec::new();
     for id in goldens.ids() {
         let case = goldens.read(id).unwrap();
-        let volume = case.recipe().make().volume;
+        let phantom = common::phantom(case.recipe());
+        let volume = &phantom.volume;
         let scene = case.scene(volume.grid()).unwrap();
-        let frame = relief_render::render_reference(&volume, &scene.request).unwrap();
+        let frame = relief_render::render_reference(volume, &scene.request).unwrap();
         for &aspect in case.aspects() {
             // The twin follows no paths; `tests/render/pathtrace.rs` holds them against closed
             // forms.
@@ -144,7 +145,8 @@ fn the_slanted_slabs_depth_is_a_plane() {
     let golden = case.expected(Aspect::Depth).unwrap().expect("it is blessed");
     // The front face, y = -50 mm, through the pixels' rays: origin and direction from the scene's
     // camera.
-    let volume = case.recipe().make().volume;
+    let phantom = common::phantom(case.recipe());
+    let volume = &phantom.volume;
     let camera = case.scene(volume.grid()).unwrap().request.camera;
     let [half_x, half_y] = camera.half_extent(golden.size_px);
     let [width, height] = golden.size_px;

@@ -4,6 +4,7 @@
 //! with swapped axes are rendered by the f64 twin. `command` has the same through the program.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
+use crate::common;
 use relief_golden::compare;
 use std::fs;
 use std::path::Path;
@@ -116,7 +117,8 @@ fn one_step_passes_on_a_thousandth_of_the_pixels_and_never_unnoticed() {
 #[test]
 fn a_depth_off_by_one_sample_fails_in_every_case() {
     for (case, golden) in goldens(Aspect::Depth) {
-        let volume = case.recipe().make().volume;
+        let phantom = common::phantom(case.recipe());
+        let volume = &phantom.volume;
         let step_mm = case.scene(volume.grid()).unwrap().request.sample_distance_mm as f32;
         let hit =
             depths(&mut golden.clone()).iter().position(|mm| mm.is_finite()).expect("something is seen");
@@ -227,16 +229,17 @@ fn rearranged(volume: &Volume, source: impl Fn([usize; 3]) -> [usize; 3]) -> Vol
 fn swapped_and_mirrored_axes_of_the_volume_fail_in_every_view() {
     for view in ["front", "left", "back", "right", "head", "feet", "rolled"] {
         let case = case(&format!("camera/{view}"));
-        let volume = case.recipe().make().volume;
+        let phantom = common::phantom(case.recipe());
+        let volume = &phantom.volume;
         let request = case.scene(volume.grid()).unwrap().request;
         let last = volume.grid().dims()[0] - 1;
         let wrong = [
-            ("i and j swapped", rearranged(&volume, |[i, j, k]| [j, i, k])),
-            ("j and k swapped", rearranged(&volume, |[i, j, k]| [i, k, j])),
-            ("i and k swapped", rearranged(&volume, |[i, j, k]| [k, j, i])),
-            ("i mirrored", rearranged(&volume, |[i, j, k]| [last - i, j, k])),
-            ("j mirrored", rearranged(&volume, |[i, j, k]| [i, last - j, k])),
-            ("k mirrored", rearranged(&volume, |[i, j, k]| [i, j, last - k])),
+            ("i and j swapped", rearranged(volume, |[i, j, k]| [j, i, k])),
+            ("j and k swapped", rearranged(volume, |[i, j, k]| [i, k, j])),
+            ("i and k swapped", rearranged(volume, |[i, j, k]| [k, j, i])),
+            ("i mirrored", rearranged(volume, |[i, j, k]| [last - i, j, k])),
+            ("j mirrored", rearranged(volume, |[i, j, k]| [i, last - j, k])),
+            ("k mirrored", rearranged(volume, |[i, j, k]| [i, j, last - k])),
         ];
         for (what, volume) in wrong {
             let frame = relief_render::render_reference(&volume, &request).unwrap();
@@ -309,13 +312,13 @@ fn a_scene_with_anything_unknown_or_out_of_range_is_refused() {
     let path = folder.join("scene.json");
     fs::write(&path, r#"{"size_px": [64, 48], "sise": 1}"#).unwrap();
     assert!(read_copied(&parent).unwrap_err().to_string().contains("sise"));
-    let ramp = case("composite/ramp-planes").recipe().make().volume;
+    let ramp = common::phantom(case("composite/ramp-planes").recipe());
     for (scene, part) in [
         (r#"{"sample_distance_mm": 0.02}"#, "four times the tolerance"), // a step would hide in the tolerance
         (r#"{"sample_distance_mm": 0}"#, "0.01 to 100"),
     ] {
         fs::write(&path, scene).unwrap();
-        let message = read_copied(&parent).unwrap().scene(ramp.grid()).unwrap_err().to_string();
+        let message = read_copied(&parent).unwrap().scene(ramp.volume.grid()).unwrap_err().to_string();
         assert!(message.contains(part) && message.contains("scene.json"), "{message}");
     }
 }

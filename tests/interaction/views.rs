@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use relief_base::{Point, ViewDepth};
-use relief_live::{Home, Intent, IntentEffect, IntentError, Seen, ViewState};
+use relief_live::{DisplayedPicture, Home, Intent, IntentEffect, IntentError, ViewState};
 use relief_volume::Orbit;
 
 use super::{RADIUS_MM, SIZE_PX, Session, assert_near, assert_same_view, center, points, stage, stage_of};
@@ -169,7 +169,7 @@ fn the_cursor_goes_to_what_is_seen_at_a_pixel() {
             session.apply(&Intent::Orbit { azimuth_deg: azimuth_deg as f64, elevation_deg: 0.0 });
             let at =
                 Intent::Cursor { at_px: Some([u, v]), at_view_mm: None, by_view_mm: None, point_mm: None };
-            let seen = Seen { camera, depth: &depth };
+            let seen = DisplayedPicture { camera, depth: &depth };
             session.state.apply(&session.stage, 0, &at, Some(&seen)).unwrap();
             let cursor = session.state.cursor().unwrap();
             assert_near(cursor.xyz, point.xyz, (rounded - depth_mm).abs() * 1.1 + 1e-9, "the point seen");

@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use relief_base::{Patient, Point};
 use relief_live::{Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, IntentEffect, ViewState};
 use relief_tracking::{
-    Beacon, Buttons, HiddenLed, PressedButton, Report, ReportDelivery, SensorPath, SensorPose,
+    Beacon, Buttons, HiddenLed, InputReport, PressedButton, ReportDelivery, SensorPath, SensorPose,
     SimulatedReport, Simulation, Tracker, TrackerOptions, TrackingState,
 };
 
@@ -406,7 +406,7 @@ fn play(simulation: &Simulation, options: &HandOptions) -> Vec<(f64, ViewState, 
     for SimulatedReport { t_ns, report, truth } in simulation.record(&Twist, 6.0) {
         let seconds = t_ns as f64 * 1e-9 - 1.0;
         // As bytes, as they come from a remote.
-        let report = Report::decode(&report.encode()).unwrap();
+        let report = InputReport::decode(&report.encode()).unwrap();
         let intents = remote.gestures.hold(t_ns, report.buttons().unwrap());
         remote.take(t_ns, &intents);
         if let Some(sample) = tracker.push(t_ns, &report) {

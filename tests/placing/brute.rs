@@ -56,13 +56,22 @@ fn trilinear(volume: &Volume, place: DVec3) -> f64 {
 
 /// The Gaussian of 1 mm summed over a cube of voxels; gradients of it by differences.
 fn smoothed(volume: &Volume, place: DVec3) -> f64 {
-    let [i, j, k] = place.round().to_array().map(|index| index as i64);
+    const REACH: i64 = 5;
+    let middle = place.round();
+    let [i, j, k] = middle.to_array().map(|index| index as i64);
+    // The Gaussian of a distance is the product of those along the axes.
+    let along = |off: f64| -> [f64; 11] {
+        std::array::from_fn(|at| (-0.5 * ((at as i64 - REACH) as f64 + off).powi(2)).exp())
+    };
+    let [x, y, z] = (middle - place).to_array().map(along);
     let (mut sum, mut weights) = (0.0, 0.0);
-    for (c, b, a) in (-5..=5).flat_map(|c| (-5..=5).flat_map(move |b| (-5..=5).map(move |a| (c, b, a)))) {
-        let voxel = DVec3::new((i + a) as f64, (j + b) as f64, (k + c) as f64);
-        let weight = (-0.5 * voxel.distance_squared(place)).exp();
-        weights += weight;
-        sum += weight * hu(volume, [i + a, j + b, k + c]);
+    for (c, z) in (-REACH..).zip(z) {
+        for (b, y) in (-REACH..).zip(y) {
+            for (a, x) in (-REACH..).zip(x) {
+                weights += x * y * z;
+                sum += x * y * z * hu(volume, [i + a, j + b, k + c]);
+            }
+        }
     }
     sum / weights
 }

@@ -1,9 +1,10 @@
 //! Balls, slabs and blobs: where surfaces, edges and extremes are is known.
 
+use crate::common;
 use glam::DVec3;
 use relief_annotation::SnapFeature;
 use relief_base::{Patient, Transform, Voxel};
-use relief_volume::{Grid, Phantom, Volume};
+use relief_volume::{Grid, PhantomKind, Volume};
 
 use super::{snapped, to};
 
@@ -58,7 +59,7 @@ fn erf(x: f64) -> f64 {
 fn a_balls_surface_is_met_along_rays_and_at_its_nearest_point() {
     // Sharp edges come out of straight lines between voxels wrong by up to 0.086 voxel, whoever
     // draws them; soft ones do not.
-    let sharp = (Phantom::sphere(256).unwrap().volume, 80.0, [0.05, 0.1, 0.7]);
+    let sharp = (common::volume(PhantomKind::Sphere, 256), 80.0, [0.05, 0.1, 0.7]);
     let soft = (soft_ball(15.0, 0.8, 0.9), 15.0, [0.02, 0.04, 0.1]);
     for (volume, radius_mm, [rms_limit, worst_limit, aside_limit]) in [sharp, soft] {
         let (mut squares, mut worst) = (0.0, 0.0f64);
@@ -88,7 +89,7 @@ fn a_balls_surface_is_met_along_rays_and_at_its_nearest_point() {
 
 #[test]
 fn a_balls_edge_is_where_its_surface_is() {
-    let volume = Phantom::sphere(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 256);
     for (number, direction) in (0..).zip(directions(24)) {
         let from = direction * (80.0 + f64::from(number % 7) * 0.5 - 1.5);
         let how = to(SnapFeature::Gradient, 4.0);
@@ -119,7 +120,7 @@ fn drawn_face_mm(size: usize) -> f64 {
 #[test]
 fn a_slabs_faces_are_met_at_the_foot_of_the_perpendicular() {
     for size in [100, 256] {
-        let volume = Phantom::slab(size).unwrap().volume;
+        let volume = common::volume(PhantomKind::Slab, size);
         assert!((drawn_face_mm(size) - 50.0).abs() < 0.086 * 256.0 / size as f64);
         for (x, y, z) in [(3.3, 48.7, -7.1), (-20.2, 51.4, 0.6), (0.0, -49.2, 11.9)] {
             // The smoothed edge has its steepest place where the true face is.

@@ -1,13 +1,14 @@
 //! What is refused, and how it is said.
 
+use crate::common;
 use relief_annotation::{Snap, SnapFeature};
-use relief_volume::{Grid, Phantom, Volume};
+use relief_volume::{Grid, PhantomKind, Volume};
 
 use super::{error, to};
 
 #[test]
 fn values_out_of_range_are_named_with_what_is_allowed() {
-    let volume = Phantom::sphere(16).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 16);
     let surface = |hu| to(SnapFeature::Surface { hu }, 3.0);
     for (message, key, allowed) in [
         (
@@ -57,7 +58,7 @@ fn a_radius_with_too_many_voxels_is_refused_with_one_that_fits() {
 /// search, or reports that it found nothing.
 #[test]
 fn where_nothing_is_that_is_said() {
-    let volume = Phantom::sphere(64).unwrap().volume; // 4 mm voxels
+    let volume = common::volume(PhantomKind::Sphere, 64); // 4 mm voxels
     let far = [0.0, 0.0, 500.0];
     for (target, what) in [
         (SnapFeature::Surface { hu: -250.0 }, "surface of -250 HU"),

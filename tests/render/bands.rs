@@ -1,9 +1,10 @@
 //! Pictures in bands are those of one dispatch, and one that nobody wants ends with its band.
 
+use crate::common;
 use std::ops::ControlFlow;
 
 use relief_render::{DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, SceneFile};
-use relief_volume::{Orbit, Phantom, Volume};
+use relief_volume::{Orbit, PhantomKind, Volume};
 
 use super::{in_mode, renderer};
 
@@ -41,7 +42,7 @@ fn assert_same(a: &RenderedFrame, b: &RenderedFrame, what: &str) {
 #[test]
 fn bands_change_not_one_byte() {
     let Some(mut renderer) = renderer("bands_change_not_one_byte") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let base = request(&volume, r#"{"transfer": "skin"}"#);
     let mut requests: Vec<_> = Mode::RAYS.map(|mode| in_mode(mode, base.clone())).to_vec();
     requests.push(RenderRequest { depth: DepthRule::TwoLayer { fraction: 0.5 }, ..base });
@@ -69,7 +70,7 @@ fn bands_change_not_one_byte() {
 #[test]
 fn a_cancelled_picture_ends_with_its_band_and_harms_no_later_one() {
     let Some(mut renderer) = renderer("a_cancelled_picture_ends_with_its_band") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     for json in [r#"{"transfer": "bone"}"#, r#"{"mode": "path-traced", "path_trace": {"passes": 64}}"#] {
         let request = request(&volume, json);
         let whole = renderer.render(&volume, &request).unwrap();

@@ -1,9 +1,10 @@
 //! The sphere that is cut away: the walls of its hole are where the sphere is, nothing else
 //! changes, and moving it uploads nothing.
 
+use crate::common;
 use relief_base::{Point, Vector};
-use relief_render::{ClipSphere, DepthRule, Mode, RenderRequest, SceneFile, Shading, Skipping};
-use relief_volume::{Camera, ControlPoint, Orbit, Phantom, Projection, TransferFunction, Volume, Window};
+use relief_render::{ClipSphere, DepthRule, EmptySpaceSkipping, Mode, RenderRequest, SceneFile, Shading};
+use relief_volume::{Camera, ControlPoint, Orbit, PhantomKind, Projection, TransferFunction, Volume, Window};
 
 use super::twin::{compare, oblique_head, request as head_request};
 use super::{in_mode, renderer};
@@ -38,7 +39,7 @@ fn hole() -> ClipSphere {
 #[test]
 fn the_far_wall_of_the_hole_is_where_the_sphere_is() {
     let Some(mut renderer) = renderer("the_far_wall_of_the_hole") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     for depth in ["first-hit", "threshold", "wysiwyp", "max-opacity", "most-contributing"] {
         let mut request = slab_request(&volume, DepthRule::from_name(depth).unwrap());
         let whole = renderer.render(&volume, &request).unwrap();
@@ -71,7 +72,7 @@ fn the_far_wall_of_the_hole_is_where_the_sphere_is() {
 #[test]
 fn a_hole_right_through_shows_what_is_behind() {
     let Some(mut renderer) = renderer("a_hole_right_through") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     let mut request = slab_request(&volume, DepthRule::FirstHit);
     request.clip.sphere = Some(ClipSphere { center: Point::new(0.0, 0.0, 0.0), radius_mm: 70.0 });
     let frame = renderer.render(&volume, &request).unwrap();
@@ -132,7 +133,7 @@ fn gpu_and_twin_agree_about_the_sphere_in_modes_and_rules() {
 #[test]
 fn skipping_changes_no_byte_beside_a_sphere_and_moving_it_uploads_nothing() {
     let Some(mut renderer) = renderer("skipping_changes_no_byte_beside_a_sphere") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let orbit = Orbit { azimuth_deg: 30.0, elevation_deg: 10.0, zoom: 1.4, vertical_fov_deg: 22.0 };
     let scene = SceneFile::default().with_preset("skin").with_size([97, 61]);
     let mut request = scene.resolve(volume.grid(), &orbit).unwrap().request;
@@ -141,7 +142,7 @@ fn skipping_changes_no_byte_beside_a_sphere_and_moving_it_uploads_nothing() {
         request.clip.sphere = Some(sphere);
         request = in_mode(Mode::Composite, request);
         request.depth = DepthRule::Threshold { fraction: 0.5 };
-        let on = renderer.render_with(&volume, &request, Skipping::On).unwrap();
+        let on = renderer.render_with(&volume, &request, EmptySpaceSkipping::On).unwrap();
         assert_eq!(on.timings.upload_ms, 0.0, "a sphere that moves uploads nothing");
         assert_eq!(on.color_rgba == plain.color_rgba, i == 2, "spheres 0 and 1 are seen, 2 is far off");
         for (mode, rule) in [
@@ -153,7 +154,7 @@ fn skipping_changes_no_byte_beside_a_sphere_and_moving_it_uploads_nothing() {
         ] {
             request = in_mode(mode, request);
             request.depth = DepthRule::from_name(rule).unwrap();
-            let [on, off] = [Skipping::On, Skipping::Off]
+            let [on, off] = [EmptySpaceSkipping::On, EmptySpaceSkipping::Off]
                 .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());
             let bits = |depth: &[f32]| depth.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
             assert!(on.color_rgba == off.color_rgba, "{mode:?}, {rule}, sphere {i}: colour");

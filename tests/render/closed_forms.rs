@@ -1,12 +1,13 @@
 //! Pictures whose pixels can be written down: absorption of a slab, depth of a sphere, orientation,
 //! step invariance.
 
+use crate::common;
 use glam::DVec3;
 use relief_base::{Point, Vector};
 use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading};
 use relief_volume::{
-    Camera, ControlPoint, GradientOpacity, Grid, Orbit, Phantom, Projection, SurfaceShape, TransferFunction,
-    Volume,
+    Camera, ControlPoint, GradientOpacity, Grid, Orbit, Phantom, PhantomKind, Projection, SurfaceShape,
+    TransferFunction, Volume,
 };
 
 use super::renderer;
@@ -30,7 +31,7 @@ fn look_along_y(projection: Projection) -> Camera {
 #[test]
 fn a_slab_absorbs_by_the_exponential_law() {
     let Some(mut renderer) = renderer("a_slab_absorbs_by_the_exponential_law") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     let camera = look_along_y(Projection::Orthographic { height_mm: 100.0 });
     for opacity_per_mm in [0.002, 0.01, 0.03] {
         for sample_distance_mm in [0.25, 0.5, 1.0, 2.0] {
@@ -60,7 +61,7 @@ fn a_slab_absorbs_by_the_exponential_law() {
 #[test]
 fn opacity_by_gradient_multiplies_what_a_millimetre_absorbs() {
     let Some(mut renderer) = renderer("opacity_by_gradient_multiplies") else { return };
-    let volume = Phantom::ramp(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Ramp, 64);
     let camera = look_along_y(Projection::Orthographic { height_mm: 20.0 });
     let magnitude = 56f64.sqrt();
     for (opacity_per_mm, share) in [(0.02, 0.5), (0.05, 0.25), (0.05, 0.0), (0.05, 1.0)] {
@@ -90,7 +91,7 @@ fn opacity_by_gradient_multiplies_what_a_millimetre_absorbs() {
 #[test]
 fn a_translucent_slab_has_its_threshold_depth_where_the_law_says() {
     let Some(mut renderer) = renderer("a_translucent_slab_has_its_threshold_depth") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     let camera = look_along_y(Projection::Orthographic { height_mm: 100.0 });
     for opacity_per_mm in [0.005f64, 0.02, 0.05] {
         for fraction in [0.1, 0.5, 0.9] {
@@ -177,7 +178,7 @@ pub(super) fn sphere_depth_errors(frame: &RenderedFrame) -> Vec<f64> {
 #[test]
 fn a_spheres_depth_is_true_to_a_tenth_of_a_millimetre() {
     let Some(mut renderer) = renderer("a_spheres_depth_is_true") else { return };
-    let volume = Phantom::sphere(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 256);
     // Half of a voxel's coverage is the surface: half-way between air and sphere.
     let sharp = white(&[(-250.5, 0.0), (-249.5, 1.0)]);
     let perspective = Projection::Perspective { vertical_fov: 20f64.to_radians() };
@@ -203,7 +204,7 @@ fn a_spheres_depth_is_true_to_a_tenth_of_a_millimetre() {
 #[test]
 fn the_picture_does_not_depend_on_the_sample_distance() {
     let Some(mut renderer) = renderer("the_picture_does_not_depend_on_the_sample_distance") else { return };
-    let volume = Phantom::sphere(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 256);
     // Opacity changes slowly over the sphere's blurred edge: both distances resolve it.
     let transfer = white(&[(-1000.0, 0.0), (500.0, 0.012)]);
     let camera = look_along_y(Projection::Orthographic { height_mm: 200.0 });

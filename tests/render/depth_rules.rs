@@ -1,11 +1,12 @@
 //! Depth rules: where they put the depth of layers of known opacity, on the GPU and in the f64
 //! twin; that the two agree on a head; and that skipping changes no byte.
 
+use crate::common;
 use relief_base::{Point, Vector};
 use relief_render::{
-    DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping, render_reference,
+    DepthRule, EmptySpaceSkipping, RenderRequest, RenderedFrame, SceneFile, Shading, render_reference,
 };
-use relief_volume::{Camera, ControlPoint, Grid, Orbit, Phantom, Projection, TransferFunction, Volume};
+use relief_volume::{Camera, ControlPoint, Grid, Orbit, PhantomKind, Projection, TransferFunction, Volume};
 
 use super::renderer;
 use super::twin::{compare, oblique_head, request as head_request};
@@ -249,11 +250,11 @@ fn gpu_and_twin_agree_about_what_lies_behind() {
     }
 }
 
-/// Invariant: Skipping empty space changes no byte of a picture.
+/// Invariant: EmptySpaceSkipping empty space changes no byte of a picture.
 #[test]
 fn skipping_changes_no_byte_of_any_depth_rule() {
     let Some(mut renderer) = renderer("skipping_changes_no_byte_of_any_depth_rule") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     for (i, rule) in every_rule().into_iter().enumerate() {
         for preset in ["bone", "vessels", "soft-tissue"] {
             let orbit = Orbit {
@@ -266,7 +267,7 @@ fn skipping_changes_no_byte_of_any_depth_rule() {
             let mut request = scene.resolve(volume.grid(), &orbit).unwrap().request;
             request.sample_distance_mm = [0.7, 1.0, 2.3][i % 3];
             request.depth = rule;
-            let [on, off] = [Skipping::On, Skipping::Off]
+            let [on, off] = [EmptySpaceSkipping::On, EmptySpaceSkipping::Off]
                 .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());
             let bits = |depth: &[f32]| depth.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
             assert!(on.color_rgba == off.color_rgba, "{rule:?}, {preset}: colour");

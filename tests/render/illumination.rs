@@ -2,14 +2,15 @@
 //! depend on and what they leave alone. Solids are 96³ voxels of 1 mm, centred; pictures look down
 //! on a floor, 1 mm a pixel, x to the right.
 
+use crate::common;
 use glam::DVec3;
 use relief_base::{Point, Vector};
 use relief_render::{
-    Classification, Illumination, Light, Mode, Occlusion, PathTrace, Placement, RenderRequest, RenderedFrame,
-    SceneFile, Shading, Skipping, Surface,
+    Classification, EmptySpaceSkipping, Illumination, Light, Mode, Occlusion, PathTrace, Placement,
+    RenderRequest, RenderedFrame, SceneFile, Shading, Surface,
 };
 use relief_volume::{
-    Camera, ControlPoint, GradientOpacity, Grid, Phantom, Projection, TransferFunction, Volume,
+    Camera, ControlPoint, GradientOpacity, Grid, PhantomKind, Projection, TransferFunction, Volume,
     linear_from_srgb,
 };
 
@@ -284,7 +285,7 @@ fn an_even_floor_is_open_and_a_corner_is_not() {
 #[test]
 fn a_light_at_the_eye_is_the_headlight() {
     let Some(mut renderer) = renderer("a_light_at_the_eye") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     for mode in [Mode::Composite, Mode::Isosurface] {
         let mut request = in_mode(mode, request(&volume, "skin", 0.0));
         request.shading = Shading { ambient: 0.2, diffuse: 0.6, specular: 0.3, shininess: 12.0 };
@@ -384,7 +385,7 @@ fn gpu_and_twin_agree_about_lights_shadows_and_occlusion() {
 #[test]
 fn light_changes_no_depth_and_skipping_no_byte() {
     let Some(mut renderer) = renderer("light_changes_no_depth") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     for mode in [Mode::Composite, Mode::Isosurface] {
         let lit = lit_head(&volume, mode, "skin", 25.0);
         let plain = RenderRequest { lights: vec![], illumination: Illumination::default(), ..lit.clone() };
@@ -395,7 +396,7 @@ fn light_changes_no_depth_and_skipping_no_byte() {
         println!("{mode:?}: light moves depth by {worst} mm");
         assert!(worst < 0.001, "{mode:?}: light moves depth by {worst} mm");
         assert!(with.color_rgba != without.color_rgba, "{mode:?}: light changes nothing");
-        let unskipped = renderer.render_with(&volume, &lit, Skipping::Off).unwrap();
+        let unskipped = renderer.render_with(&volume, &lit, EmptySpaceSkipping::Off).unwrap();
         assert!(with.color_rgba == unskipped.color_rgba, "{mode:?}: skipping changes bytes");
     }
 }
@@ -405,7 +406,7 @@ fn light_changes_no_depth_and_skipping_no_byte() {
 #[test]
 fn cells_are_filled_once_and_do_not_depend_on_who_looked_first() {
     let Some(mut renderer) = renderer("cells_are_filled_once") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let mut request = lit_head(&volume, Mode::Composite, "bone", 25.0);
     let placement = Placement::PatientDirection(Vector::new(-0.5, -0.7, 0.6));
     request.lights = vec![Light { placement, ..distant(DVec3::Z, 0.0) }];

@@ -1,11 +1,12 @@
 //! Isosurfaces with closed forms: where they lie, how they are lit, in which order they come, and
 //! what clips them.
 
+use crate::common;
 use relief_base::{Point, Vector};
 use relief_render::{
-    ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping, Surface,
+    ClipPlane, DepthRule, EmptySpaceSkipping, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Surface,
 };
-use relief_volume::{Camera, Grid, Orbit, Phantom, Projection, Volume};
+use relief_volume::{Camera, Grid, Orbit, PhantomKind, Projection, Volume};
 
 use super::closed_forms::sphere_depth_errors;
 use super::renderer;
@@ -50,7 +51,7 @@ fn off_axis(frame: &RenderedFrame, i: usize) -> f64 {
 #[test]
 fn a_spheres_surface_lies_where_it_is() {
     let Some(mut renderer) = renderer("a_spheres_surface_lies_where_it_is") else { return };
-    let volume = Phantom::sphere(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 256);
     // Half of a voxel's coverage is the surface: half-way between air and sphere.
     let half = [surface(-250.0, RED, 1.0)];
     for depth in [DepthRule::FirstHit, DepthRule::Threshold { fraction: 0.5 }] {
@@ -156,7 +157,7 @@ fn nested_surfaces_blend_and_have_the_depth_of_the_rule() {
 #[test]
 fn surfaces_within_one_sample_distance_come_in_their_order_along_the_ray() {
     let Some(mut renderer) = renderer("surfaces_within_one_sample_distance") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     let surfaces = [surface(-800.0, RED, 0.5), surface(0.0, BLUE, 0.5)];
     for sample_distance_mm in [0.1, 1.0, 3.3] {
         let request = looking_along_y(&volume, 8, &surfaces);
@@ -176,7 +177,7 @@ fn surfaces_within_one_sample_distance_come_in_their_order_along_the_ray() {
 #[test]
 fn a_body_of_the_surfaces_very_value_has_no_surface_in_it() {
     let Some(mut renderer) = renderer("a_body_of_the_surfaces_very_value") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     for (hu, coverage) in [(300.0, 0), (299.9, 191), (-1000.0, 191), (-1000.1, 0)] {
         let mut request = looking_along_y(&volume, 8, &[surface(hu, RED, 0.5)]);
         request.camera = request.camera.orbited(0.3);
@@ -189,7 +190,7 @@ fn a_body_of_the_surfaces_very_value_has_no_surface_in_it() {
 #[test]
 fn a_clipped_surface_is_open() {
     let Some(mut renderer) = renderer("a_clipped_surface_is_open") else { return };
-    let volume = Phantom::sphere(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 256);
     let mut request = looking_along_y(&volume, 101, &[surface(-250.0, RED, 1.0)]);
     // What lies before y = 10 mm is cut off: one sees the far half's inside.
     let plane = ClipPlane { point: Point::new(0.0, 10.0, 0.0), normal: Vector::new(0.0, 1.0, 0.0) };
@@ -202,11 +203,11 @@ fn a_clipped_surface_is_open() {
     }
 }
 
-/// Invariant: Skipping empty space changes no byte of a picture.
+/// Invariant: EmptySpaceSkipping empty space changes no byte of a picture.
 #[test]
 fn skipping_steps_over_what_has_no_surface_and_changes_no_byte() {
     let Some(mut renderer) = renderer("skipping_steps_over_what_has_no_surface") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let surfaces = [surface(-300.0, RED, 0.3), surface(45.0, BLUE, 0.2), surface(300.0, [1.0; 3], 0.6)];
     let bits = |depths: &[f32]| depths.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
     for (azimuth, camera_turn) in [0.0, 0.6, 1.9, 4.0].into_iter().enumerate() {
@@ -217,16 +218,16 @@ fn skipping_steps_over_what_has_no_surface_and_changes_no_byte() {
                 request.camera = request.camera.orbited(camera_turn);
                 request.sample_distance_mm = sample_distance_mm;
                 request.size_px = [45, 45];
-                let on = renderer.render_with(&volume, &request, Skipping::On).unwrap();
-                let off = renderer.render_with(&volume, &request, Skipping::Off).unwrap();
+                let on = renderer.render_with(&volume, &request, EmptySpaceSkipping::On).unwrap();
+                let off = renderer.render_with(&volume, &request, EmptySpaceSkipping::Off).unwrap();
                 let what = format!("view {azimuth}, {sample_distance_mm} mm, {count} surfaces");
                 assert!(on.color_rgba == off.color_rgba, "colour of {what}");
                 assert!(bits(&on.depth_mm) == bits(&off.depth_mm), "depth of {what}");
             }
         }
     }
-    let sphere = Phantom::sphere(128).unwrap().volume;
+    let sphere = common::volume(PhantomKind::Sphere, 128);
     let request = looking_along_y(&sphere, 64, &[surface(-250.0, RED, 1.0)]);
-    let taken = renderer.count_samples(&sphere, &request, Skipping::On).unwrap();
+    let taken = renderer.count_samples(&sphere, &request, EmptySpaceSkipping::On).unwrap();
     assert!(taken < 64 * 64 * 20, "{taken} samples, of some 100 on each ray to the surface");
 }

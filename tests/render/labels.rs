@@ -1,15 +1,16 @@
 //! Segments: each with its own transfer function, tint and visibility; what is hidden is as if it
 //! were cut off, in colour, depth and picks.
 
+use crate::common;
 use std::sync::Arc;
 
 use relief_base::{Patient, Point, Vector};
 use relief_render::{
-    ClipPlane, DepthRule, Illumination, Labels, Light, Mode, Occlusion, Placement, RenderRequest,
-    RenderedFrame, SceneFile, Shading, Skipping, SlabBlend,
+    ClipPlane, DepthRule, EmptySpaceSkipping, Illumination, Labels, Light, Mode, Occlusion, Placement,
+    RenderRequest, RenderedFrame, SceneFile, Shading, SlabBlend,
 };
 use relief_volume::{
-    Camera, ControlPoint, Grid, LabelMap, Orbit, Phantom, Projection, Segment, TransferFunction, Volume,
+    Camera, ControlPoint, Grid, LabelMap, Orbit, PhantomKind, Projection, Segment, TransferFunction, Volume,
 };
 
 use super::renderer;
@@ -44,7 +45,7 @@ fn resolved(volume: &Volume, map: &Arc<LabelMap>, json: &str) -> RenderRequest {
 
 /// The slab phantom in two halves, nearer and farther than y = 0, seen along y from 600 mm.
 fn halved_slab(scene: &str) -> (Volume, RenderRequest) {
-    let volume = Phantom::slab(128).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 128);
     let map = label_map(volume.grid(), |_, at| if at.xyz.y < 0.0 { 1 } else { 2 });
     let request = resolved(&volume, &map, scene);
     let (eye, at) = (Point::new(0.0, -600.0, 0.0), Point::new(0.0, 0.0, 0.0));
@@ -159,7 +160,7 @@ fn apart(a: &RenderedFrame, b: &RenderedFrame, depth_mm: f32) -> [f64; 2] {
 fn hiding_half_of_a_volume_is_cutting_it_off() {
     let Some(mut renderer) = renderer("hiding_half_of_a_volume") else { return };
     // Voxel axes at right angles, but turned.
-    let head = Phantom::head(64).unwrap().volume;
+    let head = common::volume(PhantomKind::Head, 64);
     let turn = glam::DAffine3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 0.5).normalize(), 0.6);
     let affine = turn * head.grid().patient_from_voxel().affine;
     let placed = Grid::new(head.grid().dims(), relief_base::Transform::from_affine(affine)).unwrap();
@@ -287,7 +288,7 @@ fn gpu_and_twin_agree_about_segments_in_slices() {
 #[test]
 fn skipping_changes_no_byte_of_segments_and_skips_what_is_hidden() {
     let Some(mut renderer) = renderer("skipping_changes_no_byte_of_segments") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let map = patchwork(volume.grid());
     for (i, mode) in ["composite", "composite", "mip", "minip"].into_iter().enumerate() {
         for edges in ["smooth", "voxels"] {
@@ -296,7 +297,7 @@ fn skipping_changes_no_byte_of_segments_and_skips_what_is_hidden() {
             let mut request = resolved(&volume, &map, &scene);
             request.depth = DepthRule::from_name(["threshold", "first-hit"][i % 2]).unwrap();
             request.sample_distance_mm = [0.7, 2.3][i % 2];
-            let [on, off] = [Skipping::On, Skipping::Off]
+            let [on, off] = [EmptySpaceSkipping::On, EmptySpaceSkipping::Off]
                 .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());
             let bits = |depth: &[f32]| depth.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
             assert!(on.color_rgba == off.color_rgba, "{mode}, {edges}: colour");
@@ -306,7 +307,7 @@ fn skipping_changes_no_byte_of_segments_and_skips_what_is_hidden() {
     let ball = r#"{"transfer": "soft-tissue", "size_px": [160, 120], "clip": {"labels": {"keep": [7]}}}"#;
     let kept = resolved(&volume, &map, ball);
     let whole = RenderRequest { labels: None, ..kept.clone() };
-    let counts = [&kept, &whole].map(|r| renderer.count_samples(&volume, r, Skipping::On).unwrap());
+    let counts = [&kept, &whole].map(|r| renderer.count_samples(&volume, r, EmptySpaceSkipping::On).unwrap());
     println!("{} samples for a ball in the head, {} for the head", counts[0], counts[1]);
     // Inside of the ball there is no skin to stop at: rays go deeper there than they would without
     // labels.
@@ -316,7 +317,7 @@ fn skipping_changes_no_byte_of_segments_and_skips_what_is_hidden() {
 #[test]
 fn hundreds_of_segments_are_shown_and_what_changes_nothing_costs_nothing() {
     let Some(mut renderer) = renderer("hundreds_of_segments") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let map = label_map(volume.grid(), |[i, j, k], _| (i / 8 + 8 * (j / 8) + 64 * (k / 8)) as u16);
     assert!(map.segments().len() > 300, "{}", map.segments().len());
     let scene = r#"{"transfer": "skin", "size_px": [160, 120], "labels": {"edges": "voxels", "tint": 1}}"#;
@@ -433,7 +434,7 @@ fn labels_beside_the_wrong_volume_or_map_are_refused() {
 
 #[test]
 fn labels_are_shared_and_equal_by_content() {
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let request = resolved(&volume, &patchwork(volume.grid()), r#"{"labels": {}}"#);
     let again = resolved(&volume, &patchwork(volume.grid()), r#"{"labels": {}}"#);
     assert_eq!(request, again, "frames are found again by content");

@@ -1,10 +1,13 @@
 //! Volumes share the adapter's memory: the least recently used one goes, and what cannot fit is
 //! refused.
 
+use crate::common;
 use std::sync::MutexGuard;
 
-use relief_render::{Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, Skipping, VolumeLimits};
-use relief_volume::{Orbit, Phantom, Volume};
+use relief_render::{
+    EmptySpaceSkipping, Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, VolumeLimits,
+};
+use relief_volume::{Orbit, Phantom, PhantomKind, Volume};
 
 use super::{in_mode, renderer};
 
@@ -120,7 +123,7 @@ fn appearances_count_and_go_before_volumes() {
 
 #[test]
 fn a_volume_without_room_for_gradients_is_lit_without_and_one_without_room_is_refused() {
-    let head = Phantom::head(48).unwrap().volume;
+    let head = common::volume(PhantomKind::Head, 48);
     let Some(mut limited) = Limited::new("a_volume_without_room_for_gradients", &[&head]) else { return };
     let plan = limited.usual.plan(head.grid().dims()).unwrap();
     let lit = limited.render(&head);
@@ -164,7 +167,7 @@ fn a_large_volume_is_planned_or_refused_by_its_dimensions_alone() {
 /// Invariant: The size of bricks changes no byte of a picture.
 #[test]
 fn larger_bricks_change_not_one_byte() {
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let Some(mut limited) = Limited::new("larger_bricks_change_not_one_byte", &[&volume]) else { return };
     let base = SceneFile::default().with_preset("skin").with_size([97, 61]);
     let base = base.resolve(volume.grid(), &Orbit { azimuth_deg: 25.0, ..Orbit::default() }).unwrap().request;
@@ -174,7 +177,7 @@ fn larger_bricks_change_not_one_byte() {
             limited.renderer.set_volume_limits(VolumeLimits { bricks, ..limited.usual });
             limited.renderer.forget(volume.content_hash());
             let frame = limited.renderer.render(&volume, &request).unwrap();
-            let samples = limited.renderer.count_samples(&volume, &request, Skipping::On).unwrap();
+            let samples = limited.renderer.count_samples(&volume, &request, EmptySpaceSkipping::On).unwrap();
             (frame, samples)
         });
         let depths = |frame: &RenderedFrame| frame.depth_mm.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();

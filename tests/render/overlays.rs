@@ -4,12 +4,13 @@
 //! Pictures are those of the f64 renderer, so that most of this needs no adapter; the formulas are
 //! written down anew here.
 
+use crate::common;
 use glam::{DMat3, DVec2, DVec3};
 use relief_base::{Point, Vector};
 use relief_display::inspect_png;
 use relief_render::{RenderRequest, RenderedFrame, SceneFile};
 use relief_session::{FileFormat, Product, encode};
-use relief_volume::{Camera, Grid, Orbit, Phantom, Projection, Volume};
+use relief_volume::{Camera, Grid, Orbit, PhantomKind, Projection, Volume};
 use serde_json::{Value, json};
 
 use super::renderer;
@@ -270,7 +271,7 @@ fn a_translucent_box_shows_both_of_its_walls_and_writes_no_depth() {
 /// overlays are dimmed and write no depth.
 #[test]
 fn the_sphere_hides_what_is_inside_of_it() {
-    let volume = Phantom::sphere(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 64);
     let size = [90, 90];
     let camera = camera(PROJECTIONS[0]);
     let with = |overlays: &Value| {
@@ -374,7 +375,7 @@ fn the_bounding_box_joins_the_projected_corners() {
 #[test]
 fn a_frame_with_overlays_still_decodes_and_its_depth_is_that_of_the_overlay() {
     let Some(mut renderer) = renderer("a_frame_with_overlays_still_decodes") else { return };
-    let volume = Phantom::sphere(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 64);
     let ball = json!({ "landmark": { "at_mm": [0, -95, 0], "radius_mm": 10 } });
     let json =
         json!({ "overlays": { "items": [ball], "bounding_box": true }, "display": { "layout": "wowvx" } });

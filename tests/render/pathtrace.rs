@@ -4,6 +4,7 @@
 //! Colours are read back as linear light, 8 bits a pixel; means over many noisy pixels are finer
 //! than that.
 
+use crate::common;
 use std::ops::ControlFlow;
 
 use relief_base::{Point, Vector};
@@ -11,7 +12,7 @@ use relief_render::{
     Light, Mode, PathTrace, Placement, Progress, RenderRequest, RenderedFrame, Renderer, SceneFile, Shading,
 };
 use relief_volume::{
-    Camera, ControlPoint, Grid, Phantom, Projection, TransferFunction, Volume, linear_from_srgb,
+    Camera, ControlPoint, Grid, PhantomKind, Projection, TransferFunction, Volume, linear_from_srgb,
 };
 
 use super::renderer;
@@ -84,7 +85,7 @@ fn mean_light(renderer: &mut Renderer, volume: &Volume, request: &RenderRequest)
 #[test]
 fn a_seed_decides_every_byte_however_passes_are_grouped() {
     let Some(mut renderer) = renderer("a_seed_decides_every_byte") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let at_once = renderer.render(&volume, &head_request(&volume, 12)).unwrap();
     let mut told = Vec::new();
     for passes in [1, 4, 12] {
@@ -116,7 +117,7 @@ fn a_seed_decides_every_byte_however_passes_are_grouped() {
 #[test]
 fn error_falls_with_the_square_root_of_the_passes() {
     let Some(mut renderer) = renderer("error_falls_with_the_square_root_of_the_passes") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let dim = |passes, seed| {
         let mut request = head_request(&volume, passes);
         // Nothing may clip: a clipped mean is no mean.
@@ -146,7 +147,7 @@ fn error_falls_with_the_square_root_of_the_passes() {
 #[test]
 fn a_slab_lets_light_through_by_the_exponential_law() {
     let Some(mut renderer) = renderer("a_slab_lets_light_through") else { return };
-    let volume = Phantom::slab(128).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 128);
     for extinction in [0.003, 0.012, 0.04] {
         for density in [0.5, 1.0] {
             let mut request = dark(&volume, slab_of(extinction, [0.0; 3]), along_y(60.0), 48);
@@ -177,7 +178,7 @@ fn slab_scatter(extinction: f64, cosine: f64, phase: f64) -> f64 {
 #[test]
 fn one_scattering_in_a_slab_is_its_quadrature() {
     let Some(mut renderer) = renderer("one_scattering_in_a_slab") else { return };
-    let volume = Phantom::slab(128).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 128);
     for (extinction, angle_deg, anisotropy) in
         [(0.01, 0.0f64, 0.0), (0.03, 40.0, 0.0), (0.03, 40.0, 0.5), (0.03, 30.0, -0.4), (0.2, 50.0, 0.0)]
     {
@@ -203,7 +204,7 @@ fn one_scattering_in_a_slab_is_its_quadrature() {
 #[test]
 fn a_near_light_reaches_no_further_than_what_is_before_it() {
     let Some(mut renderer) = renderer("a_near_light") else { return };
-    let volume = Phantom::slab(128).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 128);
     // A lamp in the middle of the slab, on the line of sight: only the way between it and the
     // collision counts.
     let extinction = 0.02;
@@ -234,7 +235,7 @@ fn e2(x: f64) -> f64 {
 #[test]
 fn a_furnace_gives_what_one_scattering_can_and_never_more() {
     let Some(mut renderer) = renderer("a_furnace") else { return };
-    let volume = Phantom::slab(128).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 128);
     for extinction in [0.06, 0.15] {
         let mut request = dark(&volume, slab_of(extinction, [1.0; 3]), along_y(10.0), 48);
         request.path_trace.environment = 1.0;
@@ -250,7 +251,7 @@ fn a_furnace_gives_what_one_scattering_can_and_never_more() {
         assert!((isotropic / expected - 1.0).abs() < 0.03, "{isotropic} for {expected}");
     }
     // Nothing in a white furnace is brighter than the furnace, whatever scatters.
-    let head = Phantom::head(64).unwrap().volume;
+    let head = common::volume(PhantomKind::Head, 64);
     let mut request = head_request(&head, 128);
     request.transfer = transfer(&[(-500.0, 0.0), (0.0, 0.6)], [1.0; 3]);
     request.lights = vec![];
@@ -315,7 +316,7 @@ fn a_dense_ball_is_lit_from_the_side_as_parallel_layers_are() {
 #[test]
 fn depth_is_that_of_the_composite_picture() {
     let Some(mut renderer) = renderer("depth_is_that_of_the_composite_picture") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     let traced = head_request(&volume, 1);
     let cast = RenderRequest { mode: Mode::Composite, lights: vec![], ..traced.clone() };
     let traced = renderer.render(&volume, &traced).unwrap();
@@ -327,7 +328,7 @@ fn depth_is_that_of_the_composite_picture() {
 #[test]
 fn what_is_clipped_neither_shows_nor_casts_a_shadow() {
     let Some(mut renderer) = renderer("what_is_clipped_neither_shows") else { return };
-    let volume = Phantom::slab(128).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 128);
     let extinction = 0.03;
     let mut request = dark(&volume, slab_of(extinction, [1.0; 3]), along_y(20.0), 48);
     request.lights = vec![distant([0.0, 0.0, 1.0])];

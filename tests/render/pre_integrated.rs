@@ -1,9 +1,10 @@
 //! Pre-integrated classification: a thin layer's closed form, the twin, skipping, and what a double
 //! sample distance costs.
 
+use crate::common;
 use relief_base::{Point, Vector};
-use relief_render::{Classification, DepthRule, RenderRequest, RenderedFrame, Shading, Skipping};
-use relief_volume::{Camera, ControlPoint, Phantom, Projection, TransferFunction, Volume};
+use relief_render::{Classification, DepthRule, EmptySpaceSkipping, RenderRequest, RenderedFrame, Shading};
+use relief_volume::{Camera, ControlPoint, PhantomKind, Projection, TransferFunction, Volume};
 
 use super::renderer;
 use super::twin::{compare, oblique_head, request};
@@ -55,7 +56,7 @@ fn expect_layers_plane(volume: &Volume, frame: &RenderedFrame, sample_mm: f64) {
 #[test]
 fn a_layer_thinner_than_a_sample_absorbs_what_it_should() {
     let Some(mut renderer) = renderer("a_layer_thinner_than_a_sample") else { return };
-    let volume = Phantom::ramp(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Ramp, 64);
     // The mean of -ln(1 - h u) over u from 0 to 1, over 4 HU at 4 HU/mm.
     let h = 0.9f64;
     let depth = ((1.0 - h) * (1.0 - h).ln() + h) / h;
@@ -109,7 +110,7 @@ fn skipping_changes_no_byte_of_pre_integrated_pictures() {
             ..request(&volume, preset, 25.0)
         };
         let skipped = renderer.render(&volume, &request).unwrap();
-        let whole = renderer.render_with(&volume, &request, Skipping::Off).unwrap();
+        let whole = renderer.render_with(&volume, &request, EmptySpaceSkipping::Off).unwrap();
         assert!(skipped.color_rgba == whole.color_rgba, "{preset} at {sample_mm} mm: colours differ");
         assert!(skipped.depth_mm == whole.depth_mm, "{preset} at {sample_mm} mm: depths differ");
     }
@@ -123,7 +124,7 @@ fn difference(a: &RenderedFrame, b: &RenderedFrame) -> f64 {
 
 #[test]
 fn at_a_double_sample_distance_it_is_no_further_from_the_converged_picture() {
-    let volume = Phantom::head(96).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 96);
     let Some(mut renderer) = renderer("at_a_double_sample_distance") else { return };
     for preset in ["bone", "skin", "soft-tissue"] {
         let mut of = |classification, sample_distance_mm| {

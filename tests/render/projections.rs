@@ -1,10 +1,13 @@
 //! Projections with closed forms: extremes of a cone, sums through a slab, what clip planes and
 //! misses do to them.
 
+use crate::common;
 use relief_base::{Point, Vector};
-use relief_render::{Clip, ClipPlane, Mode, RenderRequest, RenderedFrame, SceneFile, Shading, Skipping};
+use relief_render::{
+    Clip, ClipPlane, EmptySpaceSkipping, Mode, RenderRequest, RenderedFrame, SceneFile, Shading,
+};
 use relief_volume::{
-    Camera, ControlPoint, Grid, Orbit, Phantom, Projection, TransferFunction, Volume, Window,
+    Camera, ControlPoint, Grid, Orbit, PhantomKind, Projection, TransferFunction, Volume, Window,
 };
 
 use super::{in_mode, renderer};
@@ -99,7 +102,7 @@ const SLAB_MM: f64 = 99.0 + 2.0 / 3.0;
 #[test]
 fn sums_through_a_slab_are_those_of_its_thickness() {
     let Some(mut renderer) = renderer("sums_through_a_slab") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     let window = Window::grey(-500.0, 1600.0).translucent().unwrap();
     let mean_hu = (100.0 * 300.0 - 155.0 * 1000.0) / 255.0;
     let of_the_window = (mean_hu + 500.0 + 800.0) / 1600.0;
@@ -128,7 +131,7 @@ fn sums_through_a_slab_are_those_of_its_thickness() {
 #[test]
 fn additive_counts_opacity_per_its_unit() {
     let Some(mut renderer) = renderer("additive_counts_opacity_per_its_unit") else { return };
-    let volume = Phantom::slab(256).unwrap().volume;
+    let volume = common::volume(PhantomKind::Slab, 256);
     let mut reds = Vec::new();
     for (opacity, unit_mm) in [(0.004, 1.0), (0.04, 10.0)] {
         let point = |hu, a| ControlPoint { hu, rgba: [1.0, 1.0, 1.0, a] };
@@ -143,7 +146,7 @@ fn additive_counts_opacity_per_its_unit() {
 #[test]
 fn rays_that_meet_nothing_show_the_background() {
     let Some(mut renderer) = renderer("rays_that_meet_nothing") else { return };
-    let volume = Phantom::sphere(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 64);
     for mode in Mode::RAYS {
         let window = Window::grey(-500.0, 1600.0).translucent().unwrap();
         let mut request = in_mode(mode, looking_along_y(&volume, mode, window, 2000.0));
@@ -155,7 +158,7 @@ fn rays_that_meet_nothing_show_the_background() {
         // Halves of a byte, which are filled in beside what is cast, and 127.5: to even numbers
         // everywhere.
         request.background_rgb = [0.3, 0.7, 0.5];
-        let [cast, filled] = [Skipping::Off, Skipping::On]
+        let [cast, filled] = [EmptySpaceSkipping::Off, EmptySpaceSkipping::On]
             .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());
         assert_eq!(filled.color_rgba[0], [76, 178, 128, 0], "{mode:?}");
         assert!(cast.color_rgba == filled.color_rgba, "{mode:?}");
@@ -165,11 +168,11 @@ fn rays_that_meet_nothing_show_the_background() {
 #[test]
 fn greys_of_nothing_are_black_and_hit_nothing() {
     let Some(mut renderer) = renderer("greys_of_nothing") else { return };
-    let volume = Phantom::sphere(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 64);
     for mode in [Mode::Average, Mode::Additive] {
         let mut request = looking_along_y(&volume, mode, white(&[(2000.0, 0.0), (3000.0, 1.0)]), 60.0);
         request.background_rgb = [1.0; 3];
-        for skipping in [Skipping::On, Skipping::Off] {
+        for skipping in [EmptySpaceSkipping::On, EmptySpaceSkipping::Off] {
             let frame = renderer.render_with(&volume, &request, skipping).unwrap();
             assert!(frame.color_rgba.iter().all(|rgba| *rgba == [0, 0, 0, 255]), "{mode:?}");
             assert!(frame.depth_mm.iter().all(|mm| *mm == f32::INFINITY), "{mode:?}");

@@ -1,11 +1,12 @@
 //! Pictures of fewer rays, enlarged: in their size, in their place, with depths that were there
 //! before.
 
+use crate::common;
 use std::sync::Arc;
 
 use relief_render::{Overlays, RenderRequest, SceneFile};
 use relief_session::SpeedBook;
-use relief_volume::{Orbit, Phantom, Volume};
+use relief_volume::{Orbit, PhantomKind, Volume};
 
 use super::renderer;
 
@@ -19,7 +20,7 @@ fn request(volume: &Volume, json: &str) -> RenderRequest {
 #[test]
 fn a_reduced_picture_is_the_small_one_enlarged() {
     let Some(mut renderer) = renderer("a_reduced_picture_is_the_small_one_enlarged") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     for json in [
         r#"{"transfer": "skin"}"#,
         r#"{"mode": "mip"}"#,
@@ -52,7 +53,7 @@ fn a_reduced_picture_is_the_small_one_enlarged() {
 #[test]
 fn a_reduced_picture_shows_what_the_whole_one_shows_where_it_is() {
     let Some(mut renderer) = renderer("a_reduced_picture_shows_what_the_whole_one_shows") else { return };
-    let volume = Phantom::sphere(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 64);
     let whole = request(&volume, r#"{"transfer": "bone", "depth": {"rule": "first-hit"}}"#);
     let least = SpeedBook::least(&whole);
     assert_eq!(
@@ -82,7 +83,7 @@ fn a_reduced_picture_shows_what_the_whole_one_shows_where_it_is() {
 #[test]
 fn overlays_are_drawn_over_the_enlarged_picture_and_over_light_paths() {
     let Some(mut renderer) = renderer("overlays_are_drawn_over_the_enlarged_picture") else { return };
-    let volume = Phantom::sphere(32).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 32);
     let overlays = Arc::new(Overlays { scale_bar: true, ..Overlays::default() });
     for json in [r#"{"transfer": "bone"}"#, r#"{"mode": "path-traced", "path_trace": {"passes": 1}}"#] {
         let plain = request(&volume, json);
@@ -102,7 +103,7 @@ fn overlays_are_drawn_over_the_enlarged_picture_and_over_light_paths() {
 #[test]
 fn more_rays_than_pixels_are_refused() {
     let Some(mut renderer) = renderer("more_rays_than_pixels_are_refused") else { return };
-    let volume = Phantom::sphere(32).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 32);
     let request = RenderRequest { reduced_px: Some([193, 108]), ..request(&volume, "{}") };
     let message = renderer.render(&volume, &request).unwrap_err().to_string();
     assert!(message.contains("reduced_px is 193, allowed: 1 to 192"), "{message}");

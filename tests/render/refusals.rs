@@ -1,7 +1,8 @@
 //! What cannot be rendered is refused in words that help.
 
+use crate::common;
 use relief_render::SceneFile;
-use relief_volume::{Grid, Orbit, Phantom, Volume};
+use relief_volume::{Grid, Orbit, PhantomKind, Volume};
 
 use super::renderer;
 
@@ -22,7 +23,7 @@ fn a_volume_over_the_adapters_limit_is_refused_with_the_limit_and_a_factor() {
 #[test]
 fn a_request_out_of_range_is_refused_and_harms_no_later_one() {
     let Some(mut renderer) = renderer("a_request_out_of_range") else { return };
-    let volume = Phantom::sphere(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 64);
     let scene = SceneFile::default().with_size([32, 32]).resolve(volume.grid(), &Orbit::default()).unwrap();
     let mut bad = scene.request.clone();
     bad.sample_distance_mm = f64::NAN;

@@ -1,9 +1,10 @@
 //! Stepping over empty space changes not one byte, and does skip.
 
+use crate::common;
 use std::sync::Arc;
 
-use relief_render::{DepthRule, Mode, Overlays, RenderRequest, Renderer, SceneFile, Skipping};
-use relief_volume::{Camera, GradientOpacity, Orbit, Phantom, Projection, Volume};
+use relief_render::{DepthRule, EmptySpaceSkipping, Mode, Overlays, RenderRequest, Renderer, SceneFile};
+use relief_volume::{Camera, GradientOpacity, Orbit, PhantomKind, Projection, Volume};
 
 use super::{in_mode, renderer};
 
@@ -39,13 +40,13 @@ fn slices(volume: &Volume) -> Vec<RenderRequest> {
     ["mean", "mip", "minip"].map(scene).to_vec()
 }
 
-/// Invariant: Skipping empty space changes no byte of a picture.
+/// Invariant: EmptySpaceSkipping empty space changes no byte of a picture.
 ///
-/// Invariant: Skipping empty space changes no byte of a picture.
+/// Invariant: EmptySpaceSkipping empty space changes no byte of a picture.
 #[test]
 fn skipping_changes_not_one_byte() {
     let Some(mut renderer) = renderer("skipping_changes_not_one_byte") else { return };
-    let volume = Phantom::head(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 64);
     for (i, mut request) in requests(&volume).into_iter().enumerate() {
         request.sample_distance_mm = [0.7, 1.0, 2.3][i % 3];
         if i % 2 == 1 {
@@ -68,8 +69,8 @@ fn skipping_changes_not_one_byte() {
 }
 
 fn assert_same_bytes(renderer: &mut Renderer, volume: &Volume, request: &RenderRequest) {
-    let on = renderer.render_with(volume, request, Skipping::On).unwrap();
-    let off = renderer.render_with(volume, request, Skipping::Off).unwrap();
+    let on = renderer.render_with(volume, request, EmptySpaceSkipping::On).unwrap();
+    let off = renderer.render_with(volume, request, EmptySpaceSkipping::Off).unwrap();
     assert!(on.color_rgba == off.color_rgba, "colour of {request:?}");
     let bits = |depths: &[f32]| depths.iter().map(|mm| mm.to_bits()).collect::<Vec<_>>();
     assert!(bits(&on.depth_mm) == bits(&off.depth_mm), "depth of {request:?}");
@@ -78,10 +79,10 @@ fn assert_same_bytes(renderer: &mut Renderer, volume: &Volume, request: &RenderR
 #[test]
 fn skipping_skips() {
     let Some(mut renderer) = renderer("skipping_skips") else { return };
-    let volume = Phantom::sphere(128).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 128);
     let scene = SceneFile::default().with_size([64, 64]).resolve(volume.grid(), &Orbit::default()).unwrap();
-    let taken = renderer.count_samples(&volume, &scene.request, Skipping::On).unwrap();
-    let all = renderer.count_samples(&volume, &scene.request, Skipping::Off).unwrap();
+    let taken = renderer.count_samples(&volume, &scene.request, EmptySpaceSkipping::On).unwrap();
+    let all = renderer.count_samples(&volume, &scene.request, EmptySpaceSkipping::Off).unwrap();
     let Projection::Perspective { .. } = scene.request.camera.projection() else { panic!("a perspective") };
     // Without skipping each of some 2000 rays that meet the box would take about 256 samples.
     assert!(taken < 2000 * 40, "{taken} samples");

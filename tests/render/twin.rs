@@ -1,10 +1,11 @@
 //! The GPU against the f64 twin, over mode x projection x depth rule x shading.
 
+use crate::common;
 use relief_base::{Point, Vector};
 use relief_render::{
     Clip, ClipPlane, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile, VolumeLimits,
 };
-use relief_volume::{GradientOpacity, Grid, Orbit, Phantom, Volume, Window};
+use relief_volume::{GradientOpacity, Grid, Orbit, PhantomKind, Volume, Window};
 
 use super::{in_mode, renderer};
 
@@ -41,7 +42,7 @@ pub(super) fn request(volume: &Volume, preset: &str, vertical_fov_deg: f64) -> R
 
 /// The head, turned and stretched in patient space: axes must not be taken for granted.
 pub(super) fn oblique_head() -> Volume {
-    let head = Phantom::head(64).unwrap().volume;
+    let head = common::volume(PhantomKind::Head, 64);
     let grid = head.grid();
     let turn = glam::DAffine3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 0.5).normalize(), 0.6);
     let stretch = glam::DAffine3::from_scale(glam::DVec3::new(1.0, 1.1, 0.8));

@@ -1,10 +1,11 @@
 //! Views beside each other: shifted lenses against point projection and the f64 twin, and the views
 //! that a display would make of one picture against true renders.
 
+use crate::common;
 use relief_base::Point;
 use relief_display::{DisplaySettings, Layout, Picture, psnr_db};
 use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, depth_limits};
-use relief_volume::{Orbit, Phantom, Volume};
+use relief_volume::{Orbit, PhantomKind, Volume};
 use serde_json::json;
 
 use super::renderer;
@@ -30,7 +31,7 @@ fn gpu_and_twin_agree_through_shifted_lenses() {
 #[test]
 fn what_is_seen_from_beside_lies_where_projection_says_and_picks_find_it() {
     let Some(mut renderer) = renderer("what_is_seen_from_beside") else { return };
-    let volume = Phantom::sphere(64).unwrap().volume;
+    let volume = common::volume(PhantomKind::Sphere, 64);
     let overlays = json!({ "items": [
         { "landmark": { "at_mm": [40, -150, 30], "radius_mm": 6, "rgb": [1, 0, 0] } },
         { "landmark": { "at_mm": [-60, 90, 70], "radius_mm": 6, "rgb": [0, 1, 0] } },
@@ -92,7 +93,7 @@ fn both(
 }
 
 fn head() -> (Volume, RenderRequest) {
-    let volume = Phantom::head(96).unwrap().volume;
+    let volume = common::volume(PhantomKind::Head, 96);
     let orbit = Orbit { azimuth_deg: 30.0, zoom: 1.8, ..Orbit::default() };
     let scene = SceneFile::default().with_preset("bone").with_size([480, 270]);
     let request = scene.resolve(volume.grid(), &orbit).unwrap().request;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use image::ImageDecoder;
 use relief_display::{DisplayProfile, Pixels, ProfileName};
 use relief_live::{ReceivedFrame, SUBPROTOCOL};
-use relief_server::{Config, Drained, LiveConfig};
+use relief_server::{Config, LiveConfig, Shutdown};
 use relief_tracking::{Beacon, Simulation, hex_of_bytes};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::{Error, Message};
@@ -392,7 +392,7 @@ async fn stopping_closes_sessions_and_takes_no_new_ones() {
     assert_eq!(client.closed().await, Some(1001));
     let mut waiting = waiting;
     assert_eq!(waiting.closed().await, Some(1001), "one that has not said hello");
-    assert_eq!(running.ended().await, Drained::Whole);
+    assert_eq!(running.ended().await, Shutdown::Whole);
 }
 
 #[tokio::test]

@@ -111,7 +111,7 @@ async fn streams_end_with_the_server() {
     let mut buffer = [0; 1024];
     assert!(stream.read(&mut buffer).await.unwrap() > 0);
     running.stop();
-    assert_eq!(running.ended().await, relief_server::Drained::Whole);
+    assert_eq!(running.ended().await, relief_server::Shutdown::Whole);
 }
 
 #[tokio::test]

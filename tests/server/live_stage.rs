@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
 use relief_live::{Parts, ReceivedFrame, SUBPROTOCOL};
-use relief_server::{Config, ConnectionLimits, Drained, LiveConfig, serve};
+use relief_server::{Config, ConnectionLimits, LiveConfig, Shutdown, serve};
 use relief_session::QueueConfig;
 use serde_json::{Value, json};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
@@ -27,7 +27,7 @@ pub(crate) struct Running {
     pub(crate) stage: Stage,
     pub(crate) address: SocketAddr,
     stop: Option<oneshot::Sender<()>>,
-    ended: Option<JoinHandle<Drained>>,
+    ended: Option<JoinHandle<Shutdown>>,
 }
 
 impl Running {
@@ -77,7 +77,7 @@ impl Running {
         self.stop.take().unwrap().send(()).unwrap();
     }
 
-    pub(crate) async fn ended(&mut self) -> Drained {
+    pub(crate) async fn ended(&mut self) -> Shutdown {
         tokio::time::timeout(PATIENCE, self.ended.take().unwrap()).await.unwrap().unwrap()
     }
 

@@ -4,7 +4,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use relief_server::{ConnectionLimits, Drained, serve};
+use relief_server::{ConnectionLimits, Shutdown, serve};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::oneshot;
@@ -16,7 +16,7 @@ struct Running {
     stage: Stage,
     address: SocketAddr,
     stop: Option<oneshot::Sender<()>>,
-    ended: JoinHandle<Drained>,
+    ended: JoinHandle<Shutdown>,
 }
 
 async fn start(limits: ConnectionLimits) -> Running {
@@ -72,7 +72,7 @@ async fn stopping_finishes_what_runs_and_takes_nothing_new() {
     assert!(!running.ended.is_finished(), "a request is running");
     running.stage.gate.open();
     assert!(read(slow).await.starts_with("HTTP/1.1 200"));
-    assert_eq!(running.ended.await.unwrap(), Drained::Whole);
+    assert_eq!(running.ended.await.unwrap(), Shutdown::Whole);
     drop(idle);
 }
 
@@ -84,7 +84,7 @@ async fn stopping_does_not_wait_for_ever() {
     let _slow = running.send(&running.stage.path("frame")).await;
     running.stage.gate.held().await;
     running.stop();
-    assert_eq!(running.ended.await.unwrap(), Drained::CutOff);
+    assert_eq!(running.ended.await.unwrap(), Shutdown::CutOff);
     running.stage.gate.open();
 }
 

@@ -1,6 +1,6 @@
 //! Edits, listings, the log, locks, contents, sets and templates: what holds of both databases.
 
-use relief_annotation::{ContentId, FrameOfReference, Geometry, Item, Kind, RegionSummary, Set};
+use relief_annotation::{ContentId, EventKind, FrameOfReference, Geometry, Item, RegionSummary, Set};
 use relief_store::{Checked, Filter, LogFilter, Store, StoreError};
 
 use crate::store::made::{create, delete, edit, named, names, point, seqs, update};
@@ -22,7 +22,7 @@ async fn an_edit_is_made_whole_or_not_at_all(store: &Store) {
     let [a, b] = [point("a", 1.0), point("b", 1e-17)];
     let events = store.apply(&edit("anna", vec![create(&a), create(&b)])).await.unwrap();
     assert_eq!(seqs(&events), [1, 2]);
-    assert!(events.iter().all(|event| (event.edit, event.kind, event.version) == (1, Kind::Do, 1)));
+    assert!(events.iter().all(|event| (event.edit, event.kind, event.version) == (1, EventKind::Do, 1)));
     assert_eq!(store.item(b.id).await.unwrap().item, b, "to the last bit");
 
     let stale = edit("ben", vec![update(&named(&a, "A"), 1), delete(b.id, 7)]);
@@ -88,7 +88,7 @@ async fn edits_are_taken_back_and_made_again_author_by_author(store: &Store) {
     store.apply(&edit("anna", vec![update(&named(&a, "A"), 1)])).await.unwrap();
     // Ben's newest edit is older than anna's, and is the one that goes.
     let undone = store.undo("ben", "no").await.unwrap();
-    assert_eq!((undone[0].kind, undone[0].target, undone[0].version), (Kind::Undo, Some(2), 2));
+    assert_eq!((undone[0].kind, undone[0].target, undone[0].version), (EventKind::Undo, Some(2), 2));
     assert_eq!((undone[0].item.as_ref(), undone[0].reason.as_str()), (None, "no"));
     assert!(matches!(store.undo("ben", "").await, Err(StoreError::NothingToUndo)));
     store.undo("anna", "").await.unwrap();
@@ -97,7 +97,10 @@ async fn edits_are_taken_back_and_made_again_author_by_author(store: &Store) {
     assert!(names(store).await.is_empty());
     assert!(matches!(store.undo("anna", "").await, Err(StoreError::NothingToUndo)));
     let redone = store.redo("anna", "").await.unwrap();
-    assert_eq!((redone[0].kind, redone[0].target, redone[0].item.as_ref()), (Kind::Redo, Some(1), Some(&a)));
+    assert_eq!(
+        (redone[0].kind, redone[0].target, redone[0].item.as_ref()),
+        (EventKind::Redo, Some(1), Some(&a))
+    );
     // A new edit ends what could be made again, of its author alone.
     store.apply(&edit("anna", vec![update(&named(&a, "new"), 5)])).await.unwrap();
     assert!(matches!(store.redo("anna", "").await, Err(StoreError::NothingToRedo)));

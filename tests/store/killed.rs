@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use relief_annotation::{Event, Item, Kind};
+use relief_annotation::{Event, EventKind, Item};
 use relief_store::{LogFilter, Store, StoreError};
 
 use crate::store::made::{create, delete, edit, named, point, update};
@@ -135,7 +135,7 @@ async fn look(place: &str, after: u64, acknowledged: &HashMap<u64, (String, u64)
     }
     // An edit of which only a part is there would have fewer events than its undo or its sisters:
     // all events of a round have the same number, as the rounds of the victim do.
-    for edit in log.chunk_by(|a, b| a.edit == b.edit).filter(|edit| edit[0].kind == Kind::Do) {
+    for edit in log.chunk_by(|a, b| a.edit == b.edit).filter(|edit| edit[0].kind == EventKind::Do) {
         let item = edit[0].item.as_ref().map(|item| item.name.clone()).unwrap_or_default();
         if let Some((round, _)) = item.split_once('.') {
             let round: usize = round.parse().unwrap();

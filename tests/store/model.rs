@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 
 use proptest::prelude::*;
-use relief_annotation::{Change, Event, Item, ItemId, Kind};
+use relief_annotation::{Change, Event, EventKind, Item, ItemId};
 use relief_store::{Filter, LogFilter, Store, StoreError};
 
 use crate::scenarios;
@@ -45,7 +45,7 @@ struct Model {
     seq: u64,
     done: [Vec<OneEdit>; 3],
     undone: [Vec<OneEdit>; 3],
-    log: Vec<(u64, u64, Kind, Option<u64>, ItemId, u64, Option<Item>)>,
+    log: Vec<(u64, u64, EventKind, Option<u64>, ItemId, u64, Option<Item>)>,
 }
 
 #[derive(Debug, PartialEq)]
@@ -91,25 +91,25 @@ impl Model {
             made.push((change.id(), now.and_then(|(_, now)| now), after));
         }
         self.undone[author].clear();
-        self.write(Kind::Do, None, made.iter().map(|(id, _, after)| (*id, after.clone())).collect());
+        self.write(EventKind::Do, None, made.iter().map(|(id, _, after)| (*id, after.clone())).collect());
         let number = self.log.last().unwrap().1;
         self.done[author].push((number, made));
         Ok(())
     }
 
-    fn step(&mut self, author: usize, kind: Kind) -> Result<(), Refused> {
-        let stack = if kind == Kind::Undo { &self.done } else { &self.undone };
+    fn step(&mut self, author: usize, kind: EventKind) -> Result<(), Refused> {
+        let stack = if kind == EventKind::Undo { &self.done } else { &self.undone };
         let (number, made) = stack[author].last().cloned().ok_or(Refused::Nothing)?;
         let mut moves: Vec<_> = made
             .iter()
             .cloned()
             .map(
                 |(id, before, after)| {
-                    if kind == Kind::Undo { (id, after, before) } else { (id, before, after) }
+                    if kind == EventKind::Undo { (id, after, before) } else { (id, before, after) }
                 },
             )
             .collect();
-        if kind == Kind::Undo {
+        if kind == EventKind::Undo {
             moves.reverse();
         }
         for (id, from, to) in &moves {
@@ -120,12 +120,12 @@ impl Model {
         }
         self.write(kind, Some(number), moves.into_iter().map(|(id, _, to)| (id, to)).collect());
         let [done, undone] = [&mut self.done[author], &mut self.undone[author]];
-        let (from, to) = if kind == Kind::Undo { (done, undone) } else { (undone, done) };
+        let (from, to) = if kind == EventKind::Undo { (done, undone) } else { (undone, done) };
         to.extend(from.pop());
         Ok(())
     }
 
-    fn write(&mut self, kind: Kind, target: Option<u64>, states: Vec<(ItemId, Option<Item>)>) {
+    fn write(&mut self, kind: EventKind, target: Option<u64>, states: Vec<(ItemId, Option<Item>)>) {
         let number = self.seq + 1;
         for (id, item) in states {
             self.seq += 1;
@@ -197,8 +197,12 @@ async fn follow(store: &Store, steps: &[Step]) {
                 let expected = model.edit(*author, &changes);
                 (expected, store.apply(&edit(AUTHORS[*author], changes)).await)
             }
-            Step::Undo(author) => (model.step(*author, Kind::Undo), store.undo(AUTHORS[*author], "").await),
-            Step::Redo(author) => (model.step(*author, Kind::Redo), store.redo(AUTHORS[*author], "").await),
+            Step::Undo(author) => {
+                (model.step(*author, EventKind::Undo), store.undo(AUTHORS[*author], "").await)
+            }
+            Step::Redo(author) => {
+                (model.step(*author, EventKind::Redo), store.redo(AUTHORS[*author], "").await)
+            }
         };
         let found = found.map(|events| {
             // What is answered is what the log says.
@@ -216,7 +220,7 @@ async fn follow(store: &Store, steps: &[Step]) {
     store.check().await.unwrap();
 }
 
-fn told(event: &Event) -> (u64, u64, Kind, Option<u64>, ItemId, u64, Option<Item>) {
+fn told(event: &Event) -> (u64, u64, EventKind, Option<u64>, ItemId, u64, Option<Item>) {
     let Event { seq, edit, kind, target, id, version, item, .. } = event.clone();
     (seq, edit, kind, target, id, version, item)
 }

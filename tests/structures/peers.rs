@@ -9,7 +9,7 @@ use relief_annotation::{
     Grow, GrowLimits, MeshFormat, Smoothing, TriangleMesh, read_mesh, surface_nets, write_mesh,
 };
 use relief_base::Point;
-use relief_volume::{Mask, Places, Segment, Volume};
+use relief_volume::{Mask, Segment, SegmentIndices, Volume};
 
 use super::shapes::{grid, indices, mask, noise};
 
@@ -208,7 +208,7 @@ pub(crate) fn same_as_simpleitk(python: &str, cases: &[Case<'_>]) -> Vec<u64> {
         let grown = grow_region(volume, &what, &|_| true).unwrap();
         assert_eq!(found["voxels"], grown.voxels, "{seeds:?} {hu:?}");
         let map = grown.mask.to_labels(Segment::new(1, None, None));
-        let Places::Bytes(places) = map.places() else { panic!("one segment") };
+        let SegmentIndices::Bytes(places) = map.places() else { panic!("one segment") };
         let digest: String = sha2::Digest::finalize(<sha2::Sha256 as sha2::Digest>::new_with_prefix(places))
             .iter()
             .map(|byte: &u8| format!("{byte:02x}"))

@@ -12,7 +12,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
 use relief_tracking::{
-    Blob, Buttons, Output, RemoteSenses, Report, VirtualRemote, bytes_of_hex, hex_of_bytes,
+    Blob, Buttons, InputReport, Output, RemoteSenses, VirtualRemote, bytes_of_hex, hex_of_bytes,
 };
 use serde_json::{Value, json};
 
@@ -39,7 +39,7 @@ impl Bench {
         Self { child, to_host, lines, remote: VirtualRemote::new(false), registers: Vec::new() }
     }
 
-    fn send(&mut self, report: &Report) {
+    fn send(&mut self, report: &InputReport) {
         let _ = writeln!(self.to_host, "i a1{}", hex_of_bytes(&report.encode()));
     }
 

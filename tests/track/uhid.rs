@@ -15,7 +15,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use relief_tracking::{Beacon, Output, RemoteSenses, Report, SensorPose, Simulation, VirtualRemote};
+use relief_tracking::{Beacon, InputReport, Output, RemoteSenses, SensorPose, Simulation, VirtualRemote};
 use serde_json::Value;
 
 /// `enum uhid_event_type` of linux/uhid.h.
@@ -87,7 +87,7 @@ fn create() -> Vec<u8> {
 }
 
 /// `struct uhid_input2_req`.
-fn input(report: &Report) -> Vec<u8> {
+fn input(report: &InputReport) -> Vec<u8> {
     let bytes = report.encode();
     event(INPUT2, &[&(bytes.len() as u16).to_ne_bytes(), &bytes])
 }
@@ -234,8 +234,8 @@ fn rest() -> (SensorPose, Vec<RemoteSenses>) {
     let (centroid, up) = (simulation.beacon.centroid(), *simulation.beacon.up());
     let pose =
         SensorPose::looking_at(centroid + Vector3::new(150.0, 60.0, 1200.0), centroid, &up, 0.1).unwrap();
-    let senses = |report: &Report| {
-        let Report::Data(data) = report else { return None };
+    let senses = |report: &InputReport| {
+        let InputReport::Data(data) = report else { return None };
         let acceleration = data.acceleration?;
         Some(RemoteSenses { acceleration, blobs: data.blobs?, ..RemoteSenses::default() })
     };
@@ -300,7 +300,7 @@ fn reports_survive_the_kernels_events() {
         for answer in remote.take(&output) {
             let event = input(&answer);
             let size = usize::from(u16::from_ne_bytes([event[4], event[5]]));
-            assert_eq!((event.len(), Report::decode(&event[6..]).unwrap()), (6 + size, answer.clone()));
+            assert_eq!((event.len(), InputReport::decode(&event[6..]).unwrap()), (6 + size, answer.clone()));
             let declared = INPUTS.iter().find(|(id, _)| *id == answer.id()).unwrap().1;
             assert_eq!(
                 size,

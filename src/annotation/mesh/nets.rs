@@ -57,7 +57,7 @@ pub fn surface_nets(mask: &Mask) -> Result<TriangleMesh, MeshError> {
         parts.push(Part { layers, first, before, slot, corners, triangles });
         (first, slot, before) = (first + own, slot + faces, counts[counts.len() - 1][0]);
     }
-    let knots: Vec<Vec<Knot>> = parts.into_par_iter().map(|part| net.fill(part)).collect();
+    let knots: Vec<Vec<PinchedQuad>> = parts.into_par_iter().map(|part| net.fill(part)).collect();
     let mut mesh = TriangleMesh { vertices, triangles };
     net.untie(&mut mesh, knots.into_iter().flatten());
     Ok(mesh)
@@ -78,7 +78,7 @@ struct Part<'a> {
 
 /// A quadrilateral with sheets that meet twice on a side: what replaces it is known when all
 /// corners are numbered.
-struct Knot {
+struct PinchedQuad {
     /// Its first triangle.
     slot: usize,
     /// Its corners, counter-clockwise from outside.
@@ -174,7 +174,7 @@ impl<'a> Net<'a> {
         });
     }
 
-    fn fill(&self, part: Part) -> Vec<Knot> {
+    fn fill(&self, part: Part) -> Vec<PinchedQuad> {
         let count = self.size[0] * self.size[1];
         let empty = || Layer { first: vec![0; count], cases: vec![0; count] };
         let (mut below, mut own) = (empty(), empty());
@@ -197,7 +197,7 @@ impl<'a> Net<'a> {
                     triangles[triangle..triangle + 2].copy_from_slice(&halves);
                     if quad.splits.iter().any(Option::is_some) {
                         let (ring, splits, middle) = (quad.ring, quad.splits, quad.middle);
-                        knots.push(Knot { slot: slot + triangle, ring, splits, middle });
+                        knots.push(PinchedQuad { slot: slot + triangle, ring, splits, middle });
                     }
                     triangle += 2;
                 }
@@ -271,9 +271,9 @@ impl<'a> Net<'a> {
     }
 
     /// Replaces quadrilaterals with sheets that meet twice by fans around their middles.
-    fn untie(&self, mesh: &mut TriangleMesh, knots: impl Iterator<Item = Knot>) {
+    fn untie(&self, mesh: &mut TriangleMesh, knots: impl Iterator<Item = PinchedQuad>) {
         let mut known: HashMap<(u64, u64), u32> = HashMap::new();
-        for Knot { slot, ring, splits, middle } in knots {
+        for PinchedQuad { slot, ring, splits, middle } in knots {
             let mut add = |place: DVec3| {
                 mesh.vertices.push(self.patient_from_voxel * Point::from_xyz(place));
                 mesh.vertices.len() as u32 - 1

@@ -11,7 +11,7 @@ const MOST_STEPS: usize = 200;
 
 /// A place on the surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Foothold {
+pub(super) struct SurfacePoint {
     pub(super) at: DVec3,
     /// Of unit length.
     pub(super) normal: DVec3,
@@ -21,10 +21,10 @@ pub(super) struct Foothold {
 
 /// Climbs from a foothold. `project` brings a place near the surface onto it.
 pub(super) fn climb(
-    from: Foothold,
+    from: SurfacePoint,
     first_step_mm: f64,
-    project: impl Fn(DVec3) -> Option<Foothold>,
-) -> Foothold {
+    project: impl Fn(DVec3) -> Option<SurfacePoint>,
+) -> SurfacePoint {
     let (mut best, mut step) = (from, first_step_mm);
     let mut steps = 0;
     while step > LAST_STEP_MM && steps < MOST_STEPS {

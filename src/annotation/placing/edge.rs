@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::climb::{Foothold, climb};
+use super::climb::{SurfacePoint, climb};
 use super::field::{Field, Smooth};
 use super::lattice::Lattice;
 use super::{Search, SnapError};
@@ -51,9 +51,10 @@ pub(super) fn find(field: &Field<'_>, search: &Search) -> Result<Option<DVec3>, 
         let near = nearness(on);
         let score = if near > 0.0 { gradient.length() * near } else { near };
         let counts = gradient.length() >= LEAST_HU_PER_MM && field.value(on).is_some();
-        counts.then_some(Foothold { at: on, normal: gradient.normalize(), score })
+        counts.then_some(SurfacePoint { at: on, normal: gradient.normalize(), score })
     };
-    let mut edges: Vec<Foothold> = seeds(field, &lattice, nearness).into_iter().filter_map(project).collect();
+    let mut edges: Vec<SurfacePoint> =
+        seeds(field, &lattice, nearness).into_iter().filter_map(project).collect();
     edges.sort_by(|a, b| b.score.total_cmp(&a.score));
     let climbed =
         edges.into_iter().take(MOST_CLIMBED).map(|edge| climb(edge, field.spacing_mm / 2.0, project));
@@ -63,9 +64,9 @@ pub(super) fn find(field: &Field<'_>, search: &Search) -> Result<Option<DVec3>, 
         let nearer = |place: DVec3| {
             let found = project(place)?;
             let goes_on = found.score / nearness(found.at) >= least && nearness(found.at) > 0.0;
-            goes_on.then_some(Foothold { score: -found.at.distance(at), ..found })
+            goes_on.then_some(SurfacePoint { score: -found.at.distance(at), ..found })
         };
-        climb(Foothold { score: -edge.at.distance(at), ..edge }, field.spacing_mm / 2.0, nearer).at
+        climb(SurfacePoint { score: -edge.at.distance(at), ..edge }, field.spacing_mm / 2.0, nearer).at
     }))
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::climb::{Foothold, climb};
+use super::climb::{SurfacePoint, climb};
 use super::field::{Field, expect_few_voxels};
 use super::{Search, SnapError};
 
@@ -78,7 +78,7 @@ fn nearest(field: &Field<'_>, at: DVec3, level: f64, radius_mm: f64) -> Result<O
         let off = crossing(field, place, normal, level, 2.0 * field.spacing_mm)?;
         let on = place + normal * off;
         let normal = field.slope(on).try_normalize().unwrap_or(normal);
-        Some(Foothold { at: on, normal, score: -on.distance(at) })
+        Some(SurfacePoint { at: on, normal, score: -on.distance(at) })
     };
     let seeds = seeds(field, at, level, radius_mm)?;
     let climbed =

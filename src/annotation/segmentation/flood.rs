@@ -15,19 +15,19 @@ const SLAB: usize = 8;
 
 /// Sizes of a mask in words and rows.
 #[derive(Clone, Copy)]
-struct Shape {
+struct MaskSize {
     row_words: usize,
     rows: usize,
 }
 
-impl Shape {
+impl MaskSize {
     fn slice_words(self) -> usize {
         self.row_words * self.rows
     }
 }
 
 /// The result of a round of one slab.
-struct Outcome {
+struct SlabRound {
     slab: usize,
     taken: u64,
     /// Whether its first and its last slice have something new.
@@ -38,7 +38,7 @@ struct Outcome {
 /// gets the number of voxels; `None` when it returns false.
 pub(super) fn flood(candidates: &Mask, seeds: &Mask, goes_on: &mut dyn FnMut(u64) -> bool) -> Option<Mask> {
     let [_, rows, slices] = candidates.grid().dims();
-    let shape = Shape { row_words: candidates.row_words(), rows };
+    let shape = MaskSize { row_words: candidates.row_words(), rows };
     let slab_words = SLAB * shape.slice_words();
     let slabs = slices.div_ceil(SLAB);
     let mut region = Mask::empty(candidates.grid().clone());
@@ -57,7 +57,7 @@ pub(super) fn flood(candidates: &Mask, seeds: &Mask, goes_on: &mut dyn FnMut(u64
         let parts =
             region.words_mut().par_chunks_mut(slab_words).zip(candidates.words().par_chunks(slab_words));
         let parts = parts.zip(seeds.words().par_chunks(slab_words)).zip(news).enumerate();
-        let outcomes: Vec<Outcome> = parts
+        let outcomes: Vec<SlabRound> = parts
             .filter_map(|(slab, (((region, candidates), seeds), news))| {
                 let mut part = Slab::new(shape, region, candidates);
                 part.learn(news?, is_first.then_some(seeds));
@@ -68,7 +68,7 @@ pub(super) fn flood(candidates: &Mask, seeds: &Mask, goes_on: &mut dyn FnMut(u64
         taken += outcomes.iter().map(|outcome| outcome.taken).sum::<u64>();
         active = outcomes
             .iter()
-            .flat_map(|Outcome { slab, ends, .. }| {
+            .flat_map(|SlabRound { slab, ends, .. }| {
                 let before = slab.checked_sub(1).filter(|_| ends[0]);
                 before.into_iter().chain((ends[1] && slab + 1 < slabs).then_some(slab + 1))
             })
@@ -83,7 +83,7 @@ pub(super) fn flood(candidates: &Mask, seeds: &Mask, goes_on: &mut dyn FnMut(u64
 }
 
 /// Copies of the slices just before and after a slab; empty at the ends of the grid.
-fn ends_beside(words: &[u64], slab: usize, slab_words: usize, shape: Shape) -> [Vec<u64>; 2] {
+fn ends_beside(words: &[u64], slab: usize, slab_words: usize, shape: MaskSize) -> [Vec<u64>; 2] {
     let slice = shape.slice_words();
     let (start, end) = (slab * slab_words, (slab + 1) * slab_words);
     let before = start.checked_sub(slice).map(|from| words[from..start].to_vec());
@@ -92,7 +92,7 @@ fn ends_beside(words: &[u64], slab: usize, slab_words: usize, shape: Shape) -> [
 }
 
 struct Slab<'a> {
-    shape: Shape,
+    shape: MaskSize,
     region: &'a mut [u64],
     candidates: &'a [u64],
     /// Rows with a neighbour that changed, one bit each.
@@ -103,7 +103,7 @@ struct Slab<'a> {
 }
 
 impl<'a> Slab<'a> {
-    fn new(shape: Shape, region: &'a mut [u64], candidates: &'a [u64]) -> Self {
+    fn new(shape: MaskSize, region: &'a mut [u64], candidates: &'a [u64]) -> Self {
         let rows = region.len() / shape.row_words;
         let waiting = vec![0; rows.div_ceil(64)];
         Self {
@@ -138,7 +138,7 @@ impl<'a> Slab<'a> {
     }
 
     /// Until nothing changes: rows that wait, from the first to the last and back.
-    fn settle(mut self, slab: usize) -> Outcome {
+    fn settle(mut self, slab: usize) -> SlabRound {
         while self.waiting.iter().any(|word| *word != 0) {
             for block in 0..self.waiting.len() {
                 while self.waiting[block] != 0 {
@@ -151,7 +151,7 @@ impl<'a> Slab<'a> {
                 }
             }
         }
-        Outcome { slab, taken: self.taken, ends: self.ends }
+        SlabRound { slab, taken: self.taken, ends: self.ends }
     }
 
     /// A row that waits asks its neighbours.

@@ -216,7 +216,7 @@ pub fn grow_region(volume: &Volume, what: &Grow, watch: &GrowWatch) -> Result<Gr
     goes_on(watch, GrowStage::Range, 0)?;
     let mut candidates = Mask::of_range(volume, what.hu);
     let within = what.limits.max_radius_mm.map(|radius_mm| {
-        let within = Within { seeds: &what.seeds, radius_mm };
+        let within = SeedBalls { seeds: &what.seeds, radius_mm };
         within.keep(&mut candidates);
         within
     });
@@ -286,12 +286,12 @@ fn open(connected: &Mask, seeds: &Mask, neck_mm: f64, watch: &GrowWatch) -> Resu
 }
 
 /// The balls around all seeds.
-struct Within<'a> {
+struct SeedBalls<'a> {
     seeds: &'a [Point<Patient>],
     radius_mm: f64,
 }
 
-impl Within<'_> {
+impl SeedBalls<'_> {
     /// The bits of a row that lie in any ball.
     fn row(&self, mask: &Mask, at: [usize; 2], out: &mut [u64]) {
         out.fill(0);

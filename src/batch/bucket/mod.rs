@@ -19,8 +19,9 @@ use object_store::{
 };
 use tokio::runtime::Runtime;
 
-use super::record::{Written, sha256_of};
+use super::record::OutputFile;
 pub(super) use read::Object;
+use relief_base::sha256_of;
 
 /// The metadata key of an object's hash.
 const SHA256: Attribute = Attribute::Metadata(std::borrow::Cow::Borrowed("sha256"));
@@ -133,7 +134,7 @@ impl Bucket {
     }
 
     /// By the object's metadata; an object of another program, without it, is read.
-    pub(super) fn holds(&self, name: &str, written: &Written) -> bool {
+    pub(super) fn holds(&self, name: &str, written: &OutputFile) -> bool {
         let Ok(GetResult { meta, attributes, .. }) = self.head(&self.path(name)) else { return false };
         if meta.size != written.bytes {
             return false;

@@ -6,6 +6,7 @@ use std::io::{Error, ErrorKind};
 use std::ops::Range;
 use std::path::PathBuf;
 
+use data_encoding::HEXLOWER;
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path;
 use object_store::{GetOptions, GetRange, ObjectMeta, ObjectStore};
@@ -13,13 +14,12 @@ use sha2::{Digest, Sha256};
 use tokio::io::AsyncWriteExt;
 
 use super::{Bucket, SHA256};
-use crate::manifest::hex;
 
 /// An object that was listed: its name, size and tag.
 pub(crate) type Object = ObjectMeta;
 
 /// The objects and folders directly below a prefix.
-pub(crate) struct Below {
+pub(crate) struct PrefixListing {
     /// Longer prefixes.
     pub(crate) folders: Vec<String>,
     /// Those that are not empty.
@@ -37,13 +37,13 @@ const LONGEST: usize = 200;
 
 impl Bucket {
     /// The objects and folders directly below a prefix, sorted by name.
-    pub(crate) fn directly_below(&self, prefix: &str) -> std::io::Result<Below> {
+    pub(crate) fn directly_below(&self, prefix: &str) -> std::io::Result<PrefixListing> {
         let prefix = parse(prefix)?;
         let found = self.runtime.block_on(self.store.list_with_delimiter(Some(&prefix)));
         let found = found.map_err(without_names)?;
         let folders = found.common_prefixes.iter().map(Path::to_string).collect();
         let objects = found.objects.into_iter().filter(|object| object.size > 0).collect();
-        Ok(Below { folders, objects })
+        Ok(PrefixListing { folders, objects })
     }
 
     /// All objects below a prefix that are not empty, at any depth, or the one that is called so.
@@ -94,7 +94,7 @@ impl Bucket {
             (said, at) = (told, to);
         }
         file.flush().await?;
-        let found = hex(&hasher.finalize().into());
+        let found = HEXLOWER.encode(&hasher.finalize());
         match said {
             Some(said) if said != found => Err(Error::other("an object is not what its metadata says it is")),
             _ => Ok(found),

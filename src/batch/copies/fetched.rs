@@ -5,20 +5,20 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, MutexGuard, PoisonError};
 
+use data_encoding::HEXLOWER;
 use sha2::{Digest, Sha256};
 
-use super::shelf::Shelf;
+use super::shelf::CopyFolder;
 use super::{Copies, Local};
 use crate::bucket::{Bucket, Object};
 use crate::location::Location;
-use crate::manifest::hex;
 use crate::plan::SERIES_ENDINGS;
-use crate::record::Written;
+use crate::record::OutputFile;
 
 /// The folder, and the buckets that were opened.
 #[derive(Debug, Default)]
 pub(super) struct State {
-    shelf: Option<Shelf>,
+    shelf: Option<CopyFolder>,
     buckets: HashMap<String, Arc<Bucket>>,
 }
 
@@ -95,7 +95,7 @@ impl Copies {
                         .map(|(number, object)| (object.clone(), folder.join(file_name(number, object))))
                         .collect();
                     let hashes = opened.fetch(&wanted)?;
-                    let written = wanted.iter().zip(hashes).map(|((object, path), sha256)| Written {
+                    let written = wanted.iter().zip(hashes).map(|((object, path), sha256)| OutputFile {
                         file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
                         sha256,
                         bytes: object.size,
@@ -118,7 +118,7 @@ impl Copies {
             let tag = e_tag.as_deref().unwrap_or_default();
             hasher.update(format!("{location}\n{size}\n{tag}\n{}\n", last_modified.timestamp_millis()));
         }
-        hex(&hasher.finalize().into())
+        HEXLOWER.encode(&hasher.finalize())
     }
 
     fn bucket(&self, name: &str) -> std::io::Result<Arc<Bucket>> {
@@ -138,9 +138,9 @@ impl Copies {
 }
 
 impl State {
-    fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<&Shelf> {
+    fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<&CopyFolder> {
         if self.shelf.is_none() {
-            self.shelf = Some(Shelf::open(folder)?);
+            self.shelf = Some(CopyFolder::open(folder)?);
         }
         self.shelf.as_ref().ok_or_else(|| Error::other("no folder for copies"))
     }

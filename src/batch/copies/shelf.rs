@@ -13,9 +13,9 @@ use std::time::SystemTime;
 
 use rayon::prelude::*;
 
-use crate::files::read_at_most;
-use crate::record::Written;
-use crate::source::file_sha256;
+use crate::record::OutputFile;
+use relief_base::read_at_most;
+use relief_base::sha256_of_file;
 
 /// Beginning of the names of those that are being made or removed.
 const UNDER_WAY: &str = ".relief-copy-";
@@ -31,20 +31,20 @@ const LARGEST: u64 = 64 << 20;
 
 /// A folder of copies.
 #[derive(Debug)]
-pub(super) struct Shelf {
+pub(super) struct CopyFolder {
     folder: PathBuf,
     /// Removes it when dropped, and marks it as used until then.
     _temporary: Option<(tempfile::TempDir, File)>,
 }
 
 /// A copy that could go.
-struct Known {
+struct KnownCopy {
     folder: PathBuf,
     bytes: u64,
     used: SystemTime,
 }
 
-impl Shelf {
+impl CopyFolder {
     pub(super) fn open(folder: Option<&Path>) -> std::io::Result<Self> {
         match folder {
             Some(folder) => {
@@ -71,10 +71,10 @@ impl Shelf {
             == same_file::Handle::from_path(folder.join(CONTENTS)).ok()?;
         let written = contents(&folder).filter(|_| is_its_own)?;
         let path = folder.join(FILES);
-        let is_sound = |one: &Written| {
+        let is_sound = |one: &OutputFile| {
             let file = path.join(&one.file);
             std::fs::metadata(&file).is_ok_and(|found| found.len() == one.bytes)
-                && file_sha256(&file).is_ok_and(|found| found == one.sha256)
+                && sha256_of_file(&file).is_ok_and(|found| found == one.sha256)
         };
         if written.len() == files && written.par_iter().all(is_sound) {
             // Time of the last use; a copy without a known time is removed earlier.
@@ -92,7 +92,7 @@ impl Shelf {
         name: &str,
         files: usize,
         (needed, allowed): (u64, u64),
-        fetch: impl FnOnce(&Path) -> std::io::Result<Vec<Written>>,
+        fetch: impl FnOnce(&Path) -> std::io::Result<Vec<OutputFile>>,
     ) -> std::io::Result<(PathBuf, File)> {
         std::fs::create_dir_all(&self.folder)?; // it may have been cleared away
         let keeper = File::create(self.folder.join(KEEPER))?;
@@ -143,7 +143,7 @@ impl Shelf {
 
     /// The copies in the folder. Removes remnants of killed programs, and copies without a list of
     /// contents.
-    fn known(&self) -> std::io::Result<Vec<Known>> {
+    fn known(&self) -> std::io::Result<Vec<KnownCopy>> {
         let mut known = Vec::new();
         for entry in std::fs::read_dir(&self.folder)? {
             let folder = entry?.path();
@@ -164,7 +164,7 @@ impl Shelf {
             };
             let bytes = written.iter().map(|one| one.bytes).sum();
             let used = std::fs::metadata(folder.join(CONTENTS)).and_then(|found| found.modified());
-            known.push(Known { folder, bytes, used: used.unwrap_or(SystemTime::UNIX_EPOCH) });
+            known.push(KnownCopy { folder, bytes, used: used.unwrap_or(SystemTime::UNIX_EPOCH) });
         }
         Ok(known)
     }
@@ -199,10 +199,10 @@ fn remove_abandoned() {
 }
 
 /// The files of a copy, by its list.
-fn contents(folder: &Path) -> Option<Vec<Written>> {
+fn contents(folder: &Path) -> Option<Vec<OutputFile>> {
     let bytes = read_at_most(&folder.join(CONTENTS), LARGEST).ok().flatten()?;
-    let written: Vec<Written> = serde_json::from_slice(&bytes).ok()?;
+    let written: Vec<OutputFile> = serde_json::from_slice(&bytes).ok()?;
     // Names are this program's own: numbers and endings.
-    let is_name = |one: &Written| Path::new(&one.file).file_name() == Some(one.file.as_ref());
+    let is_name = |one: &OutputFile| Path::new(&one.file).file_name() == Some(one.file.as_ref());
     written.iter().all(is_name).then_some(written)
 }

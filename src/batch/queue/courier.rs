@@ -35,7 +35,7 @@ const FAREWELL: Duration = Duration::from_secs(15);
 
 /// A job that was taken from the queue.
 #[derive(Debug)]
-pub(super) struct Taken {
+pub(super) struct TakenJob {
     pub(super) job: Job,
     /// The number of its message in the stream.
     pub(super) message: u64,
@@ -45,16 +45,16 @@ pub(super) struct Taken {
 
 /// A message of the worker.
 #[derive(Debug)]
-pub(super) enum Word {
+pub(super) enum WorkerMessage {
     /// The result of a job.
-    Of(JobKey, Verdict),
+    Of(JobKey, JobVerdict),
     /// This worker had better not go on.
     Unfit,
 }
 
 /// The result of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub(super) enum JobVerdict {
     /// Its outputs exist.
     Done,
     /// It cannot be done.
@@ -66,7 +66,7 @@ pub(super) enum Verdict {
 }
 
 /// What asking the queue for jobs has given.
-enum Fetched {
+enum FetchedJobs {
     Messages(Vec<Message>),
     /// None, and whether there is nothing left to do either, by any worker.
     Nothing {
@@ -78,30 +78,30 @@ enum Fetched {
 }
 
 /// Brings jobs and takes words.
-pub(super) struct Courier {
+pub(super) struct QueueClient {
     queue: Queue,
     consumer: Consumer<pull::Config>,
     ack_wait: Duration,
     take: usize,
     idle_exit: Option<Duration>,
-    words: Receiver<Word>,
+    words: Receiver<WorkerMessage>,
     stopping: Arc<AtomicBool>,
     /// Jobs of this worker whose fate the queue does not know.
     held: HashMap<JobKey, Acker>,
     /// Those of them that the worker has not got yet.
-    waiting: VecDeque<Taken>,
+    waiting: VecDeque<TakenJob>,
     settling: JoinSet<()>,
     last_word: Instant,
     idle_since: Instant,
     is_lost: bool,
 }
 
-impl Courier {
+impl QueueClient {
     /// Opens the stream and its consumer, which are made where they are not there.
     pub(super) async fn new(
         queue: &Queue,
         (ack_wait, take, idle_exit): (Duration, usize, Option<Duration>),
-        words: Receiver<Word>,
+        words: Receiver<WorkerMessage>,
         stopping: Arc<AtomicBool>,
     ) -> Result<Self, QueueError> {
         let consumer = queue.consumer(ack_wait).await?;
@@ -125,11 +125,11 @@ impl Courier {
 
     /// Feeds the worker until `stop` is done, there is nothing left to do, or the worker says that
     /// it is unfit.
-    pub(super) async fn run(mut self, feed: Sender<Taken>, stop: impl Future<Output = ()>) -> WorkEnd {
+    pub(super) async fn run(mut self, feed: Sender<TakenJob>, stop: impl Future<Output = ()>) -> WorkEnd {
         let mut stop = pin!(stop);
         let mut beat = interval(self.ack_wait / 3);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut fetching: Option<Pin<Box<dyn Future<Output = Fetched> + Send>>> = None;
+        let mut fetching: Option<Pin<Box<dyn Future<Output = FetchedJobs> + Send>>> = None;
         let ended = loop {
             if self.waiting.is_empty() && fetching.is_none() {
                 let (queue, consumer) = (self.queue.clone(), self.consumer.clone());
@@ -138,8 +138,8 @@ impl Courier {
             tokio::select! {
                 () = &mut stop => break WorkEnd::Stopped,
                 word = self.words.recv() => match word {
-                    Some(Word::Of(job, verdict)) => self.settle(&job, verdict),
-                    Some(Word::Unfit) => break WorkEnd::Unfit,
+                    Some(WorkerMessage::Of(job, verdict)) => self.settle(&job, verdict),
+                    Some(WorkerMessage::Unfit) => break WorkEnd::Unfit,
                     None => break WorkEnd::Stopped,
                 },
                 _ = beat.tick() => self.beat().await,
@@ -162,8 +162,8 @@ impl Courier {
     }
 
     /// Receives messages of the queue; returns whether nothing is left to wait for.
-    fn receive(&mut self, fetched: Fetched) -> bool {
-        if let Fetched::Lost(reason) = &fetched {
+    fn receive(&mut self, fetched: FetchedJobs) -> bool {
+        if let FetchedJobs::Lost(reason) = &fetched {
             if !std::mem::replace(&mut self.is_lost, true) {
                 tracing::warn!("the queue gives no jobs: {reason}; it is asked again");
             }
@@ -171,9 +171,9 @@ impl Courier {
         }
         self.is_lost = false;
         match fetched {
-            Fetched::Messages(messages) => messages.into_iter().for_each(|message| self.take(message)),
-            Fetched::Again(consumer) => self.consumer = *consumer,
-            Fetched::Nothing { is_over: true } if self.held.is_empty() => {
+            FetchedJobs::Messages(messages) => messages.into_iter().for_each(|message| self.take(message)),
+            FetchedJobs::Again(consumer) => self.consumer = *consumer,
+            FetchedJobs::Nothing { is_over: true } if self.held.is_empty() => {
                 return self.idle_exit.is_some_and(|patience| self.idle_since.elapsed() >= patience);
             }
             _ => {}
@@ -206,19 +206,19 @@ impl Courier {
         // One that comes again while it is here, because signs of life were lost on the way, is not
         // begun twice.
         if self.held.insert(job.job.clone(), acker).is_none() {
-            self.waiting.push_back(Taken { job, message: number, delivered });
+            self.waiting.push_back(TakenJob { job, message: number, delivered });
         }
     }
 
     /// Reports the result of a job to the queue.
-    fn settle(&mut self, job: &JobKey, verdict: Verdict) {
+    fn settle(&mut self, job: &JobKey, verdict: JobVerdict) {
         self.last_word = Instant::now();
         let Some(acker) = self.held.remove(job) else { return };
         let kind = match verdict {
-            Verdict::Done => AckKind::Ack,
-            Verdict::Never => AckKind::Term,
-            Verdict::Later(pause) => AckKind::Nak(Some(pause)),
-            Verdict::Back => AckKind::Nak(None),
+            JobVerdict::Done => AckKind::Ack,
+            JobVerdict::Never => AckKind::Term,
+            JobVerdict::Later(pause) => AckKind::Nak(Some(pause)),
+            JobVerdict::Back => AckKind::Nak(None),
         };
         self.tell(acker, kind);
     }
@@ -251,14 +251,14 @@ impl Courier {
     /// Returns jobs that were not begun, and waits for those in progress.
     async fn leave(mut self, mut beat: tokio::time::Interval) {
         self.stopping.store(true, Ordering::Relaxed);
-        for Taken { job, .. } in std::mem::take(&mut self.waiting) {
-            self.settle(&job.job, Verdict::Back);
+        for TakenJob { job, .. } in std::mem::take(&mut self.waiting) {
+            self.settle(&job.job, JobVerdict::Back);
         }
         loop {
             tokio::select! {
                 word = self.words.recv() => match word {
-                    Some(Word::Of(job, verdict)) => self.settle(&job, verdict),
-                    Some(Word::Unfit) => {}
+                    Some(WorkerMessage::Of(job, verdict)) => self.settle(&job, verdict),
+                    Some(WorkerMessage::Unfit) => {}
                     None => break,
                 },
                 _ = beat.tick() => self.beat().await,
@@ -268,7 +268,7 @@ impl Courier {
     }
 }
 
-async fn wait(fetching: &mut Option<Pin<Box<dyn Future<Output = Fetched> + Send>>>) -> Fetched {
+async fn wait(fetching: &mut Option<Pin<Box<dyn Future<Output = FetchedJobs> + Send>>>) -> FetchedJobs {
     match fetching {
         Some(fetching) => fetching.await,
         None => std::future::pending().await,
@@ -276,7 +276,12 @@ async fn wait(fetching: &mut Option<Pin<Box<dyn Future<Output = Fetched> + Send>
 }
 
 /// Requests up to `take` jobs; if there are none, waits a little for one.
-async fn fetch(queue: Queue, consumer: Consumer<pull::Config>, take: usize, ack_wait: Duration) -> Fetched {
+async fn fetch(
+    queue: Queue,
+    consumer: Consumer<pull::Config>,
+    take: usize,
+    ack_wait: Duration,
+) -> FetchedJobs {
     let asked = timeout(NO_ANSWER, async {
         let there = collect(consumer.fetch().max_messages(take).messages().await?).await?;
         if !there.is_empty() {
@@ -290,16 +295,16 @@ async fn fetch(queue: Queue, consumer: Consumer<pull::Config>, take: usize, ack_
         Ok::<_, async_nats::Error>((one, info.num_pending == 0 && info.num_ack_pending == 0))
     });
     let reason = match asked.await {
-        Ok(Ok((messages, is_over))) if messages.is_empty() => return Fetched::Nothing { is_over },
-        Ok(Ok((messages, _))) => return Fetched::Messages(messages),
+        Ok(Ok((messages, is_over))) if messages.is_empty() => return FetchedJobs::Nothing { is_over },
+        Ok(Ok((messages, _))) => return FetchedJobs::Messages(messages),
         Ok(Err(error)) => error.to_string(),
         Err(_) => "it does not answer".to_owned(),
     };
     sleep(Duration::from_secs(1)).await;
     match timeout(NO_ANSWER, queue.consumer(ack_wait)).await {
-        Ok(Ok(consumer)) => Fetched::Again(Box::new(consumer)),
-        Ok(Err(error)) => Fetched::Lost(error.to_string()),
-        Err(_) => Fetched::Lost(reason),
+        Ok(Ok(consumer)) => FetchedJobs::Again(Box::new(consumer)),
+        Ok(Err(error)) => FetchedJobs::Lost(error.to_string()),
+        Err(_) => FetchedJobs::Lost(reason),
     }
 }
 

@@ -10,15 +10,15 @@ use std::time::Duration;
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
-use super::courier::{Courier, STUCK, Taken, Verdict, Word};
+use super::courier::{JobVerdict, QueueClient, STUCK, TakenJob, WorkerMessage};
 use super::setback::FailedAttempt;
 use super::{Queue, QueueError};
 use crate::copies::Copies;
-use crate::error::{Failure, Lasting};
-use crate::gate::Gate;
+use crate::error::{Failure, FailureKind};
+use crate::gate::MemoryBudget;
 use crate::manifest::{Job, JobKey};
 use crate::record::Record;
-use crate::run::{Shared, Step, render_groups};
+use crate::run::{RunEvent, RunState, render_groups};
 use crate::sink::Sink;
 use relief_render::Renderer;
 
@@ -92,14 +92,14 @@ pub fn work_queue(
     (runtime, queue): (&Runtime, &Queue),
     options: &WorkOptions,
     stop: impl Future<Output = ()> + Send + 'static,
-    report: &(dyn Fn(Step<'_>) + Sync),
+    report: &(dyn Fn(RunEvent<'_>) + Sync),
 ) -> Result<WorkSummary, QueueError> {
     options.out.prepare()?;
     let (feed, jobs) = channel(1);
     let (words, heard) = channel(WORDS);
     let stopping = Arc::new(AtomicBool::new(false));
     let how = (options.ack_wait, options.take, options.idle_exit);
-    let courier = Courier::new(queue, how, heard, Arc::clone(&stopping));
+    let courier = QueueClient::new(queue, how, heard, Arc::clone(&stopping));
     let courier = runtime.block_on(courier)?;
     let courier = runtime.spawn(courier.run(feed, stop));
     let bench = Bench {
@@ -113,15 +113,15 @@ pub fn work_queue(
         counts: Mutex::default(),
         report,
     };
-    let hear = |step: Step<'_>| bench.hear(step);
-    let shared = Shared::new(&options.out, &hear);
+    let hear = |step: RunEvent<'_>| bench.hear(step);
+    let shared = RunState::new(&options.out, &hear);
     let source = Source { jobs, bench: &bench, shared: &shared, is_alone: false };
-    render_groups(renderer, source, (&options.copies, &Gate::new(options.voxel_bytes)), &shared);
+    render_groups(renderer, source, (&options.copies, &MemoryBudget::new(options.voxel_bytes)), &shared);
     let counts = *lock(&bench.counts);
     let summary = shared.into_summary();
     drop(bench); // the courier waits for words no longer
     let ended = runtime.block_on(courier).map_err(std::io::Error::other)?;
-    let Counts { skipped, failed, put_off, handed_back } = counts;
+    let WorkCounts { skipped, failed, put_off, handed_back } = counts;
     Ok(WorkSummary {
         done: summary.done,
         skipped,
@@ -134,7 +134,7 @@ pub fn work_queue(
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Counts {
+struct WorkCounts {
     skipped: usize,
     failed: usize,
     put_off: usize,
@@ -145,19 +145,19 @@ struct Counts {
 struct Bench<'a> {
     sink: &'a Sink,
     limit: u32,
-    words: Sender<Word>,
+    words: Sender<WorkerMessage>,
     stopping: Arc<AtomicBool>,
-    begun: Mutex<HashMap<JobKey, Begun>>,
+    begun: Mutex<HashMap<JobKey, RunningJob>>,
     /// One of them ended.
     ended: Condvar,
     in_a_row: AtomicU32,
-    counts: Mutex<Counts>,
-    report: &'a (dyn Fn(Step<'_>) + Sync),
+    counts: Mutex<WorkCounts>,
+    report: &'a (dyn Fn(RunEvent<'_>) + Sync),
 }
 
 /// A job that is being done.
 #[derive(Clone, Copy, Debug, Default)]
-struct Begun {
+struct RunningJob {
     message: u64,
     /// How often it was begun, this time included.
     tries: u32,
@@ -165,9 +165,9 @@ struct Begun {
 
 /// The jobs of the queue, one by one, without those that are done.
 struct Source<'a> {
-    jobs: Receiver<Taken>,
+    jobs: Receiver<TakenJob>,
     bench: &'a Bench<'a>,
-    shared: &'a Shared<'a>,
+    shared: &'a RunState<'a>,
     /// Whether the last job was redelivered: it may be one that kills workers, and is done alone,
     /// so that only it is blamed.
     is_alone: bool,
@@ -194,9 +194,9 @@ impl Iterator for Source<'_> {
 }
 
 impl Bench<'_> {
-    fn say(&self, job: &JobKey, verdict: Verdict) {
+    fn say(&self, job: &JobKey, verdict: JobVerdict) {
         // Sending fails only when the courier has ended; then the queue redelivers the job.
-        let _ = self.words.blocking_send(Word::Of(job.clone(), verdict));
+        let _ = self.words.blocking_send(WorkerMessage::Of(job.clone(), verdict));
     }
 
     /// Waits until no job is being done; no longer than for one that is stuck.
@@ -206,7 +206,7 @@ impl Bench<'_> {
     }
 
     /// A job is done, or not to be done by this worker.
-    fn end(&self, job: &JobKey) -> Begun {
+    fn end(&self, job: &JobKey) -> RunningJob {
         let begun = lock(&self.begun).remove(job).unwrap_or_default();
         self.ended.notify_all();
         begun
@@ -214,23 +214,23 @@ impl Bench<'_> {
 
     /// Whether a job is to be done now. Leaves a trace of one that came before: should it be this
     /// worker's end, too, then the next one knows how often it was begun.
-    fn begin(&self, Taken { job, message, delivered }: &Taken) -> bool {
+    fn begin(&self, TakenJob { job, message, delivered }: &TakenJob) -> bool {
         if self.stopping.load(Ordering::Relaxed) {
             lock(&self.counts).handed_back += 1;
-            self.say(&job.job, Verdict::Back);
+            self.say(&job.job, JobVerdict::Back);
             return false;
         }
         if Record::of_done(job, self.sink).is_some() {
             lock(&self.counts).skipped += 1;
-            (self.report)(Step::Skipped(job));
-            self.say(&job.job, Verdict::Done);
+            (self.report)(RunEvent::Skipped(job));
+            self.say(&job.job, JobVerdict::Done);
             return false;
         }
         // One that was handed back, or lay behind one that killed its worker, comes again, too: it
         // was begun if it left a trace.
         let traced = || FailedAttempt::read(job, self.sink).filter(|known| known.message == *message);
         let before = (*delivered > 1).then(traced).flatten().map_or(0, |known| known.tries);
-        let begun = Begun { message: *message, tries: before.saturating_add(1) };
+        let begun = RunningJob { message: *message, tries: before.saturating_add(1) };
         lock(&self.begun).insert(job.job.clone(), begun);
         if *delivered <= 1 {
             return true;
@@ -238,14 +238,14 @@ impl Bench<'_> {
         let mut failure = Failure {
             job: job.job.0.clone(),
             name: job.name(),
-            kind: Lasting::Retryable,
+            kind: FailureKind::Retryable,
             reason: "a worker began it, and nothing was heard of either since".to_owned(),
         };
         if before >= self.limit {
             failure.reason =
                 format!("it was begun {before} times or more, and never was a worker done with it");
-            failure.kind = Lasting::Permanent;
-            lock(&self.begun).insert(job.job.clone(), Begun { tries: before, ..begun });
+            failure.kind = FailureKind::Permanent;
+            lock(&self.begun).insert(job.job.clone(), RunningJob { tries: before, ..begun });
             self.fail(&failure);
             return false;
         }
@@ -258,41 +258,41 @@ impl Bench<'_> {
     }
 
     /// The reports of the pipeline.
-    fn hear(&self, step: Step<'_>) {
+    fn hear(&self, step: RunEvent<'_>) {
         match step {
-            Step::Done(job, _) => {
+            RunEvent::Done(job, _) => {
                 self.in_a_row.store(0, Ordering::Relaxed);
                 self.end(&job.job);
                 if let Err(error) = FailedAttempt::remove(&job.name(), self.sink) {
                     tracing::debug!("a setback stays beside the outputs: {error}");
                 }
                 (self.report)(step);
-                self.say(&job.job, Verdict::Done);
+                self.say(&job.job, JobVerdict::Done);
             }
-            Step::Failed(failure) => self.fail(failure),
-            Step::Skipped(_) => (self.report)(step),
+            RunEvent::Failed(failure) => self.fail(failure),
+            RunEvent::Skipped(_) => (self.report)(step),
         }
     }
 
     fn fail(&self, failure: &Failure) {
         let job = JobKey(failure.job.clone());
-        let Begun { message, tries } = self.end(&job);
+        let RunningJob { message, tries } = self.end(&job);
         let setback = FailedAttempt { failure: failure.clone(), tries, message };
         let is_recorded = setback.write(self.sink).is_ok();
-        let is_over = failure.kind == Lasting::Permanent || tries >= self.limit;
+        let is_over = failure.kind == FailureKind::Permanent || tries >= self.limit;
         // What cannot be recorded must not be lost.
         let verdict =
-            if is_over && is_recorded { Verdict::Never } else { Verdict::Later(pause_after(tries)) };
+            if is_over && is_recorded { JobVerdict::Never } else { JobVerdict::Later(pause_after(tries)) };
         {
             let mut counts = lock(&self.counts);
-            *(if verdict == Verdict::Never { &mut counts.failed } else { &mut counts.put_off }) += 1;
+            *(if verdict == JobVerdict::Never { &mut counts.failed } else { &mut counts.put_off }) += 1;
         }
-        (self.report)(Step::Failed(failure));
+        (self.report)(RunEvent::Failed(failure));
         self.say(&job, verdict);
-        if failure.kind == Lasting::Permanent {
+        if failure.kind == FailureKind::Permanent {
             self.in_a_row.store(0, Ordering::Relaxed);
         } else if self.in_a_row.fetch_add(1, Ordering::Relaxed) + 1 == UNFIT {
-            let _ = self.words.blocking_send(Word::Unfit);
+            let _ = self.words.blocking_send(WorkerMessage::Unfit);
         }
     }
 }

@@ -45,7 +45,7 @@ pub(super) struct ExportArguments {
 }
 
 #[derive(Debug, Serialize)]
-struct Report<'a> {
+struct ExportReport<'a> {
     file: String,
     format: &'static str,
     items: usize,
@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &ExportArguments, log: &LogArguments) -> anyhow::Re
     };
     let written = relief_exchange::write(arguments.format, &items, &context)?;
     write_whole(&arguments.out, &written.bytes)?;
-    let report = Report {
+    let report = ExportReport {
         file: arguments.out.display().to_string(),
         format: arguments.format.name(),
         items: written.items,

@@ -10,7 +10,7 @@ use super::super::choices::formats;
 use super::super::output::{print_json, say};
 use super::{ByArguments, Log, LogArguments, series, table};
 use relief_annotation::{Change, Edit, Item, ItemId, Set, Versioned};
-use relief_exchange::{Format, Imported, Merged, Present, ReadContext};
+use relief_exchange::{ExistingItems, Format, Imported, Merged, ReadContext};
 use relief_store::Filter;
 
 /// The largest file that is opened.
@@ -62,7 +62,7 @@ pub(super) struct ImportArguments {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct ImportReport {
     files: Vec<FileReport>,
     created: usize,
     updated: usize,
@@ -120,15 +120,15 @@ pub(super) fn run(arguments: &ImportArguments, log: &LogArguments) -> anyhow::Re
     let open = if arguments.dry_run { existing(log)? } else { Some(log.open()?) };
     let known = open.as_ref().map_or_else(|| Ok(Vec::new()), known_items)?;
     let present = match (arguments.update, arguments.duplicate) {
-        (true, _) => Present::Update,
-        (_, true) => Present::Duplicate,
-        _ => Present::Keep,
+        (true, _) => ExistingItems::Update,
+        (_, true) => ExistingItems::Duplicate,
+        _ => ExistingItems::Keep,
     };
     let merged = Merged::of(all.items, known, present)?;
     if let (Some(note), Some(file)) = (merged.note("--update", "--duplicate"), files.last_mut()) {
         file.warnings.push(note);
     }
-    let report = Report::new(files, &merged, arguments.dry_run);
+    let report = ImportReport::new(files, &merged, arguments.dry_run);
     let changes = merged.changes;
     if let (Some(log), false, false) = (&open, arguments.dry_run, changes.is_empty()) {
         for (_, media_type, bytes) in &all.contents {
@@ -174,7 +174,7 @@ fn read(
     Ok((format, relief_exchange::read(format, &bytes, context)?))
 }
 
-impl Report {
+impl ImportReport {
     fn new(files: Vec<FileReport>, merged: &Merged, dry_run: bool) -> Self {
         let Merged { changes, unchanged, skipped, .. } = merged;
         let is_new = |change: &&Change| matches!(change, Change::Create { .. });

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::super::output::{print_json, say};
 use super::{LogArguments, table};
-use relief_annotation::{Event, ItemId, Kind};
+use relief_annotation::{Event, EventKind, ItemId};
 use relief_store::LogFilter;
 
 /// List every change that was ever made, the oldest first
@@ -85,8 +85,8 @@ pub(super) fn what(event: &Event) -> String {
     };
     let target = event.target.unwrap_or_default();
     match event.kind {
-        Kind::Do => did.to_owned(),
-        Kind::Undo => format!("{did}, taking back {target}"),
-        Kind::Redo => format!("{did}, making {target} again"),
+        EventKind::Do => did.to_owned(),
+        EventKind::Undo => format!("{did}, taking back {target}"),
+        EventKind::Redo => format!("{did}, making {target} again"),
     }
 }

@@ -14,14 +14,14 @@ pub(super) struct Meter {
     handle: Handle,
     composer: Composer,
     check_every: u32,
-    seen: Mutex<Seen>,
+    seen: Mutex<Measurements>,
     changed: Notify,
 }
 
 /// All that was seen, of the time between [`Meter::begin`] and [`Meter::end`] unless said
 /// otherwise.
 #[derive(Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct Measurements {
     begun_ns: Option<u64>,
     pub(super) seconds: f64,
     pub(super) frames: u64,
@@ -62,7 +62,7 @@ impl Meter {
         &self.handle
     }
 
-    pub(super) fn seen(&self) -> MutexGuard<'_, Seen> {
+    pub(super) fn seen(&self) -> MutexGuard<'_, Measurements> {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -96,7 +96,7 @@ impl Meter {
         self.until(|seen| seen.still_us.is_some()).await;
     }
 
-    async fn until(&self, done: impl Fn(&Seen) -> bool) {
+    async fn until(&self, done: impl Fn(&Measurements) -> bool) {
         loop {
             let changed = self.changed.notified();
             if done(&self.seen()) {
@@ -167,7 +167,7 @@ impl Meter {
     }
 }
 
-impl Seen {
+impl Measurements {
     fn count(&mut self, received: &Received) {
         let header = &received.header;
         let is_newer = header.shows_seq > self.shown_seq;

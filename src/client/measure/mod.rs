@@ -94,7 +94,7 @@ pub async fn measure(plan: &MeasurePlan) -> Result<(MeasureReport, Option<Compos
         flat(&plan.options.server, outcome)?;
     }
     stop_stalled.stop();
-    let mut burden = stalled::Burden::default();
+    let mut burden = stalled::StalledLoad::default();
     while let Some(outcome) = stalled.join_next().await {
         burden = burden.with(flat(&plan.options.server, outcome.map(Ok))?);
     }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::MeasurePlan;
-use super::meter::{Meter, Seen};
-use super::stalled::Burden;
+use super::meter::{Measurements, Meter};
+use super::stalled::StalledLoad;
 
 /// The results of a measurement. Times in ms; percentiles are over all frames of all healthy
 /// clients while the view moved; `None` without frames.
@@ -77,13 +77,15 @@ pub struct MeasureReport {
 }
 
 impl MeasureReport {
-    pub(super) fn of(plan: &MeasurePlan, meters: &[Arc<Meter>], burden: Burden) -> Self {
-        let all = |values: fn(&Seen) -> &Vec<u32>| -> Vec<u32> {
+    pub(super) fn of(plan: &MeasurePlan, meters: &[Arc<Meter>], burden: StalledLoad) -> Self {
+        let all = |values: fn(&Measurements) -> &Vec<u32>| -> Vec<u32> {
             meters.iter().flat_map(|meter| values(&meter.seen()).clone()).collect()
         };
-        let sum = |value: fn(&Seen) -> u64| meters.iter().map(|meter| value(&meter.seen())).sum::<u64>();
-        let ms =
-            |values: fn(&Seen) -> &Vec<u32>, share: f64| percentile(all(values), share).map(|us| us * 1e-3);
+        let sum =
+            |value: fn(&Measurements) -> u64| meters.iter().map(|meter| value(&meter.seen())).sum::<u64>();
+        let ms = |values: fn(&Measurements) -> &Vec<u32>, share: f64| {
+            percentile(all(values), share).map(|us| us * 1e-3)
+        };
         let rates: Vec<f64> = meters
             .iter()
             .map(|meter| meter.seen())

@@ -19,13 +19,13 @@ const POSES: Duration = Duration::from_millis(100);
 
 /// What stalled clients saw.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Burden {
+pub(super) struct StalledLoad {
     pub(super) frames_max: u32,
     pub(super) ended: u64,
     pub(super) failed: u64,
 }
 
-impl Burden {
+impl StalledLoad {
     pub(super) fn with(self, other: Self) -> Self {
         Self {
             frames_max: self.frames_max.max(other.frames_max),
@@ -36,8 +36,8 @@ impl Burden {
 }
 
 /// Every other client reads nothing, the others acknowledge nothing, until stopped.
-pub(super) async fn stall(server: ServerAddress, mut hello: Hello, at: usize, stop: Handle) -> Burden {
-    let mut burden = Burden::default();
+pub(super) async fn stall(server: ServerAddress, mut hello: Hello, at: usize, stop: Handle) -> StalledLoad {
+    let mut burden = StalledLoad::default();
     let reads = !at.is_multiple_of(2);
     let moves = hello.role == Role::Presenter;
     let mut was_connected = false;

@@ -59,7 +59,7 @@ pub enum WindowError {
 
 /// Events from other threads.
 #[derive(Debug)]
-enum Wake {
+enum SessionEvent {
     /// A frame of this connection was composed.
     Frame(u64, Box<Composed>),
     /// Marks may have changed.
@@ -71,11 +71,11 @@ enum Wake {
 /// Where a session puts its frames for a window.
 #[derive(Clone)]
 pub struct Screen {
-    shared: Arc<Shared>,
-    wake: EventLoopProxy<Wake>,
+    shared: Arc<WindowState>,
+    wake: EventLoopProxy<SessionEvent>,
 }
 
-struct Shared {
+struct WindowState {
     newest: Mutex<Newest>,
     changed: Condvar,
 }
@@ -89,7 +89,7 @@ struct Newest {
 
 /// A window that is not open yet.
 pub struct Window {
-    events: EventLoop<Wake>,
+    events: EventLoop<SessionEvent>,
     screen: Screen,
 }
 
@@ -101,7 +101,7 @@ impl Window {
     pub fn new() -> Result<Self, WindowError> {
         let events = EventLoop::with_user_event().build();
         let events = events.map_err(|error| WindowError::Open(error.to_string()))?;
-        let shared = Arc::new(Shared { newest: Mutex::default(), changed: Condvar::new() });
+        let shared = Arc::new(WindowState { newest: Mutex::default(), changed: Condvar::new() });
         let screen = Screen { shared, wake: events.create_proxy() };
         Ok(Self { events, screen })
     }
@@ -172,7 +172,7 @@ impl Screen {
         let after = newest.marks;
         drop(newest);
         if before != after {
-            let _ = self.wake.send_event(Wake::Marks(after)); // fails when the window is gone
+            let _ = self.wake.send_event(SessionEvent::Marks(after)); // fails when the window is gone
         }
     }
 
@@ -180,7 +180,7 @@ impl Screen {
     pub fn stop(&self) {
         self.newest().stopped = true;
         self.shared.changed.notify_all();
-        let _ = self.wake.send_event(Wake::Stop); // fails when the window is gone
+        let _ = self.wake.send_event(SessionEvent::Stop); // fails when the window is gone
     }
 
     /// Composes the newest frame whenever there is one. Frames that were overtaken are acknowledged
@@ -192,7 +192,11 @@ impl Screen {
                     if let Some(problem) = &composed.header_problem {
                         tracing::warn!(problem, "the header row is not what was asked for");
                     }
-                    if self.wake.send_event(Wake::Frame(received.connection, Box::new(composed))).is_err() {
+                    if self
+                        .wake
+                        .send_event(SessionEvent::Frame(received.connection, Box::new(composed)))
+                        .is_err()
+                    {
                         return;
                     }
                 }

@@ -12,7 +12,7 @@ use winit::monitor::MonitorHandle;
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::input::{Input, Meaning};
-use super::{Wake, WindowError, WindowOptions};
+use super::{SessionEvent, WindowError, WindowOptions};
 use crate::handle::Handle;
 use crate::marks::Marks;
 use crate::place::PicturePlace;
@@ -32,13 +32,13 @@ pub(super) struct App {
     frame: Option<Frame>,
     /// The newest frame's connection and number, until it was shown.
     unshown: Option<(u64, u32)>,
-    warned: Warned,
+    warned: ShownWarnings,
     outcome: Result<(), WindowError>,
 }
 
 /// Warnings that were printed once.
 #[derive(Default)]
-struct Warned {
+struct ShownWarnings {
     scale: bool,
     size: Option<[u32; 2]>,
 }
@@ -54,7 +54,7 @@ impl App {
             layout: options.layout,
             frame: None,
             unshown: None,
-            warned: Warned::default(),
+            warned: ShownWarnings::default(),
             outcome: Ok(()),
         }
     }
@@ -182,7 +182,7 @@ impl App {
     }
 }
 
-impl ApplicationHandler<Wake> for App {
+impl ApplicationHandler<SessionEvent> for App {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.pane.is_none() {
             match self.open(events) {
@@ -192,9 +192,9 @@ impl ApplicationHandler<Wake> for App {
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, wake: Wake) {
+    fn user_event(&mut self, events: &ActiveEventLoop, wake: SessionEvent) {
         match wake {
-            Wake::Frame(connection, composed) => {
+            SessionEvent::Frame(connection, composed) => {
                 if let LiveLayout::Of(layout) = composed.header.layout {
                     self.layout = layout;
                 }
@@ -205,8 +205,8 @@ impl ApplicationHandler<Wake> for App {
                     self.fit(frame_px);
                 }
             }
-            Wake::Marks(marks) => self.marks = marks,
-            Wake::Stop => return events.exit(),
+            SessionEvent::Marks(marks) => self.marks = marks,
+            SessionEvent::Stop => return events.exit(),
         }
         self.request_draw();
     }

@@ -10,7 +10,7 @@ use super::FormatError;
 
 /// Which format a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum VolumeFormat {
     Nifti,
     Nrrd,
 }
@@ -40,15 +40,15 @@ impl Source {
     }
 
     /// The format, by the first bytes, which stay to be read.
-    pub(super) fn kind(&mut self) -> Result<Kind, FormatError> {
+    pub(super) fn kind(&mut self) -> Result<VolumeFormat, FormatError> {
         let head = self.reader.fill_buf().map_err(FormatError::Damaged)?;
         let size =
             head.first_chunk().map(|four: &[u8; 4]| [i32::from_le_bytes(*four), i32::from_be_bytes(*four)]);
         if head.starts_with(b"NRRD0") {
-            return Ok(Kind::Nrrd);
+            return Ok(VolumeFormat::Nrrd);
         }
         if size.is_some_and(|sizes| sizes.iter().any(|size| [348, 540].contains(size))) {
-            return Ok(Kind::Nifti);
+            return Ok(VolumeFormat::Nifti);
         }
         let shown: Vec<String> = head.iter().take(8).map(|byte| format!("{byte:02X}")).collect();
         let found =

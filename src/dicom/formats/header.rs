@@ -1,6 +1,6 @@
 //! What both formats' headers come down to.
 
-use super::bytes::{Kind, Source};
+use super::bytes::{Source, VolumeFormat};
 use super::values::Voxel;
 use super::{FormatError, FormatLimits, nifti, nrrd};
 use relief_volume::Grid;
@@ -54,7 +54,7 @@ impl Header {
 /// Reads as far as the voxels.
 pub(super) fn read(source: &mut Source) -> Result<Described, FormatError> {
     match source.kind()? {
-        Kind::Nifti => nifti::read(source),
-        Kind::Nrrd => nrrd::read(source),
+        VolumeFormat::Nifti => nifti::read(source),
+        VolumeFormat::Nrrd => nrrd::read(source),
     }
 }

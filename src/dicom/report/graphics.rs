@@ -19,7 +19,7 @@ const ELLIPSE_POINTS: u32 = 32;
 
 /// A geometry, and the frame of reference that it names.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Shape {
+pub(super) struct FramedGeometry {
     pub(super) geometry: Geometry,
     pub(super) frame_of_reference: Option<String>,
 }
@@ -36,7 +36,7 @@ pub(super) fn shapes(
     group: &Node<'_>,
     series: Option<&SeriesReference>,
     warnings: &mut Warnings,
-) -> Result<Vec<Shape>, ObjectError> {
+) -> Result<Vec<FramedGeometry>, ObjectError> {
     let children = group.children();
     let is_angle = children.iter().any(|child| {
         child.kind() == "NUM" && (child.is(ANGLE) || OTHER_ANGLES.iter().any(|(v, s)| child.has_name(v, s)))
@@ -167,7 +167,7 @@ impl Graphic {
         is_angle: bool,
         controls: Option<&[DVec3]>,
         warnings: &mut Warnings,
-    ) -> Result<Vec<Shape>, ObjectError> {
+    ) -> Result<Vec<FramedGeometry>, ObjectError> {
         let points: Vec<Point<Patient>> = self.points.iter().copied().map(Point::from_xyz).collect();
         let ends_meet = points.len() >= 4 && points.first() == points.last();
         let too_few = |expected| {
@@ -221,8 +221,8 @@ impl Graphic {
         Ok(vec![self.shape(geometry)])
     }
 
-    fn shape(&self, geometry: Geometry) -> Shape {
-        Shape { geometry, frame_of_reference: self.frame_of_reference.clone() }
+    fn shape(&self, geometry: Geometry) -> FramedGeometry {
+        FramedGeometry { geometry, frame_of_reference: self.frame_of_reference.clone() }
     }
 }
 

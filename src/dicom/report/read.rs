@@ -14,9 +14,9 @@ use super::codes::{
     COMMENT, CORNERSTONE_TOOLS, FINDING, FINDING_SITE, GROUP, NAMES_ONLY, PERSON_NAME, TRACKING_IDENTIFIER,
     TRACKING_UID,
 };
-use super::graphics::{self, Shape};
+use super::graphics::{self, FramedGeometry};
 use crate::charset::Charset;
-use crate::dataset::{Bounds, DataSet, Keep};
+use crate::dataset::{Bounds, DataSet, Retention};
 use crate::object::Code;
 use crate::reference::SeriesReference;
 use crate::whole::{self, ObjectError};
@@ -86,13 +86,13 @@ pub fn read_report(bytes: &[u8], options: &ReportReadOptions<'_>) -> Result<Read
     Ok(ReadReport { items: reader.items, warnings: warnings.sentences() })
 }
 
-fn keep(tag: Tag) -> Keep {
+fn keep(tag: Tag) -> Retention {
     match tag {
         tags::CONTENT_SEQUENCE
         | tags::CONCEPT_NAME_CODE_SEQUENCE
         | tags::CONCEPT_CODE_SEQUENCE
         | tags::EQUIVALENT_CODE_SEQUENCE
-        | tags::REFERENCED_SOP_SEQUENCE => Keep::Items,
+        | tags::REFERENCED_SOP_SEQUENCE => Retention::Items,
         tags::SPECIFIC_CHARACTER_SET
         | tags::CONTENT_DATE
         | tags::CONTENT_TIME
@@ -110,8 +110,8 @@ fn keep(tag: Tag) -> Keep {
         | tags::GRAPHIC_DATA
         | tags::REFERENCED_FRAME_OF_REFERENCE_UID
         | tags::REFERENCED_SOP_INSTANCE_UID
-        | tags::REFERENCED_FRAME_NUMBER => Keep::Value,
-        _ => Keep::Nothing,
+        | tags::REFERENCED_FRAME_NUMBER => Retention::Value,
+        _ => Retention::Nothing,
     }
 }
 
@@ -239,7 +239,7 @@ impl Reader<'_> {
         let uid = find(TRACKING_UID).map(|child| child.text(tags::UID)).unwrap_or_default();
         let id = uid.strip_prefix("2.25.").and_then(|number| number.parse().ok()).map(ItemId::from_number);
         let several = shapes.len() > 1;
-        for (index, Shape { geometry, frame_of_reference }) in shapes.into_iter().enumerate() {
+        for (index, FramedGeometry { geometry, frame_of_reference }) in shapes.into_iter().enumerate() {
             let name = if several { numbered(&name, index + 1) } else { name.clone() };
             let mut item = Item::new(&name, &self.author(&children), Some(geometry))?;
             // A thing may be tracked through several groups; an item's id is its own.

@@ -129,7 +129,7 @@ struct Span {
 /// A part of the view's line, from the end of the one before it, that shows one pixel; a hole shows
 /// none.
 #[derive(Clone, Copy)]
-struct Piece {
+struct LinePiece {
     to: i32,
     pixel: Option<usize>,
 }
@@ -139,8 +139,8 @@ struct Piece {
 struct Scratch {
     spans: Vec<Span>,
     active: Vec<Span>,
-    front: Vec<Piece>,
-    back: Vec<Piece>,
+    front: Vec<LinePiece>,
+    back: Vec<LinePiece>,
     /// Twice the colours times the width that they cover, for each pixel of the view.
     sums: Vec<[i32; 3]>,
 }
@@ -210,7 +210,7 @@ fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
     clippy::cast_possible_wrap,
     reason = "lines have below 2^15 pixels"
 )]
-fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<Piece>) {
+fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<LinePiece>) {
     pieces.clear();
     active.clear();
     let end = width as i32 * UNIT;
@@ -224,7 +224,7 @@ fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<Pi
         let coming = spans.get(next).map_or(end, |span| span.from.min(end));
         let nearest = active.iter().max_by_key(|span| span.disparity);
         x = nearest.map_or(coming, |span| span.to.min(coming));
-        pieces.push(Piece { to: x, pixel: nearest.map(|span| span.pixel) });
+        pieces.push(LinePiece { to: x, pixel: nearest.map(|span| span.pixel) });
     }
 }
 
@@ -244,7 +244,7 @@ enum Side {
 
 /// The filling of a hole: the surface of its farther side, or the hidden pixels between its sides
 /// where they are farther; the mean of two pixels at equal depth.
-fn filling(pieces: &[Piece], hole: usize, row: &Row<'_>) -> Filling {
+fn filling(pieces: &[LinePiece], hole: usize, row: &Row<'_>) -> Filling {
     let left = pieces[..hole].iter().rev().find_map(|piece| piece.pixel);
     let right = pieces[hole + 1..].iter().find_map(|piece| piece.pixel);
     let twice = |pixel: usize| row.color[pixel].map(|channel| 2 * i32::from(channel));
@@ -276,7 +276,7 @@ fn filling(pieces: &[Piece], hole: usize, row: &Row<'_>) -> Filling {
 /// to a pixel.
 fn clean(
     sums: &mut [[i32; 3]],
-    pieces: &[Piece],
+    pieces: &[LinePiece],
     (hole, width): (usize, i32),
     (filling, row): (&Filling, &Row<'_>),
 ) {
@@ -301,7 +301,7 @@ fn fill(
     sums: &mut [[i32; 3]],
     [from, to]: [i32; 2],
     color: [i32; 3],
-    behind: &[Piece],
+    behind: &[LinePiece],
     back: Option<&Row<'_>>,
 ) {
     let Some(back) = back else { return paint(sums, from, to, color) };

@@ -6,7 +6,7 @@ use serde::de::IgnoredAny;
 
 use super::super::reading::{self, Reading};
 use super::super::{ExchangeError, Format, Imported, ReadContext};
-use super::wire::{Annotation, Listed};
+use super::wire::{Annotation, AnnotationList};
 use relief_annotation::{FrameOfReference, Geometry};
 use relief_base::{Patient, Point};
 
@@ -32,7 +32,7 @@ pub(in super::super) fn read(bytes: &[u8], context: &ReadContext<'_>) -> Result<
         let annotation: Annotation = reading::json(FORMAT, text)?;
         read_one(&mut reading, "the file", annotation)?;
     } else if keys.contains_key("annotations") {
-        let listed: Listed = reading::json(FORMAT, text)?;
+        let listed: AnnotationList = reading::json(FORMAT, text)?;
         read_all(&mut reading, "annotations", listed.annotations)?;
     } else {
         let state: State = reading::json_hiding(FORMAT, text, 1)?;

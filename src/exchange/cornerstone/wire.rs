@@ -52,7 +52,7 @@ pub(super) struct Data {
     pub(super) spline: Option<Spline>,
     /// Filled by Cornerstone.
     #[serde(default, skip_deserializing)]
-    pub(super) cached_stats: Empty,
+    pub(super) cached_stats: EmptyObject,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -85,7 +85,7 @@ pub(super) struct Corners {
 }
 
 #[derive(Default, Serialize)]
-pub(super) struct Empty {}
+pub(super) struct EmptyObject {}
 
 #[derive(Serialize, Deserialize)]
 pub(super) struct Contour {
@@ -104,7 +104,7 @@ pub(super) struct Spline {
 
 /// Annotations beside others of a file's own.
 #[derive(Deserialize)]
-pub(super) struct Listed {
+pub(super) struct AnnotationList {
     pub(super) annotations: Vec<Annotation>,
 }
 

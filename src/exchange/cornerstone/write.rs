@@ -61,7 +61,7 @@ fn annotation(item: &Item) -> Option<Annotation> {
             handles: Handles { points, ..Handles::default() },
             contour,
             spline: (tool == "SplineROI").then_some(Spline { kind: "CATMULLROM", resolution: 20 }),
-            cached_stats: super::wire::Empty {},
+            cached_stats: super::wire::EmptyObject {},
         },
         relief: Some(Box::new(Extra {
             list: Some(item.list.clone()),

@@ -15,7 +15,7 @@ pub(super) enum NoPlane {
 }
 
 /// A plane in the file's own axes and mm.
-struct Found {
+struct FilePlane {
     center: DVec3,
     x: DVec3,
     normal: DVec3,
@@ -30,7 +30,7 @@ pub(super) fn read(markup: &Markup, mm: f64) -> Result<(Geometry, bool), NoPlane
         (Some(_), _) if points.is_empty() && !markup.control_points.is_empty() => {
             return Err(NoPlane::Undefined);
         }
-        (Some(center), Some((x, normal))) => Found { center, x, normal, size: [0.0; 2] },
+        (Some(center), Some((x, normal))) => FilePlane { center, x, normal, size: [0.0; 2] },
         _ => through(&points)?,
     };
     let (x, normal) = directions(found.x, found.normal).ok_or(NoPlane::Flat)?;
@@ -75,10 +75,10 @@ fn axes(markup: &Markup) -> Option<(DVec3, DVec3)> {
 }
 
 /// The plane of the first versions: an origin, a point on its first axis, a third point.
-fn through(points: &[DVec3]) -> Result<Found, NoPlane> {
+fn through(points: &[DVec3]) -> Result<FilePlane, NoPlane> {
     let &[origin, along, third, ..] = points else { return Err(NoPlane::Undefined) };
     let x = along - origin;
-    Ok(Found { center: origin, x, normal: x.cross(third - origin), size: [0.0; 2] })
+    Ok(FilePlane { center: origin, x, normal: x.cross(third - origin), size: [0.0; 2] })
 }
 
 /// Unit vectors across each other: the normal as it is, and the first axis as near as that allows.

@@ -5,7 +5,9 @@ use std::collections::HashSet;
 use super::super::reading::{self, Reading, mirrored};
 use super::super::{ExchangeError, Format, Imported, ReadContext};
 use super::plane::{self, NoPlane};
-use super::wire::{ControlPoint, CoordinateSystem, File, Head, Kind, Markup, PointId, PositionStatus, Units};
+use super::wire::{
+    ControlPoint, CoordinateSystem, File, Head, Markup, MarkupType, PointId, PositionStatus, Units,
+};
 use relief_annotation::{Geometry, Item};
 use relief_base::{Patient, Point};
 
@@ -43,14 +45,14 @@ fn is_version_1(schema: &str) -> bool {
 fn read_markup(reading: &mut Reading<'_>, place: &str, markup: &Markup) -> Result<(), ExchangeError> {
     let mm = millimetres(place, markup)?;
     check_ids(place, &markup.control_points)?;
-    if let Kind::Roi = markup.kind {
+    if let MarkupType::Roi = markup.kind {
         reading.warn(place, "a box (ROI) is left out: Relief has none");
         return Ok(());
     }
-    if let Kind::Fiducial = markup.kind {
+    if let MarkupType::Fiducial = markup.kind {
         return read_points(reading, place, markup, mm);
     }
-    let geometry = if markup.kind == Kind::Plane {
+    let geometry = if markup.kind == MarkupType::Plane {
         read_plane(reading, place, markup, mm)?
     } else {
         read_line(reading, place, markup, mm)?
@@ -198,8 +200,8 @@ fn read_line(
     mm: f64,
 ) -> Result<Option<Geometry>, ExchangeError> {
     let (most, what) = match markup.kind {
-        Kind::Line => (2, "2 of a Line"),
-        Kind::Angle => (3, "3 of an Angle"),
+        MarkupType::Line => (2, "2 of a Line"),
+        MarkupType::Angle => (3, "3 of an Angle"),
         _ => (Item::MOST_POINTS, "10000 of a curve"),
     };
     let count = markup.control_points.len();
@@ -220,10 +222,10 @@ fn read_line(
     // Slicer's own curves are smooth; a file does not say.
     let smooth = markup.relief.as_ref().and_then(|extra| extra.smooth).unwrap_or(true);
     let geometry = match (markup.kind, points.as_slice()) {
-        (Kind::Line, &[a, b]) => Some(Geometry::Line { ends_mm: [a, b] }),
-        (Kind::Angle, &[a, corner, b]) => Some(Geometry::Angle { points_mm: [a, corner, b] }),
-        (Kind::Curve, [_, _, ..]) => Some(Geometry::Curve { points_mm: points, closed: false, smooth }),
-        (Kind::ClosedCurve, [_, _, _, ..]) => {
+        (MarkupType::Line, &[a, b]) => Some(Geometry::Line { ends_mm: [a, b] }),
+        (MarkupType::Angle, &[a, corner, b]) => Some(Geometry::Angle { points_mm: [a, corner, b] }),
+        (MarkupType::Curve, [_, _, ..]) => Some(Geometry::Curve { points_mm: points, closed: false, smooth }),
+        (MarkupType::ClosedCurve, [_, _, _, ..]) => {
             Some(Geometry::Curve { points_mm: points, closed: true, smooth })
         }
         _ => None,

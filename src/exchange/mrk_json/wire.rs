@@ -25,7 +25,7 @@ pub(super) struct File {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Kind {
+pub(super) enum MarkupType {
     Fiducial,
     Line,
     Angle,
@@ -57,7 +57,7 @@ pub(super) enum Units {
 #[serde(rename_all = "camelCase")]
 pub(super) struct Markup {
     #[serde(rename = "type")]
-    pub(super) kind: Kind,
+    pub(super) kind: MarkupType,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) name: Option<String>,
     #[serde(default)]

@@ -4,7 +4,7 @@ use super::super::extra::Extra;
 use super::super::{ExchangeError, Format, written_json};
 use super::plane;
 use super::wire::{
-    ControlPoint, CoordinateSystem, Display, File, Kind, Markup, Measurement, PointId, PositionStatus,
+    ControlPoint, CoordinateSystem, Display, File, Markup, MarkupType, Measurement, PointId, PositionStatus,
     SCHEMA, Units,
 };
 use glam::DVec3;
@@ -28,7 +28,7 @@ pub(in super::super) fn write(items: &[&Item]) -> Result<Vec<u8>, ExchangeError>
     written_json::bytes(Format::MrkJson, &File { schema: SCHEMA.to_owned(), markups })
 }
 
-fn markup(kind: Kind, name: &str) -> Markup {
+fn markup(kind: MarkupType, name: &str) -> Markup {
     Markup {
         kind,
         name: Some(name.to_owned()).filter(|name| !name.is_empty()),
@@ -55,7 +55,7 @@ fn markup(kind: Kind, name: &str) -> Markup {
 
 /// The points of a list, in their order.
 fn point_list(first: &Item, points: &[&Item]) -> Markup {
-    let mut markup = markup(Kind::Fiducial, &first.list);
+    let mut markup = markup(MarkupType::Fiducial, &first.list);
     markup.control_points = points.iter().map(|item| list_point(item)).collect();
     markup.relief = Some(Box::new(Extra { list: Some(first.list.clone()), ..Extra::default() }));
     // A list has one colour in Slicer; the points' own ones are beside it.
@@ -98,11 +98,11 @@ fn display(visibility: bool, rgb: Option<[f64; 3]>) -> Display {
 /// A line, an angle, a curve or a plane.
 fn single(item: &Item) -> Markup {
     let kind = match &item.geometry {
-        Some(Geometry::Line { .. }) => Kind::Line,
-        Some(Geometry::Angle { .. }) => Kind::Angle,
-        Some(Geometry::Curve { closed: true, .. }) => Kind::ClosedCurve,
-        Some(Geometry::Plane { .. }) => Kind::Plane,
-        _ => Kind::Curve,
+        Some(Geometry::Line { .. }) => MarkupType::Line,
+        Some(Geometry::Angle { .. }) => MarkupType::Angle,
+        Some(Geometry::Curve { closed: true, .. }) => MarkupType::ClosedCurve,
+        Some(Geometry::Plane { .. }) => MarkupType::Plane,
+        _ => MarkupType::Curve,
     };
     let mut markup = markup(kind, &item.name);
     let geometry = item.geometry.as_ref();

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use super::grab::{Grab, Hand};
 use super::intent::{Intent, IntentError, PlacePhase, unit};
 use super::stage::Stage;
-use super::view::{Aspect, Seen, Step, ViewState, ZOOMS, orientation_of};
+use super::view::{Aspect, ChangeKind, DisplayedPicture, ViewState, ZOOMS, orientation_of};
 use relief_base::{Patient, Point, Vector, View, ViewDepth};
 use relief_volume::{Camera, CameraError};
 
@@ -49,7 +49,7 @@ impl ViewState {
         stage: &Stage,
         t_ns: u64,
         intent: &Intent,
-        seen: Option<&Seen<'_>>,
+        seen: Option<&DisplayedPicture<'_>>,
     ) -> Result<AppliedIntent, IntentError> {
         intent.validate()?;
         match intent {
@@ -72,7 +72,7 @@ impl ViewState {
                 Ok(self.carry(stage, t_ns, hand))
             }
             Intent::Release {} => {
-                self.going.retain(|(step, _)| *step != Step::Grab); // the next grab is another step
+                self.going.retain(|(step, _)| *step != ChangeKind::Grab); // the next grab is another step
                 let changed = self.grab.take().is_some();
                 Ok(self.applied(changed, None))
             }
@@ -94,42 +94,42 @@ impl ViewState {
         let step = match intent {
             Intent::Orbit { azimuth_deg, elevation_deg } => {
                 aspect.orbit(*azimuth_deg, *elevation_deg);
-                Step::Orbit
+                ChangeKind::Orbit
             }
             Intent::Turn { rotation_xyzw } => {
                 let turned = unit("rotation_xyzw", rotation_xyzw)?;
                 aspect.patient_from_view = (aspect.patient_from_view * turned.inverse()).normalize();
-                Step::Turn
+                ChangeKind::Turn
             }
             Intent::Look { azimuth_deg, elevation_deg, zoom, vertical_fov_deg } => {
                 aspect.patient_from_view = orientation_of(*azimuth_deg, *elevation_deg);
                 aspect.zoom = zoom.unwrap_or(aspect.zoom);
                 aspect.vertical_fov_deg = vertical_fov_deg.unwrap_or(aspect.vertical_fov_deg);
-                Step::Single
+                ChangeKind::Single
             }
             Intent::Pan { right, up } => {
                 let height_mm = aspect.height_mm(stage).map_err(|error| no_camera(&error))?;
                 // The picture moves right when the eye moves left.
                 let shift = Vector::from_xyz(DVec3::new(-right, -up, 0.0) * height_mm);
                 aspect.look_at = stage.clamped_focus(aspect.in_patient(shift));
-                Step::Pan
+                ChangeKind::Pan
             }
             Intent::Zoom { factor } => {
                 aspect.zoom = (aspect.zoom * factor).clamp(*ZOOMS.start(), *ZOOMS.end());
-                Step::Zoom
+                ChangeKind::Zoom
             }
             Intent::Clip { by_mm, to_mm } => {
                 let wanted = to_mm.unwrap_or(aspect.cut_mm + by_mm.unwrap_or(0.0));
                 aspect.cut_mm = wanted.clamp(0.0, 2.0 * stage.radius_mm);
-                Step::Clip
+                ChangeKind::Clip
             }
             Intent::Preset { name, step } => {
                 aspect.preset = chosen_preset(stage, aspect.preset.as_deref(), name.as_deref(), *step)?;
-                Step::Single
+                ChangeKind::Single
             }
             Intent::Reset {} => {
                 aspect = Aspect::home(stage);
-                Step::Single
+                ChangeKind::Single
             }
             _ => return Ok(AppliedIntent::default()),
         };
@@ -147,24 +147,24 @@ impl ViewState {
         self.grab = Some(grab);
         let aspect =
             Aspect { look_at: stage.clamped_focus(look_at), patient_from_view, ..self.aspect.clone() };
-        let changed = self.take(aspect, Step::Grab, t_ns);
+        let changed = self.take(aspect, ChangeKind::Grab, t_ns);
         self.applied(changed, None)
     }
 
     /// Changes the aspect and stores the previous one for undo.
-    fn take(&mut self, aspect: Aspect, step: Step, t_ns: u64) -> bool {
+    fn take(&mut self, aspect: Aspect, step: ChangeKind, t_ns: u64) -> bool {
         if aspect == self.aspect {
             return false;
         }
         let before = std::mem::replace(&mut self.aspect, aspect);
-        if step == Step::Single {
+        if step == ChangeKind::Single {
             self.going.clear();
             self.remember(before);
             return true;
         }
         let last = self.going.iter_mut().find(|(going, _)| *going == step);
         // A grab is one step however long it takes; a release ends it.
-        let goes_on = |then: u64| step == Step::Grab || t_ns.abs_diff(then) <= ONE_STEP_NS;
+        let goes_on = |then: u64| step == ChangeKind::Grab || t_ns.abs_diff(then) <= ONE_STEP_NS;
         match last {
             Some((_, then)) if goes_on(*then) => *then = t_ns,
             Some((_, then)) => {
@@ -205,7 +205,7 @@ impl ViewState {
         &self,
         stage: &Stage,
         intent: &Intent,
-        seen: Option<&Seen<'_>>,
+        seen: Option<&DisplayedPicture<'_>>,
     ) -> Result<Point<Patient>, IntentError> {
         let Intent::Cursor { at_px, at_view_mm, by_view_mm, point_mm } = intent else {
             return Ok(self.aspect.look_at);

@@ -25,19 +25,19 @@ const FARTHEST_MM: f64 = 1e5;
 
 /// The hand in view: scaled, along view axes, mm from the focal point.
 #[derive(Clone, Copy, Debug)]
-struct Hand {
+struct HandInView {
     place: DVec3,
     orientation: DQuat,
 }
 
 /// How far B has come.
 #[derive(Clone, Copy, Debug)]
-enum Grip {
+enum TriggerState {
     Open,
     /// B is held; the next pose takes hold, for the first time or anew.
     Closing,
     /// The volume is held but rests: the hand has not left the dead zone around this.
-    Resting(Hand),
+    Resting(HandInView),
     Moving,
 }
 
@@ -63,11 +63,11 @@ pub struct Gestures {
     /// The tip's place in view axes that is the focal point.
     center: Option<DVec3>,
     /// The hand, while it is tracked.
-    hand: Option<Hand>,
+    hand: Option<HandInView>,
     /// The mean of its places, the newer counting more.
     mean: Option<DVec3>,
     precise: Option<Precise>,
-    grip: Grip,
+    grip: TriggerState,
     /// Whether a grab was sent that no release has followed.
     grabbed: bool,
     /// Whether a preview was sent that nothing has followed.
@@ -95,7 +95,7 @@ impl Gestures {
             hand: None,
             mean: None,
             precise: None,
-            grip: Grip::Open,
+            grip: TriggerState::Open,
             grabbed: false,
             placing: false,
             cursor: None,
@@ -119,9 +119,9 @@ impl Gestures {
     pub fn hold(&mut self, t_ns: u64, buttons: Buttons) -> Vec<Intent> {
         let mut intents = Vec::new();
         match order(self.held_ns, t_ns) {
-            Order::Late => return intents,
-            Order::Restarted => intents = self.end(),
-            Order::Newer | Order::Same => {}
+            ReportOrder::Late => return intents,
+            ReportOrder::Restarted => intents = self.end(),
+            ReportOrder::Newer | ReportOrder::Same => {}
         }
         self.count(t_ns, &mut intents);
         self.held_ns = Some(t_ns);
@@ -129,7 +129,7 @@ impl Gestures {
         let pressed = |button| buttons.contains(button) && !before.contains(button);
         let released = |button| before.contains(button) && !buttons.contains(button);
         if pressed(Buttons::B) {
-            self.grip = Grip::Closing;
+            self.grip = TriggerState::Closing;
         }
         if released(Buttons::B) {
             self.let_go(&mut intents);
@@ -170,9 +170,9 @@ impl Gestures {
     pub fn track(&mut self, sample: &HandSample) -> Vec<Intent> {
         let mut intents = Vec::new();
         match order(self.tracked_ns, sample.t_ns) {
-            Order::Late | Order::Same => return intents,
-            Order::Restarted => intents = self.end(),
-            Order::Newer => {}
+            ReportOrder::Late | ReportOrder::Same => return intents,
+            ReportOrder::Restarted => intents = self.end(),
+            ReportOrder::Newer => {}
         }
         self.count(sample.t_ns, &mut intents);
         let since = self.tracked_ns.replace(sample.t_ns).map_or(0, |then| sample.t_ns.saturating_sub(then));
@@ -200,36 +200,36 @@ impl Gestures {
     }
 
     /// The hand in view; `None` when it is not tracked or too far away.
-    fn seen(&mut self, sample: &HandSample) -> Option<Hand> {
+    fn seen(&mut self, sample: &HandSample) -> Option<HandInView> {
         let pose = sample.pose.filter(|_| sample.state == TrackingState::Tracking)?;
         let tip = self.view_from_beacon * pose.tip(self.options.tip_mm);
         let fixed = self.options.tip_center_mm.map(|at| self.view_from_beacon * DVec3::from_array(at));
         let center = *self.center.get_or_insert(fixed.unwrap_or(tip));
         let place = (tip - center) * self.options.gain;
         let orientation = (self.view_from_beacon * pose.orientation()).normalize();
-        (place.abs().max_element() <= FARTHEST_MM).then_some(Hand { place, orientation })
+        (place.abs().max_element() <= FARTHEST_MM).then_some(HandInView { place, orientation })
     }
 
-    fn follow(&mut self, hand: Hand, intents: &mut Vec<Intent>) {
-        if let Grip::Resting(from) = self.grip
+    fn follow(&mut self, hand: HandInView, intents: &mut Vec<Intent>) {
+        if let TriggerState::Resting(from) = self.grip
             && let Some(edge) = self.edge_between(from, hand)
         {
             // Taking hold anew at the zone's edge, the volume does not jump by the zone's width.
             self.grab(edge, intents);
-            self.grip = Grip::Moving;
+            self.grip = TriggerState::Moving;
         }
         match self.grip {
-            Grip::Closing => {
+            TriggerState::Closing => {
                 self.grab(hand, intents);
-                self.grip = Grip::Resting(hand);
+                self.grip = TriggerState::Resting(hand);
             }
-            Grip::Moving => {
+            TriggerState::Moving => {
                 let (position_mm, orientation_xyzw) = (hand.place.to_array(), hand.orientation.to_array());
                 intents.push(Intent::Move { position_mm, orientation_xyzw });
                 self.point(hand.place, intents); // after it: what is held stays under the cursor
                 self.precise = self.precise.map(|_| Precise { cursor: hand.place, ..self.led_by(hand) });
             }
-            Grip::Open | Grip::Resting(_) => {
+            TriggerState::Open | TriggerState::Resting(_) => {
                 let (wanted, share) = match self.precise {
                     Some(Precise { cursor, mean }) => {
                         let led = self.led_by(hand).mean - mean;
@@ -246,12 +246,12 @@ impl Gestures {
     }
 
     /// Where a hand has left the dead zone around `from` on its way to `to`, if it has.
-    fn edge_between(&self, from: Hand, to: Hand) -> Option<Hand> {
+    fn edge_between(&self, from: HandInView, to: HandInView) -> Option<HandInView> {
         let angle = from.orientation.angle_between(to.orientation).to_degrees();
         let way = from.place.distance(to.place) / self.options.gain;
         let share = |zone: f64, gone: f64| if gone > zone { zone / gone } else { 1.0 };
         let first = share(self.options.dead_zone_deg, angle).min(share(self.options.dead_zone_mm, way));
-        let edge = Hand {
+        let edge = HandInView {
             place: from.place.lerp(to.place, first),
             orientation: from.orientation.slerp(to.orientation, first).normalize(),
         };
@@ -259,7 +259,7 @@ impl Gestures {
     }
 
     /// Takes hold of the point under the tip.
-    fn grab(&mut self, hand: Hand, intents: &mut Vec<Intent>) {
+    fn grab(&mut self, hand: HandInView, intents: &mut Vec<Intent>) {
         self.point(hand.place, intents);
         self.grabbed = true;
         intents.push(Intent::Grab {
@@ -278,7 +278,7 @@ impl Gestures {
     }
 
     /// A cursor that is led from here.
-    fn led_by(&self, hand: Hand) -> Precise {
+    fn led_by(&self, hand: HandInView) -> Precise {
         Precise { cursor: hand.place, mean: self.mean.unwrap_or(hand.place) }
     }
 
@@ -293,7 +293,7 @@ impl Gestures {
     }
 
     fn let_go(&mut self, intents: &mut Vec<Intent>) {
-        self.grip = Grip::Open;
+        self.grip = TriggerState::Open;
         if std::mem::take(&mut self.grabbed) {
             intents.push(Intent::Release {});
         }
@@ -308,8 +308,8 @@ impl Gestures {
 
     /// The next pose takes hold anew, if B is held.
     fn loosen(&mut self) {
-        if !matches!(self.grip, Grip::Open) {
-            self.grip = Grip::Closing;
+        if !matches!(self.grip, TriggerState::Open) {
+            self.grip = TriggerState::Closing;
         }
     }
 
@@ -341,19 +341,19 @@ impl Gestures {
     }
 }
 
-enum Order {
+enum ReportOrder {
     Newer,
     Same,
     Late,
     Restarted,
 }
 
-fn order(newest_ns: Option<u64>, t_ns: u64) -> Order {
-    let Some(newest_ns) = newest_ns else { return Order::Newer };
+fn order(newest_ns: Option<u64>, t_ns: u64) -> ReportOrder {
+    let Some(newest_ns) = newest_ns else { return ReportOrder::Newer };
     match newest_ns.checked_sub(t_ns) {
-        None => Order::Newer,
-        Some(0) => Order::Same,
-        Some(behind) if behind <= OTHER_CLOCK_NS => Order::Late,
-        Some(_) => Order::Restarted,
+        None => ReportOrder::Newer,
+        Some(0) => ReportOrder::Same,
+        Some(behind) if behind <= OTHER_CLOCK_NS => ReportOrder::Late,
+        Some(_) => ReportOrder::Restarted,
     }
 }

@@ -59,4 +59,4 @@ pub use gestures::Gestures;
 pub use hand::{HandOptions, HandPose, HandSample};
 pub use intent::{GrabMode, Intent, IntentError, Pivot, PlacePhase};
 pub use stage::{Home, Stage, StageError};
-pub use view::{CursorMark, CutPlane, Seen, ViewRecord, ViewState};
+pub use view::{CursorMark, CutPlane, DisplayedPicture, ViewRecord, ViewState};

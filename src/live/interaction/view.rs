@@ -37,7 +37,7 @@ pub(super) struct Aspect {
 
 /// Kinds of changes: those of one kind in quick succession are taken back together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Step {
+pub(super) enum ChangeKind {
     Orbit,
     Turn,
     Pan,
@@ -57,7 +57,7 @@ pub struct ViewState {
     pub(super) grab: Option<Grab>,
     pub(super) history: VecDeque<Aspect>,
     /// The steps that may go on, and when each last did: a pinch zooms and pans by turns.
-    pub(super) going: Vec<(Step, u64)>,
+    pub(super) going: Vec<(ChangeKind, u64)>,
     pub(super) revision: u64,
 }
 
@@ -84,7 +84,7 @@ pub struct CursorMark {
 
 /// The picture that a user points at. A pixel refers to the displayed picture, not to the newest
 /// view.
-pub struct Seen<'a> {
+pub struct DisplayedPicture<'a> {
     /// The camera that it was made with.
     pub camera: Camera,
     /// View depth at a pixel (u right, v down, centres at +0.5); a miss where nothing is seen, or

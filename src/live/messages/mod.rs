@@ -16,7 +16,7 @@ use serde_json::{Map, Value};
 use crate::interaction::Intent;
 
 pub use hello::{Accept, ColorFormats, Formats, Hello, MAX_VIEW_NAME, NoFormat, Role, check_view_name};
-pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RemotePose, Report};
+pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RawReport, RemotePose};
 pub use server::{
     AnnotationsMessage, ErrorMessage, NextLabel, Peers, ServerMessage, SnappedPlace, StateMessage,
     TrackingMessage, Welcome,
@@ -34,7 +34,7 @@ pub enum ClientMessage {
     /// Where the hand is, or from where to look. The newest counts.
     Pose(Pose),
     /// A raw report of a Wiimote, for the server to track.
-    Report(Report),
+    Report(RawReport),
     /// A wish; none is dropped.
     Intent(IntentMessage),
     /// Settings of the view.

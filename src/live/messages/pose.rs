@@ -77,7 +77,7 @@ pub(super) struct PoseFile {
 /// A raw report of a Wiimote.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Report {
+pub struct RawReport {
     /// Rising number, in one row with those of poses.
     pub seq: u64,
     /// When it came, ns of the client's clock.
@@ -86,7 +86,7 @@ pub struct Report {
     pub report: String,
 }
 
-impl Report {
+impl RawReport {
     /// The report's bytes.
     ///
     /// # Errors

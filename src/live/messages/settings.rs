@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::interaction::GrabMode;
-use relief_annotation::Shown;
+use relief_annotation::ShownSets;
 use relief_display::DisplaySettings;
 
 /// Settings of a view. An omitted setting stays.
@@ -24,7 +24,7 @@ pub struct Settings {
     /// The annotations that are drawn: `false`, `true`, or sets by their names. While any are,
     /// `place` sets landmarks down and `undo` takes back edits.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub annotations: Option<Shown>,
+    pub annotations: Option<ShownSets>,
     /// A preset by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,

@@ -12,7 +12,7 @@ use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::labels::Labels;
 use crate::light::InPatient;
 use crate::mode::Mode;
-use crate::renderer::Skipping;
+use crate::renderer::EmptySpaceSkipping;
 use crate::request::{Clip, RenderRequest, RequestError};
 use crate::surface::Surface;
 use crate::tables::Tables;
@@ -33,7 +33,7 @@ const CELLS_OF_DISPATCH: usize = 1 << 18;
 
 /// The lit volume and its lights.
 #[derive(Clone, Copy)]
-pub(crate) struct Order<'a> {
+pub(crate) struct IlluminationJob<'a> {
     pub(crate) gpu: &'a Gpu,
     pub(crate) volume: &'a Volume,
     pub(crate) on_gpu: &'a VolumeOnGpu,
@@ -45,7 +45,7 @@ pub(crate) struct Order<'a> {
 
 /// The quantity that is computed for each cell.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Sought {
+pub(super) enum LightQuantity {
     /// The share of each light that reaches it: where the light is, and the angle that it fills in
     /// radians.
     Shadows(Vec<(InPatient, f64)>),
@@ -64,11 +64,11 @@ struct Key {
     labels: Option<Arc<Labels>>,
     surfaces: Vec<Surface>,
     clip: Clip,
-    sought: Sought,
+    sought: LightQuantity,
 }
 
 impl Key {
-    fn new(volume: ContentHash, request: &RenderRequest, sought: Sought) -> Self {
+    fn new(volume: ContentHash, request: &RenderRequest, sought: LightQuantity) -> Self {
         Self {
             volume,
             mode: request.mode,
@@ -128,8 +128,8 @@ impl Illuminator {
     }
 
     /// Makes the second group fit a request, if its rays read that; says whether cells were filled.
-    pub(crate) fn prepare(&mut self, order: Order<'_>) -> Result<bool, RenderError> {
-        let Order { gpu, volume, on_gpu, request, .. } = order;
+    pub(crate) fn prepare(&mut self, order: IlluminationJob<'_>) -> Result<bool, RenderError> {
+        let IlluminationJob { gpu, volume, on_gpu, request, .. } = order;
         if !request.has_own_light() {
             return Ok(false);
         }
@@ -160,21 +160,26 @@ impl Illuminator {
         Ok(filled)
     }
 
-    fn fill(&mut self, order: Order<'_>, cells: &Cells, key: &Key) -> Result<wgpu::TextureView, RenderError> {
-        let Order { gpu, volume, on_gpu, appearance, request, .. } = order;
+    fn fill(
+        &mut self,
+        order: IlluminationJob<'_>,
+        cells: &Cells,
+        key: &Key,
+    ) -> Result<wgpu::TextureView, RenderError> {
+        let IlluminationJob { gpu, volume, on_gpu, appearance, request, .. } = order;
         let stage = match &mut self.stage {
             Some(stage) => stage,
             none => none.insert(Stage::new(gpu, self.format)?),
         };
-        let is_openness = matches!(key.sought, Sought::Openness { .. });
+        let is_openness = matches!(key.sought, LightQuantity::Openness { .. });
         let stage_key = StageKey::new(request, is_openness, on_gpu.gradients.precomputed);
         let pipeline = stage.get(gpu, stage_key)?;
         let step_mm = match key.sought {
-            Sought::Shadows(_) => cells.shadow_step_mm(),
-            Sought::Openness { radius_mm } => cells.openness_step_mm(radius_mm),
+            LightQuantity::Shadows(_) => cells.shadow_step_mm(),
+            LightQuantity::Openness { radius_mm } => cells.openness_step_mm(radius_mm),
         };
         let steady = steady_request(request, volume.grid(), step_mm)?;
-        let frame = FrameUniform::new(&steady, volume, appearance, Skipping::On);
+        let frame = FrameUniform::new(&steady, volume, appearance, EmptySpaceSkipping::On);
         let mut uniform =
             IlluminationUniform::new(&steady, volume.grid(), appearance.bricks.edge, cells, &key.sought);
         let scope = ErrorScope::open(gpu, "cells of light");
@@ -208,12 +213,12 @@ impl Illuminator {
 }
 
 /// The textures that the rays of a request read: shadows, openness.
-fn sought(request: &RenderRequest) -> [Option<Sought>; 2] {
+fn sought(request: &RenderRequest) -> [Option<LightQuantity>; 2] {
     let lights = || request.lights.iter().map(|light| (light.in_patient(&request.camera), light.size));
     let Occlusion { strength, radius_mm } = request.illumination.occlusion;
     [
-        request.casts_shadows().then(|| Sought::Shadows(lights().collect())),
-        (strength > 0.0).then_some(Sought::Openness { radius_mm }),
+        request.casts_shadows().then(|| LightQuantity::Shadows(lights().collect())),
+        (strength > 0.0).then_some(LightQuantity::Openness { radius_mm }),
     ]
 }
 
@@ -241,7 +246,12 @@ struct Buffers {
 }
 
 impl Buffers {
-    fn bind(&self, order: Order<'_>, stage: &Stage, cells: &wgpu::TextureView) -> [wgpu::BindGroup; 2] {
+    fn bind(
+        &self,
+        order: IlluminationJob<'_>,
+        stage: &Stage,
+        cells: &wgpu::TextureView,
+    ) -> [wgpu::BindGroup; 2] {
         let resources = [
             self.frame.as_entire_binding(),
             wgpu::BindingResource::TextureView(&order.on_gpu.view),

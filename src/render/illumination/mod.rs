@@ -19,6 +19,6 @@ mod stage;
 mod uniform;
 
 pub(super) use cells::{Cells, DIRECTIONS, disc_rays, sphere_direction};
-pub(super) use illuminator::{Illuminator, Order};
+pub(super) use illuminator::{IlluminationJob, Illuminator};
 pub use settings::{Illumination, Occlusion};
 pub(super) use stage::lighting_layout;

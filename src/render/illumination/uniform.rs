@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat4, DVec3};
 
 use super::cells::{Cells, DIRECTIONS, disc_rays, sphere_direction};
-use super::illuminator::Sought;
+use super::illuminator::LightQuantity;
 use super::stage::CELLS_SIDE;
 use crate::classification::Classification;
 use crate::light::{InPatient, Light};
@@ -108,7 +108,7 @@ impl IlluminationUniform {
         grid: &Grid,
         brick_edge: usize,
         cells: &Cells,
-        sought: &Sought,
+        sought: &LightQuantity,
     ) -> Self {
         let start = DVec3::new(0.0, 0.0, depth_limits(&request.camera, grid).near_mm);
         let start_from_patient =
@@ -117,8 +117,8 @@ impl IlluminationUniform {
         let turned = |direction: DVec3| start_from_patient.transform_vector3(direction).as_vec3();
         let mut sources = [SourceUniform::default(); Light::MAX];
         let (lights, radius_mm): (&[_], f64) = match sought {
-            Sought::Shadows(lights) => (lights, 0.0),
-            Sought::Openness { radius_mm } => (&[], *radius_mm),
+            LightQuantity::Shadows(lights) => (lights, 0.0),
+            LightQuantity::Openness { radius_mm } => (&[], *radius_mm),
         };
         for ((placement, size), out) in lights.iter().zip(&mut sources) {
             let (toward, is_near) = match *placement {

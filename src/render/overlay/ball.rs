@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 use super::layers::{Band, SAMPLE_POINTS};
 use super::lens::{Lens, NEAR_MM};
-use super::shape::{Cover, Primitive, light, pixels, whole, whole_up};
+use super::shape::{PixelCover, Primitive, light, pixels, whole, whole_up};
 
 /// A ball wholly before the near plane.
 #[derive(Clone, Debug)]
@@ -132,7 +132,7 @@ impl Ball {
     }
 
     /// Depth and light at the middle of a pixel, or at the outline where that is outside.
-    fn cover(&self, lens: &Lens, corner: DVec2, points: u16) -> Cover {
+    fn cover(&self, lens: &Lens, corner: DVec2, points: u16) -> PixelCover {
         let across = lens.across(corner + 0.5);
         let (discriminant, along, square) = if lens.is_perspective {
             let ray = across.extend(1.0);
@@ -145,6 +145,6 @@ impl Ball {
         };
         let root = discriminant.max(0.0).sqrt();
         let facing = (root / (self.radius_mm * square.sqrt())).min(1.0);
-        Cover { points, depth_mm: (along - root) / square, light: light(facing) }
+        PixelCover { points, depth_mm: (along - root) / square, light: light(facing) }
     }
 }

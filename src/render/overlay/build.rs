@@ -8,7 +8,7 @@ use super::item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Te
 use super::labels::{self, Label};
 use super::layers::Rank;
 use super::lens::{Lens, NEAR_MM};
-use super::shape::{Primitive, Shape, Stroke, Triangle};
+use super::shape::{Primitive, PrimitiveForm, Stroke, Triangle};
 use super::text::{Style, Typesetter, usual_height_px};
 use relief_annotation::catmull_rom;
 use relief_volume::Grid;
@@ -65,7 +65,7 @@ struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
-    fn push(&mut self, shape: Shape, rgb: [f64; 3], opacity: f64) {
+    fn push(&mut self, shape: PrimitiveForm, rgb: [f64; 3], opacity: f64) {
         let rgb = rgb.map(|channel| (channel * 255.0) as f32);
         let (opacity, rank) = (opacity as f32, Rank::Scene);
         self.primitives.push(Primitive { shape, rgb, opacity, rank, shown_mm: None });
@@ -81,7 +81,7 @@ impl<'a> Builder<'a> {
             Radius::Px(px) => px * self.lens.mm_per_px(center.z),
         };
         let Some(ball) = Ball::new(self.lens, center, radius_mm) else { return };
-        self.push(Shape::Ball(ball), landmark.rgb, 1.0);
+        self.push(PrimitiveForm::Ball(ball), landmark.rgb, 1.0);
         let middle = self.lens.pixel(center);
         let is_shown = middle.min_element() >= 0.0 && middle.cmple(self.lens.size_px).all();
         if let Some(text) = landmark.label.as_deref().filter(|_| is_shown) {
@@ -93,7 +93,7 @@ impl<'a> Builder<'a> {
 
     fn stroke(&mut self, ends: [DVec3; 2], width_px: f64, rgb: [f64; 3]) {
         if let Some(stroke) = Stroke::new(self.lens, ends, width_px) {
-            self.push(Shape::Stroke(stroke), rgb, 1.0);
+            self.push(PrimitiveForm::Stroke(stroke), rgb, 1.0);
         }
     }
 
@@ -121,7 +121,7 @@ impl<'a> Builder<'a> {
             for i in 2..kept.len() {
                 let part = [kept[0], kept[i - 1], kept[i]];
                 if let Some(triangle) = Triangle::new(self.lens, part, normal) {
-                    self.push(Shape::Triangle(triangle), mesh.rgb, mesh.opacity);
+                    self.push(PrimitiveForm::Triangle(triangle), mesh.rgb, mesh.opacity);
                 }
             }
         }

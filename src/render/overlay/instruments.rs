@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use super::font::{CAPITAL, glyph};
 use super::layers::Rank;
 use super::lens::Lens;
-use super::shape::{Primitive, Shape, Stroke, Triangle};
+use super::shape::{Primitive, PrimitiveForm, Stroke, Triangle};
 use super::text::{Style, Typesetter, contrast, usual_height_px};
 
 /// The cube's side as a share of the picture's smaller side, and its least, px.
@@ -87,7 +87,7 @@ impl Cube<'_> {
         let places = corners.map(|corner| self.place(corner));
         for [a, b, c] in [[0, 1, 2], [0, 2, 3]].map(|half| half.map(|i: usize| places[i])) {
             let triangle = Triangle::flat(self.lens, [a.0, b.0, c.0], [a.1, b.1, c.1]);
-            out.extend(triangle.map(|triangle| instrument(Shape::Triangle(triangle), lit)));
+            out.extend(triangle.map(|triangle| instrument(PrimitiveForm::Triangle(triangle), lit)));
         }
         let border = (self.half / 14.0).max(1.0);
         for i in 0..4 {
@@ -109,7 +109,7 @@ impl Cube<'_> {
     fn stroke(&self, ends: [DVec3; 2], width_px: f64, out: &mut Vec<Primitive>) {
         let [a, b] = ends.map(|end| self.place(end));
         let stroke = Stroke::flat(self.lens, [a.0, b.0], [a.1, b.1], width_px);
-        out.push(instrument(Shape::Stroke(stroke), LETTER_RGB));
+        out.push(instrument(PrimitiveForm::Stroke(stroke), LETTER_RGB));
     }
 }
 
@@ -128,7 +128,7 @@ pub(super) fn scale_bar(lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<
     for (width, rgb) in [(width, BAR_RGB), (width + rim, contrast(BAR_RGB))] {
         for ends in [[left, right], [left, left + tick], [right, right + tick]] {
             let stroke = Stroke::flat(lens, ends, [lens.focal_mm; 2], width);
-            out.push(instrument(Shape::Stroke(stroke), rgb));
+            out.push(instrument(PrimitiveForm::Stroke(stroke), rgb));
         }
     }
     let text = format!("{length_mm} mm");
@@ -140,7 +140,7 @@ pub(super) fn scale_bar(lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
-fn instrument(shape: Shape, rgb: [f64; 3]) -> Primitive {
+fn instrument(shape: PrimitiveForm, rgb: [f64; 3]) -> Primitive {
     let rgb = rgb.map(|channel| (channel * 255.0) as f32);
     Primitive { shape, rgb, opacity: 1.0, rank: Rank::Instrument, shown_mm: None }
 }

@@ -15,7 +15,7 @@ use glam::{BVec2, DVec2};
 
 use super::layers::Rank;
 use super::lens::Lens;
-use super::shape::{Primitive, Shape, Stroke, pixels};
+use super::shape::{Primitive, PrimitiveForm, Stroke, pixels};
 use super::text::{Style, Typesetter, contrast};
 
 /// Side of the squares in which the picture is remembered as free or taken, px.
@@ -58,7 +58,7 @@ pub(super) fn set(
     if labels.is_empty() {
         return;
     }
-    let mut taken = Taken::new(lens.size_px, Label::size_px("", height_px).y);
+    let mut taken = OccupancyMap::new(lens.size_px, Label::size_px("", height_px).y);
     for primitive in out.iter().filter(|primitive| primitive.rank == Rank::Instrument) {
         let [left, top, right, bottom] = primitive.bounds();
         taken.labels.mark(&taken.cells_of([DVec2::new(left, top), DVec2::new(right, bottom)]));
@@ -86,14 +86,14 @@ pub(super) fn set(
 }
 
 /// Where a label goes.
-struct Place {
+struct LabelPlace {
     middle: DVec2,
     half: DVec2,
     /// From the ball towards the label.
     side: DVec2,
 }
 
-impl Place {
+impl LabelPlace {
     fn corners(&self) -> [DVec2; 2] {
         [self.middle - self.half, self.middle + self.half]
     }
@@ -107,7 +107,7 @@ impl Label<'_> {
     }
 
     /// The first free place in the order of distances and sides.
-    fn place(&self, height_px: u32, taken: &Taken) -> Option<Place> {
+    fn place(&self, height_px: u32, taken: &OccupancyMap) -> Option<LabelPlace> {
         let height = f64::from(height_px);
         let half = Self::size_px(self.text, height_px) / 2.0;
         let sides = GAPS.into_iter().flat_map(|gap| SIDES.map(|(x, y)| (DVec2::new(x, y), gap)));
@@ -115,17 +115,17 @@ impl Label<'_> {
             let near = self.middle + side * (self.radius_px + gap * height);
             let outwards =
                 DVec2::select(BVec2::new(side.x == 0.0, side.y == 0.0), DVec2::ZERO, side.signum());
-            Place { middle: near + outwards * half, half, side }
+            LabelPlace { middle: near + outwards * half, half, side }
         });
         // The first free one, or else the first that covers nothing but balls.
         let mut over_balls = None;
         let free = places.find_map(|place| match taken.most_in(place.corners())? {
-            Has::Nothing => Some(place),
-            Has::Balls => {
+            Occupancy::Nothing => Some(place),
+            Occupancy::Balls => {
                 over_balls.get_or_insert(place);
                 None
             }
-            Has::Labels => None,
+            Occupancy::Labels => None,
         });
         free.or(over_balls)
     }
@@ -133,7 +133,7 @@ impl Label<'_> {
     /// A line from the ball to its label.
     fn leader(
         &self,
-        place: &Place,
+        place: &LabelPlace,
         (height, shown_mm): (f64, Option<f64>),
         lens: &Lens,
         out: &mut Vec<Primitive>,
@@ -146,7 +146,7 @@ impl Label<'_> {
             let stroke = Stroke::flat(lens, [from, to], [self.depth_mm; 2], width);
             #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
             let rgb = rgb.map(|channel| (channel * 255.0) as f32);
-            let shape = Shape::Stroke(stroke);
+            let shape = PrimitiveForm::Stroke(stroke);
             out.push(Primitive { shape, rgb, opacity: 1.0, rank: Rank::Scene, shown_mm });
         }
     }
@@ -154,7 +154,7 @@ impl Label<'_> {
 
 /// Occupancy of a part of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Has {
+enum Occupancy {
     Nothing,
     /// Labelled balls.
     Balls,
@@ -163,7 +163,7 @@ enum Has {
 }
 
 /// Occupancy of all parts of a picture.
-struct Taken {
+struct OccupancyMap {
     balls: Marks,
     labels: Marks,
     columns: u32,
@@ -225,7 +225,7 @@ impl Marks {
     }
 }
 
-impl Taken {
+impl OccupancyMap {
     /// A picture for labels of this height, px.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's size")]
     fn new(size_px: DVec2, label_px: f64) -> Self {
@@ -245,16 +245,16 @@ impl Taken {
     }
 
     /// The highest priority that a label's box touches; `None` where the box leaves the picture.
-    fn most_in(&self, corners: [DVec2; 2]) -> Option<Has> {
+    fn most_in(&self, corners: [DVec2; 2]) -> Option<Occupancy> {
         let [low, high] = corners;
         if low.min_element() < 0.0 || !high.cmple(self.size_px).all() {
             return None;
         }
         let cells = self.cells_of(corners);
         Some(match () {
-            () if self.labels.are_in(&cells) => Has::Labels,
-            () if self.balls.are_in(&cells) => Has::Balls,
-            () => Has::Nothing,
+            () if self.labels.are_in(&cells) => Occupancy::Labels,
+            () if self.balls.are_in(&cells) => Occupancy::Balls,
+            () => Occupancy::Nothing,
         })
     }
 }
@@ -278,7 +278,7 @@ mod tests {
     fn boxes(labels: Vec<Label<'_>>) -> Vec<[f64; 4]> {
         let mut out = Vec::new();
         set(labels, (16, None), &lens(), &mut Typesetter::default(), &mut out);
-        let stamps: Vec<_> = out.iter().filter(|one| matches!(one.shape, Shape::Stamp(_))).collect();
+        let stamps: Vec<_> = out.iter().filter(|one| matches!(one.shape, PrimitiveForm::Stamp(_))).collect();
         let join =
             |a: [f64; 4], b: [f64; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
         stamps.chunks(12).filter_map(|text| text.iter().map(|one| one.bounds()).reduce(join)).collect()

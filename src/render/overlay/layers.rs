@@ -113,7 +113,7 @@ impl Pixel {
 
 /// A fragment and the one behind it.
 #[derive(Clone, Copy, Debug)]
-struct Linked {
+struct LinkedFragment {
     fragment: Fragment,
     next: u32,
 }
@@ -123,7 +123,7 @@ struct Linked {
 #[derive(Default)]
 pub(super) struct Scratch {
     pixels: Vec<Pixel>,
-    linked: Vec<Linked>,
+    linked: Vec<LinkedFragment>,
     touched: Vec<usize>,
     /// One pixel's fragments, in their order.
     list: Vec<Fragment>,
@@ -177,7 +177,7 @@ impl<'a> Band<'a> {
         let Scratch { pixels, linked, touched, list, .. } = &mut *self.scratch;
         for at in touched.drain(..) {
             let mut next = std::mem::replace(&mut pixels[at], Pixel::EMPTY).first;
-            if let Some(Linked { fragment, .. }) = linked.get(next as usize)
+            if let Some(LinkedFragment { fragment, .. }) = linked.get(next as usize)
                 && fragment.hides_all_behind()
                 && !fragment.is_hidden_by(self.depth_mm[at])
             {
@@ -226,7 +226,7 @@ impl Scratch {
             pixel.wall_mm = fragment.wall_mm();
         }
         let Ok(new) = u32::try_from(linked.len()) else { return };
-        linked.push(Linked { fragment, next });
+        linked.push(LinkedFragment { fragment, next });
         match linked.get_mut(before as usize) {
             Some(link) => link.next = new,
             None => pixel.first = new,
@@ -240,7 +240,7 @@ impl Scratch {
     fn merge_last(&mut self, at: usize) {
         let (pixel, linked) = (&mut self.pixels[at], &mut self.linked);
         let mut place = pixel.first as usize;
-        while let Some(Linked { next, .. }) = linked.get(place).copied()
+        while let Some(LinkedFragment { next, .. }) = linked.get(place).copied()
             && let Some(last) = linked.get(next as usize).copied()
         {
             if last.next != NONE {
@@ -248,7 +248,7 @@ impl Scratch {
                 continue;
             }
             let merged = linked[place].fragment.merged(&last.fragment);
-            linked[place] = Linked { fragment: merged, next: NONE };
+            linked[place] = LinkedFragment { fragment: merged, next: NONE };
             pixel.count -= 1;
             if merged.hides_all_behind() {
                 pixel.wall_mm = merged.wall_mm();

@@ -31,7 +31,7 @@ use rayon::prelude::*;
 
 use self::layers::{Band, Rank, Scratch};
 use self::lens::Lens;
-use self::shape::{Primitive, Shape, pixels};
+use self::shape::{Primitive, PrimitiveForm, pixels};
 use super::frame::RenderedFrame;
 use super::request::{RenderRequest, RequestError};
 use relief_volume::Grid;
@@ -152,7 +152,7 @@ impl Drawing {
             members.iter().map(|member| (primitive(member).nearest_mm(), *member)).collect();
         let is_mesh = |member: &u32| {
             let Primitive { shape, rank, .. } = primitive(member);
-            matches!(shape, Shape::Triangle(_)) && *rank == Rank::Scene
+            matches!(shape, PrimitiveForm::Triangle(_)) && *rank == Rank::Scene
         };
         if !members.iter().any(is_mesh) {
             keyed.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use super::ball::Ball;
 use super::layers::{Band, FULL, Fragment, Rank, SAMPLE_POINTS};
 use super::lens::Lens;
-use super::text::Stamp;
+use super::text::GlyphMask;
 
 /// Share of light that does not depend on the slope of a surface.
 const AMBIENT: f64 = 0.35;
@@ -22,7 +22,7 @@ pub(super) const HALF_DIAGONAL: f64 = 0.708;
 /// Something to draw.
 #[derive(Clone, Debug)]
 pub(super) struct Primitive {
-    pub(super) shape: Shape,
+    pub(super) shape: PrimitiveForm,
     /// Display-referred sRGB, 0..255.
     pub(super) rgb: [f32; 3],
     pub(super) opacity: f32,
@@ -33,15 +33,15 @@ pub(super) struct Primitive {
 
 /// Its form.
 #[derive(Clone, Debug)]
-pub(super) enum Shape {
+pub(super) enum PrimitiveForm {
     Ball(Ball),
     Stroke(Stroke),
     Triangle(Triangle),
-    Stamp(Stamp),
+    Stamp(GlyphMask),
 }
 
 /// A shape's part of one pixel: sample points, view depth in mm, and share of its colour.
-pub(super) struct Cover {
+pub(super) struct PixelCover {
     pub(super) points: u16,
     pub(super) depth_mm: f64,
     pub(super) light: f64,
@@ -51,30 +51,32 @@ impl Primitive {
     /// The box of pixels outside of which nothing is: left, top, right, bottom.
     pub(super) fn bounds(&self) -> [f64; 4] {
         match &self.shape {
-            Shape::Ball(ball) => ball.bounds,
-            Shape::Stroke(stroke) => stroke.bounds(),
-            Shape::Triangle(triangle) => triangle.bounds(),
-            Shape::Stamp(stamp) => stamp.bounds(),
+            PrimitiveForm::Ball(ball) => ball.bounds,
+            PrimitiveForm::Stroke(stroke) => stroke.bounds(),
+            PrimitiveForm::Triangle(triangle) => triangle.bounds(),
+            PrimitiveForm::Stamp(stamp) => stamp.bounds(),
         }
     }
 
     /// About how many pixels of a box of that size have to be looked at.
     pub(super) fn work_px(&self, width: f64, height: f64) -> f64 {
         match &self.shape {
-            Shape::Ball(_) | Shape::Triangle(_) | Shape::Stamp(_) => width * height,
-            Shape::Stroke(stroke) => (width + height) * (2.0 * stroke.half_width + 3.0).min(width).max(1.0),
+            PrimitiveForm::Ball(_) | PrimitiveForm::Triangle(_) | PrimitiveForm::Stamp(_) => width * height,
+            PrimitiveForm::Stroke(stroke) => {
+                (width + height) * (2.0 * stroke.half_width + 3.0).min(width).max(1.0)
+            }
         }
     }
 
     /// Draws the part in the band.
     pub(super) fn draw(&self, lens: &Lens, band: &mut Band<'_>) {
         match &self.shape {
-            Shape::Ball(ball) => ball.draw(self, lens, band),
-            Shape::Stamp(stamp) => self.draw_stamp(stamp, band),
-            Shape::Stroke(stroke) => {
+            PrimitiveForm::Ball(ball) => ball.draw(self, lens, band),
+            PrimitiveForm::Stamp(stamp) => self.draw_stamp(stamp, band),
+            PrimitiveForm::Stroke(stroke) => {
                 self.draw_pixels(band, |row| stroke.span(row), |corner| stroke.cover(lens, corner));
             }
-            Shape::Triangle(triangle) => {
+            PrimitiveForm::Triangle(triangle) => {
                 self.draw_pixels(band, |row| triangle.span(row), |corner| triangle.cover(lens, corner));
             }
         }
@@ -86,7 +88,7 @@ impl Primitive {
         &self,
         band: &mut Band<'_>,
         span: impl Fn(f64) -> [f64; 2],
-        cover: impl Fn(DVec2) -> Option<Cover>,
+        cover: impl Fn(DVec2) -> Option<PixelCover>,
     ) {
         let [_, top, _, bottom] = self.bounds();
         let [first, end] = pixels(top, bottom, band.rows);
@@ -102,12 +104,12 @@ impl Primitive {
     }
 
     /// As [`Primitive::draw`] for a glyph, row by row of its picture.
-    fn draw_stamp(&self, stamp: &Stamp, band: &mut Band<'_>) {
+    fn draw_stamp(&self, stamp: &GlyphMask, band: &mut Band<'_>) {
         let [left, top, right, bottom] = stamp.bounds();
         let ([first, end], [from, to]) =
             (pixels(top, bottom, band.rows), pixels(left, right, [0, band.width]));
         let nearest = (self.rank, self.nearest_mm());
-        let fragment = self.fragment(&Cover { points: 0, depth_mm: stamp.depth_mm, light: 1.0 });
+        let fragment = self.fragment(&PixelCover { points: 0, depth_mm: stamp.depth_mm, light: 1.0 });
         for row in first..end {
             for (column, &points) in (from..to).zip(stamp.points(row, from)) {
                 if points != 0 && !band.are_hidden(row, [column, column + 1], nearest) {
@@ -123,14 +125,14 @@ impl Primitive {
         match &self.shape {
             _ if self.rank == Rank::Instrument => f32::NEG_INFINITY,
             // A little less, against rounding.
-            Shape::Ball(ball) => (ball.nearest_mm() - 1e-3) as f32,
-            Shape::Stamp(stamp) => stamp.depth_mm as f32,
-            Shape::Stroke(_) | Shape::Triangle(_) => f32::NEG_INFINITY,
+            PrimitiveForm::Ball(ball) => (ball.nearest_mm() - 1e-3) as f32,
+            PrimitiveForm::Stamp(stamp) => stamp.depth_mm as f32,
+            PrimitiveForm::Stroke(_) | PrimitiveForm::Triangle(_) => f32::NEG_INFINITY,
         }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "colours and depths are kept as f32")]
-    pub(super) fn fragment(&self, cover: &Cover) -> Fragment {
+    pub(super) fn fragment(&self, cover: &PixelCover) -> Fragment {
         Fragment {
             rgb: self.rgb.map(|channel| channel * cover.light as f32),
             opacity: self.opacity,
@@ -229,7 +231,7 @@ impl Stroke {
         (share, pixel.distance(a + along * share))
     }
 
-    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
+    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<PixelCover> {
         let (share, distance) = self.nearest(corner + 0.5);
         let points = if distance + HALF_DIAGONAL <= self.half_width {
             FULL
@@ -240,7 +242,7 @@ impl Stroke {
         };
         let [a, b] = self.slopes;
         let depth_mm = lens.depth_mm(a + (b - a) * share);
-        (points != 0).then_some(Cover { points, depth_mm, light: 1.0 })
+        (points != 0).then_some(PixelCover { points, depth_mm, light: 1.0 })
     }
 }
 
@@ -319,7 +321,7 @@ impl Triangle {
         (along.perp_dot(pixel - first), owns)
     }
 
-    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<Cover> {
+    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<PixelCover> {
         let center = corner + 0.5;
         let reach = |i: usize| {
             let along = self.corners[(i + 1) % 3] - self.corners[i];
@@ -343,6 +345,6 @@ impl Triangle {
         let depth_mm = lens.depth_mm(slope.clamp(self.slope_range[0], self.slope_range[1]));
         let ray = if lens.is_perspective { lens.across(center).extend(1.0).normalize() } else { DVec3::Z };
         let light = self.normal.map_or(1.0, |normal| light(normal.dot(ray).abs().min(1.0)));
-        (points != 0).then_some(Cover { points, depth_mm, light })
+        (points != 0).then_some(PixelCover { points, depth_mm, light })
     }
 }

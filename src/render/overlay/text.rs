@@ -11,7 +11,7 @@ use glam::DVec2;
 
 use super::font::{CAPITAL, glyph};
 use super::layers::{FULL, Rank, SAMPLE_POINTS};
-use super::shape::{HALF_DIAGONAL, Primitive, Shape};
+use super::shape::{HALF_DIAGONAL, Primitive, PrimitiveForm};
 
 /// Where nothing says how high capitals are: this share of the picture's height, within limits, px.
 const USUAL_SHARE: f64 = 1.0 / 27.0;
@@ -59,7 +59,7 @@ pub(super) struct Bitmap {
 
 /// A glyph in a picture: its ink or its rim.
 #[derive(Clone, Debug)]
-pub(super) struct Stamp {
+pub(super) struct GlyphMask {
     bitmap: Arc<Bitmap>,
     is_ink: bool,
     /// The pen, px.
@@ -94,7 +94,7 @@ pub(super) struct Typesetter {
     known: Bitmaps,
 }
 
-impl Stamp {
+impl GlyphMask {
     pub(super) fn bounds(&self) -> [f64; 4] {
         let [x, y] = [self.pen[0] + self.bitmap.left, self.pen[1] + self.bitmap.top].map(f64::from);
         let rows = self.bitmap.ink.len() / self.bitmap.width.max(1) as usize;
@@ -150,8 +150,14 @@ impl Typesetter {
             for character in text.chars() {
                 let bitmap = self.bitmap(character, height_px);
                 if bitmap.width > 0 {
-                    let stamp = Stamp { bitmap, is_ink, pen: [x.round() as i32, baseline], depth_mm };
-                    out.push(Primitive { shape: Shape::Stamp(stamp), rgb, opacity: 1.0, rank, shown_mm });
+                    let stamp = GlyphMask { bitmap, is_ink, pen: [x.round() as i32, baseline], depth_mm };
+                    out.push(Primitive {
+                        shape: PrimitiveForm::Stamp(stamp),
+                        rgb,
+                        opacity: 1.0,
+                        rank,
+                        shown_mm,
+                    });
                 }
                 x += glyph(character).advance * scale;
             }

@@ -15,4 +15,4 @@ mod tracer;
 mod uniform;
 
 pub use settings::PathTrace;
-pub(super) use tracer::{Order, PathTracer};
+pub(super) use tracer::{PathTraceJob, PathTracer};

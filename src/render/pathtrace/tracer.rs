@@ -8,7 +8,7 @@ use crate::bands::{Bands, Dispatch};
 use crate::error::RenderError;
 use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::region::Region;
-use crate::renderer::{Skipping, depth_limits};
+use crate::renderer::{EmptySpaceSkipping, depth_limits};
 use crate::request::{RenderRequest, RequestError};
 use crate::uniform::FrameUniform;
 use crate::upload::{Appearance, VolumeOnGpu};
@@ -31,7 +31,7 @@ pub(crate) struct PathTracer {
 
 /// What passes are made of.
 #[derive(Clone, Copy)]
-pub(crate) struct Order<'a> {
+pub(crate) struct PathTraceJob<'a> {
     pub(crate) gpu: &'a Gpu,
     pub(crate) volume: &'a Volume,
     pub(crate) on_gpu: &'a VolumeOnGpu,
@@ -81,10 +81,10 @@ impl PathTracer {
     /// The picture of a request: rows from the top, sRGB and coverage.
     pub(crate) fn render(
         &mut self,
-        order: Order<'_>,
+        order: PathTraceJob<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Vec<[u8; 4]>, RenderError> {
-        let Order { gpu, on_gpu, request, .. } = order;
+        let PathTraceJob { gpu, on_gpu, request, .. } = order;
         if !self.medium.as_ref().is_some_and(|medium| medium.fits(on_gpu.hash, request)) {
             self.medium = None; // frees the old one first
             self.medium = Some(Medium::upload(gpu, on_gpu, request)?);
@@ -102,15 +102,15 @@ impl PathTracer {
 
     fn add_passes(
         &self,
-        order: Order<'_>,
+        order: PathTraceJob<'_>,
         sums: &mut Sums,
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
-        let Order { gpu, volume, request, bands, .. } = order;
+        let PathTraceJob { gpu, volume, request, bands, .. } = order;
         let medium = self.medium.as_ref().expect("uploaded before");
         let near_mm = depth_limits(&request.camera, volume.grid()).near_mm;
         let mut uniform = PathUniform::new(request, near_mm, &medium.table, order.on_gpu.plan.brick_edge);
-        let frame = FrameUniform::new(request, volume, order.appearance, Skipping::On);
+        let frame = FrameUniform::new(request, volume, order.appearance, EmptySpaceSkipping::On);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         let groups = self.bind(order, medium, sums);
         let dispatch = Dispatch {
@@ -148,7 +148,7 @@ impl PathTracer {
         }
     }
 
-    fn bind(&self, order: Order<'_>, medium: &Medium, sums: &Sums) -> [wgpu::BindGroup; 2] {
+    fn bind(&self, order: PathTraceJob<'_>, medium: &Medium, sums: &Sums) -> [wgpu::BindGroup; 2] {
         let shared = vec![
             self.frame.as_entire_binding(),
             wgpu::BindingResource::TextureView(&order.on_gpu.view),

@@ -31,7 +31,7 @@ pub(super) struct Caster<'a> {
 }
 
 /// Colour over the background as bytes, and view depth in mm.
-pub(super) type Shown = ([u8; 4], f32);
+pub(super) type ShownPixel = ([u8; 4], f32);
 
 /// Premultiplied colour and coverage, the first visible sample, and the distance along the ray in
 /// mm; `None` when nothing is visible.
@@ -52,7 +52,7 @@ impl<'a> Caster<'a> {
 
     /// Colour over the background as bytes, and view depth in mm, of a ray's layers: one, or two by
     /// rule `two-layer`.
-    pub(super) fn raycast(&self, pixel: [u32; 2]) -> [Shown; 2] {
+    pub(super) fn raycast(&self, pixel: [u32; 2]) -> [ShownPixel; 2] {
         let ray = self.rays.ray_of_pixel(pixel);
         let hit = match self.request.mode {
             Mode::Composite | Mode::PathTraced => self.composite_from(&ray, 0, self.request.depth),
@@ -69,7 +69,7 @@ impl<'a> Caster<'a> {
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..1")]
-    fn shown(&self, ray: &Ray, hit: &Hit) -> Shown {
+    fn shown(&self, ray: &Ray, hit: &Hit) -> ShownPixel {
         let over = hit.color.truncate() + (1.0 - hit.color.w) * DVec3::from(self.request.background_rgb);
         let bytes = over.extend(hit.color.w).to_array().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);
         (bytes, hit.t.map_or(f32::INFINITY, |t| ray.view_depth(t) as f32))

@@ -55,7 +55,7 @@ pub fn render_reference(volume: &Volume, request: &RenderRequest) -> Result<Rend
     let drawing = Drawing::new(request, volume.grid())?;
     let scene = cast::Caster::new(volume, request);
     let [width, height] = request.size_px;
-    let pixels: Vec<[cast::Shown; 2]> = (0..height)
+    let pixels: Vec<[cast::ShownPixel; 2]> = (0..height)
         .into_par_iter()
         .flat_map_iter(|row| (0..width).map(move |column| [column, row]))
         .map(|pixel| scene.raycast(pixel))

@@ -161,7 +161,7 @@ fn names(map: &LabelMap) -> String {
 }
 
 /// The label settings of a scene.
-pub(super) struct Written {
+pub(super) struct LabelSettings {
     pub(super) labels: Option<LabelsFile>,
     pub(super) clip: Option<ClipLabelsFile>,
 }
@@ -172,7 +172,7 @@ pub(super) struct Written {
 /// # Errors
 /// When something is written and there is no map, or it is out of range.
 pub(super) fn resolve_labels(
-    written: Written,
+    written: LabelSettings,
     map: Option<&Arc<LabelMap>>,
     (mode, classification): (Mode, Classification),
     transfer: &TransferFunction,

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use self::labels::{ClipLabelsFile, LabelsFile, Written, resolve_labels};
+use self::labels::{ClipLabelsFile, LabelSettings, LabelsFile, resolve_labels};
 use self::lights::{LightsFile, PathTraceFile, resolve_lights};
 use self::overlays::OverlaysFile;
 use self::parts::{
@@ -32,7 +32,7 @@ use super::classification::Classification;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest, RequestError};
-use relief_annotation::Shown;
+use relief_annotation::ShownSets;
 use relief_display::DisplaySettings;
 use relief_volume::{CameraFile, Grid, LabelMap, Orbit};
 
@@ -52,7 +52,7 @@ pub struct Scene {
     pub budget_ms: Option<f64>,
     /// The annotations to draw. The renderer has no annotations: the caller adds them to the
     /// request's overlays.
-    pub annotations: Shown,
+    pub annotations: ShownSets,
 }
 
 impl Scene {
@@ -113,7 +113,7 @@ pub struct SceneFile {
     labels: Option<LabelsFile>,
     background_rgb: Option<[f64; 3]>,
     overlays: OverlaysFile,
-    annotations: Shown,
+    annotations: ShownSets,
     lights: Option<LightsFile>,
     path_trace: Option<PathTraceFile>,
     display: DisplaySettings,
@@ -241,13 +241,13 @@ impl SceneFile {
 
     /// Replaces the annotations that are drawn.
     #[must_use]
-    pub fn with_annotations(self, annotations: Shown) -> Self {
+    pub fn with_annotations(self, annotations: ShownSets) -> Self {
         Self { annotations, ..self }
     }
 
     /// The annotations that are drawn.
     #[must_use]
-    pub fn annotations(&self) -> &Shown {
+    pub fn annotations(&self) -> &ShownSets {
         &self.annotations
     }
 
@@ -317,7 +317,7 @@ impl SceneFile {
             |slice| Mode::Slice(slice.blend),
         );
         let mut clip = self.clip.unwrap_or_default();
-        let written = Written { labels: self.labels, clip: clip.labels.take() };
+        let written = LabelSettings { labels: self.labels, clip: clip.labels.take() };
         let classification = self.classification.unwrap_or_default();
         let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let request = RenderRequest {

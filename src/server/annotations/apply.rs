@@ -43,7 +43,7 @@ impl Home {
 
 /// Direction of a step through an author's edits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Step {
+pub(crate) enum HistoryStep {
     Undo,
     Redo,
 }
@@ -108,7 +108,7 @@ impl Annotations {
         entry: &VolumeEntry,
         author: &str,
         reason: &str,
-        step: Step,
+        step: HistoryStep,
     ) -> Result<Vec<(Event, Home)>, Problem> {
         let frame = entry.frame_of_reference();
         let turn = self.turn().await?;
@@ -123,8 +123,8 @@ impl Annotations {
             }
         };
         let events = match step {
-            Step::Undo => self.store.undo_if(author, reason, may).await?,
-            Step::Redo => self.store.redo_if(author, reason, may).await?,
+            HistoryStep::Undo => self.store.undo_if(author, reason, may).await?,
+            HistoryStep::Redo => self.store.redo_if(author, reason, may).await?,
         };
         let homes = self.homes(&events).await?;
         Ok(self.tell_own(turn, events, homes, &sets).await)
@@ -182,10 +182,12 @@ impl Annotations {
 }
 
 /// Why an undo that would change another volume or a foreign set is refused.
-fn of_another_volume(step: Step) -> Problem {
+fn of_another_volume(step: HistoryStep) -> Problem {
     let (kind, what) = match step {
-        Step::Undo => ("nothing-to-undo", "your newest change is of another volume; take it back there"),
-        Step::Redo => {
+        HistoryStep::Undo => {
+            ("nothing-to-undo", "your newest change is of another volume; take it back there")
+        }
+        HistoryStep::Redo => {
             ("nothing-to-redo", "what you took back last is of another volume; make it again there")
         }
     };

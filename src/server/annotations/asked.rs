@@ -23,7 +23,7 @@ use relief_session::VolumeEntry;
 
 /// The volume of the path's `id`, the author of the header `Relief-Author`, and the parts of the
 /// server that handlers need.
-pub(super) struct Asked {
+pub(super) struct EditRequest {
     pub(super) pictures: Pictures,
     pub(super) uploads: Uploads,
     live: Arc<Live>,
@@ -32,7 +32,7 @@ pub(super) struct Asked {
     pub(super) author: Option<String>,
 }
 
-impl FromRequestParts<AppState> for Asked {
+impl FromRequestParts<AppState> for EditRequest {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, state: &AppState) -> Result<Self, Problem> {
@@ -49,7 +49,7 @@ impl FromRequestParts<AppState> for Asked {
     }
 }
 
-impl Asked {
+impl EditRequest {
     /// The same; the author may stand in the query, for those who can set no header.
     pub(super) fn or_by(self, author: Option<String>) -> Result<Self, Problem> {
         author.as_deref().map_or(Ok(()), author::check)?;
@@ -87,9 +87,9 @@ impl Asked {
 }
 
 /// A request body: one JSON object of at most `MOST_BYTES` bytes.
-pub(super) struct Sent<const MOST_BYTES: usize>(pub(super) Value);
+pub(super) struct JsonBody<const MOST_BYTES: usize>(pub(super) Value);
 
-impl<const MOST_BYTES: usize> FromRequest<AppState> for Sent<MOST_BYTES> {
+impl<const MOST_BYTES: usize> FromRequest<AppState> for JsonBody<MOST_BYTES> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, AppState(server): &AppState) -> Result<Self, Problem> {

@@ -9,9 +9,9 @@ use axum::http::HeaderMap;
 use super::{Annotations, Visible, author_of, of};
 use crate::problem::Problem;
 use crate::state::Pictures;
-use relief_annotation::{Item, Shown};
+use relief_annotation::{Item, ShownSets};
 use relief_render::Scene;
-use relief_session::{DrawableSource, Drawables, DrawablesWanted, Drawn, VolumeEntry};
+use relief_session::{DrawableSource, Drawables, DrawablesWanted, LeftOutCounts, VolumeEntry};
 
 /// Adds the annotations that a scene requests to its overlays; `None` if it requests none.
 ///
@@ -22,7 +22,7 @@ pub(crate) async fn draw(
     entry: &VolumeEntry,
     scene: &mut Scene,
     headers: &HeaderMap,
-) -> Result<Option<Drawn>, Problem> {
+) -> Result<Option<LeftOutCounts>, Problem> {
     if scene.annotations.is_nothing() {
         return Ok(None);
     }
@@ -37,7 +37,7 @@ impl Annotations {
     pub(crate) async fn drawables_of(
         &self,
         entry: &VolumeEntry,
-        shown: &Shown,
+        shown: &ShownSets,
         author: Option<&str>,
     ) -> Result<Drawables, Problem> {
         let snapshot = self.snapshot(&entry.frame_of_reference()).await?;

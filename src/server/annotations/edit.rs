@@ -8,8 +8,8 @@ use axum::routing::{self, MethodRouter};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::apply::Step;
-use super::asked::{Asked, Sent, created, events_json};
+use super::apply::HistoryStep;
+use super::asked::{EditRequest, JsonBody, created, events_json};
 use super::refusal::invalid;
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
@@ -19,7 +19,10 @@ use relief_annotation::{Edit, ItemId, Timestamp};
 /// Largest edit: 10,000 items with all they may have but long curves.
 pub(super) const MOST_BYTES: usize = 16 << 20;
 
-pub(super) async fn post(asked: Asked, Sent(mut wanted): Sent<MOST_BYTES>) -> Result<Response, Problem> {
+pub(super) async fn post(
+    asked: EditRequest,
+    JsonBody(mut wanted): JsonBody<MOST_BYTES>,
+) -> Result<Response, Problem> {
     let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
     let author = asked.author(of_body)?;
     wanted["author"] = author.as_str().into();
@@ -35,8 +38,8 @@ pub(super) async fn post(asked: Asked, Sent(mut wanted): Sent<MOST_BYTES>) -> Re
 }
 
 /// A step of an author through the own edits.
-pub(super) fn steps(step: Step) -> MethodRouter<AppState> {
-    routing::post(move |asked: Asked, headers: HeaderMap, body: Body| take(asked, headers, body, step))
+pub(super) fn steps(step: HistoryStep) -> MethodRouter<AppState> {
+    routing::post(move |asked: EditRequest, headers: HeaderMap, body: Body| take(asked, headers, body, step))
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -46,7 +49,12 @@ struct StepBody {
     reason: String,
 }
 
-async fn take(asked: Asked, headers: HeaderMap, body: Body, step: Step) -> Result<Json<Value>, Problem> {
+async fn take(
+    asked: EditRequest,
+    headers: HeaderMap,
+    body: Body,
+    step: HistoryStep,
+) -> Result<Json<Value>, Problem> {
     let body = read_body(body, 64 << 10, asked.config().body_timeout).await?;
     let StepBody { author, reason } = if body.is_empty() {
         StepBody::default()

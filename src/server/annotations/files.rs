@@ -17,11 +17,11 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::asked::events_json;
-use super::{Annotations, Asked, Visible, query};
+use super::{Annotations, EditRequest, Visible, query};
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
-use relief_annotation::{ContentId, Item, Set, Shown, Versioned};
-use relief_exchange::{ExchangeError, Format, Imported, Merged, Present, ReadContext, WriteContext};
+use relief_annotation::{ContentId, Item, Set, ShownSets, Versioned};
+use relief_exchange::{ExchangeError, ExistingItems, Format, Imported, Merged, ReadContext, WriteContext};
 use relief_session::on_blocking_thread;
 use relief_store::Filter;
 
@@ -33,7 +33,7 @@ const MOST_BYTES: usize = 256 << 20;
 static LEFT_OUT: HeaderName = HeaderName::from_static("relief-left-out");
 
 pub(super) async fn content(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, sha256)): Path<(String, String)>,
 ) -> Result<Response, Problem> {
     let content = ContentId::try_from(sha256)
@@ -65,16 +65,16 @@ struct ImportQuery {
 }
 
 pub(super) async fn import(
-    asked: Asked,
+    asked: EditRequest,
     uri: Uri,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
     let ImportQuery { format, name, set, list, reason, author, update, duplicate } = query(&uri)?;
     let present = match (update, duplicate) {
-        (false, false) => Present::Keep,
-        (true, false) => Present::Update,
-        (false, true) => Present::Duplicate,
+        (false, false) => ExistingItems::Keep,
+        (true, false) => ExistingItems::Update,
+        (false, true) => ExistingItems::Duplicate,
         (true, true) => {
             let detail = "update and duplicate exclude one another";
             return Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", detail)
@@ -134,7 +134,12 @@ pub(super) async fn import(
 }
 
 /// Merges imported items with those of the volume that the author sees.
-async fn merged(asked: &Asked, author: &str, items: Vec<Item>, present: Present) -> Result<Merged, Problem> {
+async fn merged(
+    asked: &EditRequest,
+    author: &str,
+    items: Vec<Item>,
+    present: ExistingItems,
+) -> Result<Merged, Problem> {
     // Items that the author cannot see count as missing.
     let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
     let visible = Visible::new(&snapshot.sets, Some(author));
@@ -156,10 +161,10 @@ struct ExportQuery {
     report: bool,
 }
 
-pub(super) async fn export(asked: Asked, uri: Uri) -> Result<Response, Problem> {
+pub(super) async fn export(asked: EditRequest, uri: Uri) -> Result<Response, Problem> {
     let ExportQuery { format, set, author: by, report } = query(&uri)?;
     let asked = asked.or_by(by)?;
-    let shown = set.as_deref().map_or(Ok(Shown::All), super::list::chosen)?;
+    let shown = set.as_deref().map_or(Ok(ShownSets::All), super::list::chosen)?;
     let format = parse_format(format.as_deref().unwrap_or_default())?;
     let items = visible_items(&asked, &shown).await?;
     let contents = contents_of(&asked.annotations, &items).await?;
@@ -190,7 +195,7 @@ pub(super) async fn export(asked: Asked, uri: Uri) -> Result<Response, Problem> 
 }
 
 /// The items that the author may see, with their frame of reference, which files may name.
-async fn visible_items(asked: &Asked, shown: &Shown) -> Result<Vec<Item>, Problem> {
+async fn visible_items(asked: &EditRequest, shown: &ShownSets) -> Result<Vec<Item>, Problem> {
     let sets = asked.annotations.sets().await?;
     let visible = Visible::new(&sets, asked.author.as_deref());
     let filter = Filter { frame_of_reference: Some(asked.entry.frame_of_reference()), ..Filter::default() };

@@ -15,7 +15,7 @@ use super::asked::{events_json, read_json};
 use super::edit::{MOST_BYTES, fill};
 use super::outward::outward_versioned;
 use super::refusal::{invalid, no_such_item};
-use super::{Asked, Visible, query};
+use super::{EditRequest, Visible, query};
 use crate::negotiate::knows_tag;
 use crate::problem::Problem;
 use relief_annotation::{Change, Item, ItemId, Versioned};
@@ -28,7 +28,7 @@ struct ItemQuery {
 }
 
 pub(super) async fn show(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, item)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,
@@ -43,7 +43,7 @@ pub(super) async fn show(
 }
 
 pub(super) async fn put(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, item)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,
@@ -81,7 +81,7 @@ pub(super) async fn put(
 }
 
 pub(super) async fn delete(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, item)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,
@@ -107,7 +107,7 @@ fn parse(id: &str) -> Result<ItemId, Problem> {
 }
 
 /// The item as this author sees it.
-async fn find(asked: &Asked, author: Option<&str>, id: &str) -> Result<Arc<Versioned>, Problem> {
+async fn find(asked: &EditRequest, author: Option<&str>, id: &str) -> Result<Arc<Versioned>, Problem> {
     let id = parse(id)?;
     let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
     let visible = Visible::new(&snapshot.sets, author);

@@ -1,5 +1,6 @@
 //! `GET /v1/volumes/{id}/annotations`: the items that the author may see.
 
+use data_encoding::HEXLOWER;
 use std::collections::BTreeMap;
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
@@ -8,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::{Asked, Visible, query};
+use super::{EditRequest, Visible, query};
 use crate::negotiate::knows_tag;
 use crate::problem::Problem;
-use relief_annotation::{Completeness, Item, Measure, Set, Shown, State as Presence, measures};
+use relief_annotation::{Completeness, Item, Measure, Set, ShownSets, State as Presence, measures};
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -21,7 +22,7 @@ struct ListQuery {
 }
 
 #[derive(Serialize)]
-struct Listed<'a> {
+struct ListedItem<'a> {
     version: u64,
     item: &'a Item,
     measures: Vec<Measure>,
@@ -49,15 +50,15 @@ impl Complete {
 #[derive(Serialize)]
 struct Listing<'a> {
     seq: u64,
-    items: Vec<Listed<'a>>,
+    items: Vec<ListedItem<'a>>,
     sets: Vec<&'a Set>,
     complete: BTreeMap<&'a str, Complete>,
     templates: Vec<String>,
 }
 
-pub(super) async fn list(asked: Asked, uri: Uri, headers: HeaderMap) -> Result<Response, Problem> {
+pub(super) async fn list(asked: EditRequest, uri: Uri, headers: HeaderMap) -> Result<Response, Problem> {
     let ListQuery { set, author } = query(&uri)?;
-    let shown = set.as_deref().map_or(Ok(Shown::All), chosen)?;
+    let shown = set.as_deref().map_or(Ok(ShownSets::All), chosen)?;
     let asked = asked.or_by(author)?;
     let snapshot = asked.annotations.snapshot(&asked.entry.frame_of_reference()).await?;
     let visible = Visible::new(&snapshot.sets, asked.author.as_deref());
@@ -86,7 +87,7 @@ pub(super) async fn list(asked: Asked, uri: Uri, headers: HeaderMap) -> Result<R
             Presence::Skipped => &mut count.skipped,
         } += 1;
         let measures = item.geometry.as_ref().map(measures).unwrap_or_default();
-        items.push(Listed { version: known.version, item, measures });
+        items.push(ListedItem { version: known.version, item, measures });
     }
     for set in &sets {
         let Some(name) = &set.template else { continue };
@@ -102,8 +103,8 @@ pub(super) async fn list(asked: Asked, uri: Uri, headers: HeaderMap) -> Result<R
 }
 
 /// Sets by their names.
-pub(super) fn chosen(names: &str) -> Result<Shown, Problem> {
-    Shown::of_names(names.split(',').map(str::trim)).map_err(|reason| {
+pub(super) fn chosen(names: &str) -> Result<ShownSets, Problem> {
+    ShownSets::of_names(names.split(',').map(str::trim)).map_err(|reason| {
         Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", format!("set: {reason}"))
             .with("path", "set")
     })
@@ -112,6 +113,6 @@ pub(super) fn chosen(names: &str) -> Result<Shown, Problem> {
 /// A strong entity tag of a text.
 fn tag(text: &str) -> String {
     let hash = Sha256::digest(text);
-    let digits: String = hash[..12].iter().map(|byte| format!("{byte:02x}")).collect();
+    let digits = HEXLOWER.encode(&hash[..12]);
     format!("\"{digits}\"")
 }

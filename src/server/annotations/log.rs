@@ -6,7 +6,7 @@ use axum::http::{StatusCode, Uri};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::{Asked, Visible, outward_event, query};
+use super::{EditRequest, Visible, outward_event, query};
 use crate::problem::Problem;
 use relief_store::LogFilter;
 
@@ -24,7 +24,7 @@ struct LogQuery {
     author: Option<String>,
 }
 
-pub(super) async fn log(asked: Asked, uri: Uri) -> Result<Json<Value>, Problem> {
+pub(super) async fn log(asked: EditRequest, uri: Uri) -> Result<Json<Value>, Problem> {
     let LogQuery { after, limit, author } = query(&uri)?;
     let limit = limit.unwrap_or(USUAL);
     if !(1..=MOST).contains(&limit) {

@@ -38,14 +38,14 @@ use axum::http::{StatusCode, Uri};
 use axum::routing::{get, post};
 use tokio::sync::{Notify, Semaphore, broadcast, watch};
 
-use self::asked::{Asked, Sent};
+use self::asked::{EditRequest, JsonBody};
 use self::shapes::ShapeCache;
 use self::snapshot::Snapshots;
 use super::problem::Problem;
 use super::state::AppState;
 use relief_store::Store;
 
-pub(super) use apply::{Home, Published, Step};
+pub(super) use apply::{HistoryStep, Home, Published};
 pub(super) use author::{author_of, missing as missing_author};
 pub(super) use drawing::draw;
 pub(super) use outward::outward_event;
@@ -123,8 +123,8 @@ pub(super) fn of(annotations: Option<&Arc<Annotations>>) -> Result<&Arc<Annotati
 pub(super) fn routes() -> Router<AppState> {
     Router::new()
         .route("/v1/volumes/{id}/annotations", get(list::list).post(edit::post))
-        .route("/v1/volumes/{id}/annotations/undo", edit::steps(Step::Undo))
-        .route("/v1/volumes/{id}/annotations/redo", edit::steps(Step::Redo))
+        .route("/v1/volumes/{id}/annotations/undo", edit::steps(HistoryStep::Undo))
+        .route("/v1/volumes/{id}/annotations/redo", edit::steps(HistoryStep::Redo))
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
         .route("/v1/volumes/{id}/annotations/grow", post(structures::grow))
         .route("/v1/volumes/{id}/annotations/paint", post(structures::paint))

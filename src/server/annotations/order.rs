@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use super::Visible;
-use super::asked::{Asked, Sent, created};
+use super::asked::{EditRequest, JsonBody, created};
 use super::edit::parse;
 use super::refusal::{invalid, no_such_item};
 use crate::problem::Problem;
@@ -35,42 +35,42 @@ const LABEL: u16 = 1;
 /// The keys of a body that do not describe the structure.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-struct Credit {
+struct Attribution {
     name: Option<String>,
     set: Option<String>,
     author: Option<String>,
     reason: String,
 }
 
-impl Credit {
+impl Attribution {
     const KEYS: [&str; 4] = ["name", "set", "author", "reason"];
 }
 
 /// Who makes what into which set.
-pub(super) struct Order {
-    pub(super) asked: Asked,
+pub(super) struct NewStructure {
+    pub(super) asked: EditRequest,
     author: String,
     reason: String,
     pub(super) name: String,
     set: String,
 }
 
-impl Order {
+impl NewStructure {
     /// The order of a body, and what else is in it.
     ///
     /// # Errors
     /// When a key of the body is malformed or unknown, or a name is invalid.
     pub(super) fn read<T: DeserializeOwned>(
-        asked: Asked,
-        Sent(mut body): Sent<MOST_BYTES>,
+        asked: EditRequest,
+        JsonBody(mut body): JsonBody<MOST_BYTES>,
         usual_name: &str,
     ) -> Result<(Self, T), Problem> {
         let mut credit = Map::new();
         if let Some(body) = body.as_object_mut() {
-            credit.extend(Credit::KEYS.iter().filter_map(|key| body.remove_entry(*key)));
+            credit.extend(Attribution::KEYS.iter().filter_map(|key| body.remove_entry(*key)));
         }
         let what = parse(body.to_string().as_bytes())?;
-        let Credit { name, set, author, reason } = parse(Value::Object(credit).to_string().as_bytes())?;
+        let Attribution { name, set, author, reason } = parse(Value::Object(credit).to_string().as_bytes())?;
         let author = asked.author(author)?;
         let name = name.unwrap_or_else(|| usual_name.to_owned());
         let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::edit::parse;
 use super::refusal::invalid;
-use super::{Asked, Sent};
+use super::{EditRequest, JsonBody};
 use crate::problem::Problem;
 use relief_annotation::Set;
 
@@ -25,7 +25,7 @@ struct SetBody {
 }
 
 pub(super) async fn show(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
 ) -> Result<Json<Value>, Problem> {
     Set::check_name(&name).map_err(|error| invalid(&error))?;
@@ -36,9 +36,9 @@ pub(super) async fn show(
 }
 
 pub(super) async fn put(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
-    Sent(body): Sent<MOST_BYTES>,
+    JsonBody(body): JsonBody<MOST_BYTES>,
 ) -> Result<Json<Value>, Problem> {
     Set::check_name(&name).map_err(|error| invalid(&error))?;
     let SetBody { name: said, reader, blinded, template, author } = parse(body.to_string().as_bytes())?;

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::Annotations;
 use crate::problem::Problem;
 use relief_annotation::{ContentId, Geometry, Item};
-use relief_session::{Shape, shape_of_content};
+use relief_session::{SurfaceMesh, shape_of_content};
 
 /// Surfaces that are kept: some hundred MB at most.
 const MOST: usize = 128;
@@ -18,11 +18,11 @@ type Key = (ContentId, u16);
 /// The computed surfaces; `None` for contents without one.
 #[derive(Default)]
 pub(super) struct Shapes {
-    known: HashMap<Key, Option<Arc<Shape>>>,
+    known: HashMap<Key, Option<Arc<SurfaceMesh>>>,
 }
 
 impl Shapes {
-    pub(super) fn of(&self, geometry: &Geometry) -> Option<&Arc<Shape>> {
+    pub(super) fn of(&self, geometry: &Geometry) -> Option<&Arc<SurfaceMesh>> {
         self.known.get(&key(geometry)?)?.as_ref()
     }
 }
@@ -57,7 +57,7 @@ impl Annotations {
         Ok(found)
     }
 
-    async fn make(&self, key: &Key) -> Result<Option<Arc<Shape>>, Problem> {
+    async fn make(&self, key: &Key) -> Result<Option<Arc<SurfaceMesh>>, Problem> {
         // One at a time: a large label map takes all cores anyway.
         let _turn = self.making.lock().await;
         if let Some(known) = self.shape_cache().known.get(key).cloned() {

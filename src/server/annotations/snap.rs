@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use super::edit::parse;
-use super::{Asked, Sent};
+use super::{EditRequest, JsonBody};
 use crate::frame::pick_scene;
 use crate::problem::Problem;
 use relief_annotation::{Snap, SnapFeature, Snapped};
@@ -31,8 +31,11 @@ struct SnapBody {
     radius_mm: Option<f64>,
 }
 
-pub(super) async fn snap(asked: Asked, Sent(body): Sent<MOST_BYTES>) -> Result<Json<Value>, Problem> {
-    let Asked { pictures, entry, .. } = asked;
+pub(super) async fn snap(
+    asked: EditRequest,
+    JsonBody(body): JsonBody<MOST_BYTES>,
+) -> Result<Json<Value>, Problem> {
+    let EditRequest { pictures, entry, .. } = asked;
     let body: SnapBody = parse(body.to_string().as_bytes())?;
     let wanted = Snap {
         to: SnapFeature::from_name(&body.to, body.hu)?,

@@ -11,9 +11,9 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::json;
 
-use super::order::{MOST_BYTES, Order, unusable};
+use super::order::{MOST_BYTES, NewStructure, unusable};
 use super::refusal::invalid;
-use super::{Asked, Sent};
+use super::{EditRequest, JsonBody};
 use crate::problem::Problem;
 use relief_annotation::{
     Change, Contour, Decimation, Geometry, Grow, GrowError, GrowLimits, Item, ItemError, ItemId, MeshError,
@@ -74,8 +74,8 @@ struct MeshBody {
     triangles: Option<usize>,
 }
 
-pub(super) async fn grow(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Response, Problem> {
-    let (order, body) = Order::read::<GrowBody>(asked, body, "Region")?;
+pub(super) async fn grow(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Result<Response, Problem> {
+    let (order, body) = NewStructure::read::<GrowBody>(asked, body, "Region")?;
     let GrowBody { seed_mm, hu, max_ml, max_radius_mm, neck_mm, preview } = body;
     let limits = GrowLimits { max_ml: max_ml.or(Some(USUAL_ML)), max_radius_mm, neck_mm };
     let wanted = Grow { seeds: vec![point(seed_mm)], hu, limits };
@@ -94,8 +94,8 @@ pub(super) async fn grow(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Respons
     order.create(geometry).await
 }
 
-pub(super) async fn paint(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Response, Problem> {
-    let (order, body) = Order::read::<PaintBody>(asked, body, "Region")?;
+pub(super) async fn paint(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Result<Response, Problem> {
+    let (order, body) = NewStructure::read::<PaintBody>(asked, body, "Region")?;
     let PaintBody { center_mm, radius_mm, mode, region, version } = body;
     let known = match region {
         Some(region) => Some(order.find(region).await?),
@@ -122,8 +122,8 @@ pub(super) async fn paint(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Respon
     order.change(Change::Update { item: Box::new(item), version }).await
 }
 
-pub(super) async fn fill(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Response, Problem> {
-    let (order, FillBody { curves }) = Order::read(asked, body, "Region")?;
+pub(super) async fn fill(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Result<Response, Problem> {
+    let (order, FillBody { curves }) = NewStructure::read(asked, body, "Region")?;
     let refuse = |found: &dyn std::fmt::Display, allowed: &str| {
         invalid(&ItemError::new("curves", &found.to_string(), allowed))
     };
@@ -149,8 +149,8 @@ pub(super) async fn fill(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Respons
     order.create(geometry).await
 }
 
-pub(super) async fn mesh(asked: Asked, body: Sent<MOST_BYTES>) -> Result<Response, Problem> {
-    let (order, body) = Order::read::<MeshBody>(asked, body, "Mesh")?;
+pub(super) async fn mesh(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Result<Response, Problem> {
+    let (order, body) = NewStructure::read::<MeshBody>(asked, body, "Mesh")?;
     let MeshBody { region, smoothing, triangles } = body;
     let known = order.find(region).await?;
     let Some(Geometry::Region(region)) = &known.item.geometry else { return Err(no_region(known.item.id)) };

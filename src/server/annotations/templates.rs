@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::asked::created;
 use super::refusal::invalid;
-use super::{Annotations, Asked, Sent, query};
+use super::{Annotations, EditRequest, JsonBody, query};
 use crate::problem::Problem;
 use relief_annotation::{Change, Item, ItemError, Set, Template, TemplateError};
 
@@ -31,21 +31,21 @@ impl Annotations {
     }
 }
 
-pub(super) async fn names(asked: Asked) -> Result<Json<Value>, Problem> {
+pub(super) async fn names(asked: EditRequest) -> Result<Json<Value>, Problem> {
     Ok(Json(json!({ "templates": asked.annotations.store.templates().await? })))
 }
 
 pub(super) async fn show(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
 ) -> Result<Json<Value>, Problem> {
     Ok(Json(json!(asked.annotations.template(&name).await?)))
 }
 
 pub(super) async fn put(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
-    Sent(mut body): Sent<MOST_BYTES>,
+    JsonBody(mut body): JsonBody<MOST_BYTES>,
 ) -> Result<Json<Value>, Problem> {
     let of_body = body.as_object_mut().and_then(|body| body.remove("author"));
     let author = asked.author(of_body.as_ref().and_then(Value::as_str).map(str::to_owned))?;
@@ -60,7 +60,7 @@ pub(super) async fn put(
 
 /// Makes the items that a set does not have.
 pub(super) async fn apply(
-    asked: Asked,
+    asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
     uri: Uri,
 ) -> Result<Response, Problem> {

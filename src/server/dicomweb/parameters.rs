@@ -43,12 +43,12 @@ impl Method {
 
 /// The shape of a window: VOI LUT Function (0028,1056).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(super) enum WindowFunction {
     Linear,
     LinearExact,
 }
 
-impl Shape {
+impl WindowFunction {
     /// The word of VOI LUT Function.
     pub(super) const fn function(self) -> &'static str {
         match self {
@@ -63,7 +63,7 @@ impl Shape {
 pub(super) struct Window {
     pub(super) center: f64,
     pub(super) width: f64,
-    pub(super) shape: Shape,
+    pub(super) shape: WindowFunction,
 }
 
 /// From where the volume is seen.
@@ -253,9 +253,9 @@ fn window(text: &str) -> Result<Window, Problem> {
     let refused = || malformed("window", text, allowed);
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let (center, width, shape) = match parts[..] {
-        [center, width] => (center, width, Shape::Linear),
-        [center, width, "linear"] => (center, width, Shape::Linear),
-        [center, width, "linear-exact"] => (center, width, Shape::LinearExact),
+        [center, width] => (center, width, WindowFunction::Linear),
+        [center, width, "linear"] => (center, width, WindowFunction::Linear),
+        [center, width, "linear-exact"] => (center, width, WindowFunction::LinearExact),
         [_, _, "sigmoid"] => return Err(not_supported("window", "the shape sigmoid is not done")),
         _ => return Err(refused()),
     };

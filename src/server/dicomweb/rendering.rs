@@ -8,7 +8,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::parameters::{Method, Parameters, Reformat, Shape, View, Window};
+use super::parameters::{Method, Parameters, Reformat, View, Window, WindowFunction};
 use crate::problem::Problem;
 use relief_base::{Patient, Point, Vector};
 use relief_render::{Scene, SceneFile};
@@ -86,15 +86,15 @@ fn usual_window(method: Method, reformat: Reformat) -> Window {
         (Reformat::ThreeD, Method::Minimum) => (-600.0, 1200.0),
         _ => (40.0, 400.0),
     };
-    Window { center, width, shape: Shape::Linear }
+    Window { center, width, shape: WindowFunction::Linear }
 }
 
 /// A window's ramp. `linear` is half a value lower and one value narrower than its numbers (PS3.3,
 /// C.11.2.1.2.1).
 fn transfer(Window { center, width, shape }: Window) -> Value {
     let (center, width) = match shape {
-        Shape::Linear => (center - 0.5, (width - 1.0).max(1.0)),
-        Shape::LinearExact => (center, width),
+        WindowFunction::Linear => (center - 0.5, (width - 1.0).max(1.0)),
+        WindowFunction::LinearExact => (center, width),
     };
     json!({ "window": { "center_hu": center, "width_hu": width } })
 }

@@ -15,7 +15,7 @@ use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{broadcast, mpsc};
 use tokio_tungstenite::tungstenite;
 
-use super::placing::{self, Hand, apply_effect, next, pointer};
+use super::placing::{self, LandmarkPlacer, apply_effect, next, pointer};
 use super::session::Session;
 use super::socket::{
     End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error,
@@ -27,7 +27,7 @@ use crate::state::LiveParts;
 use crate::volumes::describe;
 use relief_live::{
     AnnotationsMessage, ClientMessage, ErrorMessage, Formats, FrameHeader, Intent, MAX_TEXT_BYTES,
-    MessageError, Pose, PoseKind, Report, Role, ServerMessage, Settings, Welcome, assemble,
+    MessageError, Pose, PoseKind, RawReport, Role, ServerMessage, Settings, Welcome, assemble,
 };
 use relief_session::{
     Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, lock, micros, search_preview,
@@ -86,7 +86,7 @@ impl Connected {
         if author.is_none() || *role == Role::Watcher || view.shown().is_nothing() {
             return;
         }
-        let hand = Hand { author: author.as_deref(), task, device: pointer() };
+        let hand = LandmarkPlacer { author: author.as_deref(), task, device: pointer() };
         if let Ok(message) = next(&self.parts, view, &hand).await {
             let _ = outbox.try_send(placing::text(message));
         }
@@ -161,7 +161,7 @@ impl Connected {
             ClientMessage::Pose(_) | ClientMessage::Report(_) => lock(&self.session.remote).device(),
             _ => pointer(),
         };
-        let hand = Hand { author: author.as_deref(), task, device };
+        let hand = LandmarkPlacer { author: author.as_deref(), task, device };
         let (mut said, mut refused) = (None, None);
         if let Some(Outcome { effects, context, refused: first, .. }) = outcome {
             for effect in effects {
@@ -262,7 +262,7 @@ impl Connected {
         }
     }
 
-    fn report(&self, report: &Report, outbox: &Outbox, now: Instant) -> Result<Outcome, Problem> {
+    fn report(&self, report: &RawReport, outbox: &Outbox, now: Instant) -> Result<Outcome, Problem> {
         let config = &self.parts.live.config;
         let tracked = lock(&self.session.remote).report(report, (&config.sensor, &config.beacon), now)?;
         let (intents, tracking) = tracked;

@@ -13,6 +13,7 @@ mod remote;
 mod session;
 mod socket;
 
+use data_encoding::HEXLOWER;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -23,7 +24,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use self::session::Sessions;
 use super::problem::Problem;
 use super::state::{LiveParts, Server};
-use relief_session::{Patience, Presentation, View, Views};
+use relief_session::{Delays, Presentation, View, Views};
 use relief_tracking::{Beacon, Pinhole};
 
 pub(super) use plain::{intent, mjpeg, next_frame};
@@ -81,7 +82,7 @@ pub(super) struct Live {
 
 impl Live {
     pub(super) fn new(config: LiveConfig) -> Self {
-        let patience = Patience { still_after: config.still_after, linger: config.resume + LINGER_BEYOND };
+        let patience = Delays { still_after: config.still_after, linger: config.resume + LINGER_BEYOND };
         // One view for each session, and one to which a session may come back.
         Self {
             views: Views::new(2 * config.sessions, patience),
@@ -132,7 +133,7 @@ impl Server {
 fn random_name() -> Result<String, Problem> {
     let mut bytes = [0u8; 16];
     getrandom::fill(&mut bytes).map_err(|error| Problem::internal("drawing a random name", error))?;
-    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(HEXLOWER.encode(&bytes))
 }
 
 fn no_such_view() -> Problem {

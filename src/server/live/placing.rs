@@ -11,12 +11,12 @@ use std::time::Instant;
 
 use serde_json::Value;
 
-use crate::annotations::{Annotations, Snapshot, Step, Visible, missing_author, of};
+use crate::annotations::{Annotations, HistoryStep, Snapshot, Visible, missing_author, of};
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_annotation::{
     CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
-    Shown, Snap, State, Versioned,
+    ShownSets, Snap, State, Versioned,
 };
 use relief_base::{Patient, Point, Vector};
 use relief_live::{AnnotationsMessage, NextLabel, ServerMessage};
@@ -27,7 +27,7 @@ use relief_volume::{Camera, Projection};
 const REASON: &str = "live session";
 
 /// Who places, and where in the list.
-pub(super) struct Hand<'a> {
+pub(super) struct LandmarkPlacer<'a> {
     pub(super) author: Option<&'a str>,
     pub(super) task: &'a Mutex<Task>,
     /// The tracked device of the hand.
@@ -40,14 +40,14 @@ pub(super) struct Task {
     /// The next item; `None` is the first missing one.
     label: Option<ItemId>,
     /// The point that is moved.
-    moved: Option<Moved>,
+    moved: Option<GrabbedPoint>,
     /// The era of the view in which the hand last took hold, of a point or of nothing.
     began: Option<u64>,
 }
 
 /// A point of an item, as it was taken hold of.
 #[derive(Clone)]
-struct Moved {
+struct GrabbedPoint {
     known: Arc<Versioned>,
     /// Which of its points.
     index: usize,
@@ -66,18 +66,18 @@ struct Moved {
 pub(super) async fn apply_effect(
     parts: &LiveParts,
     view: &View,
-    hand: &Hand<'_>,
+    hand: &LandmarkPlacer<'_>,
     (effect, context): (Effect, &EditContext),
 ) -> Result<AnnotationsMessage, Problem> {
     let annotations = of(parts.annotations.as_ref())?;
     let author = hand.author.ok_or_else(missing_author)?;
     let EditContext { entry, shown, epoch } = context;
-    let by = By { annotations, entry, shown, author };
+    let by = EditAuthor { annotations, entry, shown, author };
     match effect {
         Effect::Take { at, reach_mm } => {
             lock(hand.task).began = Some(*epoch);
             let moved = by.nearest((at, reach_mm), *epoch).await?;
-            let held = moved.as_ref().map(|Moved { known, offset, from, .. }| HeldPoint {
+            let held = moved.as_ref().map(|GrabbedPoint { known, offset, from, .. }| HeldPoint {
                 name: known.item.name.clone(),
                 offset: *offset,
                 from: *from,
@@ -116,7 +116,7 @@ pub(super) async fn apply_effect(
             task.label = list.target(task.label).and_then(|target| list.following(target.item.id));
         }
         Effect::Undo => {
-            annotations.step(entry, author, REASON, Step::Undo).await?;
+            annotations.step(entry, author, REASON, HistoryStep::Undo).await?;
         }
     }
     parts.live.views.wake();
@@ -130,7 +130,7 @@ pub(super) async fn apply_effect(
 pub(super) async fn next(
     parts: &LiveParts,
     view: &View,
-    hand: &Hand<'_>,
+    hand: &LandmarkPlacer<'_>,
 ) -> Result<AnnotationsMessage, Problem> {
     let annotations = of(parts.annotations.as_ref())?;
     let EditContext { entry, shown, epoch } = view.context();
@@ -171,7 +171,7 @@ pub(super) fn abandon(task: &Mutex<Task>, view: &View) {
 }
 
 /// Releases the held point and returns it.
-fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
+fn let_go(task: &Mutex<Task>, view: &View) -> Option<GrabbedPoint> {
     let moved = {
         let mut task = lock(task);
         task.began = None;
@@ -184,35 +184,36 @@ fn let_go(task: &Mutex<Task>, view: &View) -> Option<Moved> {
 }
 
 /// An author who changes the annotations of a view.
-struct By<'a> {
+struct EditAuthor<'a> {
     annotations: &'a Annotations,
     entry: &'a VolumeEntry,
-    shown: &'a Shown,
+    shown: &'a ShownSets,
     author: &'a str,
 }
 
-impl By<'_> {
+impl EditAuthor<'_> {
     /// The point that is drawn nearest to a place, within a reach, of an item that the author may
     /// change.
     async fn nearest(
         &self,
         (at, reach_mm): (Point<Patient>, f64),
         epoch: u64,
-    ) -> Result<Option<Moved>, Problem> {
+    ) -> Result<Option<GrabbedPoint>, Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, Some(self.author));
         let may = |item: &Item| {
             let is_drawn = item.visible && self.shown.has(&item.set);
             is_drawn && !item.locked && visible.expect_writable(&item.set).is_ok()
         };
-        let mut nearest: Option<(f64, Moved)> = None;
+        let mut nearest: Option<(f64, GrabbedPoint)> = None;
         for known in snapshot.items.iter().filter(|known| may(&known.item)) {
             let points = known.item.geometry.as_ref().map_or(&[][..], Geometry::points);
             for (index, point) in points.iter().enumerate() {
                 let distance = point.distance(at);
                 if distance <= nearest.as_ref().map_or(reach_mm, |(least, _)| *least) {
                     let (known, offset) = (Arc::clone(known), *point - at);
-                    nearest = Some((distance, Moved { known, index, offset, from: at + offset, epoch }));
+                    nearest =
+                        Some((distance, GrabbedPoint { known, index, offset, from: at + offset, epoch }));
                 }
             }
         }
@@ -220,8 +221,13 @@ impl By<'_> {
     }
 
     /// Moves a point.
-    async fn move_to(&self, moved: &Moved, to: Point<Patient>, placement: Placement) -> Result<(), Problem> {
-        let Moved { known, index, .. } = moved;
+    async fn move_to(
+        &self,
+        moved: &GrabbedPoint,
+        to: Point<Patient>,
+        placement: Placement,
+    ) -> Result<(), Problem> {
+        let GrabbedPoint { known, index, .. } = moved;
         let mut item = known.item.clone();
         if let Some(point) = item.geometry.as_mut().and_then(|geometry| geometry.points_mut().get_mut(*index))
         {
@@ -234,7 +240,12 @@ impl By<'_> {
     }
 
     /// Sets the next landmark down.
-    async fn place(&self, hand: &Hand<'_>, at: Point<Patient>, placement: Placement) -> Result<(), Problem> {
+    async fn place(
+        &self,
+        hand: &LandmarkPlacer<'_>,
+        at: Point<Patient>,
+        placement: Placement,
+    ) -> Result<(), Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
         let list = List::of(self.annotations, &snapshot, self.shown, self.author).await;
         let target = list.target(lock(hand.task).label);
@@ -257,14 +268,19 @@ struct List<'a> {
 impl<'a> List<'a> {
     /// Of the sets that are shown the first into which the author may write; the author's own where
     /// all are shown.
-    async fn of(annotations: &Annotations, snapshot: &'a Snapshot, shown: &'a Shown, author: &str) -> Self {
+    async fn of(
+        annotations: &Annotations,
+        snapshot: &'a Snapshot,
+        shown: &'a ShownSets,
+        author: &str,
+    ) -> Self {
         let visible = Visible::new(&snapshot.sets, Some(author).filter(|author| !author.is_empty()));
         let set = match shown {
-            Shown::Sets(names) => {
+            ShownSets::Sets(names) => {
                 let named = names.iter().find(|name| visible.expect_writable(name).is_ok());
                 named.or(names.first()).map_or(Set::DEFAULT, String::as_str)
             }
-            Shown::All | Shown::Nothing => {
+            ShownSets::All | ShownSets::Nothing => {
                 let own = visible.own();
                 snapshot.sets.iter().find(|set| set.name == own).map_or(Set::DEFAULT, |set| &set.name)
             }

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use super::no_such_view;
-use super::placing::{Hand, apply_effect, pointer};
+use super::placing::{LandmarkPlacer, apply_effect, pointer};
 use crate::annotations::author_of;
 use crate::guard::{expect_content_type, read_body};
 use crate::negotiate::negotiate;
@@ -235,7 +235,7 @@ pub(crate) async fn intent(
     if !effects.is_empty() {
         let author = author_of(&headers)?;
         let task = std::sync::Mutex::default();
-        let hand = Hand { author: author.as_deref(), task: &task, device: pointer() };
+        let hand = LandmarkPlacer { author: author.as_deref(), task: &task, device: pointer() };
         for effect in effects {
             answer["next"] = json!(apply_effect(&parts, &view, &hand, (effect, &context)).await?.next);
         }

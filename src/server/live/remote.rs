@@ -7,7 +7,7 @@ use axum::http::StatusCode;
 use crate::problem::Problem;
 use relief_annotation::Device;
 use relief_live::{
-    Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, RemotePose, Report, TrackingMessage,
+    Gestures, GrabMode, HandOptions, HandPose, HandSample, Intent, RawReport, RemotePose, TrackingMessage,
 };
 use relief_tracking::{Beacon, Buttons, Pinhole, Tracker, TrackerOptions, TrackingState};
 
@@ -65,7 +65,7 @@ impl Remote {
     /// When it is invalid.
     pub(super) fn report(
         &mut self,
-        message: &Report,
+        message: &RawReport,
         (sensor, beacon): (&Pinhole, &Beacon),
         now: Instant,
     ) -> Result<(Vec<Intent>, Option<TrackingMessage>), Problem> {
@@ -73,7 +73,8 @@ impl Remote {
             Problem::new(StatusCode::BAD_REQUEST, "malformed-report", detail).with("path", "report")
         };
         let bytes = message.bytes().map_err(|error| malformed(error.to_string()))?;
-        let report = relief_tracking::Report::decode(&bytes).map_err(|error| malformed(error.to_string()))?;
+        let report =
+            relief_tracking::InputReport::decode(&bytes).map_err(|error| malformed(error.to_string()))?;
         let tracker = self.tracker.get_or_insert_with(|| {
             Box::new(Tracker::new(*sensor, beacon.clone(), TrackerOptions::default()))
         });

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use super::Shape;
+use super::SurfaceMesh;
 
 use relief_annotation::{Decimation, MeshFormat, Smoothing, TriangleMesh, read_mesh, surface_nets};
 use relief_volume::Mask;
@@ -12,7 +12,7 @@ use relief_volume::Mask;
 ///
 /// # Errors
 /// Why the file gives none, without anything of the file.
-pub fn shape_of_content(bytes: &[u8], label: u16) -> Result<Shape, String> {
+pub fn shape_of_content(bytes: &[u8], label: u16) -> Result<SurfaceMesh, String> {
     let mesh = if label == 0 {
         read_mesh(MeshFormat::Ply, bytes).map_err(|error| error.to_string())?.mesh
     } else {
@@ -20,13 +20,13 @@ pub fn shape_of_content(bytes: &[u8], label: u16) -> Result<Shape, String> {
         let mesh = surface_nets(&mask).and_then(|mesh| mesh.smoothed(Smoothing::default()));
         mesh.map_err(|error| error.to_string())?
     };
-    let mesh = if mesh.triangles.len() > Shape::MOST_TRIANGLES {
-        mesh.decimated(Decimation::to(Shape::MOST_TRIANGLES)).map_err(|error| error.to_string())?
+    let mesh = if mesh.triangles.len() > SurfaceMesh::MOST_TRIANGLES {
+        mesh.decimated(Decimation::to(SurfaceMesh::MOST_TRIANGLES)).map_err(|error| error.to_string())?
     } else {
         mesh
     };
     let TriangleMesh { vertices, triangles } = mesh;
-    Ok(Shape { vertices: vertices.into(), triangles: triangles.into() })
+    Ok(SurfaceMesh { vertices: vertices.into(), triangles: triangles.into() })
 }
 
 /// The voxels of one label of a content. Blocks.

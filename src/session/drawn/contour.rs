@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::Shape;
+use super::SurfaceMesh;
 use super::slice::{Cut, between};
 use relief_base::{Patient, Point};
 
@@ -12,7 +12,7 @@ type Edge = [u32; 2];
 
 /// The outlines of a surface in a plane: each through its points, closed ones ending where they
 /// begin.
-pub(super) fn contours(shape: &Shape, cut: &Cut) -> Vec<Vec<Point<Patient>>> {
+pub(super) fn contours(shape: &SurfaceMesh, cut: &Cut) -> Vec<Vec<Point<Patient>>> {
     let distances: Vec<f64> = shape.vertices.iter().map(|&vertex| cut.distance(vertex)).collect();
     let is_before = |corner: u32| distances[corner as usize] >= 0.0;
     let mut neighbours: HashMap<Edge, Vec<Edge>> = HashMap::new();

@@ -49,14 +49,14 @@ const PARTS: usize = 16;
 
 /// Triangles in patient mm. Cheap to clone.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shape {
+pub struct SurfaceMesh {
     /// Corners.
     pub vertices: Arc<[Point<Patient>]>,
     /// Three indices of corners each.
     pub triangles: Arc<[[u32; 3]]>,
 }
 
-impl Shape {
+impl SurfaceMesh {
     /// Most triangles of a shape that is to be drawn: a surface of more is decimated before, or
     /// three of them would be all that a picture has room for.
     pub const MOST_TRIANGLES: usize = 20_000;
@@ -70,7 +70,7 @@ struct Drawable {
     geometry: Geometry,
     /// The points of a curve, and the corners of a plane.
     points: Arc<[Point<Patient>]>,
-    shape: Option<Arc<Shape>>,
+    shape: Option<Arc<SurfaceMesh>>,
 }
 
 /// The items that are drawn over pictures of a volume. Cheap to clone.
@@ -81,7 +81,7 @@ pub struct Drawables {
 
 /// Items and labels that exceeded the limits of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Drawn {
+pub struct LeftOutCounts {
     /// Items that were drawn, or lie outside of the slice.
     pub drawn: usize,
     /// Items that were not, since the picture has as many overlays as it may have.
@@ -96,7 +96,7 @@ impl Drawables {
     /// or mesh; an item without triangles is not drawn.
     pub fn new<'a>(
         items: impl IntoIterator<Item = &'a Item>,
-        mut shape_of: impl FnMut(&Geometry) -> Option<Arc<Shape>>,
+        mut shape_of: impl FnMut(&Geometry) -> Option<Arc<SurfaceMesh>>,
     ) -> Self {
         let drawable = |item: &Item| {
             let geometry = item.geometry.clone().filter(|_| item.visible)?;
@@ -126,14 +126,14 @@ impl Drawables {
 
     /// Adds the items to the overlays of a request on this grid, in their order, as long as there
     /// is room.
-    pub fn draw(&self, request: &mut RenderRequest, display: &DisplaySettings, grid: &Grid) -> Drawn {
+    pub fn draw(&self, request: &mut RenderRequest, display: &DisplaySettings, grid: &Grid) -> LeftOutCounts {
         if self.is_empty() {
-            return Drawn::default();
+            return LeftOutCounts::default();
         }
         let mut room = Room::beside(&request.overlays);
         let mut overlays = Overlays::clone(&request.overlays);
         let cut = matches!(request.mode, Mode::Slice(_)).then(|| Cut::of(request));
-        let mut drawn = Drawn::default();
+        let mut drawn = LeftOutCounts::default();
         let mut parts = Vec::new();
         for item in self.items.iter() {
             match &cut {
@@ -190,7 +190,9 @@ impl Drawable {
                 parts.extend([OverlayItem::Curve(curve)].into_iter().chain(anchor));
             }
             Geometry::Region(_) | Geometry::Mesh(_) => {
-                let Some(Shape { vertices, triangles }) = self.shape.as_deref().cloned() else { return };
+                let Some(SurfaceMesh { vertices, triangles }) = self.shape.as_deref().cloned() else {
+                    return;
+                };
                 // Where the surface is nearest to the eye: nothing of it hides its name.
                 let distance = |point: &Point<Patient>| point.distance(eye);
                 let nearest = vertices.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));

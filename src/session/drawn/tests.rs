@@ -25,10 +25,10 @@ fn points<const N: usize>(xyz: [[f64; 3]; N]) -> [Point<Patient>; N] {
 }
 
 /// A cube of half a side `half` around the origin, seen from outside.
-fn cube(half: f64) -> Shape {
+fn cube(half: f64) -> SurfaceMesh {
     let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { half } else { -half });
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    Shape {
+    SurfaceMesh {
         vertices: (0..8).map(|i| Point::from_xyz(corner(i).into())).collect(),
         triangles: quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
     }
@@ -39,7 +39,7 @@ fn mesh() -> Geometry {
     Geometry::Mesh(MeshSummary { content, vertices: 8, triangles: 12, area_mm2: 1.0, volume_ml: None })
 }
 
-fn drawn(items: &[Item], scene: &Scene) -> (RenderRequest, Drawn) {
+fn drawn(items: &[Item], scene: &Scene) -> (RenderRequest, LeftOutCounts) {
     let drawables = Drawables::new(items, |_| Some(Arc::new(cube(30.0))));
     let mut request = scene.request.clone();
     let drawn = drawables.draw(&mut request, &scene.display, &grid());
@@ -73,7 +73,7 @@ fn items_are_drawn_with_their_measures_and_missing_ones_are_not() {
         skipped,
     ];
     let (request, drawn) = drawn(&items, &scene("{}"));
-    assert_eq!(drawn, Drawn { drawn: 5, left_out: 0, unlabelled: 0 });
+    assert_eq!(drawn, LeftOutCounts { drawn: 5, left_out: 0, unlabelled: 0 });
     assert_eq!(labels(&request), ["nasion", "width 50.0 mm", "angle 90.0°", "rim 120.0 mm", "bone"]);
 }
 
@@ -122,14 +122,15 @@ fn what_has_no_room_is_counted() {
         .map(|i| item(&format!("m{i}"), mesh()))
         .chain([item("p", Geometry::Point { at_mm: Point::new(0.0, 0.0, 0.0) })])
         .collect();
-    let large = Shape { vertices: cube(30.0).vertices.repeat(2000).into(), triangles: cube(30.0).triangles };
+    let large =
+        SurfaceMesh { vertices: cube(30.0).vertices.repeat(2000).into(), triangles: cube(30.0).triangles };
     let drawables = Drawables::new(&items, |_| Some(Arc::new(large.clone())));
     let scene = scene("{}");
     let mut request = scene.request.clone();
     let drawn = drawables.draw(&mut request, &scene.display, &grid());
     assert_eq!(
         drawn,
-        Drawn { drawn: 13, left_out: 8, unlabelled: 0 },
+        LeftOutCounts { drawn: 13, left_out: 8, unlabelled: 0 },
         "12 of 16000 corners fit, and the point"
     );
     request.validate_on(&grid()).unwrap();
@@ -157,7 +158,7 @@ fn names_beyond_the_words_of_a_picture_leave_no_item_out() {
     });
     let items: Vec<Item> = kinds.collect();
     let (request, drawn) = drawn(&items, &scene("{}"));
-    assert_eq!(drawn, Drawn { drawn: 1500, left_out: 0, unlabelled: 500 });
+    assert_eq!(drawn, LeftOutCounts { drawn: 1500, left_out: 0, unlabelled: 500 });
     let labels = labels(&request);
     assert_eq!(labels.len(), 1000);
     assert!((0u16..).zip(&labels).all(|(i, label)| *label == name(i)), "the first");

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::LiveError;
 use crate::volumes::VolumeEntry;
-use relief_annotation::{Method, Shown};
+use relief_annotation::{Method, ShownSets};
 use relief_base::{Patient, Point, Vector};
 use relief_volume::Camera;
 
@@ -65,7 +65,7 @@ pub struct EditContext {
     /// The volume.
     pub entry: Arc<VolumeEntry>,
     /// The annotations that are drawn.
-    pub shown: Shown,
+    pub shown: ShownSets,
     /// Rises when the view shows another volume or other annotations. A point that was taken in an
     /// earlier epoch is no longer held.
     pub epoch: u64,
@@ -77,7 +77,7 @@ pub struct DrawablesWanted {
     /// The volume.
     pub entry: Arc<VolumeEntry>,
     /// The sets to draw.
-    pub shown: Shown,
+    pub shown: ShownSets,
     /// The author whose private sets are drawn too.
     pub author: Option<String>,
 }

@@ -21,7 +21,7 @@ mod views;
 pub use effect::{DrawablesWanted, EditContext, Effect, HeldPoint, Outcome};
 pub use error::LiveError;
 pub use frame::{Echo, EncodedParts, ViewFrame, micros};
-pub use motion::Patience;
+pub use motion::Delays;
 pub use pace::{Pace, USUAL_QUALITY};
 pub use presentation::Presentation;
 pub use preview::search_preview;

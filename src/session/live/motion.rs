@@ -21,7 +21,7 @@ const LONGEST_RETRY: Duration = Duration::from_secs(30);
 
 /// Delays of a view.
 #[derive(Clone, Copy, Debug)]
-pub struct Patience {
+pub struct Delays {
     /// From the last change until the view counts as still.
     pub still_after: Duration,
     /// From the leave of the last viewer until the view is removed.

@@ -13,7 +13,7 @@ use super::effect::HeldPoint;
 use super::preview::Ghost;
 use crate::Drawables;
 use crate::volumes::VolumeEntry;
-use relief_annotation::{Shown, Snap, SnapFeature};
+use relief_annotation::{ShownSets, Snap, SnapFeature};
 use relief_display::DisplaySettings;
 use relief_live::{Home, LiveLayout, Quality, Settings, SnapTo, Stage, ViewState};
 use relief_render::{
@@ -48,7 +48,7 @@ pub struct Presentation {
     display: DisplaySettings,
     size_px: Option<[u32; 2]>,
     /// The sets of annotations that are drawn, as `shown_to` may see them.
-    pub(super) shown: Shown,
+    pub(super) shown: ShownSets,
     pub(super) shown_to: Option<String>,
     drawables: Drawables,
     /// How landmarks snap when they are placed.
@@ -72,7 +72,7 @@ impl Presentation {
         let base = resolve(&entry, &patch, &display, None, preset.as_deref())?;
         let stage = stage_of(&entry, &base)?;
         let quality = Quality::Auto;
-        let (shown, shown_to, drawables) = (Shown::Nothing, None, Drawables::default());
+        let (shown, shown_to, drawables) = (ShownSets::Nothing, None, Drawables::default());
         let size_px = None;
         let plain = Self {
             entry,

@@ -20,7 +20,7 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
 /// The input of a search.
 #[derive(Clone)]
-pub(super) struct Aim {
+pub(super) struct SnapQuery {
     pub(super) entry: Arc<VolumeEntry>,
     pub(super) at: Point<Patient>,
     /// The line of sight, where the cursor was picked in a picture.
@@ -28,7 +28,7 @@ pub(super) struct Aim {
     pub(super) snap: Snap,
 }
 
-impl PartialEq for Aim {
+impl PartialEq for SnapQuery {
     fn eq(&self, other: &Self) -> bool {
         let key = |aim: &Self| (aim.at, aim.ray, aim.snap);
         self.entry.id == other.entry.id && key(self) == key(other)
@@ -49,26 +49,26 @@ pub(super) struct Ghost {
 pub(super) struct Preview {
     is_searching: bool,
     /// The newest aim that was searched for, and its result.
-    answer: Option<(Aim, Option<Ghost>)>,
+    answer: Option<(SnapQuery, Option<Ghost>)>,
 }
 
 impl Preview {
     /// The aim of a new search; `None` while a search runs, or when this aim has a result.
-    pub(super) fn begin(&mut self, wanted: Option<Aim>) -> Option<Aim> {
+    pub(super) fn begin(&mut self, wanted: Option<SnapQuery>) -> Option<SnapQuery> {
         let aim = wanted.filter(|aim| !self.is_searching && !self.knows(aim))?;
         self.is_searching = true;
         Some(aim)
     }
 
     /// The aim of the next search after one that ended; `None` ends searching.
-    pub(super) fn go_on(&mut self, wanted: Option<Aim>) -> Option<Aim> {
+    pub(super) fn go_on(&mut self, wanted: Option<SnapQuery>) -> Option<SnapQuery> {
         self.is_searching = false;
         self.begin(wanted)
     }
 
     /// Stores a result, unless the view has changed its volume or its snapping. The cursor may have
     /// moved on.
-    pub(super) fn answer(&mut self, wanted: Option<&Aim>, aim: Aim, found: Option<&Snapped>) {
+    pub(super) fn answer(&mut self, wanted: Option<&SnapQuery>, aim: SnapQuery, found: Option<&Snapped>) {
         if wanted.is_some_and(|wanted| wanted.entry.id == aim.entry.id && wanted.snap == aim.snap) {
             let ghost = found.map(|found| Ghost { from: aim.at, at: found.at });
             self.answer = Some((aim, ghost));
@@ -85,7 +85,7 @@ impl Preview {
         self.answer.as_ref().and_then(|(_, ghost)| *ghost)
     }
 
-    fn knows(&self, aim: &Aim) -> bool {
+    fn knows(&self, aim: &SnapQuery) -> bool {
         self.answer.as_ref().is_some_and(|(known, _)| known == aim)
     }
 }

@@ -14,16 +14,16 @@ use tokio::sync::{Notify, watch};
 use super::effect::{DrawablesWanted, EditContext, Effect, HeldPoint, Outcome};
 use super::frame::{Echo, ViewFrame};
 use super::job::{NextStep, Published};
-use super::motion::{Failure, Motion, Patience};
+use super::motion::{Delays, Failure, Motion};
 use super::presentation::Presentation;
-use super::preview::{Aim, Preview};
+use super::preview::{Preview, SnapQuery};
 use super::viewer::Viewer;
 use super::{LiveError, lock};
 use crate::Drawables;
 use crate::volumes::VolumeEntry;
-use relief_annotation::{Method, Shown, Snap};
+use relief_annotation::{Method, ShownSets, Snap};
 use relief_base::ViewDepth;
-use relief_live::{Intent, IntentEffect, Peers, Role, Seen, Settings, ViewRecord, ViewState};
+use relief_live::{DisplayedPicture, Intent, IntentEffect, Peers, Role, Settings, ViewRecord, ViewState};
 use relief_volume::Camera;
 
 /// A view and its channels to viewers.
@@ -198,7 +198,7 @@ impl View {
 
     /// Calls `act` with the preview and the aim of the cursor, and renders again if the preview has
     /// changed.
-    pub(super) fn preview<T>(&self, act: impl FnOnce(&mut Preview, Option<Aim>) -> T) -> T {
+    pub(super) fn preview<T>(&self, act: impl FnOnce(&mut Preview, Option<SnapQuery>) -> T) -> T {
         let mut inner = self.lock();
         let (aim, shown) = (inner.aim(), inner.preview.ghost());
         let outcome = act(&mut inner.preview, aim);
@@ -217,7 +217,7 @@ impl View {
 
     /// The annotations that are drawn.
     #[must_use]
-    pub fn shown(&self) -> Shown {
+    pub fn shown(&self) -> ShownSets {
         self.lock().presentation.shown.clone()
     }
 
@@ -339,7 +339,7 @@ impl View {
     }
 
     /// The next step of the render loop.
-    pub(super) fn next(&self, now: Instant, patience: Patience) -> NextStep {
+    pub(super) fn next(&self, now: Instant, patience: Delays) -> NextStep {
         self.lock().next(now, patience)
     }
 
@@ -413,7 +413,7 @@ impl Inner {
             return Ok(Some(Effect::Undo)); // the view stays
         }
         let depth = |at: [f64; 2]| seen.map_or(ViewDepth::MISS, |seen| seen.depth_at(at));
-        let seen = seen.map(|seen| Seen { camera: seen.frame.camera, depth: &depth });
+        let seen = seen.map(|seen| DisplayedPicture { camera: seen.frame.camera, depth: &depth });
         // The presentation may refuse a preset after the state has changed: then the state is
         // restored.
         let may_choose = matches!(intent, Intent::Preset { .. } | Intent::Reset {} | Intent::Undo {});
@@ -461,7 +461,7 @@ impl Inner {
     }
 
     /// The aim of the preview: what would snap if it were placed now.
-    fn aim(&self) -> Option<Aim> {
+    fn aim(&self) -> Option<SnapQuery> {
         let snap = self
             .presentation
             .snap
@@ -475,7 +475,7 @@ impl Inner {
             Method::Pick => Some(at - self.presentation.seen_through(&self.state, self.camera).ok()?.eye()),
             _ => None,
         };
-        Some(Aim { entry: Arc::clone(&self.presentation.entry), at, ray, snap })
+        Some(SnapQuery { entry: Arc::clone(&self.presentation.entry), at, ray, snap })
     }
 }
 

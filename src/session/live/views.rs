@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use super::motion::Patience;
+use super::motion::Delays;
 use super::presentation::Presentation;
 use super::render_loop::{self, DrawableSource};
 use super::{View, lock};
@@ -16,7 +16,7 @@ pub struct Views {
     views: Mutex<HashMap<String, Arc<View>>>,
     /// Most views at a time.
     most: usize,
-    pub(super) patience: Patience,
+    pub(super) patience: Delays,
 }
 
 /// A view could not be opened.
@@ -27,7 +27,7 @@ pub struct OpenError;
 impl Views {
     /// An empty registry for at most `most` views.
     #[must_use]
-    pub fn new(most: usize, patience: Patience) -> Arc<Self> {
+    pub fn new(most: usize, patience: Delays) -> Arc<Self> {
         Arc::new(Self { views: Mutex::default(), most, patience })
     }
 

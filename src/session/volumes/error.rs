@@ -10,7 +10,7 @@ use crate::JobError;
     "the volume has {needed} bytes of voxels, and {available} are available beside those that cannot go; \
      allow more with --memory"
 )]
-pub struct NoRoom {
+pub struct MemoryFull {
     /// Bytes of the volume's voxels.
     pub needed: u64,
     /// Bytes that are free after evicting everything that can be read again.
@@ -37,7 +37,7 @@ pub enum UploadRefused {
     },
     /// The voxels of all volumes would exceed the memory.
     #[error(transparent)]
-    NoRoom(#[from] NoRoom),
+    MemoryFull(#[from] MemoryFull),
 }
 
 /// A volume that a request names cannot be used.
@@ -62,7 +62,7 @@ pub enum VolumeError {
 pub enum ReadError {
     /// There is no room for them.
     #[error(transparent)]
-    NoRoom(#[from] NoRoom),
+    MemoryFull(#[from] MemoryFull),
     /// The files have other voxels than before.
     #[error("the files of this series have changed since the server was started")]
     Changed,

@@ -14,7 +14,7 @@ mod residents;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 pub use entry::{LoadedVolume, VolumeEntry};
-pub use error::{NoRoom, ReadError, UploadRefused, VolumeError};
+pub use error::{MemoryFull, ReadError, UploadRefused, VolumeError};
 pub(crate) use residents::voxels;
 pub use residents::{HostMemory, VolumeReader};
 
@@ -69,7 +69,7 @@ impl Volumes {
     ///
     /// # Errors
     /// When evicting all of them does not free enough.
-    pub fn make_room(&self, bytes: u64) -> Result<(), NoRoom> {
+    pub fn make_room(&self, bytes: u64) -> Result<(), MemoryFull> {
         self.residents.make_room(&self.read().entries, bytes)
     }
 
@@ -95,7 +95,7 @@ impl Volumes {
     ///
     /// # Errors
     /// When there is no room for its voxels.
-    pub fn add_own(&self, loaded: LoadedVolume, reader: Option<VolumeReader>) -> Result<(), NoRoom> {
+    pub fn add_own(&self, loaded: LoadedVolume, reader: Option<VolumeReader>) -> Result<(), MemoryFull> {
         let entry = VolumeEntry::new(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
         let mut inner = self.write();
         inner.entries.retain(|known| known.id != entry.id);

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::Semaphore;
 
-use super::error::{NoRoom, ReadError};
+use super::error::{MemoryFull, ReadError};
 use super::{VolumeEntry, Volumes};
 use crate::JobError;
 use crate::blocking::on_blocking_thread;
@@ -100,11 +100,11 @@ impl Residents {
     }
 
     /// Evicts the least recently used voxels until `needed` bytes are free.
-    pub(super) fn make_room(&self, entries: &[Arc<VolumeEntry>], needed: u64) -> Result<(), NoRoom> {
+    pub(super) fn make_room(&self, entries: &[Arc<VolumeEntry>], needed: u64) -> Result<(), MemoryFull> {
         let kept = entries.iter().filter(|entry| !entry.voxels.can_be_evicted());
         let available = self.limit_bytes.saturating_sub(kept.map(|entry| entry.voxel_bytes()).sum());
         if needed > available {
-            return Err(NoRoom { needed, available });
+            return Err(MemoryFull { needed, available });
         }
         let mut evictable: Vec<_> = entries.iter().filter(|entry| entry.voxels.can_be_evicted()).collect();
         evictable.sort_by_key(|entry| entry.voxels.last_use.load(Ordering::Relaxed));

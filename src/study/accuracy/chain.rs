@@ -28,15 +28,15 @@ const ASIDE_MM: f64 = 40.0;
 const STANDARD: [DVec3; 6] = [DVec3::NEG_Y, DVec3::Y, DVec3::X, DVec3::NEG_X, DVec3::Z, DVec3::NEG_Z];
 
 /// A landmark and the frame in which it is placed.
-pub(super) struct Shown {
+pub(super) struct PresentedLandmark {
     frame: RenderedFrame,
     truth: Point<Patient>,
-    pub(super) sight: Sight,
+    pub(super) sight: Visibility,
 }
 
 /// How a landmark comes into view.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Sight {
+pub(super) enum Visibility {
     /// As it is.
     Plain,
     /// The volume before the landmark is cut away.
@@ -45,7 +45,7 @@ pub(super) enum Sight {
     Hidden,
 }
 
-impl Shown {
+impl PresentedLandmark {
     /// The nearest standard view in which the landmark is visible, with the preset that shows its
     /// tissue. Where no view shows it: the nearest in which it is visible after the clip plane has
     /// removed the volume before it; or else the nearest.
@@ -67,12 +67,13 @@ impl Shown {
         views.sort_by(|a, b| outward.dot(*b).total_cmp(&outward.dot(*a)));
         let mut random = Random::new(seed);
         let mut nearest: Option<Self> = None;
-        let sights: &[Sight] = if cuts { &[Sight::Plain, Sight::Cut] } else { &[Sight::Plain] };
+        let sights: &[Visibility] =
+            if cuts { &[Visibility::Plain, Visibility::Cut] } else { &[Visibility::Plain] };
         for &sight in sights {
             for toward_eye in views {
                 let aside = [0; 2].map(|_| random.between(-ASIDE_MM, ASIDE_MM));
                 let mut seen = RenderRequest { camera: camera(truth, toward_eye, aside)?, ..request.clone() };
-                if sight == Sight::Cut {
+                if sight == Visibility::Cut {
                     let before = toward_eye * random.between(CUT_MM[0], CUT_MM[1]);
                     let point = truth + Vector::from_xyz(before);
                     seen.clip.planes.push(ClipPlane { point, normal: Vector::from_xyz(-toward_eye) });
@@ -81,7 +82,7 @@ impl Shown {
                 if shown.pick(truth).is_some_and(|at| at.distance(truth) < SEEN_MM) {
                     return Ok(shown);
                 }
-                nearest = nearest.or(Some(Self { sight: Sight::Hidden, ..shown }));
+                nearest = nearest.or(Some(Self { sight: Visibility::Hidden, ..shown }));
             }
         }
         nearest.ok_or(StudyError::HandLost)

@@ -51,7 +51,7 @@ const LET_GO_S: [f64; 2] = [1.0, 3.0];
 
 /// The hand and its tremor, and how far from the beacon.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placer {
+pub(super) struct SimulatedHand {
     pub(super) distance_mm: f64,
     /// Peak acceleration of the tremor, standard gravities.
     pub(super) tremor_g: f64,
@@ -59,7 +59,7 @@ pub(super) struct Placer {
 }
 
 /// One of the movements that a hand does not want.
-struct Wave {
+struct Tremor {
     /// 0 to 2: a shift along an axis, mm; 3 to 5: a turn about it, radians.
     axis: usize,
     hertz: f64,
@@ -68,12 +68,12 @@ struct Wave {
 }
 
 /// A hand that wants to rest.
-struct Unsteady {
+struct RestingHand {
     rest: SensorPose,
-    waves: Vec<Wave>,
+    waves: Vec<Tremor>,
 }
 
-impl Unsteady {
+impl RestingHand {
     fn new(rest: SensorPose, tremor_g: f64, random: &mut Random) -> Self {
         let mut waves = Vec::new();
         for axis in 0..6 {
@@ -82,22 +82,22 @@ impl Unsteady {
                 let mm_s2 = tremor_g * 9806.65 / (TREMOR_HZ.len() as f64).sqrt();
                 let shift_mm = mm_s2 / (TAU * hertz).powi(2);
                 let amplitude = if axis < 3 { shift_mm } else { shift_mm / HAND_MM };
-                waves.push(Wave { axis, hertz, amplitude, phase: random.between(0.0, TAU) });
+                waves.push(Tremor { axis, hertz, amplitude, phase: random.between(0.0, TAU) });
             }
             for hertz in DRIFT_HZ {
                 let rms = if axis < 3 { DRIFT_MM } else { DRIFT_DEG.to_radians() };
                 let amplitude = rms * (2.0 / DRIFT_HZ.len() as f64).sqrt();
-                waves.push(Wave { axis, hertz, amplitude, phase: random.between(0.0, TAU) });
+                waves.push(Tremor { axis, hertz, amplitude, phase: random.between(0.0, TAU) });
             }
         }
         Self { rest, waves }
     }
 }
 
-impl SensorPath for Unsteady {
+impl SensorPath for RestingHand {
     fn at(&self, seconds: f64) -> SensorPose {
         let mut off = [0.0; 6];
-        for Wave { axis, hertz, amplitude, phase } in &self.waves {
+        for Tremor { axis, hertz, amplitude, phase } in &self.waves {
             off[*axis] += amplitude * (TAU * hertz * seconds + phase).sin();
         }
         let SensorPose { mut position, orientation } = self.rest;
@@ -119,11 +119,11 @@ type Tracked = Vec<(u64, TrackingState, Option<SensorPose>)>;
 /// # Errors
 /// When the survey does not calibrate the camera, or a hand is not tracked.
 pub(super) fn place(
-    placer: Placer,
+    placer: SimulatedHand,
     mappings: &[HandOptions],
     count: usize,
 ) -> Result<Vec<Vec<DVec3>>, StudyError> {
-    let Placer { distance_mm, tremor_g, seed } = placer;
+    let SimulatedHand { distance_mm, tremor_g, seed } = placer;
     let setting = ExperimentSetting::new(Pinhole::simple(TYPICAL_FOCAL_PX * (1.0 + FOCAL_ERROR)), seed);
     let camera = simulate_survey(&setting)?.camera;
     let beacon = Beacon::recommended();
@@ -141,7 +141,7 @@ pub(super) fn place(
                 ..Simulation::new(beacon.clone(), own)
             };
             let mut tracker = Tracker::new(camera, beacon.clone(), TrackerOptions::default());
-            let path = Unsteady::new(rest, tremor_g, &mut Random::new(own));
+            let path = RestingHand::new(rest, tremor_g, &mut Random::new(own));
             let seconds = PRESS_S[1] + LET_GO_S[1] + 1.0;
             let mut tracked = Tracked::new();
             for made in simulation.record(&path, seconds) {

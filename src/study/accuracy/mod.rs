@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 
 use serde::Serialize;
 
-use self::chain::Sight;
+use self::chain::Visibility;
 use crate::StudyError;
 use relief_live::HandOptions;
 use relief_render::Renderer;
@@ -109,17 +109,20 @@ pub fn measure_accuracy(
     let count = repeats as usize;
     let (mut cut, mut hidden) = (BTreeSet::new(), BTreeSet::new());
     for &seed in &settings.seeds {
-        let placer = hand::Placer { distance_mm, tremor_g, seed };
+        let placer = hand::SimulatedHand { distance_mm, tremor_g, seed };
         let offsets = hand::place(placer, &options, landmarks.len() * count)?;
         for (at, landmark) in landmarks.iter().enumerate() {
             let random = (seed ^ at as u64, settings.cut);
-            let shown = chain::Shown::new(renderer, &phantom.volume, landmark, random).map_err(|source| {
-                StudyError::Landmark { landmark: landmark.name.to_string(), source: Box::new(source) }
-            })?;
+            let shown = chain::PresentedLandmark::new(renderer, &phantom.volume, landmark, random).map_err(
+                |source| StudyError::Landmark {
+                    landmark: landmark.name.to_string(),
+                    source: Box::new(source),
+                },
+            )?;
             match shown.sight {
-                Sight::Plain => false,
-                Sight::Cut => cut.insert(at),
-                Sight::Hidden => hidden.insert(at),
+                Visibility::Plain => false,
+                Visibility::Cut => cut.insert(at),
+                Visibility::Hidden => hidden.insert(at),
             };
             for offsets in &offsets[at * count..][..count] {
                 for way in &mut ways {

@@ -6,7 +6,7 @@ use super::{CalibrationModel, CalibrationView};
 use crate::pose::{Pose, cross_matrix};
 use crate::sensor::Pinhole;
 
-/// The camera's numbers, in the order of [`Adjusted::covariance`].
+/// The camera's numbers, in the order of [`Adjustment::covariance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// Focal length along u.
@@ -26,7 +26,7 @@ pub enum Parameter {
 }
 
 const COUNT: usize = 7;
-type Numbers = SVector<f64, COUNT>;
+type ParameterVector = SVector<f64, COUNT>;
 /// Covariance of the seven numbers, and matrices of its shape.
 pub type Square = SMatrix<f64, COUNT, COUNT>;
 type ByNumbers = SMatrix<f64, 2, COUNT>;
@@ -34,7 +34,7 @@ type Mixed = SMatrix<f64, COUNT, 6>;
 
 /// The result of an adjustment.
 #[derive(Clone, Debug)]
-pub struct Adjusted {
+pub struct Adjustment {
     /// The camera.
     pub camera: Pinhole,
     /// Covariance of the camera's numbers by the noise that is left over; 0 where they were not
@@ -51,11 +51,11 @@ pub struct Adjusted {
 }
 
 /// How the camera follows from the numbers that are looked for.
-struct Free {
+struct FreeParameters {
     model: CalibrationModel,
 }
 
-impl Free {
+impl FreeParameters {
     fn is_free(&self, at: usize) -> bool {
         match self.model {
             // With one focal length, fy follows fx.
@@ -81,7 +81,7 @@ impl Free {
         })
     }
 
-    fn moved(&self, camera: &Pinhole, step: &Numbers) -> Pinhole {
+    fn moved(&self, camera: &Pinhole, step: &ParameterVector) -> Pinhole {
         let mut moved = *camera;
         moved.fx += step[0];
         moved.fy += if self.model == CalibrationModel::Square { step[0] } else { step[1] };
@@ -124,17 +124,17 @@ struct Block {
     numbers: Square,
     mixed: Mixed,
     pose: Matrix6<f64>,
-    by_numbers: Numbers,
+    by_numbers: ParameterVector,
     by_pose: Vector6<f64>,
     cost: f64,
 }
 
-fn block(free: &Free, camera: &Pinhole, view: &CalibrationView, pose: &Pose) -> Option<Block> {
+fn block(free: &FreeParameters, camera: &Pinhole, view: &CalibrationView, pose: &Pose) -> Option<Block> {
     let mut block = Block {
         numbers: Square::zeros(),
         mixed: Mixed::zeros(),
         pose: Matrix6::zeros(),
-        by_numbers: Numbers::zeros(),
+        by_numbers: ParameterVector::zeros(),
         by_pose: Vector6::zeros(),
         cost: 0.0,
     };
@@ -159,8 +159,12 @@ fn block(free: &Free, camera: &Pinhole, view: &CalibrationView, pose: &Pose) -> 
 
 /// The camera's part after the poses are eliminated, with this damping; `None` when a pose is not
 /// determined.
-fn reduced(free: &Free, blocks: &[Block], damping: f64) -> Option<(Square, Numbers, Vec<Matrix6<f64>>)> {
-    let (mut matrix, mut slope) = (Square::zeros(), Numbers::zeros());
+fn reduced(
+    free: &FreeParameters,
+    blocks: &[Block],
+    damping: f64,
+) -> Option<(Square, ParameterVector, Vec<Matrix6<f64>>)> {
+    let (mut matrix, mut slope) = (Square::zeros(), ParameterVector::zeros());
     let mut inverses = Vec::with_capacity(blocks.len());
     for block in blocks {
         let mut pose = block.pose;
@@ -185,8 +189,8 @@ fn reduced(free: &Free, blocks: &[Block], damping: f64) -> Option<(Square, Numbe
 
 /// Adjusts camera and poses from `start`; `None` when it breaks down.
 #[must_use]
-pub fn adjust(views: &[CalibrationView], start: &Pinhole, model: CalibrationModel) -> Option<Adjusted> {
-    let free = Free { model };
+pub fn adjust(views: &[CalibrationView], start: &Pinhole, model: CalibrationModel) -> Option<Adjustment> {
+    let free = FreeParameters { model };
     let mut camera = *start;
     let mut poses: Vec<Pose> = views.iter().map(|view| view.pose).collect();
     let blocks_at = |camera: &Pinhole, poses: &[Pose]| -> Option<Vec<Block>> {
@@ -222,12 +226,12 @@ pub fn adjust(views: &[CalibrationView], start: &Pinhole, model: CalibrationMode
 }
 
 fn summary(
-    free: &Free,
+    free: &FreeParameters,
     camera: Pinhole,
     poses: &[Pose],
     blocks: &[Block],
     views: &[CalibrationView],
-) -> Option<Adjusted> {
+) -> Option<Adjustment> {
     let count = |view: &CalibrationView| 2.0 * view.sightings.len() as f64;
     let equations: f64 = views.iter().map(count).sum();
     let cost: f64 = blocks.iter().map(|block| block.cost).sum();
@@ -243,7 +247,7 @@ fn summary(
     let own = distance.dot(&(inverses[0] * distance)) * variance;
     let total = own + by_numbers.dot(&(covariance * by_numbers));
     let shared = (covariance * by_numbers)[0];
-    Some(Adjusted {
+    Some(Adjustment {
         camera,
         covariance,
         focal_distance_correlation: shared / (covariance[(0, 0)] * total).sqrt(),

@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 use crate::beacon::Beacon;
 use crate::correspondence::{EarlierPose, Identified, IdentifyHints, identify_blobs};
 use crate::pose::Pose;
-use crate::report::{Report, SENSOR_HEIGHT, SENSOR_WIDTH};
+use crate::report::{InputReport, SENSOR_HEIGHT, SENSOR_WIDTH};
 use crate::sensor::Pinhole;
 use crate::solve::{MAX_SEEN, Sighting};
 use crate::tracker::{Frames, TrackerOptions};
@@ -51,7 +51,7 @@ impl BlobIdentifier {
     }
 
     /// Takes a report; returns a view when the report shows four identifiable LEDs.
-    pub fn push(&mut self, t_ns: u64, report: &Report) -> Option<CalibrationView> {
+    pub fn push(&mut self, t_ns: u64, report: &InputReport) -> Option<CalibrationView> {
         let frame = self.frames.push(t_ns, report)?;
         let blobs = frame.blobs();
         if blobs.len() < MAX_SEEN {

@@ -9,7 +9,7 @@
 mod adjust;
 mod choose;
 
-pub use adjust::{Adjusted, Parameter, Square, adjust};
+pub use adjust::{Adjustment, Parameter, Square, adjust};
 pub use choose::{BlobIdentifier, CalibrationView, choose_views, moving_views};
 
 use super::sensor::{Pinhole, PinholeError};

@@ -13,7 +13,7 @@ pub use remote::{RemoteSenses, VirtualRemote};
 use super::report::calibration::{Calibrations, EEPROM_BYTES};
 use super::report::motion_plus::GyroCalibration;
 use super::report::output::{DataMode, MemorySpace, Output};
-use super::report::{IrFormat, Layout, Report};
+use super::report::{InputReport, IrFormat, Layout};
 
 /// How bright a spot has to be: the highest level that sees no stray light gives the finest
 /// positions.
@@ -87,7 +87,7 @@ enum Answer {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Step {
+struct SetupStep {
     output: Output,
     answer: Answer,
     /// Whether it may fail: no MotionPlus is no mistake.
@@ -104,7 +104,7 @@ const MAX_STEPS: usize = 12;
 #[derive(Clone, Debug)]
 pub struct Host {
     options: HostOptions,
-    steps: Vec<Step>,
+    steps: Vec<SetupStep>,
     at: usize,
     sent_ns: Option<u64>,
     tries: u32,
@@ -194,16 +194,16 @@ impl Host {
     }
 
     /// Takes a report of the remote.
-    pub fn take(&mut self, now_ns: u64, report: &Report) {
+    pub fn take(&mut self, now_ns: u64, report: &InputReport) {
         self.heard_ns = Some(now_ns);
         match report {
-            Report::Acknowledge(ack) => self.take_acknowledgement(ack.of, ack.error),
-            Report::Memory(memory) => self.take_memory(memory),
+            InputReport::Acknowledge(ack) => self.take_acknowledgement(ack.of, ack.error),
+            InputReport::Memory(memory) => self.take_memory(memory),
             // After a status nothing is reported until the mode is set again.
-            Report::Status(_) => self.mode_wanted = true,
-            Report::Data(_) | Report::Interleaved(_) => {
+            InputReport::Status(_) => self.mode_wanted = true,
+            InputReport::Data(_) | InputReport::Interleaved(_) => {
                 let DataMode::Single(wanted) = data_mode(&self.options) else {
-                    self.mode_wanted |= !matches!(report, Report::Interleaved(_));
+                    self.mode_wanted |= !matches!(report, InputReport::Interleaved(_));
                     return;
                 };
                 self.mode_wanted |= report.id() != wanted.id();
@@ -225,7 +225,7 @@ impl Host {
     }
 
     fn take_memory(&mut self, memory: &super::report::Memory) {
-        let Some(Step { output, answer: Answer::Memory(wanted), optional }) =
+        let Some(SetupStep { output, answer: Answer::Memory(wanted), optional }) =
             self.steps.get(self.at).copied()
         else {
             return;
@@ -284,15 +284,15 @@ fn mode(options: &HostOptions) -> Output {
 }
 
 /// The order is that of Linux' driver.
-fn steps(options: &HostOptions) -> Vec<Step> {
+fn steps(options: &HostOptions) -> Vec<SetupStep> {
     let format = match data_mode(options) {
         DataMode::Interleaved => IrFormat::Full,
         DataMode::Single(layout) => layout.ir().unwrap_or(IrFormat::Extended),
     };
     let (block1, block2) = options.sensitivity.blocks();
-    let acknowledged = |output| Step { output, answer: Answer::Acknowledge, optional: false };
+    let acknowledged = |output| SetupStep { output, answer: Answer::Acknowledge, optional: false };
     let mut steps = Vec::with_capacity(MAX_STEPS);
-    steps.push(Step {
+    steps.push(SetupStep {
         output: Output::Read { space: MemorySpace::Eeprom, address: 0, length: EEPROM_BYTES as u16 },
         answer: Answer::Memory(EEPROM_BYTES),
         optional: true,
@@ -300,8 +300,8 @@ fn steps(options: &HostOptions) -> Vec<Step> {
     if options.gyroscope {
         let address = MOTION_PLUS_CALIBRATION;
         let read = Output::Read { space: MemorySpace::Registers, address, length: 32 };
-        let optional = |output| Step { output, answer: Answer::Acknowledge, optional: true };
-        steps.push(Step { output: read, answer: Answer::Memory(32), optional: true });
+        let optional = |output| SetupStep { output, answer: Answer::Acknowledge, optional: true };
+        steps.push(SetupStep { output: read, answer: Answer::Memory(32), optional: true });
         steps.push(optional(Output::register(0xa6_00f0, &[0x55])));
         steps.push(optional(Output::register(0xa6_00fe, &[0x04])));
     }

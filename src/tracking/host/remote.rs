@@ -10,8 +10,8 @@ use crate::report::calibration::{AccelerometerCalibration, IrCalibration, encode
 use crate::report::motion_plus::{GyroCalibration, MotionPlus};
 use crate::report::output::{DataMode, MemorySpace, Output};
 use crate::report::{
-    Acceleration, Acknowledge, Blob, Buttons, DataReport, Extension, Half, InterleavedHalf, IrFormat, Layout,
-    Memory, Report, Status,
+    Acceleration, Acknowledge, Blob, Buttons, DataReport, Extension, Half, InputReport, InterleavedHalf,
+    IrFormat, Layout, Memory, Status,
 };
 
 const CAMERA: u32 = 0xb0_0000;
@@ -84,7 +84,7 @@ impl VirtualRemote {
     }
 
     /// The answers to an output report.
-    pub fn take(&mut self, output: &Output) -> Vec<Report> {
+    pub fn take(&mut self, output: &Output) -> Vec<InputReport> {
         let done = |of| vec![acknowledge(of, 0)];
         match *output {
             Output::Rumble | Output::Speaker(_) | Output::Mute(_) => Vec::new(),
@@ -114,8 +114,8 @@ impl VirtualRemote {
 
     /// A status report: asked for, or because something was plugged in or out.
     #[must_use]
-    pub fn status(&self) -> Report {
-        Report::Status(Status {
+    pub fn status(&self) -> InputReport {
+        InputReport::Status(Status {
             buttons: Buttons::default(),
             battery_low: false,
             extension: self.has_motion_plus,
@@ -126,7 +126,7 @@ impl VirtualRemote {
         })
     }
 
-    fn write(&mut self, space: MemorySpace, address: u32, bytes: &[u8]) -> Vec<Report> {
+    fn write(&mut self, space: MemorySpace, address: u32, bytes: &[u8]) -> Vec<InputReport> {
         let is_camera = address & 0xff_0000 == CAMERA;
         let is_motion_plus = address & 0xff_0000 == 0xa6_0000;
         let error = match space {
@@ -142,7 +142,7 @@ impl VirtualRemote {
         vec![acknowledge(0x16, error)]
     }
 
-    fn read(&self, space: MemorySpace, address: u32, length: u16) -> Vec<Report> {
+    fn read(&self, space: MemorySpace, address: u32, length: u16) -> Vec<InputReport> {
         let byte = |at: u32| match space {
             MemorySpace::Eeprom => self.eeprom.get(at as usize).copied(),
             MemorySpace::Registers => self.registers.get(&at).copied(),
@@ -158,7 +158,7 @@ impl VirtualRemote {
             }
             let error = if found.is_some() { 0 } else { 7 };
             let buttons = Buttons::default();
-            reports.push(Report::Memory(Memory {
+            reports.push(InputReport::Memory(Memory {
                 buttons,
                 error,
                 address: (at & 0xffff) as u16,
@@ -173,7 +173,7 @@ impl VirtualRemote {
     }
 
     /// The next data report.
-    pub fn report(&mut self, senses: &RemoteSenses) -> Report {
+    pub fn report(&mut self, senses: &RemoteSenses) -> InputReport {
         let layout = match self.mode {
             DataMode::Interleaved => return self.half(senses),
             DataMode::Single(layout) => layout,
@@ -189,7 +189,7 @@ impl VirtualRemote {
         let rates = senses.rates.filter(|_| self.register(0xa6_00fe) == 0x04);
         let mut extension = rates.map_or([0xff; 6], |rates| rates.encode()).to_vec();
         extension.resize(layout.extension_bytes(), 0);
-        Report::Data(DataReport {
+        InputReport::Data(DataReport {
             layout,
             buttons: layout.has_buttons().then_some(senses.buttons),
             acceleration: layout.has_acceleration().then_some(senses.acceleration),
@@ -198,14 +198,20 @@ impl VirtualRemote {
         })
     }
 
-    fn half(&mut self, senses: &RemoteSenses) -> Report {
+    fn half(&mut self, senses: &RemoteSenses) -> InputReport {
         let half = if self.second_half { Half::Second } else { Half::First };
         self.second_half = !self.second_half;
         let [x, y, z] = senses.acceleration.map(|count| (count >> 2) as u8);
         let [a, b, c, d] = if self.sees(IrFormat::Full) { senses.blobs } else { [None; 4] };
         let (acceleration, z_bits, blobs) =
             if half == Half::First { (x, z >> 4, [a, b]) } else { (y, z & 0x0f, [c, d]) };
-        Report::Interleaved(InterleavedHalf { half, buttons: senses.buttons, acceleration, z_bits, blobs })
+        InputReport::Interleaved(InterleavedHalf {
+            half,
+            buttons: senses.buttons,
+            acceleration,
+            z_bits,
+            blobs,
+        })
     }
 
     /// Whether the camera runs, with a sensitivity, in this format.
@@ -218,6 +224,6 @@ impl VirtualRemote {
     }
 }
 
-fn acknowledge(of: u8, error: u8) -> Report {
-    Report::Acknowledge(Acknowledge { buttons: Buttons::default(), of, error })
+fn acknowledge(of: u8, error: u8) -> InputReport {
+    InputReport::Acknowledge(Acknowledge { buttons: Buttons::default(), of, error })
 }

@@ -7,7 +7,13 @@ use crate::report::calibration::AccelerometerCalibration;
 
 /// Runs host and remote for some seconds in steps of 10 ms; every `lose`-th answer is lost. Returns
 /// the reports.
-fn talk(host: &mut Host, remote: &mut VirtualRemote, from_ns: u64, seconds: u64, lose: usize) -> Vec<Report> {
+fn talk(
+    host: &mut Host,
+    remote: &mut VirtualRemote,
+    from_ns: u64,
+    seconds: u64,
+    lose: usize,
+) -> Vec<InputReport> {
     let senses =
         RemoteSenses { blobs: [Some(Blob::at(500, 300)), None, None, None], ..RemoteSenses::default() };
     let (mut reports, mut answers) = (Vec::new(), 0);
@@ -34,8 +40,8 @@ fn options() -> HostOptions {
     HostOptions { sensitivity: Sensitivity::Level3, full: false, gyroscope: false }
 }
 
-fn sees_blob(report: &Report) -> bool {
-    matches!(report, Report::Data(data) if data.blobs.is_some_and(|blobs| blobs[0].is_some()))
+fn sees_blob(report: &InputReport) -> bool {
+    matches!(report, InputReport::Data(data) if data.blobs.is_some_and(|blobs| blobs[0].is_some()))
 }
 
 #[test]
@@ -64,8 +70,8 @@ fn every_sensitivity_and_format_comes_up() {
         assert_eq!(host.state(), HostState::Running);
         assert_eq!(remote.register(0xb0_0008), sensitivity.blocks().0[8]);
         let last_two = &reports[reports.len() - 2..];
-        let sees = |report: &Report| match report {
-            Report::Interleaved(half) => half.blobs[0].is_some(),
+        let sees = |report: &InputReport| match report {
+            InputReport::Interleaved(half) => half.blobs[0].is_some(),
             other => sees_blob(other),
         };
         assert!(last_two.iter().any(sees), "level {level}");
@@ -127,7 +133,7 @@ fn a_refusal_ends() {
                 of: output.id(),
                 error: 4,
             };
-            host.take(now, &Report::Acknowledge(ack));
+            host.take(now, &InputReport::Acknowledge(ack));
         }
     }
     assert_eq!(host.state(), HostState::Refused);

@@ -1,6 +1,6 @@
 //! A Wiimote's reports: bytes to values and back.
 //!
-//! Input reports come from the remote ([`Report`]), output reports go to it ([`output::Output`]). A
+//! Input reports come from the remote ([`InputReport`]), output reports go to it ([`output::Output`]). A
 //! report begins with its id, as Linux' hidraw gives it; the Bluetooth header (`a1`, `a2`, `52`) is
 //! no part of it. Decoding takes any bytes and never panics; `decode(encode(report))` is the report
 //! again.
@@ -28,7 +28,7 @@ pub const MAX_REPORT_BYTES: usize = 22;
 
 /// An input report.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Report {
+pub enum InputReport {
     /// 0x20: battery, LEDs, extension. An unrequested one means that the remote stopped reporting.
     Status(Status),
     /// 0x21: the requested memory.
@@ -115,7 +115,7 @@ pub enum ReportError {
     },
 }
 
-impl Report {
+impl InputReport {
     /// Decodes a report that begins with its id. Bytes after its end are ignored up to 22: some
     /// stacks pad.
     ///
@@ -140,7 +140,7 @@ impl Report {
         })
     }
 
-    /// The bytes of this report, its id first: the inverse of [`Report::decode`].
+    /// The bytes of this report, its id first: the inverse of [`InputReport::decode`].
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = vec![self.id()];

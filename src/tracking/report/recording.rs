@@ -8,9 +8,10 @@
 //! Blank lines are skipped, unknown keys are refused. Lines are bounded, so a file of any size is
 //! read in little memory.
 
+use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
 use std::io::{BufRead, Read};
 
-use super::{MAX_REPORT_BYTES, Report, ReportError};
+use super::{InputReport, MAX_REPORT_BYTES, ReportError};
 
 /// A longer line is no recorded report.
 pub const MAX_LINE_BYTES: usize = 256;
@@ -21,7 +22,7 @@ pub struct TimedReport {
     /// Nanoseconds from any start.
     pub t_ns: u64,
     /// The report.
-    pub report: Report,
+    pub report: InputReport,
 }
 
 /// A recording that cannot be read.
@@ -120,7 +121,7 @@ impl<R: BufRead> RecordingReader<R> {
         let line = self.line;
         let Line { t_ns, report } = parsed.map_err(|source| RecordingError::Json { line, source })?;
         let bytes = bytes_of_hex(&report).ok_or(RecordingError::Hex { line })?;
-        let report = Report::decode(&bytes).map_err(|source| RecordingError::Report { line, source })?;
+        let report = InputReport::decode(&bytes).map_err(|source| RecordingError::Report { line, source })?;
         Ok(Some(TimedReport { t_ns, report }))
     }
 }
@@ -142,17 +143,12 @@ pub fn recording_line(t_ns: u64, report: &[u8]) -> String {
 /// Two digits a byte.
 #[must_use]
 pub fn hex_of_bytes(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    HEXLOWER.encode(bytes)
 }
 
 /// Bytes of hexadecimal digits, 1 to 22 of them; `None` for anything else.
 #[must_use]
 pub fn bytes_of_hex(text: &str) -> Option<Vec<u8>> {
-    let digits = text.as_bytes();
-    let whole = digits.len().is_multiple_of(2) && (2..=2 * MAX_REPORT_BYTES).contains(&digits.len());
-    let digit = |d: u8| char::from(d).to_digit(16).map(|d| d as u8);
-    if !whole {
-        return None;
-    }
-    digits.as_chunks::<2>().0.iter().map(|[high, low]| Some(digit(*high)? << 4 | digit(*low)?)).collect()
+    let is_allowed = (2..=2 * MAX_REPORT_BYTES).contains(&text.len());
+    is_allowed.then(|| HEXLOWER_PERMISSIVE.decode(text.as_bytes()).ok()).flatten()
 }

@@ -12,14 +12,14 @@ fn bytes(hex: &str) -> Vec<u8> {
     bytes_of_hex(&hex.replace(' ', "")).unwrap()
 }
 
-fn decoded(hex: &str) -> Report {
-    Report::decode(&bytes(hex)).unwrap()
+fn decoded(hex: &str) -> InputReport {
+    InputReport::decode(&bytes(hex)).unwrap()
 }
 
 /// A public talk's example: a remote that lies on the table.
 #[test]
 fn acceleration_has_ten_bits() {
-    let Report::Data(data) = decoded("31 40 20 86 8a a5") else { panic!("a data report") };
+    let InputReport::Data(data) = decoded("31 40 20 86 8a a5") else { panic!("a data report") };
     assert_eq!(data.acceleration, Some([538, 554, 660]));
     assert_eq!(data.buttons, Some(Buttons::default()));
 }
@@ -27,16 +27,18 @@ fn acceleration_has_ten_bits() {
 /// Frames from wiibrew's talk page and from a log of a -TR remote.
 #[test]
 fn status_and_acknowledgement_of_real_remotes() {
-    let Report::Status(status) = decoded("20 00 00 02 00 00 95") else { panic!("a status") };
+    let InputReport::Status(status) = decoded("20 00 00 02 00 00 95") else { panic!("a status") };
     assert!(status.extension && !status.battery_low && !status.camera);
     assert_eq!((status.leds, status.battery), (0, 149));
-    let Report::Status(status) = decoded("20 00 00 42 00 00 8f") else { panic!("a status") };
+    let InputReport::Status(status) = decoded("20 00 00 42 00 00 8f") else { panic!("a status") };
     assert_eq!((status.extension, status.leds, status.battery), (true, 0b0100, 143));
     for (hex, of, error) in [("22 00 00 16 00", 0x16, 0), ("22 00 00 12 02", 0x12, 2)] {
-        let Report::Acknowledge(ack) = decoded(hex) else { panic!("an acknowledgement") };
+        let InputReport::Acknowledge(ack) = decoded(hex) else { panic!("an acknowledgement") };
         assert_eq!((ack.of, ack.error), (of, error));
     }
-    let Report::Data(data) = decoded("32 00 00 5D DE 6F 0B FF FF FE 97") else { panic!("a data report") };
+    let InputReport::Data(data) = decoded("32 00 00 5D DE 6F 0B FF FF FE 97") else {
+        panic!("a data report")
+    };
     assert_eq!(data.extension.unwrap().bytes(), bytes("5DDE6F0BFFFFFE97"));
 }
 
@@ -76,13 +78,13 @@ fn blobs_that_end_in_ff_are_blobs() {
         blobs: Some(four),
         extension: Some(Extension::new(&[1; 9])),
     };
-    let report = Report::Data(data);
-    assert_eq!(Report::decode(&report.encode()).unwrap(), report);
+    let report = InputReport::Data(data);
+    assert_eq!(InputReport::decode(&report.encode()).unwrap(), report);
     let none = decoded("33 00 00 80 80 9a ffffff ffffff ffffff ffffff");
-    let Report::Data(none) = none else { panic!("a data report") };
+    let InputReport::Data(none) = none else { panic!("a data report") };
     assert_eq!(none.blobs, Some([None; 4]));
     // The bytes of the extended format, worked out by hand: x = 0x234, y = 0x2cd, size 5.
-    let Report::Data(one) = decoded("33 00 00 80 80 9a 34cda5 ffffff ffffff ffffff") else { panic!() };
+    let InputReport::Data(one) = decoded("33 00 00 80 80 9a 34cda5 ffffff ffffff ffffff") else { panic!() };
     assert_eq!(one.blobs.unwrap()[0], Some(Blob { size: Some(5), ..Blob::at(0x234, 0x2cd) }));
     assert_eq!(Blob::at(10, 0x2cd).pixel(), [10.0, 767.0 - 717.0]);
     assert!(Blob::at(0, 5).is_cut() && Blob::at(5, 767).is_cut() && !Blob::at(5, 5).is_cut());
@@ -95,11 +97,11 @@ fn bytes_that_are_no_report_are_refused() {
         ("33 00 00", "has 3 bytes with its id, expected 18"),
         ("3e 00 00", "expected 22"),
     ] {
-        let error = Report::decode(&bytes(hex)).unwrap_err().to_string();
+        let error = InputReport::decode(&bytes(hex)).unwrap_err().to_string();
         assert!(error.contains(message), "{error}");
     }
-    assert_eq!(Report::decode(&[]), Err(ReportError::Empty));
-    assert!(matches!(Report::decode(&[0x30; 23]), Err(ReportError::Length { found: 23, .. })));
+    assert_eq!(InputReport::decode(&[]), Err(ReportError::Empty));
+    assert!(matches!(InputReport::decode(&[0x30; 23]), Err(ReportError::Length { found: 23, .. })));
 }
 
 #[test]
@@ -119,7 +121,9 @@ fn halves_that_belong_together_are_one_report() {
     assert_eq!(interleaver.push(half(Half::Second, 1, 2, 3)), None, "the first half was not seen");
     assert_eq!(interleaver.push(half(Half::First, 0x80, 0x9, 100)), None);
     let second = half(Half::Second, 0x7f, 0x5, 300);
-    let Report::Interleaved(second) = Report::decode(&Report::Interleaved(second).encode()).unwrap() else {
+    let InputReport::Interleaved(second) =
+        InputReport::decode(&InputReport::Interleaved(second).encode()).unwrap()
+    else {
         panic!("an interleaved half")
     };
     let (acceleration, blobs) = interleaver.push(second).unwrap();
@@ -214,14 +218,14 @@ fn any_buttons() -> impl Strategy<Value = Buttons> {
     any::<[u8; 2]>().prop_map(Buttons::from_bytes)
 }
 
-fn any_data() -> impl Strategy<Value = Report> {
+fn any_data() -> impl Strategy<Value = InputReport> {
     let layout = prop::sample::select(Layout::ALL.to_vec());
     layout.prop_flat_map(|layout| {
         let blobs = prop::array::uniform4(any_blob(layout.ir().unwrap_or(IrFormat::Basic)));
         let counts = (0_u16..1024, 0_u16..512, 0_u16..512);
         let extension = prop::collection::vec(any::<u8>(), layout.extension_bytes());
         (any_buttons(), counts, blobs, extension).prop_map(move |(buttons, (x, y, z), blobs, bytes)| {
-            Report::Data(DataReport {
+            InputReport::Data(DataReport {
                 layout,
                 buttons: layout.has_buttons().then_some(buttons),
                 acceleration: layout.has_acceleration().then_some([x, y << 1, z << 1]),
@@ -232,23 +236,23 @@ fn any_data() -> impl Strategy<Value = Report> {
     })
 }
 
-fn any_other() -> impl Strategy<Value = Report> {
+fn any_other() -> impl Strategy<Value = InputReport> {
     let flags = any::<[bool; 4]>();
     let status = (any_buttons(), flags, 0_u8..16, any::<u8>()).prop_map(|(buttons, flags, leds, battery)| {
         let [battery_low, extension, speaker, camera] = flags;
-        Report::Status(Status { buttons, battery_low, extension, speaker, camera, leds, battery })
+        InputReport::Status(Status { buttons, battery_low, extension, speaker, camera, leds, battery })
     });
     let memory = (any_buttons(), 0_u8..16, any::<u16>(), 1_u8..=16, any::<[u8; 16]>());
     let memory = memory.prop_map(|(buttons, error, address, length, data)| {
-        Report::Memory(Memory { buttons, error, address, length, data })
+        InputReport::Memory(Memory { buttons, error, address, length, data })
     });
     let ack = (any_buttons(), any::<u8>(), any::<u8>())
-        .prop_map(|(buttons, of, error)| Report::Acknowledge(Acknowledge { buttons, of, error }));
+        .prop_map(|(buttons, of, error)| InputReport::Acknowledge(Acknowledge { buttons, of, error }));
     let blobs = prop::array::uniform2(any_blob(IrFormat::Full));
     let half = (any::<bool>(), any_buttons(), any::<u8>(), 0_u8..16, blobs);
     let half = half.prop_map(|(first, buttons, acceleration, z_bits, blobs)| {
         let half = if first { Half::First } else { Half::Second };
-        Report::Interleaved(InterleavedHalf { half, buttons, acceleration, z_bits, blobs })
+        InputReport::Interleaved(InterleavedHalf { half, buttons, acceleration, z_bits, blobs })
     });
     prop_oneof![status, memory, ack, half]
 }
@@ -259,7 +263,7 @@ proptest! {
     fn decoding_undoes_encoding(report in prop_oneof![any_data(), any_other()]) {
         let bytes = report.encode();
         prop_assert_eq!(Some(bytes.len()), input_length(report.id()));
-        prop_assert_eq!(Report::decode(&bytes), Ok(report));
+        prop_assert_eq!(InputReport::decode(&bytes), Ok(report));
     }
 
     /// Invariant: Any bytes from a remote decode or are refused, and decoding inverts encoding.
@@ -268,8 +272,8 @@ proptest! {
         let mut with_id = vec![id];
         with_id.extend(&bytes);
         for bytes in [&bytes, &with_id] {
-            if let Ok(report) = Report::decode(bytes) {
-                prop_assert_eq!(Report::decode(&report.encode()), Ok(report));
+            if let Ok(report) = InputReport::decode(bytes) {
+                prop_assert_eq!(InputReport::decode(&report.encode()), Ok(report));
             }
             if let Ok((output, rumble)) = Output::decode(bytes) {
                 prop_assert_eq!(Output::decode(&output.encode(rumble)), Ok((output, rumble)));

@@ -17,7 +17,7 @@ use nalgebra::{Unit, Vector2, Vector3};
 
 use super::pose::Pose;
 use super::sensor::Pinhole;
-pub use refine::Refined;
+pub use refine::Minimum;
 
 /// The most LEDs that a view can hold: the camera reports four blobs.
 pub const MAX_SEEN: usize = 4;
@@ -59,9 +59,9 @@ pub struct PoseView<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Solutions {
     /// The least cost.
-    pub best: Refined,
+    pub best: Minimum,
     /// Another pose that is a minimum too.
-    pub second: Option<Refined>,
+    pub second: Option<Minimum>,
 }
 
 /// Two minima are one when they are closer than this.
@@ -87,8 +87,8 @@ impl PoseView<'_> {
         if self.gravity.is_some() {
             start::upright(self, &mut starts);
         }
-        let mut best: Option<Refined> = None;
-        let mut second: Option<Refined> = None;
+        let mut best: Option<Minimum> = None;
+        let mut second: Option<Minimum> = None;
         for pose in starts.poses() {
             let known = [best, second];
             let is_known = |pose: &Pose| known.iter().flatten().any(|found| is_same(&found.pose, pose));

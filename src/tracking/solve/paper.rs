@@ -29,7 +29,7 @@ pub struct PaperSolution {
 
 /// `q' a q + b t`.
 #[derive(Clone, Copy)]
-pub(super) struct Form {
+pub(super) struct QuadraticForm {
     pub(super) a: Matrix4<f64>,
     pub(super) b: Vector3<f64>,
 }
@@ -66,7 +66,7 @@ impl Point {
     }
 }
 
-impl Form {
+impl QuadraticForm {
     pub(super) fn value(&self, at: &Point) -> f64 {
         at.q.dot(&(self.a * at.q)) + self.b.dot(&at.t)
     }
@@ -116,8 +116,8 @@ fn rotated(weights: &Vector3<f64>, p: &Vector3<f64>) -> Matrix4<f64> {
 }
 
 pub(super) struct Energy {
-    errors: [Form; 2 * MAX_SEEN],
-    depths: [Form; MAX_SEEN],
+    errors: [QuadraticForm; 2 * MAX_SEEN],
+    depths: [QuadraticForm; MAX_SEEN],
     count: usize,
     /// The beacon's radius, mm.
     pub(super) scale: f64,
@@ -132,13 +132,15 @@ impl Energy {
         if count < 3 || scale <= 0.0 {
             return None;
         }
-        let empty = Form { a: Matrix4::zeros(), b: Vector3::zeros() };
+        let empty = QuadraticForm { a: Matrix4::zeros(), b: Vector3::zeros() };
         let mut energy = Self { errors: [empty; 2 * MAX_SEEN], depths: [empty; MAX_SEEN], count, scale };
         for (at, sighting) in view.sightings.iter().take(MAX_SEEN).enumerate() {
             // The distortion is taken out first, as if the paper's camera had seen it.
             let ray = camera.ray_of_pixel(&sighting.pixel)?;
-            let form =
-                |weights: Vector3<f64>| Form { a: rotated(&weights, &(sighting.led / scale)), b: weights };
+            let form = |weights: Vector3<f64>| QuadraticForm {
+                a: rotated(&weights, &(sighting.led / scale)),
+                b: weights,
+            };
             let v_error = ray[1] * camera.fy;
             let u_error = ray[0] * camera.fx + camera.skew * ray[1];
             energy.errors[2 * at] = form(Vector3::new(-camera.fx, -camera.skew, u_error) / camera.fx);
@@ -148,11 +150,11 @@ impl Energy {
         Some(energy)
     }
 
-    pub(super) fn errors(&self) -> &[Form] {
+    pub(super) fn errors(&self) -> &[QuadraticForm] {
         &self.errors[..2 * self.count]
     }
 
-    pub(super) fn depths(&self) -> &[Form] {
+    pub(super) fn depths(&self) -> &[QuadraticForm] {
         &self.depths[..self.count]
     }
 

@@ -11,7 +11,7 @@ use crate::pose::{Pose, cross_matrix};
 
 /// A minimum.
 #[derive(Clone, Copy, Debug)]
-pub struct Refined {
+pub struct Minimum {
     /// `sensor_from_beacon`.
     pub pose: Pose,
     /// Chi-square of all measurements.
@@ -22,7 +22,7 @@ pub struct Refined {
     pub iterations: usize,
 }
 
-impl Refined {
+impl Minimum {
     /// Covariance of the sensor's position (mm) and turn (radians) in beacon axes; `None` when the
     /// view leaves a direction open.
     #[must_use]
@@ -77,7 +77,7 @@ impl PoseView<'_> {
     /// The minimum next to `start`; `None` when an LED is behind the camera there, or numbers run
     /// away.
     #[must_use]
-    pub fn refine(&self, start: &Pose) -> Option<Refined> {
+    pub fn refine(&self, start: &Pose) -> Option<Minimum> {
         let mut pose = *start;
         let mut linear = self.linear(&pose)?;
         let mut damping = 1e-4;
@@ -104,7 +104,7 @@ impl PoseView<'_> {
             }
         }
         pose.rotation.renormalize();
-        linear.cost.is_finite().then_some(Refined {
+        linear.cost.is_finite().then_some(Minimum {
             pose,
             cost: linear.cost,
             information: linear.information,

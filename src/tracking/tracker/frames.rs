@@ -6,7 +6,7 @@ use super::DroppedReports;
 use crate::beacon::Beacon;
 use crate::report::calibration::AccelerometerCalibration;
 use crate::report::motion_plus::{GyroCalibration, MotionPlus};
-use crate::report::{Acceleration, Blob, Interleaver, Report};
+use crate::report::{Acceleration, Blob, InputReport, Interleaver};
 use crate::solve::{Gravity, MAX_SEEN};
 
 /// Reports that are the same within this time are one report that came twice.
@@ -111,16 +111,16 @@ impl Frames {
     }
 
     /// Takes a report; gives a frame when it has blobs, or completes a pair that has.
-    pub fn push(&mut self, t_ns: u64, report: &Report) -> Option<Frame> {
+    pub fn push(&mut self, t_ns: u64, report: &InputReport) -> Option<Frame> {
         let (acceleration, blobs) = match report {
-            Report::Data(data) => {
+            InputReport::Data(data) => {
                 let reading =
                     data.extension.as_ref().and_then(|extension| MotionPlus::decode(extension.bytes()));
                 let rates = reading.map(|reading| sensor_from_body(self.gyroscope.rates(&reading)));
                 self.rates = rates.or(self.rates);
                 (data.acceleration, data.blobs)
             }
-            Report::Interleaved(half) => {
+            InputReport::Interleaved(half) => {
                 let (acceleration, blobs) = self.interleaver.push(*half)?;
                 (Some(acceleration), Some(blobs))
             }

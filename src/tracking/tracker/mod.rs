@@ -133,7 +133,7 @@ impl Tracker {
     }
 
     /// Takes a report; gives a sample if it completes a picture of the camera.
-    pub fn push(&mut self, t_ns: u64, report: &super::report::Report) -> Option<TrackedSample> {
+    pub fn push(&mut self, t_ns: u64, report: &super::report::InputReport) -> Option<TrackedSample> {
         let frame = self.frames.push(t_ns, report)?;
         Some(self.take(&frame))
     }

@@ -125,12 +125,12 @@ fn hidden_leds_make_the_pose_less_certain_until_it_is_lost() {
 /// A reflection appears beside the LEDs: it is no LED, and the pose stays.
 #[test]
 fn a_stray_blob_is_left_out() {
-    use crate::report::{Blob, Report};
+    use crate::report::{Blob, InputReport};
     let mut simulation = Simulation::new(Beacon::recommended(), 4);
     simulation.hidden = vec![HiddenLed { led: 2, seconds: [1.0, 3.0] }];
     let mut reports = simulation.record(&PointingHand::before(&simulation.beacon, 1300.0, 4), 3.0);
     for SimulatedReport { t_ns, report, .. } in &mut reports {
-        if let Report::Data(data) = report
+        if let InputReport::Data(data) = report
             && let Some(slot) = data.blobs.iter_mut().flatten().find(|slot| slot.is_none())
             && *t_ns > 2_000_000_000
         {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::{LabelMap, Places};
+use super::{LabelMap, SegmentIndices};
 
 /// For every brick of a label map the places of the segments that occur in it, 0 for voxels without
 /// one.
@@ -48,10 +48,10 @@ impl BrickLabels {
         assert!(edge > 0, "a brick has at least one voxel");
         let layers = map.grid().dims()[2].div_ceil(edge);
         let layers: Vec<Layer> = match map.places() {
-            Places::Bytes(places) => {
+            SegmentIndices::Bytes(places) => {
                 (0..layers).into_par_iter().map(|c| layer(map, places, edge, c)).collect()
             }
-            Places::Words(places) => {
+            SegmentIndices::Words(places) => {
                 (0..layers).into_par_iter().map(|c| layer(map, places, edge, c)).collect()
             }
         };

@@ -61,14 +61,14 @@ impl Segment {
 /// For every voxel the place of its segment in [`LabelMap::segments`], counted from 1; 0 for none.
 /// x fastest.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Places {
+pub enum SegmentIndices {
     /// At most 255 segments.
     Bytes(Vec<u8>),
     /// More.
     Words(Vec<u16>),
 }
 
-impl Places {
+impl SegmentIndices {
     /// The place at an index of the voxels, 0 for none.
     #[must_use]
     pub fn at(&self, index: usize) -> usize {
@@ -103,7 +103,7 @@ pub struct LabelMap {
     segments: Vec<Segment>,
     /// How many voxels each segment has.
     counts: Vec<u64>,
-    places: Places,
+    places: SegmentIndices,
     hash: OnceLock<ContentHash>,
 }
 
@@ -150,14 +150,14 @@ impl LabelMap {
         for (place, segment) in (1..).zip(&segments) {
             place_of[usize::from(segment.label)] = place;
         }
-        let places = Places::of_labels(labels, &place_of, segments.len());
+        let places = SegmentIndices::of_labels(labels, &place_of, segments.len());
         let counts = segments.iter().map(|segment| counts[usize::from(segment.label)]).collect();
         Ok(Self { grid, segments, counts, places, hash: OnceLock::new() })
     }
 
     /// The map of one segment, from places that are 0 or 1 and the number of ones.
     pub(super) fn of_one(grid: Grid, places: Vec<u8>, segment: Segment, voxels: u64) -> Self {
-        let places = Places::Bytes(places);
+        let places = SegmentIndices::Bytes(places);
         Self { grid, segments: vec![segment], counts: vec![voxels], places, hash: OnceLock::new() }
     }
 
@@ -180,7 +180,7 @@ impl LabelMap {
 
     /// For every voxel the place of its segment.
     #[must_use]
-    pub fn places(&self) -> &Places {
+    pub fn places(&self) -> &SegmentIndices {
         &self.places
     }
 
@@ -200,8 +200,8 @@ impl LabelMap {
     #[must_use]
     pub fn size_bytes(&self) -> usize {
         match &self.places {
-            Places::Bytes(places) => places.len(),
-            Places::Words(places) => size_of_val(places.as_slice()),
+            SegmentIndices::Bytes(places) => places.len(),
+            SegmentIndices::Words(places) => size_of_val(places.as_slice()),
         }
     }
 
@@ -245,8 +245,10 @@ impl LabelMap {
             }
             hasher.update(format!("{:?}", self.segments));
             match &self.places {
-                Places::Bytes(places) => hasher.update(places),
-                Places::Words(places) => places.iter().for_each(|place| hasher.update(place.to_le_bytes())),
+                SegmentIndices::Bytes(places) => hasher.update(places),
+                SegmentIndices::Words(places) => {
+                    places.iter().for_each(|place| hasher.update(place.to_le_bytes()))
+                }
             }
             ContentHash(hasher.finalize().into())
         })
@@ -301,7 +303,7 @@ mod tests {
         let map = LabelMap::new(grid([3, 1, 1], 1.0, 0.0), &[0, 700, 4], vec![named, absent, twice]).unwrap();
         let found: Vec<_> = map.counted().map(|(s, n)| (s.label, s.name.as_deref(), n)).collect();
         assert_eq!(found, [(4, None, 1), (9, Some("spleen"), 0), (700, Some("liver"), 1)]);
-        assert_eq!(*map.places(), Places::Bytes(vec![0, 3, 1]));
+        assert_eq!(*map.places(), SegmentIndices::Bytes(vec![0, 3, 1]));
         assert_eq!(map.segments()[2].rgb, None, "2.0 is no share of a colour");
         assert_eq!(map.at(Point::new(1.4, 0.0, 0.0)).unwrap().label, 700);
         assert_eq!(map.at(Point::new(-0.4, 0.0, 0.0)), None);
@@ -313,7 +315,7 @@ mod tests {
     fn many_segments_take_words() {
         let labels: Vec<u16> = (0..400).collect();
         let map = LabelMap::new(grid([400, 1, 1], 1.0, 0.0), &labels, vec![]).unwrap();
-        assert_eq!(*map.places(), Places::Words(labels));
+        assert_eq!(*map.places(), SegmentIndices::Words(labels));
     }
 
     #[test]
@@ -321,7 +323,7 @@ mod tests {
         let coarse = LabelMap::new(grid([2, 1, 1], 2.0, 0.0), &[1, 2], vec![]).unwrap();
         let fine = Grid::axis_aligned([7, 1, 1], [1.0; 3], [-2.0, 0.0, 0.0]).unwrap();
         // Centres at -2 to 4: the map reaches from -1 to 3, and 1 lies between its voxels.
-        assert_eq!(*coarse.resampled(&fine).places(), Places::Bytes(vec![0, 1, 1, 2, 2, 0, 0]));
+        assert_eq!(*coarse.resampled(&fine).places(), SegmentIndices::Bytes(vec![0, 1, 1, 2, 2, 0, 0]));
         let turned = Grid::new(
             [2, 1, 1],
             relief_base::Transform::from_axes(
@@ -331,7 +333,7 @@ mod tests {
                 glam::DVec3::X * 2.0,
             ),
         );
-        assert_eq!(*coarse.resampled(&turned.unwrap()).places(), Places::Bytes(vec![2, 1]));
+        assert_eq!(*coarse.resampled(&turned.unwrap()).places(), SegmentIndices::Bytes(vec![2, 1]));
     }
 
     #[test]

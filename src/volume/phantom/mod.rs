@@ -176,7 +176,7 @@ impl PhantomRecipe {
         Some(map.expect("one label was made for each voxel of the placement"))
     }
 
-    fn assemble(&self, placement: &Placement, voxels: Vec<i16>, facts: Facts) -> Phantom {
+    fn assemble(&self, placement: &Placement, voxels: Vec<i16>, facts: PhantomFacts) -> Phantom {
         let Placement { dims, spacing_mm, origin_mm } = *placement;
         let truth = PhantomTruth {
             schema: TRUTH_SCHEMA.to_owned(),
@@ -186,7 +186,7 @@ impl PhantomRecipe {
             dims,
             spacing_mm,
             origin_mm,
-            stack_sha256: stack_sha256(&voxels).iter().map(|byte| format!("{byte:02x}")).collect(),
+            stack_sha256: data_encoding::HEXLOWER.encode(&stack_sha256(&voxels)),
             noise_sigma_hu: facts.noise_sigma_hu,
             gradient_hu_per_mm: facts.gradient_hu_per_mm,
             materials: facts.materials,
@@ -282,7 +282,7 @@ impl Placement {
 
 /// The truth of a phantom, without its voxels.
 #[derive(Debug, Default)]
-struct Facts {
+struct PhantomFacts {
     noise_sigma_hu: f64,
     gradient_hu_per_mm: Option<[f64; 3]>,
     materials: Vec<Material>,

@@ -47,7 +47,7 @@ impl Box3 {
 
 /// A shape with a signed distance.
 #[derive(Clone, Debug)]
-pub(super) enum Shape {
+pub(super) enum Solid {
     /// An ellipsoid, turned by `local_from_model`.
     Ellipsoid { center: Vec3, radii: Vec3, local_from_model: Mat3 },
     /// A capsule whose radius changes linearly from `a` to `b`; `scale` flattens it (above 1) or
@@ -61,32 +61,32 @@ pub(super) enum Shape {
 }
 
 /// An ellipsoid along the axes.
-pub(super) fn ellipsoid(center: [f32; 3], radii: [f32; 3]) -> Shape {
-    Shape::Ellipsoid { center: center.into(), radii: radii.into(), local_from_model: Mat3::IDENTITY }
+pub(super) fn ellipsoid(center: [f32; 3], radii: [f32; 3]) -> Solid {
+    Solid::Ellipsoid { center: center.into(), radii: radii.into(), local_from_model: Mat3::IDENTITY }
 }
 
 /// A ball.
-pub(super) fn ball(center: [f32; 3], radius: f32) -> Shape {
+pub(super) fn ball(center: [f32; 3], radius: f32) -> Solid {
     ellipsoid(center, [radius; 3])
 }
 
 /// A capsule from `a` to `b` with a radius at each end.
-pub(super) fn cone(a: [f32; 3], radius_a: f32, b: [f32; 3], radius_b: f32) -> Shape {
-    Shape::Cone { a: a.into(), b: b.into(), radius_a, radius_b, scale: Vec3::ONE }
+pub(super) fn cone(a: [f32; 3], radius_a: f32, b: [f32; 3], radius_b: f32) -> Solid {
+    Solid::Cone { a: a.into(), b: b.into(), radius_a, radius_b, scale: Vec3::ONE }
 }
 
 /// A rounded box along the axes.
-pub(super) fn block(center: [f32; 3], half: [f32; 3], round: f32) -> Shape {
-    Shape::Block { center: center.into(), half: half.into(), round, local_from_model: Mat3::IDENTITY }
+pub(super) fn block(center: [f32; 3], half: [f32; 3], round: f32) -> Solid {
+    Solid::Block { center: center.into(), half: half.into(), round, local_from_model: Mat3::IDENTITY }
 }
 
 /// A horseshoe of semi-axes `radii` in x and y around `center`, with legs of 10 mm, `half` wide
 /// across the wall and along z.
-pub(super) fn arch(center: [f32; 3], radii: [f32; 2], half: [f32; 2], round: f32) -> Shape {
-    Shape::Arch { center: center.into(), radii: radii.into(), leg: 10.0, half: half.into(), round }
+pub(super) fn arch(center: [f32; 3], radii: [f32; 2], half: [f32; 2], round: f32) -> Solid {
+    Solid::Arch { center: center.into(), radii: radii.into(), leg: 10.0, half: half.into(), round }
 }
 
-impl Shape {
+impl Solid {
     /// An ellipsoid or block turned about its centre: first about x (front up), then y (left up),
     /// then z (front to the left), degrees. Other shapes have no orientation of their own.
     pub(super) fn turned(mut self, about_x: f32, about_y: f32, about_z: f32) -> Self {
@@ -217,14 +217,14 @@ enum Sides {
 /// Shapes of one part: their union is blended or cut as a whole.
 #[derive(Clone, Debug)]
 struct Part {
-    shapes: Vec<(Shape, Box3)>,
+    shapes: Vec<(Solid, Box3)>,
     operation: Operation,
     blend: f32,
     sides: Sides,
 }
 
 impl Part {
-    fn distance<'a>(&self, shapes: impl Iterator<Item = &'a Shape>, p: Vec3) -> f32 {
+    fn distance<'a>(&self, shapes: impl Iterator<Item = &'a Solid>, p: Vec3) -> f32 {
         let q = if self.sides == Sides::Both { Vec3::new(p.x.abs(), p.y, p.z) } else { p };
         shapes.fold(FAR, |nearest, shape| nearest.min(shape.distance(q)))
     }
@@ -255,8 +255,8 @@ impl Field {
         Self { parts: Vec::new(), reach }
     }
 
-    fn push(&mut self, shapes: Vec<Shape>, operation: Operation, blend: f32, sides: Sides) {
-        let with_bounds = |shape: Shape| {
+    fn push(&mut self, shapes: Vec<Solid>, operation: Operation, blend: f32, sides: Sides) {
+        let with_bounds = |shape: Solid| {
             let bounds = shape.bounds();
             (shape, bounds)
         };
@@ -265,28 +265,28 @@ impl Field {
     }
 
     /// Adds a part.
-    pub(super) fn join(&mut self, blend: f32, shape: Shape) {
+    pub(super) fn join(&mut self, blend: f32, shape: Solid) {
         self.push(vec![shape], Operation::Join, blend, Sides::One);
     }
 
     /// Adds a part given on the left (x above 0) and its mirror image.
-    pub(super) fn join_both(&mut self, blend: f32, shape: Shape) {
+    pub(super) fn join_both(&mut self, blend: f32, shape: Solid) {
         self.push(vec![shape], Operation::Join, blend, Sides::Both);
     }
 
     /// Adds several shapes as one part, and its mirror image: between them there is no smoothing,
     /// hence no bulge.
-    pub(super) fn join_all_both(&mut self, blend: f32, shapes: Vec<Shape>) {
+    pub(super) fn join_all_both(&mut self, blend: f32, shapes: Vec<Solid>) {
         self.push(shapes, Operation::Join, blend, Sides::Both);
     }
 
     /// Takes a part away.
-    pub(super) fn cut(&mut self, blend: f32, shape: Shape) {
+    pub(super) fn cut(&mut self, blend: f32, shape: Solid) {
         self.push(vec![shape], Operation::Cut, blend, Sides::One);
     }
 
     /// Takes a part given on the left and its mirror image away.
-    pub(super) fn cut_both(&mut self, blend: f32, shape: Shape) {
+    pub(super) fn cut_both(&mut self, blend: f32, shape: Solid) {
         self.push(vec![shape], Operation::Cut, blend, Sides::Both);
     }
 
@@ -341,7 +341,7 @@ impl Field {
 #[derive(Clone, Debug)]
 pub(super) struct LocalField<'a> {
     parts: Vec<(&'a Part, std::ops::Range<usize>)>,
-    shapes: Vec<&'a Shape>,
+    shapes: Vec<&'a Solid>,
     everywhere: f32,
 }
 
@@ -364,7 +364,7 @@ impl LocalField<'_> {
 }
 
 /// Cones along a Catmull-Rom curve through points (x, y, z, radius), four to a span.
-fn tube(points: &[[f32; 4]]) -> Vec<Shape> {
+fn tube(points: &[[f32; 4]]) -> Vec<Solid> {
     const STEPS: usize = 4;
     let last = points.len() - 1;
     let at = |step: usize| -> [f32; 4] {

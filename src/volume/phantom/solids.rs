@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{Facts, Material, PhantomLandmark, Placement, Surface, SurfaceShape};
+use super::{Material, PhantomFacts, PhantomLandmark, Placement, Surface, SurfaceShape};
 
 const AIR_HU: f64 = -1000.0;
 const SPHERE_HU: f64 = 500.0;
@@ -32,23 +32,23 @@ const AXIS_BALL_DISTANCE_MM: f64 = 40.0;
 const SUBCOLUMNS: u32 = 16;
 
 /// Progress: called with the number of slices just finished.
-type Report<'a> = &'a (dyn Fn(usize) + Sync);
+type SliceProgress<'a> = &'a (dyn Fn(usize) + Sync);
 
-pub(super) fn sphere(placement: &Placement, report: Report<'_>) -> (Vec<i16>, Facts) {
+pub(super) fn sphere(placement: &Placement, report: SliceProgress<'_>) -> (Vec<i16>, PhantomFacts) {
     let ball = Ball { center_mm: [0.0; 3], radius_mm: SPHERE_RADIUS_MM };
     let voxels = fill(placement, report, |center| {
         AIR_HU + (SPHERE_HU - AIR_HU) * ball.covered_fraction(center, placement.spacing_mm)
     });
-    let facts = Facts {
+    let facts = PhantomFacts {
         materials: vec![material("air", AIR_HU), material("sphere", SPHERE_HU)],
         surfaces: vec![ball.surface("sphere", "sphere")],
         landmarks: ball.poles("sphere", SPHERE_HU),
-        ..Facts::default()
+        ..PhantomFacts::default()
     };
     (voxels, facts)
 }
 
-pub(super) fn slab(placement: &Placement, report: Report<'_>) -> (Vec<i16>, Facts) {
+pub(super) fn slab(placement: &Placement, report: SliceProgress<'_>) -> (Vec<i16>, PhantomFacts) {
     let half_step = placement.spacing_mm[1] / 2.0;
     let voxels = fill(placement, report, |[_, y, _]| {
         let low = (y - half_step).max(-SLAB_HALF_THICKNESS_MM);
@@ -64,21 +64,21 @@ pub(super) fn slab(placement: &Placement, report: Report<'_>) -> (Vec<i16>, Fact
             normal: [0.0, side, 0.0],
         },
     };
-    let facts = Facts {
+    let facts = PhantomFacts {
         materials: vec![material("air", AIR_HU), material("slab", SLAB_HU)],
         surfaces: vec![face("front face", -1.0), face("back face", 1.0)],
-        ..Facts::default()
+        ..PhantomFacts::default()
     };
     (voxels, facts)
 }
 
-pub(super) fn ramp(placement: &Placement, report: Report<'_>) -> (Vec<i16>, Facts) {
+pub(super) fn ramp(placement: &Placement, report: SliceProgress<'_>) -> (Vec<i16>, PhantomFacts) {
     let [gx, gy, gz] = RAMP_HU_PER_MM;
     let voxels = fill(placement, report, |[x, y, z]| gx * x + gy * y + gz * z);
-    (voxels, Facts { gradient_hu_per_mm: Some(RAMP_HU_PER_MM), ..Facts::default() })
+    (voxels, PhantomFacts { gradient_hu_per_mm: Some(RAMP_HU_PER_MM), ..PhantomFacts::default() })
 }
 
-pub(super) fn axes(placement: &Placement, report: Report<'_>) -> (Vec<i16>, Facts) {
+pub(super) fn axes(placement: &Placement, report: SliceProgress<'_>) -> (Vec<i16>, PhantomFacts) {
     let balls = AXIS_BALLS.map(|(_, axis, side, hu, radius_mm)| {
         let mut center_mm = [0.0; 3];
         center_mm[axis] = side * AXIS_BALL_DISTANCE_MM;
@@ -92,16 +92,16 @@ pub(super) fn axes(placement: &Placement, report: Report<'_>) -> (Vec<i16>, Fact
     let named = || AXIS_BALLS.iter().zip(&balls);
     let mut materials = vec![material("air", AIR_HU)];
     materials.extend(named().map(|((name, ..), (_, hu))| material(name, *hu)));
-    let facts = Facts {
+    let facts = PhantomFacts {
         materials,
         surfaces: named().map(|((name, ..), (ball, _))| ball.surface(name, name)).collect(),
-        ..Facts::default()
+        ..PhantomFacts::default()
     };
     (voxels, facts)
 }
 
 /// Voxels of `hu` at their centres (mm), slice by slice in parallel, rounded to whole HU.
-fn fill(placement: &Placement, report: Report<'_>, hu: impl Fn([f64; 3]) -> f64 + Sync) -> Vec<i16> {
+fn fill(placement: &Placement, report: SliceProgress<'_>, hu: impl Fn([f64; 3]) -> f64 + Sync) -> Vec<i16> {
     let [nx, ny, nz] = placement.dims;
     let mut voxels = vec![0i16; nx * ny * nz];
     voxels.par_chunks_mut(nx * ny).enumerate().for_each(|(k, slice)| {

@@ -17,7 +17,7 @@ use std::time::Instant;
 
 use relief_annotation::{Decimation, Grow, GrowLimits, Smoothing, surface_nets};
 use relief_base::Point;
-use relief_volume::{Grid, PhantomKind, PhantomRecipe, Places, Segment, Volume};
+use relief_volume::{Grid, PhantomKind, PhantomRecipe, Segment, SegmentIndices, Volume};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
@@ -128,7 +128,7 @@ fn measure(Input { name, volume, seed, hu }: &Input, repeat: usize) -> serde_jso
         json!({ "s": seconds, "triangles": light.triangles.len(), "manifold": light.measures().is_manifold })
     });
     let map = grown.mask.to_labels(Segment::new(1, None, None));
-    let Places::Bytes(places) = map.places() else { unreachable!("one segment") };
+    let SegmentIndices::Bytes(places) = map.places() else { unreachable!("one segment") };
     let sha256: String = Sha256::digest(places).iter().map(|byte| format!("{byte:02x}")).collect();
     json!({
         "name": name, "dims": volume.grid().dims(), "voxels": grown.voxels, "mask_sha256": sha256,

@@ -12,8 +12,8 @@ use std::hint::black_box;
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
 use relief_tracking::{
-    Beacon, EarlierPose, ErrorStateFilter, FilterKind, IdentifyHints, MotionDensity, Pinhole, PointingHand,
-    Pose, PoseView, Random, Report, Sighting, SimulatedReport, Simulation, Tracker, TrackerOptions,
+    Beacon, EarlierPose, ErrorStateFilter, FilterKind, IdentifyHints, InputReport, MotionDensity, Pinhole,
+    PointingHand, Pose, PoseView, Random, Sighting, SimulatedReport, Simulation, Tracker, TrackerOptions,
     ViewRange, identify_blobs, quantised_noise, random_sightings,
 };
 
@@ -120,7 +120,7 @@ fn reports(criterion: &mut Criterion) {
     let bytes: Vec<_> = made.iter().map(|made| made.report.encode()).collect();
     let mut at = bytes.iter().cycle();
     criterion.bench_function("report/decode", |b| {
-        b.iter(|| Report::decode(black_box(at.next().unwrap())).unwrap());
+        b.iter(|| InputReport::decode(black_box(at.next().unwrap())).unwrap());
     });
     let mut group = criterion.benchmark_group("tracker, a report");
     for (name, filter) in

@@ -40,7 +40,7 @@ pub(super) fn write(mesh: &TriangleMesh) -> Vec<u8> {
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Kind {
+enum ScalarType {
     I8,
     U8,
     I16,
@@ -51,7 +51,7 @@ enum Kind {
     F64,
 }
 
-impl Kind {
+impl ScalarType {
     fn of(word: &str) -> Option<Self> {
         Some(match word {
             "char" | "int8" => Self::I8,
@@ -70,8 +70,8 @@ impl Kind {
 struct Property {
     name: String,
     /// Of a list the kind of its length.
-    count: Option<Kind>,
-    kind: Kind,
+    count: Option<ScalarType>,
+    kind: ScalarType,
 }
 
 struct Element {
@@ -199,11 +199,11 @@ fn read_header(bytes: &[u8]) -> Result<Header, MeshFileError> {
 
 fn property(words: &[&str]) -> Option<Property> {
     let (count, kind, name) = match *words {
-        ["list", count, kind, name] => (Some(Kind::of(count)?), kind, name),
+        ["list", count, kind, name] => (Some(ScalarType::of(count)?), kind, name),
         [kind, name] => (None, kind, name),
         _ => return None,
     };
-    Some(Property { name: name.to_owned(), count, kind: Kind::of(kind)? })
+    Some(Property { name: name.to_owned(), count, kind: ScalarType::of(kind)? })
 }
 
 /// Some programs call the corners of a face `vertex_index`.
@@ -268,7 +268,7 @@ impl Values<'_> {
         MeshFileError::new(FORMAT, at, found, expected)
     }
 
-    fn number(&mut self, kind: Kind) -> Result<f64, MeshFileError> {
+    fn number(&mut self, kind: ScalarType) -> Result<f64, MeshFileError> {
         match self {
             Self::Text { words, line } => {
                 let Some((at, word)) = words.next() else {
@@ -289,7 +289,7 @@ impl Values<'_> {
     }
 
     /// The length of a list.
-    fn count(&mut self, kind: Kind) -> Result<u64, MeshFileError> {
+    fn count(&mut self, kind: ScalarType) -> Result<u64, MeshFileError> {
         let count = self.number(kind)?;
         if count >= 0.0 && count.fract() == 0.0 {
             return Ok(count as u64);
@@ -303,7 +303,7 @@ impl Values<'_> {
     }
 }
 
-fn binary(source: &mut Bytes, kind: Kind, is_big: bool) -> Result<f64, MeshFileError> {
+fn binary(source: &mut Bytes, kind: ScalarType, is_big: bool) -> Result<f64, MeshFileError> {
     macro_rules! value {
         ($type:ty) => {{
             let bytes = source.array("a value")?;
@@ -311,13 +311,13 @@ fn binary(source: &mut Bytes, kind: Kind, is_big: bool) -> Result<f64, MeshFileE
         }};
     }
     Ok(match kind {
-        Kind::I8 => value!(i8),
-        Kind::U8 => value!(u8),
-        Kind::I16 => value!(i16),
-        Kind::U16 => value!(u16),
-        Kind::I32 => value!(i32),
-        Kind::U32 => value!(u32),
-        Kind::F32 => value!(f32),
-        Kind::F64 => value!(f64),
+        ScalarType::I8 => value!(i8),
+        ScalarType::U8 => value!(u8),
+        ScalarType::I16 => value!(i16),
+        ScalarType::U16 => value!(u16),
+        ScalarType::I32 => value!(i32),
+        ScalarType::U32 => value!(u32),
+        ScalarType::F32 => value!(f32),
+        ScalarType::F64 => value!(f64),
     })
 }

@@ -1,11 +1,10 @@
-//! The report as one HTML page: no script, no other file, nothing from a network.
+//! The report as one HTML page without scripts, other files or network access.
 
-use std::fmt::Write;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::super::super::drawing::escaped;
 use super::plots;
 use super::svg::{Svg, minus};
-use relief_study::{Agreement, Comparison, ErrorSummary, Figure, Pairing, Relation};
+use relief_study::{Agreement, Comparison, ErrorSummary, Figure, Missing, Pairing, ReadingErrors, Relation};
 
 const STYLE: &str = include_str!("style.css");
 /// Most pairs of sets that have plots; the table has all.
@@ -13,88 +12,146 @@ const MOST_PLOTS: usize = 15;
 
 /// The whole page.
 pub(super) fn page(comparison: &Comparison) -> String {
-    let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>How well the readers agree</title>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n"
-    );
-    head(&mut page, comparison);
-    if comparison.all.is_some() {
-        errors(&mut page, comparison);
-        sides(&mut page, comparison);
-        landmarks(&mut page, comparison);
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                title { "Agreement between readers" }
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                main {
+                    (heading(comparison))
+                    @if comparison.all.is_some() {
+                        (set_errors(comparison))
+                        (error_directions(comparison))
+                        (landmark_errors(comparison))
+                    }
+                    @if !comparison.measures.is_empty() { (measures(comparison)) }
+                    @if !comparison.agreements.is_empty() { (correlations(comparison)) }
+                    @if !comparison.pairings.is_empty() { (limits(comparison)) }
+                    @if !comparison.missing.is_empty() { (missing(comparison)) }
+                    (notes(comparison))
+                }
+            }
+        }
     }
-    measures(&mut page, comparison);
-    agreement(&mut page, comparison);
-    limits(&mut page, comparison);
-    missing(&mut page, comparison);
-    notes(&mut page, comparison);
-    page.push_str("</main>\n</body>\n</html>\n");
-    page
+    .into_string()
 }
 
-fn head(page: &mut String, comparison: &Comparison) {
-    let sets: Vec<String> = comparison.readings.iter().map(|reading| escaped(&reading.set)).collect();
-    let from = match &comparison.truth {
-        Some(truth) => format!("Errors are told from the set {}, which counts as the truth.", escaped(truth)),
-        None => {
-            "There is no truth: errors are told from the mean of the readers, which flatters them.".to_owned()
-        }
-    };
-    let _ = writeln!(page, "<h1>How well the readers agree</h1>\n<p>{}. {from}</p>", sets.join(", "));
+/// A number in the heading of the page.
+struct Headline {
+    value: String,
+    unit: String,
+    label: &'static str,
+}
+
+fn headlines(comparison: &Comparison) -> Vec<Headline> {
+    let count = |value: usize, label| Headline { value: value.to_string(), unit: String::new(), label };
     let placed_by_all =
         comparison.landmarks.iter().filter(|landmark| landmark.placed.iter().all(Option::is_some)).count();
-    let mut figures = vec![(sets.len().to_string(), String::new(), "sets".to_owned())];
+    let mut headlines = vec![count(comparison.readings.len(), "sets")];
     if comparison.cases > 1 {
-        figures.push((comparison.cases.to_string(), String::new(), "patients".to_owned()));
+        headlines.push(count(comparison.cases, "patients"));
     }
     if !comparison.landmarks.is_empty() {
-        let of = format!(" of {}", comparison.landmarks.len());
-        figures.push((placed_by_all.to_string(), of, "landmarks placed by all".to_owned()));
+        let unit = format!(" of {}", comparison.landmarks.len());
+        headlines.push(Headline { unit, ..count(placed_by_all, "landmarks placed by all") });
     }
     if let Some(all) = &comparison.all {
-        for (value, what) in [
+        let errors = [
             (all.median_mm, "median error"),
             (all.p95_mm, "95 % of errors below"),
             (all.max_mm, "greatest error"),
-        ] {
-            figures.push((format!("{value:.2}"), " mm".to_owned(), what.to_owned()));
-        }
+        ];
+        headlines.extend(errors.map(|(mm, label)| Headline {
+            value: format!("{mm:.2}"),
+            unit: " mm".to_owned(),
+            label,
+        }));
     }
-    figures.push((comparison.missing.len().to_string(), String::new(), "missing".to_owned()));
-    page.push_str("<div class=\"figures\">\n");
-    for (value, unit, what) in figures {
-        let _ = writeln!(page, "<div><b>{value}<small>{unit}</small></b><span>{what}</span></div>");
-    }
-    page.push_str("</div>\n");
+    headlines.push(count(comparison.missing.len(), "missing"));
+    headlines
 }
 
-/// A table from its heading and its lines of cells; cells that begin with `<td` are as they are.
-fn table(page: &mut String, heading: &[&str], words: usize, lines: impl IntoIterator<Item = Vec<String>>) {
-    let class = |at: usize| if at < words { " class=\"words\"" } else { "" };
-    page.push_str("<div class=\"scroll\"><table>\n<thead><tr>");
-    for (at, name) in heading.iter().enumerate() {
-        let _ = write!(page, "<th{}>{name}</th>", class(at));
-    }
-    page.push_str("</tr></thead>\n<tbody>\n");
-    for line in lines {
-        page.push_str("<tr>");
-        for (at, cell) in line.iter().enumerate() {
-            if cell.starts_with("<td") {
-                page.push_str(cell);
-            } else {
-                let _ = write!(page, "<td{}>{cell}</td>", class(at));
+fn heading(comparison: &Comparison) -> Markup {
+    let sets: Vec<&str> = comparison.readings.iter().map(|reading| reading.set.as_str()).collect();
+    html! {
+        h1 { "Agreement between readers" }
+        p {
+            (sets.join(", ")) ". "
+            @match &comparison.truth {
+                Some(truth) => { "Errors are measured from the reference set " (truth) "." }
+                None => {
+                    "There is no reference set. Errors are measured from the mean of the readers, which makes "
+                    "them smaller than true errors."
+                }
             }
         }
-        page.push_str("</tr>\n");
+        div.figures {
+            @for Headline { value, unit, label } in headlines(comparison) {
+                div { b { (value) small { (unit) } } span { (label) } }
+            }
+        }
     }
-    page.push_str("</tbody>\n</table></div>\n");
+}
+
+/// A cell of a table.
+enum Cell {
+    Text(String),
+    Strong(String),
+    /// A value and a remark in small letters.
+    Remark(String, String),
+    /// The reason why the rest of the row is empty, over so many columns.
+    Unknown(String, usize),
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+/// A table. Its first `words` columns are text, aligned left.
+fn table(heading: &[&str], words: usize, rows: impl IntoIterator<Item = Vec<Cell>>) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr { @for (at, name) in heading.iter().enumerate() { th.words[at < words] { (name) } } }
+                }
+                tbody {
+                    @for row in rows {
+                        tr { @for (at, cell) in row.iter().enumerate() { (table_cell(cell, at < words)) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn table_cell(cell: &Cell, is_text: bool) -> Markup {
+    html! {
+        @match cell {
+            Cell::Text(text) => { td.words[is_text] { (text) } }
+            Cell::Strong(text) => { td { b { (text) } } }
+            Cell::Remark(text, remark) => { td { (text) " " small { (remark) } } }
+            Cell::Unknown(reason, columns) => { td.none colspan=(columns) { (reason) } }
+        }
+    }
+}
+
+fn cells<const N: usize>(texts: [String; N]) -> impl Iterator<Item = Cell> {
+    texts.into_iter().map(Cell::Text)
 }
 
 fn millimetres(value: f64) -> String {
     signed(value, 2)
 }
 
-/// With a real minus sign, and no sign before nothing.
+/// A number with a typographic minus sign, and without a sign if it is rounded to zero.
 fn signed(value: f64, decimals: usize) -> String {
     let shown = format!("{value:.decimals$}");
     match shown.strip_prefix('-') {
@@ -107,213 +164,242 @@ fn optional(value: Option<f64>) -> String {
     value.map_or_else(|| "\u{2013}".to_owned(), millimetres)
 }
 
-/// Count, lengths, bias and deviations of errors.
-fn summary_cells(errors: &ErrorSummary) -> Vec<String> {
-    let ErrorSummary { mean_mm, median_mm, p95_mm, max_mm, rms_mm, .. } = *errors;
-    let mut cells = vec![errors.count.to_string()];
-    cells.extend([mean_mm, median_mm, p95_mm, max_mm, rms_mm].map(millimetres));
-    cells.extend(errors.bias_mm.map(millimetres));
-    cells.extend((0..3).map(|axis| optional(errors.deviation_mm.map(|deviation| deviation[axis]))));
-    cells
+fn interval([low, high]: [f64; 2]) -> String {
+    format!("{} to {}", millimetres(low), millimetres(high))
 }
 
 const SUMMARY: [&str; 12] =
     ["n", "mean", "median", "95 %", "max", "rms", "bias L", "bias P", "bias S", "SD L", "SD P", "SD S"];
 
-fn errors(page: &mut String, comparison: &Comparison) {
-    page.push_str("<section>\n<h2>Errors of the sets</h2>\n<p>How far each landmark is from where it should be, in mm. The bar is \
-                   the median, the dashed one the 95th percentile. Bias and standard deviation are along the patient's axes: L to \
-                   the left, P to the back, S to the head.</p>\n");
-    page.push_str(&plots::by_set(comparison));
-    let line = |name: &str, errors: &Option<ErrorSummary>| {
-        let mut cells = vec![escaped(name)];
-        match errors {
-            Some(errors) => cells.extend(summary_cells(errors)),
-            None => {
-                cells.push("<td class=\"none\" colspan=\"12\">no landmark with a reference</td>".to_owned());
-            }
-        }
-        cells
-    };
-    let sets = comparison.errors.iter().map(|of| line(&of.set, &of.errors));
-    let all = (comparison.errors.len() > 1).then(|| line("all", &comparison.all));
-    let heading: Vec<&str> = ["set"].into_iter().chain(SUMMARY).collect();
-    table(page, &heading, 1, sets.chain(all));
-    page.push_str("</section>\n");
+/// The cells of [`SUMMARY`], or the reason why there are no errors.
+fn summary(errors: Option<&ErrorSummary>, unknown: &str) -> Vec<Cell> {
+    let Some(errors) = errors else { return vec![Cell::Unknown(unknown.to_owned(), SUMMARY.len())] };
+    let ErrorSummary { mean_mm, median_mm, p95_mm, max_mm, rms_mm, .. } = *errors;
+    let mut row = vec![Cell::Text(errors.count.to_string())];
+    row.extend(cells([mean_mm, median_mm, p95_mm, max_mm, rms_mm].map(millimetres)));
+    row.extend(cells(errors.bias_mm.map(millimetres)));
+    let deviation = |axis| errors.deviation_mm.map(|deviation| deviation[axis]);
+    row.extend(cells([0, 1, 2].map(|axis| optional(deviation(axis)))));
+    row
 }
 
-fn key(page: &mut String, comparison: &Comparison) {
-    page.push_str("<ul class=\"key\">");
-    for (at, reading) in comparison.readings.iter().enumerate() {
+/// A row of a table of errors.
+fn error_row(name: String, errors: Option<&ErrorSummary>, unknown: &str) -> Vec<Cell> {
+    let mut row = vec![Cell::Text(name)];
+    row.extend(summary(errors, unknown));
+    row
+}
+
+fn set_errors(comparison: &Comparison) -> Markup {
+    const UNKNOWN: &str = "no landmark with a reference";
+    let row =
+        |name: &str, errors: &Option<ErrorSummary>| error_row(name.to_owned(), errors.as_ref(), UNKNOWN);
+    let sets = comparison.errors.iter().map(|of| row(&of.set, &of.errors));
+    let all = (comparison.errors.len() > 1).then(|| row("all", &comparison.all));
+    let heading: Vec<&str> = ["set"].into_iter().chain(SUMMARY).collect();
+    html! {
+        section {
+            h2 { "Errors of the sets" }
+            p {
+                "Distance of each landmark from its reference, in mm. The bar marks the median, the dashed bar the "
+                "95th percentile. Bias and standard deviation are along the patient's axes: L to the left, P to the "
+                "back, S to the head."
+            }
+            (plots::by_set(comparison))
+            (table(&heading, 1, sets.chain(all)))
+        }
+    }
+}
+
+/// The mark of each set in the plots.
+fn legend(comparison: &Comparison) -> Markup {
+    let mark = |at: usize, set: &str| {
         let mut mark = Svg::new([14.0, 14.0]);
         mark.mark(at, [7.0, 7.0], "");
-        let _ = write!(page, "<li>{}{}</li>", mark.finish(&reading.set), escaped(&reading.set));
-    }
-    page.push_str("</ul>\n");
-}
-
-fn sides(page: &mut String, comparison: &Comparison) {
-    page.push_str("<section>\n<h2>Errors from three sides</h2>\n<p>Each mark is a landmark, zero is where it should be. Crosses are \
-                   the biases, outlines hold 95 % of a set's further errors, where it has four or more and if they are normal.</p>\n");
-    key(page, comparison);
-    page.push_str(&plots::from_three_sides(comparison));
-    let line = |of: &relief_study::ReadingErrors| {
-        let ellipsoid = of.ellipsoid?;
-        let mut cells = vec![escaped(&of.set)];
-        for (axis, direction) in ellipsoid.semi_axes_mm.iter().zip(ellipsoid.directions) {
-            let [l, p, s] = direction.map(millimetres);
-            cells.push(format!("{} <small>({l}, {p}, {s})</small>", millimetres(*axis)));
-        }
-        Some(cells)
+        mark.finish(set)
     };
-    let lines: Vec<_> = comparison.errors.iter().filter_map(line).collect();
-    if !lines.is_empty() {
-        page.push_str("<h3>Halves of the ellipsoids' axes, mm, with their directions (L, P, S)</h3>\n");
-        table(page, &["set", "longest", "middle", "shortest"], 1, lines);
+    html! {
+        ul.key {
+            @for (at, reading) in comparison.readings.iter().enumerate() {
+                li { (mark(at, &reading.set)) (reading.set) }
+            }
+        }
     }
-    page.push_str("</section>\n");
 }
 
-fn landmarks(page: &mut String, comparison: &Comparison) {
-    page.push_str("<section>\n<h2>Errors of the landmarks</h2>\n");
-    key(page, comparison);
-    let (plot, left_out) = plots::by_landmark(comparison);
-    page.push_str(&plot);
-    if left_out > 0 {
-        let _ = writeln!(
-            page,
-            "<p class=\"note\">The plot has those with the greatest mean errors; the table has {left_out} more.</p>"
-        );
-    }
-    let lines = comparison.landmarks.iter().map(|landmark| {
-        let mut cells = vec![escaped(&plots::label_of(comparison, landmark))];
-        match &landmark.errors {
-            Some(errors) => cells.extend(summary_cells(errors)),
-            None => cells.push("<td class=\"none\" colspan=\"12\">placed by one set alone</td>".to_owned()),
+fn error_directions(comparison: &Comparison) -> Markup {
+    let row = |of: &ReadingErrors| {
+        let ellipsoid = of.ellipsoid?;
+        let mut row = vec![Cell::Text(of.set.clone())];
+        for (axis, direction) in ellipsoid.semi_axes_mm.iter().zip(ellipsoid.directions) {
+            row.push(Cell::Remark(
+                millimetres(*axis),
+                format!("({})", direction.map(millimetres).join(", ")),
+            ));
         }
-        cells
+        Some(row)
+    };
+    let rows: Vec<_> = comparison.errors.iter().filter_map(row).collect();
+    html! {
+        section {
+            h2 { "Errors from three sides" }
+            p {
+                "Each mark is a landmark; its reference is at zero. Crosses mark the biases. An outline contains 95 % "
+                "of a set's further errors if these are normally distributed. It needs four errors."
+            }
+            (legend(comparison))
+            (plots::from_three_sides(comparison))
+            @if !rows.is_empty() {
+                h3 { "Semi-axes of the ellipsoids, mm, with their directions (L, P, S)" }
+                (table(&["set", "longest", "middle", "shortest"], 1, rows))
+            }
+        }
+    }
+}
+
+fn landmark_errors(comparison: &Comparison) -> Markup {
+    let (plot, left_out) = plots::by_landmark(comparison);
+    let rows = comparison.landmarks.iter().map(|landmark| {
+        let name = plots::label_of(comparison, landmark);
+        error_row(name, landmark.errors.as_ref(), "placed by one set only")
     });
     let heading: Vec<&str> = ["landmark"].into_iter().chain(SUMMARY).collect();
-    table(page, &heading, 1, lines);
-    page.push_str("</section>\n");
-}
-
-fn measures(page: &mut String, comparison: &Comparison) {
-    if comparison.measures.is_empty() {
-        return;
-    }
-    page.push_str("<section>\n<h2>Measures</h2>\n<p>Lengths, angles, areas and volumes of the other items, with the reference and \
-                   each set's difference from it.</p>\n");
-    let sets: Vec<String> = comparison.readings.iter().map(|reading| escaped(&reading.set)).collect();
-    let heading: Vec<&str> =
-        ["item", "measure", "unit", "reference"].into_iter().chain(sets.iter().map(String::as_str)).collect();
-    let lines = comparison.measures.iter().map(|row| {
-        let name = plots::label(comparison.cases > 1, row.case, &row.list, &row.name);
-        let mut cells =
-            vec![escaped(&name), row.measure.to_owned(), row.unit.to_owned(), optional(row.reference)];
-        cells.extend(row.values.iter().map(|value| match (value, row.reference) {
-            (Some(value), Some(reference)) => {
-                let plus = if value > &reference { "+" } else { "" };
-                format!("{plus}{}", millimetres(value - reference))
+    html! {
+        section {
+            h2 { "Errors of the landmarks" }
+            (legend(comparison))
+            (plot)
+            @if left_out > 0 {
+                p.note {
+                    "The plot shows the landmarks with the greatest mean errors. The table has " (left_out) " more."
+                }
             }
-            (Some(value), None) => format!("({})", millimetres(*value)),
-            (None, _) => "\u{2013}".to_owned(),
-        }));
-        cells
-    });
-    table(page, &heading, 3, lines);
-    page.push_str("</section>\n");
+            (table(&heading, 1, rows))
+        }
+    }
 }
 
-fn agreement(page: &mut String, comparison: &Comparison) {
-    if comparison.agreements.is_empty() {
-        return;
+fn measures(comparison: &Comparison) -> Markup {
+    let sets = comparison.readings.iter().map(|reading| reading.set.as_str());
+    let heading: Vec<&str> = ["item", "measure", "unit", "reference"].into_iter().chain(sets).collect();
+    let difference = |value: &Option<f64>, reference: Option<f64>| match (value, reference) {
+        (Some(value), Some(reference)) => {
+            let plus = if *value > reference { "+" } else { "" };
+            format!("{plus}{}", millimetres(value - reference))
+        }
+        (Some(value), None) => format!("({})", millimetres(*value)),
+        (None, _) => "\u{2013}".to_owned(),
+    };
+    let rows = comparison.measures.iter().map(|row| {
+        let name = plots::label(comparison.cases > 1, row.case, &row.list, &row.name);
+        let mut line: Vec<Cell> =
+            cells([name, row.measure.to_owned(), row.unit.to_owned(), optional(row.reference)]).collect();
+        line.extend(row.values.iter().map(|value| Cell::Text(difference(value, row.reference))));
+        line
+    });
+    html! {
+        section {
+            h2 { "Measures" }
+            p {
+                "Lengths, angles, areas and volumes of the other items: the reference, and the difference of each set "
+                "from it."
+            }
+            (table(&heading, 3, rows))
+        }
     }
-    page.push_str("<section>\n<h2>Intraclass correlation</h2>\n<p>ICC(2,1): two-way random effects, absolute agreement, single \
-                   rater, with its 95 % confidence interval. It weighs the readers' differences against the distances between the \
-                   landmarks, so it is close to 1 wherever these are far apart: read it beside the single rater's standard \
-                   deviation.</p>\n");
-    let line = |of: &Agreement| {
+}
+
+fn correlations(comparison: &Comparison) -> Markup {
+    let row = |of: &Agreement| {
         let who = match &of.reader {
-            Some(reader) => format!("within {}", escaped(reader)),
+            Some(reader) => format!("within {reader}"),
             None => "between readers".to_owned(),
         };
-        let mut cells = vec![who, escaped(&of.sets.join(", ")), of.quantity.to_owned()];
+        let mut row: Vec<Cell> = cells([who, of.sets.join(", "), of.quantity.to_owned()]).collect();
         match &of.icc {
-            Figure::Known(icc) => cells.extend([
-                icc.subjects.to_string(),
-                format!("<td><b>{}</b></td>", signed(icc.icc, 4)),
-                format!("{} to {}", signed(icc.ci95[0], 4), signed(icc.ci95[1], 4)),
-                format!("{} {}", millimetres(icc.single_deviation), of.unit),
+            Figure::Known(icc) => row.extend([
+                icc.subjects.to_string().into(),
+                Cell::Strong(signed(icc.icc, 4)),
+                format!("{} to {}", signed(icc.ci95[0], 4), signed(icc.ci95[1], 4)).into(),
+                format!("{} {}", millimetres(icc.single_deviation), of.unit).into(),
             ]),
-            Figure::Unknown(why) => cells.push(format!("<td class=\"none\" colspan=\"4\">{why}</td>")),
+            Figure::Unknown(why) => row.push(Cell::Unknown(why.to_string(), 4)),
         }
-        cells
+        row
     };
-    let heading = ["", "sets", "of", "n", "ICC(2,1)", "95 % interval", "single rater's SD"];
-    table(page, &heading, 3, comparison.agreements.iter().map(line));
-    page.push_str("</section>\n");
+    let heading = ["", "sets", "quantity", "n", "ICC(2,1)", "95 % interval", "single rater's SD"];
+    html! {
+        section {
+            h2 { "Intraclass correlation" }
+            p {
+                "ICC(2,1): two-way random effects, absolute agreement, single rater, with its 95 % confidence interval. "
+                "It compares the readers' differences with the distances between the landmarks, so it is close to 1 if "
+                "the landmarks are far apart. Read it together with the single rater's standard deviation."
+            }
+            (table(&heading, 3, comparison.agreements.iter().map(row)))
+        }
+    }
 }
 
-fn limits(page: &mut String, comparison: &Comparison) {
-    if comparison.pairings.is_empty() {
-        return;
+/// Two sets of the limits of agreement.
+#[derive(Clone, Copy, PartialEq)]
+struct SetPair<'a> {
+    relation: Relation,
+    first: &'a str,
+    second: &'a str,
+}
+
+impl<'a> SetPair<'a> {
+    fn of(pairing: &'a Pairing) -> Self {
+        Self { relation: pairing.relation, first: &pairing.first, second: &pairing.second }
     }
-    page.push_str("<section>\n<h2>Limits of agreement</h2>\n<p>Bland and Altman: differences over means. The line is the bias, the \
-                   dashed ones are the limits between which 95 % of the differences lie, the bands are their 95 % confidence \
-                   intervals.</p>\n");
-    let mut pairs: Vec<(Relation, &str, &str)> = Vec::new();
-    for pairing in &comparison.pairings {
-        let pair = (pairing.relation, pairing.first.as_str(), pairing.second.as_str());
+}
+
+/// The plots of a pair: coordinates side by side, other quantities three in a row.
+fn pair_plots(comparison: &Comparison, pair: SetPair<'_>) -> Markup {
+    let (points, others): (Vec<&Pairing>, Vec<&Pairing>) = comparison
+        .pairings
+        .iter()
+        .filter(|pairing| SetPair::of(pairing) == pair && !pairing.points.is_empty())
+        .partition(|pairing| matches!(pairing.quantity, "L" | "P" | "S"));
+    html! {
+        h3 { (pair.first) " minus " (pair.second) }
+        @if points.is_empty() && others.is_empty() { p.note { "These sets have no common item." } }
+        @if !points.is_empty() { (plots::limits(&points)) }
+        @for row in others.chunks(3) { (plots::limits(row)) }
+    }
+}
+
+fn limits_row(of: &Pairing) -> Vec<Cell> {
+    let mut row: Vec<Cell> =
+        cells([format!("{} \u{2212} {}", of.first, of.second), format!("{}, {}", of.quantity, of.unit)])
+            .collect();
+    match &of.limits {
+        Figure::Known(limits) => row.extend([
+            limits.count.to_string().into(),
+            Cell::Strong(millimetres(limits.bias)),
+            interval(limits.bias_ci95).into(),
+            millimetres(limits.deviation).into(),
+            interval(limits.limits).into(),
+            interval(limits.lower_ci95).into(),
+            interval(limits.upper_ci95).into(),
+        ]),
+        Figure::Unknown(why) => row.push(Cell::Unknown(why.to_string(), 7)),
+    }
+    row
+}
+
+fn limits(comparison: &Comparison) -> Markup {
+    let mut pairs: Vec<SetPair<'_>> = Vec::new();
+    for pair in comparison.pairings.iter().map(SetPair::of) {
         if !pairs.contains(&pair) {
             pairs.push(pair);
         }
     }
-    for (relation, first, second) in pairs.iter().take(MOST_PLOTS) {
-        let of = |is_point: bool| -> Vec<&Pairing> {
-            let is_of = |p: &&Pairing| {
-                (p.relation, &*p.first, &*p.second) == (*relation, *first, *second)
-                    && matches!(p.quantity, "L" | "P" | "S") == is_point
-                    && !p.points.is_empty()
-            };
-            comparison.pairings.iter().filter(is_of).collect()
-        };
-        let _ = writeln!(page, "<h3>{} less {}</h3>", escaped(first), escaped(second));
-        let (points, others) = (of(true), of(false));
-        if points.is_empty() && others.is_empty() {
-            page.push_str("<p class=\"note\">nothing in common</p>\n");
-        }
-        for pairings in [&points[..]].into_iter().chain(others.chunks(3)).filter(|of| !of.is_empty()) {
-            page.push_str(&plots::limits(pairings));
-        }
-    }
-    if pairs.len() > MOST_PLOTS {
-        let _ =
-            writeln!(page, "<p class=\"note\">{} more pairs are in the table.</p>", pairs.len() - MOST_PLOTS);
-    }
-    let line = |of: &Pairing| {
-        let mut cells = vec![
-            format!("{} \u{2212} {}", escaped(&of.first), escaped(&of.second)),
-            format!("{}, {}", of.quantity, of.unit),
-        ];
-        let between = |[low, high]: [f64; 2]| format!("{} to {}", millimetres(low), millimetres(high));
-        match &of.limits {
-            Figure::Known(limits) => cells.extend([
-                limits.count.to_string(),
-                format!("<td><b>{}</b></td>", millimetres(limits.bias)),
-                between(limits.bias_ci95),
-                millimetres(limits.deviation),
-                between(limits.limits),
-                between(limits.lower_ci95),
-                between(limits.upper_ci95),
-            ]),
-            Figure::Unknown(why) => cells.push(format!("<td class=\"none\" colspan=\"7\">{why}</td>")),
-        }
-        cells
-    };
+    let left_out = pairs.len().saturating_sub(MOST_PLOTS);
     let heading = [
         "difference",
-        "of",
+        "quantity",
         "n",
         "bias",
         "95 % interval",
@@ -322,41 +408,53 @@ fn limits(page: &mut String, comparison: &Comparison) {
         "lower limit, 95 %",
         "upper limit, 95 %",
     ];
-    table(page, &heading, 2, comparison.pairings.iter().map(line));
-    page.push_str("</section>\n");
-}
-
-fn missing(page: &mut String, comparison: &Comparison) {
-    if comparison.missing.is_empty() {
-        return;
+    html! {
+        section {
+            h2 { "Limits of agreement" }
+            p {
+                "Bland and Altman: differences over means. The line is the bias. The dashed lines are the limits between "
+                "which 95 % of the differences lie. The bands are 95 % confidence intervals."
+            }
+            @for pair in pairs.iter().take(MOST_PLOTS) { (pair_plots(comparison, *pair)) }
+            @if left_out > 0 { p.note { "The table has " (left_out) " more pairs." } }
+            (table(&heading, 2, comparison.pairings.iter().map(limits_row)))
+        }
     }
-    page.push_str("<section>\n<h2>What is missing</h2>\n");
-    let line = |of: &relief_study::Missing| {
-        let name = plots::label(comparison.cases > 1, of.case, &of.list, &of.name);
-        vec![escaped(&of.set), escaped(&name), of.why.words().to_owned()]
-    };
-    table(page, &["set", "item", "why"], 3, comparison.missing.iter().map(line));
-    page.push_str("</section>\n");
 }
 
-fn notes(page: &mut String, comparison: &Comparison) {
-    let reference = if comparison.truth.is_some() {
-        ""
-    } else {
-        " The mean of the readers has their own errors in it: of k readers without bias, errors from it are smaller than errors from \
-         the truth by the factor \u{221a}(1 \u{2212} 1/k), and a bias that all share is not seen."
+fn missing(comparison: &Comparison) -> Markup {
+    let row = |of: &Missing| {
+        let name = plots::label(comparison.cases > 1, of.case, &of.list, &of.name);
+        cells([of.set.clone(), name, of.why.words().to_owned()]).collect()
     };
-    let patients = if comparison.cases > 1 {
-        " Numbers before names count the patients, which are told apart by their frames of reference."
-    } else {
-        ""
-    };
-    let _ = writeln!(
-        page,
-        "<section>\n<h2>How this was computed</h2>\n<p class=\"note\">Items are matched by name, and by list where a set has a name in \
-         several. What a set lacks is left out of its figures and of nobody else's, except for intraclass correlations, which take \
-         what all their sets have.{reference}{patients}</p>\n<p class=\"note\">ICC(2,1): Shrout and Fleiss 1979, McGraw and Wong \
-         1996 (F method). Limits of agreement: Bland and Altman 1999. Ellipsoids: Chew 1966. Percentiles: interpolated between \
-         neighbours. Between readers, the first set of each is compared; within a reader, all of theirs.</p>\n</section>"
-    );
+    html! {
+        section {
+            h2 { "Missing items" }
+            (table(&["set", "item", "reason"], 3, comparison.missing.iter().map(row)))
+        }
+    }
+}
+
+fn notes(comparison: &Comparison) -> Markup {
+    html! {
+        section {
+            h2 { "Method" }
+            p.note {
+                "Items are matched by name, and by list if a set has a name in several lists. An item that a set lacks is "
+                "left out of that set's figures only. Intraclass correlations use the items that all their sets have."
+                @if comparison.truth.is_none() {
+                    " The mean of the readers contains their own errors. With k unbiased readers, errors from it are smaller "
+                    "than true errors by the factor \u{221a}(1 \u{2212} 1/k). A bias that all readers share stays invisible."
+                }
+                @if comparison.cases > 1 {
+                    " Numbers before names count the patients, which are distinguished by their frames of reference."
+                }
+            }
+            p.note {
+                "ICC(2,1): Shrout and Fleiss 1979, McGraw and Wong 1996 (F method). Limits of agreement: Bland and Altman "
+                "1999. Ellipsoids: Chew 1966. Percentiles: interpolated between neighbours. Between readers, the first set "
+                "of each is compared; within a reader, all sets."
+            }
+        }
+    }
 }

@@ -1,6 +1,8 @@
 //! The plots of the report: errors by set and by landmark, errors from three sides, limits of
 //! agreement.
 
+use maud::Markup;
+
 use super::svg::{Anchor, Panel, SERIES, Svg, about_zero, around, minus, shortened};
 use relief_study::{Comparison, Ellipsoid, Landmark, Pairing};
 
@@ -23,7 +25,7 @@ fn distances(comparison: &Comparison) -> impl Iterator<Item = f64> {
 }
 
 /// Lengths of the errors: a row for each set, with its median and 95th percentile.
-pub(super) fn by_set(comparison: &Comparison) -> String {
+pub(super) fn by_set(comparison: &Comparison) -> Markup {
     const ROW: f64 = 46.0;
     let sets = comparison.readings.len();
     let bottom = 16.0 + ROW * sets as f64;
@@ -55,7 +57,7 @@ pub(super) fn by_set(comparison: &Comparison) -> String {
 
 /// Lengths of the errors: a row for each landmark. Of many, those with the greatest mean error;
 /// says how many are left out.
-pub(super) fn by_landmark(comparison: &Comparison) -> (String, usize) {
+pub(super) fn by_landmark(comparison: &Comparison) -> (Markup, usize) {
     const ROW: f64 = 20.0;
     let mut shown: Vec<&Landmark> = comparison.landmarks.iter().filter(|l| l.errors.is_some()).collect();
     let all = shown.len();
@@ -103,7 +105,7 @@ fn rows(svg: &mut Svg, panel: &Panel, count: usize) {
 }
 
 /// Errors from above, from the front and from the left, with the ellipses that hold 95 % of them.
-pub(super) fn from_three_sides(comparison: &Comparison) -> String {
+pub(super) fn from_three_sides(comparison: &Comparison) -> Markup {
     const SIDE: f64 = 262.0;
     const VIEWS: [([usize; 2], &str); 3] = [([0, 1], "axial"), ([0, 2], "coronal"), ([1, 2], "sagittal")];
     let errors = |at: usize| {
@@ -172,7 +174,7 @@ fn silhouette(ellipsoid: &Ellipsoid, axes: [usize; 2]) -> Vec<[f64; 2]> {
 }
 
 /// Differences over means with bias and limits: a panel for each quantity of two sets.
-pub(super) fn limits(pairings: &[&Pairing]) -> String {
+pub(super) fn limits(pairings: &[&Pairing]) -> Markup {
     const HEIGHT: f64 = 210.0;
     let panels = pairings.len().max(1);
     let mut svg = Svg::new([WIDTH, HEIGHT + 84.0]);

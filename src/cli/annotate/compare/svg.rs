@@ -4,10 +4,9 @@
 //! Unlike `cli::drawing` it makes no PNG and needs no font of its own: a browser draws it. Lengths
 //! are CSS pixels.
 
-use std::fmt::Write;
+use maud::{Markup, html};
 
 use super::super::super::axis::{number, ticks};
-use super::super::super::drawing::escaped;
 
 /// Number of distinguishable marks and colours: the style sheet has `s0` to `s7`.
 pub(super) const SERIES: usize = 8;
@@ -15,7 +14,7 @@ pub(super) const SERIES: usize = 8;
 /// A drawing under construction.
 pub(super) struct Svg {
     size: [f64; 2],
-    body: String,
+    elements: Vec<Markup>,
 }
 
 /// Where a text lies.
@@ -38,61 +37,47 @@ pub(super) struct Panel {
 }
 
 impl Svg {
-    pub(super) fn new(size: [f64; 2]) -> Self {
-        Self { size, body: String::new() }
+    pub(super) const fn new(size: [f64; 2]) -> Self {
+        Self { size, elements: Vec::new() }
     }
 
     pub(super) fn line(&mut self, class: &str, points: &[[f64; 2]]) {
-        let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-        let _ = writeln!(self.body, "<polyline class=\"{class}\" points=\"{}\"/>", points.join(" "));
+        self.elements.push(html! { polyline class=(class) points=(joined(points)) {} });
     }
 
     pub(super) fn polygon(&mut self, class: &str, points: &[[f64; 2]]) {
-        let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-        let _ = writeln!(self.body, "<polygon class=\"{class}\" points=\"{}\"/>", points.join(" "));
+        self.elements.push(html! { polygon class=(class) points=(joined(points)) {} });
     }
 
     pub(super) fn rectangle(&mut self, class: &str, [left, top, right, bottom]: [f64; 4]) {
-        let (width, height) = ((right - left).max(0.0), (bottom - top).max(0.0));
-        let _ = writeln!(
-            self.body,
-            "<rect class=\"{class}\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\"/>"
-        );
+        let [left, top, width, height] =
+            [left, top, (right - left).max(0.0), (bottom - top).max(0.0)].map(tenths);
+        self.elements.push(html! { rect class=(class) x=(left) y=(top) width=(width) height=(height) {} });
     }
 
     /// A line of text; `[x, y]` lies on the baseline.
-    pub(super) fn text(&mut self, class: &str, [x, y]: [f64; 2], anchor: Anchor, text: &str) {
+    pub(super) fn text(&mut self, class: &str, at: [f64; 2], anchor: Anchor, text: &str) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
             Anchor::End => "end",
         };
-        let text = escaped(text);
-        let _ = writeln!(
-            self.body,
-            "<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{text}</text>"
-        );
+        let [x, y] = at.map(tenths);
+        self.elements.push(html! { text class=(class) x=(x) y=(y) text-anchor=(anchor) { (text) } });
     }
 
-    /// A mark of a series, which says `title` under the pointer. Series differ in shape and in
-    /// colour.
+    /// A mark of a series, with `title` as its tooltip. Series differ in shape and in colour.
     pub(super) fn mark(&mut self, series: usize, [x, y]: [f64; 2], title: &str) {
-        let title = escaped(title);
         let class = format!("mark s{}", series % SERIES);
-        let shape = match series % 4 {
-            0 => format!("<circle class=\"{class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.6\""),
-            1 => format!("<path class=\"{class}\" d=\"M{:.1} {:.1}l4.3 7.4h-8.6z\"", x, y - 4.9),
-            2 => format!("<path class=\"{class}\" d=\"M{:.1} {:.1}h6.4v6.4h-6.4z\"", x - 3.2, y - 3.2),
-            _ => {
-                format!("<path class=\"{class}\" d=\"M{:.1} {:.1}l4.5 4.5l-4.5 4.5l-4.5 -4.5z\"", x, y - 4.5)
-            }
+        let path = match series % 4 {
+            0 => format!("M{:.1} {y:.1}a3.6 3.6 0 1 0 7.2 0a3.6 3.6 0 1 0 -7.2 0z", x - 3.6),
+            1 => format!("M{x:.1} {:.1}l4.3 7.4h-8.6z", y - 4.9),
+            2 => format!("M{:.1} {:.1}h6.4v6.4h-6.4z", x - 3.2, y - 3.2),
+            _ => format!("M{x:.1} {:.1}l4.5 4.5l-4.5 4.5l-4.5 -4.5z", y - 4.5),
         };
-        if title.is_empty() {
-            let _ = writeln!(self.body, "{shape}/>");
-        } else {
-            let end = if series.is_multiple_of(4) { "circle" } else { "path" };
-            let _ = writeln!(self.body, "{shape}><title>{title}</title></{end}>");
-        }
+        self.elements.push(html! {
+            path class=(class) d=(path) { @if !title.is_empty() { title { (title) } } }
+        });
     }
 
     /// The background and both axes of a panel: grid, numbers, titles.
@@ -119,15 +104,26 @@ impl Svg {
         self.text("axis", [f64::midpoint(left, right), bottom + 35.0], Anchor::Middle, title);
     }
 
-    /// The element, which says `label` to those who cannot see it.
-    pub(super) fn finish(self, label: &str) -> String {
+    /// The element; `label` describes it to screen readers.
+    pub(super) fn finish(self, label: &str) -> Markup {
         let [width, height] = self.size;
-        format!(
-            "<svg viewBox=\"0 0 {width:.0} {height:.0}\" style=\"max-width:{width:.0}px\" role=\"img\" aria-label=\"{}\">\n{}</svg>\n",
-            escaped(label),
-            self.body
-        )
+        html! {
+            svg viewBox=(format!("0 0 {width:.0} {height:.0}")) style=(format!("max-width:{width:.0}px"))
+                role="img" aria-label=(label) {
+                @for element in &self.elements { (element) "\n" }
+            }
+        }
     }
+}
+
+/// Points of an outline, as SVG writes them.
+fn joined(points: &[[f64; 2]]) -> String {
+    let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+    points.join(" ")
+}
+
+fn tenths(length: f64) -> String {
+    format!("{length:.1}")
 }
 
 impl Panel {
@@ -206,7 +202,7 @@ mod tests {
         let mut svg = Svg::new([10.0, 10.0]);
         svg.text("tick", [0.0, 0.0], Anchor::Start, "<script>");
         svg.mark(1, [0.0, 0.0], "a & \"b\"");
-        let svg = svg.finish("x < y");
+        let svg = svg.finish("x < y").into_string();
         assert!(
             svg.contains("&lt;script&gt;") && svg.contains("<title>a &amp; &quot;b&quot;</title></path>"),
             "{svg}"

@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use super::Inner;
 use crate::live::job::{FrameJob, NextStep};
-use crate::live::motion::Patience;
+use crate::live::motion::Delays;
 use crate::live::viewer::Viewer;
 use relief_live::{Role, ServerMessage, SnappedPlace, StateMessage};
 
 impl Inner {
-    pub(super) fn next(&mut self, now: Instant, patience: Patience) -> NextStep {
+    pub(super) fn next(&mut self, now: Instant, patience: Delays) -> NextStep {
         if self.viewers.is_empty() {
             let end = self.idle_since + patience.linger;
             return if now >= end { NextStep::End } else { NextStep::Idle(Some(end)) };

@@ -89,6 +89,6 @@ fn arch_of(bone: &mut Field, z: f32, spine_y: f32, spine: f32) {
 }
 
 /// The ridge that carries a row of teeth.
-pub(super) fn tooth_ridge(z: f32, radii: [f32; 2], half_height: f32) -> super::super::sdf::Shape {
+pub(super) fn tooth_ridge(z: f32, radii: [f32; 2], half_height: f32) -> super::super::sdf::Solid {
     arch([0.0, super::teeth::ARCH_Y, z], radii, [5.2, half_height], 3.5)
 }

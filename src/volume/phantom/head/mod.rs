@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use super::noise::grain;
 use super::sdf::{Box3, smooth_step};
-use super::{Facts, Placement};
+use super::{PhantomFacts, Placement};
 use tissue::Anatomy;
 
 /// Width, depth and height of the volume, mm.
@@ -72,7 +72,11 @@ impl Edge {
 }
 
 /// Voxels of the head and their truth.
-pub(super) fn head(placement: &Placement, seed: u64, report: &(dyn Fn(usize) + Sync)) -> (Vec<i16>, Facts) {
+pub(super) fn head(
+    placement: &Placement,
+    seed: u64,
+    report: &(dyn Fn(usize) + Sync),
+) -> (Vec<i16>, PhantomFacts) {
     let anatomy = Anatomy::new(seed);
     let [nx, ny, nz] = placement.dims;
     let mut voxels = vec![0i16; nx * ny * nz];
@@ -80,7 +84,7 @@ pub(super) fn head(placement: &Placement, seed: u64, report: &(dyn Fn(usize) + S
         paint_slab(&anatomy, placement, n * BLOCK, slab, seed);
         report(slab.len() / (nx * ny));
     });
-    let facts = Facts {
+    let facts = PhantomFacts {
         noise_sigma_hu: f64::from(NOISE_SIGMA_HU),
         gradient_hu_per_mm: None,
         materials: landmarks::materials(),

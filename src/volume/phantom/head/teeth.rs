@@ -5,7 +5,7 @@
 
 use glam::{Mat3, Vec3};
 
-use super::super::sdf::{Field, Shape, ball, block, cone};
+use super::super::sdf::{Field, Solid, ball, block, cone};
 use super::jaw::tooth_ridge;
 
 const REACH_MM: f32 = 3.0;
@@ -42,12 +42,12 @@ const LOWER: Row = Row {
 };
 
 /// The upper jaw's ridge.
-pub(super) fn upper_ridge() -> Shape {
+pub(super) fn upper_ridge() -> Solid {
     tooth_ridge(-23.5, UPPER.radii, 8.0)
 }
 
 /// The lower jaw's ridge.
-pub(super) fn lower_ridge() -> Shape {
+pub(super) fn lower_ridge() -> Solid {
     tooth_ridge(-57.5, LOWER.radii, 8.5)
 }
 

@@ -6,7 +6,7 @@
 //! of `vtkPiecewiseFunction` and `vtkColorTransferFunction`; a test compares with both.
 
 use super::TransferImportError;
-use super::space::{ColorSpace, Way};
+use super::space::{ColorSpace, NodeFraction};
 
 /// One value, or red, green and blue.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub(super) struct Node<const N: usize> {
 
 /// What to make of two nodes at one place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Twins {
+pub(super) enum CoincidentNodes {
     /// The later one replaces the earlier: functions that are filled point by point.
     Replace,
     /// Both stay, the later one a little to the right: a step.
@@ -57,7 +57,7 @@ impl<const N: usize> Curve<N> {
     /// When there are no points or too many, or a number is out of range.
     pub(super) fn new(
         mut nodes: Vec<Node<N>>,
-        twins: Twins,
+        twins: CoincidentNodes,
         what: &str,
     ) -> Result<Self, TransferImportError> {
         if nodes.is_empty() || nodes.len() > Self::MAX_NODES {
@@ -83,14 +83,14 @@ impl<const N: usize> Curve<N> {
         }
         nodes.sort_by(|a, b| a.x.total_cmp(&b.x)); // stable: twins keep their order
         match twins {
-            Twins::Replace => nodes.dedup_by(|later, kept| {
+            CoincidentNodes::Replace => nodes.dedup_by(|later, kept| {
                 let same = later.x == kept.x;
                 if same {
                     *kept = *later;
                 }
                 same
             }),
-            Twins::Step => {
+            CoincidentNodes::Step => {
                 for i in 1..nodes.len() {
                     nodes[i].x = nodes[i].x.max(nodes[i - 1].x + TWIN_GAP);
                 }
@@ -137,7 +137,7 @@ impl Curve<1> {
     pub(super) fn at(&self, x: f64) -> f64 {
         match self.around(x) {
             (Some(low), Some(high)) => {
-                let way = Way::new(share(low, high.x, x), low.sharpness);
+                let way = NodeFraction::new(share(low, high.x, x), low.sharpness);
                 way.between(low.value[0], high.value[0]).clamp(0.0, 1.0)
             }
             (Some(end), None) | (None, Some(end)) => end.value[0],
@@ -151,7 +151,7 @@ impl Curve<3> {
         match self.around(x) {
             (Some(low), _) if low.x == x => low.value,
             (Some(low), Some(high)) => {
-                let way = Way::new(share(low, high.x, x), low.sharpness);
+                let way = NodeFraction::new(share(low, high.x, x), low.sharpness);
                 space.between(way, low.value, high.value).map(|channel| channel.clamp(0.0, 1.0))
             }
             (Some(end), None) | (None, Some(end)) => end.value,
@@ -176,7 +176,7 @@ pub(super) fn is_line<const N: usize>(node: &Node<N>) -> bool {
     node.sharpness < STRAIGHT && node.midpoint == 0.5
 }
 
-impl Way {
+impl NodeFraction {
     /// A way of which `share` is done, bent by `sharpness`.
     fn new(share: f64, sharpness: f64) -> Self {
         if sharpness > STEP {
@@ -226,7 +226,7 @@ mod tests {
             Node { x: 0.0, value: [0.2], midpoint, sharpness },
             Node { x: 10.0, value: [0.8], midpoint: 0.5, sharpness: 0.0 },
         ];
-        Curve::new(nodes, Twins::Step, "a test").unwrap()
+        Curve::new(nodes, CoincidentNodes::Step, "a test").unwrap()
     }
 
     #[test]
@@ -250,15 +250,16 @@ mod tests {
     fn values_stay_beyond_the_ends_and_twins_are_a_step_or_one() {
         assert_eq!([bend(0.5, 0.0).at(-5.0), bend(0.5, 0.0).at(50.0)], [0.2, 0.8]);
         let nodes = [(0.0, 0.0), (5.0, 0.1), (5.0, 0.9), (9.0, 1.0)].map(|(x, y)| Node::plain(x, [y]));
-        let step = Curve::new(nodes.to_vec(), Twins::Step, "a test").unwrap();
+        let step = Curve::new(nodes.to_vec(), CoincidentNodes::Step, "a test").unwrap();
         assert!((step.at(5.0) - 0.1).abs() < 1e-9 && (step.at(5.0 + TWIN_GAP) - 0.9).abs() < 1e-6);
-        let replaced = Curve::new(nodes.to_vec(), Twins::Replace, "a test").unwrap();
+        let replaced = Curve::new(nodes.to_vec(), CoincidentNodes::Replace, "a test").unwrap();
         assert_eq!((replaced.nodes().len(), replaced.at(5.0)), (3, 0.9));
     }
 
     #[test]
     fn what_is_out_of_range_is_named() {
-        let refused = |node: Node<1>| Curve::new(vec![node], Twins::Step, "opacity").unwrap_err().to_string();
+        let refused =
+            |node: Node<1>| Curve::new(vec![node], CoincidentNodes::Step, "opacity").unwrap_err().to_string();
         let plain = Node::plain(0.0, [0.5]);
         for (node, part) in [
             (Node { x: 1e9, ..plain }, "opacity: point 0: x is 1000000000"),
@@ -268,7 +269,7 @@ mod tests {
         ] {
             assert!(refused(node).contains(part), "{}", refused(node));
         }
-        let none = Curve::<1>::new(vec![], Twins::Step, "opacity").unwrap_err().to_string();
+        let none = Curve::<1>::new(vec![], CoincidentNodes::Step, "opacity").unwrap_err().to_string();
         assert!(none.contains("number of points is 0, allowed: 1 to 4096"), "{none}");
     }
 }

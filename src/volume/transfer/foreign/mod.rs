@@ -127,7 +127,7 @@ struct Draft {
 }
 
 /// A function that has been found and not yet been read: of a file of many, only one is.
-type Found<'a> = (Option<String>, Box<dyn Fn() -> Result<Draft, TransferImportError> + 'a>);
+type FoundFunction<'a> = (Option<String>, Box<dyn Fn() -> Result<Draft, TransferImportError> + 'a>);
 
 /// Reads the transfer function in a file's bytes, whatever their format.
 ///
@@ -160,7 +160,7 @@ pub fn import_transfer(
 
 /// The one that is wanted, or the only one.
 fn choose(
-    found: &[Found<'_>],
+    found: &[FoundFunction<'_>],
     choice: &TransferImportChoice<'_>,
 ) -> Result<ImportedTransfer, TransferImportError> {
     let names = || {
@@ -172,7 +172,7 @@ fn choose(
         (None, []) => return Err(TransferImportError::Unknown),
         (None, several) => return Err(TransferImportError::Several { count: several.len(), names: names() }),
         (Some(wanted), all) => {
-            let same = |(name, _): &&Found<'_>| name.as_deref() == Some(wanted);
+            let same = |(name, _): &&FoundFunction<'_>| name.as_deref() == Some(wanted);
             let missing = || TransferImportError::NoSuchName { wanted: wanted.to_owned(), names: names() };
             &all.iter().find(same).ok_or_else(missing)?.1
         }

@@ -7,15 +7,15 @@
 
 use serde_json::Value;
 
-use super::curve::{Curve, Node, Twins};
+use super::curve::{CoincidentNodes, Curve, Node};
 use super::slicer::shortened;
 use super::space::ColorSpace;
-use super::{Draft, Found, TransferImportError};
+use super::{Draft, FoundFunction, TransferImportError};
 
 /// Most maps of a file that are looked at.
 const MAX_MAPS: usize = 4096;
 
-pub(super) fn color_maps(json: &Value) -> Result<Vec<Found<'_>>, TransferImportError> {
+pub(super) fn color_maps(json: &Value) -> Result<Vec<FoundFunction<'_>>, TransferImportError> {
     let maps = match json {
         Value::Array(maps) => maps.as_slice(),
         one => std::slice::from_ref(one),
@@ -30,7 +30,7 @@ pub(super) fn color_maps(json: &Value) -> Result<Vec<Found<'_>>, TransferImportE
     Ok(maps.iter().map(found).collect())
 }
 
-fn found(map: &Value) -> Found<'_> {
+fn found(map: &Value) -> FoundFunction<'_> {
     (map["Name"].as_str().map(str::to_owned), Box::new(|| draft(map)))
 }
 
@@ -41,12 +41,12 @@ fn draft(map: &Value) -> Result<Draft, TransferImportError> {
         .ok_or_else(|| TransferImportError::syntax(name, &"no RGBPoints; maps of categories are not read"))?;
     let place = format!("{name}: RGBPoints");
     let node = |p: &[f64]| Node::plain(p[0], [p[1], p[2], p[3]]);
-    let color = Curve::new(groups_of_four(&rgb, &place)?.map(node).collect(), Twins::Step, &place)?;
+    let color = Curve::new(groups_of_four(&rgb, &place)?.map(node).collect(), CoincidentNodes::Step, &place)?;
     let opacity = match numbers(map, "Points", name)? {
         Some(points) => {
             let place = format!("{name}: Points");
             let node = |p: &[f64]| Node { x: p[0], value: [p[1]], midpoint: p[2], sharpness: p[3] };
-            Curve::new(groups_of_four(&points, &place)?.map(node).collect(), Twins::Step, &place)?
+            Curve::new(groups_of_four(&points, &place)?.map(node).collect(), CoincidentNodes::Step, &place)?
         }
         None => ramp(&color, &place)?,
     };
@@ -72,7 +72,7 @@ fn draft(map: &Value) -> Result<Draft, TransferImportError> {
 fn ramp(color: &Curve<3>, place: &str) -> Result<Curve<1>, TransferImportError> {
     let [first, last] = color.ends();
     let ends = [(first, 0.0), (last, 1.0)];
-    Curve::new(ends.map(|(x, opacity)| Node::plain(x, [opacity])).to_vec(), Twins::Replace, place)
+    Curve::new(ends.map(|(x, opacity)| Node::plain(x, [opacity])).to_vec(), CoincidentNodes::Replace, place)
 }
 
 fn space_of(map: &Value, name: &str) -> Result<ColorSpace, TransferImportError> {

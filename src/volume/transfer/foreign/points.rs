@@ -139,7 +139,7 @@ impl<'a> Joint<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::curve::{Node, Twins};
+    use super::super::curve::{CoincidentNodes, Node};
     use super::*;
 
     fn curve<const N: usize>(nodes: &[(f64, [f64; N], f64, f64)]) -> Curve<N> {
@@ -149,7 +149,7 @@ mod tests {
             midpoint,
             sharpness,
         };
-        Curve::new(nodes.iter().map(node).collect(), Twins::Step, "a test").unwrap()
+        Curve::new(nodes.iter().map(node).collect(), CoincidentNodes::Step, "a test").unwrap()
     }
 
     #[test]

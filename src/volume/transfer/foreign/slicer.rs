@@ -8,9 +8,9 @@
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-use super::curve::{Curve, Node, Twins};
+use super::curve::{CoincidentNodes, Curve, Node};
 use super::space::ColorSpace;
-use super::{Draft, Found, TransferImportError, light};
+use super::{Draft, FoundFunction, TransferImportError, light};
 
 /// Most elements of a file that are looked at.
 const MAX_PROPERTIES: usize = 4096;
@@ -30,10 +30,10 @@ struct Property {
 }
 
 /// All properties of a file.
-pub(super) fn properties_in_xml(bytes: &[u8]) -> Result<Vec<Found<'_>>, TransferImportError> {
+pub(super) fn properties_in_xml(bytes: &[u8]) -> Result<Vec<FoundFunction<'_>>, TransferImportError> {
     let text = std::str::from_utf8(bytes).map_err(|error| TransferImportError::syntax("XML", &error))?;
     let mut reader = Reader::from_str(text);
-    let mut found: Vec<Found<'_>> = Vec::new();
+    let mut found: Vec<FoundFunction<'_>> = Vec::new();
     loop {
         let place = format!("XML, byte {}", reader.buffer_position());
         match reader.read_event().map_err(|error| TransferImportError::syntax(&place, &error))? {
@@ -163,7 +163,7 @@ fn curve<const N: usize>(text: &str, what: &str) -> Result<Curve<N>, TransferImp
         ));
     }
     let node = |point: &[f64]| Node::plain(point[0], std::array::from_fn(|c| point[1 + c]));
-    Curve::new(values.chunks_exact(N + 1).map(node).collect(), Twins::Step, what)
+    Curve::new(values.chunks_exact(N + 1).map(node).collect(), CoincidentNodes::Step, what)
 }
 
 /// As much of a text as an error needs.

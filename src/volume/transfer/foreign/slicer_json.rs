@@ -6,19 +6,19 @@
 
 use serde_json::Value;
 
-use super::curve::{Curve, Node, Twins};
+use super::curve::{CoincidentNodes, Curve, Node};
 use super::space::ColorSpace;
-use super::{Draft, Found, TransferImportError, light};
+use super::{Draft, FoundFunction, TransferImportError, light};
 
 const PROPERTIES: &str = "volumeProperties";
 
-pub(super) fn properties(json: &Value) -> Result<Vec<Found<'_>>, TransferImportError> {
+pub(super) fn properties(json: &Value) -> Result<Vec<FoundFunction<'_>>, TransferImportError> {
     let listed = json[PROPERTIES].as_array();
     let listed = listed.ok_or_else(|| TransferImportError::syntax(PROPERTIES, &"not a list"))?;
     Ok(listed.iter().enumerate().map(found).collect())
 }
 
-fn found((i, property): (usize, &Value)) -> Found<'_> {
+fn found((i, property): (usize, &Value)) -> FoundFunction<'_> {
     (name_of(property), Box::new(move || draft(property, &format!("{PROPERTIES}[{i}]"))))
 }
 
@@ -51,7 +51,11 @@ fn draft(property: &Value, place: &str) -> Result<Draft, TransferImportError> {
                 midpoint,
                 sharpness,
             };
-            Curve::new(grey.nodes().iter().map(rgb).collect(), Twins::Replace, &at("grayTransferFunction"))?
+            Curve::new(
+                grey.nodes().iter().map(rgb).collect(),
+                CoincidentNodes::Replace,
+                &at("grayTransferFunction"),
+            )?
         }
         rgb => curve(rgb, "color", &at("rgbTransferFunction"))?,
     };
@@ -113,5 +117,9 @@ fn curve<const N: usize>(json: &Value, key: &str, place: &str) -> Result<Curve<N
         Ok(Node { x, value, midpoint, sharpness })
     };
     // Slicer fills its functions point by point, so the last of several at one place counts.
-    Curve::new(points.iter().enumerate().map(node).collect::<Result<_, _>>()?, Twins::Replace, place)
+    Curve::new(
+        points.iter().enumerate().map(node).collect::<Result<_, _>>()?,
+        CoincidentNodes::Replace,
+        place,
+    )
 }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 
 /// How much of the way between two nodes is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Way {
+pub(super) enum NodeFraction {
     /// A straight line, this share done.
     Line(f64),
     /// A step, before or after it.
@@ -46,9 +46,9 @@ pub(super) enum ColorSpace {
 
 impl ColorSpace {
     /// The colour between two.
-    pub(super) fn between(self, way: Way, low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
+    pub(super) fn between(self, way: NodeFraction, low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
         let mix = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| way.between(a[c], b[c]));
-        if let Way::Step { is_over } = way {
+        if let NodeFraction::Step { is_over } = way {
             return if is_over { high } else { low };
         }
         match self {
@@ -145,7 +145,7 @@ const HAS_HUE: f64 = 0.05;
 /// Magnitude of the white between two hues, at least.
 const WHITE_BETWEEN: f64 = 88.0;
 
-fn diverging(way: Way, low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
+fn diverging(way: NodeFraction, low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
     let (mut a, mut b) = (msh_of(low), msh_of(high));
     let mut way = way;
     let apart = (a[2] - b[2]).rem_euclid(2.0 * PI);
@@ -174,7 +174,7 @@ fn hue_towards([m, s, h]: [f64; 3], magnitude: f64) -> f64 {
     if h > -0.3 * PI { h + turn } else { h - turn }
 }
 
-impl Way {
+impl NodeFraction {
     /// Which half of the way this is in, and the way within that half.
     fn half(self) -> (bool, Self) {
         let split = |s: f64| if s < 0.5 { (true, 2.0 * s) } else { (false, 2.0 * s - 1.0) };
@@ -222,7 +222,7 @@ mod tests {
         for space in [Rgb, Hsv { wraps: true }, Hsv { wraps: false }, Lab, Diverging] {
             for (low, high) in COLORS.into_iter().zip(COLORS.into_iter().cycle().skip(1)) {
                 for (share, end) in [(0.0, low), (1.0, high)] {
-                    let found = space.between(Way::Line(share), low, high);
+                    let found = space.between(NodeFraction::Line(share), low, high);
                     let far = found.iter().zip(end).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                     assert!(far < 1e-3, "{space:?} {low:?} {high:?}: {found:?}");
                 }
@@ -232,12 +232,12 @@ mod tests {
 
     #[test]
     fn a_diverging_way_passes_white_and_hsv_the_shorter_way_round() {
-        let cool_warm = ColorSpace::Diverging.between(Way::Line(0.5), COLORS[2], COLORS[3]);
+        let cool_warm = ColorSpace::Diverging.between(NodeFraction::Line(0.5), COLORS[2], COLORS[3]);
         assert!(cool_warm.iter().all(|channel| (channel - 0.865).abs() < 0.01), "{cool_warm:?}");
         let [magenta, orange] = [[1.0, 0.0, 0.5], [1.0, 0.5, 0.0]];
-        let short = ColorSpace::Hsv { wraps: true }.between(Way::Line(0.5), magenta, orange);
+        let short = ColorSpace::Hsv { wraps: true }.between(NodeFraction::Line(0.5), magenta, orange);
         assert!(short[1] < 1e-9 && short[2] < 1e-9, "red lies between: {short:?}");
-        let long = ColorSpace::Hsv { wraps: false }.between(Way::Line(0.5), magenta, orange);
+        let long = ColorSpace::Hsv { wraps: false }.between(NodeFraction::Line(0.5), magenta, orange);
         assert!(long[1] > 0.9, "{long:?}");
     }
 }

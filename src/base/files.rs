@@ -1,7 +1,10 @@
-//! Files that appear whole or not at all.
+//! Files: written whole or not at all, read within a limit, identified by their SHA-256.
 
 use std::io::{Read, Write};
 use std::path::Path;
+
+use data_encoding::HEXLOWER;
+use sha2::{Digest, Sha256};
 
 /// Writes a file so that it appears whole or not at all: a temporary beside it, synced, then
 /// renamed.
@@ -34,11 +37,32 @@ pub fn shared_temporary() -> tempfile::Builder<'static, 'static> {
 ///
 /// # Errors
 /// When the file system refuses.
-pub(super) fn read_at_most(path: &Path, largest: u64) -> std::io::Result<Option<Vec<u8>>> {
+pub fn read_at_most(path: &Path, largest: u64) -> std::io::Result<Option<Vec<u8>>> {
     if !std::fs::metadata(path)?.is_file() {
         return Ok(None); // a device or a pipe may have no end
     }
     let mut bytes = Vec::new();
     std::fs::File::open(path)?.take(largest.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 <= largest).then_some(bytes))
+}
+
+/// SHA-256 of bytes, as 64 lower-case hexadecimal digits.
+#[must_use]
+pub fn sha256_of(bytes: &[u8]) -> String {
+    HEXLOWER.encode(&Sha256::digest(bytes))
+}
+
+/// SHA-256 of a file's content, as 64 lower-case hexadecimal digits.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn sha256_of_file(path: &Path) -> std::io::Result<String> {
+    let mut file = std::fs::File::open(path)?;
+    let (mut hasher, mut part) = (Sha256::new(), vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut part)? {
+            0 => return Ok(HEXLOWER.encode(&hasher.finalize())),
+            read => hasher.update(&part[..read]),
+        }
+    }
 }
