@@ -40,7 +40,7 @@ fn readable(report: &FrameReport) -> String {
     let mut line = |name: &str, value: std::fmt::Arguments<'_>| {
         let _ = writeln!(text, "{name:<9} {value}"); // a String takes everything
     };
-    line("layout", format_args!("{} ({})", report.layout, description(report.layout)));
+    line("layout", format_args!("{} ({})", report.layout, report.layout.info().summary));
     line("frame", format_args!("{width}x{height}"));
     line("header", format_args!("{}", report.header_hex.as_deref().unwrap_or("none")));
     if let (Some(factor), Some(offset), Some(select)) = (report.factor, report.offset, report.select) {
@@ -78,24 +78,6 @@ fn readable(report: &FrameReport) -> String {
     }
     line("problems", format_args!("{}", problems(report)));
     text
-}
-
-const fn description(layout: Layout) -> &'static str {
-    match layout {
-        Layout::Wowvx => "picture and depth side by side on the even lines, odd lines black",
-        Layout::WowvxFullHeight | Layout::Wowvx4k => "picture and depth side by side on all lines",
-        Layout::Declipse => "quadrants: picture and depth above, what lies behind and its depth below",
-        Layout::DeclipseLines => {
-            "picture and depth on the even lines, what lies behind and its depth on the odd ones"
-        }
-        Layout::Rgbd => "picture and depth side by side, no header: WoWvx displays show it as plain 2D",
-        Layout::Stereo => "two views beside each other, for parallel viewing and stereo displays",
-        Layout::Views(_) => "a quilt of views",
-        Layout::Anaglyph => "two views in one picture, for red-cyan glasses",
-        Layout::Wiggle => "views one after the other, an animation",
-        Layout::Color => "a plain picture, or no layout that is known",
-        Layout::Depth16 => "depth alone in 16 bits, nearest brightest",
-    }
 }
 
 fn problems(report: &FrameReport) -> String {

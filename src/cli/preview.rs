@@ -19,9 +19,9 @@ const USUAL_OFFSET: u8 = 128;
 /// Show the views that a 2D-plus-depth display synthesises from a frame: side by side, as an
 /// anaglyph or as a wiggle.
 ///
-/// The frame may be any that `relief inspect` knows with depth: wowvx, wowvx-full-height, wowvx-4k,
-/// declipse, declipse-lines or rgbd, whatever program wrote it. A file of views (stereo, views-N,
-/// wiggle) becomes another layout of as many views, or of its outermost two.
+/// The frame may have any layout with picture and disparity, and may come from any program. A file
+/// of views (stereo, views-N, wiggle) becomes another layout of the same number of views, or of its
+/// outermost two.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:

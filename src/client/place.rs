@@ -1,6 +1,6 @@
 //! Where the picture lies in a frame of a layout.
 
-use relief_display::Layout;
+use relief_display::{FrameContent, Layout};
 
 /// The part of a frame that shows colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,15 +17,15 @@ impl PicturePlace {
     /// In frames of this size.
     pub(super) fn of(layout: Layout, frame_px: [u32; 2]) -> Self {
         let [width, height] = frame_px.map(|side| side as usize);
-        let columns = match layout {
-            Layout::Color => width,
-            Layout::Depth16 => 0, // depth alone
-            _ => width / 2,
-        };
-        let step = if matches!(layout, Layout::Wowvx | Layout::DeclipseLines) { 2 } else { 1 };
-        // The picture is the upper half of quadrants.
-        let rows = if layout == Layout::Declipse { height / 2 } else { height / step };
-        Self { columns, rows, step }
+        match layout.info().content {
+            FrameContent::Disparity(placement) => {
+                let [columns, rows] = placement.picture_px(frame_px).map(|side| side as usize);
+                Self { columns, rows, step: placement.line_step as usize }
+            }
+            FrameContent::Picture => Self { columns: width, rows: height, step: 1 },
+            FrameContent::Depth => Self { columns: 0, rows: height, step: 1 },
+            FrameContent::Views => Self { columns: width / 2, rows: height, step: 1 },
+        }
     }
 
     /// The pixel of the picture at a place of the frame, u right and v down; `None` beside the

@@ -16,7 +16,7 @@ use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
 
 use super::encode::written_layout;
 use super::header::{ContentType, ExtendedPart, HeaderPart, HeaderProblem, HeaderReading};
-use super::layout::{Frame, Layout, LayoutError, Pixels, depth_problems, odd_and_even_lines};
+use super::layout::{Frame, Layout, LayoutError, Pixels, Placement, depth_problems, odd_and_even_lines};
 use super::problem::FrameProblem;
 
 /// The largest width and height of a picture that is opened.
@@ -296,7 +296,8 @@ fn is_gray(samples: &[u8]) -> bool {
 }
 
 fn disparity_extent(layout: Layout, width: usize, samples: &[u8]) -> DepthExtent {
-    let lines = samples.chunks_exact(3 * width).step_by(layout.line_step());
+    let black = layout.placement().is_some_and(Placement::has_black_lines);
+    let lines = samples.chunks_exact(3 * width).step_by(if black { 2 } else { 1 });
     DepthExtent::of(lines.flat_map(|line| line[3 * (width / 2)..].iter().step_by(3).map(|&d| u16::from(d))))
 }
 

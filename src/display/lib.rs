@@ -32,8 +32,8 @@ pub use inspect::{
     inspect_png, read_png,
 };
 pub use layout::{
-    DecodedDepth, DecodedFrame, DecodedLayer, DisparityLayer, Frame, FrameEncoder, Layout, LayoutError,
-    Picture, Pixels, UnknownLayout,
+    BackStart, DecodedDepth, DecodedFrame, DecodedLayer, DisparityLayer, Frame, FrameContent, FrameEncoder,
+    Layout, LayoutError, LayoutInfo, Picture, Pixels, Placement, UnknownLayout,
 };
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};

@@ -138,22 +138,15 @@ impl DepthFormat {
 }
 
 impl LiveLayout {
-    /// All of them; the byte in the header is the place in this list.
-    pub const ALL: [Self; 8] = [
-        Self::None,
-        Self::Of(Layout::Wowvx),
-        Self::Of(Layout::WowvxFullHeight),
-        Self::Of(Layout::Wowvx4k),
-        Self::Of(Layout::Declipse),
-        Self::Of(Layout::DeclipseLines),
-        Self::Of(Layout::Rgbd),
-        Self::Of(Layout::Color),
-    ];
+    /// `None`, and the layouts with a number in live frames, in the order of their numbers.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..=u8::MAX).map_while(Self::from_byte)
+    }
 
-    /// What becomes of a layout: one that is no picture with disparity is `None`.
+    /// The live layout of a layout: `None` for one that is not composed by clients.
     #[must_use]
     pub fn of(layout: Layout) -> Self {
-        if Self::ALL.contains(&Self::Of(layout)) { Self::Of(layout) } else { Self::None }
+        layout.info().live_byte.map_or(Self::None, |_| Self::Of(layout))
     }
 
     /// The name in documents: the layout's, or `none`.
@@ -167,14 +160,19 @@ impl LiveLayout {
 
     /// The byte in the header.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "a place in a list of eight")]
     pub fn byte(self) -> u8 {
-        Self::ALL.iter().position(|layout| *layout == self).unwrap_or(0) as u8
+        match self {
+            Self::None => 0,
+            Self::Of(layout) => layout.info().live_byte.unwrap_or(0),
+        }
     }
 
     /// The layout of a byte.
     #[must_use]
     pub fn from_byte(byte: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(byte)).copied()
+        if byte == 0 {
+            return Some(Self::None);
+        }
+        Layout::ALL.into_iter().find(|layout| layout.info().live_byte == Some(byte)).map(Self::Of)
     }
 }

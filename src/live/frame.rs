@@ -214,11 +214,8 @@ impl ReceivedFrame {
 /// A display whose frame holds pictures of this size in this layout. Its curve is of no use: D is
 /// known.
 fn profile_of(layout: Layout, [width, height]: [u32; 2]) -> Result<DisplayProfile, ProfileError> {
-    let frame_px = match layout {
-        Layout::Wowvx | Layout::Declipse | Layout::DeclipseLines => [2 * width, 2 * height],
-        Layout::WowvxFullHeight | Layout::Wowvx4k | Layout::Rgbd => [2 * width, height],
-        _ => [width, height],
-    };
+    let picture_px = [width, height];
+    let frame_px = layout.placement().map_or(picture_px, |placement| placement.frame_px(picture_px));
     // The layouts `rgbd` and `color` accept any size.
     let frame_px =
         if layout.has_header() { frame_px } else { frame_px.map(|side| side.min(MAX_FRAME_SIDE_PX)) };

@@ -2,13 +2,14 @@
 //!
 //! It defines the header of binary frames, the codecs of colour and depth, the messages, and how a
 //! client composes the frame of its display. Sockets, pacing and sessions are in `server` and
-//! `client`. `docs/LIVE.md` describes the protocol byte by byte, [`PROTOCOL`] describes it for
+//! `client`. `docs/LIVE.md` describes the protocol byte by byte, [`protocol`] describes it for
 //! programs.
 //!
 //! Depth is D (8 bits, 255 nearest) or Z (16 bits, 65535 nearest) of the display's settings;
 //! lengths in mm, patient space.
 
 mod codec;
+mod describe;
 mod format;
 mod frame;
 mod header;
@@ -16,6 +17,7 @@ mod interaction;
 mod messages;
 
 pub use codec::{CodecError, decode_color, decode_d8, decode_z16, encode_color, encode_d8, encode_z16};
+pub use describe::{layouts_script, protocol};
 pub use format::{ColorFormat, DepthFormat, LiveLayout};
 pub use frame::{
     ComposeError, EncodedColor, EncodedDepth, MAX_PIXELS, Parts, ReceiveError, ReceivedDepth, ReceivedFrame,
@@ -40,6 +42,3 @@ pub const SUBPROTOCOL: &str = "relief.v1";
 
 /// Frames that a client may have unacknowledged.
 pub const MAX_IN_FLIGHT: usize = 2;
-
-/// The protocol for programs: header, formats, close codes, and JSON Schemas of all messages.
-pub const PROTOCOL: &str = include_str!("protocol.json");

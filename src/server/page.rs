@@ -1,4 +1,4 @@
-//! The page at `/`: files built into the program, so that it loads nothing from anywhere else.
+//! The pages: files built into the program, so that a page loads nothing from another host.
 
 use data_encoding::HEXLOWER;
 use std::sync::LazyLock;
@@ -7,6 +7,7 @@ use axum::Router;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use relief_live::layouts_script;
 use sha2::{Digest, Sha256};
 
 use super::negotiate::knows_tag;
@@ -93,15 +94,17 @@ const FILES: [(&str, &str, &str); 66] = [
 
 /// Routes of all files.
 pub(super) fn routes() -> Router<AppState> {
-    FILES.into_iter().fold(Router::new(), |routes, (path, media, content)| {
+    let layouts = get(|headers: HeaderMap| async move { file(&headers, SCRIPT, layouts_script()) });
+    let made = Router::new().route("/layouts.js", layouts);
+    FILES.into_iter().fold(made, |routes, (path, media, content)| {
         routes.route(path, get(move |headers: HeaderMap| async move { file(&headers, media, content) }))
     })
 }
 
 /// All files share one tag: a browser never mixes those of two builds.
 static TAG: LazyLock<String> = LazyLock::new(|| {
-    let hash =
-        FILES.iter().fold(Sha256::new(), |hash, (_, _, content)| hash.chain_update(content)).finalize();
+    let hash = FILES.iter().fold(Sha256::new(), |hash, (_, _, content)| hash.chain_update(content));
+    let hash = hash.chain_update(layouts_script()).finalize();
     let digits = HEXLOWER.encode(&hash[..8]);
     format!("\"{digits}\"")
 });

@@ -306,3 +306,14 @@ proptest! {
         check_round_trip(&encoder, [width, height], seed);
     }
 }
+
+/// Invariant: docs/RENDERING.md lists every layout with its frame and its number in live frames.
+#[test]
+fn every_layout_is_in_the_table_of_the_documents() {
+    let table = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/RENDERING.md")).unwrap();
+    for info in Layout::TABLE {
+        let number = info.live_byte.map(|byte| format!("{byte} ")).unwrap_or_default();
+        let row = format!("| `{}` | {} | {number}|", info.name, info.summary);
+        assert!(table.contains(&row), "docs/RENDERING.md lacks the row\n{row}");
+    }
+}

@@ -44,7 +44,7 @@ fn headers() -> impl Strategy<Value = FrameHeader> {
             full_px: [w + more_w, h + more_h],
             limits_mm: [near, near + range],
             display: [4, 64, 128, 0xC0],
-            layout: LiveLayout::ALL[layout],
+            layout: LiveLayout::all().nth(layout).unwrap(),
             color_bytes,
             depth_bytes: if depth == DepthFormat::None { 0 } else { depth_bytes },
             eye_mm: [camera[0], camera[1], camera[2]],
@@ -213,7 +213,7 @@ fn picture(size: [usize; 2]) -> (Vec<[u8; 4]>, Vec<f32>) {
 #[test]
 fn a_composed_frame_is_the_encoders_own_in_every_layout() {
     let limits = DepthLimits::new(100.0, 300.0).unwrap();
-    for layout in LiveLayout::ALL {
+    for layout in LiveLayout::all() {
         let LiveLayout::Of(layout) = layout else { continue };
         let display = DisplaySettings { layout, factor: 80, ..DisplaySettings::default() };
         let encoder = display.encoder().unwrap();

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use relief_display::Layout;
 use relief_live::{
-    ClientMessage, ColorFormat, DepthFormat, FIELDS, FLAGS, FrameHeader, HEADER_BYTES, LiveLayout, PROTOCOL,
+    ClientMessage, ColorFormat, DepthFormat, FIELDS, FLAGS, FrameHeader, HEADER_BYTES, LiveLayout,
     SUBPROTOCOL, ServerMessage,
 };
 use serde_json::Value;
@@ -14,7 +14,7 @@ use crate::live_protocol::header;
 const LIVE_MD: &str = include_str!("../../docs/LIVE.md");
 
 fn protocol() -> Value {
-    serde_json::from_str(PROTOCOL).unwrap()
+    serde_json::from_str(relief_live::protocol()).unwrap()
 }
 
 /// Invariant: docs/LIVE.md, `protocol.json` and the code agree about header, names and messages;
@@ -112,8 +112,8 @@ fn document_description_and_code_have_the_same_names() {
     assert_eq!(listed("color_formats"), own.into());
     let own = DepthFormat::ALL.map(|format| (format.byte().to_string(), format.name().to_owned()));
     assert_eq!(listed("depth_formats"), own.into());
-    let own = LiveLayout::ALL.map(|layout| (layout.byte().to_string(), layout.name().into_owned()));
-    assert_eq!(listed("layouts"), own.into());
+    let own = LiveLayout::all().map(|layout| (layout.byte().to_string(), layout.name().into_owned()));
+    assert_eq!(listed("layouts"), own.collect());
     let limits = &protocol["limits"];
     assert_eq!(limits["text_bytes"], relief_live::MAX_TEXT_BYTES);
     assert_eq!(limits["frames_in_flight"], relief_live::MAX_IN_FLIGHT);

@@ -1,10 +1,10 @@
 //! Strict decoding of frames to picture and depth. An error names every deviation from a frame that
 //! an encoder could have written.
 
-use super::{Frame, Layout, Pixels};
+use super::{Frame, FrameContent, Layout, Pixels, Placement};
 use crate::header::{Header, HeaderReading};
 use crate::problem::FrameProblem;
-use crate::views::{ViewGrid, Views};
+use crate::views::Views;
 
 /// The content of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,6 +45,11 @@ pub enum DecodedDepth {
 }
 
 impl DecodedFrame {
+    const fn empty(size_px: [u32; 2]) -> Self {
+        let depth = DecodedDepth::None;
+        Self { size_px, header: None, color: Vec::new(), depth, back: None, views: None }
+    }
+
     /// The picture with its disparity, and the background layer; `None` for layouts without
     /// disparity.
     ///
@@ -67,75 +72,58 @@ impl Layout {
     /// # Errors
     /// Everything about the frame that this layout's encoder would not have written.
     pub fn decode(self, frame: &Frame) -> Result<DecodedFrame, Vec<FrameProblem>> {
-        match (self, frame.pixels()) {
-            (Self::Depth16, Pixels::Gray16(samples)) => Ok(DecodedFrame {
-                size_px: frame.size_px(),
-                header: None,
-                color: Vec::new(),
-                depth: DecodedDepth::Scaled16(samples.clone()),
-                back: None,
-                views: None,
-            }),
-            (Self::Depth16, Pixels::Rgb8(_)) => {
-                Err(vec![FrameProblem::PixelFormat { found: "8-bit RGB", expected: "16-bit grey" }])
+        let found = |found, expected| Err(vec![FrameProblem::PixelFormat { found, expected }]);
+        let (size_px, content) = (frame.size_px(), self.info().content);
+        match (content, frame.pixels()) {
+            (FrameContent::Depth, Pixels::Gray16(samples)) => {
+                let depth = DecodedDepth::Scaled16(samples.clone());
+                Ok(DecodedFrame { depth, ..DecodedFrame::empty(size_px) })
             }
-            (_, Pixels::Gray16(_)) => {
-                Err(vec![FrameProblem::PixelFormat { found: "16-bit grey", expected: "8-bit RGB" }])
+            (FrameContent::Depth, Pixels::Rgb8(_)) => found("8-bit RGB", "16-bit grey"),
+            (_, Pixels::Gray16(_)) => found("16-bit grey", "8-bit RGB"),
+            (FrameContent::Picture, Pixels::Rgb8(samples)) => {
+                Ok(DecodedFrame { color: rgb_pixels(samples).collect(), ..DecodedFrame::empty(size_px) })
             }
-            (Self::Color, Pixels::Rgb8(samples)) => Ok(DecodedFrame {
-                size_px: frame.size_px(),
-                header: None,
-                color: rgb_pixels(samples).collect(),
-                depth: DecodedDepth::None,
-                back: None,
-                views: None,
-            }),
-            (Self::Anaglyph, Pixels::Rgb8(_)) => {
-                Err(vec![FrameProblem::Inseparable("an anaglyph mixes both views in every pixel")])
+            (FrameContent::Views, Pixels::Rgb8(samples)) => {
+                decode_views(self, size_px, samples).map_err(|problem| vec![problem])
             }
-            (Self::Wiggle, Pixels::Rgb8(_)) => {
-                Err(vec![FrameProblem::Inseparable("the views of a wiggle are the pictures of an animation")])
+            (FrameContent::Disparity(placement), Pixels::Rgb8(samples)) => {
+                decode_disparity(self, placement, size_px, samples)
             }
-            (Self::Stereo | Self::Views(_), Pixels::Rgb8(samples)) => {
-                decode_views(self, frame.size_px(), samples).map_err(|problem| vec![problem])
-            }
-            (_, Pixels::Rgb8(samples)) => decode_halves(self, frame.size_px(), samples),
-        }
-    }
-
-    /// Width and height of each half of a frame; the problem when the frame cannot be halved so.
-    fn half_px(self, frame_px: [u32; 2]) -> Result<[u32; 2], FrameProblem> {
-        let [width, height] = frame_px;
-        let wrong = |expected| Err(FrameProblem::FrameSize { found_px: frame_px, expected });
-        match self {
-            Self::Wowvx4k if frame_px != super::FRAME_4K_PX => wrong("3840x2160"),
-            _ if width % 2 != 0 => wrong("an even width"),
-            Self::Wowvx | Self::Declipse | Self::DeclipseLines if height % 2 != 0 => wrong("an even height"),
-            Self::Wowvx | Self::Declipse | Self::DeclipseLines => Ok([width / 2, height / 2]),
-            _ => Ok([width / 2, height]),
         }
     }
 }
 
-fn decode_halves(
+/// Width and height of the picture in a frame; the problem when the frame cannot be divided so.
+fn picture_px(layout: Layout, placement: Placement, frame_px: [u32; 2]) -> Result<[u32; 2], FrameProblem> {
+    let wrong = |expected| Err(FrameProblem::FrameSize { found_px: frame_px, expected });
+    let picture_px = placement.picture_px(frame_px);
+    match layout.info().frame_px {
+        Some(only_px) if only_px != frame_px => wrong("3840x2160"),
+        _ if !frame_px[0].is_multiple_of(2) => wrong("an even width"),
+        _ if placement.frame_px(picture_px) != frame_px => wrong("an even height"),
+        _ => Ok(picture_px),
+    }
+}
+
+fn decode_disparity(
     layout: Layout,
+    placement: Placement,
     frame_px: [u32; 2],
     samples: &[u8],
 ) -> Result<DecodedFrame, Vec<FrameProblem>> {
-    let size_px = layout.half_px(frame_px).map_err(|problem| vec![problem])?;
+    let size_px = picture_px(layout, placement, frame_px).map_err(|problem| vec![problem])?;
     let mut problems = Vec::new();
     let header = if layout.has_header() { read_header(frame_px, samples, &mut problems) } else { None };
     problems.extend(depth_problems(layout, frame_px, samples));
     if !problems.is_empty() {
         return Err(problems);
     }
-    let lines = || samples.chunks_exact(6 * size_px[0] as usize);
-    let height = size_px[1] as usize;
-    let (front, back) = match layout {
-        Layout::Declipse => (unpacked(lines().take(height)), Some(unpacked(lines().skip(height)))),
-        Layout::DeclipseLines => (unpacked(lines().step_by(2)), Some(unpacked(lines().skip(1).step_by(2)))),
-        _ => (unpacked(lines().step_by(layout.line_step())), None),
+    let layer = |first: u32| {
+        let lines = samples.chunks_exact(6 * size_px[0] as usize).skip(first as usize);
+        unpacked(lines.step_by(placement.line_step as usize).take(size_px[1] as usize))
     };
+    let (front, back) = (layer(0), placement.back_line(size_px[1]).map(layer));
     let depth = DecodedDepth::Disparity(front.disparity);
     Ok(DecodedFrame { size_px, header, color: front.color, depth, back, views: None })
 }
@@ -144,7 +132,12 @@ fn decode_halves(
 fn decode_views(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Result<DecodedFrame, FrameProblem> {
     let refused =
         || FrameProblem::FrameSize { found_px: frame_px, expected: "a whole number of pixels for each view" };
-    let grid = layout.view_grid().unwrap_or(ViewGrid::NINE);
+    let Some(grid) = layout.view_grid() else {
+        return Err(FrameProblem::Inseparable(match layout {
+            Layout::Anaglyph => "an anaglyph mixes both views in every pixel",
+            _ => "the views of a wiggle are the pictures of an animation",
+        }));
+    };
     let [width, height] = frame_px;
     if !width.is_multiple_of(grid.columns()) || !height.is_multiple_of(grid.rows()) {
         return Err(refused());
@@ -158,14 +151,7 @@ fn decode_views(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Result<De
         lines.flat_map(|whole| rgb_pixels(&whole[column as usize * line..][..line])).collect()
     });
     let views = Views::new(size_px, pictures.collect()).map_err(|_| refused())?;
-    Ok(DecodedFrame {
-        size_px,
-        header: None,
-        color: Vec::new(),
-        depth: DecodedDepth::None,
-        back: None,
-        views: Some(views),
-    })
+    Ok(DecodedFrame { views: Some(views), ..DecodedFrame::empty(size_px) })
 }
 
 /// The picture in the left half of some lines and its disparity in the right one.
@@ -189,11 +175,11 @@ fn read_header(frame_px: [u32; 2], samples: &[u8], problems: &mut Vec<FrameProbl
 
 /// Faults of the depth half and of the lines that must be black.
 pub(crate) fn depth_problems(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Vec<FrameProblem> {
-    let mut problems = Vec::new();
-    if layout.has_halves() {
-        problems.extend(gray_problem(frame_px, samples, layout.line_step()));
-    }
-    if layout.line_step() == 2 {
+    let Some(placement) = layout.placement() else { return Vec::new() };
+    // The background layer has its disparity on the right, too.
+    let step = if placement.back.is_some() { 1 } else { placement.line_step as usize };
+    let mut problems: Vec<_> = gray_problem(frame_px, samples, step).into_iter().collect();
+    if placement.has_black_lines() {
         problems.extend(odd_line_problem(frame_px, samples));
     }
     problems

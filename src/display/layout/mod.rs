@@ -3,26 +3,14 @@
 //! The names of the layouts, their sizes, [`FrameEncoder`] and [`Layout::decode`]. Files are in
 //! `encode`. Pixels are in rows from the top, (x, y) from the top left.
 //!
-//! | layout | frame |
-//! |---|---|
-//! | `wowvx` | picture and disparity side by side on the even lines, odd lines black, header on line 0 |
-//! | `wowvx-full-height` | the same on all lines |
-//! | `wowvx-4k` | the same on all lines of 3840x2160 |
-//! | `declipse` | four quadrants: picture and disparity above, the background layer below; header on line 0 |
-//! | `declipse-lines` | picture and disparity on the even lines, the background layer on the odd ones |
-//! | `rgbd` | picture and disparity side by side, no header, any size |
-//! | `stereo` | two views beside each other, the left one on the left |
-//! | `views-N`, `views-CxR` | a quilt of N views in C columns and R rows: the leftmost at the bottom left, rows upwards |
-//! | `anaglyph` | two views in one picture, for red-cyan glasses |
-//! | `wiggle` | nine views one after the other, forwards and backwards: an animated PNG, not a frame |
-//! | `color` | only the picture |
-//! | `depth16` | only Z, in 16 bits of grey, 65535 nearest, 0 farthest |
+//! [`Layout::TABLE`] lists the layouts.
 
 mod decode;
 mod disparity;
 mod frame;
 mod given;
 mod pack;
+mod table;
 
 use std::borrow::Cow;
 use std::str::FromStr;
@@ -36,9 +24,7 @@ use relief_base::DepthLimits;
 pub use decode::{DecodedDepth, DecodedFrame, DecodedLayer};
 pub(super) use decode::{depth_problems, odd_and_even_lines};
 pub use frame::{DisparityLayer, Frame, Picture, Pixels};
-
-/// The frame that 4K displays take, pixels.
-const FRAME_4K_PX: [u32; 2] = [3840, 2160];
+pub use table::{BackStart, FrameContent, LayoutInfo, Placement};
 
 /// Default eye separations between the outermost views: of a pair of eyes, and of the cone of views
 /// of a display with several viewing places.
@@ -189,39 +175,13 @@ pub struct FrameEncoder {
 }
 
 impl Layout {
-    /// All layouts; of quilts the one of nine views.
-    pub const ALL: [Self; 12] = [
-        Self::Wowvx,
-        Self::WowvxFullHeight,
-        Self::Wowvx4k,
-        Self::Declipse,
-        Self::DeclipseLines,
-        Self::Rgbd,
-        Self::Stereo,
-        Self::Views(ViewGrid::NINE),
-        Self::Anaglyph,
-        Self::Wiggle,
-        Self::Color,
-        Self::Depth16,
-    ];
-
     /// The name in requests and on the command line.
     #[must_use]
     pub fn name(self) -> Cow<'static, str> {
-        Cow::Borrowed(match self {
-            Self::Views(grid) => return Cow::Owned(format!("views-{grid}")),
-            Self::Wowvx => "wowvx",
-            Self::WowvxFullHeight => "wowvx-full-height",
-            Self::Wowvx4k => "wowvx-4k",
-            Self::Declipse => "declipse",
-            Self::DeclipseLines => "declipse-lines",
-            Self::Rgbd => "rgbd",
-            Self::Stereo => "stereo",
-            Self::Anaglyph => "anaglyph",
-            Self::Wiggle => "wiggle",
-            Self::Color => "color",
-            Self::Depth16 => "depth16",
-        })
+        match self {
+            Self::Views(grid) => Cow::Owned(format!("views-{grid}")),
+            _ => Cow::Borrowed(self.info().name),
+        }
     }
 
     /// How many views a picture is made into; 0 for layouts that carry the picture itself.
@@ -280,61 +240,44 @@ impl Layout {
 
     /// Whether frames carry a header on line 0.
     #[must_use]
-    pub const fn has_header(self) -> bool {
-        matches!(self, Self::Wowvx | Self::WowvxFullHeight | Self::Wowvx4k) || self.needs_background()
+    pub fn has_header(self) -> bool {
+        self.info().has_header
     }
 
     /// Whether frames contain a background layer.
     #[must_use]
-    pub const fn needs_background(self) -> bool {
-        matches!(self, Self::Declipse | Self::DeclipseLines)
-    }
-
-    /// Whether frames carry the picture on the left and its disparity on the right.
-    pub(super) const fn has_halves(self) -> bool {
-        self.view_count() == 0 && !matches!(self, Self::Color | Self::Depth16)
-    }
-
-    /// Frame lines from one line of the picture to the next.
-    pub(super) const fn line_step(self) -> usize {
-        if matches!(self, Self::Wowvx) { 2 } else { 1 }
+    pub fn needs_background(self) -> bool {
+        self.placement().is_some_and(|placement| placement.back.is_some())
     }
 
     /// The size at which to render for a display; `None` where the layout takes a picture of any
     /// size.
     #[must_use]
     pub fn render_size_px(self, profile: &DisplayProfile) -> Option<[u32; 2]> {
-        let [width, height] = profile.frame_px();
-        match self {
-            Self::Wowvx | Self::Declipse | Self::DeclipseLines => Some([width / 2, height / 2]),
-            Self::WowvxFullHeight | Self::Wowvx4k => Some([width / 2, height]),
-            _ => None,
-        }
+        let placement = self.placement().filter(|_| self.has_header())?;
+        Some(placement.picture_px(profile.frame_px()))
     }
 
     /// The frame of the displays that this layout is for, where the request names no display.
-    pub(super) const fn usual_frame_px(self) -> [u32; 2] {
-        if matches!(self, Self::Wowvx4k) { FRAME_4K_PX } else { [1920, 1080] }
+    pub(super) fn usual_frame_px(self) -> [u32; 2] {
+        self.info().frame_px.unwrap_or([1920, 1080])
     }
 
     /// Whether a display with this profile accepts frames of this layout.
     fn check_profile(self, profile: &DisplayProfile) -> Result<(), LayoutError> {
         let (frame_px, sub_image_px) = (profile.frame_px(), profile.sub_image_px());
-        let [width, height] = frame_px;
         let refuse = |remedy| Err(LayoutError::Profile { layout: self, frame_px, sub_image_px, remedy });
-        match self {
-            Self::Wowvx | Self::Declipse | Self::DeclipseLines if height % 2 != 0 || width % 2 != 0 => {
-                refuse("it needs an even width and height")
-            }
-            Self::Wowvx | Self::Declipse | Self::DeclipseLines if sub_image_px != [width / 2, height / 2] => {
-                refuse(
-                    "its sub-images are half as wide and half as high as the frame; use wowvx-4k for dimenco-4k",
-                )
-            }
-            Self::WowvxFullHeight if width % 2 != 0 => refuse("it needs an even width"),
-            Self::Wowvx4k if frame_px != FRAME_4K_PX => {
+        let Some(placement) = self.placement().filter(|_| self.has_header()) else { return Ok(()) };
+        let is_whole = placement.frame_px(placement.picture_px(frame_px)) == frame_px;
+        match (self.info().frame_px, placement.frame_lines) {
+            (Some(only_px), _) if frame_px != only_px => {
                 refuse("it needs frames of 3840x2160, as dimenco-4k has")
             }
+            (_, 1) if !is_whole => refuse("it needs an even width"),
+            (_, 2) if !is_whole => refuse("it needs an even width and height"),
+            (_, 2) if sub_image_px != placement.picture_px(frame_px) => refuse(
+                "its sub-images are half as wide and half as high as the frame; use wowvx-4k for dimenco-4k",
+            ),
             _ => Ok(()),
         }
     }
@@ -494,7 +437,7 @@ impl FrameEncoder {
     }
 
     /// Whether the background layer changes the frames.
-    const fn takes_background(&self) -> bool {
+    fn takes_background(&self) -> bool {
         self.layout.needs_background() || self.layout.view_count() > 0
     }
 }

@@ -27,8 +27,7 @@ use crate::metrics::Metrics;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_live::{
-    ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, PROTOCOL, Role, SUBPROTOCOL, ServerMessage,
-    Settings,
+    ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, ServerMessage, Settings,
 };
 use relief_session::{Presentation, Viewer, lock};
 
@@ -52,7 +51,7 @@ pub(super) type Writer = SplitSink<WebSocket, Message>;
 
 /// The protocol for programs.
 pub(crate) async fn protocol() -> impl IntoResponse {
-    ([(header::CONTENT_TYPE, "application/schema+json")], PROTOCOL)
+    ([(header::CONTENT_TYPE, "application/schema+json")], relief_live::protocol())
 }
 
 /// `GET /v1/session`.

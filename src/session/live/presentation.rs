@@ -140,7 +140,7 @@ impl Presentation {
         }
         if let Some(display) = &settings.display {
             if LiveLayout::of(display.layout) == LiveLayout::None {
-                let known = LiveLayout::ALL.into_iter().filter(|layout| *layout != LiveLayout::None);
+                let known = LiveLayout::all().filter(|layout| *layout != LiveLayout::None);
                 let known: Vec<_> = known.map(LiveLayout::name).collect();
                 return Err(LiveError::Layout {
                     found: display.layout.to_string(),

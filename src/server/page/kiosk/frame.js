@@ -5,15 +5,12 @@
 // nearest). The display's header is written here, last, so that no bit of it travels through a
 // lossy codec. Pixels are in rows from the top.
 
+import { LAYOUTS } from "./layouts.js";
+
 const HEADER_BYTES = 128;
 const FLAGS = { lossless: 1, full: 2, still: 4, back: 8 };
 const COLOR = { 1: "jpeg", 3: "rgb-deflate" };
 const DEPTH = { 0: "none", 3: "d8-deflate" };
-/** What this page can compose, by the number in the header. */
-const LAYOUTS = {
-  1: "wowvx", 2: "wowvx-full-height", 3: "wowvx-4k", 4: "declipse", 5: "declipse-lines", 6: "rgbd", 7: "color",
-};
-
 /** What this page accepts, as `hello` says it. */
 export const ACCEPT = { color: ["jpeg", "rgb-deflate"], depth: ["d8-deflate"] };
 
@@ -38,7 +35,7 @@ export function readHeader(buffer) {
     size: pair(48),
     full: pair(52),
     display: [64, 65, 66, 67].map((at) => view.getUint8(at)),
-    layout: LAYOUTS[view.getUint8(68)],
+    layout: LAYOUTS[view.getUint8(68)]?.name,
     colorBytes: view.getUint32(72, true),
     depthBytes: view.getUint32(76, true),
   };
@@ -140,22 +137,25 @@ export function compose(header, picture) {
   return composeLayers(header.layout, header.full, layers, header.display);
 }
 
+/** The layout of this name: whether it has a header, and where picture and disparity lie. */
+export const layoutOf = (name) => Object.values(LAYOUTS).find((layout) => layout.name === name);
+
 /** The frame of layers of colour (opaque RGBA in 32 bits) and depth (D), front first, in a layout. */
-export function composeLayers(layout, [width, height], layers, display) {
-  if (layout === "color") return imageOf(layers[0].color.slice(), width, height);
-  const step = { wowvx: 2, declipse: 2, "declipse-lines": 2 }[layout] ?? 1;
-  const pixels = new Uint32Array(2 * width * height * step).fill(OPAQUE_BLACK);
+export function composeLayers(name, [width, height], layers, display) {
+  const { placement, hasHeader } = layoutOf(name);
+  if (!placement) return imageOf(layers[0].color.slice(), width, height);
+  const { frameLines, lineStep, back } = placement;
+  const pixels = new Uint32Array(2 * width * height * frameLines).fill(OPAQUE_BLACK);
   layers.forEach((layer, at) => {
-    const first = layout === "declipse" ? at * height : at;
-    const apart = layout === "declipse" ? 1 : step;
+    const first = at * (back === "below" ? height : 1);
     for (let y = 0; y < height; y += 1) {
-      const line = (first + y * apart) * 2 * width;
+      const line = (first + y * lineStep) * 2 * width;
       pixels.set(layer.color.subarray(y * width, (y + 1) * width), line);
       for (let x = 0; x < width; x += 1) pixels[line + width + x] = OPAQUE_BLACK | (layer.depth[y * width + x] * 0x010101);
     }
   });
-  const image = imageOf(pixels, 2 * width, height * step);
-  if (layout !== "rgbd") writeHeader(image, headerBytes(display, layout.startsWith("declipse")));
+  const image = imageOf(pixels, 2 * width, height * frameLines);
+  if (hasHeader) writeHeader(image, headerBytes(display, Boolean(back)));
   return image;
 }
 

@@ -6,6 +6,7 @@
 
 import { onControls } from "./controls.js";
 import { Panel } from "./panel.js";
+import { layoutOf } from "./frame.js";
 import { Session } from "./session.js";
 import { Wiimote } from "./wiimote.js";
 
@@ -111,7 +112,7 @@ const kindOf = ({ layout, full }) => `${layout} ${full.join(" ")}`;
 function selfTest() {
   if (!shown) return;
   tested = kindOf(shown);
-  const found = panel.problems(!["rgbd", "color"].includes(shown.layout));
+  const found = panel.problems(layoutOf(shown.layout).hasHeader);
   document.documentElement.dataset.test = found.length ? "bad" : "good";
   if (!menu.open) return;
   $("test").className = found.length ? "bad" : "good";
@@ -160,7 +161,7 @@ async function connectWiimote() {
 function placeOf(x, y) {
   const at = shown && panel.pixelAt(x, y);
   if (!at) return null;
-  const [u, v] = [at[0], at[1] * (shown.full[1] / (canvas.height / (shown.layout === "declipse" ? 2 : 1)))];
+  const [u, v] = [at[0], at[1] / (layoutOf(shown.layout).placement?.lineStep ?? 1)];
   return u < shown.full[0] && v < shown.full[1] ? [u, v] : null;
 }
 
