@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use super::loss::Representable;
+
 /// A format of files that annotations are exchanged in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Format {
@@ -45,72 +47,210 @@ pub struct UnknownFormat {
     pub found: String,
 }
 
+/// One format.
+#[derive(Clone, Copy, Debug)]
+pub struct FormatInfo {
+    /// The format.
+    pub format: Format,
+    /// Its name on the command line and in the HTTP interface.
+    pub name: &'static str,
+    /// A title for menus.
+    pub title: &'static str,
+    /// Its file name extension.
+    pub extension: &'static str,
+    /// Its media type in HTTP.
+    pub media_type: &'static str,
+    /// Whether [`crate::write`] supports it.
+    pub is_written: bool,
+    /// The values that it can represent; `None` if its writer reports losses itself.
+    pub(super) holds: Option<Representable>,
+}
+
 impl Format {
-    /// All of them.
-    pub const ALL: [Self; 15] = [
-        Self::MrkJson,
-        Self::Fcsv,
-        Self::Csv,
-        Self::Tsv,
-        Self::Mps,
-        Self::Cornerstone,
-        Self::Sr,
-        Self::Seg,
-        Self::SegNrrd,
-        Self::Nifti,
-        Self::RtStruct,
-        Self::Stl,
-        Self::Ply,
-        Self::Obj,
-        Self::Glb,
+    /// All formats: the one table from which the command line, the API description and the pages
+    /// take them. `docs/ANNOTATIONS.md` is checked against it.
+    pub const TABLE: [FormatInfo; 15] = [
+        FormatInfo {
+            format: Self::MrkJson,
+            name: "mrk.json",
+            title: "3D Slicer markups",
+            extension: "mrk.json",
+            media_type: "application/json",
+            is_written: true,
+            holds: Some(Representable::EVERYTHING),
+        },
+        FormatInfo {
+            format: Self::Fcsv,
+            name: "fcsv",
+            title: "3D Slicer fiducials",
+            extension: "fcsv",
+            media_type: "text/csv",
+            is_written: true,
+            holds: Some(Representable { quotes: true, ..Representable::TABLE }),
+        },
+        FormatInfo {
+            format: Self::Csv,
+            name: "csv",
+            title: "table",
+            extension: "csv",
+            media_type: "text/csv",
+            is_written: true,
+            holds: Some(Representable::TABLE),
+        },
+        FormatInfo {
+            format: Self::Tsv,
+            name: "tsv",
+            title: "table with tabs",
+            extension: "tsv",
+            media_type: "text/tab-separated-values",
+            is_written: true,
+            holds: Some(Representable::TABLE),
+        },
+        FormatInfo {
+            format: Self::Mps,
+            name: "mps",
+            title: "MITK points",
+            extension: "mps",
+            media_type: "application/xml",
+            is_written: true,
+            holds: Some(Representable::POSITIONS),
+        },
+        FormatInfo {
+            format: Self::Cornerstone,
+            name: "cornerstone",
+            title: "Cornerstone JSON",
+            extension: "json",
+            media_type: "application/json",
+            is_written: true,
+            holds: Some(Representable {
+                kinds: &["point", "line", "angle", "curve"],
+                undefined: false,
+                ..Representable::EVERYTHING
+            }),
+        },
+        FormatInfo {
+            format: Self::Sr,
+            name: "sr",
+            title: "DICOM structured report",
+            extension: "dcm",
+            media_type: "application/dicom",
+            is_written: true,
+            holds: None,
+        },
+        FormatInfo {
+            format: Self::Seg,
+            name: "seg",
+            title: "DICOM segmentation",
+            extension: "dcm",
+            media_type: "application/dicom",
+            is_written: true,
+            holds: Some(Representable::REGIONS),
+        },
+        FormatInfo {
+            format: Self::SegNrrd,
+            name: "seg.nrrd",
+            title: "3D Slicer segmentation",
+            extension: "seg.nrrd",
+            media_type: "application/octet-stream",
+            is_written: true,
+            holds: Some(Representable::REGIONS),
+        },
+        FormatInfo {
+            format: Self::Nifti,
+            name: "nii.gz",
+            title: "NIfTI labels",
+            extension: "nii.gz",
+            media_type: "application/octet-stream",
+            is_written: true,
+            holds: Some(Representable::REGIONS),
+        },
+        FormatInfo {
+            format: Self::RtStruct,
+            name: "rtstruct",
+            title: "DICOM structure set",
+            extension: "dcm",
+            media_type: "application/dicom",
+            is_written: false,
+            holds: None,
+        },
+        FormatInfo {
+            format: Self::Stl,
+            name: "stl",
+            title: "mesh",
+            extension: "stl",
+            media_type: "model/stl",
+            is_written: true,
+            holds: Some(Representable { name: false, ..Representable::MESHES }),
+        },
+        FormatInfo {
+            format: Self::Ply,
+            name: "ply",
+            title: "mesh",
+            extension: "ply",
+            media_type: "application/octet-stream",
+            is_written: true,
+            holds: Some(Representable { name: false, ..Representable::MESHES }),
+        },
+        FormatInfo {
+            format: Self::Obj,
+            name: "obj",
+            title: "mesh",
+            extension: "obj",
+            media_type: "model/obj",
+            is_written: true,
+            holds: Some(Representable::MESHES),
+        },
+        FormatInfo {
+            format: Self::Glb,
+            name: "glb",
+            title: "mesh, glTF",
+            extension: "glb",
+            media_type: "model/gltf-binary",
+            is_written: true,
+            holds: Some(Representable::MESHES),
+        },
     ];
+
+    /// All formats.
+    pub const ALL: [Self; Self::TABLE.len()] = {
+        let mut all = [Self::MrkJson; Self::TABLE.len()];
+        let mut at = 0;
+        while at < all.len() {
+            all[at] = Self::TABLE[at].format;
+            at += 1;
+        }
+        all
+    };
+
+    /// The format's row of the table.
+    #[must_use]
+    pub fn info(self) -> &'static FormatInfo {
+        const TABLE: &[FormatInfo] = &Format::TABLE;
+        TABLE.iter().find(|info| info.format == self).unwrap_or(&TABLE[0]) // every format has its row
+    }
 
     /// Its name on the command line and in the HTTP interface.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::MrkJson => "mrk.json",
-            Self::Fcsv => "fcsv",
-            Self::Csv => "csv",
-            Self::Tsv => "tsv",
-            Self::Mps => "mps",
-            Self::Cornerstone => "cornerstone",
-            Self::Sr => "sr",
-            Self::Seg => "seg",
-            Self::SegNrrd => "seg.nrrd",
-            Self::Nifti => "nii.gz",
-            Self::RtStruct => "rtstruct",
-            Self::Stl => "stl",
-            Self::Ply => "ply",
-            Self::Obj => "obj",
-            Self::Glb => "glb",
-        }
+    pub fn name(self) -> &'static str {
+        self.info().name
     }
 
-    /// Its file name extensions.
+    /// Its file name extension.
     #[must_use]
-    pub const fn extension(self) -> &'static str {
-        match self {
-            Self::Cornerstone => "json",
-            Self::Sr | Self::Seg | Self::RtStruct => "dcm",
-            _ => self.name(),
-        }
+    pub fn extension(self) -> &'static str {
+        self.info().extension
     }
 
-    /// What HTTP calls its content.
+    /// Its media type in HTTP.
     #[must_use]
-    pub const fn media_type(self) -> &'static str {
-        match self {
-            Self::MrkJson | Self::Cornerstone => "application/json",
-            Self::Fcsv | Self::Csv => "text/csv",
-            Self::Tsv => "text/tab-separated-values",
-            Self::Mps => "application/xml",
-            Self::Sr | Self::Seg | Self::RtStruct => "application/dicom",
-            Self::SegNrrd | Self::Nifti | Self::Ply => "application/octet-stream",
-            Self::Stl => "model/stl",
-            Self::Obj => "model/obj",
-            Self::Glb => "model/gltf-binary",
-        }
+    pub fn media_type(self) -> &'static str {
+        self.info().media_type
+    }
+
+    /// Whether [`crate::write`] supports it.
+    #[must_use]
+    pub fn can_write(self) -> bool {
+        self.info().is_written
     }
 
     /// Names of the formats that `wanted` picks, for people.
@@ -197,7 +337,7 @@ mod tests {
     #[test]
     fn every_format_has_a_name_of_its_own() {
         for format in Format::ALL {
-            assert_eq!(format.name().parse(), Ok(format));
+            assert_eq!((format.info().format, format.name().parse()), (format, Ok(format)));
         }
         assert!("xml".parse::<Format>().unwrap_err().to_string().contains("mrk.json, fcsv"));
     }

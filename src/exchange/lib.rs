@@ -28,7 +28,7 @@ mod table;
 mod written_json;
 
 pub use error::ExchangeError;
-pub use format::{Format, UnknownFormat};
+pub use format::{Format, FormatInfo, UnknownFormat};
 pub use loss::LeftOut;
 pub use merge::{ExistingItems, Merged};
 
@@ -89,14 +89,6 @@ pub struct ExportedFile {
     pub items: usize,
     /// The values that it cannot represent.
     pub left_out: Vec<LeftOut>,
-}
-
-impl Format {
-    /// Whether [`write()`] makes it.
-    #[must_use]
-    pub const fn can_write(self) -> bool {
-        !matches!(self, Self::RtStruct)
-    }
 }
 
 /// Reads a file.

@@ -16,30 +16,30 @@ pub struct LeftOut {
 
 /// The values that a format can represent.
 #[derive(Clone, Copy, Debug)]
-struct Representable {
+pub(super) struct Representable {
     /// Kinds of geometries.
-    kinds: &'static [&'static str],
+    pub(super) kinds: &'static [&'static str],
     /// Items without a place.
-    undefined: bool,
+    pub(super) undefined: bool,
     /// Whether a target was skipped deliberately.
-    skipped: bool,
-    name: bool,
-    description: bool,
-    line_breaks: bool,
-    quotes: bool,
-    color: bool,
-    concept: bool,
-    locked: bool,
-    visible: bool,
-    lists: bool,
+    pub(super) skipped: bool,
+    pub(super) name: bool,
+    pub(super) description: bool,
+    pub(super) line_breaks: bool,
+    pub(super) quotes: bool,
+    pub(super) color: bool,
+    pub(super) concept: bool,
+    pub(super) locked: bool,
+    pub(super) visible: bool,
+    pub(super) lists: bool,
     /// Author, time and way of placing.
-    history: bool,
+    pub(super) history: bool,
 }
 
 const POINTS: &[&str] = &["point"];
 
 impl Representable {
-    const EVERYTHING: Self = Self {
+    pub(super) const EVERYTHING: Self = Self {
         kinds: &["point", "line", "angle", "curve", "plane"],
         undefined: true,
         skipped: true,
@@ -54,7 +54,7 @@ impl Representable {
         lists: true,
         history: true,
     };
-    const TABLE: Self = Self {
+    pub(super) const TABLE: Self = Self {
         kinds: POINTS,
         line_breaks: false,
         quotes: false,
@@ -78,40 +78,28 @@ impl Representable {
         ..Self::TABLE
     };
 
-    const fn by(format: Format) -> Option<Self> {
-        match format {
-            Format::MrkJson => Some(Self::EVERYTHING),
-            Format::Csv | Format::Tsv => Some(Self::TABLE),
-            Format::Fcsv => Some(Self { quotes: true, ..Self::TABLE }),
-            Format::Mps => Some(Self {
-                quotes: true, // no texts at all
-                undefined: false,
-                name: false,
-                description: false,
-                locked: false,
-                visible: false,
-                ..Self::TABLE
-            }),
-            Format::Cornerstone => Some(Self {
-                kinds: &["point", "line", "angle", "curve"],
-                undefined: false,
-                ..Self::EVERYTHING
-            }),
-            Format::SegNrrd | Format::Nifti | Format::Seg => Some(Self { kinds: &["region"], ..Self::NAMES }),
-            Format::Stl | Format::Ply => {
-                Some(Self { kinds: &["mesh"], name: false, color: false, ..Self::NAMES })
-            }
-            Format::Obj | Format::Glb => Some(Self { kinds: &["mesh"], color: false, ..Self::NAMES }),
-            // Its writer reports losses itself.
-            Format::Sr | Format::RtStruct => None,
-        }
-    }
+    /// Positions without any text.
+    pub(super) const POSITIONS: Self = Self {
+        quotes: true,
+        undefined: false,
+        name: false,
+        description: false,
+        locked: false,
+        visible: false,
+        ..Self::TABLE
+    };
+
+    /// Label maps.
+    pub(super) const REGIONS: Self = Self { kinds: &["region"], ..Self::NAMES };
+
+    /// Files of triangles.
+    pub(super) const MESHES: Self = Self { kinds: &["mesh"], color: false, ..Self::NAMES };
 }
 
 /// The items that a format of texts can hold, in the order of files: by list, place in it and age;
 /// and what gets lost.
 pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<LeftOut>), ExchangeError> {
-    let Some(holds) = Representable::by(format) else { return Ok((items.iter().collect(), Vec::new())) };
+    let Some(holds) = format.info().holds else { return Ok((items.iter().collect(), Vec::new())) };
     let is_held =
         |item: &Item| item.geometry.as_ref().map_or(holds.undefined, |g| holds.kinds.contains(&g.kind()));
     let mut kept: Vec<&Item> = items.iter().filter(|item| is_held(item)).collect();

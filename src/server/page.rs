@@ -7,7 +7,9 @@ use axum::Router;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use relief_exchange::Format;
 use relief_live::layouts_script;
+use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::negotiate::knows_tag;
@@ -95,16 +97,29 @@ const FILES: [(&str, &str, &str); 66] = [
 /// Routes of all files.
 pub(super) fn routes() -> Router<AppState> {
     let layouts = get(|headers: HeaderMap| async move { file(&headers, SCRIPT, layouts_script()) });
-    let made = Router::new().route("/layouts.js", layouts);
+    let formats = get(|headers: HeaderMap| async move { file(&headers, SCRIPT, &FORMATS) });
+    let made = Router::new().route("/layouts.js", layouts).route("/annotate/formats.js", formats);
     FILES.into_iter().fold(made, |routes, (path, media, content)| {
         routes.route(path, get(move |headers: HeaderMap| async move { file(&headers, media, content) }))
     })
 }
 
+/// The module with the formats of annotation files: name, title, and whether they can be written.
+static FORMATS: LazyLock<String> = LazyLock::new(|| {
+    let rows = Format::TABLE.iter().map(|info| {
+        let row = json!({ "name": info.name, "title": info.title, "isWritten": info.is_written });
+        format!("  {row},\n")
+    });
+    format!(
+        "// Formats of annotation files. Made from the server's table.\nexport const FORMATS = [\n{}];\n",
+        rows.collect::<String>()
+    )
+});
+
 /// All files share one tag: a browser never mixes those of two builds.
 static TAG: LazyLock<String> = LazyLock::new(|| {
     let hash = FILES.iter().fold(Sha256::new(), |hash, (_, _, content)| hash.chain_update(content));
-    let hash = hash.chain_update(layouts_script()).finalize();
+    let hash = hash.chain_update(layouts_script()).chain_update(&*FORMATS).finalize();
     let digits = HEXLOWER.encode(&hash[..8]);
     format!("\"{digits}\"")
 });

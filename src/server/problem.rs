@@ -84,6 +84,7 @@ impl Problem {
             ("type".to_owned(), json!(format!("urn:relief:problem:{}", self.kind))),
             ("title".to_owned(), json!(self.status.canonical_reason().unwrap_or("Error"))),
             ("status".to_owned(), json!(self.status.as_u16())),
+            ("code".to_owned(), json!(self.kind)),
             ("detail".to_owned(), json!(self.detail)),
         ]);
         document.extend(self.members.clone());

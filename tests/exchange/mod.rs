@@ -166,3 +166,20 @@ fn frame(uid: &str) -> Option<FrameOfReference> {
 fn ids(items: &[Item]) -> Vec<ItemId> {
     items.iter().map(|item| item.id).collect()
 }
+
+/// Invariant: docs/ANNOTATIONS.md lists every format of files.
+#[test]
+fn every_format_is_in_the_tables_of_the_documents() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/ANNOTATIONS.md")).unwrap();
+    let rows: Vec<&str> = text
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .filter_map(|line| line.split('|').nth(1))
+        .collect();
+    for name in Format::ALL.map(Format::name) {
+        assert!(
+            rows.iter().any(|row| row.contains(&format!("`{name}`"))),
+            "{name} is not in docs/ANNOTATIONS.md"
+        );
+    }
+}

@@ -11,11 +11,11 @@ export class Conflict extends Error {
   }
 }
 
-/** A refusal with its kind: the last part of the problem's type, such as `annotations-off`. */
+/** A refusal with its kind: the code of the problem, such as `annotations-off`. */
 export class Problem extends Refusal {
   constructor(status, problem) {
     super(problem.detail ?? `The server answered ${status}.`);
-    Object.assign(this, { status, problem, kind: String(problem.type ?? "").split(":").pop() });
+    Object.assign(this, { status, problem, kind: problem.code ?? "" });
   }
 }
 
@@ -39,7 +39,7 @@ async function ask(url, options = {}) {
   if (answer.ok || answer.status === 304) return answer;
   const problem = await answer.json().catch(() => ({}));
   // By its body: there is nothing-to-undo with this status too.
-  if (answer.status === 409 && (problem.current !== undefined || String(problem.type).endsWith("conflict"))) throw new Conflict(problem);
+  if (answer.status === 409 && (problem.current !== undefined || problem.code?.endsWith("conflict"))) throw new Conflict(problem);
   throw new Problem(answer.status, problem);
 }
 

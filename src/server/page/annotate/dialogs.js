@@ -1,6 +1,7 @@
 // Dialogs: who one is, a conflict with both versions, a new set, export, templates, help. One
 // `<dialog>` for all.
 
+import { FORMATS } from "./formats.js";
 import { element } from "./pane.js";
 import { measureWords, measures, places, pointsOf } from "./geometry.js";
 import { colorOf } from "./model.js";
@@ -84,24 +85,17 @@ export async function askSet(author) {
   return { name: found.name, ...(found.reader.trim() ? { reader: found.reader.trim() } : {}), blinded: found.blinded };
 }
 
-/** Formats that can be written: name, what it is for. */
-export const FORMATS = [
-  ["mrk.json", "3D Slicer markups"], ["fcsv", "3D Slicer fiducials"], ["csv", "table"], ["mps", "MITK points"],
-  ["cornerstone", "Cornerstone JSON"], ["sr", "DICOM structured report"], ["seg", "DICOM segmentation"],
-  ["seg.nrrd", "3D Slicer segmentation"], ["nii.gz", "NIfTI labels"], ["stl", "mesh"], ["ply", "mesh"], ["obj", "mesh"], ["glb", "mesh, glTF"],
-];
-
 /** What to export: `{ format, set }`; the set is empty for all. */
 export async function askExport(sets, now) {
-  const formats = FORMATS.map(([value, words], i) => element(
+  const formats = FORMATS.filter(({ isWritten }) => isWritten).map(({ name: value, title }, i) => element(
     "label", { className: "choice" },
-    element("input", { type: "radio", name: "format", value, checked: i === 0 }), element("b", {}, value), element("span", {}, words),
+    element("input", { type: "radio", name: "format", value, checked: i === 0 }), element("b", {}, value), element("span", {}, title),
   ));
   const select = element("select", { name: "set" }, new Option("all sets", ""), ...sets.map((name) => new Option(name, name, false, name === now)));
   const found = await ask("Export", [
     field("Items of", select),
     element("fieldset", { className: "choices" }, element("legend", {}, "Format"), ...formats),
-    paragraph("What a format cannot hold is left out, and told."),
+    paragraph("Values that the format cannot hold are left out and counted."),
   ], [["", "Cancel"], ["ok", "Export", true]], true);
   return found && { format: found.format, set: found.set };
 }

@@ -1,6 +1,6 @@
 // Files in and out: whatever is dropped or chosen is imported, and what is exported is saved.
 
-import { FORMATS } from "./dialogs.js";
+import { FORMATS } from "./formats.js";
 
 /** Endings beside the formats' own names. */
 const ENDINGS = { json: "", dcm: "", nrrd: "seg.nrrd", nii: "nii.gz", nii_gz: "nii.gz" };
@@ -8,13 +8,15 @@ const ENDINGS = { json: "", dcm: "", nrrd: "seg.nrrd", nii: "nii.gz", nii_gz: "n
 /** The format that a name tells; empty where the content has to. */
 function formatOf(name) {
   const lower = name.toLowerCase();
-  const known = FORMATS.map(([format]) => format).sort((a, b) => b.length - a.length).find((format) => lower.endsWith(`.${format}`));
+  const known = FORMATS.map(({ name }) => name).sort((a, b) => b.length - a.length).find((format) => lower.endsWith(`.${format}`));
   return known ?? ENDINGS[lower.split(".").pop()] ?? "";
 }
 
-/** Why a file was refused, for people who drop files and set no parameters. */
-const reasonOf = ({ message }) =>
-  message.replace(/\.$/, "").replace("say it with format=", "rename it so that it ends in .mrk.json, .fcsv, .csv, .mps, .dcm, .nrrd, .nii.gz, .stl, .ply, .obj or .glb");
+/** The reason of a refusal, for people who drop files and set no parameters. */
+function reasonOf({ kind, message }) {
+  if (kind !== "unknown-format") return message.replace(/\.$/, "");
+  return `its format is unknown: give it the extension of a known format (${FORMATS.map(({ name }) => name).join(", ")})`;
+}
 
 export class Files {
   constructor(input, model, { annotations, took, say, fail, named, isOn }) {

@@ -212,8 +212,5 @@ const marked = (name, mm) => ({ item: { name, geometry: { kind: "point", at_mm: 
 
 const leakWords = (leaked) => (typeof leaked === "string" ? leaked : "a limit was reached. Narrow the HU range, or allow more.");
 
-/** What a refusal means for the one who grows: a leak is no failure. */
-function refusalWords(error) {
-  if (error instanceof Problem && error.kind === "leaked") return `It leaks: ${error.message.replace(/^the region leaked: /, "")}`;
-  return error.message;
-}
+/** The message of a refusal, as a sentence. */
+const refusalWords = ({ message }) => message.charAt(0).toUpperCase() + message.slice(1);

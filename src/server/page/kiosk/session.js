@@ -18,7 +18,7 @@ const FINAL = { 1008: "the server refuses this session", 4001: "this session goe
 function whyNotYet({ type, problem }) {
   if (type !== "error") return "";
   if (problem?.status === 503) return "the server is not ready yet";
-  return problem?.type === "urn:relief:problem:no-such-volume" ? "the server does not have this volume yet" : "";
+  return problem?.code === "no-such-volume" ? "the server does not have this volume yet" : "";
 }
 
 const nowNs = () => Math.round((performance.timeOrigin + performance.now()) * 1e6);
