@@ -285,7 +285,7 @@ def growing(page, server):
     page.page.fill("#grow-ml", "1")
     page.page.locator("#grow-ml").blur()
     page.click("volume", 0.45, 0.3)
-    page.wait("document.getElementById('grow-state').innerText.includes('leaks')")
+    page.wait("document.getElementById('grow-state').innerText.includes('leak')")
     found["leak"] = page.page.inner_text("#grow-state")
     page.key("Escape")
     page.key("v")

@@ -4,7 +4,6 @@
 import { colorOf } from "./model.js";
 import { Contents } from "./contents.js";
 import { drawIn3d, drawInSlice } from "./surfaces.js";
-import { Problem } from "./api.js";
 
 const $ = (id) => document.getElementById(id);
 const number = (id) => ($(id).value === "" ? null : Number($(id).value));
