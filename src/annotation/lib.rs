@@ -38,7 +38,7 @@ pub use geometry::{ContentId, Geometry, MeshSummary, RegionSummary};
 pub use item::{Concept, FrameOfReference, Item, ItemId, Set, State};
 pub use measure::{Measure, measures};
 pub use placement::{CameraRecord, Device, Method, Placement};
-pub use shown::ShownSets;
+pub use shown::{ShownSets, ShownSetsError};
 pub use template::{Completeness, Expected, ExpectedKind, Template, TemplateError};
 pub use time::Timestamp;
 

@@ -4,6 +4,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
+use super::check::ItemError;
 use super::item::Set;
 
 /// The sets whose items are drawn. As JSON: `false`, `true`, names with commas between them, or a
@@ -19,6 +20,23 @@ pub enum ShownSets {
     Sets(Vec<String>),
 }
 
+/// Why a choice of sets is refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ShownSetsError {
+    /// A name that no set can have.
+    #[error(transparent)]
+    Name(#[from] ItemError),
+    /// Neither true nor false nor names.
+    #[error("expected true, false, or names of sets")]
+    NotNames,
+    /// No set, or too many.
+    #[error("{found} sets, allowed: 1 to {}", ShownSets::MOST)]
+    Count {
+        /// How many are named.
+        found: usize,
+    },
+}
+
 impl ShownSets {
     /// Most sets that can be named.
     pub const MOST: usize = 64;
@@ -27,7 +45,7 @@ impl ShownSets {
     ///
     /// # Errors
     /// When a name is not a valid name of a set, or there are more than [`ShownSets::MOST`].
-    pub fn parse(word: &str) -> Result<Self, String> {
+    pub fn parse(word: &str) -> Result<Self, ShownSetsError> {
         match word {
             "true" => Ok(Self::All),
             "false" => Ok(Self::Nothing),
@@ -39,11 +57,11 @@ impl ShownSets {
     ///
     /// # Errors
     /// As [`ShownSets::parse`].
-    pub fn of_names<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Self, String> {
+    pub fn of_names<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Self, ShownSetsError> {
         let checked = names.into_iter().map(|name| Set::check_name(name).map(|()| name.to_owned()));
-        let names = checked.collect::<Result<Vec<_>, _>>().map_err(|error| error.to_string())?;
+        let names = checked.collect::<Result<Vec<_>, _>>()?;
         if names.is_empty() || names.len() > Self::MOST {
-            return Err(format!("{} sets, allowed: 1 to {}", names.len(), Self::MOST));
+            return Err(ShownSetsError::Count { found: names.len() });
         }
         Ok(Self::Sets(names))
     }
@@ -82,9 +100,9 @@ impl<'de> Deserialize<'de> for ShownSets {
             Value::String(names) => Self::parse(&names),
             Value::Array(names) => {
                 let names: Option<Vec<&str>> = names.iter().map(Value::as_str).collect();
-                names.ok_or_else(|| "a list of something else than names".to_owned()).and_then(Self::of_names)
+                names.ok_or(ShownSetsError::NotNames).and_then(Self::of_names)
             }
-            _ => Err("expected true, false, or names of sets".to_owned()),
+            _ => Err(ShownSetsError::NotNames),
         };
         shown.map_err(D::Error::custom)
     }

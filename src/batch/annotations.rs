@@ -10,7 +10,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::error::FailureKind;
 use super::source::SeriesError;
 use relief_annotation::{Geometry, Item};
 use relief_base::{Point, read_at_most, sha256_of, write_whole};
@@ -97,10 +96,13 @@ impl KeptAnnotations {
     /// Reads the file and checks that it is the one that was planned with.
     pub(super) fn read(&self) -> Result<PreparedAnnotations, SeriesError> {
         let wrong = |reason: &str| {
-            (FailureKind::Permanent, format!("the annotations {}: {reason}; plan anew", self.path.display()))
+            SeriesError::permanent(format_args!(
+                "the annotations {}: {reason}; plan anew",
+                self.path.display()
+            ))
         };
         let refused = |error: std::io::Error| {
-            (FailureKind::Retryable, format!("cannot read {}: {error}", self.path.display()))
+            SeriesError::retryable(format_args!("cannot read {}: {error}", self.path.display()))
         };
         let bytes = read_at_most(&self.path, LARGEST).map_err(refused)?;
         let bytes = bytes.ok_or_else(|| wrong("larger than any that are planned, or no file"))?;
@@ -111,7 +113,7 @@ impl KeptAnnotations {
         let (mut items, mut shapes) = (Vec::new(), Vec::new());
         for KeptItem { name, rgb, geometry, shape } in file.items {
             let item = Item::new(&name, "batch", Some(geometry));
-            let mut item = item.map_err(|error| (FailureKind::Retryable, error.to_string()))?;
+            let mut item = item.map_err(|error| SeriesError::retryable(&error))?;
             item.rgb = rgb;
             item.validate().map_err(|error| wrong(&error.to_string()))?;
             let shape = shape.map(KeptShape::shape).transpose().map_err(|reason| wrong(&reason))?;

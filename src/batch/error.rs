@@ -2,7 +2,12 @@
 
 use std::path::PathBuf;
 
+use relief_dicom::FormatError;
+use relief_session::ContentError;
+use relief_store::StoreError;
 use serde::{Deserialize, Serialize};
+
+use super::query::UnmetCondition;
 
 /// Why a manifest could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -73,8 +78,11 @@ pub enum PlanError {
         source: std::io::Error,
     },
     /// There are series, and none of them has a view.
-    #[error("no view of any series can be rendered: {0}")]
-    NoViews(String),
+    #[error("no view of any series can be rendered{}", last.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default())]
+    NoViews {
+        /// Why the last series has none.
+        last: Option<SkipReason>,
+    },
     /// A view set is invalid.
     #[error("{0}")]
     Views(String),
@@ -84,12 +92,58 @@ pub enum PlanError {
         /// The root.
         path: PathBuf,
         /// The unusable files, with reasons.
-        skipped: Vec<(PathBuf, String)>,
+        skipped: Vec<(PathBuf, SkipReason)>,
     },
 }
 
+/// Why a series has no jobs.
+#[derive(Debug, thiserror::Error)]
+pub enum SkipReason {
+    /// A file of voxels cannot be used.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// The slices cannot be used.
+    #[error(transparent)]
+    Series(#[from] relief_dicom::Error),
+    /// The system does not let it be read.
+    #[error(transparent)]
+    Unreadable(#[from] std::io::Error),
+    /// The label map of the series cannot be read.
+    #[error("its label map {} cannot be read: {source}", path.display())]
+    Labels {
+        /// The label map.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+    /// A file or folder without CT slices.
+    #[error("no CT series")]
+    NoSeries,
+    /// A table names one series, and the path has several.
+    #[error("{count} series found; choose one with series_uid")]
+    SeveralSeries {
+        /// How many.
+        count: usize,
+    },
+    /// Another path has the same files.
+    #[error("the same files are already in the plan")]
+    Repeated,
+    /// `--where` does not select it.
+    #[error(transparent)]
+    Unmet(#[from] UnmetCondition),
+    /// A view set of annotations, and the series has none.
+    #[error("the log has no annotation of this series to look at")]
+    NoAnnotations,
+    /// An annotation's region or mesh cannot be drawn.
+    #[error("an annotation cannot be drawn: {0}")]
+    Content(#[from] ContentError),
+    /// The region or mesh of an annotation cannot be read from the log.
+    #[error("an annotation cannot be read: {0}")]
+    Log(#[from] StoreError),
+}
+
 /// The first of those that were skipped, a line each.
-fn listed(skipped: &[(PathBuf, String)]) -> String {
+fn listed(skipped: &[(PathBuf, SkipReason)]) -> String {
     const MOST: usize = 3;
     let lines = skipped.iter().take(MOST).map(|(path, reason)| format!("\n  {}: {reason}", path.display()));
     let more = skipped.len().saturating_sub(MOST);

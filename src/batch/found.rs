@@ -1,6 +1,7 @@
 //! A series that was found: its facts and its annotations.
 
 use super::copies::Local;
+use super::error::SkipReason;
 use super::log::AnnotationLog;
 use super::query::{Query, SeriesFacts};
 use super::source::SeriesSource;
@@ -28,7 +29,7 @@ pub(super) enum SeriesFormat {
 
 impl FoundSeries {
     /// Whether a query wants it.
-    pub(super) fn admit(&self, query: &Query) -> Result<(), String> {
+    pub(super) fn admit(&self, query: &Query) -> Result<(), SkipReason> {
         if query.is_empty() {
             return Ok(());
         }
@@ -41,11 +42,11 @@ impl FoundSeries {
                 thickness_mm: entry.thickness_mm(),
             },
             SeriesFormat::File => {
-                let grid = relief_dicom::read_grid(self.local.path()).map_err(|error| error.to_string())?;
+                let grid = relief_dicom::read_grid(self.local.path())?;
                 SeriesFacts::of_grid(&grid)
             }
         };
-        query.admit(&facts)
+        Ok(query.admit(&facts)?)
     }
 
     /// Its annotations in the log, and the views that `views_of` makes of them. Loads the volume
@@ -56,7 +57,7 @@ impl FoundSeries {
         log: &'a AnnotationLog,
         needs_volume: bool,
         views_of: impl FnOnce(&[&Item], Option<&Volume>) -> Vec<View>,
-    ) -> Result<(Vec<View>, Vec<&'a Item>), String> {
+    ) -> Result<(Vec<View>, Vec<&'a Item>), SkipReason> {
         let mut volume = None;
         let uid = if let SeriesFormat::Dicom(entry) = &self.kind { entry.frame_of_reference() } else { None };
         let items = match uid {
@@ -74,15 +75,12 @@ impl FoundSeries {
         Ok((views, items))
     }
 
-    fn load(&self) -> Result<Volume, String> {
+    fn load(&self) -> Result<Volume, SkipReason> {
         match &self.kind {
-            SeriesFormat::File => relief_dicom::read_volume(self.local.path())
-                .map(|read| read.volume)
-                .map_err(|error| error.to_string()),
+            SeriesFormat::File => Ok(relief_dicom::read_volume(self.local.path())?.volume),
             SeriesFormat::Dicom(entry) => {
                 let limits = LoadLimits::default();
-                let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
-                loaded.map(|loaded| loaded.volume).map_err(|error| error.to_string())
+                Ok(relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ())?.volume)
             }
         }
     }

@@ -43,22 +43,22 @@ pub use annotations::KeptAnnotations;
 #[cfg(feature = "cluster")]
 pub use bucket::Bucket;
 pub use copies::{Copies, CopiesOptions, Local};
-pub use error::{Failure, FailureKind, ManifestError, PlanError};
+pub use error::{Failure, FailureKind, ManifestError, PlanError, SkipReason};
 pub use landmarks::LANDMARK_VIEW_MM;
-pub use location::Location;
+pub use location::{Location, LocationError};
 pub use log::AnnotationLog;
-pub use manifest::{Job, JobKey, Shard, read_manifest};
+pub use manifest::{InvalidShard, Job, JobKey, Shard, read_manifest};
 pub use outputs::DEPTH_UNIT_MM;
-pub use plan::{Plan, Request, Root, plan};
+pub use plan::{Plan, Request, Root, Skipped, plan};
 pub use pose::ViewCamera;
-pub use product::{Product, ProductSet};
-pub use query::{Query, SeriesFacts};
+pub use product::{Product, ProductSet, UnknownProduct};
+pub use query::{InvalidCondition, Query, SeriesFacts, UnmetCondition};
 pub use record::Record;
 pub use report::{REPORT, write_report};
 pub use run::{Options, RunError, RunEvent, Seconds, Summary, run};
 pub use sink::Sink;
 pub use source::{LabelsSource, SeriesSource};
-pub use turntable::{FilmChoice, FilmWriter};
+pub use turntable::{FilmChoice, FilmError, FilmWriter};
 pub use views::{View, ViewSet};
 
 #[cfg(feature = "cluster")]

@@ -18,6 +18,20 @@ pub enum Location {
     },
 }
 
+/// Why a text is no location.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LocationError {
+    /// Nothing was given.
+    #[error("allowed: a folder")]
+    Empty,
+    /// The name cannot be a bucket's.
+    #[error("{name:?} is not a valid bucket name; write s3://BUCKET or s3://BUCKET/PREFIX")]
+    Bucket {
+        /// The name.
+        name: String,
+    },
+}
+
 const SCHEME: &str = "s3://";
 
 impl Location {
@@ -25,7 +39,7 @@ impl Location {
     ///
     /// # Errors
     /// When it begins so and names no bucket.
-    pub fn of(path: &Path) -> Result<Self, String> {
+    pub fn of(path: &Path) -> Result<Self, LocationError> {
         match path.to_str().filter(|text| text.starts_with(SCHEME)) {
             Some(text) => text.parse(),
             None => Ok(Self::Local(path.to_owned())),
@@ -40,23 +54,17 @@ impl Location {
 }
 
 impl FromStr for Location {
-    type Err = String;
+    type Err = LocationError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, LocationError> {
         let Some(rest) = text.strip_prefix(SCHEME) else {
-            return if text.is_empty() {
-                Err("allowed: a folder".to_owned())
-            } else {
-                Ok(Self::Local(text.into()))
-            };
+            return if text.is_empty() { Err(LocationError::Empty) } else { Ok(Self::Local(text.into())) };
         };
         let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
         let is_good =
             |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "-.".contains(letter);
         if !(3..=63).contains(&bucket.len()) || !bucket.chars().all(is_good) {
-            return Err(format!(
-                "{bucket:?} is no name of a bucket; write s3://BUCKET or s3://BUCKET/PREFIX"
-            ));
+            return Err(LocationError::Bucket { name: bucket.to_owned() });
         }
         Ok(Self::Bucket { bucket: bucket.to_owned(), prefix: prefix.trim_matches('/').to_owned() })
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::annotations::KeptAnnotations;
-use super::error::PlanError;
+use super::error::{PlanError, SkipReason};
 use relief_annotation::{FrameOfReference, Geometry, Item, ShownSets};
 use relief_session::{SurfaceMesh, shape_of_content};
 use relief_store::{Filter, Store, StoreError};
@@ -80,25 +80,17 @@ impl AnnotationLog {
     pub(super) fn keep(
         &self,
         items: &[&Item],
-        warn: &mut dyn FnMut(String),
+        warn: &mut dyn FnMut(SkipReason),
     ) -> Result<KeptAnnotations, PlanError> {
-        let shape_of = |geometry: &Geometry| {
-            let shape = self.shape(geometry)?;
-            shape
-                .map_err(|reason| warn(format!("an annotation cannot be drawn: {reason}")))
-                .ok()
-                .map(Arc::new)
-        };
+        let shape_of = |geometry: &Geometry| self.shape(geometry)?.map_err(&mut *warn).ok().map(Arc::new);
         KeptAnnotations::keep(items.iter().copied(), shape_of, &self.folder)
             .map_err(|source| PlanError::Unwritable { path: self.folder.clone(), source })
     }
 
-    fn shape(&self, geometry: &Geometry) -> Option<Result<SurfaceMesh, String>> {
+    fn shape(&self, geometry: &Geometry) -> Option<Result<SurfaceMesh, SkipReason>> {
         let content = self.runtime.block_on(self.log.content(geometry.content()?));
         let label = if let Geometry::Region(region) = geometry { region.label } else { 0 };
-        Some(
-            content.map_err(|error| error.to_string()).and_then(|(_, bytes)| shape_of_content(&bytes, label)),
-        )
+        Some(content.map_err(SkipReason::from).and_then(|(_, bytes)| Ok(shape_of_content(&bytes, label)?)))
     }
 }
 

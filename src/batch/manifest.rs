@@ -53,14 +53,19 @@ pub struct Shard {
     pub count: u32,
 }
 
-impl FromStr for Shard {
-    type Err = String;
+/// A text that is no share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a share is I/N with I from 0 to N-1, such as 0/4")]
+pub struct InvalidShard;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+impl FromStr for Shard {
+    type Err = InvalidShard;
+
+    fn from_str(text: &str) -> Result<Self, InvalidShard> {
         let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match parsed {
             Some((index, count)) if index < count && count <= 100_000 => Ok(Self { index, count }),
-            _ => Err("a share is I/N with I from 0 to N-1, such as 0/4".to_owned()),
+            _ => Err(InvalidShard),
         }
     }
 }

@@ -5,7 +5,6 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::annotations::PreparedAnnotations;
-use super::error::FailureKind;
 use super::pose::ViewCamera;
 use super::product::Product;
 use super::source::SeriesError;
@@ -37,11 +36,6 @@ pub(super) struct Outputs {
     pub(super) structures: Vec<String>,
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
-fn permanent(error: impl ToString) -> SeriesError {
-    (FailureKind::Permanent, error.to_string())
-}
-
 impl RenderedView {
     /// Makes all outputs. `annotations` are given if an output draws them.
     pub(super) fn outputs(
@@ -68,16 +62,22 @@ impl RenderedView {
             let frame = if product.needs_annotations() { annotated.as_deref() } else { Some(&*plain) };
             let bytes = match (product, frame) {
                 (Product::Frame | Product::AnnotatedFrame, Some(frame)) => {
-                    encode(frame, &self.display, Picture::Frame, FileFormat::Png).map_err(permanent)?
+                    encode(frame, &self.display, Picture::Frame, FileFormat::Png)
+                        .map_err(SeriesError::permanent)?
                 }
-                (Product::Color | Product::Annotated, Some(frame)) => self.color(frame).map_err(permanent)?,
+                (Product::Color | Product::Annotated, Some(frame)) => {
+                    self.color(frame).map_err(SeriesError::permanent)?
+                }
                 (Product::Depth, Some(frame)) => {
-                    encode(frame, &self.display, Picture::Depth, FileFormat::Exr).map_err(permanent)?
+                    encode(frame, &self.display, Picture::Depth, FileFormat::Exr)
+                        .map_err(SeriesError::permanent)?
                 }
                 (Product::DepthPng, Some(frame)) => depth_png(frame)?,
                 (Product::Camera, Some(frame)) => ViewCamera::of(frame)?.to_json(),
                 (Product::Labels, _) => self.labels(annotations, &mut made)?,
-                (_, None) => return Err(permanent("a product draws annotations, and the job has none")),
+                (_, None) => {
+                    return Err(SeriesError::permanent("a product draws annotations, and the job has none"));
+                }
             };
             made.files.push((*product, bytes));
         }
@@ -90,7 +90,7 @@ impl RenderedView {
             return Ok(Cow::Borrowed(&self.frame));
         }
         let mut frame = self.frame.clone();
-        draw_overlays(&mut frame, request, &self.grid).map_err(permanent)?;
+        draw_overlays(&mut frame, request, &self.grid).map_err(SeriesError::permanent)?;
         Ok(Cow::Owned(frame))
     }
 
@@ -107,7 +107,7 @@ impl RenderedView {
     ) -> Result<Vec<u8>, SeriesError> {
         let structures = annotations.map_or(&[][..], |readied| &readied.structures);
         if structures.len() > MOST_LABELS {
-            return Err(permanent(format!(
+            return Err(SeriesError::permanent(format!(
                 "{} structures, allowed: at most {MOST_LABELS} in a picture of labels",
                 structures.len()
             )));
@@ -126,7 +126,7 @@ impl RenderedView {
             let items = vec![OverlayItem::Mesh(mesh)];
             let overlays = Arc::new(Overlays { items, ..Overlays::default() });
             let request = RenderRequest { overlays, ..self.request.clone() };
-            draw_overlays(&mut frame, &request, &self.grid).map_err(permanent)?;
+            draw_overlays(&mut frame, &request, &self.grid).map_err(SeriesError::permanent)?;
             let depths = before.iter().zip(&frame.depth_mm);
             labels
                 .iter_mut()
@@ -135,7 +135,7 @@ impl RenderedView {
                 .for_each(|(own, _)| *own = label);
         }
         made.structures = structures.iter().map(|(name, _)| name.clone()).collect();
-        gray_png(self.frame.size_px, &labels).map_err(permanent)
+        gray_png(self.frame.size_px, &labels).map_err(SeriesError::permanent)
     }
 }
 
@@ -150,13 +150,14 @@ fn depth_png(frame: &RenderedFrame) -> Result<Vec<u8>, SeriesError> {
             true if (1.0..=f64::from(u16::MAX)).contains(&value) => values.push(value as u16),
             true => {
                 let most = f64::from(u16::MAX) * DEPTH_UNIT_MM;
-                return Err(permanent(format!(
+                return Err(SeriesError::permanent(format!(
                     "a depth of {mm} mm does not fit into 16 bits, allowed: {DEPTH_UNIT_MM} to {most:.1} mm; depth (EXR) has no such limit"
                 )));
             }
         }
     }
-    encode_png(&Frame::new(frame.size_px, Pixels::Gray16(values)).map_err(permanent)?).map_err(permanent)
+    encode_png(&Frame::new(frame.size_px, Pixels::Gray16(values)).map_err(SeriesError::permanent)?)
+        .map_err(SeriesError::permanent)
 }
 
 fn gray_png([width, height]: [u32; 2], samples: &[u8]) -> Result<Vec<u8>, png::EncodingError> {

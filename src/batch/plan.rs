@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use super::copies::{Copies, Local};
-use super::error::PlanError;
+use super::error::{PlanError, SkipReason};
 use super::found::{FoundSeries, SeriesFormat};
 use super::landmarks::{camera_views, landmark_views};
 use super::location::Location;
@@ -58,8 +58,8 @@ pub struct Request {
     pub copies: Copies,
 }
 
-/// Jobs, and what gave none.
-#[derive(Clone, Debug)]
+/// Jobs, and the paths without jobs.
+#[derive(Debug)]
 pub struct Plan {
     /// All views of a series side by side; series in the order of their paths.
     pub jobs: Vec<Job>,
@@ -68,7 +68,7 @@ pub struct Plan {
     /// How many series the query does not want.
     pub unwanted: usize,
     /// The unusable files: path and reason.
-    pub skipped: Vec<(PathBuf, String)>,
+    pub skipped: Skipped,
 }
 
 /// Columns of a table.
@@ -102,7 +102,7 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
         places.retain(|place| !labels.contains(&place.path));
     }
     let mut planned = Plan { jobs: Vec::new(), series: 0, unwanted: 0, skipped: Vec::new() };
-    let (mut known, mut found_any, mut why) = (HashSet::new(), false, String::new());
+    let (mut known, mut found_any, mut last) = (HashSet::new(), false, None);
     for (done, place) in places.iter().enumerate() {
         report(done, places.len());
         let found = find(place, &request.copies).unwrap_or_else(|reason| {
@@ -113,11 +113,11 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
             found_any = true;
             let path = found.source.path.clone();
             if !known.insert(found.source.sha256.clone()) {
-                planned.skipped.push((path, "the same files were planned already".to_owned()));
+                planned.skipped.push((path, SkipReason::Repeated));
                 continue;
             }
             if let Err(reason) = found.admit(&request.query) {
-                (planned.unwanted, why) = (planned.unwanted + 1, reason);
+                (planned.unwanted, last) = (planned.unwanted + 1, Some(reason));
                 continue;
             }
             match jobs_of(&found, request, &mut planned.skipped)? {
@@ -125,10 +125,7 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
                     planned.series += 1;
                     planned.jobs.extend(jobs);
                 }
-                Err(reason) => {
-                    why.clone_from(&reason);
-                    planned.skipped.push((path, reason));
-                }
+                Err(reason) => planned.skipped.push((path, reason)),
             }
         }
     }
@@ -137,19 +134,21 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
         return Err(PlanError::NoSeries { path: root.clone(), skipped: planned.skipped });
     }
     if planned.jobs.is_empty() {
-        return Err(PlanError::NoViews(why));
+        let last = last.or_else(|| planned.skipped.pop().map(|(_, reason)| reason));
+        return Err(PlanError::NoViews { last });
     }
     Ok(planned)
 }
 
-type Skipped = Vec<(PathBuf, String)>;
+/// Paths without jobs, with reasons.
+pub type Skipped = Vec<(PathBuf, SkipReason)>;
 
 /// The jobs of a series, or why it has none. The outer error ends the planning.
 fn jobs_of(
     found: &FoundSeries,
     request: &Request,
     skipped: &mut Skipped,
-) -> Result<Result<Vec<Job>, String>, PlanError> {
+) -> Result<Result<Vec<Job>, SkipReason>, PlanError> {
     let mut views = request.views.views.clone();
     let mut kept = None;
     if let Some(log) = &request.annotations {
@@ -164,7 +163,7 @@ fn jobs_of(
         }
     }
     if views.is_empty() {
-        return Ok(Err("the log has no annotation of the series to look at".to_owned()));
+        return Ok(Err(SkipReason::NoAnnotations));
     }
     let job = |view: View| {
         let mut scene = request.scene.clone();
@@ -278,40 +277,38 @@ impl Candidate {
     }
 }
 
-fn find_labels(path: &Path, copies: &Copies) -> Result<LabelsSource, String> {
+fn find_labels(path: &Path, copies: &Copies) -> Result<LabelsSource, SkipReason> {
     let sha256 = copies.local(path).and_then(|local| sha256_of_file(local.path()));
-    let sha256 =
-        sha256.map_err(|error| format!("its label map {} cannot be read: {error}", path.display()))?;
+    let sha256 = sha256.map_err(|source| SkipReason::Labels { path: path.to_owned(), source })?;
     Ok(LabelsSource { path: path.to_owned(), sha256 })
 }
 
 /// The series of a place.
-fn find(place: &Candidate, copies: &Copies) -> Result<Vec<FoundSeries>, String> {
-    let local: Local = copies.local(&place.path).map_err(|error| error.to_string())?;
+fn find(place: &Candidate, copies: &Copies) -> Result<Vec<FoundSeries>, SkipReason> {
+    let local: Local = copies.local(&place.path)?;
     let labels = place.labels.as_deref().map(|path| find_labels(path, copies)).transpose()?;
     let source = |uid: Option<String>, sha256: String| {
         let name = place.name.clone().unwrap_or_else(|| format!("series-{}", &sha256[..12]));
         SeriesSource { path: place.path.clone(), uid, name, sha256, labels: labels.clone() }
     };
     if relief_dicom::is_volume_file(local.path()) {
-        let sha256 = sha256_of_file(local.path()).map_err(|error| error.to_string())?;
+        let sha256 = sha256_of_file(local.path())?;
         return Ok(vec![FoundSeries { source: source(None, sha256), local, kind: SeriesFormat::File }]);
     }
-    let found = relief_dicom::discover(local.path(), Strictness::Lenient, &|_| ())
-        .map_err(|error| error.to_string())?;
+    let found = relief_dicom::discover(local.path(), Strictness::Lenient, &|_| ())?;
     let several = found.series.len() > 1;
     let is_wanted = |entry: &SeriesEntry| place.uid.as_deref().is_none_or(|uid| entry.uid() == uid);
     let wanted: Vec<_> = found.series.into_iter().filter(is_wanted).collect();
     if wanted.is_empty() {
-        return Err("no CT series".to_owned());
+        return Err(SkipReason::NoSeries);
     }
     if wanted.len() > 1 && place.name.is_some() {
-        return Err(format!("{} series are there; name one with series_uid", wanted.len()));
+        return Err(SkipReason::SeveralSeries { count: wanted.len() });
     }
     wanted
         .into_iter()
         .map(|entry| {
-            let sha256 = HEXLOWER.encode(&entry.content_sha256().map_err(|error| error.to_string())?);
+            let sha256 = HEXLOWER.encode(&entry.content_sha256()?);
             let source = source(several.then(|| entry.uid().to_owned()), sha256);
             Ok(FoundSeries { source, local: local.clone(), kind: SeriesFormat::Dicom(entry) })
         })

@@ -8,7 +8,6 @@
 use glam::{DMat3, DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::error::FailureKind;
 use super::source::SeriesError;
 use relief_render::RenderedFrame;
 use relief_volume::Projection;
@@ -49,7 +48,7 @@ impl ViewCamera {
         let camera = &frame.camera;
         if let Projection::Orthographic { .. } = camera.projection() {
             let reason = "product camera is for perspective views; slices and parallel projections have no matrix of intrinsics";
-            return Err((FailureKind::Permanent, reason.to_owned()));
+            return Err(SeriesError::permanent(reason));
         }
         let [width, height] = frame.size_px.map(f64::from);
         let [half_x, half_y] = camera.half_extent(frame.size_px);

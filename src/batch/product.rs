@@ -97,15 +97,18 @@ impl Product {
 }
 
 impl FromStr for ProductSet {
-    type Err = String;
+    type Err = UnknownProduct;
 
-    fn from_str(name: &str) -> Result<Self, String> {
+    fn from_str(name: &str) -> Result<Self, UnknownProduct> {
         if name == "dataset" {
             return Ok(Self(Product::DATASET.to_vec()));
         }
         let found = Product::ALL.into_iter().find(|known| known.name() == name);
-        found.map(|product| Self(vec![product])).ok_or_else(|| {
-            format!("products are {}, and dataset for color,depth,depth-png,camera", Product::names())
-        })
+        found.map(|product| Self(vec![product])).ok_or(UnknownProduct)
     }
 }
+
+/// A name that no product has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("products are {}, and dataset for color,depth,depth-png,camera", Product::names())]
+pub struct UnknownProduct;

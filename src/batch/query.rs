@@ -97,25 +97,25 @@ impl Query {
     ///
     /// # Errors
     /// The first condition that the series does not meet, and its value.
-    pub fn admit(&self, facts: &SeriesFacts) -> Result<(), String> {
+    pub fn admit(&self, facts: &SeriesFacts) -> Result<(), UnmetCondition> {
         self.0.iter().try_for_each(|condition| condition.admit(facts))
     }
 }
 
 impl Condition {
-    fn admit(&self, facts: &SeriesFacts) -> Result<(), String> {
+    fn admit(&self, facts: &SeriesFacts) -> Result<(), UnmetCondition> {
         let Self { key, relation, wanted } = self;
         match wanted {
             Operand::Word(word) => {
                 let found = facts.word(key);
                 let equal = found.eq_ignore_ascii_case(word);
                 let is_met = equal == (*relation == Relation::Equal);
-                if is_met { Ok(()) } else { Err(format!("{key} is {found}, which --where does not want")) }
+                if is_met { Ok(()) } else { Err(UnmetCondition::Value { key, found: found.to_owned() }) }
             }
             Operand::Number(number) => match facts.number(key) {
-                None => Err(format!("its files do not say {key}")),
+                None => Err(UnmetCondition::Missing { key }),
                 Some(found) if relation.holds(found, *number) => Ok(()),
-                Some(found) => Err(format!("{key} is {found}, which --where does not want")),
+                Some(found) => Err(UnmetCondition::Value { key, found: found.to_string() }),
             },
         }
     }
@@ -135,31 +135,57 @@ impl Relation {
 }
 
 impl FromStr for Query {
-    type Err = String;
+    type Err = InvalidCondition;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, InvalidCondition> {
         text.split(',').map(|part| condition(part.trim())).collect::<Result<_, _>>().map(Self)
     }
 }
 
-fn condition(text: &str) -> Result<Condition, String> {
-    let known = format!("{}, {}", WORDS.join(", "), NUMBERS.join(", "));
-    let wrong = |what: &str| format!("{text:?} {what}; conditions are such as slices>=40, of: {known}");
-    let at = text.find(['<', '>', '=', '!']).ok_or_else(|| wrong("is no condition"))?;
+/// Why a series is not selected.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UnmetCondition {
+    /// The value does not meet the condition.
+    #[error("{key} is {found}, which --where does not select")]
+    Value {
+        /// The property.
+        key: &'static str,
+        /// Its value.
+        found: String,
+    },
+    /// The files do not have the value.
+    #[error("its files have no {key}")]
+    Missing {
+        /// The property.
+        key: &'static str,
+    },
+}
+
+/// A text that is no condition.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{text:?} {problem}; an example of a condition is slices>=40, and the properties are {}, {}", WORDS.join(", "), NUMBERS.join(", "))]
+pub struct InvalidCondition {
+    text: String,
+    problem: &'static str,
+}
+
+fn condition(text: &str) -> Result<Condition, InvalidCondition> {
+    let wrong = |problem| InvalidCondition { text: text.to_owned(), problem };
+    let at = text.find(['<', '>', '=', '!']).ok_or_else(|| wrong("is not a condition"))?;
     let (key, rest) = text.split_at(at);
     let found = RELATIONS.iter().find_map(|(sign, relation)| Some((*relation, rest.strip_prefix(sign)?)));
-    let (relation, value) = found.ok_or_else(|| wrong("is no condition"))?;
+    let (relation, value) = found.ok_or_else(|| wrong("is not a condition"))?;
     let (key, value) = (key.trim(), value.trim());
     if let Some(key) = WORDS.into_iter().find(|known| *known == key) {
         let is_word = !value.is_empty() && value.chars().all(|letter| letter.is_ascii_alphanumeric());
         if !is_word || !matches!(relation, Relation::Equal | Relation::NotEqual) {
-            return Err(wrong("is no condition of a word, which are = and !="));
+            return Err(wrong("is not a condition of a word: these are = and !="));
         }
         return Ok(Condition { key, relation, wanted: Operand::Word(value.to_owned()) });
     }
     let key =
-        NUMBERS.into_iter().find(|known| *known == key).ok_or_else(|| wrong("asks for what is not known"))?;
+        NUMBERS.into_iter().find(|known| *known == key).ok_or_else(|| wrong("has an unknown property"))?;
     let number = value.parse().ok().filter(|number: &f64| number.is_finite());
-    let number = number.ok_or_else(|| wrong("compares with no number"))?;
+    let number = number.ok_or_else(|| wrong("does not compare with a number"))?;
     Ok(Condition { key, relation, wanted: Operand::Number(number) })
 }

@@ -197,7 +197,7 @@ impl Last<'_> {
     fn holds_for(&self, wanted: &SeriesSource) -> bool {
         let holds = match &self.series {
             Ok(_) => true,
-            Err((kind, _)) => *kind == FailureKind::Permanent && self.at.elapsed() < BROKEN_FOR,
+            Err(error) => error.kind == FailureKind::Permanent && self.at.elapsed() < BROKEN_FOR,
         };
         holds && self.source == *wanted
     }
@@ -297,7 +297,7 @@ fn render(
     job: &Job,
 ) -> Result<RenderedView, SeriesError> {
     let (volume, labels) = (&loaded.volume, loaded.labels.as_ref());
-    let permanent = |error: SceneError| (FailureKind::Permanent, error.to_string());
+    let permanent = |error: SceneError| SeriesError::permanent(&error);
     let file = SceneFile::parse(job.scene.to_string().as_bytes()).map_err(permanent)?;
     let scene: Scene = file.resolve_labelled(volume.grid(), &job.orbit, labels).map_err(permanent)?;
     scene.expect_no_annotations().map_err(permanent)?;
@@ -313,7 +313,7 @@ fn render(
             RenderError::Gpu(_) => FailureKind::Retryable,
             _ => FailureKind::Permanent,
         };
-        (kind, error.to_string())
+        SeriesError::new(kind, &error)
     })?;
     request.overlays = overlays;
     Ok(RenderedView { frame, request, display: scene.display, grid: volume.grid().clone() })
@@ -339,7 +339,7 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result
     let Finished { job, sight, warnings } = picture;
     let (job, started) = (job.borrow(), Instant::now());
     let refused =
-        |error: std::io::Error| (FailureKind::Retryable, format!("cannot write {}: {error}", job.name()));
+        |error: std::io::Error| SeriesError::retryable(format_args!("cannot write {}: {error}", job.name()));
     let readied: Option<Arc<PreparedAnnotations>> =
         job.annotations.as_ref().map(|kept| shared.annotations.get(kept)).transpose()?;
     let made: Outputs = sight.outputs(&job.products, readied.as_deref())?;
@@ -380,7 +380,7 @@ impl<'a> RunState<'a> {
         change(&mut self.summary.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    fn fail(&self, job: &Job, (kind, reason): SeriesError) {
+    fn fail(&self, job: &Job, SeriesError { kind, reason }: SeriesError) {
         let failure = Failure { job: job.job.0.clone(), name: job.name(), kind, reason };
         (self.report)(RunEvent::Failed(&failure));
         self.change(|summary| summary.failures.push(failure));
@@ -425,6 +425,6 @@ mod tests {
         assert_eq!(reasons[0], reasons[1]);
         assert_eq!(reasons.len(), 3);
         let again = source("a").load(&gate, &copies).unwrap_err();
-        assert!(again.0 == FailureKind::Permanent && again != reasons[0], "{again:?}");
+        assert!(again.kind == FailureKind::Permanent && again != reasons[0], "{again:?}");
     }
 }

@@ -55,8 +55,27 @@ pub(super) struct BudgetedVolume<'a> {
     held: ReservedMemory<'a>,
 }
 
-/// Why a series was not loaded.
-pub(super) type SeriesError = (FailureKind, String);
+/// Why a series was not loaded. The reason names no file: reports are read by others.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{reason}")]
+pub(super) struct SeriesError {
+    pub(super) kind: FailureKind,
+    pub(super) reason: String,
+}
+
+impl SeriesError {
+    pub(super) fn new(kind: FailureKind, reason: impl std::fmt::Display) -> Self {
+        Self { kind, reason: reason.to_string() }
+    }
+
+    pub(super) fn permanent(reason: impl std::fmt::Display) -> Self {
+        Self::new(FailureKind::Permanent, reason)
+    }
+
+    pub(super) fn retryable(reason: impl std::fmt::Display) -> Self {
+        Self::new(FailureKind::Retryable, reason)
+    }
+}
 
 impl SeriesSource {
     /// Loads the series within the limit of the gate, when memory is free; from a bucket through a
@@ -66,14 +85,10 @@ impl SeriesSource {
         gate: &'a MemoryBudget,
         copies: &Copies,
     ) -> Result<BudgetedVolume<'a>, SeriesError> {
-        let local = match copies.local(&self.path) {
-            Ok(local) => local,
-            Err(error) => return Err((lasting(&error), error.to_string())),
-        };
+        let local = copies.local(&self.path).map_err(|error| SeriesError::new(kind_of(&error), &error))?;
         let path = local.path();
         let is_file = relief_dicom::is_volume_file(path);
-        let loaded = if is_file { self.load_file(path, gate) } else { self.load_series(path, gate) };
-        let mut loaded = loaded.map_err(|(kind, reason)| (kind, without_path(path, &reason)))?;
+        let mut loaded = if is_file { self.load_file(path, gate)? } else { self.load_series(path, gate)? };
         if let Some(labels) = &self.labels {
             labels.load(copies, gate, &mut loaded)?;
         }
@@ -87,9 +102,10 @@ impl SeriesSource {
         path: &Path,
         gate: &'a MemoryBudget,
     ) -> Result<BudgetedVolume<'a>, SeriesError> {
-        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
-        let entry = found.select(self.uid.as_deref()).map_err(of_dicom)?;
-        self.expect(&HEXLOWER.encode(&entry.content_sha256().map_err(of_dicom)?))?;
+        let found =
+            relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(|error| of_dicom(&error))?;
+        let entry = found.select(self.uid.as_deref()).map_err(|error| of_dicom(&error))?;
+        self.expect(&HEXLOWER.encode(&entry.content_sha256().map_err(|error| of_dicom(&error))?))?;
         // A label map has at most as many bytes as the voxels.
         let bytes = needed_bytes(entry).saturating_mul(1 + u64::from(self.labels.is_some()));
         if bytes > gate.limit() {
@@ -97,21 +113,21 @@ impl SeriesSource {
         }
         let held = gate.hold(bytes);
         let limits = LoadLimits { voxel_bytes: gate.limit() };
-        let loaded =
-            relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map_err(of_dicom)?;
+        let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ())
+            .map_err(|error| of_dicom(&error))?;
         let warnings = found.warnings().into_iter().chain(loaded.warnings);
         let warnings = warnings.map(|warning| warning.message).collect();
         Ok(BudgetedVolume { volume: loaded.volume, labels: None, warnings, held })
     }
 
     fn load_file<'a>(&self, path: &Path, gate: &'a MemoryBudget) -> Result<BudgetedVolume<'a>, SeriesError> {
-        let sha256 = sha256_of_file(path).map_err(|error| (FailureKind::Retryable, error.to_string()))?;
+        let sha256 = sha256_of_file(path).map_err(SeriesError::retryable)?;
         self.expect(&sha256)?;
         // How large it is, is known when it is read.
         let held = gate.hold(gate.limit());
         let limits = relief_dicom::FormatLimits { voxels: gate.limit() / size_of::<i16>() as u64 };
         let read = relief_dicom::read_volume_within(limits, path)
-            .map_err(|error| (FailureKind::Permanent, error.to_string()))?;
+            .map_err(|error| SeriesError::permanent(error.about("its file")))?;
         Ok(BudgetedVolume { volume: read.volume, labels: None, warnings: read.warnings, held })
     }
 
@@ -119,10 +135,7 @@ impl SeriesSource {
         if self.sha256 == found {
             return Ok(());
         }
-        Err((
-            FailureKind::Permanent,
-            "the series' files are not those that were planned with; plan anew".to_owned(),
-        ))
+        Err(SeriesError::permanent("the series' files have changed since planning; plan again"))
     }
 }
 
@@ -134,16 +147,18 @@ impl LabelsSource {
         gate: &MemoryBudget,
         loaded: &mut BudgetedVolume<'_>,
     ) -> Result<(), SeriesError> {
-        let of_file = |error: std::io::Error| (lasting(&error), format!("its label map: {error}"));
+        let of_file =
+            |error: std::io::Error| SeriesError::new(kind_of(&error), format_args!("its label map: {error}"));
         let local = copies.local(&self.path).map_err(of_file)?;
         let path = local.path();
         if sha256_of_file(path).map_err(of_file)? != self.sha256 {
-            let reason = "the series' label map is not the one that was planned with; plan anew";
-            return Err((FailureKind::Permanent, reason.to_owned()));
+            return Err(SeriesError::permanent(
+                "the series' label map has changed since planning; plan again",
+            ));
         }
         let most_voxels = gate.limit() / size_of::<u16>() as u64;
         let labels = load_labels(path, most_voxels, loaded.volume.grid()).map_err(|error| {
-            (FailureKind::Permanent, format!("its label map: {}", without_path(path, &error.to_string())))
+            SeriesError::permanent(format_args!("its label map: {}", error.about("its file")))
         })?;
         loaded.warnings.extend(labels.warnings);
         loaded.labels = Some(labels.map);
@@ -155,24 +170,8 @@ fn labels_bytes(map: &LabelMap) -> u64 {
     (map.grid().voxel_count() * size_of::<u16>()) as u64
 }
 
-/// An error about a path's files, without their names.
-fn without_path(path: &Path, reason: &str) -> String {
-    let path = path.display().to_string();
-    if path.is_empty() {
-        return reason.to_owned();
-    }
-    let mut parts = reason.split(&path);
-    let mut told = parts.next().unwrap_or_default().to_owned();
-    for part in parts {
-        // The part of the message before the name of the file.
-        told.push_str("its files");
-        told.push_str(part.find(": ").map_or("", |end| &part[end..]));
-    }
-    told
-}
-
 /// Missing or invalid input fails again at the next try.
-fn lasting(error: &std::io::Error) -> FailureKind {
+fn kind_of(error: &std::io::Error) -> FailureKind {
     match error.kind() {
         std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput => FailureKind::Permanent,
         _ => FailureKind::Retryable,
@@ -186,43 +185,18 @@ fn needed_bytes(entry: &SeriesEntry) -> u64 {
 
 fn too_large(needed: u64, allowed: u64) -> SeriesError {
     let (needed, allowed) = (needed.div_ceil(1 << 20), allowed >> 20);
-    let reason =
-        format!("the volume needs {needed} MiB, and {allowed} MiB are for voxels; allow more with --memory");
-    (FailureKind::Permanent, reason)
+    SeriesError::permanent(format_args!(
+        "the volume needs {needed} MiB, and {allowed} MiB are for voxels; allow more with --memory"
+    ))
 }
 
-fn of_dicom(error: relief_dicom::Error) -> SeriesError {
-    let kind = match &error {
+fn of_dicom(error: &relief_dicom::Error) -> SeriesError {
+    let kind = match error {
         relief_dicom::Error::Unreadable { source, .. } if source.kind() != std::io::ErrorKind::NotFound => {
             FailureKind::Retryable
         }
         relief_dicom::Error::Memory { .. } => FailureKind::Retryable,
         _ => FailureKind::Permanent,
     };
-    // A list of UIDs is nothing for a report that goes elsewhere.
-    let reason = match error {
-        relief_dicom::Error::SeveralSeries { count, .. } => {
-            format!("{count} series are there, and the job names none")
-        }
-        relief_dicom::Error::UnknownSeries { .. } => "the series is no longer there".to_owned(),
-        other => other.to_string(),
-    };
-    (kind, reason)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn reasons_name_no_file() {
-        let path = Path::new("/archive/DOE^JOHN");
-        for (reason, told) in [
-            ("cannot read /archive/DOE^JOHN/JOHN 1.dcm: gone", "cannot read its files: gone"),
-            ("no series in /archive/DOE^JOHN", "no series in its files"),
-            ("too large", "too large"),
-        ] {
-            assert_eq!(without_path(path, reason), told);
-        }
-    }
+    SeriesError::new(kind, error.without_names())
 }

@@ -43,15 +43,44 @@ pub struct FilmWriter {
     pub lacks_ffmpeg: bool,
 }
 
-impl FromStr for FilmChoice {
-    type Err = String;
+/// Why turntables cannot be written as films.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FilmError {
+    /// A name that no form of turntables has.
+    #[error("turntables are auto, apng or mp4")]
+    Unknown,
+    /// MP4 is required, and ffmpeg does not run.
+    #[error(
+        "{} does not run, and MP4 needs it: install ffmpeg (Debian, Ubuntu: apt-get install ffmpeg), name it \
+         with --ffmpeg, or leave out --turntable mp4 for animated PNG",
+        ffmpeg.display()
+    )]
+    NoFfmpeg {
+        /// The program.
+        ffmpeg: PathBuf,
+    },
+}
 
-    fn from_str(name: &str) -> Result<Self, String> {
+/// Why ffmpeg made no film.
+#[derive(Debug, thiserror::Error)]
+enum EncodeError {
+    #[error("its pictures cannot be read")]
+    Pictures,
+    #[error(transparent)]
+    Start(#[from] std::io::Error),
+    #[error("{message}")]
+    Ffmpeg { message: String },
+}
+
+impl FromStr for FilmChoice {
+    type Err = FilmError;
+
+    fn from_str(name: &str) -> Result<Self, FilmError> {
         match name {
             "auto" => Ok(Self::Auto),
             "apng" => Ok(Self::Apng),
             "mp4" => Ok(Self::Mp4),
-            _ => Err("turntables are auto, apng or mp4".to_owned()),
+            _ => Err(FilmError::Unknown),
         }
     }
 }
@@ -61,7 +90,7 @@ impl FilmWriter {
     ///
     /// # Errors
     /// When ffmpeg is required and missing: how to install it.
-    pub fn new(film: FilmChoice, ffmpeg: &Path) -> Result<Self, String> {
+    pub fn new(film: FilmChoice, ffmpeg: &Path) -> Result<Self, FilmError> {
         if film == FilmChoice::Apng {
             return Ok(Self { ffmpeg: None, lacks_ffmpeg: false });
         }
@@ -71,11 +100,7 @@ impl FilmWriter {
         let runs = command.status().is_ok_and(|status| status.success());
         match (runs, film) {
             (true, _) => Ok(Self { ffmpeg: Some(ffmpeg.to_owned()), lacks_ffmpeg: false }),
-            (false, FilmChoice::Mp4) => Err(format!(
-                "{} does not run, and MP4 needs it: install ffmpeg (Debian, Ubuntu: apt-get install ffmpeg), name it with \
-                 --ffmpeg, or leave out --turntable mp4 for animated PNG",
-                ffmpeg.display()
-            )),
+            (false, FilmChoice::Mp4) => Err(FilmError::NoFfmpeg { ffmpeg: ffmpeg.to_owned() }),
             (false, _) => Ok(Self { ffmpeg: None, lacks_ffmpeg: true }),
         }
     }
@@ -173,15 +198,16 @@ impl Animation {
 
 /// The first encoder that this ffmpeg has makes the film.
 fn mp4(ffmpeg: &Path, out: &Sink, turns: &[String]) -> std::io::Result<Vec<u8>> {
-    let mut refusal = String::new();
+    let mut refusal = None;
     for encoder in ENCODERS {
         let file = tempfile::Builder::new().prefix("relief-").suffix(".mp4").tempfile()?;
         match encode(ffmpeg, encoder, (out, turns), file.path()) {
             Ok(()) => return std::fs::read(file.path()),
-            Err(reason) => refusal = reason,
+            Err(error) => refusal = Some(error),
         }
     }
-    Err(std::io::Error::other(format!("ffmpeg makes no MP4: {refusal}")))
+    let reason = refusal.map(|error| format!(": {error}")).unwrap_or_default();
+    Err(std::io::Error::other(format!("ffmpeg cannot encode an MP4{reason}")))
 }
 
 fn encode(
@@ -189,9 +215,9 @@ fn encode(
     encoder: &[&str],
     (out, turns): (&Sink, &[String]),
     film: &Path,
-) -> Result<(), String> {
+) -> Result<(), EncodeError> {
     let picture = |name: &String| open(out, name).map(image::DynamicImage::into_rgb8);
-    let first = turns.first().and_then(picture).ok_or("its pictures cannot be read")?;
+    let first = turns.first().and_then(picture).ok_or(EncodeError::Pictures)?;
     let size = format!("{}x{}", first.width(), first.height());
     let rate = format!("1000/{TURN_MS}");
     let input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-framerate", &rate, "-i", "pipe:0"];
@@ -208,8 +234,7 @@ fn encode(
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
-        .spawn()
-        .map_err(|error| error.to_string())?;
+        .spawn()?;
     let (mut stdin, stderr) = (child.stdin.take(), child.stderr.take());
     let listen = move || {
         let mut said = String::new();
@@ -217,7 +242,7 @@ fn encode(
         said
     };
     let said = std::thread::Builder::new().name("ffmpeg's words".to_owned()).spawn(listen);
-    let said = said.map_err(|error| error.to_string())?;
+    let said = said?;
     let send = |picture: &RgbImage, stdin: &mut Option<std::process::ChildStdin>| {
         stdin.as_mut().is_some_and(|stdin| stdin.write_all(picture).is_ok())
     };
@@ -234,10 +259,13 @@ fn encode(
         }
     }
     drop(stdin);
-    let status = child.wait().map_err(|error| error.to_string())?;
+    let status = child.wait()?;
     let said = said.join().unwrap_or_default();
     if !is_whole {
-        return Err("a picture of it cannot be read".to_owned());
+        return Err(EncodeError::Pictures);
     }
-    if status.success() { Ok(()) } else { Err(said.lines().last().unwrap_or("it says nothing").to_owned()) }
+    if status.success() {
+        return Ok(());
+    }
+    Err(EncodeError::Ffmpeg { message: said.lines().last().unwrap_or("no message").to_owned() })
 }

@@ -107,8 +107,11 @@ pub(super) fn write_plan(arguments: &PlanArguments) -> anyhow::Result<ExitCode> 
     planned.jobs.iter().try_for_each(|job| manifest.line(&serde_json::to_string(job)?))?;
     manifest.finish()?;
     if arguments.json {
-        let skipped: Vec<_> =
-            planned.skipped.iter().map(|(path, reason)| json!({ "path": path, "reason": reason })).collect();
+        let skipped: Vec<_> = planned
+            .skipped
+            .iter()
+            .map(|(path, reason)| json!({ "path": path, "reason": reason.to_string() }))
+            .collect();
         print_json(&json!({
             "out": arguments.out, "series": planned.series, "jobs": planned.jobs.len(), "skipped": skipped,
             "unwanted": planned.unwanted,

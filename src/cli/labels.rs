@@ -10,12 +10,12 @@ use relief_session::{PlacedLabels, load_labels};
 use relief_volume::{Grid, LabelMap};
 
 /// Voxels that a label map may have, as a volume.
-const MOST_VOXELS: u64 = 1 << 31;
+pub(super) const MOST_LABEL_VOXELS: u64 = 1 << 31;
 
 /// Loads a label map onto the grid of a volume, with warnings on stderr.
 pub(super) fn load(path: &Path, grid: &Grid) -> anyhow::Result<Arc<LabelMap>> {
     let start = Instant::now();
-    let loaded = load_labels(path, MOST_VOXELS, grid);
+    let loaded = load_labels(path, MOST_LABEL_VOXELS, grid);
     let PlacedLabels { map, warnings } =
         loaded.with_context(|| format!("cannot use the label map {}", path.display()))?;
     for warning in warnings {

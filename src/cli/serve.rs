@@ -5,7 +5,7 @@
 
 use relief_base::sha256_of_file;
 use std::net::{IpAddr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
 use super::bucket::CopiesArguments;
-use super::labels;
+use super::labels::MOST_LABEL_VOXELS;
 use super::memory::parse_bytes;
 use super::output::say;
 use super::serve_load::{load_behind, places, served};
@@ -28,7 +28,7 @@ use relief_render::VolumeLimits;
 use relief_server::{
     Config, ConnectionLimits, LabelsLoader, LiveConfig, Server, Shutdown, UploadLimits, VolumeLoader,
 };
-use relief_session::{LoadedVolume, QueueConfig, RenderService};
+use relief_session::{QueueConfig, RenderService, load_labels};
 use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
@@ -217,26 +217,25 @@ fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
 
 /// Reads an uploaded series. Its errors do not name the temporary file.
 fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
+    const SUBJECT: &str = "the uploaded file";
     let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
-    let read = move |path: &Path| -> anyhow::Result<LoadedVolume> {
-        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
-        let entry = found.select(None)?;
-        volumes.plan(entry.dims())?;
-        Ok(relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()).map(served)?)
-    };
+    let about = |error: relief_dicom::Error| error.about(SUBJECT);
     Arc::new(move |path| {
-        read(path).map_err(|error| {
-            error.to_string().replace(&path.display().to_string(), "the uploaded file").into()
-        })
+        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(about)?;
+        let entry = found.select(None).map_err(about)?;
+        volumes.plan(entry.dims())?;
+        let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
+        Ok(loaded.map(served).map_err(about)?)
     })
 }
 
 /// Reads an uploaded label map. Its errors do not name the temporary file.
 fn labels_loader() -> LabelsLoader {
     Arc::new(|path, grid| {
-        labels::load(path, grid).map_err(|error| {
-            format!("{error:#}").replace(&path.display().to_string(), "that was uploaded").into()
-        })
+        let loaded =
+            load_labels(path, MOST_LABEL_VOXELS, grid).map_err(|error| error.about("the uploaded file"))?;
+        loaded.warnings.iter().for_each(|warning| tracing::warn!("an uploaded label map: {warning}"));
+        Ok(loaded.map)
     })
 }
 

@@ -67,9 +67,9 @@ pub(super) fn numbers<const N: usize>(
 
 /// An unsigned integer; `None` when absent.
 pub(super) fn unsigned(data: &DataSet, attribute: Attribute) -> Result<Option<u32>, Defect> {
-    data.unsigned(attribute.tag).map_err(|found| Defect::Attribute {
+    data.unsigned(attribute.tag).map_err(|bytes| Defect::Attribute {
         attribute,
-        found,
+        found: format!("{bytes} bytes"),
         expected: "an unsigned integer",
     })
 }

@@ -102,8 +102,9 @@ impl DataSet {
         Some(text.trim_matches(['\0', ' ', '\t', '\r', '\n']).to_owned())
     }
 
-    /// An unsigned integer of two or four bytes; `Err` holds the found value.
-    pub(super) fn unsigned(&self, tag: Tag) -> Result<Option<u32>, String> {
+    /// An unsigned integer of two or four bytes; `Err` holds the number of bytes if
+    /// it is another.
+    pub(super) fn unsigned(&self, tag: Tag) -> Result<Option<u32>, usize> {
         let Some(Value::Bytes { bytes, big_endian }) = self.value(tag) else {
             return Ok(None);
         };
@@ -113,7 +114,7 @@ impl DataSet {
             (&[a, b], true) => Ok(Some(u16::from_be_bytes([a, b]).into())),
             (&[a, b, c, d], false) => Ok(Some(u32::from_le_bytes([a, b, c, d]))),
             (&[a, b, c, d], true) => Ok(Some(u32::from_be_bytes([a, b, c, d]))),
-            _ => Err(format!("{} bytes", bytes.len())),
+            _ => Err(bytes.len()),
         }
     }
 

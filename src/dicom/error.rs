@@ -126,6 +126,38 @@ pub enum Error {
     Voxels(#[from] VoxelCountError),
 }
 
+impl Error {
+    /// The message with `subject` in place of the path.
+    #[must_use]
+    pub fn about(&self, subject: &str) -> String {
+        match self {
+            Self::Unreadable { source, .. } => format!("cannot read {subject}: {source}"),
+            Self::Container { problem, .. } => format!("cannot use {subject}: {problem}"),
+            Self::NoSeries { files, reasons, .. } => {
+                format!("no CT slices in {subject}: looked at {files} file(s){reasons}")
+            }
+            other => other.to_string(),
+        }
+    }
+
+    /// The message without paths, file names and UIDs, for reports that others read: these may
+    /// identify a patient.
+    #[must_use]
+    pub fn without_names(&self) -> String {
+        match self {
+            Self::NoSeries { files, .. } => format!("no CT slices among {files} file(s)"),
+            Self::SeveralSeries { count, .. } => format!("{count} series found, expected one"),
+            Self::UnknownSeries { .. } => "the series is no longer there".to_owned(),
+            Self::Strict { count, .. } => format!("{count} file(s) cannot be used, and reading is strict"),
+            Self::NothingDecoded { slices, .. } => format!("none of the {slices} slices can be decoded"),
+            Self::Ambiguous { duplicates, slices, .. } => {
+                format!("{duplicates} of {slices} slices share a position with another one")
+            }
+            other => other.about("its files"),
+        }
+    }
+}
+
 /// Lines of a message, each indented on a line of its own; only the first few are shown.
 #[derive(Clone, Debug)]
 pub struct Reasons(pub Vec<String>);

@@ -72,12 +72,12 @@ pub use whole::ObjectError;
 
 pub use formats::{
     FormatError, FormatLimits, ReadLabels, ReadLayers, ReadVolume, is_volume_file, read_grid,
-    read_label_layers, read_labels, read_labels_within, read_volume, read_volume_within, write_nifti_labels,
-    write_seg_nrrd, write_seg_nrrd_layers,
+    read_label_layers_of_bytes, read_labels, read_labels_of_bytes, read_labels_within, read_volume,
+    read_volume_within, write_nifti_labels, write_seg_nrrd, write_seg_nrrd_layers,
 };
 pub use report::{
-    LeftOut, ReadReport, ReportError, ReportReadOptions, ReportWriteOptions, WrittenReport, read_report,
-    write_report,
+    LeftOut, ReadReport, ReportError, ReportReadOptions, ReportWriteOptions, UnreportableItem, WrittenReport,
+    read_report, write_report,
 };
 pub use structure_set::{Contour, ContourShape, Structure, StructureSet, read_structure_set};
 pub use write::{BESIDE_SLICES, ExistingFolder, SeriesFolder, SeriesLabels, WriteError, slice_file_name};

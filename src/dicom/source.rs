@@ -31,7 +31,7 @@ type SharedZip = ZipArchive<Cursor<bytes::Bytes>>;
 /// One file that may hold a DICOM object.
 #[derive(Clone)]
 pub(super) enum FileSource {
-    Disk(PathBuf),
+    Disk { path: PathBuf, label: String },
     Zipped { archive: Arc<SharedZip>, index: usize, label: String },
 }
 
@@ -51,7 +51,7 @@ impl FileSource {
     /// The file's bytes; those of a zip entry are unpacked here.
     pub(super) fn bytes(&self) -> Result<Bytes, Defect> {
         match self {
-            Self::Disk(path) => Ok(Bytes::Disk(path.clone())),
+            Self::Disk { path, .. } => Ok(Bytes::Disk(path.clone())),
             Self::Zipped { archive, index, .. } => {
                 unpack(&mut SharedZip::clone(archive), *index).map(Bytes::Memory)
             }
@@ -64,7 +64,7 @@ impl FileSource {
     /// that it is held to.
     pub(super) fn memory_bytes(&self) -> u64 {
         match self {
-            Self::Disk(_) => 0,
+            Self::Disk { .. } => 0,
             Self::Zipped { archive, index, .. } => {
                 let entry = archive.by_index_data(*index);
                 entry.map_or(0, |entry| entry.size()).min(LARGEST_ENTRY)
@@ -73,12 +73,12 @@ impl FileSource {
     }
 }
 
+/// The name for messages: relative to the folder or zip that was given, so that a message never
+/// repeats where the files lie.
 impl fmt::Display for FileSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Disk(path) => path.display().fmt(f),
-            Self::Zipped { label, .. } => f.write_str(label),
-        }
+        let (Self::Disk { label, .. } | Self::Zipped { label, .. }) = self;
+        f.write_str(label)
     }
 }
 
@@ -176,7 +176,7 @@ pub(super) fn collect(path: &Path) -> Result<Vec<FileSource>, Error> {
     if magic.starts_with(b"PK") {
         return collect_zip(path);
     }
-    let file = FileSource::Disk(path.to_owned());
+    let file = FileSource::Disk { path: path.to_owned(), label: "the file".to_owned() };
     match directory_records(&file) {
         Some(references) => collect_references(path, references),
         None => Ok(vec![file]),
@@ -197,7 +197,8 @@ fn collect_folder(folder: &Path) -> Result<Vec<FileSource>, Error> {
                 None => continue,
             },
         };
-        files.push(FileSource::Disk(path));
+        let label = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
+        files.push(FileSource::Disk { path, label });
         check_count(folder, files.len())?;
     }
     Ok(files)
@@ -218,9 +219,8 @@ fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
     let mut files = Vec::new();
     for index in 0..archive.len() {
         // The name only labels messages; nothing is ever written under it.
-        let name = archive.name_for_index(index).and_then(Result::ok).unwrap_or_default().into_owned();
-        if !name.ends_with('/') {
-            let label = format!("{}:{name}", path.display());
+        let label = archive.name_for_index(index).and_then(Result::ok).unwrap_or_default().into_owned();
+        if !label.ends_with('/') {
             files.push(FileSource::Zipped { archive: Arc::clone(&archive), index, label });
         }
     }
@@ -271,7 +271,8 @@ fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<F
                 format!("ReferencedFileID (0004,1500): found {reference:?}, expected a path below it");
             return Err(container(found));
         }
-        files.push(FileSource::Disk(find_ignoring_case(folder, &relative)));
+        let (path, label) = (find_ignoring_case(folder, &relative), relative.display().to_string());
+        files.push(FileSource::Disk { path, label });
     }
     Ok(files)
 }

@@ -242,15 +242,22 @@ struct CustomProfile {
     sub_image_px: Option<[u32; 2]>,
 }
 
+/// Why a profile's object is refused.
+#[derive(Debug, thiserror::Error)]
+enum CustomProfileError {
+    #[error("a profile has vz alone, or all of zd, vz, m and c")]
+    Keys,
+    #[error(transparent)]
+    Constants(#[from] ProfileError),
+}
+
 impl CustomProfile {
-    fn setting(self) -> Result<ProfileSetting, String> {
+    fn setting(self) -> Result<ProfileSetting, CustomProfileError> {
         let Self { vz, zd, m, c, frame_px, sub_image_px } = self;
         let constants = match (zd, m, c) {
-            (None, None, None) => DisparityConstants::from_viewing_distance(vz).map_err(|e| e.to_string())?,
-            (Some(zd), Some(m), Some(c)) => {
-                DisparityConstants { zd, vz, m, c }.checked().map_err(|e| e.to_string())?
-            }
-            _ => return Err("a profile has vz alone, or all of zd, vz, m and c".to_owned()),
+            (None, None, None) => DisparityConstants::from_viewing_distance(vz)?,
+            (Some(zd), Some(m), Some(c)) => DisparityConstants { zd, vz, m, c }.checked()?,
+            _ => return Err(CustomProfileError::Keys),
         };
         Ok(ProfileSetting::Custom { constants, frame_px, sub_image_px })
     }

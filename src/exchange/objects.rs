@@ -107,7 +107,7 @@ pub(super) fn write_report(
     let count = items.len() - written.left_out.len();
     let mut reasons: BTreeMap<String, Vec<_>> = BTreeMap::new();
     for lost in written.left_out {
-        reasons.entry(lost.reason).or_default().push(lost.item);
+        reasons.entry(lost.reason.to_string()).or_default().push(lost.item);
     }
     let lost = reasons.into_iter().map(|(reason, items)| LeftOut { what: "items".to_owned(), reason, items });
     left_out.extend(lost);

@@ -8,8 +8,6 @@
 //! voxel.
 
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::path::Path;
 
 use super::reading::Reading;
 use super::structures::REGION_TYPE;
@@ -30,7 +28,7 @@ pub(super) fn read(
     bytes: &[u8],
     context: &ReadContext<'_>,
 ) -> Result<Imported, ExchangeError> {
-    let found = file_of(format, bytes, relief_dicom::read_label_layers)?;
+    let found = relief_dicom::read_label_layers_of_bytes(bytes).map_err(|error| failed(format, &error))?;
     of_layers(format, &found.layers, found.warnings, context)
 }
 
@@ -92,17 +90,6 @@ pub(super) fn failed(format: Format, error: &dyn std::fmt::Display) -> ExchangeE
     ExchangeError::Syntax { format, place: "the map".to_owned(), message: error.to_string() }
 }
 
-/// The content of these bytes as a reader of files sees it.
-fn file_of<T>(
-    format: Format,
-    bytes: &[u8],
-    read: impl FnOnce(&Path) -> Result<T, relief_dicom::FormatError>,
-) -> Result<T, ExchangeError> {
-    let mut file = tempfile::NamedTempFile::new().map_err(|error| failed(format, &error))?;
-    file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| failed(format, &error))?;
-    read(file.path()).map_err(|error| failed(format, &error))
-}
-
 /// The parts of a file.
 pub(super) struct LabelMapParts {
     /// Layers; one at least.
@@ -129,7 +116,8 @@ pub(super) fn join(
         let Some(Geometry::Region(region)) = &item.geometry else { continue };
         if !maps.contains_key(&region.content) {
             let bytes = (context.contents)(&region.content).ok_or_else(|| no_content(format, item.id))?;
-            let map = file_of(Format::SegNrrd, &bytes, relief_dicom::read_labels)?.map;
+            let map = relief_dicom::read_labels_of_bytes(&bytes);
+            let map = map.map_err(|error| failed(Format::SegNrrd, &error))?.map;
             let grid = joined.as_ref().map(|joined| &joined.grid).or(context.grid).unwrap_or(map.grid());
             let map = if map.grid() == grid { map } else { map.resampled(grid) };
             maps.insert(region.content.clone(), map);

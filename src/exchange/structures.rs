@@ -60,9 +60,7 @@ pub fn content_of_region(
 /// # Errors
 /// When the content is no label map, or has no voxel of the region.
 pub fn mask_of_content(summary: &RegionSummary, bytes: &[u8]) -> Result<Mask, StructureError> {
-    let mut file = tempfile::NamedTempFile::new()?; // readers of label maps take files
-    std::io::Write::write_all(&mut file, bytes)?;
-    let found = relief_dicom::read_labels(file.path())?;
+    let found = relief_dicom::read_labels_of_bytes(bytes)?;
     let mask = Mask::of_label(&found.map, summary.label);
     if mask.voxels() == 0 {
         return Err(StructureError::Label(summary.label));

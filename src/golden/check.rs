@@ -254,7 +254,7 @@ impl RenderedCase {
     fn displayed(&self) -> Result<Raster, GoldenError> {
         let png = encode(&self.frame, &self.display, Product::Frame, FileFormat::Png)?;
         let layout = self.display.layout;
-        decode_png(&png, ColorType::Rgb8).map_err(|reason| GoldenError::Layout { layout, reason })
+        decode_png(&png, ColorType::Rgb8).map_err(|source| GoldenError::Layout { layout, source })
     }
 
     fn blessing(&self, case: &Case, aspect: Aspect) -> Result<Blessing, GoldenError> {

@@ -100,12 +100,12 @@ pub enum GoldenError {
     #[error(transparent)]
     Size(#[from] PhantomSizeError),
     /// A golden that is no picture of the kind it should be.
-    #[error("{}: {reason}", path.display())]
+    #[error("{}: {source}", path.display())]
     Decode {
         /// The file.
         path: PathBuf,
-        /// The decoder's words.
-        reason: String,
+        /// Why it cannot be decoded.
+        source: PictureError,
     },
     /// A picture that cannot be made into a file.
     #[error("cannot encode a picture: {0}")]
@@ -117,12 +117,12 @@ pub enum GoldenError {
     #[error(transparent)]
     Encode(#[from] EncodingError),
     /// A layout that goldens cannot hold.
-    #[error("layout {layout} cannot be compared as a frame: {reason}")]
+    #[error("layout {layout} cannot be compared as a frame: {source}")]
     Layout {
         /// The layout.
         layout: Layout,
-        /// Why.
-        reason: String,
+        /// Why its frame cannot be decoded.
+        source: PictureError,
     },
     /// Goldens are made on a software adapter.
     #[error(
@@ -140,5 +140,30 @@ pub enum GoldenError {
         case: String,
         /// The fault.
         defect: &'static str,
+    },
+}
+
+/// Why the bytes of a picture are not used.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// It cannot be decoded.
+    #[error(transparent)]
+    Image(#[from] image::ImageError),
+    /// A depth map that cannot be decoded.
+    #[error(transparent)]
+    Depth(#[from] relief_display::EncodeError),
+    /// Another kind of pixels.
+    #[error("the picture is {found:?}, expected {expected:?}")]
+    ColorType {
+        /// Its pixels.
+        found: image::ColorType,
+        /// The pixels of goldens.
+        expected: image::ColorType,
+    },
+    /// More pixels than any golden has.
+    #[error("the picture has {bytes} bytes of pixels, allowed: at most {}", super::raster::MAX_DECODED_BYTES)]
+    TooLarge {
+        /// Its decoded size.
+        bytes: u64,
     },
 }

@@ -42,5 +42,5 @@ pub use case::{Aspect, Case};
 pub use check::{AspectReport, Blessing, CaseReport, Change, CheckReport, Harness, Verdict};
 pub use collection::{CaseId, Collection};
 pub use compare::{ColorDifference, Comparison, DepthDifference, Difference, Mismatch, Tolerance, compare};
-pub use error::GoldenError;
+pub use error::{GoldenError, PictureError};
 pub use raster::{MAX_FILE_BYTES, Raster, Samples};

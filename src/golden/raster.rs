@@ -10,14 +10,14 @@ use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
 use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder};
 
 use super::case::Aspect;
-use super::error::GoldenError;
+use super::error::{GoldenError, PictureError};
 use relief_display::decode_exr;
 
 /// The largest file of a golden: they stay in the repository's history for ever.
 pub const MAX_FILE_BYTES: u64 = 64 * 1024;
 
 /// The largest decoded picture: a frame for the largest display.
-const MAX_DECODED_BYTES: u64 = 3840 * 2160 * 4;
+pub(super) const MAX_DECODED_BYTES: u64 = 3840 * 2160 * 4;
 
 /// A picture that can be compared.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +47,7 @@ impl Raster {
             Aspect::Frame => decode_png(&bytes, ColorType::Rgb8),
             Aspect::Depth => decode_depth(&bytes),
         };
-        decoded.map(Some).map_err(|reason| GoldenError::Decode { path, reason })
+        decoded.map(Some).map_err(|source| GoldenError::Decode { path, source })
     }
 
     /// Number of pixels.
@@ -88,23 +88,23 @@ pub(super) fn check_size(path: &Path, file: &[u8]) -> Result<(), GoldenError> {
 }
 
 /// A PNG of exactly this colour type.
-pub(super) fn decode_png(file: &[u8], expected: ColorType) -> Result<Raster, String> {
-    let decoder = PngDecoder::new(Cursor::new(file)).map_err(|error| error.to_string())?;
+pub(super) fn decode_png(file: &[u8], expected: ColorType) -> Result<Raster, PictureError> {
+    let decoder = PngDecoder::new(Cursor::new(file))?;
     let (found, bytes) = (decoder.color_type(), decoder.total_bytes());
     if found != expected {
-        return Err(format!("the picture is {found:?}, expected {expected:?}"));
+        return Err(PictureError::ColorType { found, expected });
     }
     if bytes > MAX_DECODED_BYTES {
-        return Err(format!("the picture has {bytes} bytes of pixels, allowed: at most {MAX_DECODED_BYTES}"));
+        return Err(PictureError::TooLarge { bytes });
     }
-    let picture = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+    let picture = DynamicImage::from_decoder(decoder)?;
     let size_px = [picture.width(), picture.height()];
     let pixels = picture.into_rgba8().pixels().map(|pixel| pixel.0).collect();
     Ok(Raster { size_px, samples: Samples::Color(pixels) })
 }
 
-fn decode_depth(file: &[u8]) -> Result<Raster, String> {
-    let decoded = decode_exr(file).map_err(|error| error.to_string())?;
+fn decode_depth(file: &[u8]) -> Result<Raster, PictureError> {
+    let decoded = decode_exr(file)?;
     Ok(Raster { size_px: decoded.size_px, samples: Samples::DepthMm(decoded.depth_mm) })
 }
 

@@ -37,12 +37,18 @@ impl Classification {
 }
 
 impl TryFrom<String> for Classification {
-    type Error = String;
+    type Error = UnknownClassification;
 
-    fn try_from(name: String) -> Result<Self, String> {
-        let names = Self::ALL.map(Self::name).join(", ");
-        Self::from_name(&name).ok_or_else(|| format!("unknown classification {name:?}, allowed: {names}"))
+    fn try_from(name: String) -> Result<Self, UnknownClassification> {
+        Self::from_name(&name).ok_or(UnknownClassification { name })
     }
+}
+
+/// A name that no classification has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown classification {name:?}, allowed: {}", Classification::ALL.map(Classification::name).join(", "))]
+pub struct UnknownClassification {
+    name: String,
 }
 
 /// Refuses what pre-integration has no meaning for.

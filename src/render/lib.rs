@@ -59,7 +59,7 @@ mod uniform;
 mod upload;
 mod watch;
 
-pub use classification::Classification;
+pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
 pub use error::RenderError;
 pub use frame::{BackLayer, RenderedFrame, Timings};
@@ -67,7 +67,7 @@ pub use illumination::{Illumination, Occlusion};
 pub use labels::{Edges, Labels, Look};
 pub use light::{Light, Placement};
 pub use lighting::Lighting;
-pub use mode::{Mode, SlabBlend};
+pub use mode::{Mode, SlabBlend, UnknownMode};
 pub use overlay::{CAPITAL, draw_overlays, label_height_px, label_stroke_px, lettering};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;

@@ -139,12 +139,18 @@ impl Mode {
 
 /// For serde, which does not look at a slab's blend here.
 impl TryFrom<String> for Mode {
-    type Error = String;
+    type Error = UnknownMode;
 
-    fn try_from(name: String) -> Result<Self, String> {
-        let names = Self::ALL.map(Self::name).join(", ");
-        Self::from_name(&name).ok_or_else(|| format!("unknown mode {name:?}, allowed: {names}"))
+    fn try_from(name: String) -> Result<Self, UnknownMode> {
+        Self::from_name(&name).ok_or(UnknownMode { name })
     }
+}
+
+/// A name that no mode has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown mode {name:?}, allowed: {}", Mode::ALL.map(Mode::name).join(", "))]
+pub struct UnknownMode {
+    name: String,
 }
 
 /// Whether a brick with values in this range, in HU, can change the picture.

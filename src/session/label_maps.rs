@@ -46,6 +46,17 @@ pub enum LabelsError {
     },
 }
 
+impl LabelsError {
+    /// The message with `subject` in place of the path.
+    #[must_use]
+    pub fn about(&self, subject: &str) -> String {
+        match self {
+            Self::Format(error) => error.about(subject),
+            other => other.to_string(),
+        }
+    }
+}
+
 /// Share of the labelled space that lies in the volume below which a map may well be of another
 /// series.
 const DOUBTFUL_SHARE: f64 = 0.5;

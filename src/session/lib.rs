@@ -28,7 +28,7 @@ use relief_volume::{ContentHash, Volume};
 
 pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
 pub use budget::{BudgetedRequest, INTERACTIVE_MS, SpeedBook};
-pub use drawn::{Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};
+pub use drawn::{ContentError, Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use engine::{Engine, RenderObserver};
 pub use label_maps::{LabelsError, PlacedLabels, load_labels};

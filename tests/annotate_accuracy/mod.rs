@@ -10,12 +10,23 @@ use serde_json::Value;
 /// with the default mapping and snapping.
 #[test]
 fn landmarks_are_placed_within_a_millimetre_as_installed_with_snapping() {
+    check(1);
+}
+
+#[test]
+#[ignore = "takes minutes: the same with three repeats, in scripts/test --all"]
+fn landmarks_are_placed_within_a_millimetre_again_and_again() {
+    check(3);
+}
+
+fn check(repeats: usize) {
     if common::software_adapter("the accuracy of placing").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    let arguments = ["annotate", "accuracy", "--seed", "1", "--repeats", "3", "--json", "--out", out];
+    let count = repeats.to_string();
+    let arguments = ["annotate", "accuracy", "--seed", "1", "--repeats", &count, "--json", "--out", out];
     let done = Command::new(env!("CARGO_BIN_EXE_relief")).args(arguments).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let report: Value = serde_json::from_slice(&done.stdout).unwrap();
@@ -26,7 +37,7 @@ fn landmarks_are_placed_within_a_millimetre_as_installed_with_snapping() {
             ways.iter().find(|one| one["way"] == way && one["mapping"] == mapping && one["snap"] == snap);
         let found = found.unwrap();
         assert!(
-            found["errors_mm"].as_array().unwrap().len() >= 54,
+            found["errors_mm"].as_array().unwrap().len() >= 18 * repeats,
             "rays that meet nothing are few: {found}"
         );
         found["median_mm"].as_f64().unwrap()

@@ -97,8 +97,8 @@ fn what_a_report_cannot_hold_is_told() {
     elsewhere.frame_of_reference = Some(FrameOfReference("1.2.3.4".to_owned()));
     let items = [kept, item(2, "cut", plane), missing, elsewhere];
     let made_report = written(&items, &made);
-    let told: Vec<(&str, &str)> =
-        made_report.left_out.iter().map(|left| (left.name.as_str(), left.reason.as_str())).collect();
+    let told: Vec<(&str, String)> =
+        made_report.left_out.iter().map(|left| (left.name.as_str(), left.reason.to_string())).collect();
     assert_eq!(told.len(), 3);
     assert!(told[0].0 == "cut" && told[0].1.contains("planes"), "{told:?}");
     assert!(told[1].0 == "missing" && told[1].1.contains("skipped"), "{told:?}");

@@ -4,6 +4,7 @@
 
 mod any;
 mod hands;
+mod recorded;
 mod views;
 mod wiimote;
 

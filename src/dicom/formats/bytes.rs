@@ -16,27 +16,29 @@ pub(super) enum VolumeFormat {
 }
 
 /// A file as it is read from front to back.
-pub(super) struct Source {
-    reader: BufReader<Box<dyn Read + Send>>,
+pub(super) struct Source<'a> {
+    reader: BufReader<Box<dyn Read + Send + 'a>>,
 }
 
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-impl Source {
+impl<'a> Source<'a> {
     /// Opens a file; one that begins as gzip does is unpacked on the way.
     pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
         let failed = |source| FormatError::Read { path: path.to_owned(), source };
-        let mut file = BufReader::new(File::open(path).map_err(failed)?);
-        let is_packed = file.fill_buf().map_err(failed)?.starts_with(&GZIP);
-        let reader: Box<dyn Read + Send> =
-            if is_packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
-        Ok(Self { reader: BufReader::with_capacity(1 << 16, reader) })
+        Self::new(BufReader::new(File::open(path).map_err(failed)?)).map_err(failed)
     }
 
-    /// Bytes that are in memory, for tests.
-    #[cfg(test)]
-    pub(super) fn of_bytes(bytes: Vec<u8>) -> Self {
-        Self { reader: BufReader::new(Box::new(std::io::Cursor::new(bytes))) }
+    /// A file that is in memory; gzip is unpacked on the way.
+    pub(super) fn of_bytes(bytes: &'a [u8]) -> Result<Self, FormatError> {
+        Self::new(bytes).map_err(FormatError::Damaged)
+    }
+
+    fn new(mut file: impl BufRead + Send + 'a) -> std::io::Result<Self> {
+        let is_packed = file.fill_buf()?.starts_with(&GZIP);
+        let reader: Box<dyn Read + Send + 'a> =
+            if is_packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        Ok(Self { reader: BufReader::with_capacity(1 << 16, reader) })
     }
 
     /// The format, by the first bytes, which stay to be read.

@@ -75,6 +75,15 @@ pub enum FormatError {
 }
 
 impl FormatError {
+    /// The message with `subject` in place of the path.
+    #[must_use]
+    pub fn about(&self, subject: &str) -> String {
+        match self {
+            Self::Read { source, .. } => format!("cannot read {subject}: {source}"),
+            other => other.to_string(),
+        }
+    }
+
     pub(super) fn header(key: &str, found: impl std::fmt::Display, allowed: impl Into<String>) -> Self {
         let found: String = found.to_string().chars().take(80).collect();
         Self::Header { key: key.to_owned(), found, allowed: allowed.into() }

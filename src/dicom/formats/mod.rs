@@ -74,7 +74,18 @@ pub fn read_labels(path: &Path) -> Result<ReadLabels, FormatError> {
 /// When the file cannot be read, is of no known format, cut short or larger than allowed, does not
 /// say where its voxels lie, or holds values that are no labels.
 pub fn read_labels_within(limits: FormatLimits, path: &Path) -> Result<ReadLabels, FormatError> {
-    let mut source = Source::open(path)?;
+    read_labels_from(limits, Source::open(path)?)
+}
+
+/// Reads a label map that is in memory, as [`read_labels`] reads a file.
+///
+/// # Errors
+/// As [`read_labels_within`].
+pub fn read_labels_of_bytes(bytes: &[u8]) -> Result<ReadLabels, FormatError> {
+    read_labels_from(FormatLimits::default(), Source::of_bytes(bytes)?)
+}
+
+fn read_labels_from(limits: FormatLimits, mut source: Source<'_>) -> Result<ReadLabels, FormatError> {
     let Described { header, segments } = header::read(&mut source)?;
     header.check(limits)?;
     segmentation::read(&mut source, &header, segments)
@@ -91,13 +102,13 @@ pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
     Ok(header.grid)
 }
 
-/// Reads every layer of a label map, within the default [`FormatLimits`]: nothing of segments that
-/// overlap is lost.
+/// Reads every layer of a label map that is in memory, within the default [`FormatLimits`]:
+/// overlapping segments stay whole.
 ///
 /// # Errors
 /// As [`read_labels_within`].
-pub fn read_label_layers(path: &Path) -> Result<ReadLayers, FormatError> {
-    let mut source = Source::open(path)?;
+pub fn read_label_layers_of_bytes(bytes: &[u8]) -> Result<ReadLayers, FormatError> {
+    let mut source = Source::of_bytes(bytes)?;
     let Described { header, segments } = header::read(&mut source)?;
     header.check(FormatLimits::default())?;
     segmentation::read_layers(&mut source, &header, &segments)

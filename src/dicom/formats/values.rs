@@ -121,7 +121,8 @@ mod tests {
                 if is_big_endian {
                     bytes.reverse();
                 }
-                let mut source = Source::of_bytes(bytes.repeat(3));
+                let bytes = bytes.repeat(3);
+                let mut source = Source::of_bytes(&bytes).unwrap();
                 let voxel = Voxel { number, is_big_endian };
                 assert_eq!(read(&mut source, voxel, 3, Ok).unwrap(), [expected; 3], "{voxel:?}");
                 assert!(matches!(read(&mut source, voxel, 1, Ok), Err(FormatError::Cut { found: 0, .. })));

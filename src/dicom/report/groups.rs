@@ -38,17 +38,39 @@ struct Graphics {
     numbers: Vec<(Code, f64, Code)>,
 }
 
+/// Why an item has no group.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UnreportableItem {
+    /// It has no position.
+    #[error("it is {state}: a report holds places")]
+    NoPlace {
+        /// Missing or skipped.
+        state: &'static str,
+    },
+    /// It belongs to another frame of reference than the series.
+    #[error("it belongs to another frame of reference than the series")]
+    FrameOfReference,
+    /// A kind of geometry that reports do not have.
+    #[error("a report has no {kind}; {advice}")]
+    Kind {
+        /// The kind of geometry, as a plural.
+        kind: &'static str,
+        /// What holds it.
+        advice: &'static str,
+    },
+}
+
 /// The group of an item, or why it has none.
 pub(super) fn group(
     item: &Item,
     frame_of_reference: &str,
     observer: Option<Content>,
-) -> Result<Group, String> {
+) -> Result<Group, UnreportableItem> {
     let Some(geometry) = &item.geometry else {
-        return Err(format!("it is {}: a report holds places", state_name(item)));
+        return Err(UnreportableItem::NoPlace { state: state_name(item) });
     };
     if item.frame_of_reference.as_ref().is_some_and(|frame| frame.0 != frame_of_reference) {
-        return Err("it belongs to another frame of reference than the series".to_owned());
+        return Err(UnreportableItem::FrameOfReference);
     }
     let graphics = graphics(geometry)?;
     let points = graphics.path.len();
@@ -90,8 +112,12 @@ pub(super) fn group(
     Ok(Group { content, points: points.max(graphics.controls.len()) })
 }
 
-fn state_name(item: &Item) -> String {
-    format!("{:?}", item.state).to_lowercase()
+const fn state_name(item: &Item) -> &'static str {
+    match item.state {
+        relief_annotation::State::Defined => "defined",
+        relief_annotation::State::Missing => "missing",
+        relief_annotation::State::Skipped => "skipped",
+    }
 }
 
 /// The item's name as a code: that of its concept, or a code for the name. A concept with another
@@ -112,7 +138,8 @@ fn finding(item: &Item) -> InMemDicomObject {
     code
 }
 
-fn graphics(geometry: &Geometry) -> Result<Graphics, String> {
+fn graphics(geometry: &Geometry) -> Result<Graphics, UnreportableItem> {
+    let without = |kind, advice| UnreportableItem::Kind { kind, advice };
     let points: Vec<DVec3> = geometry.points().iter().map(|point| point.xyz).collect();
     let first = || measures(geometry).first().map_or(0.0, |measure| measure.value);
     let line = |tracking, path, number| Graphics {
@@ -138,9 +165,9 @@ fn graphics(geometry: &Geometry) -> Result<Graphics, String> {
             line(CORNERSTONE_ANGLE, path, (ANGLE, first(), DEGREE))
         }
         Geometry::Curve { closed, smooth, .. } => curve(points, *closed, *smooth, &measures(geometry)),
-        Geometry::Plane { .. } => return Err("a report has no planes; mrk.json does".to_owned()),
-        Geometry::Region(_) => return Err("a report has no voxels; a segmentation (seg) does".to_owned()),
-        Geometry::Mesh(_) => return Err("a report has no surfaces; stl, ply, obj and glb do".to_owned()),
+        Geometry::Plane { .. } => return Err(without("planes", "mrk.json does")),
+        Geometry::Region(_) => return Err(without("voxels", "a segmentation (seg) does")),
+        Geometry::Mesh(_) => return Err(without("surfaces", "stl, ply, obj and glb do")),
     })
 }
 

@@ -28,6 +28,7 @@ mod groups;
 mod read;
 mod write;
 
+pub use groups::UnreportableItem;
 pub use read::{ReadReport, ReportReadOptions, read_report};
 pub use write::{LeftOut, ReportWriteOptions, WrittenReport, write_report};
 

@@ -7,6 +7,7 @@ use dicom_object::InMemDicomObject;
 use super::ReportError;
 use super::codes::*;
 use super::content::{ACQUISITION, CONTEXT, Content, MODIFIER};
+use super::groups::UnreportableItem;
 use super::groups::{self, Group, LONGEST_EXPLICIT};
 use crate::object::{self, LONG_STRING_CHARS, limited, put, put_equipment, put_items, uid_of};
 use crate::reference::SeriesReference;
@@ -49,7 +50,7 @@ pub struct LeftOut {
     /// Its name.
     pub name: String,
     /// Why it is left out, and what would hold it.
-    pub reason: String,
+    pub reason: UnreportableItem,
 }
 
 /// Writes items as a report about a series. The same items, series and options make the same bytes.

@@ -68,7 +68,7 @@ impl Annotations {
         let job = tokio::task::spawn_blocking(move || shape_of_content(&bytes, label));
         let made = job.await.map_err(|panic| Problem::internal("making a surface", panic))?;
         if let Err(cause) = &made {
-            tracing::warn!(cause, "a region or mesh cannot be drawn");
+            tracing::warn!(%cause, "a region or mesh cannot be drawn");
         }
         let shape = made.ok().map(Arc::new);
         let mut cache = self.shape_cache();

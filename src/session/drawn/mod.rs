@@ -35,7 +35,7 @@ use relief_render::{
 use relief_volume::Grid;
 use slice::{Cut, between};
 
-pub use content::{region_of_content, shape_of_content};
+pub use content::{ContentError, region_of_content, shape_of_content};
 
 /// Radius of a point's ball, and width of lines, px.
 const RADIUS_PX: f64 = 6.0;

@@ -12,7 +12,7 @@ export class Conflict extends Error {
 }
 
 /** A refusal with its kind: the code of the problem, such as `annotations-off`. */
-export class Problem extends Refusal {
+class Problem extends Refusal {
   constructor(status, problem) {
     super(problem.detail ?? `The server answered ${status}.`);
     Object.assign(this, { status, problem, kind: problem.code ?? "" });
