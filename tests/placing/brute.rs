@@ -54,32 +54,55 @@ fn trilinear(volume: &Volume, place: DVec3) -> f64 {
     mix(plane(k), plane(k + 1), share.z)
 }
 
-/// The Gaussian of 1 mm summed over a cube of voxels; gradients of it by differences.
-fn smoothed(volume: &Volume, place: DVec3) -> f64 {
-    const REACH: i64 = 5;
-    let middle = place.round();
-    let [i, j, k] = middle.to_array().map(|index| index as i64);
-    // The Gaussian of a distance is the product of those along the axes.
-    let along = |off: f64| -> [f64; 11] {
-        std::array::from_fn(|at| (-0.5 * ((at as i64 - REACH) as f64 + off).powi(2)).exp())
-    };
-    let [x, y, z] = (middle - place).to_array().map(along);
-    let (mut sum, mut weights) = (0.0, 0.0);
-    for (c, z) in (-REACH..).zip(z) {
-        for (b, y) in (-REACH..).zip(y) {
-            for (a, x) in (-REACH..).zip(x) {
-                weights += x * y * z;
-                sum += x * y * z * hu(volume, [i + a, j + b, k + c]);
-            }
-        }
-    }
-    sum / weights
+/// The volume under a Gaussian of 1 mm. Voxels beyond the border repeat it.
+struct Smoothed {
+    /// HU of the volume and of a border of [`Smoothed::BORDER`] voxels.
+    padded: Vec<f64>,
 }
 
-fn gradient(volume: &Volume, place: DVec3) -> DVec3 {
-    let along =
-        |axis: DVec3| (smoothed(volume, place + axis * 0.01) - smoothed(volume, place - axis * 0.01)) / 0.02;
-    DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+impl Smoothed {
+    /// Voxels of the Gaussian on either side.
+    const REACH: usize = 5;
+    /// Places lie up to four voxels outside.
+    const BORDER: usize = Self::REACH + 4;
+    const SIZE: [usize; 3] =
+        [DIMS[0] + 2 * Self::BORDER, DIMS[1] + 2 * Self::BORDER, DIMS[2] + 2 * Self::BORDER];
+
+    fn new(volume: &Volume) -> Self {
+        let [nx, ny, nz] = Self::SIZE;
+        let inside = |index: usize| index as i64 - Self::BORDER as i64;
+        let padded = (0..nx * ny * nz).map(|n| hu(volume, [n % nx, n / nx % ny, n / (nx * ny)].map(inside)));
+        Self { padded: padded.collect() }
+    }
+
+    /// The Gaussian, summed over a cube of voxels.
+    fn at(&self, place: DVec3) -> f64 {
+        let middle = place.round();
+        let first = middle.to_array().map(|index| (index + (Self::BORDER - Self::REACH) as f64) as usize);
+        // The Gaussian of a distance is the product of those along the axes.
+        let along = |off: f64| -> [f64; 2 * Self::REACH + 1] {
+            std::array::from_fn(|at| (-0.5 * (at as f64 - Self::REACH as f64 + off).powi(2)).exp())
+        };
+        let [x, y, z] = (middle - place).to_array().map(along);
+        let (mut sum, [nx, ny, _]) = (0.0, Self::SIZE);
+        for (k, z) in (first[2]..).zip(z) {
+            for (j, y) in (first[1]..).zip(y) {
+                let row = &self.padded[(k * ny + j) * nx + first[0]..][..x.len()];
+                let mut line = 0.0;
+                for n in 0..x.len() {
+                    line += x[n] * row[n];
+                }
+                sum += z * y * line;
+            }
+        }
+        sum / [x, y, z].iter().map(|weights| weights.iter().sum::<f64>()).product::<f64>()
+    }
+
+    /// Its gradient, by differences.
+    fn gradient(&self, place: DVec3) -> DVec3 {
+        let along = |axis: DVec3| (self.at(place + axis * 0.01) - self.at(place - axis * 0.01)) / 0.02;
+        DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+    }
 }
 
 /// Places of a fine lattice in a ball.
@@ -165,26 +188,27 @@ fn edges_are_the_steepest_and_nearest_on_them() {
     let radius = 2.5;
     for seed in 1..4 {
         let volume = rough(seed);
+        let smoothed = Smoothed::new(&volume);
         for from in places() {
             let nearness = |place: DVec3| 1.0 - place.distance_squared(from) / (radius * radius);
             // An edge: steeper than a little before and behind it.
             let is_edge = |place: &DVec3| {
-                let along = gradient(&volume, *place);
+                let along = smoothed.gradient(*place);
                 let off = along.normalize() * 0.15;
-                [off, -off].into_iter().all(|off| gradient(&volume, *place + off).length() < along.length())
+                [off, -off].into_iter().all(|off| smoothed.gradient(*place + off).length() < along.length())
             };
             let edges: Vec<(DVec3, f64)> = ball(from, radius, 0.2)
                 .filter(is_edge)
-                .map(|place| (place, gradient(&volume, place).length()))
+                .map(|place| (place, smoothed.gradient(place).length()))
                 .collect();
             let best = edges.iter().map(|(place, steep)| steep * nearness(*place)).fold(0.0, f64::max);
             match snap_point(&volume, at(from.into()), None, &to(SnapFeature::Gradient, radius)) {
                 Ok(found) => {
-                    let steep = gradient(&volume, found.at.xyz).length();
+                    let steep = smoothed.gradient(found.at.xyz).length();
                     assert!((steep - found.gradient_hu_per_mm).abs() < 0.01 * steep, "{found:?}: {steep}");
                     // At the very end of an edge its maximum is flat.
-                    let off = gradient(&volume, found.at.xyz).normalize() * 0.05;
-                    for beside in [off, -off].map(|off| gradient(&volume, found.at.xyz + off).length()) {
+                    let off = smoothed.gradient(found.at.xyz).normalize() * 0.05;
+                    for beside in [off, -off].map(|off| smoothed.gradient(found.at.xyz + off).length()) {
                         assert!(
                             beside <= steep * 1.0005,
                             "{seed}, {from}: {found:?}, {beside} beside {steep}"
@@ -215,12 +239,13 @@ fn extremes_are_the_nearest_that_stand_out() {
     let (radius, mut compared) = (4.0, 0);
     for seed in 1..7 {
         let volume = rough(seed);
+        let smoothed = Smoothed::new(&volume);
         for from in places() {
             // On a lattice of 0.25 mm: higher than all six neighbours.
             let is_peak = |place: &DVec3| {
-                let here = smoothed(&volume, *place);
+                let here = smoothed.at(*place);
                 [DVec3::X, DVec3::Y, DVec3::Z].into_iter().all(|axis| {
-                    [0.25, -0.25].into_iter().all(|off| smoothed(&volume, *place + axis * off) < here)
+                    [0.25, -0.25].into_iter().all(|off| smoothed.at(*place + axis * off) < here)
                 })
             };
             let near: Vec<DVec3> = ball(from, radius, 0.25).filter(is_peak).collect();
@@ -232,7 +257,7 @@ fn extremes_are_the_nearest_that_stand_out() {
                         one < 0.3 || place.distance(from) > radius - 0.3,
                         "{seed}, {from}: {found:?}, {near:?}"
                     );
-                    assert!(gradient(&volume, place).length() < 0.5, "{found:?}");
+                    assert!(smoothed.gradient(place).length() < 0.5, "{found:?}");
                     compared += 1;
                 }
                 Err(_) => assert!(near.is_empty(), "{seed}, {from}: {near:?} was missed"),
