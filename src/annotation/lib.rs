@@ -44,7 +44,8 @@ pub use time::Timestamp;
 
 pub use mesh::files::{MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, read_mesh, write_mesh};
 pub use mesh::{Decimation, Measures, MeshError, Smoothing, TriangleMesh, surface_nets};
-pub use placing::{Snap, SnapError, SnapFeature, Snapped, snap_point, value_at};
+pub use placing::SnapError;
+pub use placing::{Snap, SnapFeature, Snapped, snap_point, value_at};
 pub use segmentation::{
     Contour, FillError, Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrowWatch, GrownRegion,
     GrowthEnd, PaintError, Stroke, fill_contours, grow_region, paint_strokes,

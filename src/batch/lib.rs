@@ -24,7 +24,9 @@ mod landmarks;
 mod location;
 mod log;
 mod manifest;
+mod output_file;
 mod outputs;
+mod picture;
 mod plan;
 mod pose;
 mod product;
@@ -39,6 +41,7 @@ mod source;
 mod turntable;
 mod views;
 
+pub use crate::product::DEPTH_UNIT_MM;
 pub use annotations::KeptAnnotations;
 #[cfg(feature = "cluster")]
 pub use bucket::Bucket;
@@ -48,7 +51,6 @@ pub use landmarks::LANDMARK_VIEW_MM;
 pub use location::{Location, LocationError};
 pub use log::AnnotationLog;
 pub use manifest::{InvalidShard, Job, JobKey, Shard, read_manifest};
-pub use outputs::DEPTH_UNIT_MM;
 pub use plan::{Plan, Request, Root, Skipped, plan};
 pub use pose::ViewCamera;
 pub use product::{Product, ProductSet, UnknownProduct};

@@ -1,6 +1,7 @@
 //! The bytes of a job's outputs, from the picture as the rays made it: whatever is drawn over it is
 //! drawn here, so that one picture serves plain and annotated outputs, off the thread that renders.
 
+use crate::product::DEPTH_UNIT_MM;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -13,8 +14,6 @@ use relief_render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, d
 use relief_session::{EncodingError, FileFormat, Product as Picture, encode};
 use relief_volume::Grid;
 
-/// The unit of 16-bit depth: tenths of a millimetre.
-pub const DEPTH_UNIT_MM: f64 = 0.1;
 /// Structures that a picture of labels can tell apart.
 const MOST_LABELS: usize = 255;
 

@@ -63,7 +63,7 @@ impl ViewCamera {
             camera_from_patient: pose.transpose().to_cols_array_2d(),
             near_mm: frame.limits.near_mm,
             far_mm: frame.limits.far_mm,
-            depth_png_unit_mm: super::outputs::DEPTH_UNIT_MM,
+            depth_png_unit_mm: crate::product::DEPTH_UNIT_MM,
             surface: surface(frame),
         })
     }

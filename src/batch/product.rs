@@ -112,3 +112,6 @@ impl FromStr for ProductSet {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("products are {}, and dataset for color,depth,depth-png,camera", Product::names())]
 pub struct UnknownProduct;
+
+/// The unit of 16-bit depth: tenths of a millimetre.
+pub const DEPTH_UNIT_MM: f64 = 0.1;

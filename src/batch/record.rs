@@ -1,7 +1,7 @@
 //! Records of finished jobs. A record is written after the outputs, so a job with a record is done.
 
+use crate::output_file::OutputFile;
 use bytes::Bytes;
-use relief_base::sha256_of;
 use serde::{Deserialize, Serialize};
 
 use super::manifest::{Job, JobKey};
@@ -34,25 +34,8 @@ pub struct Record {
     pub warnings: Vec<String>,
 }
 
-/// A file that a job wrote.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct OutputFile {
-    /// Its name, in the series' folder.
-    pub file: String,
-    /// Its SHA-256.
-    pub sha256: String,
-    /// Its length.
-    pub bytes: u64,
-}
-
 /// Largest record that is read, bytes.
 const LARGEST: u64 = 1 << 20;
-
-impl OutputFile {
-    pub(super) fn new(file: String, bytes: &[u8]) -> Self {
-        Self { file, sha256: sha256_of(bytes), bytes: bytes.len() as u64 }
-    }
-}
 
 impl Record {
     fn file_name(job: &Job) -> String {

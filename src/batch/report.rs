@@ -1,11 +1,11 @@
 //! The report of a batch: one self-contained HTML page, a contact sheet of each series, and its
 //! turntable.
 
+use crate::picture::open;
 use std::collections::BTreeMap;
-use std::io::Cursor;
 
 use data_encoding::BASE64;
-use image::{DynamicImage, ImageReader, Limits, RgbaImage};
+use image::RgbaImage;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rayon::prelude::*;
 
@@ -16,15 +16,13 @@ use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
 use super::turntable::FilmWriter;
-use relief_display::{MAX_FRAME_SIDE_PX, encode_png};
+use relief_display::encode_png;
 use relief_session::{Thumbnail, contact_sheet};
 
 /// Width of a thumbnail; the height follows.
 const THUMBNAIL_PX: u32 = 240;
 /// Columns of a contact sheet.
 const SHEET_COLUMNS: usize = 4;
-/// Largest picture that is read, bytes.
-pub(super) const LARGEST_PICTURE: u64 = 1 << 30;
 /// Longest text of a warning or a reason in the page, characters.
 const LONGEST: usize = 400;
 
@@ -87,17 +85,6 @@ fn small_picture(job: &Job, out: &Sink) -> Option<RgbaImage> {
     let wanted = u64::from(THUMBNAIL_PX) * u64::from(height) / u64::from(width.max(1));
     let height = u32::try_from(wanted).unwrap_or(1).clamp(1, 4 * THUMBNAIL_PX);
     Some(picture.thumbnail_exact(THUMBNAIL_PX, height).into_rgba8())
-}
-
-/// A picture among the outputs; `None` if none can be read.
-pub(super) fn open(out: &Sink, name: &str) -> Option<DynamicImage> {
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_FRAME_SIDE_PX);
-    limits.max_image_height = Some(MAX_FRAME_SIDE_PX);
-    let file = Cursor::new(out.read(name, LARGEST_PICTURE).ok()??);
-    let mut reader = ImageReader::new(file).with_guessed_format().ok()?;
-    reader.limits(limits);
-    reader.decode().ok()
 }
 
 /// All views of a series in one picture; those of another shape than the first are left out.

@@ -15,9 +15,10 @@ use super::error::{Failure, FailureKind};
 use super::gate::MemoryBudget;
 use super::manifest::{Job, JobKey, Shard};
 use super::outputs::{Outputs, RenderedView};
-use super::record::{OutputFile, Record};
+use super::record::Record;
 use super::sink::Sink;
 use super::source::{BudgetedVolume, SeriesError, SeriesSource};
+use crate::output_file::OutputFile;
 use relief_render::{GpuError, Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
 
 /// What to run and how.

@@ -12,7 +12,7 @@ use bytes::Bytes;
 
 #[cfg(feature = "cluster")]
 use super::bucket::Bucket;
-use super::record::OutputFile;
+use crate::output_file::OutputFile;
 use relief_base::sha256_of_file;
 use relief_base::{read_at_most, write_whole};
 

@@ -7,8 +7,9 @@ use std::str::FromStr;
 
 use image::RgbImage;
 
-use super::report::{LARGEST_PICTURE, open};
 use super::sink::Sink;
+use crate::picture::LARGEST_PICTURE;
+use crate::picture::open;
 
 /// Time between the pictures of a turntable, ms.
 const TURN_MS: u16 = 120;

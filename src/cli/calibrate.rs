@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 
 use super::output::{print_json, say, write_whole};
-use super::track::read_text;
+use crate::text_file::read_text;
 use relief_tracking::{
     Beacon, BlobIdentifier, Calibration, CalibrationModel, Calibrations, CameraFormat, InputReport, Pinhole,
     RecordingReader, TimedReport, calibrate_camera, decode_ir, moving_views,

@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::track::TrackSceneArguments;
 use super::track_source::{Event, LiveOptions, Source};
+use crate::track_scene::TrackSceneArguments;
 use relief_client::Handle;
 use relief_live::{PoseKind, RemotePose};
 use relief_tracking::{

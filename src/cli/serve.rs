@@ -22,7 +22,7 @@ use super::memory::parse_bytes;
 use super::output::say;
 use super::serve_load::{load_behind, places, served};
 use super::source::SeriesOptions;
-use super::track::{read_beacon, read_camera};
+use super::track_scene::{read_beacon, read_camera};
 use relief_dicom::{LoadLimits, Strictness};
 use relief_render::VolumeLimits;
 use relief_server::{

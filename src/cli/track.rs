@@ -1,10 +1,9 @@
 //! `relief track`: poses of a Wiimote from its reports, live or recorded.
 
-use std::path::{Path, PathBuf};
+use crate::track_scene::TrackSceneArguments;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-
-use anyhow::Context;
 
 use super::track_display::{Display, Sink};
 use super::track_intents::Intents;
@@ -12,7 +11,7 @@ use super::track_publish::Publisher;
 use super::track_source::{Event, LiveOptions, Source};
 use super::{track_design, track_experiment, track_simulate, track_views};
 use relief_tracking::{
-    Beacon, FilterKind, MotionDensity, Pinhole, PoseRecord, Sensitivity, SolverKind, Tracker, TrackerOptions,
+    Beacon, FilterKind, MotionDensity, PoseRecord, Sensitivity, SolverKind, Tracker, TrackerOptions,
     quantised_noise,
 };
 
@@ -89,21 +88,6 @@ struct FollowArguments {
     realtime: bool,
 }
 
-/// Source of reports, camera and beacon.
-#[derive(Debug, clap::Args)]
-pub(super) struct TrackSceneArguments {
-    /// The LEDs; the recommended beacon by default
-    #[arg(long, value_name = "BEACON.toml")]
-    beacon: Option<PathBuf>,
-    /// The camera, YAML of OpenCV or ROS; a typical Wiimote by default, whose distances are 3 %
-    /// uncertain
-    #[arg(long, value_name = "CAMERA.yaml")]
-    sensor: Option<PathBuf>,
-    /// Noise of a blob's coordinates before they are rounded, px
-    #[arg(long, value_name = "PX", default_value_t = 0.5, value_parser = noise)]
-    noise_px: f64,
-}
-
 #[derive(Debug, clap::Args)]
 struct FilterArguments {
     /// How single frames are solved
@@ -151,49 +135,6 @@ enum MotionModel {
     Hand,
     /// On a robot's arm or a tripod
     Arm,
-}
-
-fn noise(text: &str) -> Result<f64, String> {
-    let px: f64 = text.parse().map_err(|error| format!("{error}"))?;
-    if (0.01..=20.0).contains(&px) { Ok(px) } else { Err("allowed: 0.01 to 20 px".to_owned()) }
-}
-
-impl TrackSceneArguments {
-    pub(super) fn beacon(&self) -> anyhow::Result<Beacon> {
-        read_beacon(self.beacon.as_deref())
-    }
-
-    pub(super) fn camera(&self) -> anyhow::Result<Pinhole> {
-        read_camera(self.sensor.as_deref())
-    }
-
-    pub(super) fn noise_px(&self) -> f64 {
-        self.noise_px
-    }
-}
-
-/// The beacon of a file, or the recommended one.
-pub(super) fn read_beacon(path: Option<&Path>) -> anyhow::Result<Beacon> {
-    let Some(path) = path else { return Ok(Beacon::recommended()) };
-    Beacon::read(&read_text(path)?).with_context(|| format!("{} is not a beacon file", path.display()))
-}
-
-/// The camera of a file, or a typical one.
-pub(super) fn read_camera(path: Option<&Path>) -> anyhow::Result<Pinhole> {
-    let Some(path) = path else { return Ok(Pinhole::TYPICAL) };
-    relief_tracking::read_camera(&read_text(path)?)
-        .with_context(|| format!("{} is not a camera file", path.display()))
-}
-
-/// A small text file; a larger one is something else.
-pub(super) fn read_text(path: &Path) -> anyhow::Result<String> {
-    use std::io::Read;
-    let read = || -> std::io::Result<String> {
-        let mut text = String::new();
-        std::fs::File::open(path)?.take(1 << 20).read_to_string(&mut text)?;
-        Ok(text)
-    };
-    read().with_context(|| format!("cannot read {}", path.display()))
 }
 
 impl Solver {

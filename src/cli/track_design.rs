@@ -7,7 +7,7 @@ use anyhow::Context;
 use indicatif::ProgressBar;
 
 use super::output::{print_json, say, write_whole};
-use super::track::read_text;
+use crate::text_file::read_text;
 use relief_tracking::{Beacon, DesignConditions, DesignScore, score_design, search_design};
 
 /// Score a beacon or search for a better one: how unambiguous its views are, and how accurate poses

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::calibrate::table_of;
 use super::output::{print_json, say, write_whole};
-use super::track::read_text;
 use super::track_plots;
+use crate::text_file::read_text;
 use relief_tracking::{
     Beacon, Calibration, ExperimentOutcome, ExperimentRun, ExperimentSetting, FilterKind, Pinhole,
     SolverKind, TrackingMethod, run_experiment, simulate_survey,

@@ -54,7 +54,8 @@ impl Intents {
 
 fn read_options(path: &Path) -> anyhow::Result<HandOptions> {
     let wrong = || format!("{} has no options of a hand", path.display());
-    let options: HandOptions = serde_json::from_str(&super::track::read_text(path)?).with_context(wrong)?;
+    let options: HandOptions =
+        serde_json::from_str(&crate::text_file::read_text(path)?).with_context(wrong)?;
     options.validate().with_context(wrong)?;
     Ok(options)
 }

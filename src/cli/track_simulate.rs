@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use super::output::{print_json, say, write_whole};
-use super::track::TrackSceneArguments;
+use crate::track_scene::TrackSceneArguments;
 use relief_tracking::{
     Buttons, HiddenLed, PointingHand, PressedButton, ReportDelivery, Simulation, SurveyingHand, ThinLens,
     recording_line,

@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::Context;
 
 use super::output::{say, write_whole};
-use super::track::TrackSceneArguments;
+use crate::track_scene::TrackSceneArguments;
 use relief_tracking::{MAX_SEEN, Pinhole, Pose, PoseView, Random, ViewRange, random_sightings};
 
 /// Make random views of a beacon, solve each, and write pixels, poses and truth as JSON.

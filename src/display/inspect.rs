@@ -9,6 +9,7 @@
 //! background layer; their lines do. At a display's own frame size a missing header is a problem
 //! whatever the pixels are, because the display would show plain 2D.
 
+use crate::limits::MAX_FRAME_SIDE_PX;
 use data_encoding::HEXUPPER;
 use std::io::Cursor;
 
@@ -16,11 +17,10 @@ use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
 
 use super::encode::written_layout;
 use super::header::{ContentType, ExtendedPart, HeaderPart, HeaderProblem, HeaderReading};
-use super::layout::{Frame, Layout, LayoutError, Pixels, Placement, depth_problems, odd_and_even_lines};
+use super::layout::{Frame, Pixels, Placement, depth_problems, odd_and_even_lines};
 use super::problem::FrameProblem;
-
-/// The largest width and height of a picture that is opened.
-pub const MAX_FRAME_SIDE_PX: u32 = 16384;
+use crate::layout::error::LayoutError;
+use crate::layout::table::Layout;
 
 /// The most memory that decoding may take: an 8-bit RGB picture of 16384x16384 and some room.
 const MAX_DECODED_BYTES: u64 = 1 << 30;

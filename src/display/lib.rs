@@ -16,11 +16,16 @@ mod filter;
 mod header;
 mod inspect;
 mod layout;
+mod limits;
 mod problem;
 mod profile;
 mod settings;
 mod views;
 
+pub use crate::layout::error::LayoutError;
+pub use crate::layout::error::UnknownLayout;
+pub use crate::layout::table::Layout;
+pub use crate::limits::MAX_FRAME_SIDE_PX;
 pub use encode::{
     Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, decode_wiggle,
     encode_exr, encode_jpeg, encode_png, encode_views,
@@ -28,12 +33,11 @@ pub use encode::{
 pub use filter::DepthFilter;
 pub use header::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
 pub use inspect::{
-    DepthExtent, FrameReport, InspectError, MAX_FRAME_SIDE_PX, Select, ViewsReport, inspect_frame,
-    inspect_png, read_png,
+    DepthExtent, FrameReport, InspectError, Select, ViewsReport, inspect_frame, inspect_png, read_png,
 };
 pub use layout::{
     BackStart, DecodedDepth, DecodedFrame, DecodedLayer, DisparityLayer, Frame, FrameContent, FrameEncoder,
-    Layout, LayoutError, LayoutInfo, Picture, Pixels, Placement, UnknownLayout,
+    LayoutInfo, Picture, Pixels, Placement,
 };
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};

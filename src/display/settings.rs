@@ -8,8 +8,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::filter::DepthFilter;
 use super::header::{ContentType, Header};
-use super::layout::{FrameEncoder, Layout, LayoutError};
+use super::layout::FrameEncoder;
 use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName, VZ_RANGE};
+use crate::layout::error::LayoutError;
+use crate::layout::table::Layout;
 use relief_base::DepthLimits;
 
 /// Eye separations between the outermost views: none, or more than any display's cone has.

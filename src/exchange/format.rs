@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::loss::Representable;
+use crate::representable::Representable;
 
 /// A format of files that annotations are exchanged in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

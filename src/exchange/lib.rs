@@ -23,6 +23,7 @@ mod objects;
 mod outside;
 mod reading;
 mod regions;
+mod representable;
 mod structures;
 mod table;
 mod written_json;

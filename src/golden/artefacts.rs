@@ -13,13 +13,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::case::Aspect;
-use super::check::{CaseReport, CheckReport};
-use super::collection::CaseId;
+use super::case_id::CaseId;
 use super::compare::is_depth;
 use super::error::GoldenError;
 use super::html;
 use super::raster::{Raster, Samples, rgb_png};
+use crate::raster::Aspect;
+use crate::report::CaseReport;
+use crate::report::CheckReport;
 use relief_render::AdapterDescription;
 
 /// Brightness of the smallest difference, and of each step beyond.

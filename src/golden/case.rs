@@ -1,11 +1,12 @@
 //! One case: `case.toml` and `scene.json`, checked.
 
+use crate::raster::Aspect;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use super::collection::CaseId;
+use super::case_id::CaseId;
 use super::compare::Tolerance;
 use super::error::GoldenError;
 use super::raster::{Raster, read_bounded};
@@ -17,43 +18,6 @@ const SCENE_FILE: &str = "scene.json";
 
 /// Voxels across: goldens are many and quick.
 const MAX_PHANTOM_SIZE: usize = 128;
-
-/// One of the pictures that a case compares.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Aspect {
-    /// Colour and coverage, as rendered.
-    Color,
-    /// View depth in mm.
-    Depth,
-    /// The frame that a display takes: layout, disparity and header by the scene's `display`.
-    Frame,
-}
-
-impl Aspect {
-    /// All aspects.
-    pub const ALL: [Self; 3] = [Self::Color, Self::Depth, Self::Frame];
-
-    /// The name in `case.toml`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Color => "color",
-            Self::Depth => "depth",
-            Self::Frame => "frame",
-        }
-    }
-
-    /// The file with the expected picture.
-    #[must_use]
-    pub const fn file_name(self) -> &'static str {
-        match self {
-            Self::Color => "color.png",
-            Self::Depth => "depth.exr",
-            Self::Frame => "frame.png",
-        }
-    }
-}
 
 /// A picture to render and what to compare of it.
 #[derive(Clone, Debug)]

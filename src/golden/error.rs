@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use super::raster::MAX_FILE_BYTES;
+use super::limits::MAX_FILE_BYTES;
 use relief_display::Layout;
 use relief_render::{RenderError, SceneError};
 use relief_session::EncodingError;
@@ -161,7 +161,7 @@ pub enum PictureError {
         expected: image::ColorType,
     },
     /// More pixels than any golden has.
-    #[error("the picture has {bytes} bytes of pixels, allowed: at most {}", super::raster::MAX_DECODED_BYTES)]
+    #[error("the picture has {bytes} bytes of pixels, allowed: at most {}", super::limits::MAX_DECODED_BYTES)]
     TooLarge {
         /// Its decoded size.
         bytes: u64,

@@ -4,7 +4,9 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::artefacts::{Artefacts, picture_name};
-use super::check::{AspectReport, CaseReport, CheckReport};
+use crate::report::AspectReport;
+use crate::report::CaseReport;
+use crate::report::CheckReport;
 
 const STYLE: &str = "\
 body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:76rem;padding:0 1rem}

@@ -30,17 +30,27 @@
 
 mod artefacts;
 mod case;
+mod case_id;
 mod check;
 mod collection;
 mod compare;
 mod error;
 mod html;
+mod limits;
 mod raster;
+mod report;
 
+pub use crate::case_id::CaseId;
+pub use crate::raster::Aspect;
+pub use crate::report::AspectReport;
+pub use crate::report::CaseReport;
+pub use crate::report::CheckReport;
+pub use crate::report::Verdict;
 pub use artefacts::Artefacts;
-pub use case::{Aspect, Case};
-pub use check::{AspectReport, Blessing, CaseReport, Change, CheckReport, Harness, Verdict};
-pub use collection::{CaseId, Collection};
+pub use case::Case;
+pub use check::{Blessing, Change, Harness};
+pub use collection::Collection;
 pub use compare::{ColorDifference, Comparison, DepthDifference, Difference, Mismatch, Tolerance, compare};
 pub use error::{GoldenError, PictureError};
-pub use raster::{MAX_FILE_BYTES, Raster, Samples};
+pub use limits::MAX_FILE_BYTES;
+pub use raster::{Raster, Samples};

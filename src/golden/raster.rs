@@ -3,21 +3,16 @@
 //! Rows run from the top left. Colour is display-referred sRGB with coverage as the fourth byte; a
 //! frame's fourth byte is 255. Depth is view depth in mm, `+inf` where the ray hit nothing.
 
+use super::limits::{MAX_DECODED_BYTES, MAX_FILE_BYTES};
+use serde::{Deserialize, Serialize};
 use std::io::{Cursor, Read};
 use std::path::Path;
 
 use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
 use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder};
 
-use super::case::Aspect;
 use super::error::{GoldenError, PictureError};
 use relief_display::decode_exr;
-
-/// The largest file of a golden: they stay in the repository's history for ever.
-pub const MAX_FILE_BYTES: u64 = 64 * 1024;
-
-/// The largest decoded picture: a frame for the largest display.
-pub(super) const MAX_DECODED_BYTES: u64 = 3840 * 2160 * 4;
 
 /// A picture that can be compared.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,4 +119,41 @@ fn png([width, height]: [u32; 2], samples: &[u8], kind: ExtendedColorType) -> Re
     PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive)
         .write_image(samples, width, height, kind)?;
     Ok(file)
+}
+
+/// One of the pictures that a case compares.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aspect {
+    /// Colour and coverage, as rendered.
+    Color,
+    /// View depth in mm.
+    Depth,
+    /// The frame that a display takes: layout, disparity and header by the scene's `display`.
+    Frame,
+}
+
+impl Aspect {
+    /// All aspects.
+    pub const ALL: [Self; 3] = [Self::Color, Self::Depth, Self::Frame];
+
+    /// The name in `case.toml`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Color => "color",
+            Self::Depth => "depth",
+            Self::Frame => "frame",
+        }
+    }
+
+    /// The file with the expected picture.
+    #[must_use]
+    pub const fn file_name(self) -> &'static str {
+        match self {
+            Self::Color => "color.png",
+            Self::Depth => "depth.exr",
+            Self::Frame => "frame.png",
+        }
+    }
 }

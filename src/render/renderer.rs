@@ -1,5 +1,7 @@
 //! The renderer: owns the device, caches uploads, casts rays and reads the picture back.
 
+use super::skipping::EmptySpaceSkipping;
+use crate::limits::depth_limits;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -21,19 +23,7 @@ use super::uniform::FrameUniform;
 use super::upload::VoxelFormat;
 use super::watch::{Progress, Watch};
 use crate::gpu::{ErrorScope, Gpu, Readback};
-use relief_base::DepthLimits;
-use relief_volume::{Camera, ContentHash, Grid, Volume};
-
-/// Whether rays step over empty bricks. Both give the same bytes; only tests and measurements turn
-/// it off.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EmptySpaceSkipping {
-    /// Empty bricks are stepped over.
-    #[default]
-    On,
-    /// Every sample is taken.
-    Off,
-}
+use relief_volume::{ContentHash, Volume};
 
 /// Renders requests on one GPU. Lives on one thread; a volume goes up when first asked for.
 pub struct Renderer {
@@ -473,17 +463,6 @@ fn background(request: &RenderRequest) -> [u8; 4] {
     let byte = |channel: f64| (channel.clamp(0.0, 1.0) as f32 * 255.0).round_ties_even() as u8;
     let [red, green, blue] = request.background_rgb.map(byte);
     [red, green, blue, 0]
-}
-
-/// The depth limits of a picture, view depth in mm: the volume's bounding sphere around the focal
-/// point, along the viewing axis. They are steady while the camera circles. Near is 0 where the eye
-/// is within the sphere.
-#[must_use]
-pub fn depth_limits(camera: &Camera, grid: &Grid) -> DepthLimits {
-    let radius =
-        grid.corners().into_iter().map(|corner| corner.distance(camera.look_at())).fold(0.0, f64::max);
-    let (near_mm, far_mm) = ((camera.distance_mm() - radius).max(0.0), camera.distance_mm() + radius);
-    DepthLimits { near_mm, far_mm }
 }
 
 fn milliseconds(since: Instant) -> f64 {

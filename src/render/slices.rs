@@ -7,9 +7,9 @@ use std::collections::HashMap;
 use bytemuck::{Pod, Zeroable};
 
 use super::labels::Edges;
+use super::limits::depth_limits;
 use super::mode::SlabBlend;
 use super::pipelines::{BINDINGS, Output, TableStorage, binding_types, stage_sources};
-use super::renderer::depth_limits;
 use super::request::RenderRequest;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use relief_volume::Grid;

@@ -5,8 +5,9 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::classification::Classification;
-use super::renderer::{EmptySpaceSkipping, depth_limits};
+use super::limits::depth_limits;
 use super::request::{Clip, RenderRequest};
+use super::skipping::EmptySpaceSkipping;
 use super::surface::Surface;
 use super::upload::Appearance;
 use relief_base::{Transform, View, Voxel};

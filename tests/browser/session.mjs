@@ -98,7 +98,7 @@ function badTexts() {
 function tooEarly() {
   const refused = (status, type) => {
     const { seen, socket, say } = begin();
-    say({ type: "error", fatal: true, problem: { status, type: `urn:relief:problem:${type}`, detail: "no volume is loaded" } });
+    say({ type: "error", fatal: true, problem: { status, type: `urn:relief:problem:${type}`, code: type, detail: "no volume is loaded" } });
     socket.on.close({ code: 1008, reason: "hello refused" });
     return seen.changed.at(-1)[0];
   };

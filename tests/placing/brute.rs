@@ -244,9 +244,9 @@ fn extremes_are_the_nearest_that_stand_out() {
             // On a lattice of 0.25 mm: higher than all six neighbours.
             let is_peak = |place: &DVec3| {
                 let here = smoothed.at(*place);
-                [DVec3::X, DVec3::Y, DVec3::Z].into_iter().all(|axis| {
-                    [0.25, -0.25].into_iter().all(|off| smoothed.at(*place + axis * off) < here)
-                })
+                [DVec3::X, DVec3::Y, DVec3::Z]
+                    .into_iter()
+                    .all(|axis| [0.25, -0.25].into_iter().all(|off| smoothed.at(*place + axis * off) < here))
             };
             let near: Vec<DVec3> = ball(from, radius, 0.25).filter(is_peak).collect();
             match snap_point(&volume, at(from.into()), None, &to(SnapFeature::Maximum, radius)) {

@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::{SnapError, out_of_range};
+use super::error::{SnapError, out_of_range};
 use relief_volume::Volume;
 
 /// Width of the Gaussian along each voxel axis: the geometric mean of the voxel's sides, but within

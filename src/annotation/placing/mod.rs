@@ -18,12 +18,15 @@
 
 mod climb;
 mod edge;
+mod error;
 mod extremum;
 mod field;
 mod lattice;
 mod level;
 mod surface;
 
+pub use error::SnapError;
+use error::out_of_range;
 use field::Field;
 use glam::DVec3;
 
@@ -123,29 +126,6 @@ pub struct Snapped {
     pub gradient_hu_per_mm: f64,
 }
 
-/// Why a place was not moved.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SnapError {
-    /// A value out of range.
-    #[error("{key} is {found}; allowed is {allowed}")]
-    OutOfRange {
-        /// Its name.
-        key: &'static str,
-        /// The value.
-        found: String,
-        /// The allowed values, with the unit.
-        allowed: String,
-    },
-    /// Nothing of that kind is near.
-    #[error("no {what} within {radius_mm} mm of the point; try a larger radius or another target")]
-    NotFound {
-        /// The feature.
-        what: String,
-        /// How far, mm.
-        radius_mm: f64,
-    },
-}
-
 /// Where something is looked for.
 #[derive(Clone, Copy, Debug)]
 struct Search {
@@ -220,8 +200,4 @@ pub fn snap_point(
     let place_to = Point::from_xyz(place);
     let gradient_hu_per_mm = field.smooth(place).gradient.length();
     Ok(Snapped { at: place_to, shift: place_to - at, hu, gradient_hu_per_mm })
-}
-
-fn out_of_range(key: &'static str, found: &impl ToString, allowed: &str) -> SnapError {
-    SnapError::OutOfRange { key, found: found.to_string(), allowed: allowed.to_owned() }
 }

@@ -19,7 +19,7 @@ use object_store::{
 };
 use tokio::runtime::Runtime;
 
-use super::record::OutputFile;
+use crate::output_file::OutputFile;
 pub(super) use read::Object;
 use relief_base::sha256_of;
 

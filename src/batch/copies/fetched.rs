@@ -12,8 +12,8 @@ use super::shelf::CopyFolder;
 use super::{Copies, Local};
 use crate::bucket::{Bucket, Object};
 use crate::location::Location;
+use crate::output_file::OutputFile;
 use crate::plan::SERIES_ENDINGS;
-use crate::record::OutputFile;
 
 /// The folder, and the buckets that were opened.
 #[derive(Debug, Default)]

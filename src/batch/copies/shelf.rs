@@ -13,7 +13,7 @@ use std::time::SystemTime;
 
 use rayon::prelude::*;
 
-use crate::record::OutputFile;
+use crate::output_file::OutputFile;
 use relief_base::read_at_most;
 use relief_base::sha256_of_file;
 

@@ -18,7 +18,6 @@ use tokio::sync::mpsc::{Receiver, Sender};
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
-use super::work::WorkEnd;
 use super::{Queue, QueueError};
 use crate::manifest::{Job, JobKey, read_manifest};
 
@@ -319,4 +318,16 @@ async fn collect(mut batch: pull::Batch) -> Result<Vec<Message>, async_nats::Err
         }
     }
     Ok(messages)
+}
+
+/// Why a worker left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WorkEnd {
+    /// There was nothing left to do.
+    Idle,
+    /// A signal stopped it.
+    Stopped,
+    /// Several jobs in a row failed in ways that may be its own: others, or it when started anew,
+    /// may do better.
+    Unfit,
 }

@@ -22,10 +22,11 @@ use std::time::Duration;
 use async_nats::jetstream::consumer::{AckPolicy, pull};
 use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType, Stream};
 
+pub use crate::queue::courier::WorkEnd;
 pub use connect::{Queue, QueueAccess};
 pub use setback::FailedAttempt;
 pub use submit::Submitted;
-pub use work::{WorkEnd, WorkOptions, WorkSummary, work_queue};
+pub use work::{WorkOptions, WorkSummary, work_queue};
 
 /// The consumer that all workers of a stream share.
 const CONSUMER: &str = "workers";

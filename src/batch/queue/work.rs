@@ -1,6 +1,7 @@
 //! Working: jobs of a queue go through the pipeline of [`run`](mod@crate::run), and their results
 //! back to the queue.
 
+use crate::queue::courier::WorkEnd;
 use std::collections::HashMap;
 use std::future::Future;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -41,18 +42,6 @@ pub struct WorkOptions {
     pub take: usize,
     /// Exit after this time without jobs for any worker.
     pub idle_exit: Option<Duration>,
-}
-
-/// Why a worker left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WorkEnd {
-    /// There was nothing left to do.
-    Idle,
-    /// A signal stopped it.
-    Stopped,
-    /// Several jobs in a row failed in ways that may be its own: others, or it when started anew,
-    /// may do better.
-    Unfit,
 }
 
 /// The summary of a worker.

@@ -8,7 +8,8 @@ mod views;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
-use super::layout::{Frame, LayoutError, Pixels};
+use super::layout::{Frame, Pixels};
+use crate::layout::error::LayoutError;
 
 pub use exr::{Attribute, CameraMatrices, DecodedDepthImage, DepthImage, decode_exr, encode_exr};
 pub(super) use views::written_layout;

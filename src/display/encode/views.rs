@@ -9,7 +9,9 @@
 use std::io::Cursor;
 
 use super::EncodeError;
-use crate::layout::{Layout, LayoutError, Pixels};
+use crate::layout::Pixels;
+use crate::layout::error::LayoutError;
+use crate::layout::table::Layout;
 use crate::views::Views;
 
 /// The keyword of the text chunk.

@@ -3,7 +3,7 @@
 //! Packing, decoding, the command line, the API description, the live protocol and the kiosk page
 //! take everything about a layout from here. `docs/RENDERING.md` is checked against it.
 
-use super::{Layout, ViewGrid};
+use crate::views::ViewGrid;
 
 /// The frame that 4K displays take, pixels.
 pub(super) const FRAME_4K_PX: [u32; 2] = [3840, 2160];
@@ -243,6 +243,37 @@ impl Layout {
             _ => None,
         }
     }
+}
+
+/// How a picture and its depth are placed in a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// `wowvx`: halves on the even lines, odd lines black; 960x540 each in 1920x1080.
+    #[default]
+    Wowvx,
+    /// `wowvx-full-height`: halves on all lines; 960x1080 each in 1920x1080.
+    WowvxFullHeight,
+    /// `wowvx-4k`: halves of 1920x2160 in 3840x2160.
+    Wowvx4k,
+    /// `declipse`: quadrants of the picture, its disparity, and both of the background layer;
+    /// 960x540 each in 1920x1080.
+    Declipse,
+    /// `declipse-lines`: the same, with the background layer on the odd lines.
+    DeclipseLines,
+    /// `rgbd`: picture and disparity side by side without header, of any size.
+    Rgbd,
+    /// `stereo`: two views beside each other, of any size.
+    Stereo,
+    /// `views-9` and others: a quilt of views, of any size.
+    Views(ViewGrid),
+    /// `anaglyph`: two views in one picture for red-cyan glasses, of any size.
+    Anaglyph,
+    /// `wiggle`: views one after the other, of any size.
+    Wiggle,
+    /// `color`: only the picture, of any size.
+    Color,
+    /// `depth16`: only Z as 16-bit grey, nearest brightest, of any size.
+    Depth16,
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ mod parallax;
 mod warp;
 
 use super::MAX_FRAME_SIDE_PX;
-use super::layout::LayoutError;
+use crate::layout::error::LayoutError;
 
 pub use anaglyph::anaglyph;
 pub use compare::psnr_db;

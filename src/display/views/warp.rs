@@ -19,7 +19,8 @@
 use rayon::prelude::*;
 
 use super::{Parallax, Views, check_size};
-use crate::layout::{DecodedLayer, LayoutError};
+use crate::layout::DecodedLayer;
+use crate::layout::error::LayoutError;
 use relief_base::Disparity;
 
 /// A pixel's width.

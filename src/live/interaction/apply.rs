@@ -2,10 +2,11 @@
 
 use glam::{DQuat, DVec3};
 
+use super::aspect::{Aspect, ZOOMS, orientation_of};
 use super::grab::{Grab, Hand};
 use super::intent::{Intent, IntentError, PlacePhase, unit};
 use super::stage::Stage;
-use super::view::{Aspect, ChangeKind, DisplayedPicture, ViewState, ZOOMS, orientation_of};
+use super::view::{ChangeKind, DisplayedPicture, ViewState};
 use relief_base::{Patient, Point, Vector, View, ViewDepth};
 use relief_volume::{Camera, CameraError};
 

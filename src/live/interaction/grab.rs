@@ -6,8 +6,8 @@
 
 use glam::{DQuat, DVec3};
 
+use super::aspect::Aspect;
 use super::intent::{GrabMode, Pivot};
-use super::view::Aspect;
 use relief_base::{Patient, Point, Vector};
 
 /// A hand in view space: already scaled, its axes turned into view axes.

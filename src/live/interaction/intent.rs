@@ -252,7 +252,7 @@ impl Intent {
             Self::Look { azimuth_deg, elevation_deg, zoom, vertical_fov_deg } => {
                 within("azimuth_deg", *azimuth_deg, &Orbit::AZIMUTHS_DEG)?;
                 within("elevation_deg", *elevation_deg, &Orbit::ELEVATIONS_DEG)?;
-                zoom.map_or(Ok(()), |zoom| within("zoom", zoom, &super::view::ZOOMS))?;
+                zoom.map_or(Ok(()), |zoom| within("zoom", zoom, &super::aspect::ZOOMS))?;
                 vertical_fov_deg.map_or(Ok(()), field_of_view)
             }
             Self::Pan { right, up } => {

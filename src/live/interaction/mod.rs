@@ -47,6 +47,7 @@
 //! ```
 
 mod apply;
+mod aspect;
 mod gestures;
 mod grab;
 mod hand;

@@ -5,35 +5,18 @@
 //! is the focal point.
 
 use std::collections::VecDeque;
-use std::ops::RangeInclusive;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::aspect::Aspect;
 use super::grab::Grab;
-use super::stage::{Home, Stage};
-use relief_base::{Patient, Point, Vector, View, ViewDepth};
-use relief_volume::{Camera, CameraError, Orbit, Projection};
+use super::stage::Stage;
+use relief_base::{Patient, Point, Vector, ViewDepth};
+use relief_volume::{Camera, CameraError};
 
-/// Zooms of a view: those of the page.
-pub(super) const ZOOMS: RangeInclusive<f64> = 0.2..=40.0;
 /// Steps that can be taken back.
 const MAX_HISTORY: usize = 64;
-/// The widest that a camera sees, degrees.
-const WIDEST_DEG: f64 = 170.0;
-
-/// The state that an undo restores.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Aspect {
-    pub(super) look_at: Point<Patient>,
-    /// Turns view axes into patient axes; of unit length.
-    pub(super) patient_from_view: DQuat,
-    pub(super) zoom: f64,
-    pub(super) vertical_fov_deg: f64,
-    pub(super) preset: Option<String>,
-    /// Depth of the clip plane behind the front of the bounding sphere, mm; 0 cuts nothing.
-    pub(super) cut_mm: f64,
-}
 
 /// Kinds of changes: those of one kind in quick succession are taken back together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -238,61 +221,7 @@ impl ViewState {
     }
 }
 
-impl Aspect {
-    pub(super) fn home(stage: &Stage) -> Self {
-        let Home { orbit, preset } = &stage.home;
-        Self {
-            look_at: stage.center,
-            patient_from_view: orientation_of(orbit.azimuth_deg, orbit.elevation_deg),
-            zoom: orbit.zoom.clamp(*ZOOMS.start(), *ZOOMS.end()),
-            vertical_fov_deg: orbit.vertical_fov_deg,
-            preset: preset.clone(),
-            cut_mm: 0.0,
-        }
-    }
-
-    /// Distance of the eye from the focal point, and projection: those of an orbit.
-    fn lens(&self, stage: &Stage) -> Result<(f64, Projection), CameraError> {
-        let [width, height] = stage.size_px.map(f64::from);
-        // An orbit fits the volume to the picture's height; a picture taller than wide has to stand
-        // back for it.
-        let zoom = self.zoom * (width / height).min(1.0);
-        let half_angle = (self.vertical_fov_deg / 2.0).to_radians();
-        let least = half_angle.tan() / (WIDEST_DEG / 2.0 - 1e-6).to_radians().tan();
-        let zoom = zoom.clamp(Orbit::ZOOMS.start().max(least), *Orbit::ZOOMS.end());
-        let orbit =
-            Orbit { azimuth_deg: 0.0, elevation_deg: 0.0, zoom, vertical_fov_deg: self.vertical_fov_deg };
-        let camera = orbit.camera(stage.center, stage.radius_mm)?;
-        Ok((camera.distance_mm(), camera.projection()))
-    }
-
-    /// The picture's height at the focal point's depth, mm.
-    pub(super) fn height_mm(&self, stage: &Stage) -> Result<f64, CameraError> {
-        let (distance_mm, projection) = self.lens(stage)?;
-        Ok(match projection {
-            Projection::Perspective { vertical_fov } => 2.0 * distance_mm * (vertical_fov / 2.0).tan(),
-            Projection::Orthographic { height_mm } => height_mm,
-        })
-    }
-
-    /// Where a patient point is along view axes, the focal point being 0, mm.
-    pub(super) fn in_view(&self, point: Point<Patient>) -> Vector<View> {
-        Vector::from_xyz(self.patient_from_view.inverse() * (point - self.look_at).xyz)
-    }
-
-    /// The patient point at this place along view axes.
-    pub(super) fn in_patient(&self, place: Vector<View>) -> Point<Patient> {
-        self.look_at + Vector::from_xyz(self.patient_from_view * place.xyz)
-    }
-}
-
 /// Radius of the cursor, pixels of the picture's full size.
 fn cursor_px(stage: &Stage) -> f64 {
     (f64::from(stage.size_px[1]) / 90.0).clamp(2.0, 64.0)
-}
-
-/// `patient_from_view` of an orbit's angles.
-pub(super) fn orientation_of(azimuth_deg: f64, elevation_deg: f64) -> DQuat {
-    DQuat::from_rotation_z(azimuth_deg.to_radians())
-        * DQuat::from_rotation_x((90.0 - elevation_deg).to_radians())
 }

@@ -1,6 +1,6 @@
 //! Which adapter to use.
 
-use super::device::GpuError;
+use super::error::GpuError;
 
 /// Which adapter is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -5,7 +5,9 @@
 
 mod adapter;
 mod device;
+pub(crate) mod error;
 
 pub use adapter::{AdapterChoice, AdapterDescription, AdapterKind, adapters};
 pub(crate) use device::{ErrorScope, Readback, SubmissionIndex};
-pub use device::{Gpu, GpuError, GpuLimits};
+pub use device::{Gpu, GpuLimits};
+pub use error::GpuError;

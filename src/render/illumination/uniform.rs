@@ -9,7 +9,7 @@ use super::illuminator::LightQuantity;
 use super::stage::CELLS_SIDE;
 use crate::classification::Classification;
 use crate::light::{InPatient, Light};
-use crate::renderer::depth_limits;
+use crate::limits::depth_limits;
 use crate::request::RenderRequest;
 use relief_volume::Grid;
 

@@ -41,8 +41,8 @@ use rayon::prelude::*;
 use super::error::RenderError;
 use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::letters;
+use super::limits::depth_limits;
 use super::overlay::Drawing;
-use super::renderer::depth_limits;
 use super::request::RenderRequest;
 use relief_volume::Volume;
 
