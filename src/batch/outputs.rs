@@ -1,7 +1,6 @@
 //! The bytes of a job's outputs, from the picture as the rays made it: whatever is drawn over it is
 //! drawn here, so that one picture serves plain and annotated outputs, off the thread that renders.
 
-use crate::product::DEPTH_UNIT_MM;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -9,6 +8,7 @@ use super::annotations::PreparedAnnotations;
 use super::pose::ViewCamera;
 use super::product::Product;
 use super::source::SeriesError;
+use crate::product::DEPTH_UNIT_MM;
 use relief_display::{DisplaySettings, Frame, Layout, Pixels, encode_png};
 use relief_render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, draw_overlays};
 use relief_session::{EncodingError, FileFormat, Product as Picture, encode};

@@ -2,8 +2,9 @@
 
 use std::io::Cursor;
 
-use super::sink::Sink;
 use image::{DynamicImage, ImageReader, Limits};
+
+use super::sink::Sink;
 use relief_display::MAX_FRAME_SIDE_PX;
 /// Largest picture that is read, bytes.
 pub(super) const LARGEST_PICTURE: u64 = 1 << 30;

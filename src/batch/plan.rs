@@ -1,9 +1,9 @@
 //! Planning: which series there are, and one job for each view of each.
 
-use data_encoding::HEXLOWER;
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use data_encoding::HEXLOWER;
 use serde_json::{Map, Value};
 
 use super::copies::{Copies, Local};
@@ -21,7 +21,6 @@ use relief_annotation::Item;
 use relief_base::sha256_of_file;
 use relief_dicom::{SeriesEntry, Strictness};
 use relief_volume::Orbit;
-
 use relief_volume::Volume;
 
 /// Where to look for series.

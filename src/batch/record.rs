@@ -1,12 +1,12 @@
 //! Records of finished jobs. A record is written after the outputs, so a job with a record is done.
 
-use crate::output_file::OutputFile;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::manifest::{Job, JobKey};
 use super::product::Product;
 use super::sink::Sink;
+use crate::output_file::OutputFile;
 
 /// The outputs of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,7 +1,6 @@
 //! The report of a batch: one self-contained HTML page, a contact sheet of each series, and its
 //! turntable.
 
-use crate::picture::open;
 use std::collections::BTreeMap;
 
 use data_encoding::BASE64;
@@ -16,6 +15,7 @@ use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
 use super::turntable::FilmWriter;
+use crate::picture::open;
 use relief_display::encode_png;
 use relief_session::{Thumbnail, contact_sheet};
 

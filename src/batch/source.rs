@@ -1,17 +1,16 @@
 //! A series of a job: found again where it was planned, checked to be the same, loaded.
 
-use data_encoding::HEXLOWER;
-use relief_base::sha256_of_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 
 use super::copies::Copies;
 use super::error::FailureKind;
 use super::gate::{MemoryBudget, ReservedMemory};
+use relief_base::sha256_of_file;
 use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
-
 use relief_session::load_labels;
 use relief_volume::{LabelMap, Volume};
 

@@ -1,26 +1,29 @@
 //! `relief batch`: many views of many series.
 
-use relief_batch::run as run_jobs;
-use std::io::{BufReader, IsTerminal};
-use std::path::{Path, PathBuf};
+use std::io::IsTerminal;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::adapter::AdapterArguments;
 use super::batch_plan::{PlanArguments, write_plan};
 use super::bucket::{BucketArguments, CopiesArguments};
-use super::memory::{available_bytes, parse_bytes};
+use super::memory::parse_bytes;
 use super::output::{print_json, say};
+use crate::batch_shared::MemoryShare;
+use crate::batch_shared::TRY_AGAIN;
+use crate::batch_shared::bar;
+use crate::batch_shared::read;
+use relief_batch::run as run_jobs;
 use relief_batch::{
     Failure, FailureKind, FilmChoice, FilmWriter, Job, JobKey, Location, Options, REPORT, RunError, RunEvent,
-    Shard, Sink, Summary, read_manifest, write_report,
+    Shard, Sink, Summary, write_report,
 };
-use relief_render::Renderer;
 
 /// Render many views of many series, as jobs that are done once.
 ///
@@ -126,14 +129,6 @@ impl FilmArguments {
     }
 }
 
-/// A run that failed in a way that may pass: EX_TEMPFAIL of sysexits.
-pub(super) const TRY_AGAIN: u8 = 75;
-/// Share of the memory for voxels that are not on the adapter: theirs there take five times as
-/// much, with gradients.
-const VOXEL_SHARE: f64 = 0.25;
-/// Memory of the program and of a software adapter beside volumes.
-const BESIDE_BYTES: u64 = 512 << 20;
-
 pub(super) fn run(arguments: BatchArguments) -> anyhow::Result<ExitCode> {
     match arguments.command {
         Command::Plan(arguments) => write_plan(&arguments),
@@ -173,12 +168,6 @@ fn setbacks(_: &[Job], _: &Sink) -> Vec<Failure> {
     Vec::new()
 }
 
-pub(super) fn read(manifest: &Path) -> anyhow::Result<Vec<Job>> {
-    let file =
-        std::fs::File::open(manifest).with_context(|| format!("cannot read {}", manifest.display()))?;
-    read_manifest(BufReader::new(file)).with_context(|| format!("{} is no manifest", manifest.display()))
-}
-
 fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let jobs = read(&arguments.manifest)?;
     let only: Vec<JobKey> = arguments.job.iter().cloned().map(JobKey).collect();
@@ -209,38 +198,6 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     tell(arguments, &summary, [started, reporting].map(|since| since.elapsed()))
 }
 
-/// Bytes for volumes: voxels in memory, and their copies on an adapter.
-pub(super) struct MemoryShare {
-    pub(super) voxels: u64,
-    adapter: u64,
-}
-
-impl MemoryShare {
-    /// Splits an amount of memory; by default half of the available memory.
-    pub(super) fn of(memory: Option<u64>) -> anyhow::Result<Self> {
-        let memory = memory.or_else(|| available_bytes().map(|bytes| bytes / 2)).unwrap_or(4 << 30);
-        let Some(for_volumes) = memory.checked_sub(BESIDE_BYTES).filter(|bytes| *bytes >= BESIDE_BYTES / 2)
-        else {
-            bail!(
-                "--memory is {} MiB, allowed: {} MiB and more",
-                memory >> 20,
-                (BESIDE_BYTES + BESIDE_BYTES / 2) >> 20
-            );
-        };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of bytes")]
-        let voxels = (for_volumes as f64 * VOXEL_SHARE) as u64;
-        Ok(Self { voxels, adapter: for_volumes - voxels })
-    }
-
-    pub(super) fn open_renderer(&self, adapter: &AdapterArguments) -> anyhow::Result<Renderer> {
-        let mut renderer = adapter.open_renderer()?;
-        let mut limits = renderer.volume_limits();
-        limits.memory_bytes = limits.memory_bytes.min(self.adapter);
-        renderer.set_volume_limits(limits);
-        Ok(renderer)
-    }
-}
-
 fn tell(
     arguments: &RunArguments,
     summary: &Summary,
@@ -269,12 +226,6 @@ fn tell(
         (_, 0) => ExitCode::FAILURE,
         _ => ExitCode::from(TRY_AGAIN),
     })
-}
-
-pub(super) fn bar(what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr_with_hz(5));
-    let style = ProgressStyle::with_template("{prefix} {bar:40} {pos}/{len} {per_sec}, {eta} left {msg}");
-    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())).with_prefix(what)
 }
 
 /// Progress of a run: a bar on a terminal, a line now and then elsewhere.

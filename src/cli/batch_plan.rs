@@ -1,16 +1,16 @@
 //! `relief batch plan`: series, views and annotations become a manifest of jobs.
 
-use relief_batch::plan;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use serde_json::{Map, Value, json};
 
-use super::batch::bar;
 use super::bucket::CopiesArguments;
 use super::output::{GrowingFile, print_json, say};
+use crate::batch_shared::bar;
 use relief_annotation::ShownSets;
+use relief_batch::plan;
 use relief_batch::{AnnotationLog, Product, ProductSet, Query, Request, Root, ViewSet};
 use relief_render::SceneFile;
 use relief_volume::Orbit;

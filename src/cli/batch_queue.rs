@@ -1,6 +1,5 @@
 //! `relief batch submit` and `relief batch work`: jobs through a queue in NATS JetStream.
 
-use relief_batch::work_queue;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -9,10 +8,13 @@ use anyhow::Context;
 use serde_json::json;
 
 use super::adapter::AdapterArguments;
-use super::batch::{MemoryShare, TRY_AGAIN, read};
 use super::bucket::CopiesArguments;
 use super::memory::parse_bytes;
 use super::output::{print_json, say};
+use crate::batch_shared::MemoryShare;
+use crate::batch_shared::TRY_AGAIN;
+use crate::batch_shared::read;
+use relief_batch::work_queue;
 use relief_batch::{Location, Queue, QueueAccess, RunEvent, WorkEnd, WorkOptions, WorkSummary};
 
 /// The queue, and how to get in.
@@ -99,7 +101,7 @@ impl QueueArguments {
 pub(super) fn submit(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
     let jobs = read(&arguments.manifest)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let bar = super::batch::bar("submitting");
+    let bar = crate::batch_shared::bar("submitting");
     bar.set_length(jobs.len() as u64);
     let submitted = runtime.block_on(async {
         let queue = Queue::connect(&arguments.queue.access(), &arguments.queue.stream).await?;

@@ -1,6 +1,5 @@
 //! `relief calibrate`: the camera in a Wiimote, from a recording of a beacon.
 
-use relief_tracking::choose_views;
 use std::fmt::Write;
 use std::io::{BufReader, Read};
 use std::path::PathBuf;
@@ -10,6 +9,7 @@ use anyhow::Context;
 
 use super::output::{print_json, say, write_whole};
 use crate::text_file::read_text;
+use relief_tracking::choose_views;
 use relief_tracking::{
     Beacon, BlobIdentifier, Calibration, CalibrationModel, Calibrations, CameraFormat, InputReport, Pinhole,
     RecordingReader, TimedReport, calibrate_camera, decode_ir, moving_views,

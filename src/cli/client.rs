@@ -8,14 +8,15 @@ use anyhow::{Context, bail};
 
 use super::choices::layouts;
 use super::client_remote::{self, RemoteArguments};
+use super::client_session::{Part, Session};
 use super::client_watch::{FrameCounter, Recorder};
 use super::output::{print_json, say, write_whole};
 use super::scene::parse_size;
 use super::serve::stop_signal;
 use relief_annotation::ShownSets;
-use relief_client::{ClientError, Composer, Handle, Options, ServerAddress};
-use relief_display::{DisplaySettings, Layout, encode_png};
-use relief_live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Settings, check_view_name};
+use relief_client::{ClientError, Handle, ServerAddress};
+use relief_display::{Layout, encode_png};
+use relief_live::{LiveLayout, OrbitPose, check_view_name};
 
 /// Show the frames of a live session on this machine's display, pixel for pixel, and send it the
 /// Wiimote's poses.
@@ -24,48 +25,48 @@ use relief_live::{Accept, ColorFormat, Hello, LiveLayout, OrbitPose, Role, Setti
 pub(super) struct ClientArguments {
     /// The server: http://HOST:PORT or ws://HOST:PORT
     #[arg(long, value_name = "URL")]
-    server: ServerAddress,
+    pub(super) server: ServerAddress,
     /// Name of a view that several clients share; one of its own when left out
     #[arg(long, value_name = "NAME", value_parser = view_name)]
-    view: Option<String>,
+    pub(super) view: Option<String>,
     /// Volume, by its id; the first one when left out
     #[arg(long, value_name = "ID")]
-    volume: Option<String>,
+    pub(super) volume: Option<String>,
     /// Whether this client may move the view, or looks
     #[arg(long, value_enum, default_value_t = Part::Presenter)]
-    role: Part,
+    pub(super) role: Part,
     /// Preset of colours and light
     #[arg(long, value_name = "NAME")]
-    preset: Option<String>,
+    pub(super) preset: Option<String>,
     /// Look from there: azimuth and elevation, degrees, and zoom if you like
     #[arg(long, value_name = "AZ,EL[,ZOOM]", value_parser = parse_look, allow_hyphen_values = true)]
-    look: Option<OrbitPose>,
+    pub(super) look: Option<OrbitPose>,
     #[arg(long, value_name = "NAME", help = layouts("Layout of the frame", is_streamed))]
-    layout: Option<Layout>,
+    pub(super) layout: Option<Layout>,
     /// Depth effect that the display's header asks for; 64 is 100 %
     #[arg(long, value_name = "0..255")]
-    factor: Option<u8>,
+    pub(super) factor: Option<u8>,
     /// Disparity on the screen plane that the display's header asks for
     #[arg(long, value_name = "0..255")]
-    offset: Option<u8>,
+    pub(super) offset: Option<u8>,
     /// Size of the picture (in 2D-plus-depth layouts, of each half)
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    size: Option<[u32; 2]>,
+    pub(super) size: Option<[u32; 2]>,
     /// Lossless colour while the view moves, too
     #[arg(long)]
-    lossless: bool,
+    pub(super) lossless: bool,
     /// Draw annotations: all, or sets by their names with commas between them; A places landmarks
     /// then, and 1 takes them back
     #[arg(long, value_name = "true|SETS", value_parser = ShownSets::parse)]
-    annotations: Option<ShownSets>,
+    pub(super) annotations: Option<ShownSets>,
     /// Author of placed annotations
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
-    author: Option<String>,
+    pub(super) author: Option<String>,
     /// Wait for a server that is not there yet
     #[arg(long)]
-    wait: bool,
+    pub(super) wait: bool,
     #[command(flatten)]
-    remote: RemoteArguments,
+    pub(super) remote: RemoteArguments,
     #[command(flatten)]
     headless: HeadlessArguments,
     /// Record the session: messages and hashes of frames, JSON lines
@@ -121,14 +122,6 @@ Examples:
   relief client --server http://127.0.0.1:8080 --headless --measure 10 --json
   relief client --server http://127.0.0.1:8080 --headless --measure 600 --clients 50 --stalled 50 --view soak --check-every 0";
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Part {
-    /// Moves the view
-    Presenter,
-    /// Looks
-    Watcher,
-}
-
 fn view_name(name: &str) -> Result<String, String> {
     check_view_name(name).map(|()| name.to_owned()).map_err(|error| error.reason)
 }
@@ -160,72 +153,6 @@ pub(super) fn run(arguments: &ClientArguments) -> anyhow::Result<ExitCode> {
     // A name that is being looked up is not waited for.
     runtime.shutdown_timeout(Duration::from_millis(500));
     outcome
-}
-
-/// The session that the arguments describe.
-pub(super) struct Session {
-    pub(super) options: Options,
-    pub(super) composer: Composer,
-    #[cfg(feature = "window")]
-    pub(super) layout: Layout,
-}
-
-impl Session {
-    fn of(arguments: &ClientArguments) -> anyhow::Result<Self> {
-        let usual = DisplaySettings::default();
-        let display = DisplaySettings {
-            layout: arguments.layout.unwrap_or(usual.layout),
-            factor: arguments.factor.unwrap_or(usual.factor),
-            offset: arguments.offset.unwrap_or(usual.offset),
-            ..usual.clone()
-        };
-        display.validate()?;
-        if LiveLayout::of(display.layout) == LiveLayout::None {
-            bail!("layout {} is no picture with disparity; live sessions have the others", display.layout);
-        }
-        let role = if arguments.role == Part::Watcher { Role::Watcher } else { Role::Presenter };
-        let settings = Settings {
-            display: (display != usual).then(|| display.clone()),
-            preset: arguments.preset.clone(),
-            annotations: arguments.annotations.clone(),
-            ..Settings::default()
-        };
-        let settings = (settings != Settings::default()).then_some(settings);
-        if role == Role::Watcher && (settings.is_some() || arguments.look.is_some()) {
-            bail!(
-                "a watcher sees what presenters show: leave --preset, --look, --layout, --factor, --offset and --annotations out"
-            );
-        }
-        if role == Role::Watcher && arguments.remote.is_there() {
-            bail!("a watcher moves nothing: leave --wiimote out");
-        }
-        let mut accept = Accept::default();
-        if arguments.lossless {
-            accept.color = vec![ColorFormat::RgbZstd.name().to_owned()];
-        }
-        let hello = Hello {
-            client: Some(format!("relief-client {}", env!("CARGO_PKG_VERSION"))),
-            author: arguments.author.clone(),
-            volume: arguments.volume.clone(),
-            view: arguments.view.clone(),
-            role,
-            accept,
-            size_px: arguments.size,
-            resume: None,
-            settings,
-        };
-        // What others of a shared view ask of the display is not known here.
-        let is_own = role == Role::Presenter && (arguments.view.is_none() || display != usual);
-        let asked = is_own.then(|| display.header());
-        let composer = Composer::new(display.profile()?, asked);
-        let options = Options { server: arguments.server.clone(), hello, wait: arguments.wait };
-        Ok(Self {
-            options,
-            composer,
-            #[cfg(feature = "window")]
-            layout: display.layout,
-        })
-    }
 }
 
 /// Everything but measuring and replaying: shows, saves, relays, records.

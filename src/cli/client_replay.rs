@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 
-use super::client::Session;
 use super::client_watch::{FrameCounter, Recorder};
 use super::output::{print_json, say};
+use crate::client_session::Session;
 use relief_client::{Handle, Journal, JournalEntry, Options};
 use relief_live::{ClientMessage, Hello};
 

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use super::client::Session;
 use super::client_remote::Tracking;
 use super::client_watch::{self, Recorder};
 use super::serve::stop_signal;
+use crate::client_session::Session;
 use relief_client::{Event, Handle, LinkState, Screen, Window, WindowOptions};
 use relief_display::DisplaySettings;
 use relief_live::{OrbitPose, PoseKind, Role};

@@ -4,7 +4,6 @@
 //! the f64 twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing
 //! can render.
 
-use relief_golden::compare;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
@@ -12,6 +11,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::output::{print_json, say};
+use relief_golden::compare;
 use relief_golden::{Raster, Samples, Tolerance};
 use relief_render::{
     AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, RenderError, Renderer,

@@ -1,17 +1,16 @@
 //! `relief inspect`: describes a series or a 2D-plus-depth frame, and reports errors.
 
-use data_encoding::HEXLOWER;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use data_encoding::HEXLOWER;
 use serde::Serialize;
-
-use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 
 use super::output::say;
 use super::{inspect_frame, output, source};
+use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 
 /// Describe a CT series or decode a 2D-plus-depth frame, and report errors
 #[derive(Debug, clap::Args)]

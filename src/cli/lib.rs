@@ -12,6 +12,7 @@ mod batch;
 mod batch_plan;
 #[cfg(feature = "cluster")]
 mod batch_queue;
+mod batch_shared;
 mod bench;
 mod bucket;
 mod calibrate;
@@ -20,6 +21,7 @@ mod choices;
 mod client;
 mod client_remote;
 mod client_replay;
+mod client_session;
 mod client_watch;
 #[cfg(feature = "window")]
 mod client_window;

@@ -1,7 +1,6 @@
 //! `relief presets`: presets as a list, as JSON and as pictures of a volume; conversion of transfer
 //! functions of other programs.
 
-use relief_session::encode;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -15,6 +14,7 @@ use super::source::{SeriesOptions, load};
 use super::transfer::{Range, parse_range, read_look};
 use relief_display::encode_png;
 use relief_render::{RenderedFrame, preset_json};
+use relief_session::encode;
 use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 use relief_volume::{PRESETS, PhantomKind, PhantomRecipe, Preset, Volume};
 

@@ -1,6 +1,5 @@
 //! `relief render`: a picture of a series as a file.
 
-use relief_session::encode;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -17,6 +16,7 @@ use super::source::SeriesArguments;
 use super::views;
 use relief_annotation::ShownSets;
 use relief_render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
+use relief_session::encode;
 use relief_session::{FileFormat, Product, SpeedBook};
 use relief_volume::Volume;
 

@@ -3,7 +3,6 @@
 //! The address is printed as soon as it answers; series load behind it, and `/readyz` says when
 //! frames can be had.
 
-use relief_base::sha256_of_file;
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -23,6 +22,7 @@ use super::output::say;
 use super::serve_load::{load_behind, places, served};
 use super::source::SeriesOptions;
 use super::track_scene::{read_beacon, read_camera};
+use relief_base::sha256_of_file;
 use relief_dicom::{LoadLimits, Strictness};
 use relief_render::VolumeLimits;
 use relief_server::{

@@ -1,7 +1,8 @@
 //! Text files that are read whole.
 
-use anyhow::Context;
 use std::path::Path;
+
+use anyhow::Context;
 /// A small text file; a larger one is something else.
 pub(super) fn read_text(path: &Path) -> anyhow::Result<String> {
     use std::io::Read;

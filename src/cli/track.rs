@@ -1,6 +1,5 @@
 //! `relief track`: poses of a Wiimote from its reports, live or recorded.
 
-use crate::track_scene::TrackSceneArguments;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -10,6 +9,7 @@ use super::track_intents::Intents;
 use super::track_publish::Publisher;
 use super::track_source::{Event, LiveOptions, Source};
 use super::{track_design, track_experiment, track_simulate, track_views};
+use crate::track_scene::TrackSceneArguments;
 use relief_tracking::{
     Beacon, FilterKind, MotionDensity, PoseRecord, Sensitivity, SolverKind, Tracker, TrackerOptions,
     quantised_noise,

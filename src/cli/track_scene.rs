@@ -1,11 +1,12 @@
 //! The beacon and the camera of the tracking commands.
 
-use crate::text_file::read_text;
-use anyhow::Context;
-use relief_tracking::{Beacon, Pinhole};
 use std::path::Path;
-
 use std::path::PathBuf;
+
+use anyhow::Context;
+
+use crate::text_file::read_text;
+use relief_tracking::{Beacon, Pinhole};
 /// Source of reports, camera and beacon.
 #[derive(Debug, clap::Args)]
 pub(super) struct TrackSceneArguments {

@@ -1,10 +1,10 @@
 //! The end of a session that hands hold: poses, intents and acknowledgements go in here, from any
 //! thread.
 
-use data_encoding::HEXLOWER;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use data_encoding::HEXLOWER;
 use tokio::sync::{Notify, watch};
 
 use super::outbox::Outbox;

@@ -15,9 +15,9 @@
 //! called and how it is described. Lines are bounded, so a file of any size is read in little
 //! memory.
 
-use data_encoding::HEXLOWER;
 use std::io::{BufRead, Read};
 
+use data_encoding::HEXLOWER;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 

@@ -8,10 +8,11 @@ use serde::Serialize;
 use super::batches;
 use super::error::{Defect, Error, Reasons};
 use super::header::{self, FrameHeader, Rejection};
-use super::load::{Progress, Stage};
 use super::series::{self, SeriesEntry};
 use super::source::{self, FileSource};
 use super::warnings::{Warning, WarningCode};
+use crate::progress::Progress;
+use crate::progress::Stage;
 
 /// What to do about files that are defective.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

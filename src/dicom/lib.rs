@@ -42,6 +42,7 @@ mod load;
 mod object;
 mod part10;
 mod pixels;
+mod progress;
 mod reference;
 mod report;
 mod resample;
@@ -55,10 +56,12 @@ mod warnings;
 mod whole;
 mod write;
 
+pub use crate::progress::Progress;
+pub use crate::progress::Stage;
 pub use discover::{Discovery, Skipped, Strictness, discover};
 pub use error::{Attribute, Defect, Error, Reasons};
 pub use identity::SeriesIdentity;
-pub use load::{LoadLimits, Loaded, Progress, Stage, load, load_within};
+pub use load::{LoadLimits, Loaded, load, load_within};
 pub use reference::SeriesReference;
 pub use segmentation::{
     LoadedLayers, LoadedSegmentation, load_segmentation, read_segmentation, read_segmentation_layers,

@@ -5,13 +5,9 @@
 //! other.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
-
-use relief_base::Transform;
-use relief_volume::{Grid, Volume};
 
 use super::batches;
 use super::codec::{self, Frames};
@@ -26,38 +22,10 @@ use super::series::SeriesEntry;
 use super::source::Bytes;
 use super::stack::{self, Stack};
 use super::warnings::{Warning, WarningCode};
-
-/// The current step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Reading the headers of files.
-    Headers,
-    /// Decoding slices.
-    Slices,
-}
-
-/// How far a stage has come. Calls come from several threads, and may overtake each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Progress {
-    /// The unit of the count.
-    pub stage: Stage,
-    /// Finished ones.
-    pub done: usize,
-    /// All of them.
-    pub total: usize,
-}
-
-impl Progress {
-    /// A function that counts one more as done.
-    pub(super) fn counter<'a>(
-        stage: Stage,
-        total: usize,
-        report: &'a (dyn Fn(Self) + Sync),
-    ) -> impl Fn() + Sync + 'a {
-        let done = AtomicUsize::new(0);
-        move || report(Self { stage, done: done.fetch_add(1, Ordering::Relaxed) + 1, total })
-    }
-}
+use crate::progress::Progress;
+use crate::progress::Stage;
+use relief_base::Transform;
+use relief_volume::{Grid, Volume};
 
 /// A loaded series.
 #[derive(Clone, Debug)]

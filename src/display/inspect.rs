@@ -9,10 +9,9 @@
 //! background layer; their lines do. At a display's own frame size a missing header is a problem
 //! whatever the pixels are, because the display would show plain 2D.
 
-use crate::limits::MAX_FRAME_SIDE_PX;
-use data_encoding::HEXUPPER;
 use std::io::Cursor;
 
+use data_encoding::HEXUPPER;
 use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
 
 use super::encode::written_layout;
@@ -21,6 +20,7 @@ use super::layout::{Frame, Pixels, Placement, depth_problems, odd_and_even_lines
 use super::problem::FrameProblem;
 use crate::layout::error::LayoutError;
 use crate::layout::table::Layout;
+use crate::limits::MAX_FRAME_SIDE_PX;
 
 /// The most memory that decoding may take: an 8-bit RGB picture of 16384x16384 and some room.
 const MAX_DECODED_BYTES: u64 = 1 << 30;

@@ -21,6 +21,7 @@ use super::raster::{Raster, Samples, rgb_png};
 use crate::raster::Aspect;
 use crate::report::CaseReport;
 use crate::report::CheckReport;
+use crate::report::Pair;
 use relief_render::AdapterDescription;
 
 /// Brightness of the smallest difference, and of each step beyond.
@@ -33,13 +34,6 @@ const PER_DEPTH_MM: f64 = 60.0;
 pub struct Artefacts {
     dir: PathBuf,
     bless: String,
-}
-
-/// The rendered picture and the golden one.
-pub(super) struct Pair {
-    pub(super) aspect: Aspect,
-    pub(super) expected: Option<Raster>,
-    pub(super) actual: Raster,
 }
 
 /// `numbers.json`.

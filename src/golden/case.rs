@@ -1,6 +1,5 @@
 //! One case: `case.toml` and `scene.json`, checked.
 
-use crate::raster::Aspect;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,6 +9,7 @@ use super::case_id::CaseId;
 use super::compare::Tolerance;
 use super::error::GoldenError;
 use super::raster::{Raster, read_bounded};
+use crate::raster::Aspect;
 use relief_render::{Scene, SceneFile};
 use relief_volume::{Grid, Orbit, PhantomRecipe};
 

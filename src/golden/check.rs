@@ -1,14 +1,11 @@
 //! Rendering cases, comparing them with their goldens, and making goldens of them.
 
-use crate::report::CaseReport;
-use crate::report::CheckReport;
-use crate::report::Verdict;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
 use image::ColorType;
 
-use super::artefacts::{Artefacts, Pair};
+use super::artefacts::Artefacts;
 use super::case::Case;
 use super::case_id::CaseId;
 use super::collection::Collection;
@@ -16,6 +13,10 @@ use super::compare::{Comparison, compare, is_depth};
 use super::error::GoldenError;
 use super::raster::{Raster, Samples, check_size, decode_png, rgb_png, rgba_png};
 use crate::raster::Aspect;
+use crate::report::CaseReport;
+use crate::report::CheckReport;
+use crate::report::Pair;
+use crate::report::Verdict;
 use relief_display::DisplaySettings;
 use relief_render::{AdapterDescription, AdapterKind, RenderedFrame, Renderer};
 use relief_session::{FileFormat, Product, encode};

@@ -1,9 +1,9 @@
 //! The cases of a folder: `<suite>/<case>/`, found and selected, not yet read.
 
-use super::case_id::CaseId;
 use std::path::{Path, PathBuf};
 
 use super::case::Case;
+use super::case_id::CaseId;
 use super::error::GoldenError;
 
 impl From<CaseId> for String {

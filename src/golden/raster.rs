@@ -3,15 +3,15 @@
 //! Rows run from the top left. Colour is display-referred sRGB with coverage as the fourth byte; a
 //! frame's fourth byte is 255. Depth is view depth in mm, `+inf` where the ray hit nothing.
 
-use super::limits::{MAX_DECODED_BYTES, MAX_FILE_BYTES};
-use serde::{Deserialize, Serialize};
 use std::io::{Cursor, Read};
 use std::path::Path;
 
 use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
 use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder};
+use serde::{Deserialize, Serialize};
 
 use super::error::{GoldenError, PictureError};
+use super::limits::{MAX_DECODED_BYTES, MAX_FILE_BYTES};
 use relief_display::decode_exr;
 
 /// A picture that can be compared.

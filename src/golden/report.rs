@@ -1,15 +1,15 @@
 //! The result of a check.
 
+use serde::Serialize;
+
 use crate::Case;
 use crate::Comparison;
 use crate::Raster;
 use crate::Tolerance;
-use crate::artefacts::Pair;
 use crate::case_id::CaseId;
 use crate::compare;
 use crate::raster::Aspect;
 use relief_render::AdapterDescription;
-use serde::Serialize;
 /// The result of a check.
 #[derive(Clone, Debug, Serialize)]
 pub struct CheckReport {
@@ -109,4 +109,11 @@ impl CaseReport {
             |report: &AspectReport| report.comparison.as_ref().is_some_and(Comparison::is_identical);
         if self.aspects.iter().all(identical) { Verdict::Identical } else { Verdict::Within }
     }
+}
+
+/// The rendered picture and the golden one.
+pub(super) struct Pair {
+    pub(super) aspect: Aspect,
+    pub(super) expected: Option<Raster>,
+    pub(super) actual: Raster,
 }

@@ -2,7 +2,8 @@
 
 use super::depth_rule::DepthRule;
 use super::mode::Mode;
-use super::request::{RenderRequest, RequestError};
+use super::request::RenderRequest;
+use crate::request_error::RequestError;
 
 /// How a sample of mode composite is classified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]

@@ -1,7 +1,7 @@
 //! Errors of a render: an invalid request, an unsuitable volume, or a failure of the adapter.
 
-use super::request::RequestError;
 use crate::gpu::GpuError;
+use crate::request_error::RequestError;
 
 /// Why a picture could not be rendered.
 #[derive(Debug, thiserror::Error)]

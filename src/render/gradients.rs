@@ -10,8 +10,11 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::uniform::patient_from_voxel_gradient;
-use super::upload::{SLAB_BYTES, VoxelFormat, texture_3d, write_layers};
 use crate::gpu::Gpu;
+use crate::texture::SLAB_BYTES;
+use crate::texture::VoxelFormat;
+use crate::texture::texture_3d;
+use crate::texture::write_layers;
 use relief_volume::Volume;
 
 /// The gradients of a volume on the GPU.

@@ -2,8 +2,10 @@
 //! brick.
 
 use super::request::RenderRequest;
-use super::upload::{SLAB_BYTES, texture_3d, write_layers};
 use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::texture::SLAB_BYTES;
+use crate::texture::texture_3d;
+use crate::texture::write_layers;
 use relief_volume::{BrickLabels, ContentHash, LabelMap, SegmentIndices};
 
 /// Label maps kept on the GPU; the least recently used goes first.

@@ -8,7 +8,8 @@
 use std::sync::Arc;
 
 use super::mode::Mode;
-use super::request::{RenderRequest, RequestError};
+use super::request::RenderRequest;
+use crate::request_error::RequestError;
 use relief_volume::{Grid, LabelMap, TransferFunction};
 
 /// How one segment is shown.

@@ -51,16 +51,21 @@ mod reference;
 mod region;
 mod renderer;
 mod request;
+mod request_error;
 mod scene;
 mod skipping;
 mod slices;
 mod store;
 mod surface;
 mod tables;
+mod texture;
 mod uniform;
 mod upload;
+mod volume_plan;
 mod watch;
 
+pub use crate::request_error::RequestError;
+pub use crate::volume_plan::VolumePlan;
 pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
 pub use error::RenderError;
@@ -75,12 +80,12 @@ pub use overlay::{CAPITAL, draw_overlays, label_height_px, label_stroke_px, lett
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
 pub use renderer::Renderer;
-pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, RequestError, Shading};
+pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
 pub use scene::{
     Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
 };
 pub use skipping::EmptySpaceSkipping;
-pub use store::{MemoryUse, VolumeLimits, VolumePlan};
+pub use store::{MemoryUse, VolumeLimits};
 pub use surface::Surface;
 pub use watch::Progress;
 

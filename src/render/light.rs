@@ -4,7 +4,7 @@
 //! lights move with the camera, `Patient` lights stay with the patient. Lengths mm, angles in
 //! radians.
 
-use super::request::RequestError;
+use crate::request_error::RequestError;
 use relief_base::{Patient, Point, Vector, View};
 use relief_volume::Camera;
 

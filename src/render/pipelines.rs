@@ -7,8 +7,8 @@ use super::illumination::lighting_layout;
 use super::labels::Edges;
 use super::mode::Mode;
 use super::request::{DepthRule, RenderRequest};
-use super::upload::VoxelFormat;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, GpuError};
+use crate::texture::VoxelFormat;
 
 /// The kind of buffer of the transfer table: which one is fast differs between software drivers and
 /// graphics cards.

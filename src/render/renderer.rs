@@ -1,7 +1,5 @@
 //! The renderer: owns the device, caches uploads, casts rays and reads the picture back.
 
-use super::skipping::EmptySpaceSkipping;
-use crate::limits::depth_limits;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -16,13 +14,16 @@ use super::overlay::Drawing;
 use super::pathtrace::{PathTraceJob, PathTracer};
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant};
 use super::region::Region;
-use super::request::{RenderRequest, RequestError};
+use super::request::RenderRequest;
+use super::skipping::EmptySpaceSkipping;
 use super::slices::SlicePipelines;
 use super::store::{MemoryUse, Store, VolumeLimits};
 use super::uniform::FrameUniform;
-use super::upload::VoxelFormat;
 use super::watch::{Progress, Watch};
 use crate::gpu::{ErrorScope, Gpu, Readback};
+use crate::limits::depth_limits;
+use crate::request_error::RequestError;
+use crate::texture::VoxelFormat;
 use relief_volume::{ContentHash, Volume};
 
 /// Renders requests on one GPU. Lives on one thread; a volume goes up when first asked for.

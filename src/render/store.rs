@@ -8,9 +8,12 @@
 
 use super::error::RenderError;
 use super::label_maps::LabelMaps;
-use super::request::{RenderRequest, RequestError};
-use super::upload::{Appearance, VolumeOnGpu, VoxelFormat};
+use super::request::RenderRequest;
+use super::upload::{Appearance, VolumeOnGpu};
 use crate::gpu::{AdapterKind, Gpu};
+use crate::request_error::RequestError;
+use crate::texture::VoxelFormat;
+use crate::volume_plan::VolumePlan;
 use relief_volume::{ContentHash, TransferTable, Volume};
 
 /// Most appearances: a look for one compares it with all.
@@ -32,21 +35,6 @@ pub struct VolumeLimits {
     pub gradient_bytes: u64,
     /// Most bricks of one volume; larger volumes have larger bricks.
     pub bricks: u64,
-}
-
-/// The memory of a volume on an adapter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct VolumePlan {
-    /// Bytes of voxels.
-    pub voxel_bytes: u64,
-    /// Bytes of gradients; 0 where the volume is lit without: slower, and all but the same picture.
-    pub gradient_bytes: u64,
-    /// Bytes of each appearance: a transfer table and a map of empty space.
-    pub appearance_bytes: u64,
-    /// Edge of a brick in voxels.
-    pub brick_edge: usize,
-    /// Edge of the bricks that composite pictures skip by: a smaller one in small volumes.
-    pub fine_brick_edge: usize,
 }
 
 impl VolumeLimits {
@@ -123,18 +111,6 @@ impl VolumeLimits {
             brick_edge,
             fine_brick_edge,
         }
-    }
-}
-
-impl VolumePlan {
-    /// Voxels and gradients.
-    #[must_use]
-    pub fn bytes(&self) -> u64 {
-        self.voxel_bytes.saturating_add(self.gradient_bytes)
-    }
-
-    fn bytes_with_appearance(&self) -> u64 {
-        self.bytes().saturating_add(self.appearance_bytes)
     }
 }
 

@@ -4,7 +4,7 @@
 //! Values in HU.
 
 use super::mode::Mode;
-use super::request::RequestError;
+use crate::request_error::RequestError;
 use relief_volume::TransferFunction;
 
 /// A surface at a value.

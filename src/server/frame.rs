@@ -5,7 +5,6 @@
 //! then the render queue. Encoding runs on blocking threads. A client that leaves drops its
 //! handler, and with it the order.
 
-use data_encoding::HEXLOWER;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -15,6 +14,7 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
+use data_encoding::HEXLOWER;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 

@@ -1,19 +1,19 @@
 //! The pages: files built into the program, so that a page loads nothing from another host.
 
-use data_encoding::HEXLOWER;
 use std::sync::LazyLock;
 
 use axum::Router;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use relief_exchange::Format;
-use relief_live::layouts_script;
+use data_encoding::HEXLOWER;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::negotiate::knows_tag;
 use super::state::AppState;
+use relief_exchange::Format;
+use relief_live::layouts_script;
 
 /// Own scripts and styles only; pictures arrive as blobs. The same for all files: only the page
 /// itself obeys it.

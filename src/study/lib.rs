@@ -17,7 +17,8 @@ mod agreement;
 mod capacity;
 mod error;
 
-pub use accuracy::{AccuracyReport, AccuracySettings, WayReport, measure_accuracy};
+pub use crate::accuracy::report::WayReport;
+pub use accuracy::{AccuracyReport, AccuracySettings, measure_accuracy};
 pub use agreement::{
     Absence, Agreement, AgreementError, BlandAltman, Comparison, Ellipsoid, ErrorSummary, Figure, Icc,
     Landmark, MeasureRow, Missing, Pairing, Placed, Reading, ReadingErrors, ReadingMeasures, Relation, Study,

@@ -46,6 +46,7 @@ mod tracker;
 
 pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
 
+pub use crate::filter::error_state::MAX_PREDICTION_S;
 pub use calibrate::{
     Adjustment, BlobIdentifier, Calibration, CalibrationError, CalibrationModel, CalibrationView, MIN_VIEWS,
     Parameter, Square, adjust, calibrate_camera, choose_views, moving_views,
@@ -90,6 +91,6 @@ pub use solve::paper::{PaperSolution, level_start, solve_as_published};
 pub use solve::random::{Random, ViewRange, is_seen, random_sightings};
 pub use solve::{Gravity, MAX_SEEN, Minimum, PoseView, Sighting, Solutions};
 pub use tracker::{
-    DroppedReports, FilterKind, Frame, Frames, MAX_PREDICTION_S, PoseRecord, SolverKind, TrackedSample,
-    Tracker, TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,
+    DroppedReports, FilterKind, Frame, Frames, PoseRecord, SolverKind, TrackedSample, Tracker,
+    TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,
 };

@@ -23,13 +23,14 @@ mod queue;
 pub(crate) mod services;
 mod slurm;
 
-use crate::common;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use common::software_adapter;
 use serde_json::Value;
+
+use crate::common;
 
 /// A folder with series, a manifest and outputs.
 struct Archive {

@@ -4,11 +4,11 @@
 //! with swapped axes are rendered by the f64 twin. `command` has the same through the program.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
-use crate::common;
-use relief_golden::compare;
 use std::fs;
 use std::path::Path;
 
+use crate::common;
+use relief_golden::compare;
 use relief_golden::{
     Aspect, Case, Collection, Comparison, GoldenError, MAX_FILE_BYTES, Mismatch, Raster, Samples, Tolerance,
 };

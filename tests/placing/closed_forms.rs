@@ -1,12 +1,12 @@
 //! Balls, slabs and blobs: where surfaces, edges and extremes are is known.
 
-use crate::common;
 use glam::DVec3;
+
+use super::{snapped, to};
+use crate::common;
 use relief_annotation::SnapFeature;
 use relief_base::{Patient, Transform, Voxel};
 use relief_volume::{Grid, PhantomKind, Volume};
-
-use super::{snapped, to};
 
 /// Half of the way from air to the ball or slab: where anti-aliased voxels have their edge.
 const BALL_HU: f64 = -250.0;

@@ -1,12 +1,11 @@
 //! Pictures in bands are those of one dispatch, and one that nobody wants ends with its band.
 
-use crate::common;
 use std::ops::ControlFlow;
 
+use super::{in_mode, renderer};
+use crate::common;
 use relief_render::{DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, SceneFile};
 use relief_volume::{Orbit, PhantomKind, Volume};
-
-use super::{in_mode, renderer};
 
 /// A width and a height that are no whole numbers of tiles.
 const SIZE: [u32; 2] = [97, 61];

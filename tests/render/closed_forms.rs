@@ -1,16 +1,16 @@
 //! Pictures whose pixels can be written down: absorption of a slab, depth of a sphere, orientation,
 //! step invariance.
 
-use crate::common;
 use glam::DVec3;
+
+use super::renderer;
+use crate::common;
 use relief_base::{Point, Vector};
 use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, Shading};
 use relief_volume::{
     Camera, ControlPoint, GradientOpacity, Grid, Orbit, Phantom, PhantomKind, Projection, SurfaceShape,
     TransferFunction, Volume,
 };
-
-use super::renderer;
 
 fn white(points: &[(f64, f64)]) -> TransferFunction {
     let point = |&(hu, opacity): &(f64, f64)| ControlPoint { hu, rgba: [1.0, 1.0, 1.0, opacity] };

@@ -2,8 +2,11 @@
 //! depend on and what they leave alone. Solids are 96³ voxels of 1 mm, centred; pictures look down
 //! on a floor, 1 mm a pixel, x to the right.
 
-use crate::common;
 use glam::DVec3;
+
+use super::twin::{compare, oblique_head, request};
+use super::{in_mode, renderer};
+use crate::common;
 use relief_base::{Point, Vector};
 use relief_render::{
     Classification, EmptySpaceSkipping, Illumination, Light, Mode, Occlusion, PathTrace, Placement,
@@ -13,9 +16,6 @@ use relief_volume::{
     Camera, ControlPoint, GradientOpacity, Grid, PhantomKind, Projection, TransferFunction, Volume,
     linear_from_srgb,
 };
-
-use super::twin::{compare, oblique_head, request};
-use super::{in_mode, renderer};
 
 const SIDE: usize = 96;
 /// Where the floor of the solids begins.

@@ -1,9 +1,11 @@
 //! Segments: each with its own transfer function, tint and visibility; what is hidden is as if it
 //! were cut off, in colour, depth and picks.
 
-use crate::common;
 use std::sync::Arc;
 
+use super::renderer;
+use super::twin::{compare, oblique_head};
+use crate::common;
 use relief_base::{Patient, Point, Vector};
 use relief_render::{
     ClipPlane, DepthRule, EmptySpaceSkipping, Illumination, Labels, Light, Mode, Occlusion, Placement,
@@ -12,9 +14,6 @@ use relief_render::{
 use relief_volume::{
     Camera, ControlPoint, Grid, LabelMap, Orbit, PhantomKind, Projection, Segment, TransferFunction, Volume,
 };
-
-use super::renderer;
-use super::twin::{compare, oblique_head};
 
 /// Labels by the index and the patient position of each voxel.
 fn label_map(grid: &Grid, label: impl Fn([usize; 3], Point<Patient>) -> u16) -> Arc<LabelMap> {

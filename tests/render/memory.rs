@@ -1,15 +1,14 @@
 //! Volumes share the adapter's memory: the least recently used one goes, and what cannot fit is
 //! refused.
 
-use crate::common;
 use std::sync::MutexGuard;
 
+use super::{in_mode, renderer};
+use crate::common;
 use relief_render::{
     EmptySpaceSkipping, Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, VolumeLimits,
 };
 use relief_volume::{Orbit, Phantom, PhantomKind, Volume};
-
-use super::{in_mode, renderer};
 
 /// The renderer with other limits until it is dropped, and without volumes of other tests.
 struct Limited {

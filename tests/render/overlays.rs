@@ -4,16 +4,16 @@
 //! Pictures are those of the f64 renderer, so that most of this needs no adapter; the formulas are
 //! written down anew here.
 
-use crate::common;
 use glam::{DMat3, DVec2, DVec3};
+use serde_json::{Value, json};
+
+use super::renderer;
+use crate::common;
 use relief_base::{Point, Vector};
 use relief_display::inspect_png;
 use relief_render::{RenderRequest, RenderedFrame, SceneFile};
 use relief_session::{FileFormat, Product, encode};
 use relief_volume::{Camera, Grid, Orbit, PhantomKind, Projection, Volume};
-use serde_json::{Value, json};
-
-use super::renderer;
 
 /// A few voxels of air, which show nothing.
 fn air() -> Volume {

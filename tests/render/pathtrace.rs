@@ -4,9 +4,10 @@
 //! Colours are read back as linear light, 8 bits a pixel; means over many noisy pixels are finer
 //! than that.
 
-use crate::common;
 use std::ops::ControlFlow;
 
+use super::renderer;
+use crate::common;
 use relief_base::{Point, Vector};
 use relief_render::{
     Light, Mode, PathTrace, Placement, Progress, RenderRequest, RenderedFrame, Renderer, SceneFile, Shading,
@@ -14,8 +15,6 @@ use relief_render::{
 use relief_volume::{
     Camera, ControlPoint, Grid, PhantomKind, Projection, TransferFunction, Volume, linear_from_srgb,
 };
-
-use super::renderer;
 
 const SLAB_MM: f64 = 100.0;
 

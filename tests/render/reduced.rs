@@ -1,14 +1,13 @@
 //! Pictures of fewer rays, enlarged: in their size, in their place, with depths that were there
 //! before.
 
-use crate::common;
 use std::sync::Arc;
 
+use super::renderer;
+use crate::common;
 use relief_render::{Overlays, RenderRequest, SceneFile};
 use relief_session::SpeedBook;
 use relief_volume::{Orbit, PhantomKind, Volume};
-
-use super::renderer;
 
 fn request(volume: &Volume, json: &str) -> RenderRequest {
     let scene = SceneFile::parse(json.as_bytes()).unwrap().with_size([192, 108]);

@@ -1,12 +1,11 @@
 //! Stepping over empty space changes not one byte, and does skip.
 
-use crate::common;
 use std::sync::Arc;
 
+use super::{in_mode, renderer};
+use crate::common;
 use relief_render::{DepthRule, EmptySpaceSkipping, Mode, Overlays, RenderRequest, Renderer, SceneFile};
 use relief_volume::{Camera, GradientOpacity, Orbit, PhantomKind, Projection, Volume};
-
-use super::{in_mode, renderer};
 
 fn requests(volume: &Volume) -> Vec<RenderRequest> {
     let mut requests = Vec::new();

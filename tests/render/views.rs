@@ -1,15 +1,15 @@
 //! Views beside each other: shifted lenses against point projection and the f64 twin, and the views
 //! that a display would make of one picture against true renders.
 
+use serde_json::json;
+
+use super::renderer;
+use super::twin::{compare, oblique_head, request};
 use crate::common;
 use relief_base::Point;
 use relief_display::{DisplaySettings, Layout, Picture, psnr_db};
 use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, depth_limits};
 use relief_volume::{Orbit, PhantomKind, Volume};
-use serde_json::json;
-
-use super::renderer;
-use super::twin::{compare, oblique_head, request};
 
 /// Invariant: Synthesised views agree with true renders, which agree with point projection.
 #[test]

@@ -1,14 +1,14 @@
 //! Region growing: limits against leaks, seeds, and stopping.
 
-use relief_annotation::grow_region;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
+
+use super::shapes::{grid, mask, volume};
+use relief_annotation::grow_region;
 use relief_annotation::{Grow, GrowError, GrowLimits, GrowStage, GrownRegion, GrowthEnd};
 use relief_base::Point;
 use relief_volume::Volume;
-
-use super::shapes::{grid, mask, volume};
 
 /// Two balls of 12 mm, 40 mm apart, joined by a bridge 3 mm thick, on an oblique grid.
 fn dumbbell() -> Volume {

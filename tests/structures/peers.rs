@@ -1,17 +1,17 @@
 //! What others make of our regions and meshes, and we of theirs: SimpleITK, VTK and trimesh.
 
-use relief_annotation::grow_region;
 use std::path::Path;
 use std::process::Command;
 
 use glam::DVec3;
+
+use super::shapes::{grid, indices, mask, noise};
+use relief_annotation::grow_region;
 use relief_annotation::{
     Grow, GrowLimits, MeshFormat, Smoothing, TriangleMesh, read_mesh, surface_nets, write_mesh,
 };
 use relief_base::Point;
 use relief_volume::{Mask, Segment, SegmentIndices, Volume};
-
-use super::shapes::{grid, indices, mask, noise};
 
 /// The peers' Python, or `None` after saying aloud what was not tested. `module` must be there too.
 pub(crate) fn python(what: &str, module: &str) -> Option<String> {

@@ -1,7 +1,6 @@
 //! Working: jobs of a queue go through the pipeline of [`run`](mod@crate::run), and their results
 //! back to the queue.
 
-use crate::queue::courier::WorkEnd;
 use std::collections::HashMap;
 use std::future::Future;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -18,6 +17,7 @@ use crate::copies::Copies;
 use crate::error::{Failure, FailureKind};
 use crate::gate::MemoryBudget;
 use crate::manifest::{Job, JobKey};
+use crate::queue::courier::WorkEnd;
 use crate::record::Record;
 use crate::run::{RunEvent, RunState, render_groups};
 use crate::sink::Sink;

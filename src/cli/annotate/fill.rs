@@ -1,6 +1,5 @@
 //! `relief annotate fill`: a region between closed curves.
 
-use relief_annotation::fill_contours;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -9,9 +8,9 @@ use serde_json::json;
 use super::super::source::SeriesArguments;
 use super::LogArguments;
 use super::structure::{NewArguments, Scan, find, keep_new, report};
-use relief_annotation::Geometry;
-
 use relief_annotation::Contour;
+use relief_annotation::Geometry;
+use relief_annotation::fill_contours;
 
 /// Fill closed curves on one or several levels
 #[derive(Debug, clap::Args)]

@@ -1,6 +1,5 @@
 //! `relief annotate grow`: a region from seeds.
 
-use relief_annotation::grow_region;
 use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -10,7 +9,7 @@ use super::super::source::SeriesArguments;
 use super::LogArguments;
 use super::structure::{NewArguments, Scan, keep_new, parse_place, report};
 use relief_annotation::Geometry;
-
+use relief_annotation::grow_region;
 use relief_annotation::{Grow, GrowLimits, GrowStage};
 use relief_base::{Patient, Point};
 

@@ -1,6 +1,5 @@
 //! `relief annotate paint`: balls of voxels that come into a region, or go.
 
-use relief_annotation::paint_strokes;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -9,9 +8,9 @@ use serde_json::json;
 use super::super::source::SeriesArguments;
 use super::structure::{NewArguments, Scan, find, keep, keep_new, mask_of, parse_place, report};
 use super::{Log, LogArguments};
-use relief_annotation::{Change, Geometry, Item, Versioned};
-
 use relief_annotation::Stroke;
+use relief_annotation::paint_strokes;
+use relief_annotation::{Change, Geometry, Item, Versioned};
 use relief_base::{Patient, Point};
 use relief_store::Filter;
 use relief_volume::Mask;

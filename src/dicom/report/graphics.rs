@@ -8,8 +8,9 @@ use dicom_dictionary_std::tags;
 use glam::DVec3;
 
 use super::codes::{ANGLE, CATMULL_ROM, CONTROL_POINTS, OTHER_ANGLES, SPLINE_TYPE};
-use super::read::{Node, Warnings};
 use crate::reference::{Plane, SeriesReference};
+use crate::report::node::Node;
+use crate::report::node::Warnings;
 use crate::whole::ObjectError;
 use relief_annotation::{Geometry, Item};
 use relief_base::{Patient, Point};

@@ -1,5 +1,6 @@
 //! One measurement group for each item: its kind and its content.
 
+use dicom_dictionary_std::tags;
 use dicom_object::InMemDicomObject;
 use glam::DVec3;
 use sha2::{Digest, Sha256};
@@ -7,7 +8,6 @@ use sha2::{Digest, Sha256};
 use super::codes::*;
 use super::content::{CONTAINS, CONTEXT, Content, INFERRED};
 use crate::object::{Code, LONG_STRING_CHARS, code_item, date_and_time, limited, put_items};
-use dicom_dictionary_std::tags;
 use relief_annotation::{Geometry, Item, Measure, catmull_rom, measures};
 
 /// Largest distance of a closed curve's points from a plane for a `POLYGON`, mm: more than the

@@ -25,6 +25,7 @@ mod codes;
 mod content;
 mod graphics;
 mod groups;
+mod node;
 mod read;
 mod write;
 

@@ -1,6 +1,6 @@
 //! The two ends of a layout: the picture that goes in and the frame that comes out.
 
-use super::LayoutError;
+use super::error::LayoutError;
 use crate::MAX_FRAME_SIDE_PX;
 
 /// A rendered picture: colour and view depth of every pixel, in rows from the top left. Borrowed,

@@ -13,9 +13,6 @@ mod given;
 mod pack;
 pub(super) mod table;
 
-use crate::layout::error::LayoutError;
-use crate::layout::error::UnknownLayout;
-use crate::layout::table::Layout;
 use std::borrow::Cow;
 use std::str::FromStr;
 
@@ -23,6 +20,9 @@ use super::filter::DepthFilter;
 use super::header::{ExtendedPart, Header};
 use super::profile::DisplayProfile;
 use super::views::{self, MAX_VIEWS, Parallax, ViewGrid, Views, eyes};
+use crate::layout::error::LayoutError;
+use crate::layout::error::UnknownLayout;
+use crate::layout::table::Layout;
 use relief_base::DepthLimits;
 
 pub use decode::{DecodedDepth, DecodedFrame, DecodedLayer};

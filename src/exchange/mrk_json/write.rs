@@ -1,5 +1,7 @@
 //! From items to markups: one for the points of each list, one for each other item.
 
+use glam::DVec3;
+
 use super::super::extra::Extra;
 use super::super::{ExchangeError, Format, written_json};
 use super::plane;
@@ -7,7 +9,6 @@ use super::wire::{
     ControlPoint, CoordinateSystem, Display, File, Markup, MarkupType, Measurement, PointId, PositionStatus,
     SCHEMA, Units,
 };
-use glam::DVec3;
 use relief_annotation::{Geometry, Item, measures};
 use relief_base::{Patient, Point};
 

@@ -1,10 +1,11 @@
 //! An open device, read-back from it, and its errors as values.
 
-use super::error::GpuError;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
-use super::adapter::{AdapterChoice, AdapterDescription, choose};
+use super::adapter::{AdapterDescription, choose};
+use super::error::GpuError;
+use crate::gpu::choice::AdapterChoice;
 
 pub(crate) use wgpu::SubmissionIndex;
 

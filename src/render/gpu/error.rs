@@ -1,6 +1,6 @@
 //! Why the graphics adapter cannot be used.
 
-use super::adapter::AdapterChoice;
+use crate::gpu::choice::AdapterChoice;
 /// Why the GPU could not do its work.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {

@@ -4,10 +4,12 @@
 //! (see `render`).
 
 mod adapter;
+mod choice;
 mod device;
 pub(crate) mod error;
 
-pub use adapter::{AdapterChoice, AdapterDescription, AdapterKind, adapters};
+pub use crate::gpu::choice::AdapterChoice;
+pub use adapter::{AdapterDescription, AdapterKind, adapters};
 pub(crate) use device::{ErrorScope, Readback, SubmissionIndex};
 pub use device::{Gpu, GpuLimits};
 pub use error::GpuError;

@@ -9,21 +9,20 @@ use super::uniform::{IlluminationUniform, LightingUniform};
 use crate::RenderError;
 use crate::classification::Classification;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::illumination::quantity::LightQuantity;
+use crate::illumination::quantity::TEXELS;
 use crate::labels::Labels;
-use crate::light::InPatient;
 use crate::mode::Mode;
-use crate::request::{Clip, RenderRequest, RequestError};
+use crate::request::{Clip, RenderRequest};
+use crate::request_error::RequestError;
 use crate::skipping::EmptySpaceSkipping;
 use crate::surface::Surface;
 use crate::tables::Tables;
+use crate::texture::VoxelFormat;
 use crate::uniform::FrameUniform;
-use crate::upload::{Appearance, VolumeOnGpu, VoxelFormat, upload_table};
+use crate::upload::{Appearance, VolumeOnGpu, upload_table};
 use relief_base::Vector;
 use relief_volume::{Camera, ContentHash, Grid, Projection, TransferFunction, Volume};
-
-/// What cells are kept in: every adapter can write and filter it. Drivers in software interpolate
-/// 8-bit texels by weights of 8 bits, which showed in pictures.
-pub(super) const TEXELS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// Fillings kept, each of at most 16 MiB; the least recently used goes first.
 const KEPT: usize = 4;
@@ -41,16 +40,6 @@ pub(crate) struct IlluminationJob<'a> {
     pub(crate) labels: &'a wgpu::TextureView,
     pub(crate) sampler: &'a wgpu::Sampler,
     pub(crate) request: &'a RenderRequest,
-}
-
-/// The quantity that is computed for each cell.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum LightQuantity {
-    /// The share of each light that reaches it: where the light is, and the angle that it fills in
-    /// radians.
-    Shadows(Vec<(InPatient, f64)>),
-    /// The share of directions that is open within this radius.
-    Openness { radius_mm: f64 },
 }
 
 /// All that a filling depends on.

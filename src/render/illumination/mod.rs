@@ -14,6 +14,7 @@
 
 mod cells;
 mod illuminator;
+mod quantity;
 mod settings;
 mod stage;
 mod uniform;

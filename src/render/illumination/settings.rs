@@ -1,7 +1,7 @@
 //! How much shadows and occlusion show, and their ranges.
 
 use crate::light::Light;
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 
 /// Shadows and occlusion of modes composite and isosurface. Neither changes depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -8,7 +8,7 @@ use crate::labels::Edges;
 use crate::mode::Mode;
 use crate::pipelines::TableStorage;
 use crate::request::RenderRequest;
-use crate::upload::VoxelFormat;
+use crate::texture::VoxelFormat;
 
 /// Cells along each side of a workgroup.
 pub(super) const CELLS_SIDE: u32 = 4;
@@ -164,7 +164,7 @@ fn binding_type(name: &str, table: TableStorage) -> wgpu::BindingType {
         "transfer_table" => buffer(table.binding()),
         "cells_out" => BindingType::StorageTexture {
             access: wgpu::StorageTextureAccess::WriteOnly,
-            format: super::illuminator::TEXELS,
+            format: crate::illumination::quantity::TEXELS,
             view_dimension: TextureViewDimension::D3,
         },
         "labels" => BindingType::Texture {

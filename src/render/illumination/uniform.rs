@@ -5,9 +5,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat4, DVec3};
 
 use super::cells::{Cells, DIRECTIONS, disc_rays, sphere_direction};
-use super::illuminator::LightQuantity;
 use super::stage::CELLS_SIDE;
 use crate::classification::Classification;
+use crate::illumination::quantity::LightQuantity;
 use crate::light::{InPatient, Light};
 use crate::limits::depth_limits;
 use crate::request::RenderRequest;

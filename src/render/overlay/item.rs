@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::text::HEIGHTS_PX;
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use relief_base::{Patient, Point};
 
 /// Everything that is drawn over a picture, in the same depth as the volume.

@@ -33,7 +33,8 @@ use self::layers::{Band, Rank, Scratch};
 use self::lens::Lens;
 use self::shape::{Primitive, PrimitiveForm, pixels};
 use super::frame::RenderedFrame;
-use super::request::{RenderRequest, RequestError};
+use super::request::RenderRequest;
+use crate::request_error::RequestError;
 use relief_volume::Grid;
 
 pub use font::{CAPITAL, lettering};

@@ -3,7 +3,9 @@
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::request::RenderRequest;
-use crate::upload::{VolumeOnGpu, texture_3d, write_layers};
+use crate::texture::texture_3d;
+use crate::texture::write_layers;
+use crate::upload::VolumeOnGpu;
 use relief_volume::{ContentHash, MediumTable, TransferFunction};
 
 /// The medium of one volume under one transfer function and density.

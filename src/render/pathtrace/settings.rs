@@ -1,7 +1,7 @@
 //! The settings of mode `path-traced` and their ranges.
 
 use crate::light::{Light, Placement};
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use relief_base::Vector;
 
 /// The settings of a path-traced picture besides the rest of its request.

@@ -1,6 +1,6 @@
 //! Errors of a scene: each has the key's path in the JSON, the value and the permitted values.
 
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use relief_display::SettingsError;
 use relief_volume::{CameraError, GradientOpacity, OrbitError, TransferError, TransferFunction};
 

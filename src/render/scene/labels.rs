@@ -12,7 +12,7 @@ use super::parts::{TransferFile, Windows, resolve_transfer};
 use crate::classification::Classification;
 use crate::labels::{Edges, Labels, Look};
 use crate::mode::Mode;
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use relief_volume::{LabelMap, TransferFunction};
 
 /// How strongly segments are tinted where nothing is written.

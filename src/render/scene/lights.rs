@@ -8,7 +8,7 @@ use crate::light::{Light, Placement};
 use crate::lighting::Lighting;
 use crate::mode::Mode;
 use crate::pathtrace::PathTrace;
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use relief_base::{Point, Vector};
 
 /// A set's name, or each light.

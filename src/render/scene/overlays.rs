@@ -4,7 +4,7 @@
 use serde::Deserialize;
 
 use crate::overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use relief_base::{Patient, Point};
 
 /// Radius of a landmark and width of lines where none is written, px.

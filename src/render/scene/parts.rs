@@ -8,7 +8,8 @@ use super::SceneError;
 use super::labels::{ClipLabelsFile, label_objects};
 use super::overlays::OverlaysFile;
 use crate::mode::Mode;
-use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, RequestError, Shading};
+use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, Shading};
+use crate::request_error::RequestError;
 use relief_base::{Point, Vector};
 use relief_display::DisplaySettings;
 use relief_volume::{

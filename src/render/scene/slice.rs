@@ -8,7 +8,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::{Deserialize, Deserializer};
 
 use crate::mode::SlabBlend;
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use relief_base::{Patient, Point, Vector};
 use relief_volume::{Camera, CameraError, Grid, NamedPlane, Orbit, PlaneView};
 

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use crate::mode::Mode;
-use crate::request::RequestError;
+use crate::request_error::RequestError;
 use crate::surface::{Surface, usual_hu};
 use relief_volume::TransferFunction;
 

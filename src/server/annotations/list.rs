@@ -1,10 +1,10 @@
 //! `GET /v1/volumes/{id}/annotations`: the items that the author may see.
 
-use data_encoding::HEXLOWER;
 use std::collections::BTreeMap;
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
+use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};

@@ -17,11 +17,14 @@ use tokio_tungstenite::tungstenite;
 
 use super::placing::{self, LandmarkPlacer, apply_effect, next, pointer};
 use super::session::Session;
-use super::socket::{
-    End, GOING_AWAY, INTERNAL, POLICY, REMOVED, TAKEN_OVER, TOO_LARGE, UNSUPPORTED, Writer, error,
-    expect_annotations, malformed, text,
-};
+use super::socket::{TOO_LARGE, UNSUPPORTED, Writer, error, expect_annotations, malformed, text};
 use crate::annotations::Published;
+use crate::live::close::End;
+use crate::live::close::GOING_AWAY;
+use crate::live::close::INTERNAL;
+use crate::live::close::POLICY;
+use crate::live::close::REMOVED;
+use crate::live::close::TAKEN_OVER;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use crate::volumes::describe;

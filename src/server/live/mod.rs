@@ -6,6 +6,7 @@
 //! rendering (see `relief_session`), the protocol (see `relief_live`). Names of views and tokens of
 //! sessions are keys: they appear in no log and no metric.
 
+mod close;
 mod connection;
 mod placing;
 mod plain;
@@ -13,12 +14,12 @@ mod remote;
 mod session;
 mod socket;
 
-use data_encoding::HEXLOWER;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use axum::http::StatusCode;
+use data_encoding::HEXLOWER;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 use self::session::Sessions;

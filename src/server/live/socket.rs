@@ -23,6 +23,9 @@ use super::remote::Remote;
 use super::session::Session;
 use crate::annotations;
 use crate::guard::is_cross_site;
+use crate::live::close::End;
+use crate::live::close::GOING_AWAY;
+use crate::live::close::POLICY;
 use crate::metrics::Metrics;
 use crate::problem::Problem;
 use crate::state::LiveParts;
@@ -37,16 +40,9 @@ const OUTBOX: usize = 32;
 const FAREWELL: Duration = Duration::from_secs(1);
 /// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked.
 const SOCKET_BUFFER: usize = 96 << 20;
-pub(super) const GOING_AWAY: u16 = 1001;
 pub(super) const UNSUPPORTED: u16 = 1003;
-pub(super) const POLICY: u16 = 1008;
 pub(super) const TOO_LARGE: u16 = 1009;
-pub(super) const INTERNAL: u16 = 1011;
-pub(super) const TAKEN_OVER: u16 = 4001;
-pub(super) const REMOVED: u16 = 4002;
 
-/// Close code and reason; `None` if the connection is gone.
-pub(super) type End = Option<(u16, &'static str)>;
 pub(super) type Writer = SplitSink<WebSocket, Message>;
 
 /// The protocol for programs.

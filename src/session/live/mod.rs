@@ -8,6 +8,7 @@
 mod effect;
 mod error;
 mod frame;
+mod ghost;
 mod job;
 mod motion;
 mod pace;

@@ -10,8 +10,8 @@ use serde_json::{Map, Value};
 
 use super::LiveError;
 use super::effect::HeldPoint;
-use super::preview::Ghost;
 use crate::Drawables;
+use crate::live::ghost::Ghost;
 use crate::volumes::VolumeEntry;
 use relief_annotation::{ShownSets, Snap, SnapFeature};
 use relief_display::DisplaySettings;

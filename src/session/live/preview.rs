@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use super::view::View;
 use crate::engine::Engine;
+use crate::live::ghost::Ghost;
 use crate::volumes::VolumeEntry;
 use relief_annotation::{Snap, Snapped};
 use relief_base::{Patient, Point, Vector};
@@ -33,15 +34,6 @@ impl PartialEq for SnapQuery {
         let key = |aim: &Self| (aim.at, aim.ray, aim.snap);
         self.entry.id == other.entry.id && key(self) == key(other)
     }
-}
-
-/// Where a point would snap to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Ghost {
-    /// The unsnapped place.
-    pub(super) from: Point<Patient>,
-    /// The snapped place.
-    pub(super) at: Point<Patient>,
 }
 
 /// The search of a view and its newest result.

@@ -6,6 +6,7 @@
 
 mod chain;
 mod hand;
+pub(crate) mod report;
 
 use std::collections::BTreeSet;
 
@@ -13,6 +14,7 @@ use serde::Serialize;
 
 use self::chain::Visibility;
 use crate::StudyError;
+use crate::accuracy::report::WayReport;
 use relief_live::HandOptions;
 use relief_render::Renderer;
 use relief_volume::Phantom;
@@ -55,35 +57,6 @@ pub struct AccuracyReport {
     pub hidden: usize,
     /// The ways, each with its errors.
     pub ways: Vec<WayReport>,
-}
-
-/// The errors of one way to place landmarks.
-#[derive(Debug, Serialize)]
-pub struct WayReport {
-    /// `ray` or `tip`.
-    pub way: &'static str,
-    /// `direct`, `lever` or `default`.
-    pub mapping: &'static str,
-    /// Distance from the remote's camera to the tip, mm.
-    pub lever_mm: f64,
-    /// `none`, `boundary` or `gradient`.
-    pub snap: &'static str,
-    /// Median error, mm.
-    pub median_mm: f64,
-    /// Median error of each seed, mm.
-    pub medians_mm: Vec<f64>,
-    /// 95th percentile of the errors, mm.
-    pub p95_mm: f64,
-    /// Largest error, mm.
-    pub max_mm: f64,
-    /// Placements without a surface under the cursor or without a feature to snap to; the latter
-    /// keep the unsnapped place.
-    pub missed: usize,
-    /// Errors, mm, by seed and landmark.
-    pub errors_mm: Vec<f64>,
-    /// Number of errors before the current seed.
-    #[serde(skip)]
-    before: usize,
 }
 
 /// Mappings of hand movements to cursor movements, by name.
@@ -145,44 +118,6 @@ pub fn measure_accuracy(
         hidden: hidden.len(),
         ways,
     })
-}
-
-impl WayReport {
-    /// All combinations of way, mapping and snapping, without placements.
-    fn all(names: &[&'static str], options: &[HandOptions]) -> Vec<Self> {
-        let mut ways = Vec::new();
-        for way in ["ray", "tip"] {
-            for (mapping, options) in names.iter().zip(options) {
-                for snap in ["none", "boundary", "gradient"] {
-                    ways.push(Self {
-                        way,
-                        mapping,
-                        lever_mm: options.tip_mm,
-                        snap,
-                        median_mm: f64::NAN,
-                        medians_mm: Vec::new(),
-                        p95_mm: f64::NAN,
-                        max_mm: f64::NAN,
-                        missed: 0,
-                        errors_mm: Vec::new(),
-                        before: 0,
-                    });
-                }
-            }
-        }
-        ways
-    }
-
-    /// Ends a seed: the errors since the last call are those of one seed.
-    fn end_seed(&mut self) {
-        self.medians_mm.push(quantile(&self.errors_mm[self.before..], 0.5));
-        self.before = self.errors_mm.len();
-    }
-
-    fn summarise(&mut self) {
-        [self.median_mm, self.p95_mm, self.max_mm] =
-            [0.5, 0.95, 1.0].map(|share| quantile(&self.errors_mm, share));
-    }
 }
 
 /// The quantile of `errors_mm` at `share`, by nearest rank.

@@ -183,12 +183,12 @@ impl ErrorStateFilter {
         }
     }
 
-    /// The pose `seconds` from now, at most [`crate::tracker::MAX_PREDICTION_S`] of them; the
+    /// The pose `seconds` from now, at most [`crate::filter::error_state::MAX_PREDICTION_S`] of them; the
     /// filter stays.
     #[must_use]
     pub fn predicted(&self, seconds: f64) -> Self {
         let mut ahead = self.clone();
-        ahead.predict(seconds.min(crate::tracker::MAX_PREDICTION_S));
+        ahead.predict(seconds.min(MAX_PREDICTION_S));
         ahead
     }
 
@@ -275,3 +275,6 @@ impl ErrorStateFilter {
         Update { verdict: Verdict::Accepted, nis, count }
     }
 }
+
+/// For how long a pose is predicted without seeing an LED, seconds.
+pub const MAX_PREDICTION_S: f64 = 0.05;

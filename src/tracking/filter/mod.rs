@@ -5,7 +5,7 @@
 //! frame by frame. Both move at a constant velocity but for white acceleration, whose density is
 //! [`MotionDensity`]'s.
 
-mod error_state;
+pub(crate) mod error_state;
 mod plain;
 
 pub use error_state::{ErrorStateFilter, State, Update, Verdict};

@@ -8,8 +8,9 @@
 //! Blank lines are skipped, unknown keys are refused. Lines are bounded, so a file of any size is
 //! read in little memory.
 
-use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
 use std::io::{BufRead, Read};
+
+use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
 
 use super::{InputReport, MAX_REPORT_BYTES, ReportError};
 

@@ -15,6 +15,7 @@ mod frames;
 mod options;
 mod record;
 
+use crate::filter::error_state::MAX_PREDICTION_S;
 pub use frames::{Frame, Frames, body_from_sensor, sensor_from_body};
 pub use options::{FilterKind, SolverKind, TrackerOptions};
 pub use record::PoseRecord;
@@ -31,8 +32,6 @@ use super::sensor::Pinhole;
 use super::solve::{MAX_SEEN, PoseView, Sighting, paper};
 use associate::Association;
 
-/// For how long a pose is predicted without seeing an LED, seconds.
-pub const MAX_PREDICTION_S: f64 = 0.05;
 /// After this long without a pose it is no hint any more, seconds.
 const HINT_S: f64 = 2.0;
 

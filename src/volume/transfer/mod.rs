@@ -16,10 +16,8 @@ mod presets;
 mod table;
 mod window;
 
-pub use foreign::{
-    ImportedLight, ImportedTransfer, MAX_IMPORT_BYTES, TransferImportChoice, TransferImportError,
-    import_transfer,
-};
+pub use crate::transfer::foreign::error::TransferImportError;
+pub use foreign::{ImportedLight, ImportedTransfer, MAX_IMPORT_BYTES, TransferImportChoice, import_transfer};
 pub use gradient::{GradientOpacity, GradientTable};
 pub use integral::IntegralTable;
 pub use medium::{MediumTable, linear_from_srgb};

@@ -11,15 +11,16 @@
 #![expect(clippy::unwrap_used, reason = "volumes are made here: what fails is the benchmark")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a benchmark says what it found")]
 
-use relief_annotation::grow_region;
 use std::path::Path;
 use std::time::Instant;
 
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use relief_annotation::grow_region;
 use relief_annotation::{Decimation, Grow, GrowLimits, Smoothing, surface_nets};
 use relief_base::Point;
 use relief_volume::{Grid, PhantomKind, PhantomRecipe, Segment, SegmentIndices, Volume};
-use serde_json::json;
-use sha2::{Digest, Sha256};
 
 /// Triangles of the largest mesh that is decimated.
 const MOST_DECIMATED: usize = 4_000_000;

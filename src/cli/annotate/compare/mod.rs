@@ -5,7 +5,6 @@ mod html;
 mod plots;
 mod svg;
 
-use relief_study::compare_readings;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -15,6 +14,7 @@ use super::super::output::{print_json, say, write_whole};
 use super::{Log, LogArguments, table};
 use relief_annotation::Set;
 use relief_store::Filter;
+use relief_study::compare_readings;
 use relief_study::{
     Agreement, BlandAltman, Comparison, Figure, Icc, Missing, Pairing, Reading, ReadingMeasures, Study,
 };

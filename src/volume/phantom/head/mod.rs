@@ -11,6 +11,7 @@
 
 mod brain;
 mod cavities;
+mod edge;
 mod face;
 mod jaw;
 mod landmarks;
@@ -24,8 +25,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::noise::grain;
-use super::sdf::{Box3, smooth_step};
+use super::sdf::Box3;
 use super::{PhantomFacts, Placement};
+use crate::phantom::head::edge::Edge;
 use tissue::Anatomy;
 
 /// Width, depth and height of the volume, mm.
@@ -45,30 +47,6 @@ const RANGE_HU: (f32, f32) = (-1024.0, 3071.0);
 pub(super) fn placement(size: usize) -> Placement {
     let slices = (size * SLICES + 128) / 256;
     Placement::centered([size, size, slices], EXTENT_MM, CENTER_MM)
-}
-
-/// How sharp the edges between tissues are.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Edge {
-    half_width_mm: f32,
-}
-
-impl Edge {
-    /// Edges as wide as a voxel and the blur of a scanner make them.
-    fn of_voxels(spacing_mm: [f64; 3]) -> Self {
-        let voxel = spacing_mm.iter().product::<f64>().cbrt() as f32;
-        Self { half_width_mm: 0.85 * (voxel * voxel + 0.35).sqrt() }
-    }
-
-    /// Share of a voxel that lies inside a surface at this signed distance, 0..1.
-    fn cover(self, distance: f32) -> f32 {
-        smooth_step(self.half_width_mm, -self.half_width_mm, distance)
-    }
-
-    /// `hu` with a tissue of value `over` painted over it.
-    fn paint(self, hu: f32, over: f32, distance: f32) -> f32 {
-        hu + (over - hu) * self.cover(distance)
-    }
 }
 
 /// Voxels of the head and their truth.

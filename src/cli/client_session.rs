@@ -1,0 +1,83 @@
+//! A session of `relief client` with its connection.
+
+use anyhow::bail;
+
+use crate::client::ClientArguments;
+use relief_client::{Composer, Options};
+use relief_display::{DisplaySettings, Layout};
+use relief_live::{Accept, ColorFormat, Hello, LiveLayout, Role, Settings};
+
+/// The session that the arguments describe.
+pub(super) struct Session {
+    pub(super) options: Options,
+    pub(super) composer: Composer,
+    #[cfg(feature = "window")]
+    pub(super) layout: Layout,
+}
+
+impl Session {
+    pub(super) fn of(arguments: &ClientArguments) -> anyhow::Result<Self> {
+        let usual = DisplaySettings::default();
+        let display = DisplaySettings {
+            layout: arguments.layout.unwrap_or(usual.layout),
+            factor: arguments.factor.unwrap_or(usual.factor),
+            offset: arguments.offset.unwrap_or(usual.offset),
+            ..usual.clone()
+        };
+        display.validate()?;
+        if LiveLayout::of(display.layout) == LiveLayout::None {
+            bail!("layout {} is no picture with disparity; live sessions have the others", display.layout);
+        }
+        let role = if arguments.role == Part::Watcher { Role::Watcher } else { Role::Presenter };
+        let settings = Settings {
+            display: (display != usual).then(|| display.clone()),
+            preset: arguments.preset.clone(),
+            annotations: arguments.annotations.clone(),
+            ..Settings::default()
+        };
+        let settings = (settings != Settings::default()).then_some(settings);
+        if role == Role::Watcher && (settings.is_some() || arguments.look.is_some()) {
+            bail!(
+                "a watcher sees what presenters show: leave --preset, --look, --layout, --factor, --offset and --annotations out"
+            );
+        }
+        if role == Role::Watcher && arguments.remote.is_there() {
+            bail!("a watcher moves nothing: leave --wiimote out");
+        }
+        let mut accept = Accept::default();
+        if arguments.lossless {
+            accept.color = vec![ColorFormat::RgbZstd.name().to_owned()];
+        }
+        let hello = Hello {
+            client: Some(format!("relief-client {}", env!("CARGO_PKG_VERSION"))),
+            author: arguments.author.clone(),
+            volume: arguments.volume.clone(),
+            view: arguments.view.clone(),
+            role,
+            accept,
+            size_px: arguments.size,
+            resume: None,
+            settings,
+        };
+        // What others of a shared view ask of the display is not known here.
+        let is_own = role == Role::Presenter && (arguments.view.is_none() || display != usual);
+        let asked = is_own.then(|| display.header());
+        let composer = Composer::new(display.profile()?, asked);
+        let options = Options { server: arguments.server.clone(), hello, wait: arguments.wait };
+        Ok(Self {
+            options,
+            composer,
+            #[cfg(feature = "window")]
+            layout: display.layout,
+        })
+    }
+}
+
+/// The role of the client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Part {
+    /// Moves the view
+    Presenter,
+    /// Looks
+    Watcher,
+}
