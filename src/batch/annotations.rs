@@ -113,7 +113,7 @@ impl KeptAnnotations {
         let (mut items, mut shapes) = (Vec::new(), Vec::new());
         for KeptItem { name, rgb, geometry, shape } in file.items {
             let item = Item::new(&name, "batch", Some(geometry));
-            let mut item = item.map_err(|error| SeriesError::retryable(&error))?;
+            let mut item = item.map_err(SeriesError::retryable)?;
             item.rgb = rgb;
             item.validate().map_err(|error| wrong(&error.to_string()))?;
             let shape = shape.map(KeptShape::shape).transpose().map_err(|reason| wrong(&reason))?;

@@ -1,5 +1,11 @@
 //! `relief annotate accuracy` as users run it: the bar of 1 mm, and the files that it writes.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test may panic and print, in its helpers too"
+)]
+
 use crate::common;
 
 use std::process::Command;

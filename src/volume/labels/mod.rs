@@ -247,7 +247,7 @@ impl LabelMap {
             match &self.places {
                 SegmentIndices::Bytes(places) => hasher.update(places),
                 SegmentIndices::Words(places) => {
-                    places.iter().for_each(|place| hasher.update(place.to_le_bytes()))
+                    places.iter().for_each(|place| hasher.update(place.to_le_bytes()));
                 }
             }
             ContentHash(hasher.finalize().into())
