@@ -1,10 +1,10 @@
 // Fills cells of a coarse grid over the volume with the light that reaches them: from each placed
 // light, or from everywhere.
 //
-// A ray from a cell's centre adds up opacity by the samples of the transfer function, or meets
-// isosurfaces, as a ray of the picture does. It begins a stretch away from the centre, so that the
-// surface that a cell lies in does not count. What is clipped casts no shadow. Cells out of reach
-// of anything visible are never looked up, and are left open.
+// A ray from a cell's centre accumulates opacity from samples of the transfer function, or meets
+// isosurfaces, as a ray of the picture does. It begins at a distance from the centre, so that the
+// surface in which a cell lies does not count. Clipped parts cast no shadow. Cells beyond the reach
+// of anything visible are never looked up and stay open.
 //
 // Spaces: start space of a camera of its own (see lib/frame.wgsl), which depends on the volume
 // alone; voxel index. Lengths in mm. Twin: `reference::illumination`.
@@ -16,7 +16,7 @@ override SURFACES: bool = false;
 
 const MAX_SOURCES: u32 = 4u;
 const DIRECTIONS: u32 = 32u;
-// Less light than this is none.
+// Less light than this counts as none.
 const DARK: f32 = 1.0 / 512.0;
 
 struct Source {
@@ -164,7 +164,7 @@ fn past_surfaces(ray: Ray, first: f32, last: f32) -> f32 {
     var k = first;
     while k <= last && share > DARK {
         if is_hidden(walk, k) {
-            // A surface between what is shown and what is cut away is not there.
+            // There is no surface between a visible segment and a cut one.
             near_is_known = false;
             k = max(walk.cut_end, k + 1.0);
             continue;

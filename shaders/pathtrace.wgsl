@@ -1,9 +1,9 @@
 // Follows light paths with one scattering and adds them up: each dispatch adds passes to a picture.
 //
-// A path goes from the eye to a collision and from there straight to each light and to one
-// direction of the surroundings. Sums are kept in linear light; what is written out is their mean
-// over the background, as display-referred sRGB. Passes are added one by one in their order, so the
-// sum has the same bits however they are grouped into dispatches.
+// A path goes from the eye to a collision, and from there straight to each light and in one
+// direction of the surroundings. Sums are in linear light. The output is their mean over the
+// background, as display-referred sRGB. Passes are added one by one in order, so the sum has the
+// same bits for any grouping into dispatches.
 //
 // Spaces: start space (see lib/frame.wgsl), mm; voxel index. Light: linear, 1 is white.
 

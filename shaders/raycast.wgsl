@@ -1,17 +1,17 @@
 // Casts one ray per pixel: colour over the background, and view depth in mm.
 //
-// The twins of the functions here and in lib/ have the same names in `render::reference`, but for
-// skipping, which changes nothing. Modes and depth rules are pipeline constants, so a pipeline
-// contains only what it uses.
+// The functions here and in lib/ have twins of the same names in `render::reference`, except for
+// skipping, which does not change the result. Modes and depth rules are pipeline constants, so that
+// a pipeline contains only the code it uses.
 
 override MODE: u32 = 0u;
 override SHADED: bool = true;
-// One fetch for value and gradient of every sample, where most are visible; else gradients of
-// visible ones alone.
+// One fetch for value and gradient of every sample if most samples are visible; otherwise gradients
+// of visible samples only.
 override FETCH_TOGETHER: bool = false;
-// Drivers in software cut a dispatch into as many runs of tiles as there are cores, and wait for
-// the last one: rows of tiles are dealt out in turn, so that what is to be seen is shared out
-// evenly.
+// Software drivers split a dispatch into one run of tiles per core and wait for the last. Rows of
+// tiles are therefore interleaved between runs, so that each run has an equal share of the visible
+// part.
 override RUNS: u32 = 1u;
 // Writes the number of volume samples in place of the depth, for measuring.
 override COUNT_SAMPLES: bool = false;
@@ -76,8 +76,8 @@ fn raycast(
 
 fn write_hit(at: u32, ray: Ray, hit: Hit) {
     let over = hit.color.rgb + (1.0 - hit.color.a) * frame.background_rgb;
-    // As pack4x8unorm, which leaves halves to the driver: what is filled in beside the region has
-    // to have the same bytes.
+    // Like pack4x8unorm, but with defined rounding of halves: pixels filled in beside the region
+    // must have the same bytes.
     let bytes = vec4<u32>(round(clamp(vec4<f32>(over, hit.color.a), vec4<f32>(0.0), vec4<f32>(1.0)) * 255.0));
     color_out[at] = bytes.x | (bytes.y << 8u) | (bytes.z << 16u) | (bytes.w << 24u);
     if COUNT_SAMPLES {
@@ -87,8 +87,8 @@ fn write_hit(at: u32, ray: Ray, hit: Hit) {
     }
 }
 
-// Row number `turn` of so many: the first run has rows 0, RUNS, 2 RUNS and so on, the next one
-// begins with row 1.
+// Row number `turn` of a run: the first run has rows 0, RUNS, 2 RUNS and so on; the next run begins
+// with row 1.
 fn row_dealt_out(turn: u32, rows: u32) -> u32 {
     let whole = rows / RUNS;
     // So many runs have one row more.
@@ -107,7 +107,7 @@ fn place_in_tile(index: u32) -> vec2<u32> {
     return vec2<u32>((index & 3u) + (block & 1u) * 4u, ((index >> 2u) & 1u) + (block >> 1u) * 2u);
 }
 
-// What a ray has gathered.
+// The result of a ray.
 struct Gathered {
     // Premultiplied.
     color: vec3<f32>,
@@ -123,7 +123,7 @@ struct Gathered {
     before_crossing: vec2<f32>,
 }
 
-// What lies behind the first layer, as if that were not there: its colour, and its depth by the
+// The ray behind the first layer, as if that layer were absent: its colour, and its depth by the
 // threshold rule.
 fn back_layer(ray: Ray, first: f32) -> Hit {
     var hit: Hit;
@@ -194,8 +194,7 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
     return hit;
 }
 
-// What is known of a sample before it is classified: its value (w), and its gradient where one
-// fetch gives both.
+// The unclassified sample: its value (w), and its gradient if one fetch returns both.
 fn fetch(p: vec3<f32>) -> vec4<f32> {
     if FETCH_TOGETHER {
         return gradient_and_hu(p);
@@ -203,7 +202,7 @@ fn fetch(p: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(vec3<f32>(0.0), sample_hu(p));
 }
 
-// Adds sample k, at voxel index p, behind what was gathered before.
+// Adds sample k, at voxel index p, behind the samples accumulated before.
 fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, fetched: vec4<f32>) {
     let hu = fetched.w;
     if hu < frame.lowest_visible_hu || (*sum).opacity >= OPAQUE {
@@ -227,7 +226,7 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, fetched:
     blend(sum, k, rgb, sample.a);
 }
 
-// Adds pre-integrated sample k behind what was gathered before.
+// Adds pre-integrated sample k behind the samples accumulated before.
 fn gather_passage(sum: ptr<function, Gathered>, ray: Ray, k: f32, passage: Passage) {
     let highest = max(max(passage.front, passage.middle), passage.back);
     if highest < frame.lowest_visible_hu || (*sum).opacity >= OPAQUE {

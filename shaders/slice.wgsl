@@ -33,7 +33,7 @@ struct Slab {
 @group(0) @binding(6) var<storage, read_write> depth_out: array<f32>;
 @group(0) @binding(9) var<uniform> slab: Slab;
 
-// What a ray finds in the slab.
+// The result of a ray in the slab.
 struct Cut {
     hu: f32,
     // Distance along the ray, mm; MISS when no sample is inside.
@@ -70,7 +70,7 @@ fn slice(@builtin(global_invocation_id) place: vec3<u32>) {
     }
 }
 
-// Whether a sample is inside of what is shown.
+// Whether a sample is inside the visible part.
 fn is_inside(ray: Ray, t: f32) -> bool {
     return t >= ray.entry && t <= ray.exit && !is_cut(ray, t) && is_shown(voxel_at(ray, t));
 }
@@ -80,8 +80,7 @@ fn slab_t(k: i32) -> f32 {
     return slab.plane_t + f32(k) * slab.spacing_mm;
 }
 
-// The mean over what is inside of the slab, by the trapezoidal rule: samples on its faces count
-// half.
+// The mean over the part inside the slab, by the trapezoidal rule: samples on its faces count half.
 fn mean_of_slab(ray: Ray) -> Cut {
     let pairs = i32(slab.pairs);
     var cut = Cut(0.0, MISS, vec3<f32>(0.0), 0u);

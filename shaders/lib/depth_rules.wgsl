@@ -1,8 +1,8 @@
 // Depth rules that look at a whole ray once more: where on a semi-transparent ray its depth is.
 //
-// Spaces: mm along the ray. `a` is the opacity of one sample, `accumulated` that of all before it,
-// and a sample's weight (1 - accumulated) a is what it adds. A ray is followed as far as the
-// picture shows it: to where 1/512 of its light is left. Twin: `reference::depth_rules`.
+// Spaces: mm along the ray. `a` is the opacity of one sample, and `accumulated` that of all samples
+// before it. The weight of a sample is (1 - accumulated) a. A ray is followed as far as the picture
+// shows it: to the point where 1/512 of its light remains. Twin: `reference::depth_rules`.
 
 override DEPTH_RULE: u32 = 0u;
 
@@ -169,7 +169,7 @@ fn expected(ray: Ray, walk: Walk, first: f32) -> f32 {
 
 // An interval of the curve of accumulated opacity, between two lowest points of its slope.
 struct Interval {
-    // Its first sample, and what has accumulated before it.
+    // Its first sample, and the opacity accumulated before it.
     start: f32,
     before: f32,
     // The greatest weight in it.
@@ -224,12 +224,12 @@ fn wysiwyp(ray: Ray, walk: Walk, first: f32) -> f32 {
 struct FrontLayer {
     // The first sample behind it; the ray's number of samples where it reaches to the ray's end.
     end: f32,
-    // What has accumulated in it.
+    // The opacity accumulated in it.
     opacity: f32,
 }
 
-// The first layer ends where an object ends: what is behind it is followed beyond where its light
-// is used up.
+// The first layer ends where an object ends. The ray behind it is followed beyond the point where
+// its light is used up.
 fn front_layer(ray: Ray, walk: Walk, first: f32) -> FrontLayer {
     let count = sample_count(ray);
     var layer = FrontLayer(count, 0.0);

@@ -72,7 +72,7 @@ struct Frame {
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 
-// Points origin + direction * t for t in mm; `entry` and `exit` bound what is inside the box and
+// Points origin + direction * t for t in mm; `entry` and `exit` bound the part inside the box and
 // the clip planes.
 //
 // Samples lie at whole sample distances from where the ray meets the box of voxel centres, half a
@@ -86,7 +86,7 @@ struct Ray {
     step_voxel: vec3<f32>,
     entry: f32,
     exit: f32,
-    // What lies between is cut away by the sphere; empty where the ray misses it.
+    // The sphere cuts the part between these; empty if the ray misses it.
     cut_in: f32,
     cut_out: f32,
     // Distance of the first sample, mm.
@@ -181,8 +181,8 @@ fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -
 fn cut_interval(origin: vec3<f32>, direction: vec3<f32>) -> vec2<f32> {
     let to_center = frame.cut_center - origin;
     let middle = dot(to_center, direction);
-    // By the distance of the ray from the centre: squares of the whole way to it would lose what is
-    // small beside them.
+    // From the distance of the ray to the centre: squares of the whole distance would lose small
+    // differences.
     let beside = to_center - middle * direction;
     let half_squared = frame.cut_radius_mm * frame.cut_radius_mm - dot(beside, beside);
     if frame.cut_radius_mm <= 0.0 || half_squared <= 0.0 {

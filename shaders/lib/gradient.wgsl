@@ -8,7 +8,7 @@ override GRADIENT_OPACITY: bool = false;
 
 const GRADIENT_LAST: u32 = 1023u;
 
-// What a value's opacity at voxel index p is multiplied by.
+// The factor of a value's opacity at voxel index p.
 fn gradient_factor(p: vec3<f32>) -> f32 {
     let head = frame.table_last + 1u;
     let x = min(length(gradient_at(p)) * transfer_table[head].x, f32(GRADIENT_LAST));
@@ -21,7 +21,7 @@ fn modulated(opacity: f32, factor: f32) -> f32 {
     return 1.0 - pow(max(1.0 - opacity * factor, 1e-30), transfer_table[frame.table_last + 1u].y);
 }
 
-// What the opacity of the sample at a voxel index depends on: its value, HU, and its factor.
+// The inputs of the opacity of a sample at a voxel index: its value, HU, and its factor.
 fn opacity_basis(p: vec3<f32>) -> vec2<f32> {
     let hu = sample_hu(p);
     if GRADIENT_OPACITY && hu >= frame.lowest_visible_hu {
@@ -30,7 +30,7 @@ fn opacity_basis(p: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(hu, 1.0);
 }
 
-// Opacity of the sample at a voxel index by what it depends on; that of its segment is looked up
+// Opacity of the sample at a voxel index from its inputs; the opacity of its segment is looked up
 // here.
 fn opacity_from(p: vec3<f32>, basis: vec2<f32>) -> f32 {
     let opacity = opacity_of_label(p, basis.x);

@@ -22,7 +22,7 @@ struct Look {
     // The table's first entry, and how many lie behind that one: 0 for a segment that is not shown.
     first: u32,
     last: u32,
-    // What is added to a colour, and what share of it stays.
+    // The part added to a colour, and the share of the colour that stays.
     tint: vec4<f32>,
 }
 
@@ -77,7 +77,7 @@ fn look_at(p: vec3<f32>) -> Look {
     return Look(table.x, table.y, u32(table.z), u32(table.w), transfer_table[at + 1u]);
 }
 
-// Whether what is at a voxel index is shown at all.
+// Whether the segment at a voxel index is visible.
 fn is_shown(p: vec3<f32>) -> bool {
     if !LABELLED {
         return true;

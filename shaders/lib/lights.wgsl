@@ -45,7 +45,7 @@ struct Lighting {
 @group(1) @binding(2) var open_cells: texture_3d<f32>;
 
 // The colour of a sample at voxel index p, seen along `direction`. The gradient's length does not
-// matter; without one, there is ambient light alone.
+// matter. Without a gradient there is only ambient light.
 fn lit(rgb: vec3<f32>, gradient: vec3<f32>, direction: vec3<f32>, p: vec3<f32>) -> vec3<f32> {
     if !PLACED_LIGHTS && !OCCLUSION {
         return shade(rgb, gradient, direction);
@@ -58,7 +58,7 @@ fn lit(rgb: vec3<f32>, gradient: vec3<f32>, direction: vec3<f32>, p: vec3<f32>) 
     let cell = (p + 0.5) * lighting.cells_from_voxel + lighting.texture_from_normal * normal;
     let open = openness(cell);
     if !PLACED_LIGHTS {
-        // The headlight stands for light from everywhere: what is closed in has less of it.
+        // The headlight represents light from all directions: enclosed places receive less of it.
         return open * shade(rgb, gradient, direction);
     }
     var sum = rgb * frame.ambient * open;

@@ -19,13 +19,13 @@ struct Passage {
     back: f32,
 }
 
-// A passage as two samples one behind the other, each half of the path: colour, and what it adds.
+// A passage as two samples in a row, each with half of the path: colour, and contribution.
 struct Passed {
     front: vec4<f32>,
     back: vec4<f32>,
 }
 
-// The value at fractional sample number k. What is clipped away does not count.
+// The value at fractional sample number k. Clipped samples do not count.
 fn hu_along(ray: Ray, k: f32) -> f32 {
     return sample_hu(voxel_at(ray, clamp(sample_t(ray, k), ray.entry, ray.exit)));
 }
@@ -72,9 +72,9 @@ fn straightened(passage: Passage) -> Passage {
     return Passage(passage.front - bend, passage.middle - bend, passage.back - bend);
 }
 
-// Whether any entry from the value's on to the other's is visible: equal sums, and nothing between
-// them. What lies in empty bricks must show nothing although lines reach beyond the values that
-// they straighten.
+// Whether any table entry from one value to the other is visible: equal sums mean that nothing lies
+// between them. Empty bricks must show nothing, although lines reach beyond the values that they
+// connect.
 fn is_visible_between(low: f32, high: f32) -> bool {
     let x = (vec2<f32>(low, high) - frame.table_first_hu) * frame.table_entries_per_hu;
     let last = f32(frame.table_last);

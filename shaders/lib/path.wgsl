@@ -15,7 +15,7 @@ struct PathLight {
 }
 
 struct Path {
-    // The passes of this dispatch: so many from the first on; the sum holds all before it.
+    // The passes of this dispatch: the first and their number. The sum holds all earlier passes.
     first_pass: u32,
     passes: u32,
     seed: u32,

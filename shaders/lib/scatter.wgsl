@@ -52,8 +52,8 @@ fn scattered(collision: Collision, light: vec3<f32>) -> vec3<f32> {
     return mix(medium, reflected, collision.surface);
 }
 
-// A direction for light from everywhere, in proportion to what it gives: cosine of a surface, phase
-// of a medium.
+// A direction for light from all directions, in proportion to its contribution: the cosine at a
+// surface, the phase function in a medium.
 fn sampled_direction(collision: Collision, random: ptr<function, Random>) -> vec3<f32> {
     let choice = next_two(random);
     let u = next_two(random);

@@ -1,9 +1,9 @@
 // Where light collides on its way through the volume, and how much of it passes.
 //
-// Extinction is per mm. Flight is by delta tracking, transmittance by ratio tracking, both brick by
-// brick with the largest extinction that the brick can have; where that is 0 the whole empty cube
-// around the brick is crossed at once. Both are unbiased: what a brick is crossed with does not
-// enter the mean, only the number of steps.
+// Extinction is per mm. Flight uses delta tracking and transmittance uses ratio tracking, both
+// brick by brick with the largest extinction that a brick can have. Where it is 0, the ray crosses
+// the whole empty cube around the brick at once. Both are unbiased: the bound of a brick changes
+// the number of steps, not the mean.
 //
 // Spaces: start space (see frame.wgsl) in mm, and voxel index.
 
@@ -14,7 +14,7 @@
 @group(1) @binding(2) var<storage, read> medium_table: array<vec4<f32>>;
 
 const NO_COLLISION: f32 = 0x1p+127f;
-// Faces are crossed by so many voxels, so that the next look-up is beyond them.
+// Rays step over faces by this many voxels, so that the next look-up is beyond the face.
 const ACROSS_VOXELS: f32 = 1e-3;
 // Light below this share plays for its life: it ends, or goes on twice as strong.
 const FAINT: f32 = 0.05;
@@ -73,7 +73,7 @@ fn brick_at(segment: Segment, t: f32) -> Brick {
     let index = clamp(floor(p / edge), vec3<f32>(0.0), last);
     let bound = textureLoad(brick_bounds, vec3<i32>(index), 0).x;
     let reach = max(-bound, 1.0);
-    // The outermost bricks take in what lies outside them.
+    // The outermost bricks include the space outside them.
     let low = (index - (reach - 1.0)) * edge;
     let faces = select(select(low, vec3<f32>(-1.0), low <= vec3<f32>(0.0)), (index + reach) * edge,
         segment.step_voxel > vec3<f32>(0.0));

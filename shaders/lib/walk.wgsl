@@ -24,7 +24,7 @@ struct Walk {
     cut_end: f32,
 }
 
-// Whether a sphere is cut away: without one, nobody asks.
+// Whether a sphere is cut away. Without a sphere this is not evaluated.
 override CUT_AWAY: bool = false;
 // A ray that moves less than this many voxels a sample along an axis never leaves a brick through
 // that axis' faces.

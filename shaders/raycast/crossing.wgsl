@@ -48,10 +48,10 @@ fn part_opacity(opacity: f32, level: i32) -> f32 {
 
 // Where accumulated opacity crosses its share of the ray's final opacity.
 //
-// First the sample whose slab holds the crossing, then that slab and the one before it in finer and
-// finer parts: a sharp edge between two samples is seen by the later one alone, though it may lie
-// nearer to the earlier. An opaque ray's crossing is at or a little behind the sample that
-// gathering has kept; any other is looked for from the start.
+// First finds the sample whose slab holds the crossing, then searches that slab and the one before
+// it in finer and finer parts. A sharp edge between two samples affects only the later one,
+// although it may lie nearer to the earlier one. An opaque ray's crossing is at or slightly behind
+// the sample that accumulation recorded. Other crossings are searched from the start.
 fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
     let target_opacity = frame.depth_fraction * sum.opacity;
     let count = sample_count(ray);
@@ -115,8 +115,8 @@ fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity
         // Parts add up to a little less than samples did: the crossing is at the end.
         return clamp(begin + f32(count) * part, ray.entry, ray.exit);
     }
-    // Places from here on in parts, from the start of the part before; there is none before the
-    // first.
+    // The positions from here on in parts, from the start of the part before; the first has none
+    // before it.
     let origin = begin + f32(j - 1) * part;
     var start = select(0.0, 1.0, j == 0);
     var span = min(j + 1, 2);

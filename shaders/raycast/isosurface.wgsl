@@ -5,7 +5,8 @@
 // before the first and behind the last. A body that is cut by a clip plane or by the volume's faces
 // is open there: a cut is no surface. Values in HU, distances in mm.
 
-// To 1/256 of a sample distance; the straight line through the ends of what is left does the rest.
+// To 1/256 of a sample distance; a straight line through the ends of the remaining interval refines
+// it further.
 const HALVINGS: i32 = 8;
 
 struct Trace {
@@ -79,8 +80,8 @@ fn trace_surfaces(ray: Ray, target_opacity: f32) -> Trace {
             next = next_in_bricks(walk, place);
         }
         let is_empty = next > place;
-        // Places between samples lead to the sample before what is counted from them, at least to
-        // the next one.
+        // A position between samples belongs to the sample before it, and the search continues at
+        // least at the next sample.
         let next_k = select(k + 1.0, max(k + 1.0, floor(next)), is_empty);
         if !is_empty || near_is_known {
             let hu = sample_hu(sample_voxel(ray, place));
@@ -123,7 +124,7 @@ fn meet_surfaces(ray: Ray, interval: Stretch, before: Trace, target_opacity: f32
     return trace;
 }
 
-// What the sphere cuts away is not there; its wall is no surface, as a clip plane is none.
+// The part inside the sphere is absent. Its wall is not a surface, and neither is a clip plane.
 fn blend_surface(ray: Ray, t: f32, rgba: vec4<f32>, before: Trace, target_opacity: f32) -> Trace {
     var trace = before;
     if CUT_AWAY && is_cut(ray, t) {

@@ -74,7 +74,7 @@ fn brightness_of(hu: f32) -> f32 {
     return clamp((hu - frame.lowest_hu) / frame.span_hu, 0.0, 1.0);
 }
 
-// What a sample adds: its brightness, weighted by its opacity but for the plain mean.
+// The contribution of a sample: its brightness, weighted by its opacity except for the plain mean.
 fn share_of_sample(hu: f32) -> f32 {
     if MODE == MODE_MEAN {
         return brightness_of(hu);

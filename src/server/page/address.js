@@ -25,7 +25,7 @@ export function remember() {
   waiting = setTimeout(write, wait);
 }
 
-// What is still to be kept goes with the page, for whoever comes back to it.
+// Changes that are not in the address yet are written when the page closes.
 addEventListener("pagehide", () => waiting !== null && write());
 
 function write() {

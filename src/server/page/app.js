@@ -118,7 +118,7 @@ function setView(view) {
   state.view = view;
   choose("view", view);
   picks.draw();
-  // What is shown may hold all that is needed already.
+  // The displayed picture may already be sufficient.
   if (!stage.holds(view)) return refresh();
   stage.draw();
   describe();
@@ -279,7 +279,7 @@ function showVolume(volume) {
   if (!volume) return;
   const isAnother = stage.shown !== null;
   state.volume = volume;
-  // A place in one volume is none in another.
+  // Positions in one volume do not apply to another.
   if (isAnother) {
     state.slice = { ...state.slice, at: null };
     state.pose = { ...state.pose, shift: null };

@@ -1,4 +1,4 @@
-// Files out and in: saving what the server answers, and taking a zip that is chosen or dropped.
+// Files: saves the server's responses, and uploads a chosen or dropped zip.
 
 import { request } from "./view.js";
 

@@ -1,5 +1,4 @@
-// Mouse, touch and wheel on the stage, in terms of what they mean: turn, zoom, click, move the
-// divider.
+// Mouse, touch and wheel on the stage as gestures: turn, zoom, click, move the divider.
 
 /** A press that travels less than this is a click, CSS pixels. */
 const CLICK_PIXELS = 4;

@@ -1,5 +1,5 @@
-// The segments of a volume that has a label map: a list with a check box and a colour for each, one
-// for what has no segment, and how strongly all are tinted.
+// The segments of a volume with a label map: a list with a check box and a colour for each, an
+// entry for voxels without a segment, and the strength of the tint.
 
 /** Modes that show segments; slices do as well. */
 const SHOWN_BY = ["composite", "mip", "minip"];

@@ -1,9 +1,9 @@
 // The camera as an orbit around a place in the patient: angles in degrees, zoom, and where it
 // looks. It touches no element.
 //
-// An orbit around the volume's middle is asked for by its angles. One that was shifted is written
-// out as a camera, by the formulas of the server's `camera::Orbit`, so that a shift moves the
-// picture and changes nothing else.
+// An orbit around the volume's middle is requested by its angles. A shifted orbit is written as a
+// camera, by the formulas of the server's `camera::Orbit`, so that a shift moves the picture and
+// changes nothing else.
 
 import { add, clamp, length, scale } from "./vectors.js";
 

@@ -1,6 +1,6 @@
-// What a 3D display would show of the frame, for people without one: its views as a wiggle or in a
-// grid, or an anaglyph. They are made by the server of picture and depth, as layouts of a frame;
-// here is only the fetching and the showing.
+// A preview of a 3D display, for people without one: the views of a frame as a wiggle, in a grid,
+// or as an anaglyph. The server makes them from picture and depth, as layouts of a frame. This
+// module fetches and displays them.
 
 import { request, stageQuery } from "./view.js";
 

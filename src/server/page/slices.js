@@ -1,5 +1,4 @@
-// What the page knows of slices: which plane, where, how thick, by which window, and the query that
-// asks for one.
+// The state of slices: plane, position, thickness, window, and the query for one.
 //
 // Positions in DICOM patient coordinates (LPS), mm; windows in HU. It touches only the slice's own
 // controls.

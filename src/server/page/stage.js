@@ -1,4 +1,4 @@
-// The stage: asks for pictures of the state, and draws what comes back.
+// The stage: requests pictures of the state, and draws the responses.
 //
 // A change asks at once for a picture under a budget of time, and for a whole one when things are
 // still.
@@ -73,7 +73,7 @@ export class Stage {
     this.shown = picture;
     this.draw();
     this.drawn(picture);
-    // The picture's own directions, whatever was asked for since.
+    // The directions of the displayed picture, which may be older than the latest request.
     for (const edge of ["left", "right", "top", "bottom"]) {
       $(`edge-${edge}`).textContent = picture.camera?.edges[edge] ?? "";
       $(`edge-${edge}`).hidden = picture.kind === "frame";

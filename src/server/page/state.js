@@ -1,4 +1,4 @@
-// What the main page shows: one state that its parts read and change.
+// The state of the main page, which its modules read and change.
 
 import { ALL_SHOWN } from "./labels.js";
 import { NO_LIGHT } from "./light.js";

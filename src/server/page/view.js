@@ -1,5 +1,5 @@
-// What the page knows of a view: the camera as an orbit, the query that asks for it, and the loop
-// that fetches pictures one at a time. It touches no element of the page.
+// The state of a view: the camera as an orbit, the query for it, and the loop that fetches one
+// picture at a time. It accesses no element of the page.
 //
 // Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the
 // picture.
@@ -86,7 +86,7 @@ export function frameQuery(state, moving = false) {
   const query = { ...lookQuery(state, 16 / 9, 1, moving), ...budget(moving), layout: state.layout };
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;
-  // These layouts carry what lies behind the first layer, which one rule alone gives.
+  // These layouts carry the background layer, which only one depth rule provides.
   if (state.layout.startsWith("declipse")) query.depth_rule = "two-layer";
   return new URLSearchParams({ ...query, factor, offset, depth_filter });
 }
@@ -158,7 +158,7 @@ export class Fetcher {
   want(order) {
     const running = this.#running?.order;
     this.#wanted = running?.url === order.url && running.accept === order.accept ? null : order;
-    // A still picture may take long; nobody waits for one that is out of date.
+    // A still picture may take long, and an outdated one is not needed any more.
     if (this.#wanted && running && !running.moving) this.#running.abort.abort();
     if (!this.#running) this.#run();
   }

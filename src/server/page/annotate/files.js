@@ -1,4 +1,4 @@
-// Files in and out: whatever is dropped or chosen is imported, and what is exported is saved.
+// Files: imports dropped and chosen files, and saves exported ones.
 
 import { FORMATS } from "./formats.js";
 

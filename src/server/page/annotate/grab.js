@@ -1,5 +1,4 @@
-// Editing by grabbing: a point of an item follows the pointer, and the change is made when it is
-// let go.
+// Editing by grabbing: a point of an item follows the pointer, and is saved on release.
 
 import { add, clamp, distance, dot, lerp, measures, partsOf, pointsOf, scale, sub, withInserted, withPoint } from "./geometry.js";
 import { SliceSight } from "./sight.js";

@@ -61,7 +61,7 @@ export class Hand {
     if (to === "off" || event?.ctrlKey) return spot;
     try {
       const level = to === "surface" ? { hu } : {};
-      // Along the line of sight, where the place was seen in 3D: what is meant lies under the
+      // Along the line of sight if the place was seen in 3D: the intended place lies under the
       // pointer.
       const ray = found.ray ? { ray: found.ray } : {};
       const moved = await this.annotations().snap({ at_mm: found.mm, ...ray, to, radius_mm, ...level });

@@ -1,7 +1,7 @@
-// Work that takes a while: what it is and for how long it has gone on, and a way to break it off.
+// A long task: its name, its duration, and a button to cancel it.
 //
-// The server tells no share of what is done: growing and meshing do not know it beforehand. Whoever
-// leaves ends the work there.
+// The server reports no progress, because growing and meshing do not know their duration. Leaving
+// the page cancels the task.
 
 import { element } from "./pane.js";
 

@@ -1,5 +1,5 @@
-// Other people's changes: told by the server on a live session's WebSocket, and asked for where
-// that is not to be had.
+// Changes by other people: pushed by the server over a live session's WebSocket, and polled without
+// one.
 //
 // Asking costs little: an answer without news is a 304. A session that only listens takes no
 // frames: it acknowledges none, so two are sent to it, once.
@@ -64,7 +64,7 @@ export class Live {
     this.#socket = socket;
     socket.addEventListener("open", () => {
       const who = this.author ? { author: this.author } : {};
-      // The smallest picture there is: nobody looks at it.
+      // The smallest allowed picture, because it is not displayed.
       const least = { size_px: [64, 64], accept: { color: ["jpeg"], depth: ["none"] }, settings: { annotations: true, display: { layout: "color" } } };
       socket.send(JSON.stringify({ type: "hello", client: "relief annotate", volume: this.volume.id, ...who, ...least }));
     });

@@ -1,4 +1,4 @@
-// The page for annotations: its parts put together, and what they ask of the server.
+// The page for annotations: connects its parts, and sends requests to the server.
 
 import { directionsOf } from "/orbit.js";
 import { Refusal, request } from "/view.js";
@@ -143,7 +143,7 @@ async function reload(whole = false) {
   if (whole) annotations.tag = null;
   try {
     const found = await annotations.list();
-    // An answer may be older than one's own last change.
+    // A response may be older than the latest local change.
     if (found && found.seq >= model.seq) model.take(found);
     else if (found) annotations.tag = null;
     setOn(true);
@@ -209,7 +209,7 @@ hand.placing.commit = async (change, spot) => {
   if (along && model.entry(change.item.id)?.item.state === "defined") guide.advance();
 };
 
-// ---------------------------------------------------------------- what follows from changes
+// ---------------------------------------------------------------- effects of changes
 
 const isMoving = () => document.querySelector(".pane.turning") !== null;
 model.on("cursor window", () => panes.slice(1).forEach((pane) => pane.refresh(isMoving())));

@@ -1,5 +1,5 @@
-// What the page knows: items, sets, the cursor, what is chosen. Everything else listens to it. It
-// touches no element.
+// The state of the page: items, sets, the cursor, the selection. All other modules listen to it. It
+// accesses no element.
 
 import { measures, middleOf } from "./geometry.js";
 

@@ -1,8 +1,8 @@
 // Annotations as SVG over a picture: text of elements, for a sight and a size in CSS pixels. It
 // touches no element.
 //
-// In a slice what is near its plane is drawn full, and what is farther fades until it is gone; in
-// 3D what is hidden is dimmed.
+// In a slice, items near the plane are opaque and fade with the distance. In 3D, hidden items are
+// dimmed.
 
 import { add, clamp, corners, cross, distance, dot, lerp, length, measureWords, measures as measured, outline, pointsOf, scale, sub, unit } from "./geometry.js";
 import { SliceSight } from "./sight.js";

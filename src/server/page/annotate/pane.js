@@ -1,8 +1,8 @@
 // A pane: a picture of the volume, a layer for regions and meshes, an SVG layer for the rest;
 // pointers and wheel on it.
 //
-// What it shows and where a place in it is belongs to its two kinds, `slice-pane.js` and
-// `volume-pane.js`.
+// The two kinds of panes, `slice-pane.js` and `volume-pane.js`, define the content and the
+// positions in it.
 
 import { pinch } from "/gestures.js";
 import { Fetcher, stillSize } from "/view.js";

@@ -1,4 +1,4 @@
-// What is said about volume, author, sets and cursor, and the settings of the views.
+// The choice of volume, author, set and cursor, and the settings of the views.
 
 import { request } from "/view.js";
 import { places } from "./geometry.js";

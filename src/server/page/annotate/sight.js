@@ -1,8 +1,8 @@
 // How a picture shows the patient: from mm to fractions of its width and height, and back. It
 // touches no element.
 //
-// Both sights have `project(point)`, giving `at` ([right, down], 0 to 1 inside the picture) and how
-// far the point is from what is shown: `off` from a slice's plane, `depth` from a camera; and
+// Both projections have `project(point)`, which returns `at` ([right, down], 0 to 1 inside the
+// picture) and the distance of the point: `off` from a slice's plane, `depth` from a camera; and
 // `unproject(at)`.
 
 import { Projection } from "/projection.js";

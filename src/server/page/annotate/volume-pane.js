@@ -1,5 +1,4 @@
-// The 3D view: an orbit around the volume, picks in the very picture that is shown, and what is
-// hidden there.
+// The 3D view: an orbit around the volume, picks in the displayed picture, and hidden items.
 
 import { fitOf, normalized, orbitQuery, shifted, zoomedAt } from "/orbit.js";
 import { request } from "/view.js";

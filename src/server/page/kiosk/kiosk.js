@@ -1,8 +1,8 @@
 // The page of a display box: live frames, pixel for pixel, and whatever moves them.
 //
-// The address says what is shown: view (a shared one, by name), role (presenter or watcher),
-// volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, where the
-// layout has no size of its own).
+// The address selects the content: view (a shared one, by name), role (presenter or watcher),
+// volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
+// has no size of its own).
 
 import { onControls } from "./controls.js";
 import { Panel } from "./panel.js";
@@ -50,8 +50,8 @@ const session = new Session(helloOf(), {
     // Words on the frame would be read aloud with each of them.
     canvas.setAttribute("aria-label", "The volume in colour and depth");
     Object.assign(document.documentElement.dataset, { frame: header.sequence, shows: header.showsSeq, still: header.still });
-    // Reading the canvas back costs as much as drawing it: once a second is enough for what has
-    // been seen to be good.
+    // Reading the canvas back costs as much as drawing it. After a good result, once a second is
+    // enough.
     if (tested !== kindOf(header)) selfTest();
   },
   heard(message) {

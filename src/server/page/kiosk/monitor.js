@@ -1,5 +1,5 @@
-// Test pictures for a 2D-plus-depth monitor, made here: no server takes part, so what is wrong is
-// wrong between page and panel.
+// Test pictures for a 2D-plus-depth monitor. The page makes them without a server, so that an error
+// lies between page and panel.
 
 import { composeLayers, headerBytes } from "./frame.js";
 import { Panel } from "./panel.js";

@@ -1,9 +1,9 @@
 // A canvas that is the panel's pixels: one of the frame on one of the screen, and what stands in
 // the way of that.
 //
-// Nothing on the way may convert colours. The canvas is sRGB, as is all that is untagged, and its
-// numbers reach the panel as they are while the browser takes the screen for sRGB, too. Pages
-// cannot read the screen; they are told when it is another one.
+// No step on the way may convert colours. The canvas is sRGB, like all untagged content, so its
+// numbers reach the panel unchanged if the browser treats the screen as sRGB. A page cannot read
+// the screen, but it can detect another colour space.
 
 import { isHeader, readBytes } from "./frame.js";
 

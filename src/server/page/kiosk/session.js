@@ -81,8 +81,8 @@ export class Session {
     this.changed("connecting");
     const url = new URL("/v1/session", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-    // For a proxy before several servers, which cannot read the hello: whoever shares a view has to
-    // meet at one of them.
+    // For a load balancer, which cannot read the hello: all clients of a view must reach the same
+    // server.
     for (const key of ["view", "volume"]) if (this.hello[key]) url.searchParams.set(key, this.hello[key]);
     const socket = new WebSocket(url, "relief.v1");
     socket.binaryType = "arraybuffer";
@@ -161,7 +161,8 @@ export class Session {
     } catch (error) {
       wrong = error.message;
     }
-    // Of another connection by now: its numbers are other frames there, and nobody waits for them.
+    // The frame belongs to an earlier connection: its number means another frame now, and the
+    // server does not wait for it.
     if (socket !== this.#socket || socket.readyState !== WebSocket.OPEN) return;
     if (wrong !== null || this.#bad > 0) this.changed("live", wrong ?? "");
     this.#bad = wrong === null ? 0 : this.#bad + 1;

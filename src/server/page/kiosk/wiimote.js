@@ -1,5 +1,4 @@
-// A Wiimote through WebHID: its camera is brought up step by step, and what it reports is handed on
-// as it is.
+// A Wiimote through WebHID: sets up its camera step by step, and passes on its reports unchanged.
 //
 // Each step waits for its answer, for a camera that is hurried ends up at a random sensitivity.
 // Later an unrequested status means that reporting stopped, a foreign report id that a driver set
