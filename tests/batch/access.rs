@@ -1,5 +1,5 @@
-//! How workers get into a queue: by TLS with an authority of one's own, by a token, by credentials.
-//! Secrets and certificates are made by `access.py`.
+//! Access of workers to a queue: TLS with a private authority, a token, credentials. `access.py`
+//! makes the secrets and certificates.
 
 use super::services::Nats;
 use super::*;
@@ -17,8 +17,8 @@ fn secrets(what: &str, folder: &Path) -> Option<()> {
     Some(())
 }
 
-/// Submits and works with a way to get in; whether the views are there, and what was said, at the
-/// level where all is.
+/// Submits and works with these access options; returns whether the views are there, and the output
+/// at the most detailed log level.
 fn through(archive: &Archive, url: &str, access: &[&str]) -> (Option<usize>, String) {
     let (manifest, out) = (archive.text("jobs.jsonl"), archive.text("out"));
     let relief = |arguments: &[&str]| {

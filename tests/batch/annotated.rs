@@ -10,7 +10,7 @@ use relief_store::Store;
 
 use super::*;
 
-/// What positions of a phantom are told from.
+/// The reference for positions in a phantom.
 fn the_frame_of_reference(archive: &Archive, name: &str) -> FrameOfReference {
     let slice = std::fs::read_dir(archive.path(&format!("series/{name}"))).unwrap();
     let slice = slice.map(|entry| entry.unwrap().path());
@@ -99,7 +99,7 @@ fn landmarks_are_seen_along_the_true_normal() {
     let items = items.chain([item("midsagittal", plane, &frame)]);
     let in_order = (0..).zip(items).map(|(order, item)| create(Item { order, ..item }));
     apply(&archive, in_order.collect(), None);
-    // The surface itself: half of what the ball and the air around it have.
+    // The surface itself: half of the values of ball and air.
     std::fs::write(archive.path("surface.json"), r#"{ "mode": "isosurface", "iso_hu": -250 }"#).unwrap();
     let scene = archive.text("surface.json");
     ok(&plan_annotated(&archive, "landmarks", "color,depth", &["--scene", &scene]));
@@ -212,7 +212,7 @@ fn an_edit_makes_new_jobs_of_what_it_shows_and_no_others() {
     let sets = [("sides", "annotated"), ("landmarks", "color"), ("sides", "color")];
     let before = sets.map(|(views, products)| keys(views, products));
     assert_eq!(before.each_ref().map(Vec::len), [6, 1, 6]);
-    // Whose frame of reference is another one is none of this series.
+    // An annotation with another frame of reference does not belong to this series.
     let described = Item { name: "moved".to_owned(), ..elsewhere };
     apply(&archive, vec![Change::Update { item: Box::new(described), version: 1 }], None);
     assert_eq!(before, sets.map(|(views, products)| keys(views, products)));
@@ -224,7 +224,7 @@ fn an_edit_makes_new_jobs_of_what_it_shows_and_no_others() {
     let [annotated, seen, plain] = sets.map(|(views, products)| keys(views, products));
     assert!(annotated.iter().all(|key| !before[0].contains(key)) && seen != before[1]);
     assert_eq!(plain, before[2]);
-    // What is kept beside the manifest says what is drawn, and nothing of who drew it.
+    // The file beside the manifest has the drawn annotations, but not their authors.
     ok(&plan_annotated(&archive, "sides", "annotated", &[]));
     let kept = archive.jobs()[0]["annotations"]["path"].as_str().unwrap().to_owned();
     let text = std::fs::read_to_string(&kept).unwrap();

@@ -1,4 +1,4 @@
-//! Outputs and series in a bucket of a stand-in for S3: what a folder has.
+//! Outputs and series in a bucket of an S3 substitute: the same as in a folder.
 
 use super::services::{Bucket, Nats};
 use super::*;
@@ -140,7 +140,7 @@ fn a_report_of_a_bucket_is_in_the_bucket_and_the_same_as_of_a_folder() {
     assert!(fetched == files(&archive.path("bare")), "{:?}", fetched.keys());
     let page = String::from_utf8(fetched["report.html"].clone()).unwrap();
     assert!(page.contains("7 of 8 views of 2 series"), "without {gone}");
-    // The series that is whole has what a run has written of it.
+    // The complete series has all files that a run writes for it.
     reference.retain(|name, _| of_all(name) && name.contains('/') && !name.starts_with(&gone_name[..12]));
     assert!(reference.len() >= 6 && reference.iter().all(|(name, bytes)| fetched[name] == *bytes));
     let missing = report("s3://missing/made");
@@ -248,8 +248,8 @@ fn copies_and_objects_that_were_altered_are_not_taken_for_what_they_were() {
     assert!(pictures(&archive.path("again")) == pictures(&archive.path("reference")));
     assert!(files(&archive.path("cache"))[file] == kept[file]);
 
-    // One that was altered in the bucket is another, and refused for good; what has no room is,
-    // too.
+    // An object that was altered in the bucket is refused permanently, and so is one that is too
+    // large.
     let alter = "
 key = s3.list_objects_v2(Bucket='views', Prefix='archive/ct/DOE^JOHN 1/')['Contents'][0]['Key']
 s3.put_object(Bucket='views', Key=key, Body=b'x' * 1000)";
@@ -261,7 +261,7 @@ s3.put_object(Bucket='views', Key=key, Body=b'x' * 1000)";
     assert_eq!(refused.matches("not those that were planned with").count(), 3, "{refused}");
 }
 
-/// What the failures of a run say; none of it names a series' folder.
+/// The failures of a run; none of them names a series' folder.
 fn failed(output: &Output) -> String {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -333,8 +333,8 @@ fn refusing_service() -> String {
 /// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached
 /// copies stay within their limit, and their names identify no patient.
 ///
-/// Whoever has the manifest needs no folder at all: series and label maps come out of the bucket,
-/// to a worker of a queue as well.
+/// The manifest is sufficient, also for a worker of a queue: series and label maps come from the
+/// bucket.
 #[test]
 fn label_maps_in_a_bucket_are_drawn_by_workers_as_those_of_a_folder() {
     let what = "label maps in buckets";

@@ -9,7 +9,7 @@ fn planned() -> Archive {
     let out = archive.text("series/ball");
     ok(&relief(&["phantom", "--kind", "sphere", "--size", "128", "--out", &out]));
     let (root, out) = (archive.text("series"), archive.text("jobs.jsonl"));
-    // The surface itself: half of what the ball and the air around it have.
+    // The surface itself: half of the values of ball and air.
     std::fs::write(archive.path("surface.json"), r#"{ "mode": "isosurface", "iso_hu": -250 }"#).unwrap();
     let scene = archive.text("surface.json");
     let fixed = [

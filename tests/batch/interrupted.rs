@@ -21,8 +21,7 @@ fn start(archive: &Archive, shard: &str) -> Child {
 /// Invariant: An interrupted batch leaves complete pictures, and the next run renders only the
 /// rest; a further run renders nothing.
 ///
-/// Four workers, three of which are killed in the middle of their work; what they left is done by
-/// the next run.
+/// Four workers, three of which are killed during their work; the next run does the rest.
 #[test]
 fn killed_workers_leave_whole_pictures_and_the_rest_for_the_next_run() {
     if software_adapter("batches whose workers are killed").is_none() {

@@ -1,4 +1,4 @@
-//! Label maps of series: found beside them, part of what a job is, drawn as `relief render` draws
+//! Label maps of series: found beside them, part of a job's key, drawn as `relief render` draws
 //! them.
 
 use super::*;

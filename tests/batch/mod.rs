@@ -38,7 +38,7 @@ struct Archive {
 }
 
 impl Archive {
-    /// An archive of so many small phantoms, each another one.
+    /// An archive of this many small phantoms, all different.
     fn of_phantoms(count: usize) -> Self {
         let archive = Self { folder: tempfile::tempdir().unwrap() };
         for n in 0..count {
@@ -58,7 +58,7 @@ impl Archive {
         self.path(name).to_str().unwrap().to_owned()
     }
 
-    /// Plans with colour pictures of 64 x 48, unless told otherwise.
+    /// Plans with colour pictures of 64 x 48 by default.
     fn plan(&self, more: &[&str]) -> Output {
         let (root, out) = (self.text("series"), self.text("jobs.jsonl"));
         let fixed = ["batch", "plan", "--root", &root, "--out", &out, "--preset", "bone", "--size", "64x48"];
@@ -102,7 +102,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Pictures alone: records and reports have times in them.
+/// Only pictures: records and reports contain times.
 fn pictures(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = files(folder);
     files.retain(|name, _| name.ends_with(".color.png"));

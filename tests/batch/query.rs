@@ -1,4 +1,4 @@
-//! Queries: which series are wanted, by what is known of them and leads to nobody.
+//! Queries: the selection of series by properties that do not identify a patient.
 
 use super::*;
 use relief_batch::{Query, SeriesFacts};
@@ -65,7 +65,7 @@ fn a_query_chooses_among_the_series_of_a_folder() {
     assert!(String::from_utf8_lossy(&none.stderr).contains("which --where does not want"));
 }
 
-/// Its voxels are not even there: where they lie is said by the header.
+/// Its voxels are missing; the header is enough for the grid.
 #[test]
 fn a_query_reads_no_voxels_of_a_volume_file() {
     let archive = Archive { folder: tempfile::tempdir().unwrap() };

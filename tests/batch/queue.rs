@@ -1,5 +1,5 @@
-//! Jobs through a queue in a real NATS server: nothing is lost and nothing is there twice, whoever
-//! is killed.
+//! Jobs through a queue in a real NATS server: no job is lost or done twice when processes are
+//! killed.
 
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::services::Nats;
 use super::*;
 
-/// A worker process, and what it writes.
+/// A worker process and its output.
 struct Worker {
     process: Child,
     errors: PathBuf,
@@ -18,7 +18,7 @@ impl Worker {
         Self::telling(archive, nats, out, more, "warn")
     }
 
-    /// One that tells more of what it does.
+    /// One with more detailed output.
     fn telling(archive: &Archive, nats: &Nats, out: &str, more: &[&str], log: &str) -> Self {
         static NUMBER: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
@@ -35,7 +35,7 @@ impl Worker {
         Self { process, errors }
     }
 
-    /// Waits for its end; what it says then.
+    /// Waits for its end; returns its last output.
     fn end(self) -> (Value, String) {
         let ended = self.process.wait_with_output().unwrap();
         let errors = std::fs::read_to_string(&self.errors).unwrap();
@@ -119,7 +119,7 @@ fn killed_workers_lose_no_job_and_do_none_twice() {
         (&0.into(), &0.into()),
         "the queue is empty: {nothing}"
     );
-    // What is done is passed over when it is submitted again.
+    // Finished jobs are skipped when they are submitted again.
     std::thread::sleep(Duration::from_secs(2));
     assert_eq!(submitted(&archive, &nats), (200, 0));
     let again = Worker::start(&archive, &nats, &out, &["--idle-exit", "1"]).end().0;
@@ -147,7 +147,7 @@ fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
     let out = archive.text("out");
     let (worked, errors) = Worker::start(&archive, &nats, &out, &["--idle-exit", "1"]).end();
     assert_eq!((&worked["done"], &worked["failed"], &worked["put_off"]), (&6.into(), &3.into(), &0.into()));
-    // Series side by side share what was loaded.
+    // Consecutive jobs of a series share the loaded volume.
     assert_eq!(worked["series_loaded"], 2);
     assert!(!errors.contains("DOE"), "a folder's name may be a patient's: {errors}");
     let setback = archive.path(&format!("out/{name}/axial.failed.json"));
@@ -201,7 +201,7 @@ fn what_may_pass_is_tried_again_and_given_up_at_last() {
 
 /// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
 ///
-/// The first job is rendered for minutes, and whoever has it is killed.
+/// The first job renders for minutes, and its worker is killed.
 #[test]
 fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
     let what = "jobs of queues that kill their workers";
@@ -299,8 +299,8 @@ fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
     let done = worked["done"].as_u64().unwrap();
     assert_eq!(pictures(&archive.path("out")).len() as u64, done, "what was begun is whole");
     assert!(done < 90, "it was stopped in the middle");
-    // What it gave back is there at once, long before anybody is given up; and it was not begun,
-    // however often it comes.
+    // Returned jobs are available at once, long before a lease expires, and they do not count as
+    // begun.
     let started = Instant::now();
     let next = Worker::start(&archive, &nats, &out, &["--idle-exit", "1", "--tries", "1"]).end().0;
     assert_eq!((next["done"].as_u64().unwrap(), &next["failed"]), (90 - done, &0.into()), "{next}");

@@ -63,7 +63,7 @@ impl Nats {
         self.process.wait().unwrap();
     }
 
-    /// Starts it anew on the same port, with what it kept.
+    /// Restarts it on the same port, with its data.
     pub(crate) fn restart(&mut self) {
         self.process = launch(&self.program, self.folder.path(), &self.more, &self.port.to_string());
         await_port(self.port);

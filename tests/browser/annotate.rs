@@ -1,4 +1,4 @@
-//! The page for annotations: what `browser/annotate.py` saw, and what it has to be.
+//! The page for annotations: the results of `browser/annotate.py` and their expectations.
 
 use std::sync::OnceLock;
 
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::{driven, numbers, skipped};
 
-/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+/// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
     let seen = SEEN.get_or_init(|| driven("annotate.py", what, "128", false));

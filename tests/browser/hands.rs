@@ -1,5 +1,5 @@
-//! Structures, curves, snapping, fingers and linked views of the page for annotations: what
-//! `browser/hands.py` saw, and what it has to be.
+//! Structures, curves, snapping, fingers and linked views of the page for annotations: the results
+//! of `browser/hands.py` and their expectations.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::annotate::distance;
 use super::{driven, number, numbers, skipped, triple};
 
-/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+/// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
     let seen = SEEN.get_or_init(|| driven("hands.py", what, "128", false));
@@ -55,7 +55,7 @@ fn a_click_in_any_view_moves_the_cursor_in_all() {
             let off = dot(&normal, &minus(&cursor, &triple(&asked["center_mm"])));
             assert!(off.abs() < 0.01, "{view}: the {slice} slice passes {off} mm beside the cursor");
         }
-        // What was clicked is where the lines meet there, or where the mark is.
+        // The clicked place is where the lines meet, or at the mark.
         let at = numbers(&found["at"]);
         let (marked, [width, height]) = match found["meets"].get(view) {
             None => (numbers(&found["mark"]), [1.0, 1.0]),
@@ -152,8 +152,7 @@ fn two_fingers_move_and_zoom_what_lies_under_them() {
     let Some(seen) = seen("two fingers") else { return };
     let fingers = &seen["fingers"];
     assert_eq!((&fingers["problems"], &fingers["items"]), (&json!([]), &seen_items(seen)));
-    // The slice: of the height that is seen half is left, and what was between the fingers still
-    // is.
+    // The slice: half of the visible height is left, and the part between the fingers stays there.
     let axial = &fingers["axial"];
     let [before, after] = ["before", "after"].map(|name| number(&axial[name]["height_mm"]));
     assert!((before / after - 2.0).abs() < 1e-3, "{before} mm, {after} mm");

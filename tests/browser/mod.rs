@@ -1,9 +1,9 @@
 //! The pages for display boxes and for annotations in a browser: pixels on the screen, hands, a
 //! Wiimote behind WebHID, a server that dies.
 //!
-//! Scripts in `browser/` drive Chromium with Playwright and say what they saw; here, and beside
-//! each of them, is what it has to be. Runs where `RELIEF_PEERS_PYTHON` names a Python with
-//! Playwright and Chromium is installed, and says aloud where it does not.
+//! Scripts in `browser/` drive Chromium with Playwright and print their results; the tests here
+//! compare these with the expectations. The tests need Chromium, and a Python with Playwright in
+//! `RELIEF_PEERS_PYTHON`; they print a message if either is missing.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 mod annotate;
@@ -45,7 +45,8 @@ fn relief(arguments: &[&str]) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// What a script of `browser/` saw of a served head of this size; `None` where there is no browser.
+/// The results of a script of `browser/` with a served head of this size; `None` if there is no
+/// browser.
 fn driven(script: &str, what: &str, size: &str, reports: bool) -> Option<Value> {
     let (python, chromium) = (python()?, chromium()?);
     common::software_adapter(what)?;
@@ -71,7 +72,7 @@ fn skipped(what: &str) {
     eprintln!("SKIPPED: {what} (no Chromium, or RELIEF_PEERS_PYTHON names no Python with playwright)");
 }
 
-/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+/// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
     let seen = SEEN.get_or_init(|| driven("kiosk.py", what, "96", true));
@@ -133,7 +134,7 @@ fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
     let distance =
         picked.iter().zip(numbers(&hands["cursor_mm"])).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     assert!(distance < 1.0, "the cursor is {distance} mm from what is picked there");
-    // The server was killed: its successor knows nothing, and is told.
+    // The server was killed: its successor does not know the session and receives its state.
     for key in ["look_at_mm", "orientation_xyzw", "cursor_mm"] {
         let [before, after] = ["before", "after"].map(|name| numbers(&hands[name][key]));
         assert!(before.iter().zip(&after).all(|(a, b)| (a - b).abs() < 1e-6), "{key}: {hands}");
@@ -171,8 +172,8 @@ fn a_wiimote_behind_webhid_is_brought_up_and_tracked() {
     assert_ne!(wiimote["after"]["cursor_mm"], wiimote["before"]["cursor_mm"], "{wiimote}");
 }
 
-/// One bad frame is told and acknowledged like a good one, many end the connection; a copied tab
-/// has no token to take.
+/// One bad frame is reported and acknowledged like a good one; many end the connection. A copied
+/// tab has no token.
 #[test]
 fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     let has_node = Command::new("node").arg("--version").stdout(Stdio::null()).status();
@@ -182,7 +183,7 @@ fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     }
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = tempfile::tempdir().unwrap();
-    // Node takes a folder's files for modules where it is told so.
+    // Node treats the files of a folder as modules if its package.json says so.
     std::fs::write(folder.path().join("package.json"), r#"{"type": "module"}"#).unwrap();
     for module in ["session.js", "frame.js", "restore.js"] {
         std::fs::copy(here.join("src/server/page/kiosk").join(module), folder.path().join(module)).unwrap();

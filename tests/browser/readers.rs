@@ -1,5 +1,5 @@
-//! Several readers of the page for annotations: what `browser/readers.py` saw, and what it has to
-//! be.
+//! Several readers of the page for annotations: the results of `browser/readers.py` and their
+//! expectations.
 
 use std::sync::OnceLock;
 
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::annotate::distance;
 use super::{driven, skipped};
 
-/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+/// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
     let seen = SEEN.get_or_init(|| driven("readers.py", what, "96", false));
@@ -25,8 +25,8 @@ fn two_windows_see_each_others_edits_at_once() {
     let Some(seen) = seen("two windows") else { return };
     let tabs = &seen["tabs"];
     assert_eq!(tabs["problems"], json!([]));
-    // Told by the server: asking by itself, a window would do so after two seconds, and told after
-    // twenty.
+    // Pushed by the server: a page polls after two seconds without a session, and after twenty with
+    // one.
     assert!(tabs["seconds"].as_f64().unwrap() < 1.5, "{tabs}");
     assert_eq!(tabs["placed"], json!({ "rows": ["Point 1"], "marks": 1 }));
     assert_eq!(tabs["renamed"]["rows"], json!(["Sella"]));

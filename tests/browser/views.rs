@@ -1,5 +1,5 @@
-//! The page of the volume, and all pages on screens large and small: what `browser/views.py` saw,
-//! and what it has to be.
+//! The page of the volume, and all pages on large and small screens: the results of
+//! `browser/views.py` and their expectations.
 
 use std::sync::OnceLock;
 
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::{driven, number, numbers, skipped, triple};
 
-/// What the browser saw, once for all tests; `None` after saying aloud that there is none.
+/// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
     let seen = SEEN.get_or_init(|| driven("views.py", what, "96", false));

@@ -1,7 +1,7 @@
 //! `relief doctor` as users run it: with a driver, without one, and with a wish that cannot be met.
 //!
-//! Independent of its own words: what the driver's description file says, what the renderer's other
-//! subcommands can do, and the exit status.
+//! Independent references: the driver's description file, the renderer's other subcommands, and the
+//! exit status.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 use std::process::{Command, Output};
@@ -31,7 +31,7 @@ fn finding<'a>(report: &'a Value, what: &str) -> &'a Value {
         .unwrap_or_else(|| panic!("nothing on {what}: {report}"))
 }
 
-/// The report with a working driver; `None` after saying aloud that there is none.
+/// The report with a working driver; `None` with a message if there is no driver.
 fn healthy(test: &str) -> Option<Value> {
     let report = json(&doctor(&["--json"], &[]));
     if report["adapters"].as_array().is_some_and(|adapters| !adapters.is_empty()) {

@@ -1,5 +1,5 @@
-//! `relief render` with placed lights, as users run it: options are what a scene says, and refusals
-//! say what to do.
+//! `relief render` with placed lights, as users run it: options are equivalent to scenes, and
+//! errors say what to do.
 //!
 //! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
 //! test says that it skipped. Refusals of arguments need none.

@@ -1,4 +1,4 @@
-//! Commands that are small: what they print, write and refuse.
+//! Small commands: output, files and errors.
 
 mod annotate_log;
 mod budget;

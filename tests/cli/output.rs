@@ -1,5 +1,4 @@
-//! What the program does with stdout and with the files it makes, whatever the subcommand: closed
-//! pipes, full disks, the umask.
+//! Standard output and written files, for all subcommands: closed pipes, full disks, the umask.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -18,7 +17,7 @@ fn make_series(folder: &Path) {
     assert!(status.success());
 }
 
-/// Runs with a stdout that nobody reads any more.
+/// Runs with a stdout whose reader has closed it.
 fn run_unread(arguments: &[&str]) -> Output {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);

@@ -1,4 +1,5 @@
-//! `relief phantom` from outside: what it writes, what it keeps, what others read of it.
+//! `relief phantom` from outside: its files, the files it preserves, and other programs that read
+//! them.
 
 use std::path::Path;
 use std::process::Command;

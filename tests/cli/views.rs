@@ -77,7 +77,7 @@ fn true_views_stand_above_synthesised_ones_with_the_ratios_that_opencv_finds() {
     let mean = (told[0].unwrap() + told[2].unwrap()) / 2.0;
     assert!((report["psnr_mean_db"].as_f64().unwrap() - mean).abs() < 1e-9);
 
-    // The upper row is what --views true writes, the lower one what is written without.
+    // The upper row is the output of --views true, the lower one the output without it.
     let synthesised = path("synthesised.png");
     render("true", "views-3", &lone);
     render("synthesised", "views-3", &synthesised);
@@ -212,7 +212,7 @@ fn what_cannot_be_previewed_is_refused_with_the_reason() {
     picture.save(&frame).unwrap();
     assert!(preview(&frame, &[]).contains("a display shows this as plain 2D"));
     assert!(!Path::new(&out).exists());
-    // An anaglyph is told for what it is, and has no views to be had.
+    // An anaglyph is recognized, and its views cannot be separated.
     let glasses = path("glasses.png");
     let rgbd =
         frame_file(folder.path(), &DisplaySettings { layout: Layout::Rgbd, ..DisplaySettings::default() });

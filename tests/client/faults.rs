@@ -30,7 +30,7 @@ async fn nobody_there_is_told_with_the_address() {
     assert!(error.to_string().contains(&address.to_string()), "{error}");
 }
 
-/// Answers one connection with these bytes, and gives what the client makes of it.
+/// Answers one connection with these bytes, and returns the client's result.
 async fn answered(answer: &'static [u8]) -> ClientError {
     let (listener, address) = listen(None).await;
     let client = Running::start(options(address));
@@ -73,8 +73,7 @@ async fn a_refused_hello_says_why() {
     assert!(text.contains("there is no volume") && !text.contains('\u{1b}'), "{text:?}");
 }
 
-/// What the server sends after welcome, and what the client says of it when it gives the connection
-/// up.
+/// The server's messages after welcome, and the client's error when it gives up the connection.
 async fn after_welcome(message: Message) -> String {
     let (listener, address) = listen(None).await;
     let mut client = Running::start(options(address));

@@ -12,7 +12,7 @@ use tokio_tungstenite::tungstenite::Message;
 
 use crate::client::stand_in::{Socket, accept, frame, header, listen, next, options, welcome};
 
-/// What the server does to each frame before it is sent.
+/// Changes each frame before the server sends it.
 type Alter = fn(&mut FrameHeader, &mut Vec<u8>);
 
 /// Sends a frame for each pose after 20 ms, at most two unacknowledged, and a still one when no

@@ -176,7 +176,7 @@ fn measuring_reads_every_header_row_and_finds_the_still_frame() {
     }
 }
 
-/// A client that runs until it is told to stop, and what it tells.
+/// A client that runs until it is stopped, and its output.
 struct Process {
     process: Child,
     told: std::io::Lines<BufReader<std::process::ChildStderr>>,
@@ -279,7 +279,7 @@ fn a_recorded_session_plays_again_and_ends_in_the_same_picture() {
     assert!(output.status.success(), "{outcome} {}", text(&output.stderr));
     assert_eq!(outcome["same"], true, "{outcome}");
     assert_eq!((&outcome["messages"], &outcome["dropped"]), (&Value::from(1), &Value::from(0)), "{outcome}");
-    // Another preset ends in another picture, and that is told.
+    // Another preset ends in another picture, which the output reports.
     let altered =
         std::fs::read_to_string(&record).unwrap().replace("\"preset\":\"bone\"", "\"preset\":\"skin\"");
     std::fs::write(&record, altered).unwrap();

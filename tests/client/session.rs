@@ -1,4 +1,4 @@
-//! A session and its connections: what is sent, how it is composed, and how it comes back.
+//! A session and its connections: messages, composition of frames, reconnection.
 
 use std::time::{Duration, Instant};
 
@@ -55,8 +55,7 @@ async fn poses_intents_and_acks_arrive_in_one_row_of_numbers() {
     client.ended().await.unwrap();
 }
 
-/// What the display takes is what the layout makes of the picture that went in, pixel by pixel:
-/// placed here by hand.
+/// The display's frame is the layout of the original picture, pixel by pixel: placed here by hand.
 #[tokio::test]
 async fn the_composed_frame_has_picture_depth_and_header_where_the_display_looks_for_them() {
     let (listener, address) = listen(None).await;
@@ -82,7 +81,7 @@ async fn the_composed_frame_has_picture_depth_and_header_where_the_display_looks
             "{at}"
         );
     }
-    // Another header than was asked for is noticed, though it is a good one.
+    // A valid header that differs from the requested one is reported.
     let other = Header { factor: 99, use_factor: true, ..asked };
     let composer = Composer::new(DisplayProfile::named(ProfileName::Philips42), Some(other));
     assert!(composer.compose(&received).unwrap().header_problem.is_some());
@@ -105,7 +104,7 @@ async fn a_lost_connection_is_made_again_with_the_token_and_no_old_acknowledgeme
     assert_eq!(hello.resume.as_deref(), Some("first"));
     socket.send(welcome("first", true)).await.unwrap();
     assert_eq!(client.until(connected).await, (2, true));
-    // An acknowledgement of the old connection's frame is none of the new one's.
+    // An acknowledgement of the old connection's frame does not count for the new one.
     client.handle.ack(old.connection, 77);
     client.handle.pose(9, orbit(9.0));
     match next(&mut socket).await {
@@ -165,8 +164,8 @@ async fn a_session_that_is_over_is_not_begun_again() {
     }
 }
 
-/// While a client takes nothing, messages wait in bounded memory; afterwards the newest pose is
-/// there.
+/// While a client stops reading, messages wait in bounded memory; afterwards it receives the newest
+/// pose.
 #[tokio::test]
 async fn a_server_that_reads_nothing_costs_no_memory_and_gets_the_newest_pose() {
     let (listener, address) = listen(None).await;

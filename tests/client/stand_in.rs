@@ -1,5 +1,5 @@
-//! A server that speaks `relief.v1` and does what a test wants of it. It renders nothing: its
-//! pictures are known beforehand.
+//! A server that speaks `relief.v1` under the control of a test. It renders nothing: its pictures
+//! are known in advance.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};

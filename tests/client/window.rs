@@ -1,4 +1,4 @@
-//! The window under a virtual X server: what is on its screen is the served frame, byte for byte.
+//! The window under a virtual X server: its screen shows the served frame, byte for byte.
 //!
 //! Xvfb keeps its screen in a file in the format of xwd, which is read here; so nothing of the
 //! client's own takes the picture. Without Xvfb the test says that it skipped.

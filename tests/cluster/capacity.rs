@@ -1,4 +1,4 @@
-//! `relief bench --capacity`: what it measures is what its sums are made of.
+//! `relief bench --capacity`: its sums follow from its measurements.
 
 use serde_json::Value;
 
@@ -54,8 +54,7 @@ fn a_capacity_follows_from_what_was_measured() {
     assert!(rows.len() > 15, "{printed}");
     for line in rows {
         let head = line.split('|').nth(1).unwrap();
-        // Figures differ from machine to machine, what they are called does not; nor does the
-        // page's own viewer rate.
+        // Figures depend on the machine; their names and the page's own viewer rate do not.
         assert!(page.contains(&format!("|{head}|")), "docs/CAPACITY.md lacks {head:?}");
     }
     for (arguments, why) in [

@@ -7,8 +7,7 @@ use serde_json::Value;
 
 use crate::cluster::stage::{relief, root};
 
-/// A YAML file as JSON, by a Python that has a parser; `None` after saying aloud that there is
-/// none.
+/// A YAML file as JSON, by a Python with a parser; `None` with a message if there is none.
 fn yaml(path: &str) -> Option<Value> {
     let script = "import json, sys, yaml; json.dump(yaml.safe_load(open(sys.argv[1])), sys.stdout)";
     let named = ["RELIEF_MANIFESTS_PYTHON", "RELIEF_PEERS_PYTHON"].into_iter().filter_map(std::env::var_os);
@@ -34,7 +33,7 @@ fn the_compose_file_is_yaml_whose_parts_fit_together() {
         ["nginx", "postgres", "server-1", "server-2"]
     );
     let nginx = services["nginx"]["environment"].as_object().unwrap();
-    // What the template has to be filled in with is set, and nothing else is.
+    // The variables of the template are set, and no others.
     let template = std::fs::read_to_string(root().join("scripts/nginx/relief.conf.template")).unwrap();
     let mut wanted: Vec<&str> =
         template.split("${").skip(1).map(|rest| rest.split_once('}').unwrap().0).collect();

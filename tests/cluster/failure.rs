@@ -1,5 +1,5 @@
-//! Two servers behind nginx, one of which is killed while frames are asked for and annotations are
-//! made.
+//! Two servers behind nginx, one of which is killed during requests for frames and edits of
+//! annotations.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Mutex;
@@ -52,7 +52,7 @@ fn point(id: &str, name: &str) -> Value {
         "item": { "id": id, "name": name, "geometry": { "kind": "point", "at_mm": [1.0, 2.0, 3.0] } } }] })
 }
 
-/// Makes landmarks until told to stop; gives the ids of those that were acknowledged.
+/// Makes landmarks until it is stopped; returns the ids of the acknowledged ones.
 fn annotate(address: &str, volume: &str, is_over: &AtomicBool, retries: &AtomicUsize) -> Vec<String> {
     let mut made = Vec::new();
     while !is_over.load(Ordering::SeqCst) {
@@ -60,7 +60,7 @@ fn annotate(address: &str, volume: &str, is_over: &AtomicBool, retries: &AtomicU
         let body = point(&id, &format!("p{}", made.len())).to_string();
         let line = format!("POST /v1/volumes/{volume}/annotations");
         let answer = persistent(address, &line, "Relief-Author: anna\r\n", &body, retries);
-        // One that was made without an answer is there already: made once all the same.
+        // The landmark exists already, although its answer was lost: it was made once.
         assert!(matches!(answer.status, 201 | 409), "{}", String::from_utf8_lossy(&answer.body));
         made.push(id);
         std::thread::sleep(Duration::from_millis(20));
@@ -145,7 +145,7 @@ fn storm(cluster: &Cluster, volume: &str, paths: &[String], expected: &HashMap<&
                         return;
                     }
                     let path = &paths[i * 7 % paths.len()];
-                    // Every other one past nginx's cache, as a picture that nobody has seen.
+                    // Every other request bypasses nginx's cache, because its picture is new.
                     let headers = if i % 2 == 0 { "Cache-Control: no-cache\r\n" } else { "" };
                     let answer = persistent(all, &format!("GET {path}"), headers, "", &retries);
                     let right = &expected[path];

@@ -2,7 +2,7 @@
 //! `scripts/serve-cluster` on loopback.
 //!
 //! Needs an adapter, nginx and PostgreSQL (`scripts/setup-services`, `scripts/setup-postgres`, `.
-//! scripts/env.sh`); what is missing is said aloud.
+//! scripts/env.sh`); a message names what is missing.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(target_os = "linux")]

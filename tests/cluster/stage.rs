@@ -26,7 +26,7 @@ fn has_program(name: &str, variable: &str, usual: &[&str]) -> bool {
     on_path || std::env::var_os(variable).is_some() || usual.iter().any(|place| Path::new(place).exists())
 }
 
-/// Whether all is there that a cluster needs; says aloud what is not.
+/// Whether everything for a cluster is available; prints what is missing.
 pub(crate) fn can_run(what: &str) -> bool {
     if !has_program("nginx", "RELIEF_NGINX", &["/usr/sbin/nginx"]) {
         eprintln!("SKIPPED: {what} (no nginx; scripts/setup-services gets it)");
@@ -53,7 +53,7 @@ pub(crate) fn phantom(folder: &Path, kind: &str) -> PathBuf {
     series
 }
 
-/// A process that is told to stop with this value.
+/// A process that is stopped when this value is dropped.
 pub(crate) struct Process(Child);
 
 impl Process {
@@ -136,8 +136,8 @@ impl Cluster {
     }
 }
 
-/// A port that is free, as are those behind it; below those that systems give to whoever asks for
-/// any, or one of them would be taken before it is used.
+/// A free port followed by free ports. They lie below the range from which systems assign ports,
+/// because an assigned one could be taken before it is used.
 fn free_ports() -> u16 {
     const FIRST: u32 = 20_000;
     const RUNS: u32 = 1500;

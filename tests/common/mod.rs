@@ -1,5 +1,5 @@
-//! Shared by the tests: the software adapter, where real data lie, and how the lack of either is
-//! said.
+//! Shared by the tests: the software adapter, the location of real data, and messages if either is
+//! missing.
 //!
 //! Data stay outside of the repository, in `../shared/data`; archives are unpacked once into
 //! `.relief/data`.

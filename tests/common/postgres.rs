@@ -91,7 +91,7 @@ impl Server {
         self.admin("postgres").await.execute(sqlx::AssertSqlSafe(create)).await.unwrap();
     }
 
-    /// `kill -9` of the server, and another one on what it left.
+    /// `kill -9` of the server, and a new one with the same data.
     pub(crate) async fn crash(&mut self) {
         self.process.kill().unwrap();
         self.process.wait().unwrap();
@@ -145,7 +145,7 @@ fn is_root() -> bool {
     false
 }
 
-/// PostgreSQL refuses to run as root: it gets the user `nobody` then.
+/// PostgreSQL refuses to run as root, so it runs as the user `nobody`.
 fn as_nobody(program: &Path) -> Command {
     if !is_root() {
         return Command::new(program);

@@ -1,5 +1,5 @@
-//! Limits on memory and work: what a small file claims or unpacks to is refused before it is
-//! allocated.
+//! Limits on memory and work: a size that a small file claims or unpacks to is refused before
+//! memory is allocated.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use crate::dicom::made;
@@ -66,7 +66,7 @@ fn frames_that_are_only_claimed_are_refused() {
     );
     let message = error.to_string();
     assert!(message.contains("needs 8388480 MiB") && message.contains("16384 MiB are allowed"), "{message}");
-    // The largest image that attributes can express is none that is decoded.
+    // The largest image that attributes can express is not decoded.
     let folder = folder_of(&made::compressed(65_535, [65_535; 2], vec![0; 1 << 19]));
     let error = load_within(u64::MAX, folder.path()).unwrap_err().to_string();
     assert!(error.contains("found a frame of 65535 x 65535 pixels, expected at most 67108864"), "{error}");
@@ -86,7 +86,7 @@ fn a_file_that_shrinks_between_its_header_and_its_pixels_is_an_error() {
     }
 }
 
-/// A zip of one entry whose size, in the zip's directory, is said to be `claimed`.
+/// A zip of one entry whose size in the zip's directory is `claimed`.
 fn zip_with_claim(content: &[u8], claimed: Option<u32>) -> Vec<u8> {
     let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     writer.start_file("slice.dcm", zip::write::SimpleFileOptions::default()).unwrap();

@@ -137,7 +137,7 @@ fn load_damaged_copies(bytes: &[u8], name: &str, seed: u64, copies: usize) {
     let mut random = seed;
     for copy in 0..copies {
         let mut damaged = bytes.to_vec();
-        // Every other copy is damaged in its header alone, which is a small part of most files.
+        // Every other copy is damaged only in its header, which is a small part of most files.
         let end = if copy % 2 == 0 { bytes.len() } else { bytes.len().min(1400) };
         for _ in 0..3 {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -99,7 +99,7 @@ fn a_file_shifted_by_one_byte_is_not_dicom() {
 #[test]
 fn a_slice_without_meta_information_is_read_by_a_guess() {
     let Some(quirks) = quirks("a slice without meta information") else { return };
-    // What `no_meta.dcm` set out to be: the data set alone.
+    // The purpose of `no_meta.dcm`: only the data set.
     let bytes = fs::read(quirks.join("no_meta.dcm")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("bare.dcm"), &bytes[1..]).unwrap();

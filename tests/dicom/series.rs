@@ -92,8 +92,8 @@ fn totalseg_abdomen_with_empty_uids_is_as_pydicom_reads_it() {
     check_regular("totalseg-abdomen-j2k");
 }
 
-/// The centre of what is denser than `threshold_hu` within `radius_mm`, found by moving the window
-/// to its own centre.
+/// The centre of the voxels above `threshold_hu` within `radius_mm`, found by moving the window to
+/// its own centre.
 fn settle(loaded: &Loaded, start: DVec3, radius_mm: f64, threshold_hu: i16) -> (DVec3, f64) {
     let grid = loaded.volume.grid();
     let [nx, ny, nz] = grid.dims();
@@ -193,7 +193,7 @@ fn catphan_nodes_lie_where_they_were_measured() {
 }
 
 /// Heads scanned in two blocks of different gaps, tilted: no feature was measured, but every slice
-/// tells where bone is.
+/// shows the position of bone.
 #[test]
 fn bone_of_a_tilted_uneven_head_stays_where_the_slices_have_it() {
     let name = "head-ge-varspacing-tilt";

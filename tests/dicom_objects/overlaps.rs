@@ -60,7 +60,7 @@ fn segments_that_overlap_come_back_whole() {
         assert_eq!(count, voxels, "{name}");
         assert!(apart(&positions(map, name), &positions(known, name)) < 1e-6, "{name}");
     }
-    // As one map, what lies over another hides it, and that is said.
+    // In a single map the upper segment hides the lower one, with a warning.
     let flat = read_segmentation(LoadLimits::default(), &bytes).unwrap();
     assert_eq!(flat.map.labelled_voxels(), 7 * 8 * 5 + 4 + 1, "{:?}", flat.warnings);
     assert!(flat.warnings[0].contains("overlap"), "{:?}", flat.warnings);

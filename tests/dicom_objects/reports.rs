@@ -1,5 +1,5 @@
-//! Reports that Relief writes, read by Relief: what is in them, what is told of what is not, and
-//! that nobody is named.
+//! Reports that Relief writes, read by Relief: their content, the reported losses, and the absence
+//! of names of patients.
 
 use relief_annotation::{FrameOfReference, Geometry, Item, State};
 use relief_dicom::{ReportError, ReportReadOptions, ReportWriteOptions, WrittenReport};

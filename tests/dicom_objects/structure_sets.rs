@@ -85,7 +85,7 @@ fn a_tumour_has_its_levels_and_becomes_items() {
     assert!(!format!("{found:?}").contains("1.3.6.1"), "a UID is shown");
 }
 
-/// Filled, the contours are the region that somebody else's program made of them.
+/// Filled, the contours are the region that another program made of them.
 #[test]
 fn contours_filled_are_the_published_mask() {
     let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };

@@ -1,4 +1,4 @@
-//! Other people's programs: where they are, how they are run, and how their lack is said.
+//! Programs by others: where they are, how they are run, and the message if they are missing.
 
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
@@ -16,7 +16,7 @@ pub(crate) fn python(what: &str, script: &str, arguments: &[&Path]) -> Option<St
     Some(said(&output))
 }
 
-/// What a program wrote; it must have ended well.
+/// The output of a program that must succeed.
 fn said(output: &Output) -> String {
     let [out, err] =
         [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());

@@ -13,7 +13,7 @@ const LIMITS: DepthLimits = DepthLimits { near_mm: 100.0, far_mm: 300.0 };
 const SIZE: [u32; 2] = [960, 540];
 const BOTH: [Layout; 2] = [Layout::Declipse, Layout::DeclipseLines];
 
-/// A picture of slopes: a colour and a depth that belong to one pixel alone, more or less.
+/// A picture of slopes: each pixel has a nearly unique colour and depth.
 fn layer(seed: u32) -> (Vec<[u8; 4]>, Vec<f32>) {
     let pixel = |i: u32| {
         let (x, y) = (i % SIZE[0], i / SIZE[0]);

@@ -35,8 +35,8 @@ fn a_median_removes_what_is_smaller_than_half_of_its_window() {
     for outlier in [150.0, 800.0, MISS] {
         let one = picture(size, |x, y| if (x, y) == (9, 8) { outlier } else { 400.0 });
         let corner = picture(size, |x, y| if (x, y) == (0, 0) { outlier } else { 400.0 });
-        // Twelve of twenty-five pixels: what the larger window just removes, and the smaller does
-        // not.
+        // Twelve of twenty-five pixels: the larger window just removes them, and the smaller one
+        // does not.
         let twelve =
             picture(size, |x, y| if (8..11).contains(&x) && (7..11).contains(&y) { outlier } else { 400.0 });
         let flat = vec![400.0; one.len()];
@@ -111,7 +111,7 @@ fn clear_edge_moves_depth_edges_onto_colour_edges() {
     }
 }
 
-/// What a display does between pixels: the depth at every quarter of a pixel, linear between the
+/// The interpolation of a display: the depth at every quarter of a pixel, linear between the
 /// middles of pixels.
 fn interpolated(depth: &[f32], x: i32, y: i32) -> f64 {
     let (u, v) = (f64::from(x) / 4.0, f64::from(y) / 4.0);
@@ -342,8 +342,8 @@ fn numpy_and_vtk_have_the_same_numbers() {
     }
 }
 
-/// Not a test of speed: it prints what a frame of 960x540 costs, so that docs/DEPTH.md's numbers
-/// can be had again.
+/// Not a test of speed: it prints the cost of a frame of 960x540, from which the figures of
+/// docs/DEPTH.md come.
 #[test]
 fn a_frame_of_a_display_is_filtered_in_one_go() {
     let size = [960, 540];

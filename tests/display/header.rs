@@ -77,7 +77,7 @@ fn public_vectors_decode_and_encode() {
     }
 }
 
-/// The checksum of this public vector is right, so what it means is told, and what is wrong.
+/// The checksum of this public vector is right, so its fields and its errors are reported.
 #[test]
 fn a_public_vector_with_a_reserved_bit_decodes_with_the_problem_named() {
     let stereo = HeaderReading::of_bytes(&bytes("F10140801000D47C48BC"));

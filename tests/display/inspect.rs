@@ -1,4 +1,4 @@
-//! The inspection: whole frames are told by their layout, damaged ones by what is wrong.
+//! The inspection: intact frames are recognized by layout, damaged ones by their errors.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use std::io::Cursor;
@@ -266,7 +266,7 @@ fn files_that_are_no_whole_png_are_refused() {
     assert!(matches!(inspect_png(b""), Err(InspectError::NotPng(_))));
 }
 
-/// Told from IHDR alone: a file of a few bytes must not make the decoder allocate gigabytes.
+/// Decided from IHDR only: a file of a few bytes must not make the decoder allocate gigabytes.
 #[test]
 fn a_picture_that_is_too_large_is_refused_before_it_is_decoded() {
     let mut png = encode_png(&Frame::new([1, 1], Pixels::Rgb8(vec![1, 2, 3])).unwrap()).unwrap();

@@ -1,5 +1,4 @@
-//! The `display` object of a request: the documented example, its defaults, and what is refused and
-//! how.
+//! The `display` object of a request: the documented example, its defaults, and its errors.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use relief_base::DepthLimits;

@@ -70,8 +70,8 @@ fn without_a_baseline_every_view_is_the_picture_byte_for_byte() {
 /// Invariant: A synthesised view straight ahead equals the picture, planes move rigidly, slopes
 /// have no cracks, and holes have the correct width.
 ///
-/// A plane moves as a whole, by what the formula says, whatever part of a pixel that is: between
-/// pixels the picture is linear.
+/// A plane moves as a whole by the formula's shift, also by fractions of a pixel: between pixels
+/// the picture is linear.
 #[test]
 fn a_plane_at_one_depth_moves_rigidly_by_the_exact_amount() {
     for (d, factor, eye) in [(255, 64, 1.0), (255, 64, -0.37), (0, 64, 0.5), (200, 255, 2.0), (128, 255, 7.0)]
@@ -89,7 +89,7 @@ fn a_plane_at_one_depth_moves_rigidly_by_the_exact_amount() {
                 assert!(off < 0.6, "D {d}, eye {eye}, pixel {x}: {seen} for {expected}");
             }
         }
-        // What comes in from the side is the picture's edge, not black.
+        // The edge of the picture fills the side, not black.
         assert!(view.iter().all(|color| color.iter().all(|channel| *channel >= 27)));
     }
 }
@@ -150,7 +150,7 @@ fn a_hole_is_as_wide_as_the_shifts_differ_and_shows_the_background_alone() {
                 );
             }
         }
-        // With a second layer of another colour, the hole alone is of that colour.
+        // With a second layer of another colour, only the hole has that colour.
         let behind = line(|_| ([10, 255, 200], 40));
         let view = seen(&scene, Some(&behind), factor, eye);
         let hole: f64 = view

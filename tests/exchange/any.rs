@@ -6,7 +6,7 @@ use proptest::sample::Index;
 use super::{TEXTS, everything, read, write};
 use relief_exchange::Format;
 
-/// What is done to a good file: bytes changed, cut, said twice, or words put in that formats know.
+/// Changes to a good file: changed bytes, cuts, repetitions, and words that formats know.
 #[derive(Clone, Debug)]
 enum Blow {
     Set(Index, u8),

@@ -34,7 +34,7 @@ impl Bench {
         command.args(["annotate", "--db"]).arg(self.path("ann.db")).args(arguments).output().unwrap()
     }
 
-    /// What a command prints with `--json`.
+    /// The output of a command with `--json`.
     fn json(&self, arguments: &[&str]) -> Value {
         let output = self.run(&[arguments, &["--json"]].concat());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -161,7 +161,7 @@ fn what_was_edited_elsewhere_changes_what_it_was() {
         (&again["created"], &again["updated"], &again["unchanged"]),
         (&0.into(), &0.into(), &10.into())
     );
-    // As 3D Slicer saves it: without what is Relief's own, and with a point moved.
+    // As 3D Slicer saves it: without Relief's own properties, and with a moved point.
     let mut file: Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
     let lists = file["markups"].as_array_mut().unwrap();
     lists.retain(|markup| markup["type"] == "Fiducial" && markup["name"] == "skull");
@@ -205,8 +205,7 @@ fn what_was_edited_elsewhere_changes_what_it_was() {
 /// Invariant: Importing a file twice creates no copies unless requested, and reports the items that
 /// were there.
 ///
-/// What is there already stays as it is, and that is said; copies are made where somebody asks for
-/// them.
+/// Existing items stay unchanged and are counted; copies are made on request.
 #[test]
 fn nothing_comes_in_twice_by_itself() {
     let bench = Bench::new();
@@ -222,8 +221,8 @@ fn nothing_comes_in_twice_by_itself() {
         let again = bench.json(&["import", &out]);
         let held = again["files"][0]["items"].as_u64().unwrap();
         assert!(held > 0);
-        // Tables and lists have not every letter of a text: what differs by that is there all the
-        // same.
+        // Tables and lists cannot hold every character of a text: items that differ only in those
+        // count as existing.
         let differ = again["skipped"].as_u64().unwrap();
         assert!(differ <= u64::from(format != Format::MrkJson), "{format}: {again}");
         assert_eq!(counts(&again), [0, 0, held - differ, differ].map(Value::from), "{format}");
@@ -237,7 +236,7 @@ fn nothing_comes_in_twice_by_itself() {
         assert!(said.contains(&told), "{said}");
         assert_eq!(bench.items(), before, "{format}");
     }
-    // One was moved elsewhere: it is left, and told.
+    // One was moved in the log: it stays, and is counted.
     let out = bench.path("skull.mrk.json").display().to_string();
     bench.json(&["export", "--format", "mrk.json", "--out", &out, "--list", "skull"]);
     let mut file: Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();

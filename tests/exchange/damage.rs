@@ -1,5 +1,4 @@
-//! What is wrong with a file is said, with its line or path; nothing makes a reader panic or ask
-//! for memory beyond measure.
+//! Errors of a file name its line or path; no file makes a reader panic or allocate without limit.
 
 use super::{CONTEXT, TEXTS, everything, read, refused, write};
 use relief_annotation::FrameOfReference;
@@ -104,7 +103,7 @@ fn relief_s_own_properties_are_checked_like_any_other() {
             assert!(message.contains(part), "{message:?} lacks {part:?}");
         }
     }
-    // A place that is there says more than the state beside it.
+    // A position overrides the state beside it.
     let contrary = read(Format::MrkJson, with(r#"{"state": "skipped"}"#)).unwrap();
     assert_eq!(contrary.items[0].state, relief_annotation::State::Defined);
 }
@@ -293,7 +292,7 @@ fn files_that_are_too_large_are_refused_before_they_cost_anything() {
     let mut rows = "label,l,p,s\n".to_owned();
     rows += &"a,1,2,3\n".repeat(100_001);
     assert!(refused(Format::Csv, rows).contains("100001 items, allowed: at most 100000"));
-    // Deep nesting where nobody looks.
+    // Deep nesting in a key that is not read.
     let deep = points("{}")
         .replace("\"type\"", &format!("\"x\": {}1{}, \"type\"", "[".repeat(100_000), "]".repeat(100_000)));
     let _ = read(Format::MrkJson, deep);

@@ -1,5 +1,5 @@
-//! Annotations in the files of other tools: what is written is read again, what others write is
-//! read where it lies, and damaged files are refused with their place.
+//! Annotations in the files of other tools: round trips, files of others at their places, and
+//! damaged files refused with the position of the error.
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![expect(clippy::unwrap_used, reason = "a test ends at what it did not expect")]
 
@@ -48,7 +48,7 @@ fn write(format: Format, items: &[Item]) -> Result<ExportedFile, ExchangeError> 
     relief_exchange::write(format, items, &WriteContext { contents: &|_| None, grid: None, series: None })
 }
 
-/// What is said of a file that is refused.
+/// The error of a refused file.
 fn refused(format: Format, bytes: impl AsRef<[u8]>) -> String {
     read(format, bytes).unwrap_err().to_string()
 }

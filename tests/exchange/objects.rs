@@ -36,7 +36,7 @@ fn a_report_needs_a_series_and_comes_back_with_its_points() {
     let refused = relief_exchange::read(Format::Sr, &written.bytes, &elsewhere).unwrap_err().to_string();
     assert!(refused.contains("another one than the series'"), "{refused}");
     assert!(!refused.contains(&frame.0) && !refused.contains("1.2.3.4"), "a UID leads to a patient");
-    // What a report cannot hold is told of each item.
+    // Losses of a report are listed for each item.
     let context = WriteContext { contents: &|_| None, grid: None, series: Some(&series.reference) };
     let written = relief_exchange::write(Format::Sr, &own(everything()), &context).unwrap();
     let lost: usize =

@@ -8,8 +8,8 @@ use super::{CONTEXT, asymmetric, everything, landmark, read, same, write};
 use relief_annotation::{Geometry, Item, State, measures};
 use relief_exchange::Format;
 
-/// Reads each markup of `ours.mrk.json` with Slicer's own reader, tells of it, and has Slicer write
-/// it; the same with `ours.fcsv` and `ours.csv`.
+/// Reads each markup of `ours.mrk.json` with Slicer's own reader, prints its properties, and has
+/// Slicer write it; the same with `ours.fcsv` and `ours.csv`.
 const SLICER: &str = r"
 import json, os, sys, slicer, vtk
 folder = sys.argv[1]
@@ -64,7 +64,7 @@ assert logic.ExportControlPointsToCSV(table, os.path.join(folder, 'slicer-ras.cs
 print(json.dumps({'markups': nodes, 'fcsv': described(old), 'csv': described(table)}))
 ";
 
-/// The last line that a script prints, as JSON; `None` after saying aloud why there is none.
+/// The last line that a script prints, as JSON; `None` with a message if the script cannot run.
 pub(super) fn told(what: &str, script: &str, folder: &Path, needs_slicer: bool) -> Option<serde_json::Value> {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {
         eprintln!("SKIPPED: {what} (RELIEF_PEERS_PYTHON is not set)");
@@ -172,7 +172,7 @@ fn slicer_reads_ours_and_we_read_slicer_s() {
     }
 }
 
-/// What Slicer tells of a markup of ours, and what is in the file that it wrote of it.
+/// Slicer's properties of one of our markups, and the file that Slicer wrote.
 fn check_markup(items: &[Item], markup: &serde_json::Value, back: &[Item]) {
     let found = markup["points"].as_array().unwrap();
     if markup["class"] == "vtkMRMLMarkupsFiducialNode" {

@@ -1,5 +1,4 @@
-//! What is written is read again: the same points and texts, and all else that the format has a
-//! place for.
+//! Round trips: the same points and texts, and everything else that the format can hold.
 
 use proptest::prelude::*;
 
@@ -152,7 +151,7 @@ fn a_context_gives_what_a_file_does_not_say() {
     }
 }
 
-/// Texts as people type them, and as nobody does.
+/// Usual texts and unusual ones.
 fn words(least: usize, most: usize) -> impl Strategy<Value = String> {
     let letter = prop_oneof![
         4 => proptest::char::range('a', 'z'),
@@ -181,7 +180,7 @@ fn any_point() -> impl Strategy<Value = Item> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
-    /// Whatever people call their points: each format gives back what it holds.
+    /// Any names of points: each format returns what it can hold.
     #[test]
     fn points_come_back(mut items in proptest::collection::vec(any_point(), 1..12)) {
         for (order, item) in (0..).zip(&mut items) {

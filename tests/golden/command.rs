@@ -1,5 +1,5 @@
-//! `relief golden` as developers run it, on folders of its own: statuses, what it leaves, what it
-//! says, who writes.
+//! `relief golden` as developers run it, in its own folders: statuses, files, output, and which
+//! command writes.
 //!
 //! Most of it needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails;
 //! otherwise a test says that it skipped.

@@ -1,9 +1,9 @@
 //! The golden images of this repository: rendered anew, and held against a renderer that did not
 //! make them.
 //!
-//! Needs a software adapter for the first. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails;
-//! otherwise the test says that it skipped. The second needs none: goldens were approved by looking
-//! at them, and the f64 twin sees to it that what was looked at is also right to the last step.
+//! The first test needs a software adapter. Without one it fails if `RELIEF_REQUIRE_ADAPTER=1`, and
+//! prints a message otherwise. The second test needs none: goldens were approved by eye, and the
+//! f64 twin verifies that they are also right to the last step.
 #![allow(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 use crate::common;
@@ -78,7 +78,7 @@ fn every_golden_agrees_with_the_f64_twin() {
     assert!(wrong.is_empty(), "{} goldens are not what the twin renders:\n{}", wrong.len(), wrong.join("\n"));
 }
 
-/// What the twin has for one aspect of a case.
+/// The twin's picture for one aspect of a case.
 fn twin_picture(scene: &Scene, frame: &RenderedFrame, aspect: Aspect) -> Raster {
     let samples = match aspect {
         Aspect::Color => Samples::Color(frame.color_rgba.clone()),
@@ -113,7 +113,7 @@ fn every_suite_and_every_view_is_there() {
 
 /// Invariant: A depth rule changes no colour and puts the depth where its definition says.
 ///
-/// The three depth cases differ in their rule alone, and the rule must show.
+/// The three depth cases differ only in their rule, and the rule must have an effect.
 #[test]
 fn depth_rules_lie_behind_one_another() {
     let read = |name: &str| {

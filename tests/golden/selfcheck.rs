@@ -53,7 +53,7 @@ fn strictly(expected: &Raster, actual: &Raster) -> Comparison {
     compare(expected, actual, &Tolerance::STRICT)
 }
 
-/// A channel moved by so many steps, to the side where there is room.
+/// A channel moved by this many steps, to the side with room.
 fn moved(byte: u8, steps: u8) -> u8 {
     byte.checked_add(steps).unwrap_or(byte.wrapping_sub(steps))
 }
@@ -217,8 +217,8 @@ fn is_round(case: &Case) -> bool {
     case.id().to_string() == "composite/coarse-steps"
 }
 
-/// The volume with its voxels taken from elsewhere: what a reader that mixes up axes or directions
-/// makes of it.
+/// The volume with its voxels taken from elsewhere, as by a reader that mixes up axes or
+/// directions.
 fn rearranged(volume: &Volume, source: impl Fn([usize; 3]) -> [usize; 3]) -> Volume {
     let [nx, ny, nz] = volume.grid().dims();
     let indices = (0..nx * ny * nz).map(|n| [n % nx, n / nx % ny, n / (nx * ny)]);

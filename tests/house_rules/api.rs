@@ -73,7 +73,7 @@ fn declared(line: &str) -> Option<String> {
     (kind != "use").then(|| name.to_owned())
 }
 
-/// Adds what a file says about the items.
+/// Adds the public items of a file.
 fn read(text: &str, items: &mut BTreeMap<String, Item>) {
     let lines: Vec<&str> = text.lines().collect();
     let mut of = None;

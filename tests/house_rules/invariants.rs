@@ -47,7 +47,7 @@ fn tagged(text: &str) -> Vec<(String, String)> {
         } else if line == "///" {
             is_inside = false;
         } else if !line.starts_with("#[") && !open.is_empty() {
-            // In a list from which a macro makes tests, the name stands alone.
+            // In a list from which a macro makes tests, only the name is given.
             let name = line.split_once("fn ").map_or(line, |(_, rest)| rest);
             let name: String = name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
             found.extend(open.drain(..).map(|invariant| (invariant, name.clone())));

@@ -123,7 +123,7 @@ pub(super) fn shaders_parse(files: &[File]) -> Vec<String> {
     // One of the tables joins each stage: with none of them a stage has to do without.
     let (tables, stages): (Vec<_>, Vec<_>) =
         others.into_iter().partition(|file| file.path.starts_with("shaders/table/"));
-    // A folder beside a stage has parts of that stage alone.
+    // A folder beside a stage has parts of that stage only.
     let (parts, stages): (Vec<_>, Vec<_>) =
         stages.into_iter().partition(|file| file.path.matches('/').count() > 1);
     let parts_of = |stage: &str| -> String {

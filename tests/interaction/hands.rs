@@ -1,4 +1,4 @@
-//! Holding the volume, by intents: what is grabbed stays under the hand.
+//! Holding the volume, by intents: the grabbed point stays under the hand.
 
 use glam::{DQuat, DVec3, EulerRot};
 use relief_base::{Patient, Point};
@@ -103,7 +103,7 @@ fn releases_keep_and_grabs_do_not_jump() {
     assert_eq!(session.camera(), kept, "a grab is one step");
 }
 
-/// Somebody turns the view by mouse while a hand holds it: the hand goes on from there.
+/// The mouse turns the view while a hand holds it: the hand continues from there.
 #[test]
 fn others_may_change_what_a_hand_holds() {
     let mut session = session();

@@ -1,5 +1,5 @@
-//! From hands to views, from outside: what intents do to a view, and what a Wiimote's movements
-//! mean, against closed forms.
+//! From hands to views, from outside: the effects of intents on a view, and the gestures of a
+//! Wiimote, against closed forms.
 #![expect(clippy::unwrap_used, reason = "a test may panic, in its helpers too")]
 
 mod any;

@@ -70,7 +70,7 @@ fn a_hand_that_turns_by_30_degrees_turns_the_view_by_30_degrees() {
             let at = |when: f64| states.iter().find(|(seconds, ..)| *seconds >= when).unwrap();
             let [before, after, end] = [0.9, 3.3, 5.9].map(|when| orientation(&at(when).1));
             let [then, now] = [0.9, 3.3].map(|when| at(when).2.orientation);
-            // view_from_patient is turned on its left by what the hand did.
+            // view_from_patient is rotated on its left by the hand's rotation.
             let turned = after.inverse() * before;
             let truth: UnitQuaternion<f64> = now * then.inverse();
             assert!((truth.angle().to_degrees() - 30.0).abs() < 1.0, "{truth}");
@@ -96,12 +96,12 @@ fn hidden_leds_freeze_the_view_and_it_goes_on_without_a_jump() {
     let steps = states.windows(2).map(|pair| orientation(&pair[0].1).angle_between(orientation(&pair[1].1)));
     let largest = steps.fold(0.0, f64::max).to_degrees();
     assert!(largest < 2.0, "a jump of {largest} degrees");
-    // What the hand did while it was not seen is not made up for.
+    // Movements of the hand while it was not visible are not applied later.
     let turned = orientation(&states.last().unwrap().1).angle_between(orientation(&states[0].1)).to_degrees();
     assert!((8.0..26.0).contains(&turned), "{turned}");
 }
 
-/// What the documentation of the options says: errors of a pose turn about the beacon, so a tip
+/// As the documentation of the options says: errors of a pose rotate about the beacon, so a tip
 /// there is steady.
 #[test]
 fn a_tip_at_the_beacon_is_ten_times_steadier() {

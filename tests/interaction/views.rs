@@ -155,8 +155,7 @@ fn presets_are_a_ring() {
     assert_eq!(session.state.preset(), Some("skin"));
 }
 
-/// A pixel means what was seen there, by the camera of the picture, also when the view has gone on
-/// since.
+/// A pixel refers to the displayed picture and its camera, also if the view has moved since.
 #[test]
 fn the_cursor_goes_to_what_is_seen_at_a_pixel() {
     for vertical_fov_deg in [22.0, 0.0] {

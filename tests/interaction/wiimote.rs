@@ -196,7 +196,8 @@ fn what_is_not_tracked_moves_nothing() {
     remote.at(80, elsewhere + DVec3::X * 5.0, DQuat::from_rotation_z(1.0) * level());
     let moved = remote.session.camera().look_at().distance(frozen.look_at());
     assert!((moved - 5.0).abs() < 1e-9, "{moved}");
-    // A pose without the state is none, and B that is let go while nothing is seen lets go.
+    // A pose without the state `tracking` is ignored, and releasing B while nothing is visible
+    // releases the volume.
     let pose = HandPose::new([0.0; 3], [0.0, 0.0, 0.0, 1.0]).ok();
     remote.track(HandSample { t_ns: 100_000_000, state: TrackingState::Ambiguous, pose });
     assert_eq!(remote.hold(110, Buttons::default()), [Intent::Release {}]);
@@ -321,7 +322,7 @@ fn home_centres_the_hand() {
     assert_near(remote.session.in_view(remote.cursor()), DVec3::ZERO, 1e-9, "the focal point");
 }
 
-/// What comes late or twice is left out; a clock that begins anew does not stop the remote.
+/// Late and repeated reports are skipped; a clock that restarts does not stop the remote.
 #[test]
 fn time_orders_what_comes() {
     let mut remote = Remote::new(exact());

@@ -24,8 +24,8 @@ fn arguments(manifest: &str) -> Vec<String> {
 /// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
 /// manifests.
 ///
-/// What they name is not on this machine, so the commands fail; but with 1 and not with 2, which is
-/// for wrong arguments.
+/// Their files are not on this machine, so the commands fail; but with status 1 and not with 2,
+/// which is for wrong arguments.
 #[cfg(feature = "cluster")]
 #[test]
 fn relief_takes_the_command_lines_of_the_manifests() {
@@ -66,7 +66,7 @@ fn schemas_take_the_manifests() {
         assert_eq!(replaced, arguments(&std::fs::read_to_string(path).unwrap()), "{}", path.display());
     }
 
-    // The check itself: what is wrong is found.
+    // The check itself: it finds errors.
     let good = std::fs::read_to_string(&manifests()[0]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     for (n, (from, to)) in [

@@ -1,5 +1,5 @@
-//! What is wrong with a file is said; nothing makes the reader panic or ask for memory that the
-//! file does not fill.
+//! Errors of a file are reported; no file makes the reader panic or allocate memory that the file
+//! does not fill.
 
 use super::{NRRD_FIELDS, file_of, gzipped, labels_of, nifti, nrrd};
 
@@ -78,7 +78,7 @@ fn flipped_bits_end_in_an_error_or_a_map() {
 /// files that claim too much, end in an error.
 #[test]
 fn files_that_claim_more_than_they_hold_cost_what_they_hold() {
-    // 2^30 voxels claimed, six there: cut short, and no gigabyte is asked for on the way.
+    // 2^30 voxels claimed, six present: cut short, without an allocation of a gigabyte.
     let huge = nifti([1024, 1024, 1024], &[1; 6]);
     let refused = labels_of("huge.nii", &huge).unwrap_err();
     assert!(refused.contains("found 6 bytes, expected 1073741824"), "{refused}");

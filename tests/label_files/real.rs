@@ -104,7 +104,7 @@ fn segmentations_of_3d_slicer_have_their_names_and_overlapping_ones_all_segments
     let names: Vec<_> = overlapping.map.segments().iter().filter_map(|s| s.name.as_deref()).collect();
     assert_eq!(names.last(), Some(&"overlapping sphere"));
     let counts: Vec<u64> = overlapping.map.counted().map(|(_, voxels)| voxels).collect();
-    // Label 1 of both layers together: what the ribs lose to the sphere is overlap.
+    // Label 1 of both layers together: the ribs lose the overlap to the sphere.
     assert_eq!(counts[7], 27_626 - 8_487, "the sphere is whole, in the later layer");
     assert!(counts[..7].iter().zip(map.counted()).all(|(now, (_, alone))| *now <= alone));
     assert_eq!(overlapping.warnings.len(), 2, "{:?}", overlapping.warnings);

@@ -54,8 +54,8 @@ fn document_description_and_code_have_the_same_header() {
     }
 }
 
-/// Every field of the table is where the encoder puts it: a change of it changes its bytes and the
-/// checksum alone.
+/// The encoder puts every field where the table has it: a change of the field changes its bytes and
+/// the checksum, and no others.
 #[test]
 fn the_encoder_puts_every_field_where_the_table_has_it() {
     let base = FrameHeader { color_bytes: 1, depth_bytes: 1, full_px: [9, 9], ..header() };
@@ -167,8 +167,7 @@ fn every_example_is_read_and_written_and_their_keys_are_those_described() {
     }
 }
 
-/// Whether what was written has all that the example has; what has a default may be there beside
-/// it.
+/// Whether the written object has all keys of the example; keys with a default may be added.
 fn same(written: &Value, example: &Value) -> bool {
     match (written, example) {
         (Value::Number(a), Value::Number(b)) => (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-12,

@@ -57,8 +57,8 @@ fn erf(x: f64) -> f64 {
 /// search, or reports that it found nothing.
 #[test]
 fn a_balls_surface_is_met_along_rays_and_at_its_nearest_point() {
-    // Sharp edges come out of straight lines between voxels wrong by up to 0.086 voxel, whoever
-    // draws them; soft ones do not.
+    // Linear interpolation between voxels displaces sharp edges by up to 0.086 voxel in any
+    // program; soft edges stay.
     let sharp = (common::volume(PhantomKind::Sphere, 256), 80.0, [0.05, 0.1, 0.7]);
     let soft = (soft_ball(15.0, 0.8, 0.9), 15.0, [0.02, 0.04, 0.1]);
     for (volume, radius_mm, [rms_limit, worst_limit, aside_limit]) in [sharp, soft] {

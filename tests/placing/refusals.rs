@@ -1,4 +1,4 @@
-//! What is refused, and how it is said.
+//! Refused requests and their errors.
 
 use crate::common;
 use relief_annotation::{Snap, SnapFeature};

@@ -1,4 +1,4 @@
-//! Simulated readers: what the comparison says is what they were made with.
+//! Simulated readers: the comparison returns the parameters of the simulation.
 
 use relief_annotation::{Geometry, Item, State};
 use relief_base::Point;
@@ -95,8 +95,8 @@ fn readers_of_known_bias_and_variance_are_told_as_they_are() {
     assert!((icc.single_deviation - single).abs() < 0.03, "{icc:?}, expected {single}");
 }
 
-/// Without a truth errors are told from the readers' mean: with two of them, half of their
-/// distance.
+/// Without a reference set, errors are measured from the readers' mean: with two readers, half of
+/// their distance.
 #[test]
 fn without_a_truth_the_mean_of_the_readers_is_the_reference() {
     let a =
@@ -213,8 +213,8 @@ fn what_cannot_be_compared_is_said_in_words() {
 
 /// Invariant: Statistics of readers are numbers or reasons, never NaN.
 ///
-/// One landmark, constant readers, skipped items: every figure is a number, or words say why there
-/// is none.
+/// One landmark, constant readers, skipped items: every figure is a number, or words say why it is
+/// missing.
 #[test]
 fn nothing_that_readers_do_makes_a_number_that_is_none() {
     let skipped = || Item { state: State::Skipped, ..Item::new("z", "anna", None).unwrap() };

@@ -215,7 +215,7 @@ fn what_cannot_be_compared_is_refused_in_words() {
     assert!(!one.contains("NaN"), "{one}");
 }
 
-/// Correlations and limits of the same data by pingouin, or by plain numpy where there is none.
+/// Correlations and limits of the same data by pingouin, or by numpy without it.
 #[test]
 fn figures_are_those_of_a_python_peer() {
     let test = "figures_are_those_of_a_python_peer";

@@ -1,4 +1,4 @@
-//! Pictures in bands are those of one dispatch, and one that nobody wants ends with its band.
+//! Pictures in bands equal those of one dispatch, and a cancelled one ends with its band.
 
 use std::ops::ControlFlow;
 

@@ -76,8 +76,8 @@ fn a_hole_right_through_shows_what_is_behind() {
     let mut request = slab_request(&volume, DepthRule::FirstHit);
     request.clip.sphere = Some(ClipSphere { center: Point::new(0.0, 0.0, 0.0), radius_mm: 70.0 });
     let frame = renderer.render(&volume, &request).unwrap();
-    // The slab is 100 mm thick: rays closer than sqrt(70² - 50²) mm to the axis meet the sphere
-    // alone.
+    // The slab is 100 mm thick: rays closer than sqrt(70² - 50²) mm to the axis meet only the
+    // sphere.
     for pixel in (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| [column, row])) {
         let off = pixel.map(|at| (f64::from(at) + 0.5) - f64::from(SIDE) / 2.0);
         let from_axis = off[0].hypot(off[1]);

@@ -264,7 +264,7 @@ fn alone(mut request: RenderRequest, center: DVec3) -> RenderRequest {
     request
 }
 
-/// The middle of what is visible lies where the ball's centre is by the six views' own axes.
+/// The middle of the visible pixels is the ball's centre along the six views' own axes.
 fn check_ball(frame: &RenderedFrame, axes: [DVec3; 3], center: DVec3, radius_mm: f64, what: &str) {
     let width = frame.size_px[0];
     let seen: Vec<(f64, f64, f64)> = (0u32..)

@@ -1,6 +1,6 @@
-//! Placed lights, shadows and occlusion of ray-cast modes: closed forms, the f64 twin, what they
-//! depend on and what they leave alone. Solids are 96³ voxels of 1 mm, centred; pictures look down
-//! on a floor, 1 mm a pixel, x to the right.
+//! Placed lights, shadows and occlusion of ray-cast modes: closed forms, the f64 twin, and the
+//! settings with and without effect. Solids are 96³ voxels of 1 mm, centred; pictures look down on
+//! a floor, 1 mm a pixel, x to the right.
 
 use glam::DVec3;
 
@@ -22,7 +22,7 @@ const SIDE: usize = 96;
 const FLOOR_MM: f64 = -20.0;
 /// Cells of 2 voxels.
 const CELL_MM: f64 = 2.0;
-/// Extinction per mm of what has 200 HU.
+/// Extinction per mm of a voxel of 200 HU.
 const EXTINCTION: f64 = 0.02;
 
 /// 1000 HU where `solid` is above 0 (a distance inside, mm), 200 HU where `veil` is, edges 1 mm
@@ -59,7 +59,7 @@ fn distant(direction: DVec3, size: f64) -> Light {
     Light { placement, rgb: [1.0; 3], intensity: 1.0, size }
 }
 
-/// Down on the floor, of diffuse light alone.
+/// Down on the floor, with diffuse light only.
 fn looking_down(volume: &Volume, lights: Vec<Light>, illumination: Illumination) -> RenderRequest {
     let (eye, at) = (Point::new(0.0, 0.0, 400.0), Point::new(0.0, 0.0, 0.0));
     let projection = Projection::Orthographic { height_mm: 90.0 };

@@ -1,5 +1,4 @@
-//! Words and instruments over a picture: where they stand, at which depth, and what they say of the
-//! patient's sides.
+//! Text and instruments over a picture: position, depth, and the patient's sides that they name.
 
 use glam::{DMat3, DVec2, DVec3};
 use relief_base::{Point, Vector};

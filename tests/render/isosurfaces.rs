@@ -114,8 +114,8 @@ fn a_surface_is_lit_by_the_cosine_of_its_slope() {
 /// Invariant: Isosurfaces lie where their closed forms put them, are lit by their slope, come in
 /// their order, and are open where they are cut.
 ///
-/// A red shell of 60 mm around a blue ball of 30 mm: what a ray that passes `off_mm` from the
-/// centre meets.
+/// A red shell of 60 mm around a blue ball of 30 mm: the surfaces on a ray that passes `off_mm`
+/// from the centre.
 #[test]
 fn nested_surfaces_blend_and_have_the_depth_of_the_rule() {
     let Some(mut renderer) = renderer("nested_surfaces_blend") else { return };
@@ -128,7 +128,8 @@ fn nested_surfaces_blend_and_have_the_depth_of_the_rule() {
     for (depth, within, beside) in [
         (DepthRule::FirstHit, 60.0, false),
         (DepthRule::Threshold { fraction: 0.3 }, 60.0, false),
-        // The shell alone lets 0.36 through: 0.64 in all, of which its front has 0.4.
+        // The shell by itself transmits 0.36: it absorbs 0.64 in all, of which its front absorbs
+        // 0.4.
         (DepthRule::Threshold { fraction: 0.5 }, 30.0, false),
         (DepthRule::Threshold { fraction: 0.95 }, 30.0, true),
     ] {
@@ -192,7 +193,7 @@ fn a_clipped_surface_is_open() {
     let Some(mut renderer) = renderer("a_clipped_surface_is_open") else { return };
     let volume = common::volume(PhantomKind::Sphere, 256);
     let mut request = looking_along_y(&volume, 101, &[surface(-250.0, RED, 1.0)]);
-    // What lies before y = 10 mm is cut off: one sees the far half's inside.
+    // The part before y = 10 mm is cut off, so the inside of the far half is visible.
     let plane = ClipPlane { point: Point::new(0.0, 10.0, 0.0), normal: Vector::new(0.0, 1.0, 0.0) };
     request.clip.planes.push(plane);
     let frame = renderer.render(&volume, &request).unwrap();

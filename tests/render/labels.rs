@@ -1,5 +1,5 @@
-//! Segments: each with its own transfer function, tint and visibility; what is hidden is as if it
-//! were cut off, in colour, depth and picks.
+//! Segments: each with its own transfer function, tint and visibility; a hidden segment is cut off
+//! in colour, depth and picks.
 
 use std::sync::Arc;
 
@@ -153,8 +153,8 @@ fn apart(a: &RenderedFrame, b: &RenderedFrame, depth_mm: f32) -> [f64; 2] {
 
 /// Invariant: Hiding segments cuts them off exactly, in colour, depth and picks.
 ///
-/// Hiding what lies on one side of a plane is cutting it off there: clip planes are tested against
-/// closed forms.
+/// Hiding the part on one side of a plane equals cutting it off there: clip planes are tested
+/// against closed forms.
 #[test]
 fn hiding_half_of_a_volume_is_cutting_it_off() {
     let Some(mut renderer) = renderer("hiding_half_of_a_volume") else { return };
@@ -248,7 +248,7 @@ fn what_is_hidden_throws_no_shadow() {
             Illumination { shadows: 0.9, occlusion: Occlusion { strength: 0.8, radius_mm: 24.0 } };
         let lit = RenderRequest { lights: vec![light], illumination, ..request };
         compare(&volume, &lit, &format!("shadows of segments, {edges}"));
-        // Shadows and nooks of what is hidden would darken what is left.
+        // Shadows and occlusion of hidden segments would darken the rest.
         let Some(mut renderer) = renderer("what_is_hidden_throws_no_shadow") else { return };
         let brightness = |frame: RenderedFrame| {
             let channels = frame.color_rgba.iter().flat_map(|pixel| pixel[..3].to_vec());
@@ -333,14 +333,14 @@ fn hundreds_of_segments_are_shown_and_what_changes_nothing_costs_nothing() {
     assert!(mean.labels.is_none(), "a scene that says nothing of labels is for modes without them too");
 }
 
-/// Voxels of labels 0, 1 and 2 in turn.
+/// Voxels of labels 0, 1, 2, 0, 1 and so on.
 fn striped() -> (Grid, Arc<LabelMap>) {
     let grid = Grid::axis_aligned([8; 3], [1.0; 3], [0.0; 3]).unwrap();
     let map = label_map(&grid, |[i, ..], _| (i % 3) as u16);
     (grid, map)
 }
 
-/// What is said of a scene that is refused.
+/// The error of a refused scene.
 fn refused(json: &str, map: Option<&Arc<LabelMap>>) -> String {
     let scene = SceneFile::parse(json.as_bytes());
     let (grid, _) = striped();

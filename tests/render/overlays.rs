@@ -1,4 +1,4 @@
-//! Overlays against their closed forms: outlines and depths of balls, lines, boxes; what is hidden;
+//! Overlays against their closed forms: outlines and depths of balls, lines, boxes; hidden parts;
 //! frames that decode.
 //!
 //! Pictures are those of the f64 renderer, so that most of this needs no adapter; the formulas are
@@ -363,8 +363,8 @@ fn the_bounding_box_joins_the_projected_corners() {
     for (i, pixel) in centers(size) {
         let nearest = ends.iter().map(|edge| distance(edge, pixel)).fold(f64::INFINITY, f64::min);
         let coverage = frame.color_rgba[i][3];
-        // Lines of two pixels: what is nearer than 0.25 px to an axis is covered, what is farther
-        // than 1.75 px is not.
+        // Lines of two pixels: places nearer than 0.25 px to an axis are covered, places farther
+        // than 1.75 px are not.
         assert!(nearest > 0.25 || coverage == 255, "{pixel}: {coverage} at {nearest} px");
         assert!(nearest < 1.75 || coverage == 0, "{pixel}: {coverage} at {nearest} px");
         lit += usize::from(coverage > 0);

@@ -33,7 +33,7 @@ fn along_y(height_mm: f64) -> Camera {
     Camera::new(eye, at, Vector::new(0.0, 0.0, 1.0), Projection::Orthographic { height_mm }).unwrap()
 }
 
-/// No light but what is given, no surfaces: a scattering medium alone.
+/// Only the given light, no surfaces: a scattering medium.
 fn dark(volume: &Volume, transfer: TransferFunction, camera: Camera, side_px: u32) -> RenderRequest {
     let scene = SceneFile::default().with_mode(Mode::PathTraced).with_size([side_px, side_px]);
     let request = scene.resolve(volume.grid(), &relief_volume::Orbit::default()).unwrap().request;
@@ -332,7 +332,7 @@ fn what_is_clipped_neither_shows_nor_casts_a_shadow() {
     let mut request = dark(&volume, slab_of(extinction, [1.0; 3]), along_y(20.0), 48);
     request.lights = vec![distant([0.0, 0.0, 1.0])];
     let whole = mean_light(&mut renderer, &volume, &request);
-    // The front half goes; what is left is a slab of 50 mm in the light.
+    // The front half is cut; a slab of 50 mm remains in the light.
     let plane =
         relief_render::ClipPlane { point: Point::new(0.0, 0.0, 0.0), normal: Vector::new(0.0, 1.0, 0.0) };
     request.clip.planes.push(plane);

@@ -1,6 +1,6 @@
-//! Picks against what is displayed: in every mode, by every depth rule, under every kind of clip
-//! and in every layout, a picked place lies on its pixel's ray in the depth that the frame was
-//! packed from, and that is the f64 twin's.
+//! Picks against the display: in every mode, by every depth rule, under every kind of clip and in
+//! every layout, a picked place lies on its pixel's ray at the depth from which the frame was
+//! packed, and this depth is the f64 twin's.
 
 use relief_base::{Disparity, Point, ScaledDepth, Vector, ViewDepth};
 use relief_display::{DecodedDepth, DepthFilter, DisplaySettings, Layout, Picture, decode_exr};

@@ -1,5 +1,5 @@
-//! Pre-integrated classification: a thin layer's closed form, the twin, skipping, and what a double
-//! sample distance costs.
+//! Pre-integrated classification: a thin layer's closed form, the twin, skipping, and the error at
+//! twice the sample distance.
 
 use crate::common;
 use relief_base::{Point, Vector};

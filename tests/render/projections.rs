@@ -80,7 +80,7 @@ fn clipped_values_are_no_extremes() {
         let volume = cone(sign);
         let window = Window::grey(0.0, 21000.0).translucent().unwrap();
         let mut request = looking_along_y(&volume, mode, window, 60.0);
-        // What lies behind y = 20 mm is left: the extreme is on the plane.
+        // The part behind y = 20 mm remains: the extreme is on the plane.
         let plane = ClipPlane { point: Point::new(0.0, 20.0, 0.0), normal: Vector::new(0.0, 1.0, 0.0) };
         request.clip = Clip { planes: vec![plane], ..Clip::default() };
         let frame = renderer.render(&volume, &request).unwrap();
@@ -155,8 +155,8 @@ fn rays_that_meet_nothing_show_the_background() {
         assert_eq!(frame.color_rgba[0], [51, 102, 153, 0], "{mode:?}");
         assert_eq!(frame.depth_mm[0], f32::INFINITY, "{mode:?}");
         assert!(frame.depth_mm[15 * 31 + 15].is_finite(), "{mode:?} shows the sphere");
-        // Halves of a byte, which are filled in beside what is cast, and 127.5: to even numbers
-        // everywhere.
+        // Halves of a byte in pixels filled in beside the cast ones, and 127.5: rounded to even
+        // numbers everywhere.
         request.background_rgb = [0.3, 0.7, 0.5];
         let [cast, filled] = [EmptySpaceSkipping::Off, EmptySpaceSkipping::On]
             .map(|skipping| renderer.render_with(&volume, &request, skipping).unwrap());

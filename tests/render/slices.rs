@@ -58,7 +58,7 @@ fn a_slice_through_a_ramp_is_exactly_linear_and_lies_at_one_depth() {
         for (at, [red, green, blue, coverage], depth) in pixels(&frame) {
             let position = on_the_plane(&request, at);
             let grey = (gradient.dot(position) / 2.0 + 127.5).clamp(0.0, 255.0);
-            // Half a step of rounding, and what the sampler's 8-bit weights may lose of the 6 HU
+            // Half a step of rounding, and the error of the sampler's 8-bit weights for 6 HU
             // between voxels.
             assert!((f64::from(red) - grey).abs() <= 0.55, "{plane} at {at:?}: {red} for {grey:.2}");
             assert_eq!((green, blue, coverage), (red, red, 255), "{plane}: opaque grey");

@@ -32,7 +32,7 @@ for job in work['slices']:
     np.array(blends[job['blend']](np.stack(values)), '<f8').tofile(job['out'])
 ";
 
-/// What the peer is told of a slice, by the request's camera; samples from face to face of the
+/// The peer's parameters for a slice, from the request's camera; samples from face to face of the
 /// slab.
 fn job(request: &RenderRequest, blend: &str, samples: u32, out: &Path) -> serde_json::Value {
     let camera = &request.camera;
@@ -96,7 +96,7 @@ fn slices_and_slabs_are_what_simpleitk_resamples() {
         let (mut compared, mut worst, mut sides) = (0, 0.0f64, 0);
         for (hu, (color, depth)) in peer.zip(frame.color_rgba.iter().zip(&frame.depth_mm)) {
             if hu.is_nan() {
-                // A slab that is partly outside is NaN for the peer; the plane alone must agree.
+                // A slab that is partly outside is NaN for the peer; only the plane must agree.
                 sides += usize::from(request.slab_mm == 0.0 && depth.is_finite());
                 continue;
             }

@@ -127,7 +127,7 @@ fn synthesised_views_of_a_head_come_close_to_true_renders() {
 /// 38.4.
 const FLOOR_DB: f64 = 35.5;
 
-/// A second layer that is known is seen in the holes: nearer to the truth than what is beside them.
+/// A known second layer fills the holes: nearer to the truth than their neighbours.
 #[test]
 fn a_second_layer_fills_holes_nearer_to_the_truth() {
     let (volume, request) = head();

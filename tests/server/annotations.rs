@@ -1,5 +1,4 @@
-//! Annotations over HTTP: the whole table, two editors in conflict, blinded sets, and what is
-//! refused.
+//! Annotations over HTTP: the whole table, two editors in conflict, blinded sets, and refusals.
 
 use axum::body::Body;
 use axum::http::{Method, Request};
@@ -167,7 +166,7 @@ async fn two_editors_never_overwrite_silently() {
     let path = format!("/{id}");
     let refused = stage.annotate_with(Method::DELETE, &path, &headers, Value::Null).await.problem(409);
     assert_eq!((&refused["yours"], &refused["current"]["version"]), (&Value::Null, &json!(2)));
-    // Taking back what somebody else has changed since is a conflict too.
+    // Undoing a change that another author has changed since is a conflict, too.
     let change = json!({ "change": "update", "version": 2, "item": moved(3.0) });
     assert_eq!(stage.annotate(Method::POST, "", "ben", json!({ "changes": [change] })).await.status, 201);
     let conflict = stage.annotate(Method::POST, "/undo", "anna", Value::Null).await.problem(409);
@@ -231,7 +230,7 @@ async fn blinded_readers_see_their_own_set_and_nobody_sees_theirs() {
             log["events"].as_array().unwrap().len()
         }
     };
-    // What is gone is nobody else's business either.
+    // Deleted items of blinded sets stay hidden, too.
     let headers = [("relief-author", "anna"), ("if-match", "\"1\"")];
     assert_eq!(stage.annotate_with(Method::DELETE, &path, &headers, Value::Null).await.status, 200);
     assert_eq!((events("anna").await, events("ben").await, events("chief").await), (2, 1, 1));
@@ -376,7 +375,7 @@ async fn files_of_other_tools_come_and_go() {
         let request = request.header("relief-author", "ben").header("content-type", octets);
         stage.ask(request.body(Body::from(body)).unwrap())
     };
-    // What is there already does not come in twice by itself.
+    // A repeated import adds no duplicates.
     let there = import("name=back.fcsv&set=back", file.body.clone()).await;
     assert_eq!((there.status.as_u16(), &there.json()["events"]), (200, &json!([])), "{}", there.text());
     assert_eq!(there.json()["there"], json!({ "unchanged": 1, "skipped": 0 }));

@@ -1,4 +1,4 @@
-//! Several volumes of one log, and sets of several people: nothing that is asked of one reaches
+//! Several volumes of one log, and sets of several readers: a request about one does not affect
 //! another.
 
 use axum::body::Body;
@@ -112,7 +112,7 @@ async fn items_of_another_volume_are_not_changed_from_here() {
     let (here, there) = turned(there, here);
     let step = here.annotate(Method::POST, "/redo", "anna", Value::Null).await.problem(409);
     assert_eq!(step["type"], "urn:relief:problem:nothing-to-redo");
-    // What is gone there is told of no more than that: the id was used.
+    // Of a deleted item of another volume, a client learns only that the id is in use.
     let gone =
         json!({ "change": "update", "version": 1, "item": { "id": curve, "name": "x", "state": "missing" } });
     let gone = here.annotate(Method::POST, "", "anna", json!({ "changes": [gone] })).await.problem(409);
@@ -157,7 +157,7 @@ async fn an_edit_of_two_volumes_is_taken_back_from_neither() {
 
 /// Invariant: Requests about one volume, or about another author's set, change nothing else.
 ///
-/// What became another reader's since is neither taken back nor shown by a step.
+/// Items that belong to another reader by now are neither undone nor shown by a step.
 #[tokio::test]
 async fn a_step_reaches_no_set_of_somebody_else() {
     let stage = Stage::annotated().await;
@@ -165,7 +165,7 @@ async fn a_step_reaches_no_set_of_somebody_else() {
     stage.annotate(Method::PUT, "/sets/default", "chief", json!({ "reader": "ben", "blinded": true })).await;
     let refused = stage.annotate(Method::POST, "/undo", "anna", Value::Null).await.problem(403);
     assert_eq!(refused["type"], "urn:relief:problem:not-your-set");
-    // Nor where it was changed there, and would be told in a conflict.
+    // The same holds for items that were changed there, which a conflict would show.
     let mut item = point("his", [5.0, 0.0, 0.0]);
     item["id"] = id.as_str().into();
     let changes = json!({ "changes": [{ "change": "update", "version": 1, "item": item }] });
@@ -179,7 +179,7 @@ async fn a_step_reaches_no_set_of_somebody_else() {
     assert_eq!(conflict["current"]["item"]["name"], "his");
 }
 
-/// A file that comes in keeps apart what has its ids elsewhere.
+/// An imported file stays separate from items with the same ids elsewhere.
 #[tokio::test]
 async fn a_file_of_another_volume_comes_in_beside_it() {
     let (stage, other) = two_volumes().await;

@@ -1,5 +1,4 @@
-//! Annotations in live sessions: events to everybody who looks at the volume, landmarks by hand,
-//! and taking back.
+//! Annotations in live sessions: events to all clients of the volume, landmarks by hand, and undo.
 
 use std::time::Duration;
 
@@ -19,7 +18,7 @@ async fn told(client: &mut Client) -> Value {
     }
 }
 
-/// What a client is to place next.
+/// The item that a client places next.
 async fn next(client: &mut Client) -> Value {
     loop {
         let message = client.event("annotations").await;
@@ -63,7 +62,7 @@ async fn two_clients_see_one_anothers_landmarks_at_once() {
     while !running.stage.gate.labels().contains(&"1".to_owned()) {
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
-    // An edit over HTTP is told the same way.
+    // An edit over HTTP is pushed in the same way.
     running.stage.create("cleo", json!([point("nasion", [0.0; 3])])).await;
     for client in [&mut anna, &mut ben] {
         assert_eq!(told(client).await["events"][0]["item"]["name"], "nasion");
@@ -173,7 +172,7 @@ async fn who_places_has_a_name_and_a_server_a_log() {
     let (mut client, _) = bare.hello(json!({})).await;
     client.send(&json!({ "type": "settings", "annotations": true })).await;
     assert_eq!(client.event("error").await["problem"]["type"], "urn:relief:problem:annotations-off");
-    // Without annotations a place is the view's alone, as ever.
+    // Without annotations a placed point belongs to the view only.
     place(&mut client, 1, [1.0, 0.0, 0.0]).await;
     client.still(3).await;
 }
@@ -197,7 +196,7 @@ async fn a_tracked_hand_leaves_its_pose_in_the_record() {
     assert_eq!(item["placement"]["method"], "tip");
 }
 
-/// The next event and the next message about what is placed next, in whatever order they come.
+/// The next event and the next `next` message, in any order.
 async fn made(client: &mut Client) -> (Value, Value) {
     let (mut event, mut next) = (Value::Null, Value::Null);
     while event.is_null() || next.is_null() {
@@ -321,7 +320,7 @@ async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
     let id = event["id"].clone();
     let take = |seq: u64| [lead(seq, [1.0, 2.0, 3.0]), phase(seq + 1, "take")];
     let commit = |seq: u64| [lead(seq, [11.0, 2.0, 3.0]), phase(seq + 1, "commit")];
-    // Other sets are drawn: what is in the hand stays where it was.
+    // Other sets are drawn: the grabbed point stays at its old place.
     for message in take(10) {
         anna.send(&message).await;
     }
@@ -348,7 +347,7 @@ async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
         anna.send(&message).await;
     }
     assert_eq!(next(&mut anna).await["id"], Value::Null);
-    // Nothing has happened but what comes now, and it happens there.
+    // There were no other events before this one, and it belongs to this volume.
     place(&mut anna, 50, [4.0, 4.0, 4.0]).await;
     let (event, _) = made(&mut anna).await;
     assert_eq!((&event["seq"], &event["version"]), (&json!(2), &json!(1)));
@@ -357,7 +356,8 @@ async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
     assert_eq!(here["items"][0]["item"]["geometry"]["at_mm"], json!([1.0, 2.0, 3.0]));
 }
 
-/// A hand lets go of A and asks for a preset in one message: the one happens, the other is refused.
+/// A hand releases A and requests a preset in one message: the release is applied, the preset is
+/// refused.
 #[tokio::test]
 async fn what_was_wished_before_a_refused_wish_has_happened() {
     let running = Running::annotated().await;

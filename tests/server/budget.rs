@@ -1,4 +1,4 @@
-//! Budgets of time over HTTP: what is reduced, how it is marked, and that nothing is without one.
+//! Time budgets over HTTP: reductions, their marks, and no reduction without a budget.
 //!
 //! The backend says that every picture took 2 ms, so that plans can be foreseen.
 
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::server::stage::{Answer, Stage};
 
-/// What the answer says it used.
+/// The settings that the answer names.
 #[track_caller]
 fn quality(answer: &Answer) -> Value {
     assert_eq!(answer.status, 200, "{}", answer.text());

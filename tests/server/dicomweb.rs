@@ -104,7 +104,7 @@ async fn orientations_become_viewpoints_as_the_standard_has_them() {
             let direction: Vec<f64> = position.iter().map(|x| x / length).collect();
             assert_eq!(direction, towards_eye, "{resource} from {letter}");
             assert_eq!(numbers(&module, "00701605"), up, "{resource} from {letter}");
-            // What was told gives the same picture.
+            // The returned settings give the same picture.
             let list = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
             let told = format!(
                 "{resource}?viewport=24,24&viewpointposition={}&viewpointlookat={}&viewpointup={}",

@@ -1,4 +1,4 @@
-//! Two servers of one log: what is done at one is told, listed and drawn at the other. With SQLite,
+//! Two servers of one log: an edit at one is pushed, listed and drawn at the other. With SQLite,
 //! and with PostgreSQL.
 
 use std::time::{Duration, Instant};
@@ -65,8 +65,7 @@ async fn what_is_done_at_one_server_is_seen_at_the_other(place: &str) {
     anna.send(&intent(3, json!({ "intent": "place", "phase": "commit" }))).await;
     assert_eq!(told(&mut ben).await["events"][0]["author"], "anna");
     told(&mut anna).await;
-    // Frames by request: tags agree, change with what the other server wrote, and answer 304 at
-    // both.
+    // Frames by request: tags agree, change with the other server's edits, and give 304 at both.
     let before = tag(&a.stage).await;
     assert_eq!(before, tag(&b.stage).await);
     let version = json!({ "changes": [{ "change": "delete", "id": ids[0], "version": 1 }] });
@@ -123,7 +122,7 @@ async fn edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_l
         let expected: Vec<u64> = (1..=2 * EACH).collect();
         assert_eq!(seen, expected);
     }
-    // Both know the same items, whoever made them: one adds the other's to what it knew.
+    // Both servers know the same items: each adds the other's to its own.
     let [a, b] = &pair;
     let items =
         async |running: &Running| running.stage.annotate(Method::GET, "", "", Value::Null).await.json();
@@ -132,15 +131,15 @@ async fn edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_l
     assert_eq!(known, items(b).await);
 }
 
-/// A request may be the first to see that somebody made a set blinded at the other server, before
-/// word of it has come here: the picture lets go of it all the same.
+/// A request may see first that a set was blinded at the other server, before the notification
+/// arrives; the picture then no longer shows it.
 async fn a_set_that_a_request_sees_first_is_drawn_as_it_is(place: &str) {
     let [a, b] = pair(place).await;
     let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
     a.stage.create("anna", json!([point("nasion", [0.0; 3])])).await;
     for is_blinded in [true, false] {
-        // What was read of the sets is old by then, and is asked for anew by the next request; and
-        // what was to be drawn is drawn.
+        // The cached sets are stale by then. The next request reads them again, and then draws the
+        // set.
         while let Ok(frame) = timeout(Duration::from_millis(1100), anna.frame()).await {
             anna.ack(&frame).await;
         }
@@ -160,7 +159,7 @@ async fn a_set_that_a_request_sees_first_is_drawn_as_it_is(place: &str) {
     }
 }
 
-/// Longer than what is read of the log at a time, an edit is told in one message.
+/// An edit that is longer than one read of the log is pushed as one message.
 async fn an_edit_of_many_items_is_told_as_one(place: &str) {
     let [a, b] = pair(place).await;
     let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
@@ -177,7 +176,7 @@ async fn an_edit_of_many_items_is_told_as_one(place: &str) {
     assert_eq!(list["items"].as_array().unwrap().len(), 5500);
 }
 
-/// The listening connections are cut, then the whole server; what was written meanwhile is told all
+/// The listening connections are cut, then the whole server; edits written meanwhile are pushed all
 /// the same.
 async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &mut Postgres, name: &str) {
     let [a, b] = pair(&postgres.url(name)).await;

@@ -1,4 +1,4 @@
-//! Frames, depth and picks: the media types, tags, and that what is sent is what was rendered.
+//! Frames, depth and picks: media types, tags, and the rendered pixels in the response.
 
 use relief_display::{DecodedDepth, Frame, Layout, Pixels, decode_exr, inspect_png};
 use relief_render::{RenderRequest, SceneFile};

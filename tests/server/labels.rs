@@ -1,4 +1,4 @@
-//! Label maps over HTTP: uploaded, listed, in queries, in picks; and what is refused.
+//! Label maps over HTTP: uploaded, listed, in queries, in picks; and refusals.
 
 use relief_dicom::write_seg_nrrd;
 use relief_server::Config;

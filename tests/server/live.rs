@@ -1,5 +1,4 @@
-//! Live sessions over real sockets: what is agreed on, what is shown and to whom, and who is
-//! refused.
+//! Live sessions over real sockets: negotiation, pictures for each role, and refusals.
 
 use std::time::Duration;
 
@@ -161,7 +160,7 @@ async fn a_lost_session_is_resumed_with_its_last_state() {
     // A connection that only seems to live makes way.
     let (_newer, _) = running.hello(resume).await;
     assert_eq!(client.closed().await, Some(4001));
-    // A token that nobody knows begins anew.
+    // An unknown token starts a new session.
     let (_stranger, fresh) = running.hello(json!({ "resume": "0".repeat(32) })).await;
     assert_eq!(fresh["resumed"], false);
     assert_ne!(fresh["view"], welcome["view"]);
@@ -251,7 +250,7 @@ async fn what_is_no_session_is_ended_by_its_code() {
     let (mut client, _) = running.hello(json!({})).await;
     client.send_raw(Message::Text("x".repeat(70_000).into())).await;
     assert_eq!(client.closed().await, Some(1009));
-    // Of what is not even read to its end the connection may be reset before the code is seen.
+    // If a message is not read to its end, the connection may be reset before the code arrives.
     let (mut client, _) = running.hello(json!({})).await;
     client.send_raw(Message::Text("x".repeat(4_000_000).into())).await;
     assert!(matches!(client.closed().await, Some(1009) | None));
@@ -374,7 +373,7 @@ async fn settings_change_scene_display_and_size_and_wrong_ones_nothing() {
         }
     };
     assert_eq!(frame.header.full_px, [960, 540], "another layout has its own size");
-    // A transfer function of one's own has no preset's name; a preset takes its place.
+    // A custom transfer function has no preset's name; a preset replaces it.
     let points = json!([{ "hu": 0, "rgba": [0, 0, 0, 0] }, { "hu": 60, "rgba": [1, 1, 1, 1] }]);
     client.send(&json!({ "type": "settings", "scene": { "transfer": { "points": points } } })).await;
     while client.event("state").await["state"]["preset"] != Value::Null {}

@@ -1,5 +1,5 @@
-//! The flow of live frames: the newest pose wins, no wish is lost, two frames at most are on their
-//! way, and motion starves nobody.
+//! The flow of live frames: the newest pose wins, no intent is lost, at most two frames are
+//! unacknowledged, and a moving view starves no other.
 
 use std::time::Duration;
 

@@ -17,7 +17,7 @@ fn length(xyz: [f64; 3]) -> f64 {
     xyz.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// What lies between two places, mm.
+/// The distance between two places, mm.
 fn between(a: [f64; 3], b: [f64; 3]) -> f64 {
     length([a[0] - b[0], a[1] - b[1], a[2] - b[2]])
 }
@@ -143,7 +143,7 @@ async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
         message["snapped"].is_null() && message["state"]["cursor_mm"] == json!([0.0, 0.0, 0.0])
     })
     .await;
-    // What a pixel shows goes along the line of sight.
+    // A place from a pixel snaps along the line of sight.
     anna.send(&intent(5, json!({ "intent": "cursor", "at_px": [500.5, 240.5] }))).await;
     let message = previewed(&mut anna).await;
     let (at, shift) = (xyz(&message["snapped"]["at_mm"]), xyz(&message["snapped"]["shift_mm"]));
@@ -153,7 +153,7 @@ async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
     let dot = (0..3).map(|axis| sight[axis] * shift[axis]).sum::<f64>();
     let off = length(shift) * (1.0 - (dot.abs() / length(sight) / length(shift)).min(1.0));
     assert!(off < 1e-3, "{shift:?} lies along {sight:?}");
-    // Another kind of place is another ghost; and without snapping there is none.
+    // Another snapping target gives another ghost, and no snapping gives none.
     anna.send(&json!({ "type": "settings", "snap": { "to": "minimum", "radius_mm": 0.5 } })).await;
     state_where(&mut anna, |message| message["snapped"].is_null()).await;
     anna.send(&json!({ "type": "settings", "snap": { "to": "surface", "hu": BALL_HU } })).await;

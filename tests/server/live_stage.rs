@@ -105,7 +105,7 @@ impl Running {
         Ok(Client { socket })
     }
 
-    /// A session: the client, and what it was welcomed with.
+    /// A session: the client and its welcome message.
     pub(crate) async fn hello(&self, mut hello: Value) -> (Client, Value) {
         hello["type"] = "hello".into();
         let mut client = self.connect(&[("sec-websocket-protocol", SUBPROTOCOL)]).await.unwrap();

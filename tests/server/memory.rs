@@ -1,5 +1,5 @@
-//! Voxels of several series in the machine's memory: they go and come back, and what cannot is
-//! said.
+//! Voxels of several series in main memory: they are evicted and read again, and errors are
+//! reported.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -69,7 +69,7 @@ async fn of_three_series_under_a_limit_for_two_the_least_recently_shown_goes_and
     }
     assert_eq!(metric(&stage, "relief_series_reads_total").await, 2);
     assert_eq!(metric(&stage, "relief_memory_limit_bytes").await, 2 * EACH);
-    // What is not there is described all the same.
+    // An evicted volume is still described.
     let listed = stage.get("/v1/volumes").await.json();
     let ranges: Vec<_> =
         listed["volumes"].as_array().unwrap().iter().map(|v| v["hu_range"].clone()).collect();

@@ -201,7 +201,7 @@ fn references(path: &str, text: &str) -> Vec<String> {
     [sources, links, named("from \"./", folder.to_owned())].concat()
 }
 
-/// XML namespaces look like addresses and are none.
+/// XML namespaces look like addresses but are not.
 fn without_namespaces(text: &str) -> String {
     text.replace("http://www.w3.org/2000/svg", "")
 }

@@ -1,5 +1,5 @@
-//! Every refusal: its status, and that its document names what is wrong, where, and what is
-//! allowed.
+//! Every refusal: its status, and a document that names the error, its place and the allowed
+//! values.
 
 use std::time::Duration;
 

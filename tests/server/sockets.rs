@@ -1,5 +1,5 @@
-//! Over real sockets: clients that dawdle, stall or vanish harm nobody, and stopping finishes what
-//! runs.
+//! Over real sockets: slow, stalled or vanished clients affect no other client, and a shutdown
+//! finishes running work.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -160,7 +160,7 @@ async fn the_render_of_a_vanished_client_ends_and_the_next_is_served() {
     let vanishing = running.send(&running.stage.path("frame?zoom=2")).await;
     running.stage.gate.held().await;
     drop(vanishing);
-    // The gate stays closed: only because nobody waits does the render end.
+    // The gate stays closed: the render ends only because no client waits for it.
     let ended = "relief_render_abandoned_total{when=\"rendering\"} 1\n";
     while !running.get("/metrics").await.contains(ended) {
         tokio::time::sleep(Duration::from_millis(5)).await;

@@ -1,5 +1,5 @@
-//! What the tests stand on: a backend with a closed form and a gate, a server around it, and short
-//! ways to ask.
+//! The fixtures of the server tests: a backend with a closed form and a gate, a server around it,
+//! and short requests.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -38,7 +38,7 @@ pub(crate) struct Gate {
     changed: Condvar,
     inside: AtomicUsize,
     pub(crate) renders: AtomicUsize,
-    /// What was rendered last.
+    /// The last rendered request.
     pub(crate) last: Mutex<Option<RenderRequest>>,
 }
 
@@ -220,8 +220,8 @@ impl Stage {
         Self { _folder: Some(folder), ..stage }
     }
 
-    /// A server with one volume whose log of annotations is there, and hears of what others write
-    /// into it.
+    /// A server with one volume and a log of annotations, which receives notifications of other
+    /// writers.
     pub(crate) async fn following(place: &str) -> Self {
         let stage = Self::annotated_at(place, Config::default(), cube()).await;
         stage.server.follow_annotations().await;

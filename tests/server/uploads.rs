@@ -17,7 +17,7 @@ use relief_volume::{Grid, Volume};
 
 use crate::server::stage::{Answer, Stage, cube};
 
-/// A zip of a CT series of 8x8x4 voxels, told apart by a value.
+/// A zip of a CT series of 8x8x4 voxels, identified by a value.
 pub(crate) fn series_zip(value: i16) -> Vec<u8> {
     let grid = Grid::axis_aligned([8, 8, 4], [2.0, 2.0, 3.0], [0.0; 3]).unwrap();
     let volume = Volume::new(grid, (0..256).map(|i| i + value).collect()).unwrap();

@@ -1,5 +1,5 @@
-//! `relief serve` as users run it: a process that prints its address, loads, answers, and stops
-//! when told.
+//! `relief serve` as users run it: a process that prints its address, loads, answers, and stops on
+//! a signal.
 //!
 //! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says
 //! that it skipped.
@@ -77,7 +77,7 @@ impl Running {
         }
     }
 
-    /// Sends a signal and gives the exit status and what was written to stderr.
+    /// Sends a signal, and returns the exit status and the standard error.
     fn stop(mut self, signal: &str) -> (Option<i32>, String) {
         let pid = self.process.id().to_string();
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());

@@ -39,7 +39,7 @@ async fn an_edit_is_made_whole_or_not_at_all(store: &Store) {
     assert_eq!(store.check().await.unwrap(), Checked { events: 4, items: 1, contents: 0 });
 }
 
-/// Invariant: Nobody overwrites a change of an annotation that they have not seen.
+/// Invariant: An author cannot overwrite a change of an annotation that they have not seen.
 async fn a_stale_change_is_told_with_both_versions(store: &Store) {
     let a = point("a", 1.0);
     store.apply(&edit("anna", vec![create(&a)])).await.unwrap();
@@ -101,7 +101,7 @@ async fn edits_are_taken_back_and_made_again_author_by_author(store: &Store) {
         (redone[0].kind, redone[0].target, redone[0].item.as_ref()),
         (EventKind::Redo, Some(1), Some(&a))
     );
-    // A new edit ends what could be made again, of its author alone.
+    // A new edit clears the redo list of its own author only.
     store.apply(&edit("anna", vec![update(&named(&a, "new"), 5)])).await.unwrap();
     assert!(matches!(store.redo("anna", "").await, Err(StoreError::NothingToRedo)));
     store.redo("ben", "").await.unwrap();
@@ -109,7 +109,7 @@ async fn edits_are_taken_back_and_made_again_author_by_author(store: &Store) {
     store.check().await.unwrap();
 }
 
-/// Invariant: Nobody overwrites a change of an annotation that they have not seen.
+/// Invariant: An author cannot overwrite a change of an annotation that they have not seen.
 async fn taking_back_stops_where_another_author_has_been(store: &Store) {
     let [a, b] = [point("a", 1.0), point("b", 2.0)];
     store.apply(&edit("anna", vec![create(&a), create(&b)])).await.unwrap();

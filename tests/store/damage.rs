@@ -44,8 +44,7 @@ async fn raw(file: &Path) -> sqlx::SqliteConnection {
     sqlx::SqliteConnection::connect(&format!("sqlite://{}", file.display())).await.unwrap()
 }
 
-/// Opens it and does all that can be done with it. No panic, and an error is one that says what is
-/// wrong.
+/// Opens it and performs every operation. No panic, and an error states what is wrong.
 async fn use_all(place: &str) -> Result<(), StoreError> {
     let store = Store::open(place).await?;
     let used = async {
@@ -171,7 +170,7 @@ async fn check_finds_what_was_changed_behind_the_logs_back() {
     }
 }
 
-/// Cut short anywhere, or with bytes changed anywhere: an error, or all is there; never a panic.
+/// Cut or changed at any place: an error, or complete data; never a panic.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn damaged_files_are_errors() {
     let made = closed().await;

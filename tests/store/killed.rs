@@ -1,7 +1,7 @@
-//! `kill -9` under load: what was acknowledged is there, nothing is half there, and the log opens
+//! `kill -9` under load: acknowledged changes are there, no change is partial, and the log opens
 //! every time.
 //!
-//! The victim is this test program itself, told to write and to say what was acknowledged.
+//! The victim is this test program itself: it writes, and prints the acknowledged edits.
 //! `scripts/soak-store` does the same a thousand times.
 
 use std::collections::HashMap;
@@ -108,7 +108,7 @@ fn start(place: &str, limit_kib: Option<u64>) -> Child {
     command.stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// What a victim said, whole lines alone: events by their number, and what it was refused with.
+/// The victim's complete output lines: events by number, and refusals.
 fn said(output: &str) -> (HashMap<u64, (String, u64)>, Vec<String>) {
     let (mut acknowledged, mut refused) = (HashMap::new(), Vec::new());
     for line in output.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n')) {
@@ -133,8 +133,8 @@ async fn look(place: &str, after: u64, acknowledged: &HashMap<u64, (String, u64)
     for (seq, event) in acknowledged {
         assert_eq!(found.get(seq), Some(event), "event {seq} was acknowledged");
     }
-    // An edit of which only a part is there would have fewer events than its undo or its sisters:
-    // all events of a round have the same number, as the rounds of the victim do.
+    // A partial edit would have fewer events than its undo or its sisters: all events of a round
+    // have the same number, as the rounds of the victim do.
     for edit in log.chunk_by(|a, b| a.edit == b.edit).filter(|edit| edit[0].kind == EventKind::Do) {
         let item = edit[0].item.as_ref().map(|item| item.name.clone()).unwrap_or_default();
         if let Some((round, _)) = item.split_once('.') {
@@ -157,7 +157,7 @@ fn kill(kills: usize, folder: &Path) -> usize {
             events = 0;
         }
         let mut victim = start(place, None);
-        // Marsaglia's xorshift: moments that nobody has chosen.
+        // Marsaglia's xorshift, for random moments.
         seed ^= seed << 13;
         seed ^= seed >> 7;
         seed ^= seed << 17;

@@ -42,7 +42,7 @@ pub(crate) fn create(item: &Item) -> Change {
     Change::Create { item: Box::new(item.clone()) }
 }
 
-/// What the item becomes, of the version that was seen.
+/// The new state of the item, from the version that was read.
 pub(crate) fn update(item: &Item, version: u64) -> Change {
     Change::Update { item: Box::new(item.clone()), version }
 }

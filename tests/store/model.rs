@@ -19,7 +19,7 @@ use crate::store::made::{Made, create, delete, edit, point, update};
 const AUTHORS: [&str; 3] = ["anna", "ben", "çelik"];
 const STEPS: usize = 40;
 
-/// What somebody tries.
+/// An operation of the model.
 #[derive(Clone, Debug)]
 enum Step {
     /// Item, what to do with it, and whether its version is a stale one.
@@ -154,7 +154,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
     prop::collection::vec(step, STEPS)
 }
 
-/// The changes that a step asks for, as somebody would who sees the model.
+/// The changes of a step, as an author who sees the model would make them.
 fn changes(model: &Model, wishes: &BTreeMap<u8, (Wish, bool)>, count: usize) -> Vec<Change> {
     let change = |(index, (wish, stale)): (&u8, &(Wish, bool))| {
         let id = ItemId::from_number(u128::from(*index) + 1);
@@ -205,7 +205,7 @@ async fn follow(store: &Store, steps: &[Step]) {
             }
         };
         let found = found.map(|events| {
-            // What is answered is what the log says.
+            // The answer agrees with the log.
             assert!(events.iter().map(told).eq(model.log[model.log.len() - events.len()..].iter().cloned()));
         });
         assert_eq!(found.map_err(refused), expected, "step {count}: {step:?}");

@@ -83,8 +83,8 @@ async fn other_schemas_are_refused(server: &Server) {
     assert!(matches!(refused, StoreError::Foreign(_)), "{refused}");
 }
 
-/// The server is killed while others write; afterwards all that was acknowledged is there, and the
-/// same store goes on.
+/// The server is killed while others write; afterwards all acknowledged changes are there, and the
+/// same store continues.
 async fn what_was_acknowledged_survives_a_crash(server: &mut Server) {
     let store = server.store("crash").await;
     for round in 0..3 {

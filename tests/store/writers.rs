@@ -91,7 +91,7 @@ async fn futures(all: Vec<impl Future<Output = ()>>) {
     .await;
 }
 
-/// Invariant: Nobody overwrites a change of an annotation that they have not seen.
+/// Invariant: An author cannot overwrite a change of an annotation that they have not seen.
 ///
 /// Logs of one file that were opened one by one: as processes would have it.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -139,7 +139,7 @@ fn a_region_is_painted_and_painted_over() {
         (less - voxels as f64 * 0.064).abs() < 1e-9,
         "{less} ml went, {voxels} voxels are half in the ball"
     );
-    // Undo brings back what was painted first.
+    // Undo restores the first painting.
     assert!(annotate(folder, &["undo"]).status.success());
     let listed = json(folder, &["list"]);
     assert_eq!(listed["items"][0]["item"]["geometry"], first["item"]["geometry"]);

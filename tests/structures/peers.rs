@@ -13,7 +13,7 @@ use relief_annotation::{
 use relief_base::Point;
 use relief_volume::{Mask, Segment, SegmentIndices, Volume};
 
-/// The peers' Python, or `None` after saying aloud what was not tested. `module` must be there too.
+/// The peers' Python, or `None` with a message. It must have `module`.
 pub(crate) fn python(what: &str, module: &str) -> Option<String> {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {
         eprintln!("SKIPPED: {what} (RELIEF_PEERS_PYTHON is not set)");
@@ -27,7 +27,7 @@ pub(crate) fn python(what: &str, module: &str) -> Option<String> {
     Some(python)
 }
 
-/// Runs a script with a folder as its argument; what it prints is JSON.
+/// Runs a script with a folder as its argument; returns its JSON output.
 pub(crate) fn run(python: &str, script: &str, folder: &Path) -> serde_json::Value {
     let output = Command::new(python).arg("-c").arg(script).arg(folder).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -1,4 +1,4 @@
-//! Real series: bone of a chest and a vessel with contrast, grown, meshed and told.
+//! Real series: bone of a chest and a vessel with contrast, grown, meshed and measured.
 
 use relief_annotation::{Decimation, Grow, GrowError, GrowLimits, Smoothing, grow_region, surface_nets};
 use relief_base::Point;

@@ -217,8 +217,8 @@ fn poses_are_published_over_openigtlink() {
     child.wait().unwrap();
 }
 
-/// A survey calibrates the camera to what it was made with; a hand that only points is refused,
-/// with the reason.
+/// A survey gives the simulated camera's parameters; a hand that only points is refused, with the
+/// reason.
 #[test]
 fn a_camera_is_calibrated_from_a_survey() {
     let folder = tempfile::tempdir().unwrap();
@@ -267,8 +267,8 @@ fn blobs_in_full_are_tracked() {
     assert!(rms(errors.iter().map(|e| e.0)) < 20.0 && rms(errors.iter().map(|e| e.1)) < 1.0);
 }
 
-/// A lens focused at 1.4 m blurs an LED at z into a disc of A v |1/z - 1/1400|; sizes are told in
-/// sensor pixels of 8 units.
+/// A lens focused at 1.4 m blurs an LED at z into a disc of A v |1/z - 1/1400|; sizes are in sensor
+/// pixels of 8 units.
 #[test]
 fn a_lens_makes_blobs_larger_out_of_focus() {
     let folder = tempfile::tempdir().unwrap();
@@ -341,8 +341,8 @@ fn a_calibration_starts_at_what_the_eeprom_says() {
 /// Invariant: With a calibrated camera and the filter, the robot experiment stays within 1.2 times
 /// the Cramer-Rao bound of a known camera.
 ///
-/// The table of the experiment: ours is far below the published errors, and the files of plots and
-/// numbers are there.
+/// The table of the experiment: our errors are far below the published ones, and the files of plots
+/// and numbers exist.
 #[test]
 fn the_experiment_prints_its_table_beside_the_published_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -356,8 +356,8 @@ fn the_experiment_prints_its_table_beside_the_published_one() {
     let way =
         |name: &str| ways.iter().find(|way| way["way"] == name).unwrap()["outcomes"].as_array().unwrap();
     let means = |name: &str| -> Vec<f64> { way(name).iter().map(|o| o["mean"].as_f64().unwrap()).collect() };
-    // Within what a surgeon's pointer may err by, all below the published errors, and as good as
-    // the run allows.
+    // Within the accuracy of a surgeon's pointer, all below the published errors, and close to the
+    // bound of the run.
     for outcome in [way("true camera, filtered"), way("calibrated, filtered")] {
         for (outcome, limit) in outcome.iter().zip([0.05, 0.08, 0.1, 0.1, 0.5]) {
             let [mean, rms, bound] = ["mean", "rms", "bound"].map(|key| outcome[key].as_f64().unwrap());

@@ -1,5 +1,5 @@
-//! The virtual remote driven by Debian's libcwiid: an independent host that brings the camera up,
-//! and an independent decoder of what the remote reports.
+//! The virtual remote driven by Debian's libcwiid: an independent host that sets up the camera, and
+//! an independent decoder of the remote's reports.
 //!
 //! Runs where `RELIEF_CWIID` names a folder with libcwiid, unpacked by scripts/setup-peers, and
 //! says aloud where it does not.
@@ -43,7 +43,8 @@ impl Bench {
         let _ = writeln!(self.to_host, "i a1{}", hex_of_bytes(&report.encode()));
     }
 
-    /// Obeys what the host says for a while, reporting what is sensed; gives the host's last state.
+    /// Follows the host's requests for a while and reports the sensors; returns the host's last
+    /// state.
     fn run(&mut self, senses: &RemoteSenses, until: impl Fn(&Value) -> bool) -> Option<Value> {
         let start = Instant::now();
         let mut state = None;

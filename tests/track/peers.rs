@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-/// A Python that has these modules; `None` after saying aloud that there is none.
+/// A Python with these modules; `None` with a message if there is none.
 fn python(test: &str, modules: &str) -> Option<Command> {
     let name = std::env::var_os("RELIEF_PEERS_PYTHON").filter(|name| !name.is_empty());
     let has = |name: &std::ffi::OsString| {

@@ -36,7 +36,7 @@ const EIO: u16 = 5;
 
 const VENDOR: u32 = 0x057e;
 const PRODUCT: u32 = 0x0306;
-/// By which this device is told from other remotes.
+/// Identifies this device among other remotes.
 const UNIQUE: &str = "relief-virtual-remote";
 
 /// Ids of output and of input reports, and their bytes after the id.
@@ -51,7 +51,7 @@ const INPUTS: [(u8, u8); 14] = [
     (0x37, 21), (0x3d, 21), (0x3e, 21), (0x3f, 21),
 ];
 
-/// What a Wiimote says of itself: a game pad with reports of bytes.
+/// A Wiimote's descriptor: a game pad with reports of bytes.
 fn descriptor() -> Vec<u8> {
     // Usage page and usage, application; then for all reports: 0 to 255, 8 bits, a usage page of
     // the vendor's.
@@ -92,7 +92,7 @@ fn input(report: &InputReport) -> Vec<u8> {
     event(INPUT2, &[&(bytes.len() as u16).to_ne_bytes(), &bytes])
 }
 
-/// What the kernel asks.
+/// A request of the kernel.
 #[derive(Debug, PartialEq)]
 enum Asked {
     Output(Vec<u8>),
@@ -109,7 +109,7 @@ fn asked(bytes: &[u8]) -> Asked {
     let id = bytes.get(4..8).unwrap_or_default();
     match (kind, size) {
         (Some(OUTPUT), Some(size)) => Asked::Output(bytes[4..4 + usize::from(size).min(DATA_MAX)].to_vec()),
-        // A Wiimote has no feature reports, and is set by output reports alone.
+        // A Wiimote has no feature reports, and is configured by output reports only.
         (Some(GET_REPORT), _) => Asked::Refused(event(GET_REPORT_REPLY, &[id, &EIO.to_ne_bytes(), &[0; 2]])),
         (Some(SET_REPORT), _) => Asked::Refused(event(SET_REPORT_REPLY, &[id, &EIO.to_ne_bytes()])),
         _ => Asked::Nothing,
@@ -146,7 +146,7 @@ impl Device {
         self.uhid.write_all(event).unwrap();
     }
 
-    /// Ten milliseconds: answers what was asked, and reports what is sensed.
+    /// Ten milliseconds: answers requests and reports the sensors.
     fn live(&mut self) {
         loop {
             match self.events.try_recv().map(|event| asked(&event)) {
@@ -220,7 +220,7 @@ fn found_by_kernel() -> Option<(String, String, bool)> {
     ours.map(|(name, driver)| (name, driver, others))
 }
 
-/// A sensor that rests before the recommended beacon, and what it senses.
+/// A sensor at rest before the recommended beacon, and its measurements.
 struct Still(SensorPose);
 
 impl relief_tracking::SensorPath for Still {

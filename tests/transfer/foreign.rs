@@ -174,7 +174,7 @@ for case in json.load(sys.stdin):
     print(json.dumps([[*color.GetColor(x), opacity.GetValue(x)] for x in case['at']]))
 ";
 
-/// Values of the functions by VTK; `None` after saying aloud that there is none.
+/// Values of the functions by VTK; `None` with a message if there is no VTK.
 fn by_vtk(test: &str, cases: &Value) -> Option<Vec<Vec<[f64; 4]>>> {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {
         eprintln!("SKIPPED: {test} (RELIEF_PEERS_PYTHON is not set)");
@@ -311,7 +311,7 @@ fn printed_gradient(presets: &str) -> Value {
     serde_json::from_str::<Value>(&printed).unwrap()["transfer"]["gradient_opacity"].clone()
 }
 
-/// The file, what is converted of it, and that in a scene all make the same picture, another than
+/// The file, its conversion, and a scene with either all give the same picture, which differs from
 /// the preset's.
 #[test]
 fn a_picture_with_the_file_is_one_with_what_it_converts_to() {

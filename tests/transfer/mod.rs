@@ -1,4 +1,4 @@
-//! Transfer functions from outside: the commands, and what they make.
+//! Transfer functions from outside: the commands and their results.
 //!
 //! Rendering needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails;
 //! otherwise a test says that it skipped.
@@ -17,7 +17,7 @@ fn relief(arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-/// What a command that succeeds prints.
+/// The output of a command that succeeds.
 fn told(arguments: &[&str]) -> String {
     let output = relief(arguments);
     let errors = String::from_utf8_lossy(&output.stderr);

@@ -25,7 +25,7 @@ use relief_volume::{Grid, PhantomKind, PhantomRecipe, Segment, SegmentIndices, V
 /// Triangles of the largest mesh that is decimated.
 const MOST_DECIMATED: usize = 4_000_000;
 
-/// Makes an input of so many voxels across.
+/// Makes an input with this many voxels across.
 type Maker = fn(usize) -> Input;
 
 struct Input {
@@ -120,7 +120,7 @@ fn measure(Input { name, volume, seed, hu }: &Input, repeat: usize) -> serde_jso
     let (nets_s, mesh) = timed("surface", repeat, || surface_nets(&grown.mask).unwrap());
     let (smooth_s, smooth) = timed("smooth", 1, || mesh.smoothed(Smoothing::default()).unwrap());
     let (measure_s, measures) = timed("measure", 1, || smooth.measures());
-    // A tenth of very many triangles takes minutes, and nobody asks for that.
+    // Reducing a very large mesh to a tenth takes minutes and is not a use case.
     let is_light = smooth.triangles.len() <= MOST_DECIMATED;
     let decimated = is_light.then(|| {
         timed("decimate", 1, || smooth.decimated(Decimation::to(smooth.triangles.len() / 10)).unwrap())
