@@ -130,7 +130,7 @@ mod tests {
         for (json, says) in [
             ("1", "names of sets"),
             ("[]", "0 sets, allowed: 1 to 64"),
-            ("[1]", "something else"),
+            ("[1]", "names of sets"),
             ("\"a b\"", "letters, digits"),
             ("\"\"", "letters, digits"),
         ] {

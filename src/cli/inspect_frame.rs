@@ -112,7 +112,7 @@ mod tests {
         let text = readable(&inspect_frame(&frame()));
         assert_eq!(
             text,
-            "layout    wowvx (picture and depth side by side on the even lines, odd lines black)\n\
+            "layout    wowvx (picture and disparity side by side on the even lines, odd lines black, header on line 0)\n\
              frame     1920x1080\n\
              header    F10440800000ADD437A1\n\
              content   cgi\n\

@@ -8,8 +8,7 @@ use axum::http::header;
 use axum::response::IntoResponse;
 use serde_json::{Value, json};
 
-use super::metrics::Gauges;
-use super::metrics::Metrics;
+use super::metrics::{Gauges, MEDIA_TYPE, Metrics};
 use super::openapi::DOCUMENT;
 use super::problem::Problem;
 use super::state::{Config, Started};
@@ -69,7 +68,7 @@ pub(super) async fn metrics(
     State(config): State<Arc<Config>>,
     State(metrics): State<Arc<Metrics>>,
     State(Started(started)): State<Started>,
-) -> impl IntoResponse {
+) -> Result<impl IntoResponse, Problem> {
     let gauges = Gauges {
         waiting: engine.service.waiting(),
         counts: engine.service.counts(),
@@ -79,7 +78,8 @@ pub(super) async fn metrics(
         ready: readiness(&engine, &config).is_ok(),
         uptime: started.elapsed(),
     };
-    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], metrics.text(gauges))
+    let text = metrics.text(gauges).map_err(|error| Problem::internal("writing the metrics", error))?;
+    Ok(([(header::CONTENT_TYPE, MEDIA_TYPE)], text))
 }
 
 pub(super) async fn openapi() -> impl IntoResponse {

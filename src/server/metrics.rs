@@ -1,75 +1,97 @@
-//! Counters and durations in the Prometheus text format (0.0.4). Labels are closed sets: no ids, no
+//! Counters, gauges and durations in the OpenMetrics text format. Labels are closed sets: no ids, no
 //! paths.
 
-use std::collections::BTreeMap;
-use std::fmt::Write;
-use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use prometheus_client::encoding::EncodeLabelSet;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::registry::{Metric, Registry};
+
 use relief_render::MemoryUse;
-use relief_session::{HostMemory, Origin, Rendered, ServiceCounts, ServiceError};
+use relief_session::{BackendError, HostMemory, Origin, Rendered, ServiceCounts, ServiceError};
 
-/// Method, route pattern and status of an answer.
-type Answer = (&'static str, String, u16);
+/// The media type of [`Metrics::text`].
+pub(super) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// Everything that is counted.
-#[derive(Debug, Default)]
+/// Upper bounds of the buckets of durations, seconds.
+const BOUNDS: [f64; 13] = [0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
+
+/// Method, route pattern and status of a response.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct ResponseLabels {
+    method: &'static str,
+    route: String,
+    status: u32,
+}
+
+/// How a render order ended: `rendered`, `reused`, `busy`, `refused` or `failed`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct OutcomeLabels {
+    outcome: &'static str,
+}
+
+/// When a render order was abandoned: `waiting` or `rendering`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct AbandonedLabels {
+    when: &'static str,
+}
+
+/// `moving` or `still` frames.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct FrameLabels {
+    kind: &'static str,
+}
+
+/// All metrics of a server.
+#[derive(Debug)]
 pub(super) struct Metrics {
-    answers: Mutex<BTreeMap<Answer, u64>>,
-    in_flight: AtomicI64,
-    not_modified: AtomicU64,
-    outcomes: [AtomicU64; OUTCOMES.len()],
+    registry: Registry,
+    responses: Family<ResponseLabels, Counter>,
+    in_flight: Gauge,
+    not_modified: Counter,
+    outcomes: Family<OutcomeLabels, Counter>,
     queue: Histogram,
     render: Histogram,
+    sampled: Sampled,
     pub(super) live: LiveMetrics,
 }
 
-/// Counters of live sessions.
-#[derive(Debug, Default)]
+/// Metrics of live sessions.
+#[derive(Debug)]
 pub(super) struct LiveMetrics {
-    pub(super) sessions: AtomicI64,
-    frames: [AtomicU64; 2],
-    bytes: AtomicU64,
-    dropped_poses: AtomicU64,
+    sessions: Gauge,
+    frames: Family<FrameLabels, Counter>,
+    bytes: Counter,
+    dropped_poses: Counter,
     overhead: Histogram,
 }
 
-impl LiveMetrics {
-    /// A frame is handed to the socket.
-    pub(super) fn sent(&self, is_still: bool, bytes: usize) {
-        self.frames[usize::from(is_still)].fetch_add(1, Ordering::Relaxed);
-        self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
-    }
-
-    /// Server time of a frame of a moving view, without rendering and waiting.
-    pub(super) fn overhead(&self, ms: f64) {
-        self.overhead.observe(ms);
-    }
-
-    /// A pose that no picture showed.
-    pub(super) fn pose_dropped(&self) {
-        self.dropped_poses.fetch_add(1, Ordering::Relaxed);
-    }
-
-    fn write(&self, text: &mut String) {
-        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        head(text, "relief_live_sessions", "gauge", "Live sessions that are connected.");
-        line(text, "relief_live_sessions", "", self.sessions.load(Ordering::Relaxed));
-        head(text, "relief_live_frames_total", "counter", "Frames sent in live sessions.");
-        for (kind, count) in ["moving", "still"].into_iter().zip(&self.frames) {
-            line(text, "relief_live_frames_total", &format!("kind=\"{kind}\""), read(count));
-        }
-        head(text, "relief_live_bytes_total", "counter", "Bytes of those frames.");
-        line(text, "relief_live_bytes_total", "", read(&self.bytes));
-        head(text, "relief_live_dropped_poses_total", "counter", "Poses that newer ones replaced.");
-        line(text, "relief_live_dropped_poses_total", "", read(&self.dropped_poses));
-        let help = "From a message to its frame's hand-over, without rendering and waiting, of moving views.";
-        self.overhead.write(text, "relief_live_overhead_seconds", help);
-    }
+/// Metrics whose values other parts of the server keep. They are copied when `/metrics` is requested.
+#[derive(Debug)]
+struct Sampled {
+    abandoned: Family<AbandonedLabels, Counter>,
+    bands: Counter,
+    queue_length: Gauge,
+    volumes: Gauge,
+    gpu_volumes: Gauge,
+    gpu_bytes: Gauge,
+    gpu_limit_bytes: Gauge,
+    gpu_uploads: Counter,
+    gpu_evictions: Counter,
+    host_bytes: Gauge,
+    host_limit_bytes: Gauge,
+    host_evictions: Counter,
+    series_reads: Counter,
+    ready: Gauge,
+    uptime: Gauge<f64, AtomicU64>,
 }
 
-/// Values that are read when `/metrics` is requested.
+/// The values of [`Sampled`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gauges {
     pub(super) waiting: usize,
@@ -81,169 +103,194 @@ pub(super) struct Gauges {
     pub(super) uptime: Duration,
 }
 
-/// How a render order ended; the index is that of [`Metrics::outcomes`].
-const OUTCOMES: [&str; 5] = ["rendered", "reused", "busy", "refused", "failed"];
-
-/// ServiceCounts a request while it is held.
+/// Counts one request, or one session, while it is held.
 #[derive(Debug)]
-pub(super) struct InFlight<'a>(&'a AtomicI64);
+pub(super) struct Counted(Gauge);
 
-impl Drop for InFlight<'_> {
+impl Counted {
+    fn new(gauge: &Gauge) -> Self {
+        gauge.inc();
+        Self(gauge.clone())
+    }
+}
+
+impl Drop for Counted {
     fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::Relaxed);
+        self.0.dec();
+    }
+}
+
+/// Registers a metric. The text format adds a full stop to `help`, and `_total` to a counter's name.
+fn registered<M: Metric + Clone>(registry: &mut Registry, name: &str, help: &str, metric: M) -> M {
+    registry.register(name, help, metric.clone());
+    metric
+}
+
+fn counter(registry: &mut Registry, name: &str, help: &str) -> Counter {
+    registered(registry, name, help, Counter::default())
+}
+
+fn gauge(registry: &mut Registry, name: &str, help: &str) -> Gauge {
+    registered(registry, name, help, Gauge::default())
+}
+
+fn durations(registry: &mut Registry, name: &str, help: &str) -> Histogram {
+    registered(registry, name, help, Histogram::new(BOUNDS))
+}
+
+impl Default for Metrics {
+    fn default() -> Self {
+        let mut registry = Registry::default();
+        let r = &mut registry;
+        let responses = registered(r, "relief_requests", "HTTP requests answered", Family::default());
+        let in_flight = gauge(r, "relief_requests_in_flight", "HTTP requests being answered");
+        let not_modified = counter(r, "relief_not_modified", "Frames answered by their tag, not rendered");
+        let outcomes = registered(r, "relief_render_orders", "Render orders by outcome", Family::default());
+        let queue = durations(r, "relief_render_queue_seconds", "Time that orders waited");
+        let render = durations(r, "relief_render_seconds", "Time of upload and rendering");
+        let (sampled, live) = (Sampled::new(r), LiveMetrics::new(r));
+        Self { registry, responses, in_flight, not_modified, outcomes, queue, render, sampled, live }
     }
 }
 
 impl Metrics {
-    pub(super) fn enter(&self) -> InFlight<'_> {
-        self.in_flight.fetch_add(1, Ordering::Relaxed);
-        InFlight(&self.in_flight)
+    /// Counts a request as being answered, until the value is dropped.
+    pub(super) fn enter(&self) -> Counted {
+        Counted::new(&self.in_flight)
     }
 
     pub(super) fn answered(&self, method: &'static str, route: &str, status: u16) {
-        let mut answers = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
-        *answers.entry((method, route.to_owned(), status)).or_default() += 1;
+        let labels = ResponseLabels { method, route: route.to_owned(), status: status.into() };
+        self.responses.get_or_create(&labels).inc();
     }
 
     pub(super) fn not_modified(&self) {
-        self.not_modified.fetch_add(1, Ordering::Relaxed);
+        self.not_modified.inc();
     }
 
     pub(super) fn rendered(&self, outcome: &Result<Rendered, ServiceError>) {
-        let index = match outcome {
+        let outcome = match outcome {
             Ok(rendered) => {
-                self.queue.observe(rendered.queue_ms);
+                self.queue.observe(rendered.queue_ms / 1e3);
                 if rendered.origin == Origin::Rendered {
                     let timings = rendered.frame.timings;
-                    self.render.observe(timings.upload_ms + timings.render_ms + timings.overlay_ms);
+                    let ms = timings.upload_ms + timings.render_ms + timings.overlay_ms;
+                    self.render.observe(ms / 1e3);
                 }
-                usize::from(rendered.origin == Origin::Reused)
+                if rendered.origin == Origin::Reused { "reused" } else { "rendered" }
             }
-            Err(ServiceError::Busy(_)) => 2,
-            Err(ServiceError::Backend(relief_session::BackendError::Refused(_))) => 3,
-            Err(_) => 4,
+            Err(ServiceError::Busy(_)) => "busy",
+            Err(ServiceError::Backend(BackendError::Refused(_))) => "refused",
+            Err(_) => "failed",
         };
-        self.outcomes[index].fetch_add(1, Ordering::Relaxed);
+        self.outcomes.get_or_create(&OutcomeLabels { outcome }).inc();
     }
 
     /// The text that a scraper reads.
-    pub(super) fn text(&self, gauges: Gauges) -> String {
+    pub(super) fn text(&self, gauges: Gauges) -> Result<String, std::fmt::Error> {
+        self.sampled.set(gauges);
         let mut text = String::new();
-        head(&mut text, "relief_requests_total", "counter", "HTTP requests answered.");
-        for ((method, route, status), count) in
-            self.answers.lock().unwrap_or_else(PoisonError::into_inner).iter()
-        {
-            let labels = format!("method=\"{method}\",route=\"{route}\",status=\"{status}\"");
-            line(&mut text, "relief_requests_total", &labels, count);
+        encode(&mut text, &self.registry)?;
+        Ok(text)
+    }
+}
+
+impl LiveMetrics {
+    fn new(r: &mut Registry) -> Self {
+        Self {
+            sessions: gauge(r, "relief_live_sessions", "Connected live sessions"),
+            frames: registered(r, "relief_live_frames", "Frames sent in live sessions", Family::default()),
+            bytes: counter(r, "relief_live_bytes", "Bytes of those frames"),
+            dropped_poses: counter(r, "relief_live_dropped_poses", "Poses that newer ones replaced"),
+            overhead: durations(
+                r,
+                "relief_live_overhead_seconds",
+                "Time from a message to its frame's hand-over in moving views, without rendering and waiting",
+            ),
         }
-        head(&mut text, "relief_render_orders_total", "counter", "Render orders by how they ended.");
-        for (outcome, count) in OUTCOMES.iter().zip(&self.outcomes) {
-            let labels = format!("outcome=\"{outcome}\"");
-            line(&mut text, "relief_render_orders_total", &labels, count.load(Ordering::Relaxed));
-        }
-        head(
-            &mut text,
-            "relief_render_abandoned_total",
-            "counter",
-            "Render orders that nobody waited for any more.",
-        );
-        let ServiceCounts { skipped, cancelled, .. } = gauges.counts;
-        for (when, count) in [("waiting", skipped), ("rendering", cancelled)] {
-            line(&mut text, "relief_render_abandoned_total", &format!("when=\"{when}\""), count);
-        }
-        for (name, kind, help, value) in self.values(gauges) {
-            head(&mut text, name, kind, help);
-            line(&mut text, name, "", value);
-        }
-        self.queue.write(&mut text, "relief_render_queue_seconds", "Time that orders waited.");
-        self.render.write(&mut text, "relief_render_seconds", "Time of upload and rendering.");
-        self.live.write(&mut text);
-        text
     }
 
-    /// Metrics with one value: name, kind, help, value.
-    fn values(&self, gauges: Gauges) -> Vec<(&'static str, &'static str, &'static str, f64)> {
-        let not_modified = self.not_modified.load(Ordering::Relaxed) as f64;
-        let in_flight = self.in_flight.load(Ordering::Relaxed) as f64;
-        let ready = f64::from(u8::from(gauges.ready));
+    /// Counts a session as connected, until the value is dropped.
+    pub(super) fn connected(&self) -> Counted {
+        Counted::new(&self.sessions)
+    }
+
+    /// A frame is handed to the socket.
+    pub(super) fn sent(&self, is_still: bool, bytes: usize) {
+        let kind = if is_still { "still" } else { "moving" };
+        self.frames.get_or_create(&FrameLabels { kind }).inc();
+        self.bytes.inc_by(bytes as u64);
+    }
+
+    /// Server time of a frame of a moving view, without rendering and waiting.
+    pub(super) fn overhead(&self, ms: f64) {
+        self.overhead.observe(ms / 1e3);
+    }
+
+    /// A pose that no picture showed.
+    pub(super) fn pose_dropped(&self) {
+        self.dropped_poses.inc();
+    }
+}
+
+impl Sampled {
+    fn new(r: &mut Registry) -> Self {
+        Self {
+            abandoned: registered(
+                r,
+                "relief_render_abandoned",
+                "Render orders whose clients left",
+                Family::default(),
+            ),
+            bands: counter(r, "relief_render_bands", "Bands of pictures rendered"),
+            queue_length: gauge(r, "relief_render_queue_length", "Waiting render orders"),
+            volumes: gauge(r, "relief_volumes", "Volumes in memory"),
+            gpu_volumes: gauge(r, "relief_gpu_volumes", "Volumes in graphics memory"),
+            gpu_bytes: gauge(r, "relief_gpu_memory_bytes", "Graphics memory of volumes"),
+            gpu_limit_bytes: gauge(r, "relief_gpu_memory_limit_bytes", "Limit of graphics memory of volumes"),
+            gpu_uploads: counter(r, "relief_gpu_uploads", "Volumes uploaded to graphics memory"),
+            gpu_evictions: counter(r, "relief_gpu_evictions", "Volumes evicted from graphics memory"),
+            host_bytes: gauge(r, "relief_memory_bytes", "Memory of voxels"),
+            host_limit_bytes: gauge(r, "relief_memory_limit_bytes", "Limit of the memory of voxels"),
+            host_evictions: counter(r, "relief_memory_evictions", "Series evicted from memory"),
+            series_reads: counter(r, "relief_series_reads", "Series read again"),
+            ready: gauge(r, "relief_ready", "1 when frames can be rendered"),
+            uptime: registered(r, "relief_uptime_seconds", "Time since the start", Gauge::default()),
+        }
+    }
+
+    fn set(&self, gauges: Gauges) {
+        let ServiceCounts { skipped, cancelled, bands, .. } = gauges.counts;
         let MemoryUse { volumes, used_bytes, limit_bytes, uploads, evictions } = gauges.memory;
-        let counter = |name, help, value: f64| (name, "counter", help, value);
-        let gauge = |name, help, value: f64| (name, "gauge", help, value);
-        vec![
-            counter("relief_not_modified_total", "Frames answered by their tag, not rendered.", not_modified),
-            counter("relief_render_bands_total", "Bands of pictures rendered.", gauges.counts.bands as f64),
-            gauge("relief_requests_in_flight", "HTTP requests being answered.", in_flight),
-            gauge("relief_render_queue_length", "Render orders that wait.", gauges.waiting as f64),
-            gauge("relief_volumes", "Volumes in memory.", gauges.volumes as f64),
-            gauge("relief_gpu_volumes", "Volumes in graphics memory.", volumes as f64),
-            gauge("relief_gpu_memory_bytes", "Graphics memory that volumes take.", used_bytes as f64),
-            gauge(
-                "relief_gpu_memory_limit_bytes",
-                "Graphics memory that volumes may take.",
-                limit_bytes as f64,
-            ),
-            counter("relief_gpu_uploads_total", "Volumes that went into graphics memory.", uploads as f64),
-            counter("relief_gpu_evictions_total", "Volumes that left it for others.", evictions as f64),
-            gauge("relief_memory_bytes", "Memory that voxels take.", gauges.host.used_bytes as f64),
-            gauge(
-                "relief_memory_limit_bytes",
-                "Memory that voxels may take.",
-                gauges.host.limit_bytes as f64,
-            ),
-            counter(
-                "relief_memory_evictions_total",
-                "Series that left memory.",
-                gauges.host.evictions as f64,
-            ),
-            counter("relief_series_reads_total", "Series that were read again.", gauges.host.reads as f64),
-            gauge("relief_ready", "1 when frames can be rendered.", ready),
-            gauge("relief_uptime_seconds", "Time since the start.", gauges.uptime.as_secs_f64()),
-        ]
-    }
-}
-
-/// Upper bounds of the buckets, seconds.
-const BOUNDS: [f64; 13] = [0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
-
-/// Durations in buckets.
-#[derive(Debug, Default)]
-struct Histogram {
-    buckets: [AtomicU64; BOUNDS.len()],
-    count: AtomicU64,
-    sum_us: AtomicU64,
-}
-
-impl Histogram {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "durations of a render in µs"
-    )]
-    fn observe(&self, ms: f64) {
-        for (bucket, bound) in self.buckets.iter().zip(BOUNDS) {
-            bucket.fetch_add(u64::from(ms <= bound * 1e3), Ordering::Relaxed);
+        for (when, count) in [("waiting", skipped), ("rendering", cancelled)] {
+            copy(&self.abandoned.get_or_create(&AbandonedLabels { when }), count);
         }
-        self.sum_us.fetch_add((ms * 1e3) as u64, Ordering::Relaxed);
-        self.count.fetch_add(1, Ordering::Relaxed);
-    }
-
-    fn write(&self, text: &mut String, name: &str, help: &str) {
-        head(text, name, "histogram", help);
-        let count = self.count.load(Ordering::Relaxed);
-        for (bucket, bound) in self.buckets.iter().zip(BOUNDS) {
-            line(text, &format!("{name}_bucket"), &format!("le=\"{bound}\""), bucket.load(Ordering::Relaxed));
+        for (counter, count) in [
+            (&self.bands, bands),
+            (&self.gpu_uploads, uploads),
+            (&self.gpu_evictions, evictions),
+            (&self.host_evictions, gauges.host.evictions),
+            (&self.series_reads, gauges.host.reads),
+        ] {
+            copy(counter, count);
         }
-        line(text, &format!("{name}_bucket"), "le=\"+Inf\"", count);
-        line(text, &format!("{name}_sum"), "", self.sum_us.load(Ordering::Relaxed) as f64 / 1e6);
-        line(text, &format!("{name}_count"), "", count);
+        for (gauge, value) in [
+            (&self.queue_length, gauges.waiting as u64),
+            (&self.volumes, gauges.volumes as u64),
+            (&self.gpu_volumes, volumes as u64),
+            (&self.gpu_bytes, used_bytes),
+            (&self.gpu_limit_bytes, limit_bytes),
+            (&self.host_bytes, gauges.host.used_bytes),
+            (&self.host_limit_bytes, gauges.host.limit_bytes),
+            (&self.ready, u64::from(gauges.ready)),
+        ] {
+            gauge.set(value.try_into().unwrap_or(i64::MAX));
+        }
+        self.uptime.set(gauges.uptime.as_secs_f64());
     }
 }
 
-fn head(text: &mut String, name: &str, kind: &str, help: &str) {
-    let _ = write!(text, "# HELP {name} {help}\n# TYPE {name} {kind}\n"); // writing to a String cannot fail
-}
-
-fn line(text: &mut String, name: &str, labels: &str, value: impl std::fmt::Display) {
-    let braced = if labels.is_empty() { String::new() } else { format!("{{{labels}}}") };
-    let _ = writeln!(text, "{name}{braced} {value}");
+/// Sets a counter to a count that is kept elsewhere.
+fn copy(counter: &Counter, count: u64) {
+    counter.inner().store(count, Ordering::Relaxed);
 }

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use tokio::sync::OwnedSemaphorePermit;
 
@@ -40,9 +41,14 @@ pub async fn on_blocking_thread<T: Send + 'static>(
     what: &'static str,
     job: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, JobError> {
+    let (span, since) = (tracing::debug_span!("job", what), Instant::now());
     let job = tokio::task::spawn_blocking(move || {
-        let _permit = permit;
-        job()
+        let (_permit, _span) = (permit, span.entered());
+        let waited_ms = since.elapsed().as_secs_f64() * 1e3;
+        let done = job();
+        let ms = since.elapsed().as_secs_f64() * 1e3 - waited_ms;
+        tracing::trace!(waited_ms, ms, "finished");
+        done
     });
     job.await.map_err(|source| JobError::Panicked { what, source })
 }

@@ -18,7 +18,7 @@ use super::budget::{BudgetedRequest, SpeedBook};
 use super::cache::{FrameCache, FrameKey};
 use super::ticket::{Ticket, TicketSender, pair};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
-use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
+use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame, Timings};
 use relief_volume::{ContentHash, Grid, Volume};
 
 /// How much a service keeps.
@@ -82,6 +82,8 @@ struct RenderJob {
     key: FrameKey,
     promise: TicketSender,
     since: Instant,
+    /// The request that waits for it.
+    span: tracing::Span,
 }
 
 impl RenderService {
@@ -127,10 +129,12 @@ impl RenderService {
     pub fn render(&self, volume: &Volume, request: RenderRequest) -> Result<Ticket, ServiceError> {
         let key = FrameKey { volume: volume.content_hash(), request };
         if let Some(frame) = lock(&self.shared.recent).get(&key) {
+            tracing::trace!("reused a recent frame");
             return Ok(Ticket::ready(Rendered { frame, queue_ms: 0.0, origin: Origin::Reused }));
         }
         let (ticket, promise) = pair();
-        let order = RenderJob { volume: volume.clone(), key, promise, since: Instant::now() };
+        let span = tracing::Span::current();
+        let order = RenderJob { volume: volume.clone(), key, promise, since: Instant::now(), span };
         let queue = lock(&self.queue);
         let sender = queue.as_ref().ok_or(ServiceError::Stopped)?;
         // Counted first: the thread may take the order, and count it off, before `send` returns.
@@ -237,12 +241,14 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &ServiceS
 
 /// Answers one order, from the recent frames if it can.
 fn answer(backend: &mut impl RenderBackend, order: RenderJob, shared: &ServiceState) {
+    let _request = order.span.clone().entered();
     if !order.promise.is_wanted() {
         shared.skipped.fetch_add(1, Ordering::Relaxed);
-        tracing::debug!("skipped an order that nobody waits for");
+        tracing::debug!("skipped the frame: its client left");
         return;
     }
     let queue_ms = order.since.elapsed().as_secs_f64() * 1e3;
+    tracing::trace!(queue_ms, "left the queue");
     // An equal order may have been rendered while this one waited.
     let recent = lock(&shared.recent).get(&order.key);
     let outcome = match recent {
@@ -264,9 +270,12 @@ fn render(
     shared: &ServiceState,
 ) -> Result<RenderedFrame, ServiceError> {
     let is_healthy = &shared.is_healthy;
+    let RenderRequest { mode, size_px: [width, height], .. } = order.key.request;
+    let _frame = tracing::debug_span!("frame", mode = mode.name(), width, height).entered();
     let mut last = Progress::default();
     let mut goes_on = |progress: Progress| {
         shared.bands.fetch_add(progress.bands - last.bands, Ordering::Relaxed);
+        tracing::trace!(bands = progress.bands, passes = progress.passes, "rendered a band");
         last = progress;
         if order.promise.is_wanted() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
@@ -279,12 +288,14 @@ fn render(
             let FrameKey { volume, request } = &order.key;
             let passes = last.passes.saturating_sub(last.continued);
             let (grid, ms) = (order.volume.grid(), frame.timings.render_ms);
+            let Timings { upload_ms, overlay_ms, .. } = frame.timings;
+            tracing::trace!(upload_ms, render_ms = ms, overlay_ms, passes, "rendered");
             lock(&shared.speeds).record(*volume, grid, request, passes, ms);
         }
         Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),
         Ok(Err(BackendError::Cancelled)) => {
             shared.cancelled.fetch_add(1, Ordering::Relaxed);
-            tracing::debug!("broke off an order that nobody waits for");
+            tracing::debug!("cancelled the frame: its client left");
         }
         Ok(Err(BackendError::Refused(_))) | Err(_) => {}
     }

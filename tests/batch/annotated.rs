@@ -252,7 +252,7 @@ fn what_needs_annotations_says_so() {
     apply(&archive, vec![create(point("a", [0.0; 3], &FrameOfReference("1.2.3".to_owned())))], None);
     let log = archive.text("ann.db");
     let none = plan(&["--views", "landmarks", "--annotations", &log]);
-    assert!(none.contains("no annotation of the series to look at"), "{none}");
+    assert!(none.contains("no annotation of this series to look at"), "{none}");
     let nowhere = plan(&["--views", "landmarks", "--annotations", &archive.text("nowhere.db")]);
     assert!(nowhere.contains("--annotations cannot be read"), "{nowhere}");
 }

@@ -89,7 +89,7 @@ fn buckets_that_cannot_be_used_are_told_before_anything_is_rendered() {
     let manifest = archive.text("jobs.jsonl");
     let run = |out: &str| with_bucket(&bucket, &["batch", "run", "--manifest", &manifest, "--out", out]);
     for (out, status, reason) in
-        [("s3://missing", 1, "cannot write into s3://missing"), ("s3://Views", 2, "is no name of a bucket")]
+        [("s3://missing", 1, "cannot write into s3://missing"), ("s3://Views", 2, "is not a valid bucket name")]
     {
         let ran = run(out);
         let said = String::from_utf8_lossy(&ran.stderr);
@@ -258,7 +258,7 @@ s3.put_object(Bucket='views', Key=key, Body=b'x' * 1000)";
     assert!(refused.contains("copies of series may have 1000; allow more with --cache-bytes"), "{refused}");
     assert!(refused.contains(" bytes, and") && !refused.contains("DOE"), "{refused}");
     let refused = failed(&run("altered", &[]));
-    assert_eq!(refused.matches("not those that were planned with").count(), 3, "{refused}");
+    assert_eq!(refused.matches("files have changed since planning").count(), 3, "{refused}");
 }
 
 /// The failures of a run; none of them names a series' folder.
@@ -300,7 +300,7 @@ fn buckets_without_series_are_told_without_secrets() {
         ),
         ("s3://views/ct", Some(&*denying), "cannot read s3://views/ct: access is denied"),
         ("s3://views/notes", None, "no CT series under s3://views/notes"),
-        ("s3://Views", None, "is no name of a bucket"),
+        ("s3://Views", None, "is not a valid bucket name"),
     ] {
         let said = plan(root, endpoint, &[]);
         assert!(said.contains(reason), "{root}: {said}");

@@ -114,7 +114,7 @@ fn a_bad_series_stops_no_other_and_altered_ones_are_planned_anew() {
         "{summary}"
     );
     let reasons = summary["failed"].to_string();
-    assert!(reasons.contains("not those that were planned with; plan anew"), "{reasons}");
+    assert!(reasons.contains("files have changed since planning; plan again"), "{reasons}");
     let page = std::fs::read_to_string(archive.path("out/report.html")).unwrap();
     assert!(page.contains("3 of 9 views") && page.contains("Failures"));
 }

@@ -49,7 +49,7 @@ fn organs_are_kept_as_render_keeps_them() {
     let refused = archive.run_into("altered", &[]);
     let said = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(refused.status.code(), Some(1), "{said}");
-    assert_eq!(said.matches("label map is not the one that was planned with").count(), 2, "{said}");
+    assert_eq!(said.matches("label map has changed since planning").count(), 2, "{said}");
 }
 
 /// Invariant: Label maps are part of the key of a job and are drawn as by `relief render`.

@@ -62,7 +62,7 @@ fn a_query_chooses_among_the_series_of_a_folder() {
     assert_eq!(some["skipped"], serde_json::json!([]), "what is not wanted is no trouble");
     let none = archive.plan(&["--views", "planes", "--where", "slices>1000"]);
     assert_eq!(none.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&none.stderr).contains("which --where does not want"));
+    assert!(String::from_utf8_lossy(&none.stderr).contains("which --where does not select"));
 }
 
 /// Its voxels are missing; the header is enough for the grid.
@@ -76,5 +76,5 @@ fn a_query_reads_no_voxels_of_a_volume_file() {
     let planned = ok(&archive.plan(&["--views", "planes", "--where", "slices>=40,rows=20,columns<=10"]));
     assert_eq!((&planned["series"], &planned["unwanted"]), (&1.into(), &0.into()), "{planned}");
     let unwanted = archive.plan(&["--views", "planes", "--where", "slices>50"]);
-    assert!(String::from_utf8_lossy(&unwanted.stderr).contains("slices is 50, which --where does not want"));
+    assert!(String::from_utf8_lossy(&unwanted.stderr).contains("slices is 50, which --where does not select"));
 }

@@ -122,7 +122,7 @@ async fn metrics_count_without_naming() {
     stage.get("/who/are/you").await;
     stage.ask(Request::builder().method("BREW").uri("/").body(Body::empty()).unwrap()).await;
     let answer = stage.get("/metrics").await;
-    assert!(answer.header("content-type").starts_with("text/plain; version=0.0.4"));
+    assert!(answer.header("content-type").starts_with("application/openmetrics-text; version=1.0.0"));
     let text = answer.text();
     for line in [
         "relief_requests_total{method=\"GET\",route=\"/v1/volumes/{id}/frame\",status=\"200\"} 2",

@@ -3,7 +3,7 @@
 //! This is arithmetic on [`Intent`]s. A [`ViewState`] applies one after another and gives the
 //! [`relief_volume::Camera`], clip plane, preset and cursor of the next picture. It reads no device
 //! and no clock, opens no socket and renders nothing: times are parameters in ns, pictures are
-//! parameters of type [`Seen`].
+//! parameters of type [`DisplayedPicture`].
 //!
 //! | space | definition |
 //! |---|---|

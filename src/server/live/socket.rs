@@ -5,7 +5,6 @@
 //! connection that receives nothing is still read.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use axum::extract::State;
@@ -16,6 +15,7 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{OwnedSemaphorePermit, mpsc};
+use tracing::Instrument;
 
 use super::connection::Connected;
 use super::random_name;
@@ -26,7 +26,6 @@ use crate::guard::is_cross_site;
 use crate::live::close::End;
 use crate::live::close::GOING_AWAY;
 use crate::live::close::POLICY;
-use crate::metrics::Metrics;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_live::{
@@ -77,30 +76,15 @@ pub(crate) async fn connect(
         .read_buffer_size(16 << 10)
         .write_buffer_size(0)
         .max_write_buffer_size(SOCKET_BUFFER);
-    Ok(upgrade.on_upgrade(move |socket| run(parts, socket, place)))
-}
-
-/// Counts a session while it is connected.
-struct Counted<'a>(&'a Metrics);
-
-impl<'a> Counted<'a> {
-    fn new(metrics: &'a Metrics) -> Self {
-        metrics.live.sessions.fetch_add(1, Ordering::Relaxed);
-        Self(metrics)
-    }
-}
-
-impl Drop for Counted<'_> {
-    fn drop(&mut self) {
-        self.0.live.sessions.fetch_sub(1, Ordering::Relaxed);
-    }
+    let span = tracing::info_span!("connection", number = parts.live.next_id());
+    Ok(upgrade.on_upgrade(move |socket| run(parts, socket, place).instrument(span)))
 }
 
 /// A whole connection.
 async fn run(parts: LiveParts, mut socket: WebSocket, place: OwnedSemaphorePermit) {
     let _place = place;
     let metrics = Arc::clone(&parts.metrics);
-    let _counted = Counted::new(&metrics);
+    let _counted = metrics.live.connected();
     let mut closing = parts.live.closing.subscribe();
     let waited = tokio::select! {
         hello = tokio::time::timeout(parts.live.config.hello_timeout, first_message(&mut socket)) => Some(hello),

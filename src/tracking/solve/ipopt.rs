@@ -11,7 +11,7 @@ use ipopt::{BasicProblem, ConstrainedProblem, Index, Ipopt, SolveStatus};
 use nalgebra::{Vector3, Vector4};
 
 use super::PoseView;
-use super::paper::{Energy, Form, PaperSolution, Point};
+use super::paper::{Energy, QuadraticForm, PaperSolution, Point};
 use crate::pose::Pose;
 
 /// Numbers of a pose.
@@ -38,13 +38,13 @@ fn point(x: &[f64]) -> Point {
 }
 
 /// The slope of a form by all seven numbers.
-fn slope(form: &Form, at: &Point) -> [f64; NUMBERS] {
+fn slope(form: &QuadraticForm, at: &Point) -> [f64; NUMBERS] {
     numbers(&Point { q: form.a * at.q * 2.0, t: form.b })
 }
 
 /// Adds `weight` times the second derivative of a form: it is quadratic in the quaternion, linear
 /// in t.
-fn add_curvature(form: &Form, weight: f64, sum: &mut [f64]) {
+fn add_curvature(form: &QuadraticForm, weight: f64, sum: &mut [f64]) {
     for (sum, (row, column)) in sum.iter_mut().zip(triangle()) {
         if row < 4 && column < 4 {
             *sum += weight * 2.0 * form.a[(row, column)];
