@@ -62,7 +62,7 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::EnvFilter;
 
 /// Headless CT volume rendering, in colour and depth, for glasses-free 3D displays.
 #[derive(Debug, Parser)]
@@ -135,18 +135,28 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// A level alone is that of Relief's own crates: at `debug` and `trace` libraries log every call.
+fn directives(setting: &str) -> String {
+    match setting.parse::<tracing::Level>() {
+        Ok(level) if level > tracing::Level::WARN => format!("warn,relief={level}"),
+        _ => setting.to_owned(),
+    }
+}
+
 /// Logs go to stderr, because stdout carries results only.
 fn start_logging() {
-    let setting = std::env::var("RELIEF_LOG").unwrap_or_default();
-    // A level alone is that of Relief's own crates: libraries log every call at these levels.
-    let directives = match setting.parse::<tracing::Level>() {
-        Ok(level) if level > tracing::Level::WARN => format!("warn,relief={level}"),
-        _ => setting,
+    let usual = || EnvFilter::new("warn,relief_cli=info");
+    let filter = match std::env::var("RELIEF_LOG") {
+        Ok(setting) if !setting.is_empty() => {
+            EnvFilter::builder().parse(directives(&setting)).unwrap_or_else(|error| {
+                eprintln!(
+                    "warning: RELIEF_LOG is {setting:?}, allowed: a level or directives of tracing: {error}"
+                );
+                usual()
+            })
+        }
+        _ => usual(),
     };
-    let filter = tracing_subscriber::EnvFilter::builder().parse(directives).ok();
-    let filter = filter
-        .filter(|filter| filter.max_level_hint().is_some_and(|level| level > LevelFilter::OFF))
-        .unwrap_or_else(|| tracing_subscriber::EnvFilter::new("warn,relief_cli=info"));
     let colored = std::io::stderr().is_terminal();
     tracing_subscriber::fmt().with_env_filter(filter).with_ansi(colored).with_writer(std::io::stderr).init();
 }

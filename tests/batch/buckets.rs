@@ -88,9 +88,10 @@ fn buckets_that_cannot_be_used_are_told_before_anything_is_rendered() {
     ok(&archive.plan(&["--views", "planes"]));
     let manifest = archive.text("jobs.jsonl");
     let run = |out: &str| with_bucket(&bucket, &["batch", "run", "--manifest", &manifest, "--out", out]);
-    for (out, status, reason) in
-        [("s3://missing", 1, "cannot write into s3://missing"), ("s3://Views", 2, "is not a valid bucket name")]
-    {
+    for (out, status, reason) in [
+        ("s3://missing", 1, "cannot write into s3://missing"),
+        ("s3://Views", 2, "is not a valid bucket name"),
+    ] {
         let ran = run(out);
         let said = String::from_utf8_lossy(&ran.stderr);
         assert!(ran.status.code() == Some(status) && said.contains(reason), "{said}");

@@ -76,5 +76,7 @@ fn a_query_reads_no_voxels_of_a_volume_file() {
     let planned = ok(&archive.plan(&["--views", "planes", "--where", "slices>=40,rows=20,columns<=10"]));
     assert_eq!((&planned["series"], &planned["unwanted"]), (&1.into(), &0.into()), "{planned}");
     let unwanted = archive.plan(&["--views", "planes", "--where", "slices>50"]);
-    assert!(String::from_utf8_lossy(&unwanted.stderr).contains("slices is 50, which --where does not select"));
+    assert!(
+        String::from_utf8_lossy(&unwanted.stderr).contains("slices is 50, which --where does not select")
+    );
 }

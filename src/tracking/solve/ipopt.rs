@@ -11,7 +11,7 @@ use ipopt::{BasicProblem, ConstrainedProblem, Index, Ipopt, SolveStatus};
 use nalgebra::{Vector3, Vector4};
 
 use super::PoseView;
-use super::paper::{Energy, QuadraticForm, PaperSolution, Point};
+use super::paper::{Energy, PaperSolution, Point, QuadraticForm};
 use crate::pose::Pose;
 
 /// Numbers of a pose.
