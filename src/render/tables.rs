@@ -99,7 +99,7 @@ impl Tables {
     }
 
     /// The tables that the shown ones among these segments look up; places as in
-    /// [`relief_volume::Places`].
+    /// [`relief_volume::SegmentIndices`].
     pub(super) fn set_of(&self, places: &[u16]) -> TableSet {
         let looks = places.iter().map(|&place| &self.looks[usize::from(place)]);
         looks.filter(|look| look.visible).fold(0, |set, look| set | 1 << look.transfer)
