@@ -12,7 +12,7 @@ pub(super) struct LightArguments {
     /// scene file
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     shadows: Option<f64>,
-    /// How much less light nooks have, 0 to 1 (ambient occlusion)
+    /// Strength of ambient occlusion, 0 to 1: enclosed places receive less light
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     occlusion: Option<f64>,
     /// How far away things take light away, with --occlusion

@@ -118,8 +118,8 @@ function differences(theirs, mine) {
  */
 export async function askConflict(current, mine) {
   if (!current) {
-    const found = await ask("It was deleted meanwhile", [
-      paragraph(`Somebody else deleted “${mine.name}” while you changed it.`, ""),
+    const found = await ask("Deleted by someone else", [
+      paragraph(`Someone else deleted “${mine.name}” while you were changing it.`, ""),
     ], [["theirs", "Leave it deleted"], ["both", "Make it again", true]]);
     return found?.button ?? null;
   }
@@ -127,7 +127,7 @@ export async function askConflict(current, mine) {
     element("tr", {}, element("th", { scope: "row" }, what), element("td", {}, theirs || "–"), element("td", {}, own || "–")));
   const head = element("tr", {}, element("th"), element("th", { scope: "col" }, "There now"), element("th", { scope: "col" }, "Yours"));
   const found = await ask("Two people changed this", [
-    paragraph(`“${current.item.name}” was changed by somebody else (version ${current.version}) while you changed it. Nothing is overwritten until you say so.`, ""),
+    paragraph(`“${current.item.name}” was changed by someone else (version ${current.version}) while you were changing it. Choose which version to keep.`, ""),
     element("table", { className: "versions" }, element("thead", {}, head), element("tbody", {}, ...rows)),
   ], [["theirs", "Keep theirs"], ["both", "Keep both"], ["mine", "Use mine", true]]);
   return found?.button ?? null;

@@ -116,7 +116,7 @@ function selfTest() {
   document.documentElement.dataset.test = found.length ? "bad" : "good";
   if (!menu.open) return;
   $("test").className = found.length ? "bad" : "good";
-  $("test").textContent = found.length ? "The panel does not get the frame as it is." : "The panel gets every pixel as it is.";
+  $("test").textContent = found.length ? "The panel does not receive the frame unchanged." : "The panel receives every pixel unchanged.";
   $("problems").replaceChildren(...found.map((problem) => Object.assign(document.createElement("li"), { textContent: problem })));
 }
 

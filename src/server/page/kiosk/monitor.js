@@ -62,7 +62,7 @@ function report() {
   const found = panel.problems(true);
   document.documentElement.dataset.test = found.length ? "bad" : "good";
   $("test").className = found.length ? "bad" : "good";
-  $("test").textContent = found.length ? "The panel does not get the frame as it is." : "The header survives; every pixel is the panel's.";
+  $("test").textContent = found.length ? "The panel does not receive the frame unchanged." : "The panel receives the header and every pixel unchanged.";
   $("problems").replaceChildren(...found.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
 }
 
