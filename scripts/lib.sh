@@ -10,7 +10,7 @@ RELIEF_PRIVATE=$RELIEF_ROOT/.relief
 RELIEF_SHARED=$RELIEF_ROOT/../shared # test data and peers' tools; not part of a release
 PINS=$RELIEF_ROOT/scripts/debian-pins.txt
 
-# Messages go to stderr, so that stdout carries results alone.
+# Messages go to stderr, so that stdout carries only results.
 say() { printf '%s: %s\n' "${0##*/}" "$*" >&2; }
 warn() { printf '%s: WARNING: %s\n' "${0##*/}" "$*" >&2; }
 die() {
@@ -180,7 +180,7 @@ check_pins() { # FOLDER_OF_DEBS
 }
 
 # Puts the shared libraries of a pinned package, of the others and of their dependencies into TARGET/lib. The
-# system's own packages are left alone. TARGET appears whole or not at all.
+# system's own packages stay unchanged. TARGET appears whole or not at all.
 unpack_pinned() { # TARGET PACKAGE...
     local target=$1 work package version requests=() needed
     shift

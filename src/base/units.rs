@@ -37,7 +37,6 @@ pub struct Disparity(pub f64);
 impl Disparity {
     /// The byte that carries this disparity: rounded to nearest, clamped to 0..=255.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the range first")]
     pub fn to_byte(self) -> u8 {
         self.0.round().clamp(0.0, 255.0) as u8
     }
@@ -71,7 +70,6 @@ impl DepthLimits {
 
     /// View depth of a Z, the inverse of [`DepthLimits::scaled`] between the limits.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "view depth is stored as f32")]
     pub fn view_depth(self, z: ScaledDepth) -> ViewDepth {
         ViewDepth((self.near_mm + z.0 * (self.far_mm - self.near_mm)) as f32)
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use relief_dicom::FormatError;
+use relief_render::SceneError;
 use relief_session::ContentError;
 use relief_store::StoreError;
 use serde::{Deserialize, Serialize};
@@ -68,7 +69,7 @@ pub enum PlanError {
     },
     /// The log of annotations gives nothing.
     #[error("--annotations cannot be read: {0}")]
-    Annotations(String),
+    Annotations(#[from] AnnotationsError),
     /// The annotations cannot be written beside the manifest.
     #[error("cannot write into {}: {source}", path.display())]
     Unwritable {
@@ -84,8 +85,8 @@ pub enum PlanError {
         last: Option<SkipReason>,
     },
     /// A view set is invalid.
-    #[error("{0}")]
-    Views(String),
+    #[error(transparent)]
+    Views(#[from] ViewsError),
     /// There is no series under the root.
     #[error("no CT series under {}{}", path.display(), listed(skipped))]
     NoSeries {
@@ -94,6 +95,104 @@ pub enum PlanError {
         /// The unusable files, with reasons.
         skipped: Vec<(PathBuf, SkipReason)>,
     },
+}
+
+/// Why the log of annotations gives nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum AnnotationsError {
+    /// The runtime of the database cannot be started.
+    #[error(transparent)]
+    System(#[from] std::io::Error),
+    /// The log cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A set is named that the log does not have.
+    #[error("there is no set {name:?}")]
+    NoSet {
+        /// The name.
+        name: String,
+    },
+}
+
+/// Why a view set is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewsError {
+    /// Two views would write the same files.
+    #[error("two views are called {name:?}")]
+    Twice {
+        /// The name.
+        name: String,
+    },
+    /// A turntable with an impossible number of views.
+    #[error("turntable:{found}: allowed: turntable:1 to turntable:{most}")]
+    Turns {
+        /// The number as written.
+        found: String,
+        /// The largest number.
+        most: u32,
+    },
+    /// Neither the name of a view set nor a readable file.
+    #[error("{}: {source}; view sets are turntable:N, sides, planes, landmarks, cameras, and files", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+    /// The file is no JSON.
+    #[error("{}: {source}", path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// The error of the parser.
+        source: serde_json::Error,
+    },
+    /// The file is no list of views.
+    #[error("{}: allowed: a JSON array of {{\"name\", \"scene\"}}", path.display())]
+    NoList {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A view of the file is invalid.
+    #[error("{}: view {index}: {source}", path.display())]
+    View {
+        /// The file.
+        path: PathBuf,
+        /// From 0.
+        index: usize,
+        /// Why it is invalid.
+        source: ViewError,
+    },
+}
+
+/// Why a view of a file is invalid.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// It is not an object.
+    #[error("allowed: an object")]
+    NoObject,
+    /// A key that views do not have.
+    #[error("unknown key {key:?}, allowed: name, group, scene, azimuth_deg, elevation_deg")]
+    UnknownKey {
+        /// The key.
+        key: String,
+    },
+    /// A value that is not allowed.
+    #[error("{key} is {found}, allowed: {allowed}")]
+    Value {
+        /// The key.
+        key: &'static str,
+        /// The value.
+        found: String,
+        /// The allowed values.
+        allowed: &'static str,
+    },
+    /// The scene is invalid.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Angles beside a camera or a slice.
+    #[error("azimuth_deg and elevation_deg are for scenes without a camera or a slice")]
+    Angles,
 }
 
 /// Why a series has no jobs.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::annotations::KeptAnnotations;
-use super::error::{PlanError, SkipReason};
+use super::error::{AnnotationsError, PlanError, SkipReason};
 use relief_annotation::{FrameOfReference, Geometry, Item, ShownSets};
 use relief_session::{SurfaceMesh, shape_of_content};
 use relief_store::{Filter, Store, StoreError};
@@ -34,9 +34,8 @@ impl AnnotationLog {
     /// # Errors
     /// When the log cannot be read, or has no set of a name.
     pub fn open(place: &str, shown: &ShownSets, folder: PathBuf) -> Result<Self, PlanError> {
-        let system = |error: std::io::Error| PlanError::Annotations(error.to_string());
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
-        let runtime = runtime.map_err(system)?;
+        let runtime = runtime.map_err(AnnotationsError::System)?;
         let read = async {
             let log = Store::open_existing(place).await?;
             let sets = log.sets().await?;
@@ -44,11 +43,11 @@ impl AnnotationLog {
             Ok::<_, StoreError>((log, sets, items))
         };
         let (log, sets, items) =
-            runtime.block_on(read).map_err(|error| PlanError::Annotations(error.to_string()))?;
+            runtime.block_on(read).map_err(AnnotationsError::Store)?;
         if let ShownSets::Sets(names) = shown
             && let Some(name) = names.iter().find(|name| !sets.iter().any(|set| set.name == **name))
         {
-            return Err(PlanError::Annotations(format!("there is no set {name:?}")));
+            return Err(AnnotationsError::NoSet { name: name.clone() }.into());
         }
         let is_named = matches!(shown, ShownSets::Sets(_));
         let is_blinded = |name: &str| sets.iter().any(|set| set.blinded && set.name == name);

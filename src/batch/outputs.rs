@@ -139,7 +139,6 @@ impl RenderedView {
 }
 
 /// View depth in units of [`DEPTH_UNIT_MM`]; 0 where nothing is seen.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be in range")]
 fn depth_png(frame: &RenderedFrame) -> Result<Vec<u8>, SeriesError> {
     let mut values = Vec::with_capacity(frame.depth_mm.len());
     for mm in &frame.depth_mm {

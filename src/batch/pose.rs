@@ -93,7 +93,6 @@ impl ViewCamera {
 }
 
 /// Points of a grid of pixels that show something.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few pixels")]
 fn surface(frame: &RenderedFrame) -> Vec<[f64; 8]> {
     let [width, height] = frame.size_px;
     let step = (f64::from(width) * f64::from(height) / PLACES).sqrt().ceil() as u32;

@@ -299,7 +299,7 @@ fn render(
 ) -> Result<RenderedView, SeriesError> {
     let (volume, labels) = (&loaded.volume, loaded.labels.as_ref());
     let permanent = |error: SceneError| SeriesError::permanent(&error);
-    let file = SceneFile::parse(job.scene.to_string().as_bytes()).map_err(permanent)?;
+    let file = SceneFile::from_value(&job.scene).map_err(permanent)?;
     let scene: Scene = file.resolve_labelled(volume.grid(), &job.orbit, labels).map_err(permanent)?;
     scene.expect_no_annotations().map_err(permanent)?;
     if job.products.iter().any(|product| product.is_frame()) {

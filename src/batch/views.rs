@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::error::PlanError;
+use super::error::{PlanError, ViewError, ViewsError};
 use super::manifest::{NAMES, is_name};
 use relief_render::SceneFile;
 
@@ -57,7 +57,7 @@ impl ViewSet {
         }
         for (index, view) in views.iter().enumerate() {
             if views[..index].iter().any(|other| other.name == view.name) {
-                return Err(PlanError::Views(format!("two views are called {:?}", view.name)));
+                return Err(ViewsError::Twice { name: view.name.clone() }.into());
             }
         }
         Ok(sets)
@@ -71,9 +71,8 @@ impl ViewSet {
 }
 
 /// Equal turns about the patient's long axis, from the front.
-fn turntable(count: &str) -> Result<Vec<View>, PlanError> {
-    let wrong =
-        || PlanError::Views(format!("turntable:{count}: allowed: turntable:1 to turntable:{MOST_TURNS}"));
+fn turntable(count: &str) -> Result<Vec<View>, ViewsError> {
+    let wrong = || ViewsError::Turns { found: count.to_owned(), most: MOST_TURNS };
     let count: u32 = count.parse().map_err(|_| wrong())?;
     if !(1..=MOST_TURNS).contains(&count) {
         return Err(wrong());
@@ -116,53 +115,50 @@ fn planes() -> Vec<View> {
 }
 
 /// Views of a file.
-fn read(path: &Path) -> Result<Vec<View>, PlanError> {
-    let wrong = |reason: String| PlanError::Views(format!("{}: {reason}", path.display()));
-    let known = "view sets are turntable:N, sides, planes, landmarks, cameras, and files";
-    let bytes = std::fs::read(path).map_err(|error| wrong(format!("{error}; {known}")))?;
-    let file: Value = serde_json::from_slice(&bytes).map_err(|error| wrong(error.to_string()))?;
+fn read(path: &Path) -> Result<Vec<View>, ViewsError> {
+    let path = || path.to_owned();
+    let bytes = std::fs::read(path()).map_err(|source| ViewsError::Unreadable { path: path(), source })?;
+    let file: Value =
+        serde_json::from_slice(&bytes).map_err(|source| ViewsError::Json { path: path(), source })?;
     let views = file.as_array().filter(|views| !views.is_empty());
-    let views = views.ok_or_else(|| wrong("allowed: a JSON array of {\"name\", \"scene\"}".to_owned()))?;
-    views
-        .iter()
-        .enumerate()
-        .map(|(index, view)| read_view(view).map_err(|reason| wrong(format!("view {index}: {reason}"))))
-        .collect()
+    let views = views.ok_or_else(|| ViewsError::NoList { path: path() })?;
+    let view = |(index, view)| {
+        read_view(view).map_err(|source| ViewsError::View { path: path(), index, source })
+    };
+    views.iter().enumerate().map(view).collect()
 }
 
-fn read_view(view: &Value) -> Result<View, String> {
-    let object = view.as_object().ok_or("allowed: an object")?;
-    if let Some(key) = object
-        .keys()
-        .find(|key| !["name", "group", "scene", "azimuth_deg", "elevation_deg"].contains(&key.as_str()))
-    {
-        return Err(format!("unknown key {key:?}, allowed: name, group, scene, azimuth_deg, elevation_deg"));
+fn read_view(view: &Value) -> Result<View, ViewError> {
+    const KEYS: [&str; 5] = ["name", "group", "scene", "azimuth_deg", "elevation_deg"];
+    let object = view.as_object().ok_or(ViewError::NoObject)?;
+    if let Some(key) = object.keys().find(|key| !KEYS.contains(&key.as_str())) {
+        return Err(ViewError::UnknownKey { key: key.clone() });
     }
-    let text = |key: &str| match object.get(key) {
+    let wrong = |key, found: &Value, allowed| ViewError::Value { key, found: found.to_string(), allowed };
+    let text = |key| match object.get(key) {
         None => Ok(String::new()),
         Some(Value::String(text)) => Ok(text.clone()),
-        Some(other) => Err(format!("{key} is {other}, allowed: a text")),
+        Some(other) => Err(wrong(key, other, "a text")),
     };
-    let angle = |key: &str| match object.get(key) {
+    let angle = |key| match object.get(key) {
         None => Ok(None),
-        Some(number) => number.as_f64().map(Some).ok_or(format!("{key} is {number}, allowed: degrees")),
+        Some(number) => number.as_f64().map(Some).ok_or_else(|| wrong(key, number, "degrees")),
     };
     let name = text("name")?;
     if !is_name(&name) {
-        return Err(format!("name is {name:?}, allowed: {NAMES}"));
+        return Err(wrong("name", &json!(name), NAMES));
     }
     let scene = match object.get("scene") {
         None => Map::new(),
         Some(Value::Object(scene)) => scene.clone(),
-        Some(_) => return Err("scene is no object".to_owned()),
+        Some(other) => return Err(wrong("scene", other, "an object")),
     };
     // Invalid keys are reported now, not for every job.
-    let parsed = SceneFile::parse(Value::Object(scene.clone()).to_string().as_bytes())
-        .map_err(|error| error.to_string())?;
+    let parsed = SceneFile::from_value(&Value::Object(scene.clone()))?;
     let angles = [angle("azimuth_deg")?, angle("elevation_deg")?];
     let has_view = parsed.has_camera() || parsed.is_slice();
     if has_view && angles.iter().any(Option::is_some) {
-        return Err("azimuth_deg and elevation_deg are for scenes without a camera or a slice".to_owned());
+        return Err(ViewError::Angles);
     }
     let orbit = (!has_view).then(|| angles.map(Option::unwrap_or_default));
     Ok(View { name, group: text("group")?, scene, orbit })

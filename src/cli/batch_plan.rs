@@ -207,6 +207,6 @@ fn shared_scene(arguments: &PlanArguments) -> anyhow::Result<Map<String, Value>>
             "the scene draws annotations; leave that out, and ask for --products annotated with --annotations PLACE"
         );
     }
-    SceneFile::parse(Value::Object(scene.clone()).to_string().as_bytes())?;
+    SceneFile::from_value(&Value::Object(scene.clone()))?;
     Ok(scene)
 }

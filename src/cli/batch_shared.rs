@@ -38,7 +38,6 @@ impl MemoryShare {
                 (BESIDE_BYTES + BESIDE_BYTES / 2) >> 20
             );
         };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of bytes")]
         let voxels = (for_volumes as f64 * VOXEL_SHARE) as u64;
         Ok(Self { voxels, adapter: for_volumes - voxels })
     }

@@ -18,7 +18,6 @@ pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
         _ => return Err(wrong()),
     };
     let bytes = number.parse::<f64>().map_err(|_| wrong())? * factor;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be in range")]
     if (1.0..=1e15).contains(&bytes) { Ok(bytes as u64) } else { Err(wrong()) }
 }
 

@@ -43,7 +43,7 @@ impl TransferArguments {
     pub(super) fn apply(&self, scene: SceneFile) -> anyhow::Result<SceneFile> {
         let Some(path) = &self.transfer else { return Ok(scene) };
         let look = read_look(path, self.transfer_name.as_deref(), self.transfer_range_hu)?;
-        let look = SceneFile::parse(look.to_string().as_bytes());
+        let look = SceneFile::from_value(&look);
         Ok(scene.with_look_of(look.with_context(|| format!("{} has no usable look", path.display()))?))
     }
 }

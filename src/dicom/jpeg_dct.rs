@@ -173,11 +173,6 @@ impl Image {
                 let columns = 8.min(self.width - left);
                 let out = &mut samples[(top + y) * self.width + left..][..columns];
                 for (sample, value) in out.iter_mut().zip(row) {
-                    #[expect(
-                        clippy::cast_possible_truncation,
-                        clippy::cast_sign_loss,
-                        reason = "clamped first"
-                    )]
                     let clamped = (value + level).round().clamp(0.0, highest) as u16;
                     *sample = clamped;
                 }
@@ -310,7 +305,6 @@ fn cosine_basis() -> [[f32; 8]; 8] {
     std::array::from_fn(|x| {
         std::array::from_fn(|u| {
             let scale = if u == 0 { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 } / 2.0;
-            #[expect(clippy::cast_possible_truncation, reason = "a cosine")]
             let value = (scale * ((2 * x + 1) as f64 * u as f64 * std::f64::consts::PI / 16.0).cos()) as f32;
             value
         })

@@ -45,7 +45,6 @@ impl Default for Rescale {
 impl Rescale {
     /// HU of a stored value and whether it had to be clipped to 16 bits; fractions round to
     /// nearest.
-    #[expect(clippy::cast_possible_truncation, reason = "clamped to the range first")]
     pub(super) fn hu(self, stored: i32) -> (i16, bool) {
         let hu = (f64::from(stored) * self.slope + self.intercept).round();
         let clipped = hu.clamp(i16::MIN.into(), i16::MAX.into());
@@ -53,7 +52,6 @@ impl Rescale {
     }
 
     /// The intercept, when adding it is all there is to do.
-    #[expect(clippy::cast_possible_truncation, reason = "checked to be a whole number in the range")]
     fn offset(self) -> Option<i32> {
         let whole = self.slope == 1.0 && self.intercept.fract() == 0.0 && self.intercept.abs() < 1e6;
         whole.then_some(self.intercept as i32)
@@ -211,7 +209,6 @@ fn each(hu: &mut [i16], value: impl Fn(u16) -> (i16, bool)) -> u64 {
 }
 
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "clamped to the range first")]
 fn clip(exact: i32) -> (i16, bool) {
     let clamped = exact.clamp(i16::MIN.into(), i16::MAX.into());
     (clamped as i16, clamped != exact)

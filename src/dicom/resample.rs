@@ -45,11 +45,6 @@ impl RegularGrid {
         let steps = (stack.extent_mm() / stack.median_gap_mm()).round().max(1.0);
         let sizes = [slice_dims[0] as f64 + i.1 - i.0, slice_dims[1] as f64 + j.1 - j.0, steps + 1.0];
         check_growth(sizes, (slice_dims[0] * slice_dims[1] * stack.len()) as u64)?;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "whole and bounded above"
-        )]
         let dims = sizes.map(|n| n as usize);
         Ok(Self { dims, slice_spacing_mm: stack.extent_mm() / steps, slice_dims, before: [-i.0, -j.0] })
     }
@@ -76,7 +71,6 @@ impl RegularGrid {
                 for (x, voxel) in row.iter_mut().enumerate() {
                     let low = below.value(x, y).unwrap_or(outside);
                     let high = if weight > 0.0 { above.value(x, y).unwrap_or(outside) } else { low };
-                    #[expect(clippy::cast_possible_truncation, reason = "a mean of i16 values is an i16")]
                     let value = (low + (high - low) * weight).round() as i16;
                     *voxel = value;
                 }
@@ -107,11 +101,6 @@ fn check_growth(sizes: [f64; 3], given: u64) -> Result<(), Error> {
     let limit = given.saturating_mul(GROWTH_LIMIT).max(ALWAYS_ALLOWED);
     let needed = sizes.iter().product::<f64>();
     if needed > limit as f64 {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates; only shown"
-        )]
         return Err(Error::TooUneven { needed: needed as u64, given, limit });
     }
     Ok(())
@@ -122,7 +111,6 @@ fn neighbours(heights_mm: &[f64], height_mm: f64) -> (usize, usize, f32) {
     let above = heights_mm.partition_point(|&h| h <= height_mm).clamp(1, heights_mm.len() - 1);
     let (low, high) = (heights_mm[above - 1], heights_mm[above]);
     let weight = ((height_mm - low) / (high - low)).clamp(0.0, 1.0);
-    #[expect(clippy::cast_possible_truncation, reason = "a weight needs no more digits")]
     match weight {
         w if w < SNAP => (above - 1, above, 0.0),
         w if w > 1.0 - SNAP => (above, above, 0.0),
@@ -159,13 +147,7 @@ fn cell(at: f64, count: usize) -> Option<(usize, usize, f32)> {
         return None;
     }
     let at = at.clamp(0.0, last);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to the range of indices"
-    )]
     let first = at as usize;
-    #[expect(clippy::cast_possible_truncation, reason = "a weight needs no more digits")]
     Some((first, (first + 1).min(count - 1), (at - first as f64) as f32))
 }
 

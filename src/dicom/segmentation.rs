@@ -211,14 +211,12 @@ impl Parsed {
         let bits_of_frame = self.dims[0] as u64 * self.dims[1] as u64 * u64::from(self.bits);
         let begin = index as u64 * bits_of_frame;
         let bytes = begin / 8..(begin + bits_of_frame).div_ceil(8);
-        #[expect(clippy::cast_possible_truncation, reason = "a frame's bytes: 65536² at most")]
         let mut packed = vec![0; (bytes.end - bytes.start) as usize];
         self.object.bytes.read_exact_at(self.position + bytes.start, &mut packed)?;
         Ok((packed, (begin % 8) as usize))
     }
 
     /// The slice of the grid that a frame is.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to the number of slices")]
     fn slice_of(&self, index: usize) -> usize {
         let normal = self.stack.row.cross(self.stack.column);
         let height = (self.frames[index].position - self.stack.origin).dot(normal) / self.stack.spacing_mm;
@@ -254,11 +252,6 @@ fn arrange(data: &DataSet, is_binary: bool, segments: &[Segment]) -> Result<(Sta
     let described = data.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).len();
     let is_described = count >= 1.0 && count == described as f64;
     check(is_described, FRAMES, &count, "as many as there are per-frame functional groups")?;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "as many as there are groups"
-    )]
     let count = count as u32;
     let groups = Groups::new(data, count)?;
     let [rx, ry, rz, cx, cy, cz] = orientation(&groups, 0)?;
@@ -355,11 +348,6 @@ fn spacing(
     let over_span = |mm: f64| span / (span / mm).round().max(1.0);
     let candidates = between.into_iter().chain([gap]).filter(|mm| *mm <= span * 1.1).map(over_span);
     match candidates.into_iter().find(|mm| fits(*mm)) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates, and is limited"
-        )]
         Some(mm) => Ok((mm, (span / mm).round() as usize + 1, first)),
         None => Err(Defect::Geometry(format!(
             "found frames at uneven distances (the least is {gap:.4} mm), expected multiples of one"
@@ -451,7 +439,6 @@ pub(super) fn lab_of_srgb(rgb: [f64; 3]) -> [u16; 3] {
     });
     let shares =
         [(116.0 * y - 16.0) / 100.0, (500.0 * (x - y) + 128.0) / 255.0, (200.0 * (y - z) + 128.0) / 255.0];
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of 0..1")]
     shares.map(|share| (share.clamp(0.0, 1.0) * 65535.0).round() as u16)
 }
 

@@ -413,10 +413,6 @@ impl<'a> Planes<'a> {
         let mut place = InMemDicomObject::new_empty();
         put_many(&mut place, tags::IMAGE_POSITION_PATIENT, VR::DS, decimals(&position.to_array()));
         put_items(&mut groups, tags::PLANE_POSITION_SEQUENCE, vec![place]);
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "labels have 16 bits, and slices of an image fewer than 32"
-        )]
         let (number, index) = (frame.index as u16 + 1, frame.slice as u32 + 1);
         let mut content = InMemDicomObject::new_empty();
         let indices = PrimitiveValue::U32([u32::from(number), index].into_iter().collect());

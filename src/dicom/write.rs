@@ -363,7 +363,6 @@ impl<'a> Series<'a> {
             object.put_element(DataElement::new(tag, VR::US, PrimitiveValue::from(value)));
         }
         let size = usize::from(self.rows) * usize::from(self.columns);
-        #[expect(clippy::cast_sign_loss, reason = "OW carries the bits of signed values")]
         let words: C<u16> =
             self.volume.voxels_hu()[k * size..(k + 1) * size].iter().map(|&hu| hu as u16).collect();
         object.put_element(DataElement::new(tags::PIXEL_DATA, VR::OW, PrimitiveValue::U16(words)));

@@ -223,7 +223,6 @@ fn byte<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
     if value.fract() != 0.0 || !(0.0..=255.0).contains(&value) {
         return Err(de::Error::custom(format!("{value} is out of range; allowed: whole numbers 0 to 255")));
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
     Ok(value as u8)
 }
 

@@ -135,7 +135,6 @@ fn visible(raster: &Raster) -> Result<Vec<u8>, GoldenError> {
 }
 
 /// The nearest depth is white and the farthest dark grey; misses are blue and invalid depths red.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within 0..=255")]
 fn depth_in_grey(depths: &[f32]) -> Vec<[u8; 4]> {
     let hits = || depths.iter().copied().filter(|mm| mm.is_finite());
     let (near, far) = (hits().fold(f32::INFINITY, f32::min), hits().fold(0.0, f32::max));
@@ -185,7 +184,6 @@ fn depth_apart(expected: f32, actual: f32) -> [u8; 4] {
 }
 
 /// 0 for no difference, else bright enough to be seen.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 fn brightness(difference: f64, per_unit: f64) -> u8 {
     if difference == 0.0 { 0 } else { (FAINTEST + per_unit * difference).clamp(0.0, 255.0) as u8 }
 }

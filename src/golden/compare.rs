@@ -289,7 +289,6 @@ fn depth_difference(
 }
 
 /// Whole pixels of a share.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares are 0..=1")]
 fn allowed(pixels: usize, share: f64) -> usize {
     (pixels as f64 * share) as usize
 }

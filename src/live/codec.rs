@@ -203,7 +203,6 @@ fn pack(bytes: &[u8], packing: Packing, what: &'static str) -> Result<Vec<u8>, C
             let mut packed = Vec::with_capacity(bytes.len() / 4 + 1024);
             let mut packer = Compress::new(DEFLATE_LEVEL, true);
             loop {
-                #[expect(clippy::cast_possible_truncation, reason = "no more than went in")]
                 let taken = packer.total_in() as usize;
                 let status = packer.compress_vec(&bytes[taken..], &mut packed, FlushCompress::Finish);
                 match status.map_err(|error| failed(error.to_string()))? {
@@ -230,7 +229,6 @@ fn unpack(
         Packing::Deflate => {
             let mut unpacker = Decompress::new(true);
             let status = unpacker.decompress(bytes, &mut unpacked, FlushDecompress::Finish);
-            #[expect(clippy::cast_possible_truncation, reason = "no more than fits the buffer")]
             let found = unpacker.total_out() as usize;
             match status.map_err(|error| failed(error.to_string()))? {
                 Status::StreamEnd => found,

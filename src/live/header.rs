@@ -243,7 +243,6 @@ impl FrameHeader {
 
     /// The same header with this camera.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "the header has single precision")]
     pub fn with_camera(self, camera: &Camera) -> Self {
         let single = |xyz: glam::DVec3| xyz.to_array().map(|number| number as f32);
         let projection = match camera.projection() {

@@ -34,7 +34,6 @@ impl Bands {
     /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the
     /// cores, and wait for the last one: bands of 512 tiles a core cost nothing that can be
     /// measured. They take a core some 150 ms at most.
-    #[expect(clippy::cast_possible_truncation, reason = "no machine has 2^32 cores")]
     pub(super) fn of(kind: AdapterKind) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         match kind {
@@ -51,11 +50,6 @@ impl Bands {
     }
 
     /// Bands for rays of at most the given number of samples.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "saturates at what it is compared with"
-    )]
     pub(super) fn for_rays(self, samples_of_ray: f64) -> Self {
         let pixels = (self.samples / samples_of_ray.max(1.0)) as u32;
         Self { pixels: self.pixels.min(pixels), ..self }

@@ -34,7 +34,6 @@ struct Neighbours {
 
 impl Neighbours {
     /// For every place along the larger side.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places within a side")]
     fn all(from: u32, to: u32) -> Vec<Self> {
         let last = from as usize - 1;
         let ratio = f64::from(from) / f64::from(to);
@@ -52,7 +51,6 @@ impl Neighbours {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "means of bytes")]
 fn colors(pixels: &[[u8; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[u8; 4]> {
     let width = from[0] as usize;
     let (columns, rows) = (Neighbours::all(from[0], to[0]), Neighbours::all(from[1], to[1]));

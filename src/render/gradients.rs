@@ -96,7 +96,6 @@ fn texel((format, scale): Storage, gradient: Vec3, hu: i16) -> Texel {
 
 /// As `f32::round`, which is a call where processors of 2003 have to do: a fifth of the time of all
 /// gradients.
-#[expect(clippy::cast_possible_truncation, reason = "at most the largest value of 16 bits")]
 fn rounded(x: f32) -> i16 {
     let whole = x as i32;
     let rest = x - whole as f32;

@@ -25,7 +25,6 @@ fn glyph(letter: char) -> [u8; 7] {
 }
 
 /// Draws the letters of the frame's camera into it.
-#[expect(clippy::cast_possible_truncation, reason = "view depth is stored as f32")]
 pub(super) fn burn(frame: &mut RenderedFrame) {
     let depth_mm = frame.camera.distance_mm() as f32;
     for (label, corner, scale) in placed(&frame.camera.edge_labels(), frame.size_px) {
@@ -38,7 +37,6 @@ pub(super) fn burn(frame: &mut RenderedFrame) {
 
 /// Labels with the place of their top left corners, a margin from the middles of the edges, and the
 /// size of a dot.
-#[expect(clippy::cast_possible_wrap, reason = "at most 8192 pixels a side")]
 fn placed(labels: &EdgeLabels, size_px: [u32; 2]) -> [(String, [i32; 2], i32); 4] {
     let [width, height] = size_px.map(|side| side as i32);
     // A letter is about a twentieth of the picture.

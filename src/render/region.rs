@@ -54,7 +54,6 @@ impl Region {
             (low, high) = ([low[0].min(u), low[1].min(v)], [high[0].max(u), high[1].max(v)]);
         }
         let pixel = |position: f64, axis: usize| position.clamp(0.0, f64::from(size_px[axis]));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the picture")]
         let bound =
             |[u, v]: [f64; 2], margin: f64| [pixel(u + margin, 0), pixel(v + margin, 1)].map(|at| at as u32);
         Self::between(bound(low, -MARGIN_PX), bound(high, MARGIN_PX + 1.0), size_px)

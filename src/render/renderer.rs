@@ -283,7 +283,6 @@ impl Renderer {
             counts.into_iter().map(f64::from).sum()
         };
         let total: f64 = self.read(|target| &target.depth, sum)?;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of whole counts")]
         Ok(total as u64)
     }
 
@@ -459,7 +458,6 @@ fn depth_mm_of(written: f32) -> f32 {
 }
 
 /// The pixel of a ray that hits nothing: halves go to even numbers, as in the shader.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 255")]
 fn background(request: &RenderRequest) -> [u8; 4] {
     let byte = |channel: f64| (channel.clamp(0.0, 1.0) as f32 * 255.0).round_ties_even() as u8;
     let [red, green, blue] = request.background_rgb.map(byte);

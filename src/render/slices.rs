@@ -31,7 +31,6 @@ pub(super) struct SlabSamples {
 }
 
 impl SlabSamples {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 1000 mm by 0.01 mm")]
     pub(super) fn of(request: &RenderRequest) -> Self {
         // Less a little against rounding: 10 mm at 0.1 mm are 50 pairs, not 51.
         let pairs = (request.slab_mm / (2.0 * request.sample_distance_mm) - 1e-6).ceil().max(0.0);
@@ -52,7 +51,6 @@ pub(super) struct SlabUniform {
 
 impl SlabUniform {
     /// The plane goes through the focal point; rays start at the near limit.
-    #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
     fn new(request: &RenderRequest, grid: &Grid) -> Self {
         let camera = &request.camera;
         let SlabSamples { spacing_mm, pairs } = SlabSamples::of(request);

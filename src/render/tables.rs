@@ -60,7 +60,6 @@ impl Tables {
     }
 
     /// The content of the shader's buffer.
-    #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
     pub(super) fn buffer(&self) -> Vec<[f32; 4]> {
         let mut buffer = self.own.buffer();
         if self.looks.is_empty() {

@@ -74,7 +74,6 @@ pub(super) fn texture_3d(
 }
 
 /// Writes `dims[2]` whole layers from layer `first` on.
-#[expect(clippy::cast_possible_truncation, reason = "checked against the adapter's limit")]
 pub(super) fn write_layers(
     gpu: &Gpu,
     texture: &wgpu::Texture,
@@ -96,7 +95,6 @@ pub(super) fn write_layers(
     );
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "checked against the adapter's limit")]
 pub(super) fn extent([width, height, depth]: [usize; 3]) -> wgpu::Extent3d {
     wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: depth as u32 }
 }

@@ -56,7 +56,6 @@ pub(super) struct FrameUniform {
     surface_rgba: [[f32; 4]; Surface::MOST],
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl FrameUniform {
     /// The parameters of `request` on a volume.
     pub(super) fn new(
@@ -132,7 +131,6 @@ fn paths_end_in_neighbours(request: &RenderRequest, grid: &Grid, appearance: &Ap
 }
 
 /// A matrix as a uniform has it: each column padded to four.
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
 fn columns(matrix: glam::DMat3) -> [[f32; 4]; 3] {
     matrix.to_cols_array_2d().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0])
 }
@@ -150,7 +148,6 @@ pub(super) fn brightness_range(volume: &Volume) -> (f64, f64) {
 }
 
 /// The values that rays have to pass, four to a vector.
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
 fn surface_values(surfaces: &[Surface]) -> [[f32; 4]; Surface::MOST / 4] {
     let mut values = [[0.0; 4]; Surface::MOST / 4];
     for (surface, value) in surfaces.iter().zip(values.as_flattened_mut()) {
@@ -160,7 +157,6 @@ fn surface_values(surfaces: &[Surface]) -> [[f32; 4]; Surface::MOST / 4] {
 }
 
 /// Colour and opacity of each surface.
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
 fn surface_colors(surfaces: &[Surface]) -> [[f32; 4]; Surface::MOST] {
     let mut colors = [[0.0; 4]; Surface::MOST];
     for (surface, color) in surfaces.iter().zip(&mut colors) {

@@ -316,11 +316,6 @@ pub(super) async fn pick_scene(
 }
 
 /// The pixel (column, row) that holds a point of the picture.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "checked to be inside the picture"
-)]
 fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
     for ((name, value), side) in ["u", "v"].into_iter().zip(at).zip(size_px) {
         if !(0.0..f64::from(side)).contains(&value) {

@@ -179,7 +179,6 @@ fn smoothed(before: f64, measured: f64) -> f64 {
     (before.ln() + share * (measured.ln() - before.ln())).exp()
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a picture's side")]
 fn at_step(request: &RenderRequest, share: f64, factor: f64) -> RenderRequest {
     let mut reduced = request.clone();
     if share < 1.0 {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use sqlx::{Any, Row, Transaction};
 
 use super::Store;
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use super::place::DatabaseKind as Database;
 use super::rows::{EVENT, event, item, signed, unsigned};
 use relief_annotation::{ContentId, Event, EventKind, Item, ItemId};
@@ -46,7 +46,7 @@ impl Store {
             let row = sqlx::query("PRAGMA integrity_check(1)").fetch_one(&mut *transaction).await?;
             let found: String = row.try_get(0)?;
             if found != "ok" {
-                return Err(StoreError::Damaged(found));
+                return Err(Damage::File { finding: found }.into());
             }
         }
         let mut folded = Folded::default();
@@ -72,7 +72,7 @@ impl Store {
 
 impl Folded {
     fn add(&mut self, event: Event) -> Result<(), StoreError> {
-        let wrong = |what: &str| Err(StoreError::Damaged(format!("event {} {what}", event.seq)));
+        let wrong = |fault| Err(Damage::Event { seq: event.seq, fault }.into());
         let (last, edit) = self.last.as_ref().map_or((0, 0), |last| (last.seq, last.edit));
         if event.seq != last + 1 {
             return wrong("does not follow the one before it");
@@ -114,7 +114,7 @@ impl Folded {
                 *state = to;
                 Ok(())
             }
-            _ => Err(StoreError::Damaged(format!("event {} is of an edit that was not {from}", event.seq))),
+            _ => Err(Damage::Step { seq: event.seq, expected: from }.into()),
         }
     }
 }
@@ -136,14 +136,14 @@ async fn compare_items(
         if id.and_then(|id| folded.remove(&id)).as_ref() != Some(&found)
             || agrees != (set.as_ref(), frame.as_ref())
         {
-            return Err(StoreError::Damaged(format!("an item is not as event {} left it", found.1)));
+            return Err(Damage::Item { seq: found.1 }.into());
         }
         there += u64::from(found.2.is_some());
     }
     if folded.is_empty() {
         Ok(there)
     } else {
-        Err(StoreError::Damaged(format!("{} items lack", folded.len())))
+        Err(Damage::MissingItems { count: folded.len() }.into())
     }
 }
 
@@ -156,10 +156,10 @@ async fn compare_edits(
         let (edit, author, state) = (unsigned(&row, 0)?, row.try_get(1)?, row.try_get::<String, _>(2)?);
         let as_folded = folded.remove(&edit);
         if as_folded.is_none_or(|(by, is): (String, _)| (by, is) != (author, state.as_str())) {
-            return Err(StoreError::Damaged(format!("edit {edit} is not as the log has it")));
+            return Err(Damage::Edit { edit }.into());
         }
     }
-    if folded.is_empty() { Ok(()) } else { Err(StoreError::Damaged(format!("{} edits lack", folded.len()))) }
+    if folded.is_empty() { Ok(()) } else { Err(Damage::MissingEdits { count: folded.len() }.into()) }
 }
 
 async fn check_contents(transaction: &mut Transaction<'_, Any>) -> Result<u64, StoreError> {
@@ -170,7 +170,7 @@ async fn check_contents(transaction: &mut Transaction<'_, Any>) -> Result<u64, S
         let query = sqlx::query("SELECT bytes FROM contents WHERE id = $1").bind(&id);
         let bytes: Vec<u8> = query.fetch_one(&mut **transaction).await?.try_get(0)?;
         if ContentId::of(&bytes).as_str() != id {
-            return Err(StoreError::Damaged(format!("content {id} has other bytes")));
+            return Err(Damage::Content { id }.into());
         }
     }
     Ok(ids.len() as u64)

@@ -3,7 +3,7 @@
 use sqlx::Row;
 
 use super::Store;
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use relief_annotation::{ContentId, ItemError};
 
 /// What both databases take as one value, with some room.
@@ -54,7 +54,7 @@ impl Store {
         let row = row.ok_or_else(|| StoreError::Content { id: id.clone() })?;
         let bytes: Vec<u8> = row.try_get(1)?;
         if ContentId::of(&bytes) != *id {
-            return Err(StoreError::Damaged(format!("content {} has other bytes", id.as_str())));
+            return Err(Damage::Content { id: id.as_str().to_owned() }.into());
         }
         Ok((row.try_get(0)?, bytes))
     }

@@ -73,10 +73,10 @@ pub enum StoreError {
     Place(String),
     /// The file is something else.
     #[error("this is not a log of Relief: {0}")]
-    Foreign(String),
+    Foreign(ForeignFile),
     /// The log exists, and its content is inconsistent.
     #[error("the log is damaged: {0}; keep this file and continue with a backup")]
-    Damaged(String),
+    Damaged(#[from] Damage),
     /// Nothing may be written there.
     #[error("the log is read-only: the file or its folder is write-protected, or ?mode=ro was given")]
     ReadOnly,
@@ -92,6 +92,121 @@ pub enum StoreError {
     /// Something else that the database says.
     #[error("the database refused: {0}")]
     Database(String),
+}
+
+/// What is wrong with the content of a log. Messages contain no values of items.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Damage {
+    /// SQLite's own check of its file failed.
+    #[error("{finding}")]
+    File {
+        /// The first finding of SQLite.
+        finding: String,
+    },
+    /// An event contradicts the events before it.
+    #[error("event {seq} {fault}")]
+    Event {
+        /// The number of the event.
+        seq: u64,
+        /// The contradiction.
+        fault: &'static str,
+    },
+    /// A column of an event cannot be read.
+    #[error("event {seq} has no readable {column}")]
+    Column {
+        /// The number of the event.
+        seq: u64,
+        /// The column.
+        column: &'static str,
+    },
+    /// An undo or redo of an edit in the wrong state.
+    #[error("event {seq} is of an edit that was not {expected}")]
+    Step {
+        /// The number of the event.
+        seq: u64,
+        /// The state that the edit should have: done or undone.
+        expected: &'static str,
+    },
+    /// An item differs from its last event.
+    #[error("an item is not as event {seq} left it")]
+    Item {
+        /// The number of the event.
+        seq: u64,
+    },
+    /// Items of the events are missing.
+    #[error("{count} items are missing")]
+    MissingItems {
+        /// How many.
+        count: usize,
+    },
+    /// The state of an edit differs from the events.
+    #[error("edit {edit} is not as the log has it")]
+    Edit {
+        /// The number of the edit.
+        edit: u64,
+    },
+    /// Edits of the events are missing.
+    #[error("{count} edits are missing")]
+    MissingEdits {
+        /// How many.
+        count: usize,
+    },
+    /// The bytes of a content do not have its SHA-256.
+    #[error("content {id} has other bytes")]
+    Content {
+        /// The SHA-256 that is its name.
+        id: String,
+    },
+    /// An item has events, and no current state.
+    #[error("item {id} has events and no state")]
+    NoState {
+        /// The item.
+        id: ItemId,
+    },
+    /// The text of an item is not an item.
+    #[error("an item cannot be read from column {column} of its text on")]
+    ItemText {
+        /// The position in the text.
+        column: usize,
+    },
+    /// The text of an item has no version before it.
+    #[error("an item has no version")]
+    NoVersion,
+    /// The text of a set is not a set.
+    #[error("a set cannot be read from column {column} of its text on")]
+    SetText {
+        /// The position in the text.
+        column: usize,
+    },
+    /// A line of the audit has no time.
+    #[error("line {seq} of audit has no time")]
+    AuditTime {
+        /// The number of the line.
+        seq: u64,
+    },
+    /// A number that cannot be negative is.
+    #[error("a number is {found}")]
+    Number {
+        /// The number.
+        found: i64,
+    },
+    /// The number of the schema is missing.
+    #[error("it has no schema number")]
+    NoSchema,
+}
+
+/// Why a database is not a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ForeignFile {
+    /// A file without content.
+    #[error("the file is empty")]
+    Empty,
+    /// A SQLite database of another program.
+    #[error("the SQLite database belongs to another program")]
+    Sqlite,
+    /// A PostgreSQL schema `relief` of another program.
+    #[error("its schema relief belongs to another program")]
+    Schema,
 }
 
 fn changed(expected: u64, current: Option<&Versioned>) -> String {

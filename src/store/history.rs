@@ -3,7 +3,7 @@
 use sqlx::{Any, Row, Transaction};
 
 use super::apply::EditWriter;
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use super::rows::{EVENT, current, event, item, signed, unsigned, versioned};
 use super::{Store, watch};
 use relief_annotation::{Edit, Event, EventKind, Item, ItemId};
@@ -128,7 +128,7 @@ async fn next_step(
         let id = event.id;
         let before = state(transaction, id, event.version - 1).await?;
         let Some((version, now)) = current(transaction, id).await? else {
-            return Err(StoreError::Damaged(format!("item {id} has events and no state")));
+            return Err(Damage::NoState { id }.into());
         };
         made.push(MadeEvent { event, before, now, version });
     }

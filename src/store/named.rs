@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sqlx::Row;
 
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use super::rows::{signed, unsigned};
 use super::{Store, watch};
 use relief_annotation::{Author, Edit, ItemError, Set, Timestamp};
@@ -66,7 +66,7 @@ impl Store {
         }
         for row in put {
             let set: Set = serde_json::from_str(row.try_get(0)?)
-                .map_err(|error| StoreError::Damaged(format!("a set cannot be read: {error}")))?;
+                .map_err(|error: serde_json::Error| Damage::SetText { column: error.column() })?;
             sets.insert(set.name.clone(), set);
         }
         Ok(sets.into_values().collect())
@@ -137,7 +137,7 @@ impl Store {
                 author: row.try_get(3)?,
                 time: time
                     .parse()
-                    .map_err(|_| StoreError::Damaged(format!("line {seq} of audit has no time")))?,
+                    .map_err(|_| Damage::AuditTime { seq })?,
                 body: row.try_get(5)?,
             })
         };

@@ -5,7 +5,7 @@ use sqlx::any::AnyRow;
 use sqlx::{Any, Row, Transaction};
 
 use super::Store;
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use super::rows::{EVENT, event, item, signed, unsigned};
 use relief_annotation::{Event, FrameOfReference, Item, ItemId, Versioned};
 
@@ -185,7 +185,7 @@ fn part(filter: &Filter, after: u64) -> Conditions {
 /// Reads a line of an item: its version and its text.
 fn read(line: &str) -> Result<Versioned, StoreError> {
     let read = line.split_once(' ').and_then(|(version, text)| Some((version.parse().ok()?, text)));
-    let (version, text) = read.ok_or_else(|| StoreError::Damaged("an item has no version".to_owned()))?;
+    let (version, text) = read.ok_or(Damage::NoVersion)?;
     Ok(Versioned { version, item: item(text)? })
 }
 

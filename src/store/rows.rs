@@ -3,7 +3,7 @@
 use sqlx::any::AnyRow;
 use sqlx::{Any, Row, Transaction};
 
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use relief_annotation::{Event, EventKind, Item, ItemId, Versioned};
 
 /// All columns of an event, in the order in which [`event`] reads them.
@@ -17,7 +17,7 @@ pub(super) fn signed(number: u64) -> i64 {
 /// A number that never is below zero.
 pub(super) fn unsigned(row: &AnyRow, column: usize) -> Result<u64, StoreError> {
     let number: i64 = row.try_get(column)?;
-    u64::try_from(number).map_err(|_| StoreError::Damaged(format!("a number is {number}")))
+    u64::try_from(number).map_err(|_| Damage::Number { found: number }.into())
 }
 
 pub(super) const fn kind_name(kind: EventKind) -> &'static str {
@@ -31,7 +31,7 @@ pub(super) const fn kind_name(kind: EventKind) -> &'static str {
 /// Reads a line of [`EVENT`].
 pub(super) fn event(row: &AnyRow) -> Result<Event, StoreError> {
     let seq = unsigned(row, 0)?;
-    let odd = |what: &str| StoreError::Damaged(format!("event {seq} has no readable {what}"));
+    let odd = |column| StoreError::from(Damage::Column { seq, column });
     let kind = match row.try_get::<String, _>(2)?.as_str() {
         "do" => EventKind::Do,
         "undo" => EventKind::Undo,
@@ -56,9 +56,7 @@ pub(super) fn event(row: &AnyRow) -> Result<Event, StoreError> {
 
 /// Reads the text of an item. Its values are in no message.
 pub(super) fn item(text: &str) -> Result<Item, StoreError> {
-    serde_json::from_str(text).map_err(|error| {
-        StoreError::Damaged(format!("an item cannot be read from its column {} on", error.column()))
-    })
+    serde_json::from_str(text).map_err(|error| Damage::ItemText { column: error.column() }.into())
 }
 
 pub(super) fn item_text(item: &Item) -> Result<String, StoreError> {

@@ -2,7 +2,7 @@
 
 use sqlx::{AnyConnection, AssertSqlSafe, ConnectOptions, Connection, Executor, Row};
 
-use super::error::StoreError;
+use super::error::{Damage, ForeignFile, StoreError};
 use super::place::{DatabaseAddress, DatabaseKind};
 
 /// The newest schema that this version knows, and the one that it makes.
@@ -120,7 +120,7 @@ async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Resu
     connection.execute("PRAGMA busy_timeout = 30000").await?;
     if is_empty_sqlite(connection).await? {
         if read_only {
-            return Err(StoreError::Foreign("the file is empty".to_owned()));
+            return Err(StoreError::Foreign(ForeignFile::Empty));
         }
         switch_to_wal(connection).await?;
         let mut making = connection.begin_with("BEGIN IMMEDIATE").await?;
@@ -131,7 +131,7 @@ async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Resu
         making.commit().await?;
     }
     if number(connection, "PRAGMA application_id").await? != APPLICATION_ID {
-        return Err(StoreError::Foreign("the SQLite database belongs to another program".to_owned()));
+        return Err(StoreError::Foreign(ForeignFile::Sqlite));
     }
     check_schema(connection).await?;
     Ok(settle(connection, DatabaseKind::Sqlite, read_only).await?)
@@ -194,7 +194,7 @@ async fn prepare_postgres(connection: &mut AnyConnection) -> Result<(), StoreErr
     .await?
         == 0
     {
-        return Err(StoreError::Foreign("its schema relief belongs to another program".to_owned()));
+        return Err(StoreError::Foreign(ForeignFile::Schema));
     }
     settle(connection, DatabaseKind::Postgres, false).await?;
     check_schema(connection).await
@@ -206,7 +206,7 @@ async fn check_schema(connection: &mut AnyConnection) -> Result<(), StoreError> 
     match value.parse::<u64>() {
         Ok(SCHEMA) => Ok(()),
         Ok(found) if found > SCHEMA => Err(StoreError::Schema { found, known: SCHEMA }),
-        _ => Err(StoreError::Damaged("it does not say which schema it has".to_owned())),
+        _ => Err(Damage::NoSchema.into()),
     }
 }
 

@@ -169,7 +169,6 @@ impl Volume {
                     sum += self.voxels_hu[run].iter().map(|&hu| i64::from(hu)).sum::<i64>();
                 }
             }
-            #[expect(clippy::cast_possible_truncation, reason = "a mean of i16 values is an i16")]
             voxels.push((sum as f64 / count as f64).round() as i16);
         }
         let range_hu = voxels.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &v| (lo.min(v), hi.max(v)));

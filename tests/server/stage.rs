@@ -139,7 +139,6 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
 
 /// View depth of the first point of the sphere on a pixel's ray, mm; of a plane in parallel
 /// projections.
-#[expect(clippy::cast_possible_truncation, reason = "depth is stored as f32")]
 pub(crate) fn sphere_depth(request: &RenderRequest, [column, row]: [u32; 2]) -> f32 {
     let camera = &request.camera;
     if let Projection::Orthographic { .. } = camera.projection() {
@@ -318,7 +317,6 @@ pub(crate) fn cube() -> Volume {
 
 /// A ball of 300 HU and the backend's radius in air, in voxels of 1.5 mm around the patient origin;
 /// its edge is 2 mm wide.
-#[expect(clippy::cast_possible_truncation, reason = "within -1000 and 300")]
 fn ball() -> Volume {
     let (count, mm) = (44u32, 1.5);
     let first = -f64::from(count - 1) / 2.0 * mm;

@@ -367,7 +367,6 @@ fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_
         let (at, depth_mm, mm_per_px) = projected(&annotated.pick(scene, [1.0, 1.0]), point);
         let found = annotated.pick(scene, at)["depth_mm"].as_f64();
         let bare = annotated.pick(plain, at)["depth_mm"].as_f64();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
         let image::Rgb([red, green, _]) = *picture.get_pixel(at[0] as u32, at[1] as u32);
         if name == "inside" {
             assert_eq!(found, bare, "what is hidden writes no depth");

@@ -138,7 +138,6 @@ fn ridge(field: &Field<'_>, place: DVec3) -> Option<DVec3> {
 }
 
 /// Offsets along a line, within a reach, where `rise` is zero, and whether it falls there.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred steps")]
 fn zeros(
     from: DVec3,
     along: DVec3,

@@ -92,7 +92,6 @@ impl<'a> Field<'a> {
 
     /// The first and the last voxel along each axis of the box around a ball, and `more` voxels to
     /// each side; `None` where it is outside of the volume.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
     pub(super) fn voxels_around(&self, at: DVec3, radius_mm: f64, more: f64) -> Option<[[usize; 2]; 3]> {
         let middle = self.voxel_from_patient.transform_point3(at).to_array();
         // Rows: how an index grows with each patient coordinate.
@@ -214,7 +213,6 @@ impl<'a> Field<'a> {
 }
 
 impl Kernel {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
     fn new(index: f64, sigma: f64, count: usize) -> Self {
         let last = count as f64 - 1.0;
         // A place far outside has no field; the nearest one inside stands for it.
@@ -238,7 +236,6 @@ impl Kernel {
 }
 
 /// The Gaussian at whole voxels, from its middle outwards to both sides, adding up to 1.
-#[expect(clippy::cast_possible_truncation, reason = "some voxels")]
 pub(super) fn taps(sigma: f64) -> Vec<f64> {
     let reach = (REACH * sigma).ceil() as i32;
     let weights: Vec<f64> =

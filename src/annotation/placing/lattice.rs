@@ -67,7 +67,6 @@ impl Lattice {
     }
 
     /// The place a whole step away along each axis, where it is here.
-    #[expect(clippy::cast_possible_truncation, reason = "whole steps of one voxel")]
     pub(super) fn beside(&self, place: [usize; 3], step: DVec3) -> Option<[usize; 3]> {
         let mut beside = place;
         for (axis, step) in step.to_array().into_iter().enumerate() {

@@ -141,7 +141,6 @@ pub fn read_volume_within(limits: FormatLimits, path: &Path) -> Result<ReadVolum
             return Err(value);
         }
         clamped += u64::from(hu < f64::from(i16::MIN) || hu > f64::from(i16::MAX));
-        #[expect(clippy::cast_possible_truncation, reason = "saturates, and is counted")]
         Ok(hu as i16)
     })?;
     let mut warnings = header.warnings.clone();

@@ -89,7 +89,6 @@ pub(super) fn read(source: &mut Source) -> Result<Described, FormatError> {
         scale: scale(&fields)?,
         warnings: Vec::new(),
     };
-    #[expect(clippy::cast_possible_truncation, reason = "at most LONGEST_EXTENSIONS")]
     let between = source.take((offset - length as u64) as usize)?;
     Ok(Described { header, segments: segments(&between, is_big_endian) })
 }
@@ -113,7 +112,6 @@ fn voxel_offset(fields: &Fields) -> Result<u64, FormatError> {
     let least = fields.bytes.len() as u64 + 4;
     let found = if fields.is_second { fields.i64(168) as f64 } else { fields.f32(108) };
     let allowed = least as f64..=(least + LONGEST_EXTENSIONS) as f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be in range")]
     if found.fract() == 0.0 && allowed.contains(&found) {
         return Ok(found as u64);
     }
@@ -277,6 +275,5 @@ fn label_of(start: &quick_xml::events::BytesStart<'_>) -> Option<NamedSegment> {
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         _ => None,
     };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be a label")]
     Some(NamedSegment { label: key as u16, layer: 0, name: None, rgb })
 }

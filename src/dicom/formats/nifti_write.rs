@@ -45,7 +45,6 @@ fn header(grid: &Grid, is_wide: bool, offset: usize) -> Vec<u8> {
     let mut bytes = vec![0u8; EXTENSIONS];
     let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
     put(0, &348i32.to_le_bytes());
-    #[expect(clippy::cast_possible_truncation, reason = "checked to have 15 bits")]
     let [nx, ny, nz] = grid.dims().map(|n| n as i16);
     for (n, dim) in [3, nx, ny, nz, 1, 1, 1, 1].into_iter().enumerate() {
         put(40 + 2 * n, &dim.to_le_bytes());
@@ -54,7 +53,6 @@ fn header(grid: &Grid, is_wide: bool, offset: usize) -> Vec<u8> {
     let (kind, bits): (i16, i16) = if is_wide { (512, 16) } else { (2, 8) };
     put(70, &kind.to_le_bytes());
     put(72, &bits.to_le_bytes());
-    #[expect(clippy::cast_possible_truncation, reason = "the format has 32-bit floats")]
     let mut put_float = |at: usize, value: f64| put(at, &(value as f32).to_le_bytes());
     // RAS: the first two axes of the patient point the other way.
     let ras = |v: DVec3| v * DVec3::new(-1.0, -1.0, 1.0);

@@ -74,7 +74,6 @@ fn values_of(source: &mut Source, header: &Header) -> Result<Vec<u16>, FormatErr
     let label = |value: f64| {
         let label = scale.slope * value + scale.intercept;
         let is_label = (0.0..=f64::from(u16::MAX)).contains(&label) && label.fract() == 0.0;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
         if is_label { Ok(label as u16) } else { Err(value) }
     };
     values::read(source, header.voxel, count * header.layers, label).map_err(|error| match error {

@@ -112,7 +112,6 @@ impl Content {
     ) -> Self {
         let mut content = Self::new(Some(relationship), "SCOORD3D", Some(name));
         put(&mut content.item, tags::GRAPHIC_TYPE, VR::CS, graphic);
-        #[expect(clippy::cast_possible_truncation, reason = "the attribute has 32-bit floats")]
         let data: C<f32> = points.iter().flat_map(DVec3::to_array).map(|mm| mm as f32).collect();
         content.item.put_element(DataElement::new(tags::GRAPHIC_DATA, VR::FL, PrimitiveValue::F32(data)));
         put(&mut content.item, tags::REFERENCED_FRAME_OF_REFERENCE_UID, VR::UI, frame_of_reference);

@@ -109,7 +109,6 @@ pub fn encode_exr(image: &DepthImage<'_>) -> Result<Vec<u8>, EncodeError> {
 ///
 /// # Errors
 /// When the file is damaged, has no `Z`, is larger than 16384 pixels each way or than 2 GiB in all.
-#[expect(clippy::cast_possible_truncation, reason = "the size is checked first")]
 pub fn decode_exr(file: &[u8]) -> Result<DecodedDepthImage, EncodeError> {
     check_size(file)?;
     let image = read()
@@ -179,11 +178,9 @@ static LINEAR_FROM_SRGB: LazyLock<[f16; 256]> = LazyLock::new(|| {
 fn srgb_from_linear(linear: f32) -> u8 {
     let linear = f64::from(linear).clamp(0.0, 1.0);
     let srgb = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    #[expect(clippy::cast_possible_truncation, reason = "0..=1")]
     to_byte(srgb as f32)
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped; NaN becomes 0")]
 fn to_byte(unit: f32) -> u8 {
     (unit.clamp(0.0, 1.0) * 255.0).round() as u8
 }
@@ -213,7 +210,6 @@ fn layer_attributes(image: &DepthImage<'_>) -> Result<LayerAttributes, EncodeErr
 }
 
 /// OpenEXR multiplies row vectors, so its rows are our columns.
-#[expect(clippy::cast_possible_truncation, reason = "the standard attributes are of 32-bit floats")]
 fn row_vector_matrix(matrix: DMat4) -> [f32; 16] {
     matrix.to_cols_array().map(|value| value as f32)
 }

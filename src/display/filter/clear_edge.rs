@@ -54,7 +54,6 @@ struct Edges {
 }
 
 impl Edges {
-    #[expect(clippy::cast_possible_truncation, reason = "view depth is stored as f32")]
     fn new(limits: DepthLimits) -> Self {
         let least_mm = (EDGE_SHARE * (limits.far_mm - limits.near_mm)) as f32;
         Self { near_mm: limits.near_mm as f32, far_mm: limits.far_mm as f32, least_mm }
@@ -108,7 +107,6 @@ fn color_difference(a: [u8; 4], b: [u8; 4]) -> usize {
 }
 
 /// The weight of every difference of colours.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]
 fn weights() -> [u32; 766] {
     let weight = |difference: f64| FULL_WEIGHT * (-0.5 * (difference / COLOR_DEVIATION).powi(2)).exp();
     std::array::from_fn(|difference| weight(difference as f64).round() as u32)

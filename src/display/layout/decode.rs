@@ -228,7 +228,6 @@ fn rgb_pixels(samples: &[u8]) -> impl Iterator<Item = [u8; 3]> + '_ {
     samples.as_chunks::<3>().0.iter().copied()
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "frames have at most 16384 pixels each way")]
 fn position(x: usize, y: usize) -> [u32; 2] {
     [x as u32, y as u32]
 }

@@ -24,7 +24,6 @@ pub(super) struct DisparityTable {
 }
 
 impl DisparityTable {
-    #[expect(clippy::cast_possible_truncation, reason = "places of cells; the steps make up for rounding")]
     pub(super) fn new(profile: &DisplayProfile, limits: DepthLimits) -> Self {
         let byte = |mm: f32| profile.disparity(limits.scaled(ViewDepth(mm))).to_byte();
         let last_mm = (0..=255).map(|least| last_with(|mm| byte(mm) >= least)).collect();
@@ -39,7 +38,6 @@ impl DisparityTable {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn byte(&self, mm: f32) -> u8 {
         if !mm.is_finite() {
             return self.miss;
@@ -80,7 +78,6 @@ fn order(number: f32) -> i64 {
 }
 
 /// The number at a place.
-#[expect(clippy::cast_possible_truncation, reason = "31 bits")]
 fn number(order: i64) -> f32 {
     let magnitude = f32::from_bits(order.unsigned_abs() as u32);
     if order < 0 { -magnitude } else { magnitude }

@@ -18,7 +18,6 @@ impl FrameEncoder {
     /// Z of every pixel in 16 bits, 65535 nearest, as layout `depth16` has it: depth filtered and
     /// scaled between the limits.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Z is 0..=1")]
     pub fn scaled16(&self, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u16> {
         let gray = |&mm: &f32| ((1.0 - limits.scaled(ViewDepth(mm)).0) * 65535.0).round() as u16;
         self.filter.apply(picture, limits).iter().map(gray).collect()

@@ -42,7 +42,6 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 
 /// The sRGB byte of a linear intensity, clipped to the displayable range: the nearest entry of the
 /// table.
-#[expect(clippy::cast_possible_truncation, reason = "an index of 256 entries")]
 fn to_srgb(light: f32) -> u8 {
     let above = LINEAR.partition_point(|entry| *entry < light).clamp(1, 255);
     let (low, high) = (LINEAR[above - 1], LINEAR[above]);

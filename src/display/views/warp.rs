@@ -76,7 +76,6 @@ struct Shifts([i32; 256]);
 
 impl Shifts {
     /// Nothing moves by more than the picture's width: it would be out of it.
-    #[expect(clippy::cast_possible_truncation, reason = "at most the width, which is below 2^15 pixels")]
     fn new(parallax: &Parallax, eye: f64, width: usize) -> Self {
         let most = width as f64;
         Self(std::array::from_fn(|d| {
@@ -176,17 +175,11 @@ impl Scratch {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of bytes")]
 fn rounded(sum: i32) -> u8 {
     ((sum + UNIT) / (2 * UNIT)) as u8
 }
 
 /// The pixels of a line where the view has them, by their left ends.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    reason = "lines have below 2^15 pixels"
-)]
 fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
     spans.clear();
     let shift = |i: usize| shifts.0[usize::from(row.disparity[i])];
@@ -206,11 +199,6 @@ fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
 }
 
 /// The visible parts of the spans within a line of `width` pixels: always the nearest span.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    reason = "lines have below 2^15 pixels"
-)]
 fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<LinePiece>) {
     pieces.clear();
     active.clear();
@@ -319,7 +307,6 @@ fn fill(
 }
 
 /// Adds twice a colour to the pixels that a part of the line covers.
-#[expect(clippy::cast_sign_loss, reason = "places within the line")]
 fn paint(sums: &mut [[i32; 3]], from: i32, to: i32, twice: [i32; 3]) {
     let mut x = from;
     while x < to {

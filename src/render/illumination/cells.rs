@@ -39,7 +39,6 @@ impl Cells {
         let finest = spacing.into_iter().fold(f64::INFINITY, f64::min);
         let mut wanted_mm = 2.0 * finest;
         loop {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few voxels")]
             let voxels = spacing.map(|mm| (wanted_mm / mm).round().max(1.0) as usize);
             let dims: [usize; 3] = std::array::from_fn(|axis| grid.dims()[axis].div_ceil(voxels[axis]));
             if dims.iter().product::<usize>() <= Self::MOST {

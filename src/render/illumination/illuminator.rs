@@ -294,7 +294,6 @@ fn uniform_buffer(gpu: &Gpu, label: &str, size: usize) -> wgpu::Buffer {
     })
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "fewer cells than voxels, which fit the adapter")]
 fn cell_texture(gpu: &Gpu, [nx, ny, nz]: [usize; 3]) -> wgpu::TextureView {
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("cells of light"),

@@ -38,7 +38,6 @@ pub(super) struct LightingUniform {
     lights: [PlacedLight; Light::MAX],
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl LightingUniform {
     /// The light of `request` on a volume of this grid.
     pub(super) fn new(request: &RenderRequest, grid: &Grid, cells: &Cells) -> Self {
@@ -99,7 +98,6 @@ pub(super) struct IlluminationUniform {
     directions: [[f32; 4]; DIRECTIONS],
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl IlluminationUniform {
     /// The parameters for the cells of a grid, in the start space of `request`'s camera; bricks
     /// have `brick_edge` voxels.

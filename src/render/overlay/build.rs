@@ -64,7 +64,6 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
     fn push(&mut self, shape: PrimitiveForm, rgb: [f64; 3], opacity: f64) {
         let rgb = rgb.map(|channel| (channel * 255.0) as f32);
         let (opacity, rank) = (opacity as f32, Rank::Scene);

@@ -139,14 +139,12 @@ pub(super) fn scale_bar(lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<
     typesetter.set(&text, middle, lens.focal_mm, style, out);
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
 fn instrument(shape: PrimitiveForm, rgb: [f64; 3]) -> Primitive {
     let rgb = rgb.map(|channel| (channel * 255.0) as f32);
     Primitive { shape, rgb, opacity: 1.0, rank: Rank::Instrument, shown_mm: None }
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is at most this.
-#[expect(clippy::cast_possible_truncation, reason = "an exponent")]
 fn round_length(most: f64) -> f64 {
     let power = 10f64.powi(most.log10().floor() as i32);
     let step = [5.0, 2.0].into_iter().find(|step| step * power <= most).unwrap_or(1.0);

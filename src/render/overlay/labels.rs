@@ -144,7 +144,6 @@ impl Label<'_> {
         let width = (height / 12.0).max(1.2);
         for (width, rgb) in [(width, self.rgb), (width + height / 8.0, contrast(self.rgb))] {
             let stroke = Stroke::flat(lens, [from, to], [self.depth_mm; 2], width);
-            #[expect(clippy::cast_possible_truncation, reason = "colours are kept as f32")]
             let rgb = rgb.map(|channel| (channel * 255.0) as f32);
             let shape = PrimitiveForm::Stroke(stroke);
             out.push(Primitive { shape, rgb, opacity: 1.0, rank: Rank::Scene, shown_mm });
@@ -227,7 +226,6 @@ impl Marks {
 
 impl OccupancyMap {
     /// A picture for labels of this height, px.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's size")]
     fn new(size_px: DVec2, label_px: f64) -> Self {
         let [columns, rows] = (size_px / CELL_PX).ceil().to_array().map(|count| count as u32);
         let marks = || {

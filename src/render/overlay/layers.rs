@@ -331,7 +331,6 @@ fn add(rgb: &mut [f32; 3], fragment: &Fragment, share: f32) {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
 fn byte(value: f32) -> u8 {
     (value + 0.5).clamp(0.0, 255.0) as u8
 }

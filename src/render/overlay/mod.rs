@@ -82,7 +82,6 @@ impl Drawing {
     ///
     /// # Errors
     /// When drawing would take too long: items too many and too large for the picture.
-    #[expect(clippy::cast_possible_truncation, reason = "a share")]
     pub(super) fn new(request: &RenderRequest, grid: &Grid) -> Result<Option<Self>, RequestError> {
         let overlays = &request.overlays;
         if overlays.is_empty() {
@@ -118,7 +117,6 @@ impl Drawing {
         let spare_now = || spare.lock().unwrap_or_else(PoisonError::into_inner);
         colors.zip(depths).zip(&bands).enumerate().for_each(|(i, ((color_rgba, depth_mm), members))| {
             let mut scratch = spare_now().pop().unwrap_or_default();
-            #[expect(clippy::cast_possible_truncation, reason = "a picture's rows are u32")]
             let first = i as u32 * BAND_ROWS;
             let rows = [first, (first + BAND_ROWS).min(height)];
             let mut band = Band::new((rows, width), (color_rgba, depth_mm), &mut scratch);

@@ -120,7 +120,6 @@ impl Primitive {
     }
 
     /// No part of it is nearer, mm of view depth.
-    #[expect(clippy::cast_possible_truncation, reason = "depths are kept as f32")]
     pub(super) fn nearest_mm(&self) -> f32 {
         match &self.shape {
             _ if self.rank == Rank::Instrument => f32::NEG_INFINITY,
@@ -131,7 +130,6 @@ impl Primitive {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "colours and depths are kept as f32")]
     pub(super) fn fragment(&self, cover: &PixelCover) -> Fragment {
         Fragment {
             rgb: self.rgb.map(|channel| channel * cover.light as f32),
@@ -151,7 +149,6 @@ pub(super) fn pixels(low: f64, high: f64, [first, end]: [u32; 2]) -> [u32; 2] {
 }
 
 /// The whole part of a number of pixels. The standard library's roundings are calls on x86-64.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a picture before")]
 pub(super) fn whole(px: f64) -> u32 {
     px as u32
 }

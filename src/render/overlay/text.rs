@@ -28,7 +28,6 @@ const BRIGHT: f64 = 0.45;
 pub(super) const HEIGHTS_PX: [u32; 2] = [12, 96];
 
 /// The height of capitals for a picture of this height.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
 pub(super) fn usual_height_px(picture_px: f64) -> u32 {
     let [low, high] = HEIGHTS_PX.map(f64::from);
     (picture_px * USUAL_SHARE).round().clamp(low, high) as u32
@@ -126,7 +125,6 @@ impl Typesetter {
 
     /// Puts a line around a pixel: its middle there, as far as whole pixels allow. Ink comes before
     /// all rims.
-    #[expect(clippy::cast_possible_truncation, reason = "the places of a picture, bounded before")]
     pub(super) fn set(
         &mut self,
         text: &str,
@@ -184,11 +182,6 @@ pub(super) fn contrast([r, g, b]: [f64; 3]) -> [f64; 3] {
 }
 
 impl Bitmap {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at most some hundred pixels"
-    )]
     fn new(character: char, height_px: u32) -> Self {
         let height = f64::from(height_px);
         let size = |(share, least): (f64, f64)| (share * height).max(least);

@@ -39,7 +39,6 @@ pub(super) struct PathUniform {
     lights: [LightUniform; Light::MAX],
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32 and u32")]
 impl PathUniform {
     /// The parameters of `request`, for no pass yet. `near_mm` is the view depth of the plane that
     /// start space begins at.
@@ -71,7 +70,6 @@ impl PathUniform {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
 impl LightUniform {
     fn new(light: &Light, camera: &Camera, near_mm: f64) -> Self {
         let (toward, is_near) = match light.in_view(camera) {

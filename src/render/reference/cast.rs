@@ -68,7 +68,6 @@ impl<'a> Caster<'a> {
         [self.shown(&ray, &hit), self.shown(&ray, &back.unwrap_or(nothing))]
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..1")]
     fn shown(&self, ray: &Ray, hit: &Hit) -> ShownPixel {
         let over = hit.color.truncate() + (1.0 - hit.color.w) * DVec3::from(self.request.background_rgb);
         let bytes = over.extend(hit.color.w).to_array().map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);

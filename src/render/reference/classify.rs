@@ -9,7 +9,6 @@ use relief_volume::{GradientTable, TransferTable};
 pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {
     let last = (table.entries.len() - 1) as f64;
     let x = ((hu - f64::from(table.first_hu)) / f64::from(table.step_hu)).clamp(0.0, last);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     let i = (x as usize).min(table.entries.len() - 2);
     let entry = |i: usize| DVec4::from(table.entries[i].map(f64::from));
     entry(i).lerp(entry(i + 1), x - i as f64)
@@ -20,7 +19,6 @@ pub(super) fn classify(table: &TransferTable, hu: f64) -> DVec4 {
 pub(super) fn gradient_factor(table: &GradientTable, gradient: DVec3) -> f64 {
     let last = table.entries.len() - 1;
     let x = (gradient.length() * f64::from(table.entries_per_hu_mm)).min(last as f64);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the table")]
     let i = (x as usize).min(last - 1);
     let [low, high] = [i, i + 1].map(|i| f64::from(table.entries[i]));
     low + (x - i as f64) * (high - low)

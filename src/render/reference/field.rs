@@ -11,7 +11,6 @@ pub(super) fn sample_hu(volume: &Volume, p: DVec3) -> f64 {
     let p = p.clamp(DVec3::ZERO, last);
     let base = p.floor();
     let f = p - base;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
     let low = base.to_array().map(|x| x as usize);
     let high: [usize; 3] = std::array::from_fn(|axis| (low[axis] + 1).min(dims[axis] - 1));
     let corner = |x: usize, y: usize, z: usize| f64::from(volume.hu([x, y, z]));

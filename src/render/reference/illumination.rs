@@ -100,11 +100,6 @@ impl<'a> CellsOfLight<'a> {
             let cell: [usize; 3] = std::array::from_fn(|axis| {
                 let is_high = corner >> axis & 1 == 1;
                 weight *= if is_high { share[axis] } else { 1.0 - share[axis] };
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "clamped to the cells"
-                )]
                 let low = base[axis] as usize;
                 (low + usize::from(is_high)).min(dims[axis] - 1)
             });

@@ -33,7 +33,6 @@ pub(super) fn classify_at(tables: &Tables, labels: Option<&Labels>, p: DVec3, hu
 }
 
 /// The place in the list of segments at a position.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
 fn place_at(labels: &Labels, p: DVec3) -> usize {
     let [nx, ny, nz] = labels.map.grid().dims();
     let top = DVec3::new(nx as f64, ny as f64, nz as f64) - 1.0;

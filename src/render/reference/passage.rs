@@ -74,7 +74,6 @@ impl Integrals<'_> {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     fn is_visible_between(self, low: f64, high: f64) -> bool {
         let last = self.last();
         let first = (self.position(low).floor() as usize).min(last - 1);
@@ -95,7 +94,6 @@ impl Integrals<'_> {
     }
 
     /// The integral up to a value. Beyond the table, its end goes on.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     fn integral_to(self, hu: f64) -> DVec4 {
         let last = self.last();
         let x = self.position(hu);

@@ -126,7 +126,6 @@ impl Ray {
         self.cut.is_some_and(|(cut_in, cut_out)| t > cut_in && t < cut_out)
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "a ray of a valid request has below 2^31 samples")]
     pub(super) fn sample_count(&self) -> i32 {
         (((self.exit - self.first) / self.sample_distance_mm - ON_FACE).floor() + 1.0).max(0.0) as i32
     }

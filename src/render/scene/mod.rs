@@ -126,7 +126,10 @@ impl SceneFile {
     /// # Errors
     /// When it is not JSON, has an unknown key, or a value of the wrong kind; with the key's path.
     pub fn parse(json: &[u8]) -> Result<Self, SceneError> {
-        expect_objects(json)?;
+        // Invalid JSON passes here: the reader reports its position.
+        if let Ok(value) = serde_json::from_slice(json) {
+            expect_objects(&value)?;
+        }
         let mut reader = serde_json::Deserializer::from_slice(json);
         let scene = serde_path_to_error::deserialize(&mut reader).map_err(|error| SceneError::Syntax {
             path: error.path().to_string(),
@@ -134,6 +137,18 @@ impl SceneFile {
         })?;
         reader.end().map_err(|error| SceneError::Syntax { path: ".".into(), reason: error.to_string() })?;
         Ok(scene)
+    }
+
+    /// Reads the JSON form that is in memory as a value.
+    ///
+    /// # Errors
+    /// When it has an unknown key, or a value of the wrong kind; with the key's path.
+    pub fn from_value(json: &serde_json::Value) -> Result<Self, SceneError> {
+        expect_objects(json)?;
+        serde_path_to_error::deserialize(json).map_err(|error| SceneError::Syntax {
+            path: error.path().to_string(),
+            reason: error.inner().to_string(),
+        })
     }
 
     /// Replaces the transfer function by a preset of this name.

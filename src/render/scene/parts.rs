@@ -147,9 +147,7 @@ struct PlaneFile {
 
 /// Refuses arrays where the format has objects: serde would read them as an object's values in
 /// order.
-///
-/// Invalid JSON passes here: the actual parser reports its position.
-pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
+pub(super) fn expect_objects(scene: &serde_json::Value) -> Result<(), SceneError> {
     const OBJECTS: [&str; 16] = [
         "",
         "/camera",
@@ -168,7 +166,6 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
         "/overlays",
         "/path_trace",
     ];
-    let Ok(scene) = serde_json::from_slice::<serde_json::Value>(json) else { return Ok(()) };
     let lists =
         ["/transfer/points", "/transfer/gradient_opacity/points", "/clip/planes", "/surfaces", "/lights"]
             .into_iter()
@@ -176,7 +173,7 @@ pub(super) fn expect_objects(json: &[u8]) -> Result<(), SceneError> {
                 let items = scene.pointer(list).and_then(serde_json::Value::as_array).map_or(0, Vec::len);
                 (0..items).map(move |i| format!("{list}/{i}"))
             });
-    let lists = lists.chain(overlay_items(&scene)).chain(label_objects(&scene));
+    let lists = lists.chain(overlay_items(scene)).chain(label_objects(scene));
     let paths = OBJECTS.into_iter().chain(["/display"]).map(str::to_owned).chain(lists);
     for path in paths {
         if scene.pointer(&path).is_some_and(serde_json::Value::is_array) {

@@ -87,6 +87,11 @@ pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Pr
     serde_path_to_error::deserialize(&mut reader).map_err(|error| malformed(&error, ""))
 }
 
+/// As [`parse`], for a body that is in memory as a value.
+pub(super) fn parse_value<T: serde::de::DeserializeOwned>(body: Value) -> Result<T, Problem> {
+    serde_path_to_error::deserialize(body).map_err(|error| malformed(&error, ""))
+}
+
 pub(super) fn malformed(error: &serde_path_to_error::Error<serde_json::Error>, within: &str) -> Problem {
     let path = format!("{within}{}", error.path());
     let detail = format!("{path}: {}", error.inner());

@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 
 use super::Visible;
 use super::asked::{EditRequest, JsonBody, created};
-use super::edit::parse;
+use super::edit::parse_value;
 use super::refusal::{invalid, no_such_item};
 use crate::problem::Problem;
 use relief_annotation::{
@@ -69,8 +69,8 @@ impl NewStructure {
         if let Some(body) = body.as_object_mut() {
             credit.extend(Attribution::KEYS.iter().filter_map(|key| body.remove_entry(*key)));
         }
-        let what = parse(body.to_string().as_bytes())?;
-        let Attribution { name, set, author, reason } = parse(Value::Object(credit).to_string().as_bytes())?;
+        let what = parse_value(body)?;
+        let Attribution { name, set, author, reason } = parse_value(Value::Object(credit))?;
         let author = asked.author(author)?;
         let name = name.unwrap_or_else(|| usual_name.to_owned());
         let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());

@@ -5,7 +5,7 @@ use axum::extract::Path;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::edit::parse;
+use super::edit::parse_value;
 use super::refusal::invalid;
 use super::{EditRequest, JsonBody};
 use crate::problem::Problem;
@@ -41,7 +41,7 @@ pub(super) async fn put(
     JsonBody(body): JsonBody<MOST_BYTES>,
 ) -> Result<Json<Value>, Problem> {
     Set::check_name(&name).map_err(|error| invalid(&error))?;
-    let SetBody { name: said, reader, blinded, template, author } = parse(body.to_string().as_bytes())?;
+    let SetBody { name: said, reader, blinded, template, author } = parse_value(body)?;
     if let Some(said) = said.filter(|said| *said != name) {
         let error = relief_annotation::ItemError::new("name", &format!("{said:?}"), "what the path says");
         return Err(invalid(&error));

@@ -5,7 +5,7 @@ use axum::http::StatusCode;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use super::edit::parse;
+use super::edit::parse_value;
 use super::{EditRequest, JsonBody};
 use crate::frame::pick_scene;
 use crate::problem::Problem;
@@ -36,7 +36,7 @@ pub(super) async fn snap(
     JsonBody(body): JsonBody<MOST_BYTES>,
 ) -> Result<Json<Value>, Problem> {
     let EditRequest { pictures, entry, .. } = asked;
-    let body: SnapBody = parse(body.to_string().as_bytes())?;
+    let body: SnapBody = parse_value(body)?;
     let wanted = Snap {
         to: SnapFeature::from_name(&body.to, body.hu)?,
         radius_mm: body.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM),

@@ -64,7 +64,7 @@ pub(super) fn rendering(
             scene["slice"] = viewpoint.slice(parameters.slab_mm, method, height_mm);
         }
     }
-    let scene = SceneFile::parse(scene.to_string().as_bytes())?.resolve(grid, &Orbit::default())?;
+    let scene = SceneFile::from_value(&scene)?.resolve(grid, &Orbit::default())?;
     Ok(Rendering { scene, module: module(reformat, method, viewpoint, parameters.slab_mm, window) })
 }
 

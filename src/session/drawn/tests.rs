@@ -187,7 +187,6 @@ fn labels_stand_where_their_ghost_is_no_wider_than_a_stroke() {
         let limits = scene.display.limits(depth_limits(&request.camera, &grid())).unwrap();
         let profile = scene.display.profile().unwrap();
         let px_per_eyes = 63.0 / profile.screen_width_mm() * 960.0;
-        #[expect(clippy::cast_possible_truncation, reason = "view depth is f32")]
         let parallax = depths.map(|mm| {
             let d = profile.disparity(limits.scaled(ViewDepth(mm as f32))).0;
             (d - profile.constants().c) / profile.constants().m * px_per_eyes

@@ -97,11 +97,6 @@ impl EncodedParts {
 
 impl ViewFrame {
     /// View depth at a pixel of the full size.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked to be inside the picture"
-    )]
     pub(super) fn depth_at(&self, at: [f64; 2]) -> ViewDepth {
         let [full, size] = [self.full_px, self.frame.size_px].map(|size| size.map(f64::from));
         let inside = at.iter().zip(full).all(|(at, side)| (0.0..side).contains(at));
@@ -119,7 +114,6 @@ impl ViewFrame {
         let side = |side: u32| u16::try_from(side).unwrap_or(u16::MAX);
         let shows = self.shows.iter().find(|(id, _)| *id == viewer).map(|(_, echo)| *echo);
         let Echo { seq, t_ns } = shows.unwrap_or(Echo { seq: 0, t_ns: 0 });
-        #[expect(clippy::cast_possible_truncation, reason = "the header has single precision")]
         let limits_mm = [self.limits.near_mm as f32, self.limits.far_mm as f32];
         let header = FrameHeader {
             still: self.is_still,

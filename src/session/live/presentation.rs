@@ -282,7 +282,7 @@ fn resolve(
     size_px: Option<[u32; 2]>,
     preset: Option<&str>,
 ) -> Result<Arc<Scene>, LiveError> {
-    let mut file = SceneFile::parse(Value::Object(patch.clone()).to_string().as_bytes())?;
+    let mut file = SceneFile::from_value(&Value::Object(patch.clone()))?;
     file = file.with_display(display.clone());
     file = size_px.map_or(file.clone(), |size_px| file.with_size(size_px));
     file = preset.map_or(file.clone(), |name| file.with_preset(name));

@@ -178,7 +178,6 @@ async fn render(engine: &Engine, view: &View, job: &FrameJob) -> Result<Option<R
 
 /// The request of a moving view, reduced to what the renderer and the presenters' connections have
 /// time for.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a picture's side")]
 fn moving(engine: &Engine, job: &FrameJob) -> RenderRequest {
     let mut request = job.request.clone();
     // Shadows of lights that move with the eye would be computed again for every frame.

@@ -110,7 +110,6 @@ impl PresentedLandmark {
     }
 
     /// The visible surface of the frame at the cursor.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be inside")]
     fn pick(&self, cursor: Point<Patient>) -> Option<Point<Patient>> {
         let (u, v, _) = self.frame.camera.project(cursor, SIZE_PX)?;
         let inside = [u, v].iter().zip(SIZE_PX).all(|(at, side)| (0.0..f64::from(side)).contains(at));

@@ -140,11 +140,6 @@ impl ServerRates {
         let stills = viewers as f64 * habits.stills_per_s() * self.still_bytes;
         let peak = moving * habits.viewer_fps * self.moving_bytes + stills;
         let volumes_of_one = (1.5 * volumes / busy as f64).ceil().min(volumes);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a count of viewers, or fewer"
-        )]
         Some(GroupNeeds {
             viewers,
             servers,
@@ -171,11 +166,6 @@ impl ServerRates {
         if places < 1.0 {
             return 1.0;
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "at least 1, and saturating is right"
-        )]
         more_than(viewers, habits.moving_share, places as u64)
     }
 

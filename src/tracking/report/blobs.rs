@@ -136,7 +136,6 @@ pub(super) fn encode_full(blob: Option<Blob>) -> [u8; 9] {
     [x, y, high, a, b, c, d, 0, extent.intensity]
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the low byte is what is meant")]
 fn low(value: u16) -> u8 {
     value as u8
 }

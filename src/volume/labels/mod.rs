@@ -80,7 +80,6 @@ impl SegmentIndices {
 
     fn of_labels(labels: &[u16], place_of: &[u16], segments: usize) -> Self {
         if segments <= usize::from(u8::MAX) {
-            #[expect(clippy::cast_possible_truncation, reason = "at most 255 segments")]
             let byte = |&label: &u16| place_of[usize::from(label)] as u8;
             return Self::Bytes(labels.par_iter().map(byte).collect());
         }
@@ -274,7 +273,6 @@ fn count(labels: &[u16]) -> Vec<u64> {
 /// two.
 fn nearest(index: glam::DVec3) -> [i64; 3] {
     const ROUNDING: f64 = 1e-6;
-    #[expect(clippy::cast_possible_truncation, reason = "saturates, and is then outside")]
     index.to_array().map(|x| (x + 0.5 + ROUNDING).floor() as i64)
 }
 

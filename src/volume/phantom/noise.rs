@@ -7,7 +7,6 @@ use glam::{IVec3, Vec3};
 
 /// 64 well-mixed bits of a lattice point (finaliser of SplitMix64).
 fn hash(cell: IVec3, seed: u64) -> u64 {
-    #[expect(clippy::cast_sign_loss, reason = "the bits are hashed, not the number")]
     let [x, y, z] = cell.to_array().map(|v| u64::from(v as u32));
     let mut bits = seed
         .wrapping_add(x.wrapping_mul(0x9e37_79b9_7f4a_7c15))

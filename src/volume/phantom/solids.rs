@@ -109,7 +109,6 @@ fn fill(placement: &Placement, report: SliceProgress<'_>, hu: impl Fn([f64; 3]) 
         for (j, row) in slice.chunks_mut(nx).enumerate() {
             let y = placement.coordinate(1, j);
             for (i, voxel) in row.iter_mut().enumerate() {
-                #[expect(clippy::cast_possible_truncation, reason = "values are within the range of CT")]
                 let rounded = hu([placement.coordinate(0, i), y, z]).round() as i16;
                 *voxel = rounded;
             }

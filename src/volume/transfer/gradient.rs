@@ -80,7 +80,6 @@ impl GradientTable {
     /// The table of a function up to its last point, for samples that each stand for `path_units`
     /// opacity units.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "tables are in 32 bits")]
     pub fn new(opacity: &GradientOpacity, path_units: f64) -> Self {
         let span = opacity.points[opacity.points.len() - 1][0].max(1.0);
         let per = (Self::ENTRIES - 1) as f64 / span;

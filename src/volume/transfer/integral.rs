@@ -62,11 +62,6 @@ mod tests {
         assert_eq!(integral.entries.len(), table.entries.len());
         for hu in [0.0f32, 40.0, 100.0, 200.0] {
             let x = f64::from(hu) / 200.0;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a place in the table"
-            )]
             let found = integral.entries[(hu / table.step_hu) as usize].map(f64::from);
             // Twice the extinction, for samples of 2 mm: 2 x; its integral over HU is 200 x², of
             // colours accordingly.

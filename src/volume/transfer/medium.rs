@@ -27,7 +27,6 @@ impl MediumTable {
 
     /// The medium of a transfer function whose extinction is multiplied by `density`.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "a shader's numbers are f32")]
     pub fn new(transfer: &TransferFunction, density: f64) -> Self {
         let unit_mm = transfer.opacity_unit_mm();
         let TransferTable { first_hu, step_hu, entries, .. } = TransferTable::new(transfer, unit_mm);
@@ -49,7 +48,6 @@ impl MediumTable {
     /// Slightly more than the range, since sampling rounds: no sample may be denser than this
     /// bound.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     pub fn largest_extinction(&self, low_hu: f32, high_hu: f32) -> f32 {
         const ROUNDING_HU: f32 = 0.05;
         let last = (self.entries.len() - 1) as f32;

@@ -53,11 +53,6 @@ impl TransferTable {
     /// # Panics
     /// When `most` leaves no room.
     #[must_use]
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "control points are within ±1e5"
-    )]
     pub fn within(transfer: &TransferFunction, step_mm: f64, most: usize) -> Self {
         let points = transfer.points();
         let (first, last) = (points[0].hu.floor(), points[points.len() - 1].hu.ceil());
@@ -109,7 +104,6 @@ impl TransferTable {
     /// A little beyond the range, since sampling rounds: a skipped brick must not have shown
     /// anything.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     pub fn is_visible(&self, low_hu: f32, high_hu: f32) -> bool {
         const ROUNDING_HU: f32 = 0.5;
         let low = self.position(low_hu - ROUNDING_HU).floor() as usize;
@@ -119,7 +113,6 @@ impl TransferTable {
 
     /// Opacity of a value, as the shader has it before any gradient.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
     pub fn opacity(&self, hu: f32) -> f32 {
         let x = self.position(hu);
         let i = (x as usize).min(self.entries.len() - 2);

@@ -135,7 +135,6 @@ fn paint_slab(anatomy: &Anatomy, placement: &Placement, first: usize, slab: &mut
     for (k, (clean, noisy)) in hu.chunks(nx * ny).zip(slab.chunks_mut(nx * ny)).enumerate() {
         let grain = grain(nx, ny, first + k, seed ^ 0x67_7261);
         for ((out, clean), grain) in noisy.iter_mut().zip(clean).zip(grain) {
-            #[expect(clippy::cast_possible_truncation, reason = "clamped to the range of CT first")]
             let value = (clean + NOISE_SIGMA_HU * grain).clamp(RANGE_HU.0, RANGE_HU.1).round() as i16;
             *out = value;
         }
@@ -143,7 +142,6 @@ fn paint_slab(anatomy: &Anatomy, placement: &Placement, first: usize, slab: &mut
 }
 
 fn center_of(placement: &Placement, index: [usize; 3]) -> Vec3 {
-    #[expect(clippy::cast_possible_truncation, reason = "positions in the head need no more than f32")]
     let at = [0, 1, 2].map(|axis| placement.coordinate(axis, index[axis]) as f32);
     at.into()
 }

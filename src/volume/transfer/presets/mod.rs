@@ -158,17 +158,11 @@ impl Preset {
         let transfer = self.transfer();
         let color = |cell: usize| {
             let at = (last - first) as f64 * (cell as f64 + 0.5) / cells as f64;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a control point's index"
-            )]
             let below = first + at as usize;
             let above = (below + 1).min(last);
             let hu = self.points[below][0] + at.fract() * (self.points[above][0] - self.points[below][0]);
             let [r, g, b, _] = transfer.at(hu);
             let seen = transfer.opacity_over(hu, PATH_MM);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
             [r, g, b].map(|channel| (255.0 * seen * channel).round() as u8)
         };
         (0..cells).map(color).collect()
