@@ -46,7 +46,7 @@ impl Store {
             let row = sqlx::query("PRAGMA integrity_check(1)").fetch_one(&mut *transaction).await?;
             let found: String = row.try_get(0)?;
             if found != "ok" {
-                return Err(Damage::File { finding: found }.into());
+                return Err(Damage::Database { finding: found }.into());
             }
         }
         let mut folded = Folded::default();

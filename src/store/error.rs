@@ -97,10 +97,10 @@ pub enum StoreError {
 /// What is wrong with the content of a log. Messages contain no values of items.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Damage {
-    /// SQLite's own check of its file failed.
+    /// The database reports damage, or a value of the wrong type.
     #[error("{finding}")]
-    File {
-        /// The first finding of SQLite.
+    Database {
+        /// The message of the database.
         finding: String,
     },
     /// An event contradicts the events before it.
@@ -198,6 +198,9 @@ pub enum Damage {
 /// Why a database is not a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ForeignFile {
+    /// A file of another format.
+    #[error("it is not a database of SQLite")]
+    NoSqlite,
     /// A file without content.
     #[error("the file is empty")]
     Empty,
@@ -244,8 +247,8 @@ impl From<sqlx::Error> for StoreError {
                     Some(sqlite::BUSY | sqlite::LOCKED) => Self::Busy,
                     Some(sqlite::READONLY) => Self::ReadOnly,
                     Some(sqlite::FULL) => Self::Full,
-                    Some(sqlite::CORRUPT) => Self::Damaged(found.message().to_owned()),
-                    Some(sqlite::NOTADB) => Self::Foreign("it is not a database of SQLite".to_owned()),
+                    Some(sqlite::CORRUPT) => Damage::Database { finding: found.message().to_owned() }.into(),
+                    Some(sqlite::NOTADB) => Self::Foreign(ForeignFile::NoSqlite),
                     Some(sqlite::CANTOPEN | sqlite::IOERR) => Self::Unreachable(found.message().to_owned()),
                     None if protected => Self::ReadOnly,
                     None if busy => Self::Busy,
@@ -259,7 +262,7 @@ impl From<sqlx::Error> for StoreError {
             | sqlx::Error::PoolClosed
             | sqlx::Error::WorkerCrashed => Self::Unreachable(text),
             sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
-                Self::Damaged(text)
+                Damage::Database { finding: text }.into()
             }
             _ => Self::Database(text),
         }
