@@ -46,7 +46,9 @@ pub use annotations::KeptAnnotations;
 #[cfg(feature = "cluster")]
 pub use bucket::Bucket;
 pub use copies::{Copies, CopiesOptions, Local};
-pub use error::{AnnotationsError, Failure, FailureKind, ManifestError, PlanError, SkipReason, ViewError, ViewsError};
+pub use error::{
+    AnnotationsError, Failure, FailureKind, ManifestError, PlanError, SkipReason, ViewError, ViewsError,
+};
 pub use landmarks::LANDMARK_VIEW_MM;
 pub use location::{Location, LocationError};
 pub use log::AnnotationLog;

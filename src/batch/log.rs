@@ -42,8 +42,7 @@ impl AnnotationLog {
             let items = log.list(&Filter::default()).await?.items;
             Ok::<_, StoreError>((log, sets, items))
         };
-        let (log, sets, items) =
-            runtime.block_on(read).map_err(AnnotationsError::Store)?;
+        let (log, sets, items) = runtime.block_on(read).map_err(AnnotationsError::Store)?;
         if let ShownSets::Sets(names) = shown
             && let Some(name) = names.iter().find(|name| !sets.iter().any(|set| set.name == **name))
         {

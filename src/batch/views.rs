@@ -122,9 +122,8 @@ fn read(path: &Path) -> Result<Vec<View>, ViewsError> {
         serde_json::from_slice(&bytes).map_err(|source| ViewsError::Json { path: path(), source })?;
     let views = file.as_array().filter(|views| !views.is_empty());
     let views = views.ok_or_else(|| ViewsError::NoList { path: path() })?;
-    let view = |(index, view)| {
-        read_view(view).map_err(|source| ViewsError::View { path: path(), index, source })
-    };
+    let view =
+        |(index, view)| read_view(view).map_err(|source| ViewsError::View { path: path(), index, source });
     views.iter().enumerate().map(view).collect()
 }
 

@@ -4,7 +4,9 @@ use anyhow::bail;
 
 use crate::client::ClientArguments;
 use relief_client::{Composer, Options};
-use relief_display::{DisplaySettings, Layout};
+use relief_display::DisplaySettings;
+#[cfg(feature = "window")]
+use relief_display::Layout;
 use relief_live::{Accept, ColorFormat, Hello, LiveLayout, Role, Settings};
 
 /// The session that the arguments describe.

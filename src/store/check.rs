@@ -140,11 +140,7 @@ async fn compare_items(
         }
         there += u64::from(found.2.is_some());
     }
-    if folded.is_empty() {
-        Ok(there)
-    } else {
-        Err(Damage::MissingItems { count: folded.len() }.into())
-    }
+    if folded.is_empty() { Ok(there) } else { Err(Damage::MissingItems { count: folded.len() }.into()) }
 }
 
 async fn compare_edits(

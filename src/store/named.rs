@@ -135,9 +135,7 @@ impl Store {
                 kind: if is_set { AuditedKind::Set } else { AuditedKind::Template },
                 name: row.try_get(2)?,
                 author: row.try_get(3)?,
-                time: time
-                    .parse()
-                    .map_err(|_| Damage::AuditTime { seq })?,
+                time: time.parse().map_err(|_| Damage::AuditTime { seq })?,
                 body: row.try_get(5)?,
             })
         };

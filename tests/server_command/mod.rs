@@ -128,6 +128,35 @@ fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
     assert!(!errors.contains("PHANTOM"), "who was scanned is nobody's business: {errors}");
 }
 
+/// Invariant: The log of a request at level `trace` tells its way through queue, frame and encoding,
+/// under one id.
+#[test]
+fn a_traced_request_reads_as_its_story() {
+    if software_adapter("the log of a request").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path());
+    let mut command = relief(&["serve", "--series", &series, "--listen", "127.0.0.1:0"]);
+    let running = Running::spawn(command.env("RELIEF_LOG", "trace"));
+    running.await_ready();
+    let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
+    let id = listed["volumes"][0]["id"].as_str().unwrap();
+    let path = format!("GET /v1/volumes/{id}/frame?size_px=64,36&layout=color");
+    let (head, _) = running.ask(&path, "X-Request-Id: story\r\n", &[]);
+    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    let (_, log) = running.stop("-TERM");
+    let story: Vec<&str> = log.lines().filter(|line| line.contains("id=story")).collect();
+    let chapters = ["left the queue", "rendered a band", "rendered upload_ms", "finished", "answered"];
+    let places = chapters.map(|chapter| story.iter().position(|line| line.contains(chapter)));
+    assert!(
+        places.iter().all(Option::is_some) && places.is_sorted(),
+        "{chapters:?} are at {places:?} of\n{log}"
+    );
+    assert!(story[places[2].unwrap()].contains("frame{mode=\"composite\" width=64 height=36}"), "{story:?}");
+    assert!(!log.contains("wgpu_core"), "libraries are as quiet as ever");
+}
+
 /// A zip of files whose names tell who was scanned.
 fn named_zip(files: &[Vec<u8>]) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
