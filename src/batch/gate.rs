@@ -26,7 +26,7 @@ impl MemoryBudget {
         self.limit
     }
 
-    /// Waits until so many bytes are free. A request beyond the limit waits until all are.
+    /// Waits until this many bytes are free. A request beyond the limit waits until all are.
     pub(super) fn hold(&self, bytes: u64) -> ReservedMemory<'_> {
         let bytes = bytes.min(self.limit);
         let mut held = self.lock();

@@ -247,7 +247,7 @@ fn encode(
     let send = |picture: &RgbImage, stdin: &mut Option<std::process::ChildStdin>| {
         stdin.as_mut().is_some_and(|stdin| stdin.write_all(picture).is_ok())
     };
-    // One that does not take pictures has ended, and its status says so.
+    // A process that does not read pictures has ended; its status has the reason.
     let mut is_taken = send(&first, &mut stdin);
     let mut is_whole = true;
     for name in &turns[1..] {

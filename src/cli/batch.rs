@@ -119,7 +119,7 @@ struct FilmArguments {
 }
 
 impl FilmArguments {
-    /// What turntables of these jobs will be; says so where they are less than they might be.
+    /// The films of these turntables; warns if ffmpeg is missing.
     fn films(&self, jobs: &[Job]) -> anyhow::Result<FilmWriter> {
         let films = FilmWriter::new(self.turntable, &self.ffmpeg).map_err(anyhow::Error::msg)?;
         if films.lacks_ffmpeg && jobs.iter().any(|job| job.group == "turntable") {

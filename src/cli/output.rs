@@ -62,7 +62,7 @@ macro_rules! say {
 pub(super) use say;
 
 /// Prints a line on stdout. A reader that has gone away has read enough (`relief inspect head |
-/// head -1`): the rest is dropped, and the command goes on. Other failures are for
+/// head -1`): the rest is dropped, and the command continues. Other failures are for
 /// [`stdout_failure`].
 pub(super) fn print_line(line: std::fmt::Arguments<'_>) {
     let written = writeln!(std::io::stdout().lock(), "{line}");

@@ -179,7 +179,7 @@ impl SceneArguments {
         scene = self.light.apply(scene);
         if let Some(layout) = self.layout {
             let display = scene.display().clone();
-            // A layout asked for here goes before a size that was written for another one.
+            // A layout option overrides a size that was written for another layout.
             scene = scene.with_display(DisplaySettings { layout, ..display }).with_size_of_layout();
         }
         if let Some(depth_filter) = self.depth_filter {

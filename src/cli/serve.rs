@@ -107,7 +107,7 @@ enum Uploads {
     Auto,
     /// Everyone who can reach the address
     On,
-    /// Nobody: uploads are refused
+    /// No client: uploads are refused
     Off,
 }
 

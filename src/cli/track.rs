@@ -138,7 +138,7 @@ enum MotionModel {
 }
 
 impl Solver {
-    /// Without IPOPT, our own solver of the same energy takes its place, and says so.
+    /// Without IPOPT, our own solver of the same energy is used, with a warning.
     fn kind(self) -> SolverKind {
         match self {
             Self::Lm => SolverKind::Lm,

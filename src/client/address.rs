@@ -68,7 +68,7 @@ impl ServerAddress {
     }
 
     /// The address of a live session. It names view and volume for a proxy before several servers,
-    /// which cannot read the hello; a server of its own takes no notice.
+    /// which cannot read the hello; a single server ignores it.
     #[must_use]
     pub fn session_url(&self, hello: &Hello) -> String {
         let Self { host, port, base } = self;

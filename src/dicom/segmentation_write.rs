@@ -406,7 +406,7 @@ impl<'a> Planes<'a> {
         shared
     }
 
-    /// What one frame has of its own.
+    /// The attributes of a single frame.
     fn groups(&self, frame: Frame) -> InMemDicomObject {
         let mut groups = InMemDicomObject::new_empty();
         let position = self.origin + self.step * frame.slice as f64;

@@ -353,7 +353,7 @@ impl HeaderReading {
         Self { bytes: bytes.to_vec(), header, problems }
     }
 
-    /// Whether H0 says that there is a header, right or wrong.
+    /// Whether H0 announces a header, valid or not.
     #[must_use]
     pub fn is_present(&self) -> bool {
         self.bytes.len() >= BASE_LEN && self.bytes.first() == Some(&MAGIC)

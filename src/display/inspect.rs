@@ -251,7 +251,7 @@ fn inspect_rgb(frame_px: [u32; 2], samples: &[u8]) -> FrameReport {
     if has_header || display_frame {
         report.problems.extend(reading.problems.into_iter().map(FrameProblem::Header));
     }
-    // Each half of a side-by-side picture would be 8:9. Nobody renders that, but players scale
+    // Each half of a side-by-side picture would be 8:9. No program renders that, but players scale
     // whole frames.
     let wide = u64::from(frame_px[0]) * 9 == u64::from(frame_px[1]) * 16;
     if layout == Layout::Rgbd && wide && !display_frame && !has_header {

@@ -1,5 +1,5 @@
-//! The page that shows every failed case of a check side by side. It is one file without scripts, and
-//! refers to pictures by relative path.
+//! The page that shows every failed case of a check side by side. It is one file without scripts,
+//! and refers to pictures by relative path.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 

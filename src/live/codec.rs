@@ -232,7 +232,7 @@ fn unpack(
             let found = unpacker.total_out() as usize;
             match status.map_err(|error| failed(error.to_string()))? {
                 Status::StreamEnd => found,
-                // Full, and the stream goes on; or empty before the end.
+                // Full before the end of the stream, or empty before the end of the picture.
                 _ if found == expected => expected + 1,
                 _ => found,
             }

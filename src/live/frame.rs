@@ -163,7 +163,7 @@ impl ReceivedFrame {
     /// top. A reduced picture is first enlarged to its full size by nearest-pixel sampling, in
     /// colour and in depth.
     ///
-    /// `curve` makes D of Z where Z was sent; D that was sent is taken as it is.
+    /// `curve` makes D of Z where Z was sent; D that was sent is used unchanged.
     ///
     /// # Errors
     /// When the frame is for no layout, has no depth where that needs one, or does not fit it.

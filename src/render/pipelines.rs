@@ -168,7 +168,7 @@ impl PipelineKey {
     }
 }
 
-/// Pipelines by key, compiled when first asked for.
+/// Pipelines by key, compiled on first use.
 pub(super) struct Pipelines {
     module: wgpu::ShaderModule,
     pub(super) bind_group_layout: wgpu::BindGroupLayout,

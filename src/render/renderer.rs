@@ -26,7 +26,7 @@ use crate::request_error::RequestError;
 use crate::texture::VoxelFormat;
 use relief_volume::{ContentHash, Volume};
 
-/// Renders requests on one GPU. Lives on one thread; a volume goes up when first asked for.
+/// Renders requests on one GPU. Lives on one thread; a volume goes up on first use.
 pub struct Renderer {
     gpu: Gpu,
     format: VoxelFormat,
@@ -38,7 +38,7 @@ pub struct Renderer {
     uniform: wgpu::Buffer,
     target: Option<Target>,
     illuminator: Illuminator,
-    /// Made when first asked for: its shader is slow to compile.
+    /// Made on first use: its shader is slow to compile.
     path_tracer: Option<PathTracer>,
 }
 

@@ -67,7 +67,7 @@ struct SliceKey {
     edges: Option<Edges>,
 }
 
-/// The pipelines of mode `slice`, compiled when first asked for.
+/// The pipelines of mode `slice`, compiled on first use.
 pub(super) struct SlicePipelines {
     module: wgpu::ShaderModule,
     pub(super) bind_group_layout: wgpu::BindGroupLayout,

@@ -94,7 +94,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .merge(annotations::routes())
         .merge(page::routes())
         .layer(from_fn_with_state(state.clone(), guard::deadline));
-    // An upload takes as long as it takes; it has limits of its own.
+    // An upload may take long; it has its own limits.
     let unbounded = Router::new()
         .route("/v1/volumes", get(volumes::list).post(upload::upload))
         .route("/v1/volumes/{id}/labels", post(labels::upload));

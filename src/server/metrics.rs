@@ -1,5 +1,5 @@
-//! Counters, gauges and durations in the OpenMetrics text format. Labels are closed sets: no ids, no
-//! paths.
+//! Counters, gauges and durations in the OpenMetrics text format. Labels are closed sets: no ids,
+//! no paths.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -71,7 +71,8 @@ pub(super) struct LiveMetrics {
     overhead: Histogram,
 }
 
-/// Metrics whose values other parts of the server keep. They are copied when `/metrics` is requested.
+/// Metrics whose values other parts of the server keep. They are copied when `/metrics` is
+/// requested.
 #[derive(Debug)]
 struct Sampled {
     abandoned: Family<AbandonedLabels, Counter>,
@@ -120,7 +121,8 @@ impl Drop for Counted {
     }
 }
 
-/// Registers a metric. The text format adds a full stop to `help`, and `_total` to a counter's name.
+/// Registers a metric. The text format adds a full stop to `help`, and `_total` to a counter's
+/// name.
 fn registered<M: Metric + Clone>(registry: &mut Registry, name: &str, help: &str, metric: M) -> M {
     registry.register(name, help, metric.clone());
     metric

@@ -1,7 +1,7 @@
 //! Uploads: a zip of a series becomes a volume.
 //!
 //! The file is streamed to disk under limits of size and time, one upload at a time, and removed
-//! when it has been read. Reading it goes on when the client has left, and so does its turn.
+//! when it has been read. Reading continues when the client has left, and it keeps its turn.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -70,7 +70,7 @@ pub(super) async fn take_in(
     Ok(ReceivedUpload { limits, turn, path })
 }
 
-/// Refuses what says that it is too large before any of it is read.
+/// Refuses a body by its declared length before reading it.
 fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
     let length =
         headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());

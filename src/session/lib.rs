@@ -48,10 +48,10 @@ pub use volumes::{
 /// Turns requests into frames. Only the service's thread calls it.
 pub trait RenderBackend: Send + 'static {
     /// Renders one picture. Call `goes_on` whenever the work can be cancelled, if possible ten
-    /// times a second; it breaks once nobody waits for the picture.
+    /// times a second; it breaks once the client has left.
     ///
     /// # Errors
-    /// When this request cannot be rendered; the service answers with the error and goes on.
+    /// When this request cannot be rendered; the service answers with the error and continues.
     fn render(
         &mut self,
         volume: &Volume,
@@ -93,7 +93,7 @@ pub enum ServiceError {
     /// The render thread has ended.
     #[error("the render thread has ended")]
     Stopped,
-    /// Rendering this request panicked; the thread goes on.
+    /// Rendering this request panicked; the thread continues.
     #[error("rendering panicked: {0}")]
     Panicked(String),
     /// The backend refused or failed.

@@ -302,9 +302,9 @@ fn render(
     Ok(outcome.map_err(ServiceError::Panicked)??)
 }
 
-/// A call of the backend. A panic in it becomes its message and the thread goes on: one bad request
-/// must not stop the frames of all others. The backend is used again afterwards, so it must not
-/// rely on having finished a call.
+/// A call of the backend. A panic in it becomes its message and the thread continues: one bad
+/// request must not stop the frames of all others. The backend is used again afterwards, so it must
+/// not rely on having finished a call.
 fn guarded<T>(call: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(call)).map_err(|panic| panic_text(panic.as_ref()))
 }

@@ -1,7 +1,7 @@
 //! A promise of a frame: a future without a runtime, and the render thread's end of it.
 //!
 //! Dropping the [`Ticket`] cancels the request. Dropping the [`TicketSender`] answers
-//! [`ServiceError::Stopped`], so that nobody waits for a thread that has ended.
+//! [`ServiceError::Stopped`], so that no caller waits for a thread that has ended.
 
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -14,7 +14,7 @@ use relief_annotation::{Event, FrameOfReference, Item, ItemId, Versioned};
 pub struct Filter {
     /// Of one of these sets.
     pub sets: Option<Vec<String>>,
-    /// Told from this.
+    /// The value of the comparison.
     pub frame_of_reference: Option<FrameOfReference>,
     /// Changed by an event after this one.
     pub after_seq: u64,

@@ -1,4 +1,4 @@
-//! Which blob is which LED, when nothing says so but where they are.
+//! Identifies the LED of each blob from their positions.
 //!
 //! Every assignment of blobs to LEDs is solved and scored with its chi-square: pixels, the
 //! direction of gravity, and an earlier pose if there is one. The best is taken only when it

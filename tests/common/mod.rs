@@ -31,8 +31,8 @@ pub(crate) fn software_adapter(what: &str) -> Option<Gpu> {
     }
 }
 
-/// The phantom of a recipe, made once per test program. Two tests that need it at the same time wait
-/// for one computation.
+/// The phantom of a recipe, made once per test program. Two tests that need it at the same time
+/// wait for one computation.
 pub(crate) fn phantom(recipe: PhantomRecipe) -> Arc<Phantom> {
     type Entry = Arc<OnceLock<Arc<Phantom>>>;
     static MADE: LazyLock<Mutex<HashMap<PhantomRecipe, Entry>>> = LazyLock::new(Mutex::default);

@@ -274,7 +274,8 @@ async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
     let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
     let (mut ben, _) = running.hello(annotating("other", "ben", "s")).await;
     place(&mut anna, 1, [1.0, 2.0, 3.0]).await;
-    // Events and `next` messages come in any order: anna's own event must not be taken for a later one.
+    // Events and `next` messages come in any order: anna's own event must not be taken for a later
+    // one.
     made(&mut anna).await;
     let item = told(&mut ben).await["events"][0]["item"].clone();
     for (client, to) in [(&mut anna, [9.0, 2.0, 3.0]), (&mut ben, [1.0, 9.0, 3.0])] {

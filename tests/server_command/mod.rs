@@ -128,8 +128,8 @@ fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
     assert!(!errors.contains("PHANTOM"), "who was scanned is nobody's business: {errors}");
 }
 
-/// Invariant: The log of a request at level `trace` tells its way through queue, frame and encoding,
-/// under one id.
+/// Invariant: The log of a request at level `trace` tells its way through queue, frame and
+/// encoding, under one id.
 #[test]
 fn a_traced_request_reads_as_its_story() {
     if software_adapter("the log of a request").is_none() {

@@ -23,7 +23,7 @@ pub(super) struct Cells {
     pub(super) quads: [u8; 256],
 }
 
-/// The table, made when first asked for.
+/// The table, made on first use.
 pub(super) static CELLS: LazyLock<Cells> = LazyLock::new(Cells::new);
 
 /// The edge along `axis`, at `u` and `v` (0 or 1) along the two axes that follow it in the order x,

@@ -15,7 +15,7 @@ use super::{Search, SnapError};
 /// Smaller gradients count as zero, HU per mm.
 const LEAST_HU_PER_MM: f64 = 1.0;
 
-/// An edge goes on while it has this part of the magnitude that it was chosen for.
+/// An edge continues while it has this part of the magnitude that it was chosen for.
 const GOES_ON: f64 = 0.5;
 
 /// First places that are followed to their edges, and how many of those are climbed along.

@@ -50,9 +50,9 @@ pub struct GrownRegion {
 pub enum GrowthEnd {
     /// There is nothing more that is connected.
     Complete,
-    /// It goes on beyond `max_radius_mm`.
+    /// It continues beyond `max_radius_mm`.
     AtRadius,
-    /// It goes on behind bridges thinner than `neck_mm`.
+    /// It continues behind bridges thinner than `neck_mm`.
     AtNeck,
 }
 
@@ -76,7 +76,7 @@ pub enum GrowStage {
     Necks,
 }
 
-/// Told of progress; false stops the work.
+/// Receives progress; returning false cancels the work.
 pub type GrowWatch<'a> = dyn Fn(GrowProgress) -> bool + Sync + 'a;
 
 /// Why no region was made.

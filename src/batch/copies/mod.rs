@@ -55,7 +55,7 @@ impl Local {
 }
 
 impl Copies {
-    /// None yet. Nothing is made or asked for before something in a bucket is.
+    /// None yet. The first use of a bucket creates it.
     #[must_use]
     pub fn new(options: CopiesOptions) -> Self {
         Self {

@@ -117,7 +117,7 @@ impl CopyFolder {
         Ok((folder.join(FILES), lock))
     }
 
-    /// Removes unused copies, least recently used first, until so many bytes are free. Needs the
+    /// Removes unused copies, least recently used first, until this many bytes are free. Needs the
     /// folder's lock.
     fn make_room(&self, needed: u64, allowed: u64) -> std::io::Result<()> {
         let mut known = self.known()?;

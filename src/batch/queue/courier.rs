@@ -274,7 +274,7 @@ async fn wait(fetching: &mut Option<Pin<Box<dyn Future<Output = FetchedJobs> + S
     }
 }
 
-/// Requests up to `take` jobs; if there are none, waits a little for one.
+/// Requests up to `take` jobs; if there are none, waits briefly for one.
 async fn fetch(
     queue: Queue,
     consumer: Consumer<pull::Config>,

@@ -3,7 +3,7 @@
 //! What it is: [`Queue::submit`] puts jobs into a stream, each under a subject of its own key, so
 //! that a job that waits there is never there twice; [`work_queue()`] takes jobs through one
 //! durable consumer that all workers share. A job leaves the stream when a worker says that its
-//! outputs are there, or that it can never be done. A worker that holds jobs says so again and
+//! outputs are there, or that it can never be done. A worker that holds jobs reports this again and
 //! again; those of one that is not heard of are given to another. What it is not: no scheduler, and
 //! no queue of our own making.
 //!

@@ -67,7 +67,7 @@ struct ImportReport {
     created: usize,
     updated: usize,
     unchanged: usize,
-    /// There already and different, and left as they are.
+    /// Existing items that differ, and stay unchanged.
     skipped: usize,
     dry_run: bool,
     items: Vec<ItemReport>,

@@ -187,7 +187,7 @@ fn is_url(place: &str) -> bool {
     place.contains("://") || place.starts_with("sqlite:")
 }
 
-/// Who the system says that this is, where the environment does not: services have none.
+/// The user by the system, if the environment has none, as for services.
 fn login_name() -> Option<String> {
     let said = std::process::Command::new("id").arg("-un").output().ok()?;
     said.status.success().then(|| String::from_utf8_lossy(&said.stdout).trim().to_owned())

@@ -26,7 +26,7 @@ pub(super) struct Series {
     pub(super) frame: FrameOfReference,
     /// Its voxels.
     pub(super) grid: Grid,
-    /// What objects of DICOM say of it; none of a volume in a file of its own, or of files without
+    /// The series' DICOM attributes; none for a volume in a single file, or for files without
     /// UIDs.
     pub(super) reference: Option<SeriesReference>,
 }

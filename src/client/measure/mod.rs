@@ -73,7 +73,7 @@ pub async fn measure(plan: &MeasurePlan) -> Result<(MeasureReport, Option<Compos
         let [seconds, pose_hz] = [plan.seconds, plan.pose_hz];
         let server = plan.options.server.clone();
         running.spawn(async move {
-            // A task of its own: composing a frame does not hold up poses.
+            // A separate task: composing a frame does not delay poses.
             let taking = Arc::clone(&meter);
             let mut link = JoinSet::new();
             link.spawn(
@@ -124,7 +124,8 @@ fn hello_of(plan: &MeasurePlan, at: usize) -> Hello {
     if shares { Hello { role: Role::Watcher, settings: None, ..hello } } else { hello }
 }
 
-/// Position of the eye after so many seconds of turning: 30 degrees per second, rising and falling.
+/// Position of the eye after this many seconds of turning: 30 degrees per second, rising and
+/// falling.
 pub(super) fn turned(seconds: f64) -> PoseKind {
     PoseKind::Orbit(OrbitPose {
         azimuth_deg: (20.0 + 30.0 * seconds) % 360.0,

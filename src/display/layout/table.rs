@@ -23,7 +23,8 @@ pub struct LayoutInfo {
     pub has_header: bool,
     /// The only frame size in pixels, for layouts that have one.
     pub frame_px: Option<[u32; 2]>,
-    /// The number in the header of live frames; `None` for layouts that live clients do not compose.
+    /// The number in the header of live frames; `None` for layouts that live clients do not
+    /// compose.
     pub live_byte: Option<u8>,
 }
 

@@ -273,7 +273,7 @@ impl Gestures {
     /// The mean with a newer place.
     fn mean_with(&self, place: DVec3, since_ns: u64) -> DVec3 {
         let share = -(-(since_ns as f64) * 1e-9 / self.options.steady_s).exp_m1();
-        // Without a time of its own the mean is the newest place.
+        // Without its own time the mean is the newest place.
         self.mean.map_or(place, |mean| if share.is_nan() { place } else { mean.lerp(place, share) })
     }
 

@@ -81,7 +81,7 @@ pub enum Intent {
         /// As in `grab`.
         orientation_xyzw: [f64; 4],
     },
-    /// Lets go; the view stays as it is.
+    /// Releases the volume; the view stays as it is.
     Release {},
     /// Cuts the near part away, by a plane across the viewing axis. Exactly one of the two keys is
     /// required.

@@ -1,8 +1,8 @@
 //! The state of a view: camera, clip plane, cursor, and the history for undo.
 //!
-//! The eye is at the distance of [`relief_volume::Orbit`] from the focal point, and zoom narrows the field of view
-//! as there. View axes: x right, y up, z towards the viewer, mm. The origin of places in view space
-//! is the focal point.
+//! The eye is at the distance of [`relief_volume::Orbit`] from the focal point, and zoom narrows
+//! the field of view as there. View axes: x right, y up, z towards the viewer, mm. The origin of
+//! places in view space is the focal point.
 
 use std::collections::VecDeque;
 

@@ -37,12 +37,12 @@ pub struct Settings {
     /// What B lets the hand do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grab_mode: Option<GrabMode>,
-    /// What landmarks are moved to as they are set down: `false`, or a target.
+    /// Where a placed landmark moves to: `false`, or a target.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub snap: Option<SnapTo>,
 }
 
-/// What landmarks are moved to as they are set down.
+/// Where a placed landmark moves to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SnapTo {
     /// Nothing: they stay under the cursor.

@@ -85,7 +85,7 @@ pub(crate) struct Illuminator {
     nothing: wgpu::TextureView,
     bindings: wgpu::BindGroup,
     format: VoxelFormat,
-    /// Made when first asked for.
+    /// Made on first use.
     stage: Option<Stage>,
     kept: Vec<Filling>,
 }

@@ -70,7 +70,7 @@ impl StageKey {
     }
 }
 
-/// The stage and its pipelines, compiled when first asked for.
+/// The stage and its pipelines, compiled on first use.
 pub(super) struct Stage {
     module: wgpu::ShaderModule,
     pub(super) layouts: [wgpu::BindGroupLayout; 2],

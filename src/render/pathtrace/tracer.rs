@@ -1,4 +1,4 @@
-//! Runs passes and keeps their sums, so that a picture of more passes goes on where one of fewer
+//! Runs passes and keeps their sums, so that a picture of more passes continues where one of fewer
 //! ended.
 
 use super::medium::Medium;

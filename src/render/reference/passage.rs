@@ -93,7 +93,7 @@ impl Integrals<'_> {
         0.5 * (self.integral_to(back) - self.integral_to(front)) / change
     }
 
-    /// The integral up to a value. Beyond the table, its end goes on.
+    /// The integral up to a value. Beyond the table its last value is repeated.
     fn integral_to(self, hu: f64) -> DVec4 {
         let last = self.last();
         let x = self.position(hu);

@@ -35,7 +35,7 @@ fn key(geometry: &Geometry) -> Option<Key> {
     }
 }
 
-/// Surfaces that pictures asked for before.
+/// Surfaces of earlier pictures.
 #[derive(Default)]
 pub(super) struct ShapeCache(Mutex<Shapes>);
 

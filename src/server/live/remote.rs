@@ -26,7 +26,7 @@ pub(super) struct Remote {
 
 impl Remote {
     /// # Errors
-    /// None with the options as they are.
+    /// None with the present options.
     pub(super) fn new() -> Result<Self, Problem> {
         let options = HandOptions::default();
         let gestures =

@@ -46,7 +46,7 @@ impl Session {
         Arc::new(Self { token, view, role, remote, author, task, connection, lost })
     }
 
-    /// The connection of this number is gone; nothing where a newer one goes on.
+    /// The connection of this number is gone; nothing if a newer one continues.
     pub(super) fn lose(&self, connection: u64, now: Instant) {
         if *self.connection.borrow() == connection {
             *lock(&self.lost) = Some(now);

@@ -112,7 +112,7 @@ impl VirtualRemote {
         }
     }
 
-    /// A status report: asked for, or because something was plugged in or out.
+    /// A status report: requested, or sent when an extension is plugged in or out.
     #[must_use]
     pub fn status(&self) -> InputReport {
         InputReport::Status(Status {

@@ -119,7 +119,7 @@ fn a_remote_that_was_unplugged_is_brought_up_again() {
     assert!(sees_blob(reports.last().unwrap()));
 }
 
-/// Something that acknowledges nothing well is given up, not asked for ever.
+/// A device that never acknowledges is given up after the last try.
 #[test]
 fn a_refusal_ends() {
     let mut host = Host::new(options());

@@ -1,9 +1,9 @@
 //! A Wiimote's reports: bytes to values and back.
 //!
-//! Input reports come from the remote ([`InputReport`]), output reports go to it ([`output::Output`]). A
-//! report begins with its id, as Linux' hidraw gives it; the Bluetooth header (`a1`, `a2`, `52`) is
-//! no part of it. Decoding takes any bytes and never panics; `decode(encode(report))` is the report
-//! again.
+//! Input reports come from the remote ([`InputReport`]), output reports go to it
+//! ([`output::Output`]). A report begins with its id, as Linux' hidraw gives it; the Bluetooth
+//! header (`a1`, `a2`, `52`) is no part of it. Decoding takes any bytes and never panics;
+//! `decode(encode(report))` is the report again.
 //!
 //! Raw numbers stay raw: infrared positions are in units of 1/8 sensor pixel, x right and **y up**,
 //! 1024 x 768; acceleration is in 10-bit counts, x to the left, y to the plug, z up.

@@ -18,7 +18,7 @@ pub struct PhantomTruth {
     pub schema: String,
     /// The name of the phantom's kind, as on the command line.
     pub kind: String,
-    /// The size asked for: voxels across.
+    /// The requested size: voxels across.
     pub size: usize,
     /// The seed of everything random in it.
     pub seed: u64,

@@ -104,7 +104,7 @@ enum Cell {
     Strong(String),
     /// A value and a remark in small letters.
     Remark(String, String),
-    /// The reason why the rest of the row is empty, over so many columns.
+    /// The reason why the rest of the row is empty, over this many columns.
     Unknown(String, usize),
 }
 

@@ -135,7 +135,7 @@ impl Panel {
     }
 }
 
-/// Round values of an axis of this length, so far apart or more, as they are written.
+/// Round values of an axis of this length, at least this far apart, as text.
 fn values([first, last]: [f64; 2], length: f64, apart: f64) -> impl Iterator<Item = (f64, String)> {
     let values = ticks(first.min(last), first.max(last), (length / apart).max(2.0));
     let step = values.get(1).map_or(1.0, |second| second - values[0]);
