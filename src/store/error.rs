@@ -134,7 +134,7 @@ pub enum Damage {
         seq: u64,
     },
     /// Items of the events are missing.
-    #[error("{count} items are missing")]
+    #[error("items missing: {count}")]
     MissingItems {
         /// How many.
         count: usize,
@@ -146,7 +146,7 @@ pub enum Damage {
         edit: u64,
     },
     /// Edits of the events are missing.
-    #[error("{count} edits are missing")]
+    #[error("edits missing: {count}")]
     MissingEdits {
         /// How many.
         count: usize,

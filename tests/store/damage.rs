@@ -145,7 +145,7 @@ async fn check_finds_what_was_changed_behind_the_logs_back() {
     for (statement, says) in [
         ("UPDATE items SET version = 9 WHERE seq = 5", "event 5"),
         ("UPDATE items SET set_name = 'ben' WHERE seq = 5", "event 5"),
-        ("DELETE FROM items WHERE seq = 5", "1 items lack"),
+        ("DELETE FROM items WHERE seq = 5", "items missing: 1"),
         ("UPDATE edits SET state = 'undone'", "edit 1"),
         (
             "DROP TRIGGER events_never_delete; DELETE FROM items WHERE seq = 200; DELETE FROM events WHERE seq = 200; \
