@@ -9,10 +9,10 @@
 //!   "bytes":410233,"sha256":"...","pixels_sha256":"..."}}
 //! ```
 //!
-//! `sha256` is of colour and depth as they were sent, without the header, whose times differ from
-//! one day to the next; `pixels_sha256`, of still lossless frames alone, of what they unpack to: of
-//! two equal sessions these are equal. The token of a session is left out, as are what a volume is
-//! called and how it is described. Lines are bounded, so a file of any size is read in little
+//! `sha256` is the hash of colour and depth as they were sent. It excludes the header, because its
+//! times differ between runs. Still lossless frames also have `pixels_sha256`, the hash of the
+//! unpacked pixels: two equal sessions have equal ones. The journal has no session token, and no
+//! name or description of a volume. Lines are bounded, so a file of any size is read in little
 //! memory.
 
 use std::io::{BufRead, Read};

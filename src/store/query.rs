@@ -157,9 +157,8 @@ impl Store {
     }
 }
 
-/// So many items come from the database as one text, a line each: rows cost more than reading them.
-/// The longest items, of 10,000 points each, make 600 MB of it, within what databases can put into
-/// a text.
+/// Items that the database returns as one text, a line each, because rows are slower. The longest
+/// items, of 10,000 points each, make a text of 600 MB, which is within the limits of the databases.
 const PART: u64 = 1000;
 
 /// Fewer items are read by the thread that asks, which would wait for others longer than it reads.

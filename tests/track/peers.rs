@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-/// A Python with these modules; `None` with a message if there is none.
+/// The path of a Python with these modules. Without one, prints a message and returns `None`.
 fn python(test: &str, modules: &str) -> Option<Command> {
     let name = std::env::var_os("RELIEF_PEERS_PYTHON").filter(|name| !name.is_empty());
     let has = |name: &std::ffi::OsString| {
