@@ -145,6 +145,8 @@ impl Error {
     #[must_use]
     pub fn without_names(&self) -> String {
         match self {
+            // The problem of a DICOMDIR repeats the file that it refers to.
+            Self::Container { .. } => "its zip or DICOMDIR cannot be used".to_owned(),
             Self::NoSeries { files, .. } => format!("no CT slices among {files} file(s)"),
             Self::SeveralSeries { count, .. } => format!("{count} series found, expected one"),
             Self::UnknownSeries { .. } => "the series is no longer there".to_owned(),
@@ -334,5 +336,39 @@ pub enum Defect {
 impl From<std::io::Error> for Defect {
     fn from(error: std::io::Error) -> Self {
         Self::Unreadable(error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Invariant: Reasons in batch reports name no file and no UID.
+    #[test]
+    fn messages_without_names_have_none() {
+        const NAME: &str = "DOE^JOHN";
+        let (path, text) = (|| PathBuf::from("/archive").join(NAME), || NAME.to_owned());
+        let lines = || Reasons(vec![format!("{NAME}/1.dcm: cut short")]);
+        for error in [
+            Error::Unreadable { path: path(), source: std::io::ErrorKind::NotFound.into() },
+            Error::Container { path: path(), problem: text() },
+            Error::NoSeries { path: path(), files: 3, reasons: lines() },
+            Error::SeveralSeries { count: 2, listing: lines() },
+            Error::UnknownSeries { uid: text(), listing: lines() },
+            Error::Strict { count: 1, reasons: lines() },
+            Error::NothingDecoded { slices: 4, reasons: lines() },
+            Error::Ambiguous { duplicates: 1, slices: 2, first: text(), second: text() },
+        ] {
+            assert!(error.to_string().contains(NAME), "the message itself has it: {error}");
+            let message = error.without_names();
+            assert!(!message.contains(NAME) && !message.is_empty(), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_subject_takes_the_place_of_the_path() {
+        let path = PathBuf::from("/tmp/relief-upload-1");
+        let error = Error::Container { path, problem: "found a zip of 9 MiB".to_owned() };
+        assert_eq!(error.about("the uploaded file"), "cannot use the uploaded file: found a zip of 9 MiB");
     }
 }

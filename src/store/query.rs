@@ -158,7 +158,8 @@ impl Store {
 }
 
 /// Items that the database returns as one text, a line each, because rows are slower. The longest
-/// items, of 10,000 points each, make a text of 600 MB, which is within the limits of the databases.
+/// items, of 10,000 points each, make a text of 600 MB, which is within the limits of the
+/// databases.
 const PART: u64 = 1000;
 
 /// Fewer items are read by the thread that asks, which would wait for others longer than it reads.

@@ -7,7 +7,8 @@ use serde_json::Value;
 
 use crate::cluster::stage::{relief, root};
 
-/// A YAML file as JSON, by a Python with a parser; `None` with a message if there is none.
+/// Converts a YAML file to JSON with a Python that has a YAML parser. Without one, prints a message
+/// and returns `None`.
 fn yaml(path: &str) -> Option<Value> {
     let script = "import json, sys, yaml; json.dump(yaml.safe_load(open(sys.argv[1])), sys.stdout)";
     let named = ["RELIEF_MANIFESTS_PYTHON", "RELIEF_PEERS_PYTHON"].into_iter().filter_map(std::env::var_os);

@@ -13,8 +13,8 @@
 //! A surface is that of the trilinear field, as isosurfaces are rendered. Edges and extremes are
 //! those of the field smoothed by a Gaussian about a voxel wide: noise alone has a local maximum
 //! every few voxels, and the trilinear field has them at voxel centres only. Smoothing moves
-//! neither a flat edge nor the middle of a symmetric object. An edge of radius R moves by about σ²/R
-//! (0.01 mm for 1 mm voxels and 80 mm).
+//! neither a flat edge nor the middle of a symmetric object. An edge of radius R moves by about
+//! σ²/R (0.01 mm for 1 mm voxels and 80 mm).
 
 mod climb;
 mod edge;

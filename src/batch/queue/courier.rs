@@ -274,7 +274,7 @@ async fn wait(fetching: &mut Option<Pin<Box<dyn Future<Output = FetchedJobs> + S
     }
 }
 
-/// Requests up to `take` jobs; if there are none, waits briefly for one.
+/// Requests up to `take` jobs. If the queue is empty, the request waits briefly for the next job.
 async fn fetch(
     queue: Queue,
     consumer: Consumer<pull::Config>,
