@@ -11,6 +11,7 @@ use super::case_id::CaseId;
 use super::collection::Collection;
 use super::compare::{Comparison, compare, is_depth};
 use super::error::GoldenError;
+use super::html;
 use super::raster::{Raster, Samples, check_size, decode_png, rgb_png, rgba_png};
 use crate::raster::Aspect;
 use crate::report::CaseReport;
@@ -92,7 +93,7 @@ impl Harness {
             cases.push(report);
         }
         let report = CheckReport { adapter: self.adapter().clone(), cases };
-        artefacts.write_index(&report)?;
+        artefacts.write_index(&html::page(&report, artefacts))?;
         Ok(report)
     }
 

@@ -31,8 +31,8 @@ pub struct Beacon {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BeaconError {
     /// Not the TOML of a beacon.
-    #[error("{0}")]
-    Toml(String),
+    #[error(transparent)]
+    Toml(#[from] toml::de::Error),
     /// Too few or too many LEDs.
     #[error("{0} LEDs, allowed: {MIN_LEDS} to {MAX_LEDS}")]
     Count(usize),
@@ -87,7 +87,7 @@ impl Beacon {
     /// # Errors
     /// When it is not one, or its LEDs cannot be used.
     pub fn read(text: &str) -> Result<Self, BeaconError> {
-        let file: File = toml::from_str(text).map_err(|error| BeaconError::Toml(error.to_string()))?;
+        let file: File = toml::from_str(text)?;
         let name = |at: usize, led: &FileLed| led.name.clone().unwrap_or_else(|| format!("{}", at + 1));
         let leds = file.led.iter().enumerate().map(|(at, led)| (name(at, led), led.position_mm)).collect();
         Self::named(leds, file.up.unwrap_or([0.0, 1.0, 0.0]))

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::WayReport;
+use super::report::WayReport;
 use crate::StudyError;
 use relief_annotation::{Snap, SnapFeature, snap_point};
 use relief_base::{Patient, Point, Vector, View};

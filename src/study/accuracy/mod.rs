@@ -119,11 +119,3 @@ pub fn measure_accuracy(
         ways,
     })
 }
-
-/// The quantile of `errors_mm` at `share`, by nearest rank.
-fn quantile(errors_mm: &[f64], share: f64) -> f64 {
-    let mut sorted = errors_mm.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = ((sorted.len() as f64 - 1.0) * share).round();
-    sorted.get(at as usize).copied().unwrap_or(f64::NAN)
-}

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::accuracy::quantile;
 use relief_live::HandOptions;
 /// The errors of one way to place landmarks.
 #[derive(Debug, Serialize)]
@@ -69,4 +68,12 @@ impl WayReport {
         [self.median_mm, self.p95_mm, self.max_mm] =
             [0.5, 0.95, 1.0].map(|share| quantile(&self.errors_mm, share));
     }
+}
+
+/// The quantile of `errors_mm` at `share`, by nearest rank.
+fn quantile(errors_mm: &[f64], share: f64) -> f64 {
+    let mut sorted = errors_mm.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = ((sorted.len() as f64 - 1.0) * share).round();
+    sorted.get(at as usize).copied().unwrap_or(f64::NAN)
 }

@@ -8,29 +8,9 @@ use super::matching::{Absence, Target, targets};
 use super::quantity::{
     Agreement, MeasureRow, Pairing, Quantity, ReadingMeasures, Row, agreements, mean_of_readers, pairings,
 };
+use super::reading::{Reading, Study};
 use super::{AgreementError, Ellipsoid, ErrorSummary};
 use relief_annotation::{Item, measures};
-
-/// The items of one reader at one time.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Reading {
-    /// The set's name.
-    pub set: String,
-    /// Whose it is: readings of one name are repeats.
-    pub reader: String,
-    /// Its items, in order.
-    #[serde(skip)]
-    pub items: Vec<Item>,
-}
-
-/// The sets to compare.
-#[derive(Clone, Debug)]
-pub struct Study {
-    /// Two or more, or one where there is a truth.
-    pub readings: Vec<Reading>,
-    /// Where everything should be.
-    pub truth: Option<Reading>,
-}
 
 /// How well readers agree. As JSON it is what `relief annotate compare --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -18,15 +18,17 @@ mod icc;
 mod matching;
 mod quantile;
 mod quantity;
+mod reading;
 mod spread;
 #[cfg(test)]
 mod tests;
 
 pub use bland_altman::{BlandAltman, bland_altman};
-pub use compare::{Comparison, Landmark, Missing, Placed, Reading, ReadingErrors, Study, compare_readings};
+pub use compare::{Comparison, Landmark, Missing, Placed, ReadingErrors, compare_readings};
 pub use icc::{Icc, icc_2_1};
 pub use matching::Absence;
 pub use quantity::{Agreement, MeasureRow, Pairing, ReadingMeasures, Relation};
+pub use reading::{Reading, Study};
 pub use spread::{Ellipsoid, ErrorSummary};
 
 use serde::{Serialize, Serializer};

@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
+use super::Figure;
 use super::bland_altman::{BlandAltman, bland_altman};
 use super::icc::{Icc, icc_2_1};
-use super::{Figure, Reading};
+use super::reading::Reading;
 
 /// Values of one kind: a coordinate, or a measure such as a length.
 #[derive(Clone, Debug)]

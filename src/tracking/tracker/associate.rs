@@ -6,7 +6,8 @@
 
 use nalgebra::Vector2;
 
-use super::{Sightings, TrackerOptions};
+use super::TrackerOptions;
+use super::sightings::Sightings;
 use crate::beacon::{Beacon, MAX_LEDS};
 use crate::filter::ErrorStateFilter;
 use crate::sensor::Pinhole;

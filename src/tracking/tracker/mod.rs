@@ -14,6 +14,7 @@ mod associate;
 mod frames;
 mod options;
 mod record;
+mod sightings;
 
 use crate::filter::error_state::MAX_PREDICTION_S;
 pub use frames::{Frame, Frames, body_from_sensor, sensor_from_body};
@@ -31,6 +32,7 @@ use super::report::motion_plus::GyroCalibration;
 use super::sensor::Pinhole;
 use super::solve::{MAX_SEEN, PoseView, Sighting, paper};
 use associate::Association;
+use sightings::Sightings;
 
 /// After this long without a pose it is no hint any more, seconds.
 const HINT_S: f64 = 2.0;
@@ -321,37 +323,6 @@ impl Tracker {
 impl TrackedSample {
     fn without_pose(t_ns: u64, state: TrackingState) -> Self {
         Self { t_ns, state, pose: None, covariance: None, rms_px: None, leds: 0 }
-    }
-}
-
-/// Up to four sightings, without allocation.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sightings {
-    all: [Sighting; MAX_SEEN],
-    count: usize,
-}
-
-impl Default for Sightings {
-    fn default() -> Self {
-        let none = Sighting { led: nalgebra::Vector3::zeros(), pixel: nalgebra::Vector2::zeros() };
-        Self { all: [none; MAX_SEEN], count: 0 }
-    }
-}
-
-impl Sightings {
-    fn push(&mut self, sighting: Sighting) {
-        if let Some(slot) = self.all.get_mut(self.count) {
-            *slot = sighting;
-            self.count += 1;
-        }
-    }
-
-    fn pop(&mut self) {
-        self.count = self.count.saturating_sub(1);
-    }
-
-    fn as_slice(&self) -> &[Sighting] {
-        &self.all[..self.count]
     }
 }
 

@@ -8,8 +8,6 @@
 
 use glam::DVec4;
 
-use super::TransferTable;
-
 /// The integral over values, in HU, up to each entry of a table: of colour times optical depth, and
 /// of optical depth, both of one sample's path.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,15 +21,16 @@ impl IntegralTable {
     /// keep their precision.
     pub const OPAQUE_DEPTH: f64 = 12.0;
 
-    /// The integrals of a table.
+    /// The integrals of a table: its entries, as [`TransferTable`](super::TransferTable) has them,
+    /// and the HU from one to the next.
     #[must_use]
-    pub(super) fn new(table: &TransferTable) -> Self {
+    pub(super) fn new(entries: &[[f32; 4]], step_hu: f32) -> Self {
         let weighted = |&[r, g, b, a]: &[f32; 4]| {
             DVec4::new(r.into(), g.into(), b.into(), 1.0) * optical_depth(f64::from(a))
         };
         let mut sum = DVec4::ZERO;
-        let rest = table.entries.windows(2).map(|pair| {
-            sum += 0.5 * f64::from(table.step_hu) * (weighted(&pair[0]) + weighted(&pair[1]));
+        let rest = entries.windows(2).map(|pair| {
+            sum += 0.5 * f64::from(step_hu) * (weighted(&pair[0]) + weighted(&pair[1]));
             sum.as_vec4().to_array()
         });
         Self { entries: std::iter::once([0.0; 4]).chain(rest).collect() }
@@ -45,8 +44,7 @@ fn optical_depth(opacity: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ControlPoint, TransferFunction};
-    use super::*;
+    use super::super::{ControlPoint, TransferFunction, TransferTable};
 
     #[test]
     fn a_ramps_integral_is_that_of_its_extinction() {

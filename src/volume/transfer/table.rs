@@ -43,7 +43,7 @@ impl TransferTable {
     #[must_use]
     pub fn integrated(transfer: &TransferFunction, step_mm: f64) -> Self {
         let table = Self::within(transfer, step_mm, Self::MAX_ENTRIES / 2);
-        Self { integral: Some(IntegralTable::new(&table)), ..table }
+        Self { integral: Some(IntegralTable::new(&table.entries, table.step_hu)), ..table }
     }
 
     /// As [`TransferTable::new`], with at most `most` entries, 64 to

@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use super::super::noise::{gradient_noise, vector_noise};
 use super::super::sdf::{Box3, Field, LocalField, ball, block, cone, ellipsoid, smooth_max, smooth_step};
-use super::Edge;
+use super::edge::Edge;
 
 pub(super) const CSF_HU: f32 = 8.0;
 pub(super) const GREY_HU: f32 = 40.0;

@@ -2,7 +2,7 @@
 //!
 //! They are kept apart from the skull, so that joints stay open instead of melting together.
 
-use super::super::sdf::{Field, arch, block, cone, ellipsoid};
+use super::super::sdf::{Field, block, cone, ellipsoid};
 
 const REACH_MM: f32 = 5.0;
 
@@ -86,9 +86,4 @@ fn arch_of(bone: &mut Field, z: f32, spine_y: f32, spine: f32) {
     bone.join_both(2.5, block([19.5, 29.0, z - 1.0], [5.5, 5.5, 7.2], 3.0).turned(-35.0, 0.0, 0.0));
     bone.join_both(3.0, cone([18.0, 33.0, z - 1.0], 3.2, [3.0, 42.0, z - 4.0], 3.2).scaled([1.0, 1.0, 0.6]));
     bone.join(3.0, cone([0.0, 41.0, z - 4.0], 3.4, [0.0, spine_y, z - 8.0], spine).scaled([1.0, 1.0, 0.75]));
-}
-
-/// The ridge that carries a row of teeth.
-pub(super) fn tooth_ridge(z: f32, radii: [f32; 2], half_height: f32) -> super::super::sdf::Solid {
-    arch([0.0, super::teeth::ARCH_Y, z], radii, [5.2, half_height], 3.5)
 }

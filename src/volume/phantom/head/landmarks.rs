@@ -8,9 +8,10 @@ use glam::Vec3;
 
 use super::super::sdf::Box3;
 use super::super::{Material, PhantomLandmark, Surface, SurfaceShape};
+use super::brain;
+use super::edge::Edge;
 use super::soft::{EYE_CENTER, EYE_RADIUS, LENS_CENTER, LENS_RADII};
 use super::tissue::{self, Anatomy};
-use super::{Edge, brain};
 
 /// Edges this sharp stand for none at all.
 const SHARP: Edge = Edge { half_width_mm: 0.02 };

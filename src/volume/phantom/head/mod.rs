@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use super::noise::grain;
 use super::sdf::Box3;
 use super::{PhantomFacts, Placement};
-use crate::phantom::head::edge::Edge;
+use edge::Edge;
 use tissue::Anatomy;
 
 /// Width, depth and height of the volume, mm.

@@ -5,12 +5,11 @@
 
 use glam::{Mat3, Vec3};
 
-use super::super::sdf::{Field, Solid, ball, block, cone};
-use super::jaw::tooth_ridge;
+use super::super::sdf::{Field, Solid, arch, ball, block, cone};
 
 const REACH_MM: f32 = 3.0;
 /// Centre of both dental arches in y.
-pub(super) const ARCH_Y: f32 = -54.0;
+const ARCH_Y: f32 = -54.0;
 
 /// One row of teeth.
 struct Row {
@@ -195,4 +194,9 @@ fn stand(row: &Row, arc_length: f32) -> (Vec3, Vec3) {
 /// Columns: along the arch, across it, up.
 fn frame(along: Vec3) -> Mat3 {
     Mat3::from_cols(along, Vec3::Z.cross(along), Vec3::Z)
+}
+
+/// The ridge that carries a row of teeth.
+fn tooth_ridge(z: f32, radii: [f32; 2], half_height: f32) -> Solid {
+    arch([0.0, ARCH_Y, z], radii, [5.2, half_height], 3.5)
 }

@@ -6,7 +6,8 @@ use super::super::noise::gradient_noise;
 use super::super::sdf::{Box3, Field, LocalField, ellipsoid, smooth_step};
 use super::brain::{Brain, LocalBrain};
 use super::cavities::{Cavities, LocalCavities};
-use super::{Edge, face, jaw, skull, soft, teeth, vessels};
+use super::edge::Edge;
+use super::{face, jaw, skull, soft, teeth, vessels};
 
 pub(super) const AIR_HU: f32 = -1000.0;
 pub(super) const SKIN_HU: f32 = 20.0;

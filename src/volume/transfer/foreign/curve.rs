@@ -5,7 +5,7 @@
 //! line (0) to a step (1). Beyond the first and last node the value stays. The formulas are those
 //! of `vtkPiecewiseFunction` and `vtkColorTransferFunction`; a test compares with both.
 
-use super::TransferImportError;
+use super::error::TransferImportError;
 use super::space::{ColorSpace, NodeFraction};
 
 /// One value, or red, green and blue.

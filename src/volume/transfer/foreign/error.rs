@@ -1,7 +1,10 @@
 //! Why a file has no transfer function.
 
-use crate::MAX_IMPORT_BYTES;
 use crate::TransferError;
+
+/// Largest file that is read: a thousand colour maps.
+pub const MAX_IMPORT_BYTES: usize = 16 << 20;
+
 /// Why bytes did not become a transfer function.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TransferImportError {

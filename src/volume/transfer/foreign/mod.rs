@@ -14,13 +14,12 @@ mod slicer;
 mod slicer_json;
 mod space;
 
+pub use error::MAX_IMPORT_BYTES;
+
 use self::curve::Curve;
 use self::space::ColorSpace;
 use super::{GradientOpacity, TransferFunction};
-use crate::transfer::foreign::error::TransferImportError;
-
-/// Largest file that is read: a thousand colour maps.
-pub const MAX_IMPORT_BYTES: usize = 16 << 20;
+use error::TransferImportError;
 
 /// Which function of a file, and where to put it.
 #[derive(Clone, Copy, Debug, Default)]
