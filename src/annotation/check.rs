@@ -2,7 +2,12 @@
 //! key's path.
 
 use super::geometry::Geometry;
-use super::item::Item;
+
+// `Item` has these limits for its callers.
+pub(super) const LONGEST_NAME: usize = 120;
+pub(super) const LONGEST_DESCRIPTION: usize = 10_000;
+pub(super) const MOST_POINTS: usize = 10_000;
+pub(super) const FARTHEST_MM: f64 = 1e6;
 
 /// An invalid value of an item.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,7 +32,7 @@ impl ItemError {
 pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
     let points = geometry.points();
     for (index, point) in points.iter().enumerate() {
-        let far = Item::FARTHEST_MM;
+        let far = FARTHEST_MM;
         if let Some(mm) = point.xyz.to_array().iter().find(|mm| !(-far..=far).contains(*mm)) {
             let path = match geometry {
                 Geometry::Point { .. } => "geometry.at_mm".to_owned(),
@@ -41,8 +46,8 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
     match geometry {
         Geometry::Curve { closed, .. } => {
             let least = if *closed { 3 } else { 2 };
-            if !(least..=Item::MOST_POINTS).contains(&points.len()) {
-                let allowed = format!("{least} to {} of them", Item::MOST_POINTS);
+            if !(least..=MOST_POINTS).contains(&points.len()) {
+                let allowed = format!("{least} to {MOST_POINTS} of them");
                 let found = format!("{} points", points.len());
                 return Err(ItemError::new("geometry.points_mm", &found, &allowed));
             }
@@ -59,7 +64,7 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
                     "a direction in the plane",
                 ));
             }
-            size_mm.iter().try_for_each(|&mm| within("geometry.size_mm", mm, [0.0, Item::FARTHEST_MM]))
+            size_mm.iter().try_for_each(|&mm| within("geometry.size_mm", mm, [0.0, FARTHEST_MM]))
         }
         Geometry::Region(region) => within("geometry.volume_ml", region.volume_ml, [0.0, 1e9]),
         Geometry::Mesh(mesh) => {
@@ -90,8 +95,8 @@ pub(super) fn finite<'a>(path: &str, values: impl IntoIterator<Item = &'a f64>) 
 /// One line without control characters.
 pub(super) fn line(path: &str, found: &str, least: usize) -> Result<(), ItemError> {
     let count = found.chars().count();
-    if !(least..=Item::LONGEST_NAME).contains(&count) {
-        let allowed = format!("{least} to {} characters", Item::LONGEST_NAME);
+    if !(least..=LONGEST_NAME).contains(&count) {
+        let allowed = format!("{least} to {LONGEST_NAME} characters");
         return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
     }
     match found.chars().find(|letter| letter.is_control()) {
@@ -105,8 +110,8 @@ pub(super) fn line(path: &str, found: &str, least: usize) -> Result<(), ItemErro
 
 pub(super) fn text(path: &str, found: &str) -> Result<(), ItemError> {
     let count = found.chars().count();
-    if count > Item::LONGEST_DESCRIPTION {
-        let allowed = format!("at most {} characters", Item::LONGEST_DESCRIPTION);
+    if count > LONGEST_DESCRIPTION {
+        let allowed = format!("at most {LONGEST_DESCRIPTION} characters");
         return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
     }
     match found.chars().find(|&letter| letter.is_control() && letter != '\n' && letter != '\t') {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{ItemError, line, shortened, text, validate_geometry, within};
+use super::check::{self, ItemError, line, shortened, text, validate_geometry, within};
 use super::geometry::Geometry;
 use super::placement::Placement;
 use super::time::Timestamp;
@@ -159,13 +159,13 @@ impl Set {
 
 impl Item {
     /// Most characters of a name.
-    pub const LONGEST_NAME: usize = 120;
+    pub const LONGEST_NAME: usize = check::LONGEST_NAME;
     /// Most characters of a description.
-    pub const LONGEST_DESCRIPTION: usize = 10_000;
+    pub const LONGEST_DESCRIPTION: usize = check::LONGEST_DESCRIPTION;
     /// Most points of a curve.
-    pub const MOST_POINTS: usize = 10_000;
+    pub const MOST_POINTS: usize = check::MOST_POINTS;
     /// Coordinates, mm either way: those of cameras and overlays.
-    pub const FARTHEST_MM: f64 = 1e6;
+    pub const FARTHEST_MM: f64 = check::FARTHEST_MM;
 
     /// A new item of the default set, defined, visible and not locked.
     ///

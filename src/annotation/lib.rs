@@ -3,7 +3,7 @@
 //! What it is: [`Item`]s (landmarks, lines, angles, curves, planes, regions, meshes) in patient mm,
 //! their [`measures`], and changes as values: an [`Edit`] requests changes, [`Event`]s record them.
 //! Growing, painting and filling make regions; `mesh` makes surfaces of them; `placing` snaps
-//! points. What it is not: storage (see `relief_store`), files (see `relief_exchange`) or drawing.
+//! points, and `landmark_task` says which landmark is next. What it is not: storage (see `relief_store`), files (see `relief_exchange`) or drawing.
 //!
 //! Space: patient LPS, mm, of the item's frame of reference. Angles in degrees, areas in mm²,
 //! volumes in ml.
@@ -21,6 +21,7 @@ mod check;
 mod curve;
 mod geometry;
 mod item;
+mod landmark_task;
 mod measure;
 mod mesh;
 mod patient_mm;
@@ -36,6 +37,7 @@ pub use check::ItemError;
 pub use curve::catmull_rom;
 pub use geometry::{ContentId, Geometry, MeshSummary, RegionSummary};
 pub use item::{Concept, FrameOfReference, Item, ItemId, Set, State};
+pub use landmark_task::{HeldLandmark, LandmarkList, LandmarkTask};
 pub use measure::{Measure, measures};
 pub use placement::{CameraRecord, Device, Method, Placement};
 pub use shown::{ShownSets, ShownSetsError};

@@ -29,9 +29,11 @@
 //! | `/openapi.json` | GET | this table for programs |
 //! | `/` and its files | GET | the page |
 
+mod annotation_service;
 mod annotations;
 mod camera;
 mod dicomweb;
+mod following;
 mod frame;
 mod guard;
 mod info;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use axum::extract::FromRef;
 use tokio::sync::Semaphore;
 
-use super::annotations::Annotations;
+use super::annotation_service::Annotations;
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
 use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeReader};

@@ -6,14 +6,12 @@ use std::sync::Arc;
 use axum::Json;
 use axum::extract::{FromRef, FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 
-use super::apply::Home;
 use super::author::{self, author_of};
-use super::edit::parse;
-use super::{Annotations, of, outward_event};
+use crate::annotation_service::{Annotations, Home, of, outward_event};
 use crate::guard::{expect_content_type, read_body, too_large};
 use crate::live::Live;
 use crate::problem::Problem;
@@ -128,4 +126,22 @@ pub(super) fn events_json(events: &[(Event, Home)]) -> Value {
 /// The answer to an edit that made something.
 pub(super) fn created(events: &[(Event, Home)]) -> Response {
     (StatusCode::CREATED, Json(json!({ "events": events_json(events) }))).into_response()
+}
+
+pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+    let mut reader = serde_json::Deserializer::from_slice(body);
+    serde_path_to_error::deserialize(&mut reader).map_err(|error| malformed(&error, ""))
+}
+
+pub(super) fn malformed(error: &serde_path_to_error::Error<serde_json::Error>, within: &str) -> Problem {
+    let path = format!("{within}{}", error.path());
+    let detail = format!("{path}: {}", error.inner());
+    Problem::new(StatusCode::BAD_REQUEST, "malformed-json", detail).with("path", path)
+}
+
+/// A query of named parts, none unknown.
+pub(super) fn query<T: serde::de::DeserializeOwned>(uri: &Uri) -> Result<T, Problem> {
+    axum::extract::Query::<T>::try_from_uri(uri)
+        .map(|query| query.0)
+        .map_err(|error| Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error.body_text()))
 }

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use axum::http::HeaderMap;
 
-use super::{Annotations, Visible, author_of, of};
+use super::author::author_of;
+use crate::annotation_service::{Annotations, Visible, of};
 use crate::problem::Problem;
 use crate::state::Pictures;
 use relief_annotation::{Item, ShownSets};

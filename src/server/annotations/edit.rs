@@ -2,15 +2,14 @@
 
 use axum::Json;
 use axum::body::Body;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::HeaderMap;
 use axum::response::Response;
 use axum::routing::{self, MethodRouter};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::apply::HistoryStep;
-use super::asked::{EditRequest, JsonBody, created, events_json};
-use super::refusal::invalid;
+use super::asked::{EditRequest, JsonBody, created, events_json, malformed, parse};
+use crate::annotation_service::{HistoryStep, invalid};
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
 use crate::state::AppState;
@@ -82,18 +81,7 @@ pub(super) fn fill(item: &mut Value, author: &str) -> Result<(), Problem> {
     Ok(())
 }
 
-pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
-    let mut reader = serde_json::Deserializer::from_slice(body);
-    serde_path_to_error::deserialize(&mut reader).map_err(|error| malformed(&error, ""))
-}
-
 /// As [`parse`], for a body that is in memory as a value.
 pub(super) fn parse_value<T: serde::de::DeserializeOwned>(body: Value) -> Result<T, Problem> {
     serde_path_to_error::deserialize(body).map_err(|error| malformed(&error, ""))
-}
-
-pub(super) fn malformed(error: &serde_path_to_error::Error<serde_json::Error>, within: &str) -> Problem {
-    let path = format!("{within}{}", error.path());
-    let detail = format!("{path}: {}", error.inner());
-    Problem::new(StatusCode::BAD_REQUEST, "malformed-json", detail).with("path", path)
 }

@@ -17,7 +17,8 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::asked::events_json;
-use super::{Annotations, EditRequest, Visible, query};
+use super::asked::{EditRequest, query};
+use crate::annotation_service::{Annotations, Visible};
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
 use relief_annotation::{ContentId, Item, Set, ShownSets, Versioned};
@@ -83,7 +84,7 @@ pub(super) async fn import(
     };
     let author = asked.author(author)?;
     let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());
-    Set::check_name(&set).map_err(|error| super::refusal::invalid(&error))?;
+    Set::check_name(&set).map_err(|error| crate::annotation_service::invalid(&error))?;
     let format = format.map(|format| parse_format(&format)).transpose()?;
     expect_content_type(&headers, "application/octet-stream")?;
     let turn = Arc::clone(&asked.uploads.turn)

@@ -11,11 +11,12 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::asked::{EditRequest, query};
 use super::asked::{events_json, read_json};
 use super::edit::{MOST_BYTES, fill};
-use super::outward::outward_versioned;
-use super::refusal::{invalid, no_such_item};
-use super::{EditRequest, Visible, query};
+use crate::annotation_service::Visible;
+use crate::annotation_service::outward_versioned;
+use crate::annotation_service::{invalid, no_such_item};
 use crate::negotiate::knows_tag;
 use crate::problem::Problem;
 use relief_annotation::{Change, Item, ItemId, Versioned};
@@ -67,7 +68,7 @@ pub(super) async fn put(
     wanted["id"] = item_id.take();
     fill(&mut wanted, &author)?;
     let wanted: Item =
-        serde_path_to_error::deserialize(wanted).map_err(|error| super::edit::malformed(&error, ""))?;
+        serde_path_to_error::deserialize(wanted).map_err(|error| super::asked::malformed(&error, ""))?;
     wanted.validate().map_err(|error| invalid(&error))?;
     let change = Change::Update { item: Box::new(wanted), version };
     let events = asked.edit(&author, &reason, vec![change]).await?;

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::{EditRequest, Visible, query};
+use super::asked::{EditRequest, query};
+use crate::annotation_service::Visible;
 use crate::negotiate::knows_tag;
 use crate::problem::Problem;
 use relief_annotation::{Completeness, Item, Measure, Set, ShownSets, State as Presence, measures};

@@ -6,7 +6,8 @@ use axum::http::{StatusCode, Uri};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::{EditRequest, Visible, outward_event, query};
+use super::asked::{EditRequest, query};
+use crate::annotation_service::{Visible, outward_event};
 use crate::problem::Problem;
 use relief_store::LogFilter;
 

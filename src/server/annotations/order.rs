@@ -13,10 +13,10 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use super::Visible;
 use super::asked::{EditRequest, JsonBody, created};
 use super::edit::parse_value;
-use super::refusal::{invalid, no_such_item};
+use crate::annotation_service::Visible;
+use crate::annotation_service::{invalid, no_such_item};
 use crate::problem::Problem;
 use relief_annotation::{
     Change, Geometry, Item, ItemId, Method, Placement, RegionSummary, Set, State, Versioned,

@@ -5,9 +5,9 @@ use axum::extract::Path;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::asked::{EditRequest, JsonBody};
 use super::edit::parse_value;
-use super::refusal::invalid;
-use super::{EditRequest, JsonBody};
+use crate::annotation_service::invalid;
 use crate::problem::Problem;
 use relief_annotation::Set;
 

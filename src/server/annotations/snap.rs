@@ -5,8 +5,8 @@ use axum::http::StatusCode;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
+use super::asked::{EditRequest, JsonBody};
 use super::edit::parse_value;
-use super::{EditRequest, JsonBody};
 use crate::frame::pick_scene;
 use crate::problem::Problem;
 use relief_annotation::{Snap, SnapFeature, Snapped};

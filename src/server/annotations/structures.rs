@@ -11,9 +11,9 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::json;
 
+use super::asked::{EditRequest, JsonBody};
 use super::order::{MOST_BYTES, NewStructure, unusable};
-use super::refusal::invalid;
-use super::{EditRequest, JsonBody};
+use crate::annotation_service::invalid;
 use crate::problem::Problem;
 use relief_annotation::{
     Change, Contour, Decimation, Geometry, Grow, GrowError, GrowLimits, Item, ItemError, ItemId, MeshError,

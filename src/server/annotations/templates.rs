@@ -8,8 +8,9 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::asked::created;
-use super::refusal::invalid;
-use super::{Annotations, EditRequest, JsonBody, query};
+use super::asked::{EditRequest, JsonBody, query};
+use crate::annotation_service::Annotations;
+use crate::annotation_service::invalid;
 use crate::problem::Problem;
 use relief_annotation::{Change, Item, ItemError, Set, Template, TemplateError};
 

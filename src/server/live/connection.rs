@@ -17,8 +17,8 @@ use tokio_tungstenite::tungstenite;
 
 use super::placing::{self, LandmarkPlacer, apply_effect, next, pointer};
 use super::session::Session;
-use super::socket::{TOO_LARGE, UNSUPPORTED, Writer, error, expect_annotations, malformed, text};
-use crate::annotations::Published;
+use super::wire::{TOO_LARGE, UNSUPPORTED, Writer, error, expect_annotations, malformed, text};
+use crate::annotation_service::Published;
 use crate::live::close::End;
 use crate::live::close::GOING_AWAY;
 use crate::live::close::INTERNAL;

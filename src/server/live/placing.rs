@@ -1,22 +1,24 @@
-//! Placing landmarks by hand: points that users place in a view become items of the volume's
-//! annotations.
+//! The effects of a hand on the annotations of a volume: points that users place in a view become
+//! items.
 //!
 //! The next missing item of the set, in its order, gets the position; without missing items, a new
 //! point gets the next free number. Each session has its own place in that order, so that two
 //! people can work through one list and skip items. Existing points can be grabbed and moved.
 
-use std::collections::{BTreeSet, HashSet};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use serde_json::Value;
 
-use crate::annotations::{Annotations, HistoryStep, Snapshot, Visible, missing_author, of};
+use crate::annotation_service::{
+    Annotations, HistoryStep, Home, Published, Snapshot, Visible, of, outward_event,
+};
+use crate::annotations::missing_author;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_annotation::{
-    CameraRecord, Change, Device, Expected, ExpectedKind, Geometry, Item, ItemId, Method, Placement, Set,
-    ShownSets, Snap, State, Versioned,
+    CameraRecord, Change, Device, Expected, ExpectedKind, HeldLandmark, Item, LandmarkList, LandmarkTask,
+    Method, Placement, Set, ShownSets, Snap, Versioned,
 };
 use relief_base::{Patient, Point, Vector};
 use relief_live::{AnnotationsMessage, NextLabel, ServerMessage};
@@ -29,34 +31,9 @@ const REASON: &str = "live session";
 /// Who places, and where in the list.
 pub(super) struct LandmarkPlacer<'a> {
     pub(super) author: Option<&'a str>,
-    pub(super) task: &'a Mutex<Task>,
+    pub(super) task: &'a Mutex<LandmarkTask>,
     /// The tracked device of the hand.
     pub(super) device: Device,
-}
-
-/// The state of a hand.
-#[derive(Clone, Default)]
-pub(super) struct Task {
-    /// The next item; `None` is the first missing one.
-    label: Option<ItemId>,
-    /// The point that is moved.
-    moved: Option<GrabbedPoint>,
-    /// The era of the view in which the hand last took hold, of a point or of nothing.
-    began: Option<u64>,
-}
-
-/// A point of an item, as it was taken hold of.
-#[derive(Clone)]
-struct GrabbedPoint {
-    known: Arc<Versioned>,
-    /// Which of its points.
-    index: usize,
-    /// From the cursor to the point.
-    offset: Vector<Patient>,
-    /// The cursor and `offset`: the point but for rounding.
-    from: Point<Patient>,
-    /// The era of the view in which it was taken hold of.
-    epoch: u64,
 }
 
 /// Applies an effect in the context in which it was caused, and returns the next label.
@@ -76,13 +53,13 @@ pub(super) async fn apply_effect(
     match effect {
         Effect::Take { at, reach_mm } => {
             lock(hand.task).began = Some(*epoch);
-            let moved = by.nearest((at, reach_mm), *epoch).await?;
-            let held = moved.as_ref().map(|GrabbedPoint { known, offset, from, .. }| HeldPoint {
+            let moved = by.nearest(at, reach_mm, *epoch).await?;
+            let held = moved.as_ref().map(|HeldLandmark { known, offset, from, .. }| HeldPoint {
                 name: known.item.name.clone(),
                 offset: *offset,
                 from: *from,
             });
-            lock(hand.task).moved = moved;
+            lock(hand.task).held = moved;
             view.hold(held, *epoch, Instant::now());
             return next(parts, view, hand).await; // nothing has changed yet
         }
@@ -105,13 +82,13 @@ pub(super) async fn apply_effect(
             let (device, camera) = (Some(hand.device.clone()), Some(record(&camera)));
             let placement = Placement { method, device, camera, snapped_mm };
             match moved {
-                Some(moved) => by.move_to(&moved, to, placement).await?,
+                Some(moved) => by.change(moved.moved_to(to, placement)).await?,
                 None => by.place(hand, to, placement).await?,
             }
         }
         Effect::NextLabel => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
-            let list = List::of(annotations, &snapshot, shown, author).await;
+            let list = list_of(annotations, &snapshot, shown, author).await;
             let mut task = lock(hand.task);
             task.label = list.target(task.label).and_then(|target| list.following(target.item.id));
         }
@@ -136,18 +113,18 @@ pub(super) async fn next(
     let EditContext { entry, shown, epoch } = view.context();
     let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
     let author = hand.author.unwrap_or_default();
-    let list = List::of(annotations, &snapshot, &shown, author).await;
+    let list = list_of(annotations, &snapshot, &shown, author).await;
     let task = lock(hand.task).clone();
     let of = |known: &Versioned| NextLabel {
         set: known.item.set.clone(),
         name: known.item.name.clone(),
         id: Some(known.item.id.to_string()),
     };
-    let moved = task.moved.filter(|moved| moved.epoch == epoch);
+    let moved = task.held.filter(|moved| moved.epoch == epoch);
     let next = match (&moved, list.target(task.label)) {
         (Some(moved), _) => of(&moved.known),
         (None, Some(target)) => of(target),
-        (None, None) => NextLabel { set: list.set.to_owned(), name: list.number(), id: None },
+        (None, None) => NextLabel { set: list.set().to_owned(), name: list.next_number(), id: None },
     };
     Ok(AnnotationsMessage { seq: snapshot.seq, events: Vec::new(), more: false, next: Some(next) })
 }
@@ -166,16 +143,16 @@ async fn snapped(
 }
 
 /// Releases the held point where it was.
-pub(super) fn abandon(task: &Mutex<Task>, view: &View) {
+pub(super) fn abandon(task: &Mutex<LandmarkTask>, view: &View) {
     drop(let_go(task, view));
 }
 
 /// Releases the held point and returns it.
-fn let_go(task: &Mutex<Task>, view: &View) -> Option<GrabbedPoint> {
+fn let_go(task: &Mutex<LandmarkTask>, view: &View) -> Option<HeldLandmark> {
     let moved = {
         let mut task = lock(task);
         task.began = None;
-        task.moved.take()
+        task.held.take()
     };
     if let Some(moved) = &moved {
         view.hold(None, moved.epoch, Instant::now());
@@ -196,46 +173,22 @@ impl EditAuthor<'_> {
     /// change.
     async fn nearest(
         &self,
-        (at, reach_mm): (Point<Patient>, f64),
+        at: Point<Patient>,
+        reach_mm: f64,
         epoch: u64,
-    ) -> Result<Option<GrabbedPoint>, Problem> {
+    ) -> Result<Option<HeldLandmark>, Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, Some(self.author));
-        let may = |item: &Item| {
-            let is_drawn = item.visible && self.shown.has(&item.set);
-            is_drawn && !item.locked && visible.expect_writable(&item.set).is_ok()
+        let may = |known: &&Arc<Versioned>| {
+            let Item { visible: is_visible, set, locked, .. } = &known.item;
+            let is_drawn = *is_visible && self.shown.has(set);
+            is_drawn && !locked && visible.expect_writable(set).is_ok()
         };
-        let mut nearest: Option<(f64, GrabbedPoint)> = None;
-        for known in snapshot.items.iter().filter(|known| may(&known.item)) {
-            let points = known.item.geometry.as_ref().map_or(&[][..], Geometry::points);
-            for (index, point) in points.iter().enumerate() {
-                let distance = point.distance(at);
-                if distance <= nearest.as_ref().map_or(reach_mm, |(least, _)| *least) {
-                    let (known, offset) = (Arc::clone(known), *point - at);
-                    nearest =
-                        Some((distance, GrabbedPoint { known, index, offset, from: at + offset, epoch }));
-                }
-            }
-        }
-        Ok(nearest.map(|(_, moved)| moved))
+        Ok(HeldLandmark::nearest(snapshot.items.iter().filter(may), at, reach_mm, epoch))
     }
 
-    /// Moves a point.
-    async fn move_to(
-        &self,
-        moved: &GrabbedPoint,
-        to: Point<Patient>,
-        placement: Placement,
-    ) -> Result<(), Problem> {
-        let GrabbedPoint { known, index, .. } = moved;
-        let mut item = known.item.clone();
-        if let Some(point) = item.geometry.as_mut().and_then(|geometry| geometry.points_mut().get_mut(*index))
-        {
-            *point = to;
-        }
-        item.placement = Some(placement);
-        // The version at which it was grabbed: a later change of another author is not overwritten.
-        let change = Change::Update { item: Box::new(item), version: known.version };
+    /// Stores a change.
+    async fn change(&self, change: Change) -> Result<(), Problem> {
         self.annotations.apply(self.entry, self.author, REASON, vec![change]).await.map(drop)
     }
 
@@ -247,108 +200,45 @@ impl EditAuthor<'_> {
         placement: Placement,
     ) -> Result<(), Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
-        let list = List::of(self.annotations, &snapshot, self.shown, self.author).await;
+        let list = list_of(self.annotations, &snapshot, self.shown, self.author).await;
         let target = list.target(lock(hand.task).label);
-        let change = list.placed(target, self.author, at, placement)?;
-        self.annotations.apply(self.entry, self.author, REASON, vec![change]).await?;
+        let change = list
+            .placed(target, self.author, at, placement)
+            .map_err(|error| Problem::internal("drawing a random id", error))?;
+        self.change(change).await?;
         // The next label follows it.
         lock(hand.task).label = target.and_then(|target| list.following(target.item.id));
         Ok(())
     }
 }
 
-/// The set into which an author places.
-struct List<'a> {
-    set: &'a str,
-    items: Vec<&'a Arc<Versioned>>,
-    /// Lists and names of items that templates expect not to be points.
-    others: HashSet<(String, String)>,
-}
-
-impl<'a> List<'a> {
-    /// Of the sets that are shown the first into which the author may write; the author's own where
-    /// all are shown.
-    async fn of(
-        annotations: &Annotations,
-        snapshot: &'a Snapshot,
-        shown: &'a ShownSets,
-        author: &str,
-    ) -> Self {
-        let visible = Visible::new(&snapshot.sets, Some(author).filter(|author| !author.is_empty()));
-        let set = match shown {
-            ShownSets::Sets(names) => {
-                let named = names.iter().find(|name| visible.expect_writable(name).is_ok());
-                named.or(names.first()).map_or(Set::DEFAULT, String::as_str)
-            }
-            ShownSets::All | ShownSets::Nothing => {
-                let own = visible.own();
-                snapshot.sets.iter().find(|set| set.name == own).map_or(Set::DEFAULT, |set| &set.name)
-            }
-        };
-        let items: Vec<_> = snapshot.items.iter().filter(|known| known.item.set == set).collect();
-        let missing = items.iter().filter(|known| known.item.state == State::Missing);
-        let lists: BTreeSet<&str> = missing.map(|known| known.item.list.as_str()).collect();
-        let mut others = HashSet::new();
-        for list in lists.into_iter().filter(|list| Set::check_name(list).is_ok()) {
-            // A list without a template is one of points.
-            let Ok(template) = annotations.template(list).await else { continue };
-            let is_other = |expected: &Expected| expected.kind != ExpectedKind::Point;
-            let names = template.items.into_iter().filter(is_other).map(|expected| expected.name);
-            others.extend(names.map(|name| (list.to_owned(), name)));
+/// The list in which an author places: of the sets that are shown the first into which the author
+/// may write; the author's own where all are shown.
+async fn list_of<'a>(
+    annotations: &Annotations,
+    snapshot: &'a Snapshot,
+    shown: &'a ShownSets,
+    author: &str,
+) -> LandmarkList<'a> {
+    let visible = Visible::new(&snapshot.sets, Some(author).filter(|author| !author.is_empty()));
+    let set = match shown {
+        ShownSets::Sets(names) => {
+            let named = names.iter().find(|name| visible.expect_writable(name).is_ok());
+            named.or(names.first()).map_or(Set::DEFAULT, String::as_str)
         }
-        Self { set, items, others }
-    }
-
-    /// Whether a landmark can be set down for it.
-    fn is_open(&self, known: &Versioned) -> bool {
-        let Item { state, locked, list, name, .. } = &known.item;
-        *state == State::Missing && !locked && !self.others.contains(&(list.clone(), name.clone()))
-    }
-
-    fn missing(&self) -> impl Iterator<Item = &'a Arc<Versioned>> {
-        self.items.iter().copied().filter(|known| self.is_open(known))
-    }
-
-    /// The missing item that is next: this one if it still is missing, or the first.
-    fn target(&self, label: Option<ItemId>) -> Option<&'a Arc<Versioned>> {
-        let labelled = label.and_then(|label| self.missing().find(|known| known.item.id == label));
-        labelled.or_else(|| self.missing().next())
-    }
-
-    /// The missing item after this one; the first again behind the last.
-    fn following(&self, id: ItemId) -> Option<ItemId> {
-        let at = self.items.iter().position(|known| known.item.id == id)?;
-        let is_missing = |known: &&&Arc<Versioned>| self.is_open(known);
-        let (before, behind) = self.items.split_at(at);
-        let next = behind.iter().skip(1).find(is_missing).or_else(|| before.iter().find(is_missing));
-        next.map(|known| known.item.id)
-    }
-
-    /// The name of the next point that has none: a number that no item has.
-    fn number(&self) -> String {
-        let numbers = self.items.iter().filter_map(|known| known.item.name.parse::<u64>().ok());
-        (numbers.max().unwrap_or(0).saturating_add(1)).to_string()
-    }
-
-    fn placed(
-        &self,
-        target: Option<&Arc<Versioned>>,
-        author: &str,
-        at_mm: Point<Patient>,
-        placement: Placement,
-    ) -> Result<Change, Problem> {
-        let geometry = Some(Geometry::Point { at_mm });
-        let placement = Some(placement);
-        if let Some(target) = target {
-            let item = Item { state: State::Defined, geometry, placement, ..target.item.clone() };
-            return Ok(Change::Update { item: Box::new(item), version: target.version });
+        ShownSets::All | ShownSets::Nothing => {
+            let own = visible.own();
+            snapshot.sets.iter().find(|set| set.name == own).map_or(Set::DEFAULT, |set| &set.name)
         }
-        let item = Item::new(&self.number(), author, geometry)
-            .map_err(|error| Problem::internal("drawing a random id", error))?;
-        let order =
-            self.items.iter().map(|known| known.item.order).max().map_or(0, |last| last.saturating_add(1));
-        Ok(Change::Create { item: Box::new(Item { set: self.set.to_owned(), order, placement, ..item }) })
+    };
+    let mut list = LandmarkList::new(set, &snapshot.items);
+    for name in list.lists_with_missing().into_iter().filter(|name| Set::check_name(name).is_ok()) {
+        // A list without a template is one of points.
+        let Ok(template) = annotations.template(name).await else { continue };
+        let is_other = |expected: &Expected| expected.kind != ExpectedKind::Point;
+        list.leave_out(name, template.items.into_iter().filter(is_other).map(|expected| expected.name));
     }
+    list
 }
 
 /// A message for clients.
@@ -358,18 +248,17 @@ pub(super) fn text(message: AnnotationsMessage) -> String {
 
 /// Events for a client that sees these sets of this volume; `None` where none is for it.
 pub(super) fn told(
-    published: &crate::annotations::Published,
+    published: &Published,
     frame: &relief_annotation::FrameOfReference,
     author: Option<&str>,
 ) -> Option<AnnotationsMessage> {
     let visible = Visible::new(&published.sets, author);
-    let is_for =
-        |home: &crate::annotations::Home| home.frame.as_ref() == Some(frame) && visible.sees(&home.set);
+    let is_for = |home: &Home| home.frame.as_ref() == Some(frame) && visible.sees(&home.set);
     let events: Vec<Value> = published
         .events
         .iter()
         .filter(|(_, home)| is_for(home))
-        .map(|(event, home)| crate::annotations::outward_event(event, &home.set))
+        .map(|(event, home)| outward_event(event, &home.set))
         .collect();
     let seq = published.seq;
     (!events.is_empty()).then(|| AnnotationsMessage { seq, events, more: false, next: None }.bounded())

@@ -15,7 +15,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
-use super::no_such_view;
+use super::hub::no_such_view;
 use super::placing::{LandmarkPlacer, apply_effect, pointer};
 use crate::annotations::author_of;
 use crate::guard::{expect_content_type, read_body};

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use super::placing::Task;
 use super::remote::Remote;
+use relief_annotation::LandmarkTask;
 use relief_live::Role;
 use relief_session::{View, lock};
 
@@ -20,7 +20,7 @@ pub(super) struct Session {
     /// Who works here.
     pub(super) author: Option<String>,
     /// The state of the hand: the next label and the held point.
-    pub(super) task: Mutex<Task>,
+    pub(super) task: Mutex<LandmarkTask>,
     /// Counts the connections; all but the newest end.
     pub(super) connection: watch::Sender<u64>,
     /// Since when it has no connection.

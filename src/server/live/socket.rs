@@ -12,25 +12,22 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
-use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tracing::Instrument;
 
 use super::connection::Connected;
-use super::random_name;
+use super::hub::random_name;
 use super::remote::Remote;
 use super::session::Session;
-use crate::annotations;
+use super::wire::{error, expect_annotations, malformed, text};
 use crate::guard::is_cross_site;
 use crate::live::close::End;
 use crate::live::close::GOING_AWAY;
 use crate::live::close::POLICY;
 use crate::problem::Problem;
 use crate::state::LiveParts;
-use relief_live::{
-    ClientMessage, ErrorMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, ServerMessage, Settings,
-};
+use relief_live::{ClientMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, Settings};
 use relief_session::{Presentation, Viewer, lock};
 
 /// Short messages that wait for the writer; more are left out.
@@ -39,10 +36,6 @@ const OUTBOX: usize = 32;
 const FAREWELL: Duration = Duration::from_secs(1);
 /// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked.
 const SOCKET_BUFFER: usize = 96 << 20;
-pub(super) const UNSUPPORTED: u16 = 1003;
-pub(super) const TOO_LARGE: u16 = 1009;
-
-pub(super) type Writer = SplitSink<WebSocket, Message>;
 
 /// The protocol for programs.
 pub(crate) async fn protocol() -> impl IntoResponse {
@@ -149,10 +142,6 @@ async fn first_message(socket: &mut WebSocket) -> Option<Result<Hello, Problem>>
     }
 }
 
-pub(super) fn malformed(error: &relief_live::MessageError) -> Problem {
-    Problem::new(StatusCode::BAD_REQUEST, "malformed-message", error).with("path", error.path.as_str())
-}
-
 /// The session of a hello, the number of its connection, the formats agreed on, and whether it was
 /// resumed.
 fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats, bool), Problem> {
@@ -195,27 +184,6 @@ fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats,
     let session = Session::new(random_name()?, view, (hello.role, hello.author.clone()), remote);
     lock(&parts.live.sessions).add(&session, now);
     Ok((session, 1, formats, false))
-}
-
-/// Refuses settings that draw annotations on a server without any.
-pub(super) fn expect_annotations(parts: &LiveParts, settings: Option<&Settings>) -> Result<(), Problem> {
-    let shown = settings.and_then(|settings| settings.annotations.as_ref());
-    match shown.filter(|shown| !shown.is_nothing()) {
-        Some(_) => annotations::of(parts.annotations.as_ref()).map(drop),
-        None => Ok(()),
-    }
-}
-
-/// A problem as a message; what caused it goes to the log.
-pub(super) fn error(problem: &Problem, fatal: bool) -> String {
-    if let Some(cause) = problem.cause() {
-        tracing::error!(cause, "a live session failed");
-    }
-    ServerMessage::Error(ErrorMessage { problem: problem.document(), fatal }).to_text()
-}
-
-pub(super) fn text(message: &str) -> Message {
-    Message::Text(message.into())
 }
 
 /// Says why, and closes.

@@ -1,48 +1,21 @@
 //! Surfaces of regions and meshes, ready to be drawn: made of their contents once, and kept as long
 //! as there is room.
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 
-use super::Annotations;
+use super::service::Annotations;
+use super::shape_cache::{Key, Shapes, key};
 use crate::problem::Problem;
-use relief_annotation::{ContentId, Geometry, Item};
+use relief_annotation::Item;
 use relief_session::{SurfaceMesh, shape_of_content};
 
 /// Surfaces that are kept: some hundred MB at most.
 const MOST: usize = 128;
 
-/// The key of a surface: a content, and the label in it (0 for a mesh).
-type Key = (ContentId, u16);
-
-/// The computed surfaces; `None` for contents without one.
-#[derive(Default)]
-pub(super) struct Shapes {
-    known: HashMap<Key, Option<Arc<SurfaceMesh>>>,
-}
-
-impl Shapes {
-    pub(super) fn of(&self, geometry: &Geometry) -> Option<&Arc<SurfaceMesh>> {
-        self.known.get(&key(geometry)?)?.as_ref()
-    }
-}
-
-fn key(geometry: &Geometry) -> Option<Key> {
-    match geometry {
-        Geometry::Region(region) => Some((region.content.clone(), region.label)),
-        Geometry::Mesh(mesh) => Some((mesh.content.clone(), 0)),
-        _ => None,
-    }
-}
-
-/// Surfaces of earlier pictures.
-#[derive(Default)]
-pub(super) struct ShapeCache(Mutex<Shapes>);
-
 impl Annotations {
     /// The surfaces of these items. A content that cannot be read has none: the error is logged,
     /// and the other items are drawn.
-    pub(super) async fn shapes(&self, items: &[&Item]) -> Result<Shapes, Problem> {
+    pub(crate) async fn shapes(&self, items: &[&Item]) -> Result<Shapes, Problem> {
         let mut found = Shapes::default();
         for item in items.iter().filter(|item| item.visible) {
             let Some(geometry) = &item.geometry else { continue };

@@ -45,7 +45,7 @@ impl From<StoreError> for Problem {
 }
 
 /// A value of an item that may not be so.
-pub(super) fn invalid(error: &ItemError) -> Problem {
+pub(crate) fn invalid(error: &ItemError) -> Problem {
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)
         .with("path", error.path.as_str())
         .with("found", error.found.as_str())
@@ -53,7 +53,7 @@ pub(super) fn invalid(error: &ItemError) -> Problem {
 }
 
 /// The item does not exist, or the author may not see it: the answer is the same.
-pub(super) fn no_such_item(id: &impl std::fmt::Display) -> Problem {
+pub(crate) fn no_such_item(id: &impl std::fmt::Display) -> Problem {
     let detail = format!("no item has the id {id} in this volume");
     Problem::new(StatusCode::NOT_FOUND, "no-such-item", detail).with("id", json!(id.to_string()))
 }

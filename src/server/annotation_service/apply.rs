@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use axum::http::StatusCode;
 
-use super::follow::Turn;
+use super::published::{HistoryStep, Home, PAGE};
 use super::refusal::no_such_item;
+use super::service::{Annotations, Turn};
+use super::snapshots::Snapshot;
 use super::visible::Visible;
-use super::{Annotations, Snapshot};
 use crate::problem::Problem;
 use relief_annotation::{Change, Edit, Event, FrameOfReference, Item, ItemId, Set, Timestamp, Versioned};
 use relief_session::VolumeEntry;
@@ -16,37 +17,6 @@ use relief_store::{LogFilter, StoreError};
 
 /// Up to this many items, the home of each is looked up; beyond, the whole log is read once.
 const FEW: usize = 32;
-/// Events that are read at a time.
-pub(super) const PAGE: u64 = 5000;
-
-/// The published events of an edit.
-pub(crate) struct Published {
-    /// The log's last event.
-    pub(crate) seq: u64,
-    /// Each with the frame of reference and set of its item.
-    pub(crate) events: Vec<(Event, Home)>,
-    pub(crate) sets: Arc<[Set]>,
-}
-
-/// Where an item belongs.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Home {
-    pub(crate) frame: Option<FrameOfReference>,
-    pub(crate) set: String,
-}
-
-impl Home {
-    fn of(item: &Item) -> Self {
-        Self { frame: item.frame_of_reference.clone(), set: item.set.clone() }
-    }
-}
-
-/// Direction of a step through an author's edits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum HistoryStep {
-    Undo,
-    Redo,
-}
 
 impl Annotations {
     /// Makes changes to the items of a volume: all or none.
@@ -152,7 +122,7 @@ impl Annotations {
     }
 
     /// Where the items of events belong; of an item that is gone, where it did.
-    pub(super) async fn homes(&self, events: &[Event]) -> Result<Vec<Home>, Problem> {
+    pub(crate) async fn homes(&self, events: &[Event]) -> Result<Vec<Home>, Problem> {
         let gone: Vec<ItemId> =
             events.iter().filter(|event| event.item.is_none()).map(|event| event.id).collect();
         let mut known: HashMap<ItemId, Home> = HashMap::new();

@@ -1,6 +1,6 @@
 //! Publishes changes that other servers and programs make in the same log.
 //!
-//! What it is: [`Server::follow_annotations`], a task that waits for notifications and reads the
+//! What it is: [`follow`], a task that waits for notifications and reads the
 //! log, and the only place where events are published: in the order of the log, each once, whoever
 //! made them. What it is not: the notifications themselves (see `relief_store`). A lost
 //! notification does no harm, because events are always read from the last published one on.
@@ -9,13 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use tokio::sync::MutexGuard;
-use tokio::task::JoinHandle;
-
-use super::apply::PAGE;
-use super::{Annotations, Home, Published};
+use super::published::{Home, PAGE, Published};
+use super::service::{Annotations, Turn};
 use crate::problem::Problem;
-use crate::state::Server;
 use relief_annotation::{Event, Set};
 use relief_store::{Changed, LogFilter};
 
@@ -23,38 +19,8 @@ use relief_store::{Changed, LogFilter};
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// The right to publish, with the number of the last published event; `None` before the log was
-/// read.
-pub(super) type Turn<'a> = MutexGuard<'a, Option<u64>>;
-
-impl Server {
-    /// Begins to tell live sessions what other programs change in the log of annotations: all that
-    /// comes after this call, until the task is aborted. Where there is no log, there is nothing to
-    /// do.
-    pub async fn follow_annotations(self: &Arc<Self>) -> JoinHandle<()> {
-        if let Some(annotations) = &self.annotations {
-            // If the log cannot be read now, publishing starts when it can be.
-            drop(annotations.turn().await);
-        }
-        let server = Arc::clone(self);
-        tokio::spawn(async move {
-            if let Some(annotations) = &server.annotations {
-                tokio::join!(follow(annotations), look_again(&server, annotations));
-            }
-        })
-    }
-}
-
-/// Wakes the views after every change. A request for a list may be the first to notice a change of
-/// sets.
-async fn look_again(server: &Server, annotations: &Annotations) {
-    let mut changes = annotations.changes.subscribe();
-    while changes.changed().await.is_ok() {
-        server.live.views.wake();
-    }
-}
-
-async fn follow(annotations: &Annotations) {
+/// Publishes what other writers add to the log, until it is dropped.
+pub(crate) async fn follow(annotations: &Annotations) {
     let mut watch = annotations.store.watch();
     let mut pause = FIRST_PAUSE;
     loop {
@@ -87,7 +53,7 @@ async fn follow(annotations: &Annotations) {
 
 impl Annotations {
     /// Waits for the right to tell.
-    pub(super) async fn turn(&self) -> Result<Turn<'_>, Problem> {
+    pub(crate) async fn turn(&self) -> Result<Turn<'_>, Problem> {
         let mut turn = self.turn.lock().await;
         if turn.is_none() {
             // New listeners read the whole state first.
@@ -110,7 +76,7 @@ impl Annotations {
     }
 
     /// Publishes the events between the last published one and this one.
-    pub(super) async fn tell_until(&self, turn: &mut Turn<'_>, before: u64) -> Result<(), Problem> {
+    pub(crate) async fn tell_until(&self, turn: &mut Turn<'_>, before: u64) -> Result<(), Problem> {
         loop {
             let events = self.whole_edits(turn.unwrap_or(0), before).await?;
             if events.is_empty() {
@@ -154,7 +120,7 @@ impl Annotations {
     }
 
     /// Publishes events that follow the last published one.
-    pub(super) fn tell(&self, turn: &mut Turn<'_>, events: Vec<(Event, Home)>, sets: Arc<[Set]>) {
+    pub(crate) fn tell(&self, turn: &mut Turn<'_>, events: Vec<(Event, Home)>, sets: Arc<[Set]>) {
         // A set exists as soon as an item names it.
         if events.iter().any(|(_, home)| !sets.iter().any(|set| set.name == home.set)) {
             self.read_sets_anew();
