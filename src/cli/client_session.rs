@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 
-use crate::client::ClientArguments;
+use crate::client_arguments::{ClientArguments, Part};
 use relief_client::{Composer, Options};
 use relief_display::DisplaySettings;
 #[cfg(feature = "window")]
@@ -73,13 +73,4 @@ impl Session {
             layout: display.layout,
         })
     }
-}
-
-/// The role of the client.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Part {
-    /// Moves the view
-    Presenter,
-    /// Looks
-    Watcher,
 }

@@ -5,26 +5,11 @@ use std::time::Duration;
 use super::client_remote::Tracking;
 use super::client_watch::{self, Recorder};
 use super::serve::stop_signal;
+use crate::client_arguments::WindowArguments;
 use crate::client_session::Session;
 use relief_client::{Event, Handle, LinkState, Screen, Window, WindowOptions};
 use relief_display::DisplaySettings;
 use relief_live::{OrbitPose, PoseKind, Role};
-
-#[derive(Debug, clap::Args)]
-pub(super) struct WindowArguments {
-    /// All of the monitor, without borders
-    #[arg(long, conflicts_with_all = ["windowed", "headless"])]
-    fullscreen: bool,
-    /// A window of the frame's size; so it is without --fullscreen
-    #[arg(long, conflicts_with = "headless")]
-    windowed: bool,
-    /// Which monitor, from 0, from left to right
-    #[arg(long, value_name = "N", conflicts_with = "headless")]
-    monitor: Option<usize>,
-    /// Never draw marks of state into the picture's lower left corner
-    #[arg(long, conflicts_with = "headless")]
-    clean: bool,
-}
 
 /// Interval at which the window gets the state of tracking.
 const TRACKING: Duration = Duration::from_millis(100);

@@ -19,6 +19,7 @@ mod calibrate;
 mod capacity;
 mod choices;
 mod client;
+mod client_arguments;
 mod client_remote;
 mod client_replay;
 mod client_session;
@@ -49,6 +50,7 @@ mod track_design;
 mod track_display;
 mod track_experiment;
 mod track_intents;
+mod track_outcome;
 mod track_plots;
 mod track_publish;
 mod track_scene;
@@ -95,7 +97,7 @@ enum Command {
     Presets(presets::PresetsArguments),
     Bench(bench::BenchArguments),
     Serve(serve::ServeArguments),
-    Client(client::ClientArguments),
+    Client(client_arguments::ClientArguments),
     Track(track::TrackArguments),
     Calibrate(calibrate::CalibrateArguments),
     Annotate(annotate::AnnotateArguments),

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::calibrate::table_of;
 use super::output::{print_json, say, write_whole};
+use super::track_outcome::{ExperimentReport, WayReport};
 use super::track_plots;
 use crate::text_file::read_text;
 use relief_tracking::{
@@ -65,25 +66,6 @@ fn percent(text: &str) -> Result<f64, String> {
 
 /// The focal length that the paper took for every remote.
 const PAPER_FOCAL_PX: f64 = 1320.0;
-
-#[derive(serde::Serialize)]
-pub(super) struct WayReport {
-    pub(super) way: &'static str,
-    pub(super) outcomes: Vec<ExperimentOutcome>,
-}
-
-#[derive(serde::Serialize)]
-pub(super) struct ExperimentReport {
-    pub(super) distance_mm: f64,
-    pub(super) noise_px: f64,
-    pub(super) repeats: u32,
-    pub(super) true_focal_px: f64,
-    pub(super) calibrated_focal_px: f64,
-    pub(super) runs: Vec<&'static str>,
-    pub(super) paper_mean: Vec<f64>,
-    pub(super) paper_deviation: Vec<f64>,
-    pub(super) ways: Vec<WayReport>,
-}
 
 pub(super) fn run(arguments: &TrackExperimentArguments) -> anyhow::Result<ExitCode> {
     let beacon = match &arguments.beacon {

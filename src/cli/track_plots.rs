@@ -11,7 +11,7 @@ use std::path::Path;
 use super::axis::{number, ticks};
 use super::drawing::{Anchor, Color, Drawing, Pen};
 use super::output::write_whole;
-use super::track_experiment::ExperimentReport;
+use super::track_outcome::ExperimentReport;
 use relief_tracking::PlotPoint;
 
 const INK: Color = [0x22, 0x22, 0x22];

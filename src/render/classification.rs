@@ -1,10 +1,5 @@
 //! What of a ray's values a sample's colour and opacity come from.
 
-use super::depth_rule::DepthRule;
-use super::mode::Mode;
-use super::request::RenderRequest;
-use crate::request_error::RequestError;
-
 /// How a sample of mode composite is classified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(try_from = "String")]
@@ -50,28 +45,4 @@ impl TryFrom<String> for Classification {
 #[error("unknown classification {name:?}, allowed: {}", Classification::ALL.map(Classification::name).join(", "))]
 pub struct UnknownClassification {
     name: String,
-}
-
-/// Refuses what pre-integration has no meaning for.
-pub(super) fn validate(request: &RenderRequest) -> Result<(), RequestError> {
-    if request.classification == Classification::Sampled {
-        return Ok(());
-    }
-    let refuse = |allowed: &str| {
-        Err(RequestError::new("classification", &Classification::PreIntegrated.name(), allowed))
-    };
-    if request.mode != Mode::Composite {
-        return refuse("sampled in other modes than composite");
-    }
-    if request.transfer.gradient_opacity().is_some() {
-        return refuse("sampled with opacity by gradient");
-    }
-    if request.labels.is_some() {
-        return refuse("sampled in a scene with labels");
-    }
-    if request.depth.needs_samples() {
-        let rules = DepthRule::TABLE.iter().filter(|entry| entry.needs_samples).map(|entry| entry.name);
-        return refuse(&format!("sampled with depth rules {}", rules.collect::<Vec<_>>().join(", ")));
-    }
-    Ok(())
 }

@@ -147,7 +147,8 @@ impl DepthRule {
 
 #[cfg(test)]
 mod tests {
-    use super::super::pipelines::{RAYCAST, TableStorage, stage_sources};
+    use super::super::pipelines::{RAYCAST, stage_sources};
+    use super::super::table_storage::TableStorage;
     use super::*;
 
     #[test]

@@ -9,13 +9,12 @@ use glam::{Mat3, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
-use super::uniform::patient_from_voxel_gradient;
 use crate::gpu::Gpu;
 use crate::texture::SLAB_BYTES;
 use crate::texture::VoxelFormat;
 use crate::texture::texture_3d;
 use crate::texture::write_layers;
-use relief_volume::Volume;
+use relief_volume::{Grid, Volume};
 
 /// The gradients of a volume on the GPU.
 pub(super) struct Gradients {
@@ -142,6 +141,12 @@ fn fill_row(
         );
         *out = texel(storage, patient_from_voxel * along_voxels, here[i]);
     }
+}
+
+/// A gradient in HU/mm along the patient axes, of one in HU per two voxels along i, j, k: gradients
+/// transform by the transpose of the points' inverse.
+pub(super) fn patient_from_voxel_gradient(grid: &Grid) -> glam::DMat3 {
+    grid.voxel_from_patient().linear().transpose() * 0.5
 }
 
 #[cfg(test)]

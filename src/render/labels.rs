@@ -8,7 +8,6 @@
 use std::sync::Arc;
 
 use super::mode::Mode;
-use super::request::RenderRequest;
 use crate::request_error::RequestError;
 use relief_volume::{Grid, LabelMap, TransferFunction};
 
@@ -94,41 +93,6 @@ impl Labels {
     pub fn size_bytes(&self) -> usize {
         let points: usize = self.transfers.iter().map(|transfer| size_of_val(transfer.points())).sum();
         size_of_val(self.looks.as_slice()) + points
-    }
-
-    pub(super) fn validate(&self, request: &RenderRequest) -> Result<(), RequestError> {
-        let refuse = |found: String, allowed: &str| Err(RequestError::new("labels", &found, allowed));
-        if !Self::are_shown_by(request.mode) {
-            let modes = Mode::ALL.into_iter().filter(|mode| Self::are_shown_by(*mode)).map(Mode::name);
-            let allowed = format!("nothing beside other modes than {}", modes.collect::<Vec<_>>().join(", "));
-            return refuse("there".to_owned(), &allowed);
-        }
-        let segments = self.map.segments().len();
-        if segments > Self::MOST_SEGMENTS {
-            return refuse(format!("a map of {segments} segments"), "maps of at most 512 segments");
-        }
-        if self.looks.len() != segments + 1 {
-            return refuse(format!("{} looks", self.looks.len()), &format!("{}", segments + 1));
-        }
-        if self.transfers.len() > Self::MOST_TRANSFERS {
-            let found = format!("{} transfer functions", self.transfers.len());
-            return refuse(found, "at most 15 different ones beside the scene's own");
-        }
-        let own = std::iter::once(&request.transfer);
-        if own.chain(&self.transfers).any(|transfer| transfer.gradient_opacity().is_some()) {
-            let allowed = "nothing in a scene with labels";
-            return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
-        }
-        let in_range = |look: &Look| {
-            look.transfer <= self.transfers.len()
-                && look.tint_rgb.iter().chain([&look.tint]).all(|share| (0.0..=1.0).contains(share))
-        };
-        match self.looks.iter().find(|look| !in_range(look)) {
-            Some(look) => {
-                refuse(format!("{look:?}"), "tints of 0 to 1 and a transfer function that is there")
-            }
-            None => Ok(()),
-        }
     }
 
     pub(super) fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {

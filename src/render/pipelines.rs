@@ -7,36 +7,10 @@ use super::illumination::lighting_layout;
 use super::labels::Edges;
 use super::mode::Mode;
 use super::request::{DepthRule, RenderRequest};
-use crate::gpu::{AdapterKind, ErrorScope, Gpu, GpuError};
+use crate::AdapterKind;
+use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::table_storage::TableStorage;
 use crate::texture::VoxelFormat;
-
-/// The kind of buffer of the transfer table: which one is fast differs between software drivers and
-/// graphics cards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum TableStorage {
-    Uniform,
-    Storage,
-}
-
-impl TableStorage {
-    pub(super) fn of(gpu: &Gpu) -> Self {
-        if gpu.description().kind == AdapterKind::Software { Self::Uniform } else { Self::Storage }
-    }
-
-    pub(super) fn source(self) -> &'static str {
-        match self {
-            Self::Uniform => include_str!("../../shaders/table/uniform.wgsl"),
-            Self::Storage => include_str!("../../shaders/table/storage.wgsl"),
-        }
-    }
-
-    pub(super) fn binding(self) -> wgpu::BufferBindingType {
-        match self {
-            Self::Uniform => wgpu::BufferBindingType::Uniform,
-            Self::Storage => wgpu::BufferBindingType::Storage { read_only: true },
-        }
-    }
-}
 
 /// The whole source of a stage, in parts to be joined: what stages share, then the stage's own.
 pub(super) fn stage_sources(table: TableStorage, stage: &'static str) -> [&'static str; 10] {

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::classification::{self, Classification};
+use super::classification::Classification;
 pub(crate) use super::depth_rule::DepthRule;
 use super::illumination::Illumination;
 use super::labels::Labels;
@@ -14,10 +14,9 @@ use super::light::Light;
 use super::mode::Mode;
 use super::overlay::Overlays;
 use super::pathtrace::PathTrace;
-use super::surface::{self, Surface};
-use crate::request_error::RequestError;
+use super::surface::Surface;
 use relief_base::{Patient, Point, Vector};
-use relief_volume::{Camera, Grid, Projection, TransferFunction};
+use relief_volume::{Camera, Grid, TransferFunction};
 
 /// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
 ///
@@ -155,95 +154,7 @@ impl RenderRequest {
     /// Thickest slab of a slice, mm.
     pub const MAX_SLAB_MM: f64 = 1000.0;
 
-    /// Checks every range that the parts' own constructors do not.
-    ///
-    /// # Errors
-    /// The first value out of range.
-    pub fn validate(&self) -> Result<(), RequestError> {
-        let within = |path: &str, value: f64, low: f64, high: f64| {
-            let inside = (low..=high).contains(&value);
-            inside.then_some(()).ok_or_else(|| RequestError::new(path, &value, &format!("{low} to {high}")))
-        };
-        for side in self.size_px {
-            within("size_px", f64::from(side), 1.0, f64::from(Self::MAX_SIDE_PX))?;
-        }
-        let pixels = self.size_px.into_iter().map(u64::from).product::<u64>();
-        if pixels > Self::MAX_PIXELS {
-            let [width, height] = self.size_px;
-            let allowed = format!("at most {} pixels", Self::MAX_PIXELS);
-            return Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed));
-        }
-        if let Some(reduced) = self.reduced_px {
-            for (side, most) in reduced.into_iter().zip(self.size_px) {
-                within("reduced_px", f64::from(side), 1.0, f64::from(most))?;
-            }
-        }
-        within("sample_distance_mm", self.sample_distance_mm, 0.01, 100.0)?;
-        for (path, value) in [
-            ("shading.ambient", self.shading.ambient),
-            ("shading.diffuse", self.shading.diffuse),
-            ("shading.specular", self.shading.specular),
-        ] {
-            within(path, value, 0.0, 1.0)?;
-        }
-        within("shading.shininess", self.shading.shininess, 1.0, 1000.0)?;
-        for channel in self.background_rgb {
-            within("background_rgb", channel, 0.0, 1.0)?;
-        }
-        if let Some(fraction) = self.depth.fraction() {
-            within("depth.fraction", fraction, 0.001, 1.0)?;
-        }
-        if let Mode::Slice(_) = self.mode {
-            within("slice.slab_mm", self.slab_mm, 0.0, Self::MAX_SLAB_MM)?;
-            if let Projection::Perspective { .. } = self.camera.projection() {
-                return Err(RequestError::new(
-                    "camera.projection",
-                    &"perspective",
-                    "orthographic in mode slice",
-                ));
-            }
-        }
-        surface::validate(self.mode, &self.surfaces)?;
-        classification::validate(self)?;
-        let is_point_rule = matches!(self.depth, DepthRule::FirstHit | DepthRule::Threshold { .. });
-        if self.mode == Mode::Isosurface && !is_point_rule {
-            let allowed = "threshold or first-hit in mode isosurface";
-            return Err(RequestError::new("depth.rule", &self.depth.name(), allowed));
-        }
-        if self.transfer.gradient_opacity().is_some() && self.mode != Mode::Composite {
-            let allowed = "nothing beside other modes than composite";
-            return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
-        }
-        if let Some(labels) = &self.labels {
-            labels.validate(self)?;
-        }
-        self.path_trace.validate(pixels)?;
-        self.validate_lights()?;
-        self.validate_clip()?;
-        self.overlays.validate()
-    }
-
-    /// [`RenderRequest::validate`], and that the work on a volume of this grid is within
-    /// [`RenderRequest::MAX_SAMPLES`].
-    ///
-    /// # Errors
-    /// The first value out of range.
-    pub fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
-        self.validate()?;
-        if let Some(labels) = &self.labels {
-            labels.validate_on(grid)?;
-        }
-        let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
-        let longest_ray_mm = self.longest_ray_mm(grid);
-        let least_mm = pixels * longest_ray_mm / Self::MAX_SAMPLES;
-        if self.sample_distance_mm < least_mm {
-            let allowed = format!("at least {least_mm:.3} mm for a picture of this size");
-            return Err(RequestError::new("sample_distance_mm", &self.sample_distance_mm, &allowed));
-        }
-        Ok(())
-    }
-
-    fn longest_ray_mm(&self, grid: &Grid) -> f64 {
+    pub(super) fn longest_ray_mm(&self, grid: &Grid) -> f64 {
         let across_mm = 2.0 * grid.bounding_radius_mm();
         match self.mode {
             Mode::Slice(_) => self.slab_mm.min(across_mm),
@@ -279,54 +190,5 @@ impl RenderRequest {
             && self.shading.needs_gradient()
             && self.illumination.shadows > 0.0
             && !self.lights.is_empty()
-    }
-
-    fn validate_lights(&self) -> Result<(), RequestError> {
-        if self.lights.len() > Light::MAX {
-            let found = format!("{} lights", self.lights.len());
-            return Err(RequestError::new("lights", &found, &format!("at most {}", Light::MAX)));
-        }
-        let is_lit = matches!(self.mode, Mode::Composite | Mode::Isosurface | Mode::PathTraced);
-        if !is_lit && !self.lights.is_empty() {
-            let found = format!("{} lights", self.lights.len());
-            let allowed = "none in this mode: composite, isosurface and path-traced have placed lights";
-            return Err(RequestError::new("lights", &found, allowed));
-        }
-        self.illumination.validate(&self.lights)?;
-        (0..).zip(&self.lights).try_for_each(|(index, light)| light.validate(index))
-    }
-
-    fn validate_clip(&self) -> Result<(), RequestError> {
-        let count = self.clip.planes.len();
-        if count > Clip::MAX_PLANES {
-            return Err(RequestError::new(
-                "clip.planes",
-                &format!("{count} planes"),
-                "at most 6 beside the box",
-            ));
-        }
-        if let Some(ClipSphere { center, radius_mm }) = self.clip.sphere {
-            if center.xyz.abs().max_element() > 1e6 || !center.xyz.is_finite() {
-                let allowed = "within 1000000 mm";
-                let found = format!("{:?}", center.xyz.to_array());
-                return Err(RequestError::new("clip.sphere.center_mm", &found, allowed));
-            }
-            if !ClipSphere::RADIUS_MM.contains(&radius_mm) {
-                let (low, high) = (ClipSphere::RADIUS_MM.start(), ClipSphere::RADIUS_MM.end());
-                let allowed = format!("{low} to {high} mm");
-                return Err(RequestError::new("clip.sphere.radius_mm", &radius_mm, &allowed));
-            }
-        }
-        let usable = |plane: &ClipPlane| {
-            plane.point.xyz.abs().max_element() <= 1e6 && plane.normal.normalized().is_some()
-        };
-        match self.clip.planes.iter().find(|plane| !usable(plane)) {
-            Some(ClipPlane { point, normal }) => {
-                let found = format!("point {:?}, normal {:?}", point.xyz.to_array(), normal.xyz.to_array());
-                let allowed = "a point within 1000000 mm and a normal of finite length above zero";
-                Err(RequestError::new("clip.planes", &found, allowed))
-            }
-            None => Ok(()),
-        }
     }
 }

@@ -9,8 +9,9 @@ use bytemuck::{Pod, Zeroable};
 use super::labels::Edges;
 use super::limits::depth_limits;
 use super::mode::SlabBlend;
-use super::pipelines::{BINDINGS, Output, TableStorage, binding_types, stage_sources};
+use super::pipelines::{BINDINGS, Output, binding_types, stage_sources};
 use super::request::RenderRequest;
+use super::table_storage::TableStorage;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use relief_volume::Grid;
 

@@ -5,8 +5,9 @@
 //! of further transfer functions, in this order; `shaders/lib/labels.wgsl` reads it. Values in HU.
 
 use super::classification::Classification;
+use super::interest::is_of_interest;
 use super::labels::{Labels, Look};
-use super::mode::{Mode, is_of_interest};
+use super::mode::Mode;
 use super::request::RenderRequest;
 use relief_volume::{TransferFunction, TransferTable};
 

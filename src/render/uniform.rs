@@ -10,6 +10,7 @@ use super::request::{Clip, RenderRequest};
 use super::skipping::EmptySpaceSkipping;
 use super::surface::Surface;
 use super::upload::Appearance;
+use crate::gradients::patient_from_voxel_gradient;
 use relief_base::{Transform, View, Voxel};
 use relief_volume::{Camera, Grid, Projection, Volume};
 
@@ -135,12 +136,6 @@ fn columns(matrix: glam::DMat3) -> [[f32; 4]; 3] {
     matrix.to_cols_array_2d().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0])
 }
 
-/// A gradient in HU/mm along the patient axes, of one in HU per two voxels along i, j, k: gradients
-/// transform by the transpose of the points' inverse.
-pub(super) fn patient_from_voxel_gradient(grid: &Grid) -> glam::DMat3 {
-    grid.voxel_from_patient().linear().transpose() * 0.5
-}
-
 /// The volume's smallest value, and how far above it the largest is; at least 1. HU.
 pub(super) fn brightness_range(volume: &Volume) -> (f64, f64) {
     let (lowest, largest) = volume.range_hu();
@@ -187,7 +182,8 @@ pub(super) fn clip_planes_in_view(camera: &Camera, clip: &Clip) -> [[f64; 4]; Cl
 mod tests {
     use std::mem::{offset_of, size_of};
 
-    use super::super::pipelines::{BINDINGS, RAYCAST, TableStorage, WORKGROUP_SIDE, stage_sources};
+    use super::super::pipelines::{BINDINGS, RAYCAST, WORKGROUP_SIDE, stage_sources};
+    use super::super::table_storage::TableStorage;
     use super::FrameUniform;
 
     /// What naga reads out of the stage, with the transfer table in either place.

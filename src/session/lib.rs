@@ -12,7 +12,6 @@ mod cache;
 mod drawn;
 mod encode;
 mod engine;
-mod glyphs;
 mod label_maps;
 mod live;
 mod service;

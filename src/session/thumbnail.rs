@@ -4,9 +4,8 @@
 //! [`contact_sheet`], which arranges rendered thumbnails with their names in one frame. What it is
 //! not: rendering. Sizes in pixels.
 
-use super::glyphs;
 use relief_display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
-use relief_render::{Scene, SceneError, SceneFile};
+use relief_render::{Scene, SceneError, SceneFile, TextMask, text_mask};
 use relief_volume::{Grid, Orbit, Preset};
 
 /// Width and height of a thumbnail.
@@ -28,8 +27,10 @@ pub fn thumbnail_scene(preset: &Preset, grid: &Grid, size_px: [u32; 2]) -> Resul
 
 /// Pixels between cells.
 const GAP: usize = 8;
-/// Height of the line below a thumbnail that holds its name.
-const LINE: usize = glyphs::HEIGHT + 8;
+/// Height of the capitals of a name.
+const CAPITALS_PX: u32 = 10;
+/// Height of the line below a thumbnail that holds its name: that of its mask.
+const LINE: usize = (CAPITALS_PX + 2 * (CAPITALS_PX / 3)) as usize;
 const GROUND: [u8; 3] = [24, 28, 33];
 const TEXT: [u8; 3] = [226, 232, 238];
 
@@ -71,7 +72,7 @@ pub fn contact_sheet(thumbnails: &[Thumbnail<'_>], columns: usize) -> Result<Fra
         let left = GAP + index % columns * (cell_width + GAP);
         let top = GAP + index / columns * (cell_height + LINE + GAP);
         sheet.paste(thumbnail, [left, top]);
-        sheet.write(thumbnail.name, [left, top + cell_height + 5], cell_width);
+        sheet.write(thumbnail.name, [left, top + cell_height], cell_width);
     }
     Frame::new(sheet_px, Pixels::Rgb8(sheet.rgb))
 }
@@ -97,12 +98,24 @@ impl Sheet {
 
     /// Writes as many whole letters as fit into `width`.
     fn write(&mut self, text: &str, [left, top]: [usize; 2], width: usize) {
-        for (i, letter) in text.chars().take(width / glyphs::ADVANCE).enumerate() {
-            for [x, y] in glyphs::dots(letter) {
-                self.put([left + i * glyphs::ADVANCE + x, top + y], TEXT);
-            }
+        let TextMask { size_px, coverage } = fitting(text, width);
+        for (i, &share) in coverage.iter().enumerate() {
+            let (x, y) = (i % size_px[0] as usize, i / size_px[0] as usize);
+            let mix = |ground: u8, ink: u8| {
+                let sum = u32::from(ground) * u32::from(255 - share) + u32::from(ink) * u32::from(share);
+                (sum / 255) as u8
+            };
+            self.put([left + x, top + y], std::array::from_fn(|channel| mix(GROUND[channel], TEXT[channel])));
         }
     }
+}
+
+/// The mask of the longest beginning of a text that fits into `width` pixels.
+fn fitting(text: &str, width: usize) -> TextMask {
+    let ends = text.char_indices().map(|(at, letter)| at + letter.len_utf8()).rev();
+    let masks = ends.map(|end| text_mask(&text[..end], CAPITALS_PX));
+    let fits = |mask: &TextMask| mask.size_px[0] as usize <= width;
+    masks.into_iter().find(fits).unwrap_or(TextMask { size_px: [0, 0], coverage: Vec::new() })
 }
 
 #[cfg(test)]
@@ -145,9 +158,12 @@ mod tests {
         for [r, g, b, _] in colors {
             assert_eq!(count([r, g, b]), 40 * 20);
         }
-        let letters: usize =
-            named.iter().flat_map(|thumbnail| thumbnail.name.chars()).map(|c| glyphs::dots(c).count()).sum();
-        assert_eq!(count(TEXT), letters);
+        for (index, thumbnail) in named.iter().enumerate() {
+            let [left, top] = [8 + index % 2 * 48, 8 + 20 + index / 2 * 44];
+            let ink = |x: usize, y: usize| rgb[3 * ((top + y) * 104 + left + x)] > GROUND[0];
+            let inked = (0..16).any(|y| (0..40).any(|x| ink(x, y)));
+            assert!(inked, "{} is written below its picture", thumbnail.name);
+        }
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::collections::HashMap;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 use crate::labels::Edges;
 use crate::mode::Mode;
-use crate::pipelines::TableStorage;
 use crate::request::RenderRequest;
+use crate::table_storage::TableStorage;
 use crate::texture::VoxelFormat;
 
 /// Cells along each side of a workgroup.

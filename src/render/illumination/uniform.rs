@@ -156,7 +156,8 @@ mod tests {
 
     use super::super::stage::{CELL_BINDINGS, LIGHTING_BINDINGS, illuminate_sources};
     use super::*;
-    use crate::pipelines::{RAYCAST, TableStorage, stage_sources};
+    use crate::pipelines::{RAYCAST, stage_sources};
+    use crate::table_storage::TableStorage;
 
     fn members(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
         let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();

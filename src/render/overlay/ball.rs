@@ -8,9 +8,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::layers::{Band, SAMPLE_POINTS};
+use super::layers::{Band, Fragment, Rank, SAMPLE_POINTS};
 use super::lens::{Lens, NEAR_MM};
-use super::shape::{PixelCover, Primitive, light, pixels, whole, whole_up};
+use super::shape::{PixelCover, light, pixels, whole, whole_up};
 
 /// A ball wholly before the near plane.
 #[derive(Clone, Debug)]
@@ -83,10 +83,18 @@ impl Ball {
     }
 
     /// Draws the part in the band, wherever it may be visible.
-    pub(super) fn draw(&self, primitive: &Primitive, lens: &Lens, band: &mut Band<'_>) {
+    ///
+    /// `nearest` is the rank of the primitive and the view depth, mm, that no part of it is nearer
+    /// than; `fragment` gives a pixel's colour.
+    pub(super) fn draw(
+        &self,
+        lens: &Lens,
+        band: &mut Band<'_>,
+        nearest: (Rank, f32),
+        fragment: impl Fn(&PixelCover) -> Fragment,
+    ) {
         let [left, top, right, bottom] = self.bounds;
         let ([first, end], columns) = (pixels(top, bottom, band.rows), pixels(left, right, [0, band.width]));
-        let nearest = (primitive.rank, primitive.nearest_mm());
         let mut points = std::mem::take(&mut band.scratch.points);
         for row in first..end {
             if band.are_hidden(row, columns, nearest) {
@@ -96,7 +104,7 @@ impl Ball {
             for (column, &points) in (from..).zip(&points) {
                 if points != 0 && !band.are_hidden(row, [column, column + 1], nearest) {
                     let cover = self.cover(lens, DVec2::new(column.into(), row.into()), points);
-                    band.add(column, row, primitive.fragment(&cover));
+                    band.add(column, row, fragment(&cover));
                 }
             }
         }

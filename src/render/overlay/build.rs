@@ -8,7 +8,8 @@ use super::item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Te
 use super::labels::{self, Label};
 use super::layers::Rank;
 use super::lens::{Lens, NEAR_MM};
-use super::shape::{Primitive, PrimitiveForm, Stroke, Triangle};
+use super::primitive::{Primitive, PrimitiveForm};
+use super::shape::{Stroke, Triangle};
 use super::text::{Style, Typesetter, usual_height_px};
 use relief_annotation::catmull_rom;
 use relief_volume::Grid;

@@ -9,7 +9,8 @@ use glam::{DVec2, DVec3};
 use super::font::{CAPITAL, glyph};
 use super::layers::Rank;
 use super::lens::Lens;
-use super::shape::{Primitive, PrimitiveForm, Stroke, Triangle};
+use super::primitive::{Primitive, PrimitiveForm};
+use super::shape::{Stroke, Triangle};
 use super::text::{Style, Typesetter, contrast, usual_height_px};
 
 /// The cube's side as a share of the picture's smaller side, and its least, px.

@@ -15,7 +15,8 @@ use glam::{BVec2, DVec2};
 
 use super::layers::Rank;
 use super::lens::Lens;
-use super::shape::{Primitive, PrimitiveForm, Stroke, pixels};
+use super::primitive::{Primitive, PrimitiveForm};
+use super::shape::{Stroke, pixels};
 use super::text::{Style, Typesetter, contrast};
 
 /// Side of the squares in which the picture is remembered as free or taken, px.

@@ -17,11 +17,13 @@
 mod ball;
 mod build;
 mod font;
+mod glyph_mask;
 mod instruments;
 mod item;
 mod labels;
 mod layers;
 mod lens;
+mod primitive;
 mod shape;
 mod text;
 
@@ -31,7 +33,8 @@ use rayon::prelude::*;
 
 use self::layers::{Band, Rank, Scratch};
 use self::lens::Lens;
-use self::shape::{Primitive, PrimitiveForm, pixels};
+use self::primitive::{Primitive, PrimitiveForm};
+use self::shape::pixels;
 use super::frame::RenderedFrame;
 use super::request::RenderRequest;
 use crate::request_error::RequestError;
@@ -39,7 +42,7 @@ use relief_volume::Grid;
 
 pub use font::{CAPITAL, lettering};
 pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
-pub use text::{label_height_px, label_stroke_px};
+pub use text::{TextMask, label_height_px, label_stroke_px, text_mask};
 
 /// Rows of a picture that one thread draws at a time.
 const BAND_ROWS: u32 = 16;

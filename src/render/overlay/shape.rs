@@ -1,17 +1,12 @@
-//! Primitives and the pixels that they cover: balls (see `ball`), strokes, triangles and glyphs,
-//! already in view and in pixels.
+//! Strokes and triangles, already in view and in pixels, and the pixels that they cover.
 //!
-//! Each is drawn row by row. Coverage is counted at the sample points of `layers`; a pixel's depth
-//! and shade are those at its centre, or at the primitive's nearest part where the centre is
-//! outside. Shade is of a headlight: the share [`AMBIENT`] from everywhere and the rest by the
-//! cosine between surface and ray.
+//! Shade is of a headlight: the share [`AMBIENT`] from everywhere and the rest by the cosine
+//! between surface and ray.
 
 use glam::{DVec2, DVec3};
 
-use super::ball::Ball;
-use super::layers::{Band, FULL, Fragment, Rank, SAMPLE_POINTS};
+use super::layers::{FULL, SAMPLE_POINTS};
 use super::lens::Lens;
-use super::text::GlyphMask;
 
 /// Share of light that does not depend on the slope of a surface.
 const AMBIENT: f64 = 0.35;
@@ -19,127 +14,11 @@ const AMBIENT: f64 = 0.35;
 /// From a pixel's centre to its corner, px.
 pub(super) const HALF_DIAGONAL: f64 = 0.708;
 
-/// Something to draw.
-#[derive(Clone, Debug)]
-pub(super) struct Primitive {
-    pub(super) shape: PrimitiveForm,
-    /// Display-referred sRGB, 0..255.
-    pub(super) rgb: [f32; 3],
-    pub(super) opacity: f32,
-    pub(super) rank: Rank,
-    /// A view depth for all of its pixels; by default each has its own.
-    pub(super) shown_mm: Option<f64>,
-}
-
-/// Its form.
-#[derive(Clone, Debug)]
-pub(super) enum PrimitiveForm {
-    Ball(Ball),
-    Stroke(Stroke),
-    Triangle(Triangle),
-    Stamp(GlyphMask),
-}
-
 /// A shape's part of one pixel: sample points, view depth in mm, and share of its colour.
 pub(super) struct PixelCover {
     pub(super) points: u16,
     pub(super) depth_mm: f64,
     pub(super) light: f64,
-}
-
-impl Primitive {
-    /// The box of pixels outside of which nothing is: left, top, right, bottom.
-    pub(super) fn bounds(&self) -> [f64; 4] {
-        match &self.shape {
-            PrimitiveForm::Ball(ball) => ball.bounds,
-            PrimitiveForm::Stroke(stroke) => stroke.bounds(),
-            PrimitiveForm::Triangle(triangle) => triangle.bounds(),
-            PrimitiveForm::Stamp(stamp) => stamp.bounds(),
-        }
-    }
-
-    /// About how many pixels of a box of that size have to be looked at.
-    pub(super) fn work_px(&self, width: f64, height: f64) -> f64 {
-        match &self.shape {
-            PrimitiveForm::Ball(_) | PrimitiveForm::Triangle(_) | PrimitiveForm::Stamp(_) => width * height,
-            PrimitiveForm::Stroke(stroke) => {
-                (width + height) * (2.0 * stroke.half_width + 3.0).min(width).max(1.0)
-            }
-        }
-    }
-
-    /// Draws the part in the band.
-    pub(super) fn draw(&self, lens: &Lens, band: &mut Band<'_>) {
-        match &self.shape {
-            PrimitiveForm::Ball(ball) => ball.draw(self, lens, band),
-            PrimitiveForm::Stamp(stamp) => self.draw_stamp(stamp, band),
-            PrimitiveForm::Stroke(stroke) => {
-                self.draw_pixels(band, |row| stroke.span(row), |corner| stroke.cover(lens, corner));
-            }
-            PrimitiveForm::Triangle(triangle) => {
-                self.draw_pixels(band, |row| triangle.span(row), |corner| triangle.cover(lens, corner));
-            }
-        }
-    }
-
-    /// Draws the part in the band, pixel by pixel. One function gives the extent of a shape in a
-    /// row, the other its part of the pixel with this upper left corner.
-    fn draw_pixels(
-        &self,
-        band: &mut Band<'_>,
-        span: impl Fn(f64) -> [f64; 2],
-        cover: impl Fn(DVec2) -> Option<PixelCover>,
-    ) {
-        let [_, top, _, bottom] = self.bounds();
-        let [first, end] = pixels(top, bottom, band.rows);
-        for row in first..end {
-            let [left, right] = span(f64::from(row));
-            let [first, end] = pixels(left, right, [0, band.width]);
-            for column in first..end {
-                if let Some(cover) = cover(DVec2::new(f64::from(column), f64::from(row))) {
-                    band.add(column, row, self.fragment(&cover));
-                }
-            }
-        }
-    }
-
-    /// As [`Primitive::draw`] for a glyph, row by row of its picture.
-    fn draw_stamp(&self, stamp: &GlyphMask, band: &mut Band<'_>) {
-        let [left, top, right, bottom] = stamp.bounds();
-        let ([first, end], [from, to]) =
-            (pixels(top, bottom, band.rows), pixels(left, right, [0, band.width]));
-        let nearest = (self.rank, self.nearest_mm());
-        let fragment = self.fragment(&PixelCover { points: 0, depth_mm: stamp.depth_mm, light: 1.0 });
-        for row in first..end {
-            for (column, &points) in (from..to).zip(stamp.points(row, from)) {
-                if points != 0 && !band.are_hidden(row, [column, column + 1], nearest) {
-                    band.add(column, row, Fragment { points, ..fragment });
-                }
-            }
-        }
-    }
-
-    /// No part of it is nearer, mm of view depth.
-    pub(super) fn nearest_mm(&self) -> f32 {
-        match &self.shape {
-            _ if self.rank == Rank::Instrument => f32::NEG_INFINITY,
-            // A little less, against rounding.
-            PrimitiveForm::Ball(ball) => (ball.nearest_mm() - 1e-3) as f32,
-            PrimitiveForm::Stamp(stamp) => stamp.depth_mm as f32,
-            PrimitiveForm::Stroke(_) | PrimitiveForm::Triangle(_) => f32::NEG_INFINITY,
-        }
-    }
-
-    pub(super) fn fragment(&self, cover: &PixelCover) -> Fragment {
-        Fragment {
-            rgb: self.rgb.map(|channel| channel * cover.light as f32),
-            opacity: self.opacity,
-            depth_mm: cover.depth_mm as f32,
-            shown_mm: self.shown_mm.unwrap_or(cover.depth_mm) as f32,
-            points: cover.points,
-            rank: self.rank,
-        }
-    }
 }
 
 /// Whole pixels that a stretch touches, within limits.
@@ -177,7 +56,7 @@ fn points_where(corner: DVec2, is_inside: impl Fn(DVec2) -> bool) -> u16 {
 pub(super) struct Stroke {
     ends: [DVec2; 2],
     slopes: [f64; 2],
-    half_width: f64,
+    pub(super) half_width: f64,
 }
 
 impl Stroke {
@@ -200,13 +79,13 @@ impl Stroke {
         Self { ends, slopes: depths_mm.map(|mm| lens.slope(mm)), half_width: width_px / 2.0 }
     }
 
-    fn bounds(&self) -> [f64; 4] {
+    pub(super) fn bounds(&self) -> [f64; 4] {
         let [a, b] = self.ends;
         let (low, high) = (a.min(b) - self.half_width, a.max(b) + self.half_width);
         [low.x, low.y, high.x, high.y]
     }
 
-    fn span(&self, row: f64) -> [f64; 2] {
+    pub(super) fn span(&self, row: f64) -> [f64; 2] {
         let [a, b] = self.ends;
         let margin = self.half_width + 1.0;
         let along = b - a;
@@ -228,7 +107,7 @@ impl Stroke {
         (share, pixel.distance(a + along * share))
     }
 
-    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<PixelCover> {
+    pub(super) fn cover(&self, lens: &Lens, corner: DVec2) -> Option<PixelCover> {
         let (share, distance) = self.nearest(corner + 0.5);
         let points = if distance + HALF_DIAGONAL <= self.half_width {
             FULL
@@ -284,13 +163,13 @@ impl Triangle {
         Some(Self { corners, slope: slopes[0], slope_by_px, slope_range, normal })
     }
 
-    fn bounds(&self) -> [f64; 4] {
+    pub(super) fn bounds(&self) -> [f64; 4] {
         let [a, b, c] = self.corners;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         [low.x, low.y, high.x, high.y]
     }
 
-    fn span(&self, row: f64) -> [f64; 2] {
+    pub(super) fn span(&self, row: f64) -> [f64; 2] {
         let mut span = [f64::INFINITY, f64::NEG_INFINITY];
         for (i, &a) in self.corners.iter().enumerate() {
             let b = self.corners[(i + 1) % 3];
@@ -318,7 +197,7 @@ impl Triangle {
         (along.perp_dot(pixel - first), owns)
     }
 
-    fn cover(&self, lens: &Lens, corner: DVec2) -> Option<PixelCover> {
+    pub(super) fn cover(&self, lens: &Lens, corner: DVec2) -> Option<PixelCover> {
         let center = corner + 0.5;
         let reach = |i: usize| {
             let along = self.corners[(i + 1) % 3] - self.corners[i];

@@ -10,16 +10,13 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use glam::DVec2;
 
 use super::font::{CAPITAL, glyph};
-use super::layers::{FULL, Rank, SAMPLE_POINTS};
-use super::shape::{HALF_DIAGONAL, Primitive, PrimitiveForm};
+use super::glyph_mask::{Bitmap, GlyphMask, HALF_STROKE};
+use super::layers::{FULL, Rank};
+use super::primitive::{Primitive, PrimitiveForm};
+use super::shape::pixels;
 
 /// Where nothing says how high capitals are: this share of the picture's height, within limits, px.
 const USUAL_SHARE: f64 = 1.0 / 27.0;
-
-/// Half the width of a stroke and the width of the rim, in parts of the height of capitals, and
-/// their least, px.
-const HALF_STROKE: (f64, f64) = (0.062, 0.65);
-const RIM: (f64, f64) = (0.1, 1.5);
 
 /// From a colour of this brightness on, the rim is dark.
 const BRIGHT: f64 = 0.45;
@@ -43,27 +40,6 @@ pub fn label_height_px(picture_px: u32) -> u32 {
 #[must_use]
 pub fn label_stroke_px(height_px: u32) -> f64 {
     2.0 * (HALF_STROKE.0 * f64::from(height_px)).max(HALF_STROKE.1)
-}
-
-/// Covered sample points of a glyph's pixels, ink and rim apart.
-#[derive(Debug)]
-pub(super) struct Bitmap {
-    /// Its upper left corner, from the pen on the baseline, px.
-    left: i32,
-    top: i32,
-    width: u32,
-    ink: Vec<u16>,
-    rim: Vec<u16>,
-}
-
-/// A glyph in a picture: its ink or its rim.
-#[derive(Clone, Debug)]
-pub(super) struct GlyphMask {
-    bitmap: Arc<Bitmap>,
-    is_ink: bool,
-    /// The pen, px.
-    pen: [i32; 2],
-    pub(super) depth_mm: f64,
 }
 
 /// How a line of text looks.
@@ -91,28 +67,6 @@ const MOST_KNOWN: usize = 256;
 #[derive(Debug, Default)]
 pub(super) struct Typesetter {
     known: Bitmaps,
-}
-
-impl GlyphMask {
-    pub(super) fn bounds(&self) -> [f64; 4] {
-        let [x, y] = [self.pen[0] + self.bitmap.left, self.pen[1] + self.bitmap.top].map(f64::from);
-        let rows = self.bitmap.ink.len() / self.bitmap.width.max(1) as usize;
-        [x, y, x + f64::from(self.bitmap.width), y + rows as f64]
-    }
-
-    /// The sample points that it covers in a row of pixels from a column on, both within its
-    /// bounds.
-    pub(super) fn points(&self, row: u32, column: u32) -> &[u16] {
-        let Bitmap { left, top, width, ink, rim } = &*self.bitmap;
-        let place = |at: u32, first: i32| usize::try_from(i64::from(at) - i64::from(first)).ok();
-        let place = place(row, self.pen[1] + top).zip(place(column, self.pen[0] + left));
-        let points = if self.is_ink { ink } else { rim };
-        let of_row = place.and_then(|(row, column)| {
-            let width = *width as usize;
-            points.get(row * width..(row + 1) * width)?.get(column..)
-        });
-        of_row.unwrap_or_default()
-    }
 }
 
 impl Typesetter {
@@ -181,74 +135,49 @@ pub(super) fn contrast([r, g, b]: [f64; 3]) -> [f64; 3] {
     if brightness >= BRIGHT { [0.04; 3] } else { [0.96; 3] }
 }
 
-impl Bitmap {
-    fn new(character: char, height_px: u32) -> Self {
-        let height = f64::from(height_px);
-        let size = |(share, least): (f64, f64)| (share * height).max(least);
-        let half = size(HALF_STROKE);
-        let outer = half + size(RIM);
-        let scale = height / CAPITAL;
-        let place = |end: DVec2| DVec2::new(end.x, -end.y) * scale;
-        let segments: Vec<[DVec2; 2]> =
-            glyph(character).segments.iter().map(|ends| ends.map(place)).collect();
-        let Some(low) = segments.iter().flatten().copied().reduce(DVec2::min) else {
-            return Self { left: 0, top: 0, width: 0, ink: Vec::new(), rim: Vec::new() };
-        };
-        let high = segments.iter().flatten().copied().fold(low, DVec2::max);
-        let (first, last) = ((low - outer).floor(), (high + outer).ceil());
-        let size = last - first;
-        let (width, rows) = (size.x as u32, size.y as u32);
-        let pixels = (0..rows).flat_map(|row| (0..width).map(move |column| [column, row]));
-        let covered = pixels.map(|pixel| {
-            let corner = first + DVec2::from(pixel.map(f64::from));
-            [covered(&segments, corner, half), covered(&segments, corner, outer)]
-        });
-        let (ink, rim) = covered.map(|[ink, rim]| (ink, rim)).unzip();
-        Self { left: first.x as i32, top: first.y as i32, width, ink, rim }
-    }
+/// A line of text as shares of covered pixels, without a rim.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TextMask {
+    /// Width and height, px.
+    pub size_px: [u32; 2],
+    /// The covered share of each pixel, 0 to 255; rows from the top.
+    pub coverage: Vec<u8>,
 }
 
-/// Sample points of a pixel within a distance of any of the segments.
-fn covered(segments: &[[DVec2; 2]], corner: DVec2, reach: f64) -> u16 {
-    let mut points = 0;
-    for ends in segments {
-        let distance = distance(*ends, corner + 0.5);
-        if distance + HALF_DIAGONAL <= reach {
-            return FULL;
+/// A line of text whose capitals are `height_px` high, in the font of the overlays. The baseline
+/// lies `height_px / 3` above the lower edge, room for descenders.
+#[must_use]
+pub fn text_mask(text: &str, height_px: u32) -> TextMask {
+    let margin = height_px / 3;
+    let ink = Typesetter::size_px(text, height_px);
+    let size_px = [ink.x.ceil() as u32 + 2 * margin, height_px + 2 * margin];
+    let [width, height] = size_px;
+    let mut glyphs = Vec::new();
+    let style = Style { height_px, rgb: [1.0; 3], rank: Rank::Instrument, shown_mm: None };
+    let middle = DVec2::new(f64::from(width), f64::from(height)) / 2.0;
+    Typesetter::default().set(text, middle, 1.0, style, &mut glyphs);
+    let mut coverage = vec![0u8; width as usize * height as usize];
+    for glyph in glyphs {
+        let PrimitiveForm::Stamp(stamp) = glyph.shape else { continue };
+        if !stamp.is_ink {
+            continue;
         }
-        if distance - HALF_DIAGONAL <= reach {
-            for (i, point) in SAMPLE_POINTS.into_iter().enumerate() {
-                points |= u16::from(self::distance(*ends, corner + point) <= reach) << i;
+        let [left, top, right, bottom] = stamp.bounds();
+        let ([first, end], [from, to]) = (pixels(top, bottom, [0, height]), pixels(left, right, [0, width]));
+        for row in first..end {
+            for (column, points) in (from..to).zip(stamp.points(row, from)) {
+                let share = points.count_ones() * 255 / FULL.count_ones();
+                let pixel = &mut coverage[(row * width + column) as usize];
+                *pixel = (*pixel).max(share as u8);
             }
         }
     }
-    points
-}
-
-fn distance([a, b]: [DVec2; 2], point: DVec2) -> f64 {
-    let along = b - a;
-    let square = along.length_squared();
-    let share = if square > 0.0 { ((point - a).dot(along) / square).clamp(0.0, 1.0) } else { 0.0 };
-    point.distance(a + along * share)
+    TextMask { size_px, coverage }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn capitals_are_as_high_as_asked_for_and_ink_lies_within_the_rim() {
-        for height_px in [12, 20, 47, 96] {
-            let bitmap = Bitmap::new('H', height_px);
-            let rows: Vec<_> = bitmap.ink.chunks(bitmap.width as usize).collect();
-            let inked = rows.iter().filter(|row| row.iter().any(|points| *points != 0)).count() as f64;
-            let stroke = 2.0 * (0.062 * f64::from(height_px)).max(0.65);
-            assert!((inked - f64::from(height_px) - stroke).abs() <= 2.0, "{inked} rows of {height_px}");
-            assert!(bitmap.ink.iter().zip(&bitmap.rim).all(|(ink, rim)| ink & !rim == 0));
-            let sum = |points: &[u16]| points.iter().map(|points| points.count_ones()).sum::<u32>();
-            assert!(sum(&bitmap.rim) > sum(&bitmap.ink) * 3 / 2);
-        }
-    }
 
     #[test]
     fn a_line_stands_around_its_middle() {
@@ -261,5 +190,18 @@ mod tests {
         let [left, top, right, bottom] = all.unwrap();
         assert!(((left + right) / 2.0 - 200.0).abs() < 2.0 && (right - left) > 80.0, "{left} to {right}");
         assert!(((top + bottom) / 2.0 - 100.0).abs() < 2.0, "{top} to {bottom}");
+    }
+
+    #[test]
+    fn a_mask_holds_the_strokes_of_its_letters() {
+        let mask = text_mask("H", 20);
+        let [width, height] = mask.size_px.map(|side| side as usize);
+        assert_eq!(mask.coverage.len(), width * height);
+        // A row above the bar of an H crosses two strokes.
+        let row = &mask.coverage[(6 + 4) * width..][..width];
+        let strokes = row.windows(2).filter(|pair| pair[0] == 0 && pair[1] > 0).count();
+        assert_eq!(strokes, 2, "{row:?}");
+        assert!(mask.coverage.contains(&255));
+        assert!(text_mask("", 20).coverage.iter().all(|share| *share == 0));
     }
 }

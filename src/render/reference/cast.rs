@@ -5,12 +5,13 @@ use glam::{DMat3, DVec2, DVec3, DVec4};
 
 use super::classify::{gradient_factor, modulated};
 use super::field::{central_differences, sample_hu};
+use super::labels;
 use super::lights::Lights;
 use super::ray::{Ray, Rays};
+use crate::gradients::patient_from_voxel_gradient;
 use crate::mode::Mode;
 use crate::request::{DepthRule, RenderRequest};
 use crate::tables::Tables;
-use crate::uniform::patient_from_voxel_gradient;
 use relief_volume::Volume;
 
 pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
@@ -48,6 +49,19 @@ impl<'a> Caster<'a> {
         let lights = Lights::new(volume, request);
         let tables = Tables::new(request);
         Self { volume, request, rays, tables, lights, patient_from_voxel_gradient }
+    }
+
+    /// Colour and opacity of a value at a position.
+    pub(super) fn classify_at(&self, p: DVec3, hu: f64) -> DVec4 {
+        labels::classify_at(&self.tables, self.request.labels.as_deref(), p, hu)
+    }
+
+    /// Whether the segment at a position is visible.
+    pub(super) fn is_shown(&self, p: DVec3) -> bool {
+        self.request
+            .labels
+            .as_ref()
+            .is_none_or(|segments| segments.looks[labels::place_at(segments, p)].visible)
     }
 
     /// Colour over the background as bytes, and view depth in mm, of a ray's layers: one, or two by

@@ -11,12 +11,12 @@ use glam::DVec3;
 use super::classify::{gradient_factor, modulated};
 use super::field::{central_differences, sample_hu};
 use super::labels::classify_at;
+use crate::gradients::patient_from_voxel_gradient;
 use crate::illumination::{Cells, DIRECTIONS, disc_rays, sphere_direction};
 use crate::light::InPatient;
 use crate::mode::Mode;
 use crate::request::RenderRequest;
 use crate::tables::Tables;
-use crate::uniform::patient_from_voxel_gradient;
 use relief_base::{Patient, Point, Vector};
 use relief_volume::Volume;
 

@@ -3,22 +3,9 @@
 
 use glam::{DVec3, DVec4};
 
-use super::cast::Caster;
 use super::classify::classify;
 use crate::labels::{Edges, Labels};
 use crate::tables::Tables;
-
-impl Caster<'_> {
-    /// Colour and opacity of a value at a position.
-    pub(super) fn classify_at(&self, p: DVec3, hu: f64) -> DVec4 {
-        classify_at(&self.tables, self.request.labels.as_deref(), p, hu)
-    }
-
-    /// Whether the segment at a position is visible.
-    pub(super) fn is_shown(&self, p: DVec3) -> bool {
-        self.request.labels.as_ref().is_none_or(|labels| labels.looks[place_at(labels, p)].visible)
-    }
-}
 
 /// Colour and opacity of a value at a position.
 pub(super) fn classify_at(tables: &Tables, labels: Option<&Labels>, p: DVec3, hu: f64) -> DVec4 {
@@ -33,7 +20,7 @@ pub(super) fn classify_at(tables: &Tables, labels: Option<&Labels>, p: DVec3, hu
 }
 
 /// The place in the list of segments at a position.
-fn place_at(labels: &Labels, p: DVec3) -> usize {
+pub(super) fn place_at(labels: &Labels, p: DVec3) -> usize {
     let [nx, ny, nz] = labels.map.grid().dims();
     let top = DVec3::new(nx as f64, ny as f64, nz as f64) - 1.0;
     let place = |voxel: DVec3| {

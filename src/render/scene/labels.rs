@@ -8,7 +8,7 @@ use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
-use super::parts::{TransferFile, Windows, resolve_transfer};
+use super::transfer::{TransferFile, Windows, resolve_transfer};
 use crate::classification::Classification;
 use crate::labels::{Edges, Labels, Look};
 use crate::mode::Mode;

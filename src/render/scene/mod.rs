@@ -12,6 +12,7 @@ mod parts;
 mod shading;
 mod slice;
 mod surfaces;
+mod transfer;
 mod written;
 
 use std::sync::Arc;
@@ -21,13 +22,11 @@ use serde::Deserialize;
 use self::labels::{ClipLabelsFile, LabelSettings, LabelsFile, resolve_labels};
 use self::lights::{LightsFile, PathTraceFile, resolve_lights};
 use self::overlays::OverlaysFile;
-use self::parts::{
-    ClipFile, DepthFile, TransferFile, Windows, default_mode, default_shading, expect_objects,
-    resolve_transfer,
-};
+use self::parts::{ClipFile, DepthFile, default_mode, default_shading, expect_objects};
 use self::shading::ShadingFile;
 use self::slice::expect_one_view;
 use self::surfaces::{SurfaceFile, resolve_surfaces};
+use self::transfer::{TransferFile, Windows, resolve_transfer};
 use super::classification::Classification;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};

@@ -1,7 +1,5 @@
 //! The parts of a scene as written in JSON, and what each becomes.
 
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
@@ -12,98 +10,7 @@ use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, Shading};
 use crate::request_error::RequestError;
 use relief_base::{Point, Vector};
 use relief_display::DisplaySettings;
-use relief_volume::{
-    ControlPoint, GradientOpacity, PRESETS, Preset, PresetMode, TransferFunction, Window, WindowMap, preset,
-};
-
-/// A preset's name, or control points, or a window.
-#[derive(Clone, Debug)]
-pub(super) enum TransferFile {
-    Preset(String),
-    Function(FunctionFile),
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FunctionFile {
-    points: Option<Vec<PointFile>>,
-    opacity_unit_mm: Option<f64>,
-    gradient_opacity: Option<GradientFile>,
-    window: Option<WindowFile>,
-}
-
-/// By hand, since serde's untagged enums forget where in the points a mistake is.
-impl<'de> Deserialize<'de> for TransferFile {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct PresetOrFunction;
-        impl<'de> Visitor<'de> for PresetOrFunction {
-            type Value = TransferFile;
-
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                write!(f, "a preset's name, {{\"points\": [...]}} or {{\"window\": {{...}}}}")
-            }
-
-            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<TransferFile, E> {
-                Ok(TransferFile::Preset(name.to_owned()))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TransferFile, A::Error> {
-                FunctionFile::deserialize(MapAccessDeserializer::new(map)).map(TransferFile::Function)
-            }
-        }
-        deserializer.deserialize_any(PresetOrFunction)
-    }
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GradientFile {
-    points: Vec<GradientPointFile>,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GradientPointFile {
-    hu_per_mm: f64,
-    opacity: f64,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PointFile {
-    hu: f64,
-    rgba: [f64; 4],
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct WindowFile {
-    center_hu: f64,
-    width_hu: f64,
-    #[serde(default)]
-    invert: bool,
-    #[serde(default)]
-    map: WindowMapFile,
-}
-
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum WindowMapFile {
-    #[default]
-    Grey,
-    Hot,
-    Ice,
-}
-
-impl WindowMapFile {
-    fn resolve(self) -> WindowMap {
-        match self {
-            Self::Grey => WindowMap::Grey,
-            Self::Hot => WindowMap::Hot,
-            Self::Ice => WindowMap::Ice,
-        }
-    }
-}
+use relief_volume::{Preset, PresetMode};
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -193,90 +100,6 @@ fn overlay_items(scene: &serde_json::Value) -> impl Iterator<Item = String> {
         let inner = OverlaysFile::KINDS.map(|kind| format!("{item}/{kind}"));
         std::iter::once(item).chain(inner)
     })
-}
-
-impl TransferFile {
-    pub(super) fn window(center_hu: f64, width_hu: f64) -> Self {
-        let window = Some(WindowFile { center_hu, width_hu, invert: false, map: WindowMapFile::Grey });
-        Self::Function(FunctionFile { points: None, opacity_unit_mm: None, gradient_opacity: None, window })
-    }
-}
-
-/// The transfer function of a window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Windows {
-    /// White of rising opacity, for rays.
-    Translucent,
-    /// Opaque grey, for slices; one for soft tissue where there is no transfer function at all.
-    Opaque,
-}
-
-impl Windows {
-    fn transfer(
-        self,
-        &WindowFile { center_hu, width_hu, map, invert }: &WindowFile,
-    ) -> Result<TransferFunction, RequestError> {
-        let window = Window { center_hu, width_hu, map: map.resolve(), is_inverted: invert };
-        let made = match self {
-            Self::Translucent => window.translucent(),
-            Self::Opaque => window.opaque(),
-        };
-        made.map_err(RequestError::from)
-    }
-
-    fn default_transfer(self) -> TransferFile {
-        match self {
-            Self::Translucent => TransferFile::Preset(PRESETS[0].name.to_owned()),
-            Self::Opaque => TransferFile::window(40.0, 400.0),
-        }
-    }
-}
-
-/// The transfer function, and the preset it came from.
-pub(super) fn resolve_transfer(
-    file: Option<TransferFile>,
-    windows: Windows,
-) -> Result<(TransferFunction, Option<&'static Preset>), SceneError> {
-    match file.unwrap_or_else(|| windows.default_transfer()) {
-        TransferFile::Preset(name) => {
-            let found = preset(&name).ok_or_else(|| RequestError::new("transfer", &name, &preset_names()))?;
-            Ok((found.transfer(), Some(found)))
-        }
-        TransferFile::Function(FunctionFile {
-            points: Some(points),
-            opacity_unit_mm,
-            gradient_opacity,
-            window: None,
-        }) => {
-            let points = points.into_iter().map(|PointFile { hu, rgba }| ControlPoint { hu, rgba }).collect();
-            let transfer = TransferFunction::new(points, opacity_unit_mm.unwrap_or(1.0));
-            let transfer = transfer.map_err(RequestError::from)?;
-            Ok((with_gradient_opacity(transfer, gradient_opacity)?, None))
-        }
-        TransferFile::Function(FunctionFile {
-            points: None,
-            opacity_unit_mm: None,
-            gradient_opacity: None,
-            window: Some(window),
-        }) => Ok((windows.transfer(&window)?, None)),
-        TransferFile::Function(_) => {
-            let allowed = "either points (and opacity_unit_mm, gradient_opacity) or a window";
-            Err(RequestError::new("transfer", &"neither or both", allowed).into())
-        }
-    }
-}
-
-fn with_gradient_opacity(
-    transfer: TransferFunction,
-    file: Option<GradientFile>,
-) -> Result<TransferFunction, RequestError> {
-    let Some(GradientFile { points }) = file else { return Ok(transfer) };
-    let points = points.into_iter().map(|point| [point.hu_per_mm, point.opacity]).collect();
-    Ok(transfer.with_gradient_opacity(GradientOpacity::new(points)?))
-}
-
-fn preset_names() -> String {
-    PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>().join(", ")
 }
 
 pub(super) fn default_mode(preset: Option<&Preset>) -> Mode {

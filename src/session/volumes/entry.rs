@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::residents::{VolumeReader, Voxels};
+use super::voxels::{VolumeReader, Voxels};
 use relief_annotation::FrameOfReference;
 use relief_dicom::{SeriesIdentity, SeriesReference};
 use relief_volume::{ContentHash, Grid, LabelMap, Volume};

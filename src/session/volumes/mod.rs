@@ -9,14 +9,17 @@
 
 mod entry;
 mod error;
+mod read_again;
 mod residents;
+mod voxels;
 
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 pub use entry::{LoadedVolume, VolumeEntry};
 pub use error::{MemoryFull, ReadError, UploadRefused, VolumeError};
-pub(crate) use residents::voxels;
-pub use residents::{HostMemory, VolumeReader};
+pub(crate) use read_again::voxels;
+pub use residents::HostMemory;
+pub use voxels::VolumeReader;
 
 use entry::Owner;
 use relief_volume::LabelMap;

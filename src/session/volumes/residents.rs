@@ -5,54 +5,14 @@
 //! requests that wait or run hold their voxels in addition to the limit. What it is not: graphics
 //! memory (see `relief_render`).
 
-use std::error::Error;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::Semaphore;
 
-use super::error::{MemoryFull, ReadError};
-use super::{VolumeEntry, Volumes};
-use crate::JobError;
-use crate::blocking::on_blocking_thread;
-use relief_volume::Volume;
-
-/// Reads a series again. Blocks. Its error is for the log.
-pub type VolumeReader = Arc<dyn Fn() -> Result<Volume, Box<dyn Error + Send + Sync>> + Send + Sync>;
-
-/// The voxels of one volume.
-pub(super) struct Voxels {
-    volume: Mutex<Option<Volume>>,
-    /// `None` keeps the voxels in memory.
-    reader: Option<VolumeReader>,
-    /// Time of the last use, on the clock of [`Residents`].
-    last_use: AtomicU64,
-}
-
-impl std::fmt::Debug for Voxels {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Voxels").field("in_memory", &self.get().is_some()).finish_non_exhaustive()
-    }
-}
-
-impl Voxels {
-    pub(super) fn new(volume: Volume, reader: Option<VolumeReader>) -> Self {
-        Self { volume: Mutex::new(Some(volume)), reader, last_use: AtomicU64::new(0) }
-    }
-
-    fn get(&self) -> Option<Volume> {
-        self.lock().clone()
-    }
-
-    fn can_be_evicted(&self) -> bool {
-        self.reader.is_some()
-    }
-
-    /// The value is whole between statements, so a panic elsewhere leaves it usable.
-    fn lock(&self) -> MutexGuard<'_, Option<Volume>> {
-        self.volume.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+use super::entry::VolumeEntry;
+use super::error::MemoryFull;
+use super::voxels::Voxels;
 
 /// The limit and its counters.
 #[derive(Debug)]
@@ -60,9 +20,9 @@ pub(crate) struct Residents {
     limit_bytes: u64,
     clock: AtomicU64,
     evictions: AtomicU64,
-    reads: AtomicU64,
+    pub(super) reads: AtomicU64,
     /// One series is read at a time; otherwise each would make room only for itself.
-    reading: Arc<Semaphore>,
+    pub(super) reading: Arc<Semaphore>,
 }
 
 /// Voxels in host memory, and evictions and reads since the start.
@@ -122,34 +82,4 @@ impl Residents {
 
 fn used(entries: &[Arc<VolumeEntry>]) -> u64 {
     entries.iter().filter(|entry| entry.voxels.lock().is_some()).map(|entry| entry.voxel_bytes()).sum()
-}
-
-/// A volume with its voxels, which are read again after an eviction.
-pub(crate) async fn voxels(volumes: &Volumes, entry: &VolumeEntry) -> Result<Volume, ReadError> {
-    const WHAT: &str = "reading the series again";
-    let residents = volumes.residents();
-    residents.touch(&entry.voxels);
-    if let Some(volume) = entry.voxels.get() {
-        return Ok(volume);
-    }
-    let permit = Arc::clone(&residents.reading).acquire_owned().await;
-    let permit = permit.map_err(|_| JobError::Closed { what: WHAT })?;
-    // Another request may have read it while this one waited for its turn.
-    if let Some(volume) = entry.voxels.get() {
-        return Ok(volume);
-    }
-    let reader = entry.voxels.reader.clone().ok_or(ReadError::NoReader)?;
-    volumes.make_room(entry.voxel_bytes())?;
-    let read = on_blocking_thread(permit, WHAT, move || {
-        let volume = reader()?;
-        let _ = volume.content_hash(); // takes as long as reading: not on an async thread
-        Ok(volume)
-    });
-    let volume = read.await?.map_err(ReadError::Reader)?;
-    if volume.content_hash() != entry.hash {
-        return Err(ReadError::Changed);
-    }
-    residents.reads.fetch_add(1, Ordering::Relaxed);
-    *entry.voxels.lock() = Some(volume.clone());
-    Ok(volume)
 }

@@ -1,0 +1,209 @@
+//! The ranges that a request's values must keep to, and the combinations that have no meaning.
+//!
+//! The parts' own constructors check the rest.
+
+use crate::classification::Classification;
+use crate::depth_rule::DepthRule;
+use crate::labels::{Labels, Look};
+use crate::light::Light;
+use crate::mode::Mode;
+use crate::request::{Clip, ClipPlane, ClipSphere, RenderRequest};
+use crate::request_error::RequestError;
+use crate::surface;
+use relief_volume::{Grid, Projection};
+
+impl RenderRequest {
+    /// Checks every range that the parts' own constructors do not.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), RequestError> {
+        let within = |path: &str, value: f64, low: f64, high: f64| {
+            let inside = (low..=high).contains(&value);
+            inside.then_some(()).ok_or_else(|| RequestError::new(path, &value, &format!("{low} to {high}")))
+        };
+        for side in self.size_px {
+            within("size_px", f64::from(side), 1.0, f64::from(Self::MAX_SIDE_PX))?;
+        }
+        let pixels = self.size_px.into_iter().map(u64::from).product::<u64>();
+        if pixels > Self::MAX_PIXELS {
+            let [width, height] = self.size_px;
+            let allowed = format!("at most {} pixels", Self::MAX_PIXELS);
+            return Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed));
+        }
+        if let Some(reduced) = self.reduced_px {
+            for (side, most) in reduced.into_iter().zip(self.size_px) {
+                within("reduced_px", f64::from(side), 1.0, f64::from(most))?;
+            }
+        }
+        within("sample_distance_mm", self.sample_distance_mm, 0.01, 100.0)?;
+        for (path, value) in [
+            ("shading.ambient", self.shading.ambient),
+            ("shading.diffuse", self.shading.diffuse),
+            ("shading.specular", self.shading.specular),
+        ] {
+            within(path, value, 0.0, 1.0)?;
+        }
+        within("shading.shininess", self.shading.shininess, 1.0, 1000.0)?;
+        for channel in self.background_rgb {
+            within("background_rgb", channel, 0.0, 1.0)?;
+        }
+        if let Some(fraction) = self.depth.fraction() {
+            within("depth.fraction", fraction, 0.001, 1.0)?;
+        }
+        if let Mode::Slice(_) = self.mode {
+            within("slice.slab_mm", self.slab_mm, 0.0, Self::MAX_SLAB_MM)?;
+            if let Projection::Perspective { .. } = self.camera.projection() {
+                return Err(RequestError::new(
+                    "camera.projection",
+                    &"perspective",
+                    "orthographic in mode slice",
+                ));
+            }
+        }
+        surface::validate(self.mode, &self.surfaces)?;
+        validate_classification(self)?;
+        let is_point_rule = matches!(self.depth, DepthRule::FirstHit | DepthRule::Threshold { .. });
+        if self.mode == Mode::Isosurface && !is_point_rule {
+            let allowed = "threshold or first-hit in mode isosurface";
+            return Err(RequestError::new("depth.rule", &self.depth.name(), allowed));
+        }
+        if self.transfer.gradient_opacity().is_some() && self.mode != Mode::Composite {
+            let allowed = "nothing beside other modes than composite";
+            return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
+        }
+        if let Some(labels) = &self.labels {
+            validate_labels(labels, self)?;
+        }
+        self.path_trace.validate(pixels)?;
+        self.validate_lights()?;
+        self.validate_clip()?;
+        self.overlays.validate()
+    }
+
+    /// [`RenderRequest::validate`], and that the work on a volume of this grid is within
+    /// [`RenderRequest::MAX_SAMPLES`].
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
+        self.validate()?;
+        if let Some(labels) = &self.labels {
+            labels.validate_on(grid)?;
+        }
+        let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
+        let longest_ray_mm = self.longest_ray_mm(grid);
+        let least_mm = pixels * longest_ray_mm / Self::MAX_SAMPLES;
+        if self.sample_distance_mm < least_mm {
+            let allowed = format!("at least {least_mm:.3} mm for a picture of this size");
+            return Err(RequestError::new("sample_distance_mm", &self.sample_distance_mm, &allowed));
+        }
+        Ok(())
+    }
+
+    fn validate_lights(&self) -> Result<(), RequestError> {
+        if self.lights.len() > Light::MAX {
+            let found = format!("{} lights", self.lights.len());
+            return Err(RequestError::new("lights", &found, &format!("at most {}", Light::MAX)));
+        }
+        let is_lit = matches!(self.mode, Mode::Composite | Mode::Isosurface | Mode::PathTraced);
+        if !is_lit && !self.lights.is_empty() {
+            let found = format!("{} lights", self.lights.len());
+            let allowed = "none in this mode: composite, isosurface and path-traced have placed lights";
+            return Err(RequestError::new("lights", &found, allowed));
+        }
+        self.illumination.validate(&self.lights)?;
+        (0..).zip(&self.lights).try_for_each(|(index, light)| light.validate(index))
+    }
+
+    fn validate_clip(&self) -> Result<(), RequestError> {
+        let count = self.clip.planes.len();
+        if count > Clip::MAX_PLANES {
+            return Err(RequestError::new(
+                "clip.planes",
+                &format!("{count} planes"),
+                "at most 6 beside the box",
+            ));
+        }
+        if let Some(ClipSphere { center, radius_mm }) = self.clip.sphere {
+            if center.xyz.abs().max_element() > 1e6 || !center.xyz.is_finite() {
+                let allowed = "within 1000000 mm";
+                let found = format!("{:?}", center.xyz.to_array());
+                return Err(RequestError::new("clip.sphere.center_mm", &found, allowed));
+            }
+            if !ClipSphere::RADIUS_MM.contains(&radius_mm) {
+                let (low, high) = (ClipSphere::RADIUS_MM.start(), ClipSphere::RADIUS_MM.end());
+                let allowed = format!("{low} to {high} mm");
+                return Err(RequestError::new("clip.sphere.radius_mm", &radius_mm, &allowed));
+            }
+        }
+        let usable = |plane: &ClipPlane| {
+            plane.point.xyz.abs().max_element() <= 1e6 && plane.normal.normalized().is_some()
+        };
+        match self.clip.planes.iter().find(|plane| !usable(plane)) {
+            Some(ClipPlane { point, normal }) => {
+                let found = format!("point {:?}, normal {:?}", point.xyz.to_array(), normal.xyz.to_array());
+                let allowed = "a point within 1000000 mm and a normal of finite length above zero";
+                Err(RequestError::new("clip.planes", &found, allowed))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Refuses what pre-integration has no meaning for.
+fn validate_classification(request: &RenderRequest) -> Result<(), RequestError> {
+    if request.classification == Classification::Sampled {
+        return Ok(());
+    }
+    let refuse = |allowed: &str| {
+        Err(RequestError::new("classification", &Classification::PreIntegrated.name(), allowed))
+    };
+    if request.mode != Mode::Composite {
+        return refuse("sampled in other modes than composite");
+    }
+    if request.transfer.gradient_opacity().is_some() {
+        return refuse("sampled with opacity by gradient");
+    }
+    if request.labels.is_some() {
+        return refuse("sampled in a scene with labels");
+    }
+    if request.depth.needs_samples() {
+        let rules = DepthRule::TABLE.iter().filter(|entry| entry.needs_samples).map(|entry| entry.name);
+        return refuse(&format!("sampled with depth rules {}", rules.collect::<Vec<_>>().join(", ")));
+    }
+    Ok(())
+}
+
+fn validate_labels(labels: &Labels, request: &RenderRequest) -> Result<(), RequestError> {
+    let refuse = |found: String, allowed: &str| Err(RequestError::new("labels", &found, allowed));
+    if !Labels::are_shown_by(request.mode) {
+        let modes = Mode::ALL.into_iter().filter(|mode| Labels::are_shown_by(*mode)).map(Mode::name);
+        let allowed = format!("nothing beside other modes than {}", modes.collect::<Vec<_>>().join(", "));
+        return refuse("there".to_owned(), &allowed);
+    }
+    let segments = labels.map.segments().len();
+    if segments > Labels::MOST_SEGMENTS {
+        return refuse(format!("a map of {segments} segments"), "maps of at most 512 segments");
+    }
+    if labels.looks.len() != segments + 1 {
+        return refuse(format!("{} looks", labels.looks.len()), &format!("{}", segments + 1));
+    }
+    if labels.transfers.len() > Labels::MOST_TRANSFERS {
+        let found = format!("{} transfer functions", labels.transfers.len());
+        return refuse(found, "at most 15 different ones beside the scene's own");
+    }
+    let own = std::iter::once(&request.transfer);
+    if own.chain(&labels.transfers).any(|transfer| transfer.gradient_opacity().is_some()) {
+        let allowed = "nothing in a scene with labels";
+        return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
+    }
+    let in_range = |look: &Look| {
+        look.transfer <= labels.transfers.len()
+            && look.tint_rgb.iter().chain([&look.tint]).all(|share| (0.0..=1.0).contains(share))
+    };
+    match labels.looks.iter().find(|look| !in_range(look)) {
+        Some(look) => refuse(format!("{look:?}"), "tints of 0 to 1 and a transfer function that is there"),
+        None => Ok(()),
+    }
+}
