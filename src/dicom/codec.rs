@@ -20,11 +20,11 @@ use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 use super::codestream::{self, Coding, Header};
 use super::dataset::{self, Encoding};
 use super::error::Defect;
+use super::file_bytes::Bytes;
 use super::header::FileHeader;
 use super::jpeg_dct;
 use super::part10::Syntax;
 use super::pixels::PixelLayout;
-use super::source::Bytes;
 
 /// A fragment: where its bytes lie in the file.
 type Fragment = Range<u64>;

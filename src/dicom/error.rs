@@ -192,6 +192,46 @@ impl fmt::Display for Attribute {
     }
 }
 
+/// Why the frames of a segmentation make no grid that can be held.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum FrameGridError {
+    /// More voxels than allowed.
+    #[error("found a grid of {dims:?} voxels, expected at most {allowed}")]
+    TooLarge {
+        /// Voxels along each side.
+        dims: [usize; 3],
+        /// Most voxels in all.
+        allowed: u64,
+    },
+    /// The machine has no memory for it.
+    #[error("there is no memory for {voxels} voxels")]
+    NoMemory {
+        /// Voxels in all.
+        voxels: u64,
+    },
+    /// A tilted stack.
+    #[error("frames do not lie straight above each other (a tilted stack), expected a regular grid")]
+    Tilted,
+    /// One slice, and nothing says how thick.
+    #[error("found a single slice without SpacingBetweenSlices or SliceThickness, expected one")]
+    NoThickness,
+    /// Distances between frames that are no multiples of one.
+    #[error("found frames at uneven distances (the least is {least_mm:.4} mm), expected multiples of one")]
+    Uneven {
+        /// The least distance, mm.
+        least_mm: f64,
+    },
+    /// The grid is not valid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// Labels of another number of voxels.
+    #[error(transparent)]
+    Labels(#[from] relief_volume::LabelCountError),
+    /// Segments that cannot be laid over each other.
+    #[error(transparent)]
+    Layers(#[from] relief_volume::LayersError),
+}
+
 /// A fault of one file.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Defect {
@@ -296,9 +336,9 @@ pub enum Defect {
         /// The limit in bytes.
         limit: u64,
     },
-    /// Slices that lie on no grid that can be held.
-    #[error("{0}")]
-    Geometry(String),
+    /// Frames that lie on no regular grid.
+    #[error(transparent)]
+    Frames(#[from] FrameGridError),
     /// A transfer syntax without a decoder.
     #[error("TransferSyntaxUID (0002,0010): found {found}, which {why}")]
     TransferSyntax {

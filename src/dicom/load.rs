@@ -13,13 +13,13 @@ use super::batches;
 use super::codec::{self, Frames};
 use super::discover::{Strictness, header_warnings};
 use super::error::{Defect, Error, Reasons};
+use super::file_bytes::Bytes;
 use super::header::{FileHeader, FrameHeader};
 use super::identity::SeriesIdentity;
 use super::pixels;
 use super::reference::SeriesReference;
 use super::resample::RegularGrid;
 use super::series::SeriesEntry;
-use super::source::Bytes;
 use super::stack::{self, Stack};
 use super::warnings::{Warning, WarningCode};
 use crate::progress::Progress;
@@ -270,7 +270,7 @@ fn by_file<'a>(tasks: impl Iterator<Item = Task<'a>>) -> Vec<Vec<Task<'a>>> {
 /// Decodes the frames of one file.
 fn decode_file(tasks: Vec<Task<'_>>, step: &(dyn Fn() + Sync)) -> Vec<Outcome> {
     let file = Arc::clone(&tasks[0].1.file);
-    let opened = super::part10::open_bytes(&file.source);
+    let opened = super::source::open_bytes(&file.source);
     let opened = opened.and_then(|bytes| {
         let frames = if file.syntax.is_native() { None } else { Some(Frames::index(&file, &bytes)?) };
         Ok((bytes, frames))

@@ -14,7 +14,7 @@ use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
 use super::dataset::{self, Bounds, Encoding, KeepOf, LocatedFault, ParsedDataSet};
 use super::error::Defect;
-use super::source::{Bytes, Reader};
+use super::file_bytes::{Bytes, Reader};
 
 /// The largest deflated data set that is unpacked, in bytes: an enhanced CT of 1000 frames.
 const LARGEST_INFLATED: u64 = 1 << 29;
@@ -241,14 +241,6 @@ fn inflate(reader: Reader) -> Result<(bytes::Bytes, Option<Turn>), Defect> {
         return Err(Defect::LargeInflated { limit: LARGEST_INFLATED });
     }
     Ok((bytes.into(), turn))
-}
-
-/// The bytes that positions in a header refer to: the file's, or its inflated data set.
-///
-/// # Errors
-/// As [`open`].
-pub(super) fn open_bytes(source: &super::source::FileSource) -> Result<Bytes, Defect> {
-    open(source.bytes()?).map(|object| object.bytes)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use std::fmt;
 
 use super::dataset::Encoding;
 use super::error::Defect;
-use super::source::Bytes;
+use super::file_bytes::Bytes;
 
 /// The most pixels of a frame: 8192 x 8192, far beyond any CT detector's reconstruction.
 const LARGEST_FRAME: u64 = 1 << 26;

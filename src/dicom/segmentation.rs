@@ -20,11 +20,11 @@ use super::attributes::{
     THICKNESS, check, numbers, positive, required, text,
 };
 use super::dataset::{DataSet, Encoding, Retention};
-use super::error::Defect;
+use super::error::{Defect, FrameGridError};
+use super::file_bytes::Bytes;
 use super::groups::Groups;
 use super::load::LoadLimits;
 use super::part10::{self, Object};
-use super::source::Bytes;
 use relief_base::Transform;
 use relief_volume::{Grid, LabelMap, Layers, Segment};
 
@@ -111,7 +111,7 @@ fn flat(parsed: Parsed) -> Result<LoadedSegmentation, Defect> {
     painter.paint(&parsed)?;
     let warnings = painter.warnings();
     let map = LabelMap::new(grid(&parsed.stack, dims)?, &painter.labels, parsed.segments);
-    let map = map.map_err(|error| Defect::Geometry(error.to_string()))?;
+    let map = map.map_err(FrameGridError::from)?;
     Ok(LoadedSegmentation { map, warnings })
 }
 
@@ -152,7 +152,7 @@ pub fn read_segmentation_layers(limits: LoadLimits, bytes: &[u8]) -> Result<Load
             let is_set = move |at: &usize| packed[(shift + at) / 8] >> ((shift + at) % 8) & 1 == 1;
             (0..area).filter(is_set).map(move |at| first + at)
         });
-        layers.add(segment.clone(), voxels).map_err(|error| Defect::Geometry(error.to_string()))?;
+        layers.add(segment.clone(), voxels).map_err(FrameGridError::from)?;
     }
     Ok(LoadedLayers { layers: layers.into_maps(), warnings: Vec::new() })
 }
@@ -190,7 +190,7 @@ fn parse(limits: LoadLimits, bytes: Bytes) -> Result<Parsed, Defect> {
     let voxels = dims.iter().map(|&n| n as u64).product::<u64>();
     if voxels.saturating_mul(2) > limits.voxel_bytes {
         let allowed = limits.voxel_bytes / 2;
-        return Err(Defect::Geometry(format!("found a grid of {dims:?} voxels, expected at most {allowed}")));
+        return Err(FrameGridError::TooLarge { dims, allowed }.into());
     }
     let bits = required(data, BITS_ALLOCATED, "1, 8 or 16")?;
     let fits = if kind == "BINARY" { bits == 1 } else { bits == 8 || bits == 16 };
@@ -225,7 +225,7 @@ impl Parsed {
 }
 
 fn zeros(voxels: u64) -> Result<Vec<u16>, Defect> {
-    let short = || Defect::Geometry(format!("there is no memory for {voxels} voxels"));
+    let short = || FrameGridError::NoMemory { voxels };
     let count = usize::try_from(voxels).map_err(|_| short())?;
     let mut labels = Vec::new();
     labels.try_reserve_exact(count).map_err(|_| short())?;
@@ -294,8 +294,7 @@ fn arrange(data: &DataSet, is_binary: bool, segments: &[Segment]) -> Result<(Sta
         (away - normal * away.dot(normal)).length()
     });
     if sideways.fold(0.0, f64::max) > 0.1 * between_rows.min(between_columns) {
-        let problem = "frames do not lie straight above each other (a tilted stack), expected a regular grid";
-        return Err(Defect::Geometry(problem.to_owned()));
+        return Err(FrameGridError::Tilted.into());
     }
     Ok((stack, frames))
 }
@@ -335,8 +334,7 @@ fn spacing(
     let span = heights[heights.len() - 1] - heights[0];
     let Some(gap) = heights.windows(2).map(|pair| pair[1] - pair[0]).reduce(f64::min) else {
         let Some(mm) = between.or(thickness) else {
-            let problem = "found a single slice without SpacingBetweenSlices or SliceThickness, expected one";
-            return Err(Defect::Geometry(problem.to_owned()));
+            return Err(FrameGridError::NoThickness.into());
         };
         return Ok((mm, 1, first));
     };
@@ -349,9 +347,7 @@ fn spacing(
     let candidates = between.into_iter().chain([gap]).filter(|mm| *mm <= span * 1.1).map(over_span);
     match candidates.into_iter().find(|mm| fits(*mm)) {
         Some(mm) => Ok((mm, (span / mm).round() as usize + 1, first)),
-        None => Err(Defect::Geometry(format!(
-            "found frames at uneven distances (the least is {gap:.4} mm), expected multiples of one"
-        ))),
+        None => Err(FrameGridError::Uneven { least_mm: gap }.into()),
     }
 }
 
@@ -359,7 +355,7 @@ fn grid(stack: &Stack, dims: [usize; 3]) -> Result<Grid, Defect> {
     let Stack { row, column, pixel_mm: [across, down], origin, spacing_mm, .. } = *stack;
     let normal = row.cross(column);
     let axes = Transform::from_axes(row * across, column * down, normal * spacing_mm, origin);
-    Grid::new(dims, axes).map_err(|error| Defect::Geometry(error.to_string()))
+    Ok(Grid::new(dims, axes).map_err(FrameGridError::from)?)
 }
 
 /// Puts frames into the grid.

@@ -6,7 +6,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
+use std::io::{Cursor, Read};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,6 +16,7 @@ use zip::ZipArchive;
 
 use super::dataset::Retention;
 use super::error::{Defect, Error};
+use super::file_bytes::Bytes;
 use super::part10;
 
 /// The largest zip entry that is unpacked, in bytes: an enhanced CT of 1000 frames has half as
@@ -33,18 +34,6 @@ type SharedZip = ZipArchive<Cursor<bytes::Bytes>>;
 pub(super) enum FileSource {
     Disk { path: PathBuf, label: String },
     Zipped { archive: Arc<SharedZip>, index: usize, label: String },
-}
-
-/// A file's bytes, on disk or in memory.
-pub(super) enum Bytes {
-    Disk(PathBuf),
-    Memory(bytes::Bytes),
-}
-
-/// A reader of either.
-pub(super) enum Reader {
-    Disk(BufReader<File>),
-    Memory(Cursor<bytes::Bytes>),
 }
 
 impl FileSource {
@@ -85,80 +74,6 @@ impl fmt::Display for FileSource {
 impl fmt::Debug for FileSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)
-    }
-}
-
-impl Bytes {
-    /// A reader at the start, and the length in bytes.
-    pub(super) fn open(&self) -> Result<(Reader, u64), Defect> {
-        match self {
-            Self::Disk(path) => {
-                let file = File::open(path)?;
-                let length = file.metadata()?.len();
-                Ok((Reader::Disk(BufReader::new(file)), length))
-            }
-            Self::Memory(bytes) => Ok((Reader::Memory(Cursor::new(bytes.clone())), bytes.len() as u64)),
-        }
-    }
-
-    /// Fills `target` with the bytes from `position` on.
-    pub(super) fn read_exact_at(&self, position: u64, target: &mut [u8]) -> Result<(), Defect> {
-        match self {
-            Self::Disk(path) => {
-                let mut file = File::open(path)?;
-                file.seek(SeekFrom::Start(position))?;
-                file.read_exact(target)?;
-            }
-            Self::Memory(bytes) => {
-                let mut cursor = Cursor::new(bytes);
-                cursor.set_position(position);
-                cursor.read_exact(target)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Read for Reader {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        match self {
-            Self::Disk(reader) => reader.read(buffer),
-            Self::Memory(reader) => reader.read(buffer),
-        }
-    }
-}
-
-impl std::io::BufRead for Reader {
-    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        match self {
-            Self::Disk(reader) => reader.fill_buf(),
-            Self::Memory(reader) => reader.fill_buf(),
-        }
-    }
-
-    fn consume(&mut self, amount: usize) {
-        match self {
-            Self::Disk(reader) => reader.consume(amount),
-            Self::Memory(reader) => reader.consume(amount),
-        }
-    }
-}
-
-impl Seek for Reader {
-    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
-        match self {
-            Self::Disk(reader) => reader.seek(to),
-            Self::Memory(reader) => reader.seek(to),
-        }
-    }
-
-    // The default would seek from the start and drop the buffer, a system call for every skipped
-    // element.
-    fn seek_relative(&mut self, offset: i64) -> std::io::Result<()> {
-        match self {
-            Self::Disk(reader) => reader.seek_relative(offset),
-            Self::Memory(reader) => reader.seek_relative(offset),
-        }
     }
 }
 
@@ -290,4 +205,12 @@ fn check_count(path: &Path, count: usize) -> Result<(), Error> {
         return Err(Error::Container { path: path.to_owned(), problem });
     }
     Ok(())
+}
+
+/// The bytes that positions in a header refer to: the file's, or its inflated data set.
+///
+/// # Errors
+/// As [`open`].
+pub(super) fn open_bytes(source: &FileSource) -> Result<Bytes, Defect> {
+    part10::open(source.bytes()?).map(|object| object.bytes)
 }

@@ -6,8 +6,8 @@ use dicom_core::Tag;
 
 use super::dataset::{Bounds, DataSet, KeepOf, LocatedFault};
 use super::error::{Attribute, Defect};
+use super::file_bytes::Bytes;
 use super::part10;
-use super::source::Bytes;
 
 /// The reason why an object could not be read. Messages contain neither UIDs nor values about
 /// people.

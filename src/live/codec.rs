@@ -53,9 +53,22 @@ pub enum CodecError {
         /// Bytes of this size.
         expected: usize,
     },
-    /// The JPEG is no picture of this kind.
-    #[error("the JPEG of the colour {0}")]
-    JpegPicture(String),
+    /// The JPEG cannot be decoded.
+    #[error("the JPEG of the colour is damaged: {0}")]
+    JpegDamaged(#[source] image::ImageError),
+    /// The JPEG is another picture.
+    #[error(
+        "the JPEG of the colour is {}x{} of {kind:?}, expected {}x{} of Rgb8",
+        found[0], found[1], expected[0], expected[1]
+    )]
+    JpegPicture {
+        /// Width and height of the JPEG, px.
+        found: [u32; 2],
+        /// Its channels.
+        kind: image::ColorType,
+        /// Width and height of the frame, px.
+        expected: [usize; 2],
+    },
 }
 
 /// Colours of `size` (width and rows) in a format; `quality` is that of JPEG, 1 to 100.
@@ -245,15 +258,14 @@ fn unpack(
 }
 
 fn decode_jpeg(size: [usize; 2], bytes: &[u8]) -> Result<Vec<u8>, CodecError> {
-    let damaged = |error: image::ImageError| CodecError::JpegPicture(format!("is damaged: {error}"));
-    let decoder = image::codecs::jpeg::JpegDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
+    let decoder = image::codecs::jpeg::JpegDecoder::new(Cursor::new(bytes));
+    let decoder = decoder.map_err(CodecError::JpegDamaged)?;
     let (width, height) = decoder.dimensions();
     if [width as usize, height as usize] != size || decoder.color_type() != image::ColorType::Rgb8 {
         let kind = decoder.color_type();
-        let found = format!("is {width}x{height} of {kind:?}, expected {}x{} of Rgb8", size[0], size[1]);
-        return Err(CodecError::JpegPicture(found));
+        return Err(CodecError::JpegPicture { found: [width, height], kind, expected: size });
     }
     let mut rgb = vec![0; 3 * size[0] * size[1]];
-    decoder.read_image(&mut rgb).map_err(damaged)?;
+    decoder.read_image(&mut rgb).map_err(CodecError::JpegDamaged)?;
     Ok(rgb)
 }

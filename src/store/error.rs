@@ -70,7 +70,7 @@ pub enum StoreError {
     #[error(
         "invalid location of a log: {0}; expected a file path, sqlite:FILE or postgres://USER@HOST/DATABASE"
     )]
-    Place(String),
+    Place(#[from] LocationError),
     /// The file is something else.
     #[error("this is not a log of Relief: {0}")]
     Foreign(ForeignFile),
@@ -92,6 +92,32 @@ pub enum StoreError {
     /// Something else that the database says.
     #[error("the database refused: {0}")]
     Database(String),
+}
+
+/// Why a text is not the location of a log.
+#[derive(Debug, thiserror::Error)]
+pub enum LocationError {
+    /// An unknown option after the question mark.
+    #[error("what follows ? is not mode=ro, mode=rw, mode=rwc or immutable=1")]
+    Mode,
+    /// A SQLite address without a file.
+    #[error("it names no file; a log in memory would be lost")]
+    NoFile,
+    /// A URL of another kind.
+    #[error("only sqlite: and postgres:// are known")]
+    Scheme,
+    /// Nothing.
+    #[error("it is empty")]
+    Empty,
+    /// A path that a URL cannot hold.
+    #[error("the path is not UTF-8")]
+    NotUtf8,
+    /// A path that cannot be made absolute.
+    #[error(transparent)]
+    Path(#[from] std::io::Error),
+    /// A URL that the database driver refuses.
+    #[error("{0}")]
+    Url(#[source] sqlx::Error),
 }
 
 /// What is wrong with the content of a log. Messages contain no values of items.

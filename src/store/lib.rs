@@ -44,7 +44,7 @@ use sqlx::any::{AnyConnectOptions, AnyPoolOptions};
 use sqlx::{Any, Transaction};
 
 pub use check::Checked;
-pub use error::{Damage, ForeignFile, StoreError};
+pub use error::{Damage, ForeignFile, LocationError, StoreError};
 pub use named::{Audited, AuditedKind};
 pub use query::{Filter, Listing, LogFilter};
 pub use watch::{Changed, Watch};

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use sqlx::ConnectOptions;
 use sqlx::any::AnyConnectOptions;
 
-use super::error::StoreError;
+use super::error::{LocationError, StoreError};
 
 /// Which program keeps the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,6 @@ impl DatabaseAddress {
     /// `create` says so.
     pub(super) fn parse(place: &str, create: bool) -> Result<Self, StoreError> {
         sqlx::any::install_default_drivers();
-        let wrong = |why: &str| Err(StoreError::Place(why.to_owned()));
         if place.starts_with("postgres://") || place.starts_with("postgresql://") {
             return Self::connect_to(DatabaseKind::Postgres, place, false);
         }
@@ -39,10 +38,10 @@ impl DatabaseAddress {
                 "mode=rw" => "mode=rw",
                 "mode=ro" => "mode=ro",
                 "immutable=1" => "mode=ro&immutable=1",
-                _ => return wrong("what follows ? is not mode=ro, mode=rw, mode=rwc or immutable=1"),
+                _ => return Err(LocationError::Mode.into()),
             };
             if path.is_empty() || path == ":memory:" {
-                return wrong("it names no file; a log in memory would be lost");
+                return Err(LocationError::NoFile.into());
             }
             return Self::connect_to(
                 DatabaseKind::Sqlite,
@@ -51,13 +50,13 @@ impl DatabaseAddress {
             );
         }
         if place.contains("://") {
-            return wrong("only sqlite: and postgres:// are known");
+            return Err(LocationError::Scheme.into());
         }
         if place.is_empty() {
-            return wrong("it is empty");
+            return Err(LocationError::Empty.into());
         }
-        let path = std::path::absolute(place).map_err(|error| StoreError::Place(error.to_string()))?;
-        let Some(path) = path.to_str() else { return wrong("the path is no UTF-8") };
+        let path = std::path::absolute(place).map_err(LocationError::Path)?;
+        let Some(path) = path.to_str() else { return Err(LocationError::NotUtf8.into()) };
         Self::connect_to(
             DatabaseKind::Sqlite,
             &format!("sqlite://{}?{}", encoded(path), writing(create)),
@@ -67,7 +66,7 @@ impl DatabaseAddress {
 
     fn connect_to(kind: DatabaseKind, url: &str, read_only: bool) -> Result<Self, StoreError> {
         let options = AnyConnectOptions::from_str(url);
-        let options = options.map_err(|error| StoreError::Place(error.to_string()))?;
+        let options = options.map_err(LocationError::Url)?;
         // Statements contain no values and reveal only how the log works; they are not logged.
         Ok(Self { kind, read_only, options: options.disable_statement_logging() })
     }

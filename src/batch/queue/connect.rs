@@ -53,7 +53,7 @@ impl Queue {
         let mut options = options(access).await?;
         let mut servers = Vec::new();
         for url in access.url.split(',') {
-            let (server, secret) = server(url.trim()).ok_or_else(not_an_address)?;
+            let (server, secret) = server(url.trim()).ok_or(QueueError::Address)?;
             servers.push(server);
             options = match secret {
                 Some(Secret::Token(token)) => options.token(token),
@@ -61,8 +61,7 @@ impl Queue {
                 None => options,
             };
         }
-        let client = options.connect(servers).await;
-        let client = client.map_err(|error| QueueError::Connect(error.to_string()))?;
+        let client = options.connect(servers).await?;
         Ok(Self { context: async_nats::jetstream::new(client), stream: stream.to_owned() })
     }
 
@@ -72,11 +71,6 @@ impl Queue {
         let _ = tokio::time::timeout(LONGEST_PAUSE, self.context.client().flush()).await;
         let _ = self.context.client().drain().await;
     }
-}
-
-/// Without the address: it may have a password.
-fn not_an_address() -> QueueError {
-    QueueError::Connect("the address is invalid; write nats://HOST:4222 or tls://HOST:4222".to_owned())
 }
 
 /// The user information of an address.

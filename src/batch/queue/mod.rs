@@ -50,14 +50,19 @@ pub enum QueueError {
         /// The error of the system.
         source: std::io::Error,
     },
+    /// An address that is not one of a NATS server.
+    #[error(
+        "cannot connect to the NATS server: the address is invalid; write nats://HOST:4222 or tls://HOST:4222"
+    )]
+    Address,
     /// There is no connection.
     #[error("cannot connect to the NATS server: {0}")]
-    Connect(String),
+    Connect(#[from] async_nats::ConnectError),
     /// The server has no JetStream, or refuses.
     #[error(
         "the NATS server refused the request: {0}; it needs JetStream (nats-server -js) and permission to use it"
     )]
-    Refused(String),
+    Refused(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The stream exists with another purpose.
     #[error(
         "the stream {name} exists, but it is not a job stream: {reason}; choose another name with --stream"
@@ -98,7 +103,7 @@ impl Queue {
             ..Config::default()
         };
         let found = self.context.get_or_create_stream(config).await;
-        let stream = found.map_err(|error| QueueError::Refused(error.to_string()))?;
+        let stream = found.map_err(|error| QueueError::Refused(error.into()))?;
         let config = &stream.cached_info().config;
         let foreign = |reason| Err(QueueError::Foreign { name: self.stream.clone(), reason });
         if config.retention != RetentionPolicy::WorkQueue {
@@ -128,6 +133,6 @@ impl Queue {
         };
         let stream = self.stream().await?;
         let found = stream.get_or_create_consumer(CONSUMER, config).await;
-        found.map_err(|error| QueueError::Refused(error.to_string()))
+        found.map_err(|error| QueueError::Refused(error.into()))
     }
 }

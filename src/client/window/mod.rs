@@ -43,10 +43,10 @@ pub struct WindowOptions {
 pub enum WindowError {
     /// No display of the system can be opened.
     #[error("no window can be opened: {0}; is DISPLAY set? --headless works without one")]
-    Open(String),
+    Open(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The system lost the window.
     #[error("the window was lost: {0}")]
-    Lost(String),
+    Lost(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// There are fewer monitors.
     #[error("no monitor has the number {asked}; {found} are connected, numbered from 0")]
     Monitor {
@@ -100,7 +100,7 @@ impl Window {
     /// When there is no display.
     pub fn new() -> Result<Self, WindowError> {
         let events = EventLoop::with_user_event().build();
-        let events = events.map_err(|error| WindowError::Open(error.to_string()))?;
+        let events = events.map_err(|error| WindowError::Open(error.into()))?;
         let shared = Arc::new(WindowState { newest: Mutex::default(), changed: Condvar::new() });
         let screen = Screen { shared, wake: events.create_proxy() };
         Ok(Self { events, screen })
@@ -127,9 +127,9 @@ impl Window {
             move || screen.compose_all(&composer, &handle)
         };
         let composing = std::thread::Builder::new().name("compose".to_owned()).spawn(compose);
-        let composing = composing.map_err(|error| WindowError::Open(error.to_string()))?;
+        let composing = composing.map_err(|error| WindowError::Open(error.into()))?;
         let mut app = screen::App::new(options, handle.clone());
-        let ran = self.events.run_app(&mut app).map_err(|error| WindowError::Lost(error.to_string()));
+        let ran = self.events.run_app(&mut app).map_err(|error| WindowError::Lost(error.into()));
         handle.stop();
         self.screen.stop();
         let _ = composing.join(); // what it panicked about was told already

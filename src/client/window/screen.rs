@@ -64,7 +64,6 @@ impl App {
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Pane, WindowError> {
-        let open = |error: String| WindowError::Open(error);
         let [width, height] = self.options.frame_px;
         let mut attributes = Window::default_attributes()
             .with_title("Relief")
@@ -76,11 +75,12 @@ impl App {
         } else if let Some(monitor) = monitor {
             attributes = attributes.with_position(monitor.position());
         }
-        let window = Rc::new(events.create_window(attributes).map_err(|error| open(error.to_string()))?);
+        let window =
+            Rc::new(events.create_window(attributes).map_err(|error| WindowError::Open(error.into()))?);
         // A mouse pointer over the frame would alter its pixels.
         window.set_cursor_visible(!self.options.fullscreen);
-        let context = Context::new(events.owned_display_handle()).map_err(|error| open(error.to_string()))?;
-        Surface::new(&context, window).map_err(|error| open(error.to_string()))
+        let context = Context::new(events.owned_display_handle()).map_err(|error| unusable(&error))?;
+        Surface::new(&context, window).map_err(|error| unusable(&error))
     }
 
     fn monitor(&self, events: &ActiveEventLoop) -> Result<Option<MonitorHandle>, WindowError> {
@@ -132,7 +132,7 @@ impl App {
     }
 
     fn draw_on(&mut self, pane: &mut Pane) -> Result<(), WindowError> {
-        let lost = |error: softbuffer::SoftBufferError| WindowError::Lost(error.to_string());
+        let lost = |error: softbuffer::SoftBufferError| WindowError::Lost(error.to_string().into());
         let (size, scale) = (pane.window().inner_size(), pane.window().scale_factor());
         let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
             return Ok(()); // minimised
@@ -259,6 +259,11 @@ fn put(frame: Option<&Frame>, buffer: &mut [u32], width: usize) {
             *pixel = u32::from_be_bytes([0, *red, *green, *blue]);
         }
     }
+}
+
+/// The surface's error as text: it holds raw handles and cannot leave its thread.
+fn unusable(error: &softbuffer::SoftBufferError) -> WindowError {
+    WindowError::Open(error.to_string().into())
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! What both formats' headers come down to.
 
-use super::bytes::{Source, VolumeFormat};
+use super::error::FormatError;
+use super::limits::FormatLimits;
 use super::values::Voxel;
-use super::{FormatError, FormatLimits, nifti, nrrd};
+
 use relief_volume::Grid;
 
 /// A stored number times `slope`, plus `intercept`.
@@ -48,13 +49,5 @@ impl Header {
         let needed = (self.grid.voxel_count() as u64).saturating_mul(self.layers as u64);
         let allowed = limits.voxels;
         if needed > allowed { Err(FormatError::TooLarge { needed, allowed }) } else { Ok(()) }
-    }
-}
-
-/// Reads as far as the voxels.
-pub(super) fn read(source: &mut Source) -> Result<Described, FormatError> {
-    match source.kind()? {
-        VolumeFormat::Nifti => nifti::read(source),
-        VolumeFormat::Nrrd => nrrd::read(source),
     }
 }

@@ -13,6 +13,7 @@
 mod bytes;
 mod error;
 mod header;
+mod limits;
 mod nifti;
 mod nifti_write;
 mod nrrd;
@@ -23,27 +24,14 @@ mod write;
 use std::path::Path;
 
 pub use error::FormatError;
+pub use limits::FormatLimits;
 pub use nifti_write::write_nifti_labels;
 pub use segmentation::{ReadLabels, ReadLayers};
 pub use write::{write_seg_nrrd, write_seg_nrrd_layers};
 
-use bytes::Source;
+use bytes::{Source, VolumeFormat};
 use header::{Described, Header};
 use relief_volume::{Grid, Volume};
-
-/// How much a file may hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FormatLimits {
-    /// Most voxels; of several layers of a segmentation together.
-    pub voxels: u64,
-}
-
-impl Default for FormatLimits {
-    /// 2³¹: 1290 voxels along each side.
-    fn default() -> Self {
-        Self { voxels: 1 << 31 }
-    }
-}
 
 /// A volume and the anomalies of its file.
 #[derive(Clone, Debug)]
@@ -86,7 +74,7 @@ pub fn read_labels_of_bytes(bytes: &[u8]) -> Result<ReadLabels, FormatError> {
 }
 
 fn read_labels_from(limits: FormatLimits, mut source: Source<'_>) -> Result<ReadLabels, FormatError> {
-    let Described { header, segments } = header::read(&mut source)?;
+    let Described { header, segments } = read_header(&mut source)?;
     header.check(limits)?;
     segmentation::read(&mut source, &header, segments)
 }
@@ -97,7 +85,7 @@ fn read_labels_from(limits: FormatLimits, mut source: Source<'_>) -> Result<Read
 /// When the file cannot be read, is of no known format or larger than allowed, or does not say
 /// where its voxels lie.
 pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
-    let Described { header, .. } = header::read(&mut Source::open(path)?)?;
+    let Described { header, .. } = read_header(&mut Source::open(path)?)?;
     header.check(FormatLimits::default())?;
     Ok(header.grid)
 }
@@ -109,7 +97,7 @@ pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
 /// As [`read_labels_within`].
 pub fn read_label_layers_of_bytes(bytes: &[u8]) -> Result<ReadLayers, FormatError> {
     let mut source = Source::of_bytes(bytes)?;
-    let Described { header, segments } = header::read(&mut source)?;
+    let Described { header, segments } = read_header(&mut source)?;
     header.check(FormatLimits::default())?;
     segmentation::read_layers(&mut source, &header, &segments)
 }
@@ -128,7 +116,7 @@ pub fn read_volume(path: &Path) -> Result<ReadVolume, FormatError> {
 /// As [`read_labels_within`], but for the values: these are refused when they are not finite.
 pub fn read_volume_within(limits: FormatLimits, path: &Path) -> Result<ReadVolume, FormatError> {
     let mut source = Source::open(path)?;
-    let Described { header, .. } = header::read(&mut source)?;
+    let Described { header, .. } = read_header(&mut source)?;
     header.check(limits)?;
     if header.layers > 1 {
         return Err(FormatError::Layers { found: header.layers });
@@ -149,4 +137,12 @@ pub fn read_volume_within(limits: FormatLimits, path: &Path) -> Result<ReadVolum
     }
     let volume = Volume::new(grid.clone(), voxels).map_err(|_| FormatError::Cut { expected: 0, found: 0 })?;
     Ok(ReadVolume { volume, warnings })
+}
+
+/// Reads as far as the voxels.
+fn read_header(source: &mut Source<'_>) -> Result<Described, FormatError> {
+    match source.kind()? {
+        VolumeFormat::Nifti => nifti::read(source),
+        VolumeFormat::Nrrd => nrrd::read(source),
+    }
 }

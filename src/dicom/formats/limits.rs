@@ -1,0 +1,15 @@
+//! How much a file of voxels may hold.
+
+/// How much a file may hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FormatLimits {
+    /// Most voxels; of several layers of a segmentation together.
+    pub voxels: u64,
+}
+
+impl Default for FormatLimits {
+    /// 2³¹: 1290 voxels along each side.
+    fn default() -> Self {
+        Self { voxels: 1 << 31 }
+    }
+}
