@@ -1,9 +1,13 @@
-//! Units, spaces, and the file helpers that several crates use.
+//! Units, spaces, budgets of reading, and the helpers for files and texts that several crates use.
 
+mod budget;
 mod files;
 mod space;
+mod text;
 mod units;
 
+pub use budget::{Budget, BudgetError};
 pub use files::{read_at_most, sha256_of, sha256_of_file, shared_temporary, write_whole};
 pub use space::{Beacon, Patient, Point, Sensor, Space, Transform, Vector, View, Voxel};
+pub use text::{csv_cell, of_csv_cell, printable};
 pub use units::{DepthLimits, Disparity, ScaledDepth, ViewDepth};

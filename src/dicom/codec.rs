@@ -1,18 +1,19 @@
 //! Compressed frames: fragments to frames, frames to samples.
 //!
 //! Fragments are separated by their lengths, never by scanning for delimiters, which may occur
-//! inside of compressed data. Samples come from the decoders of dicom-rs, and from `jpeg_dct` for
-//! 12-bit DCT JPEG, which those lack. A codestream's own header is compared with the data set
-//! first, since decoders allocate by it.
+//! inside of compressed data. JPEG samples come from the decoders of dicom-rs, and from `jpeg_dct`
+//! for 12-bit DCT JPEG, which those lack. A codestream's own header is compared with the data set
+//! first, since decoders allocate by it. RLE and deflated frames are decoded here, because the
+//! decoders of dicom-rs for them grow without limit.
 
 use std::borrow::Cow;
 use std::cell::Cell;
-use std::io::{Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
-use dicom_dictionary_std::tags;
+use dicom_dictionary_std::{tags, uids};
 use dicom_encoding::adapters::{PixelDataObject, RawPixelData};
 use dicom_encoding::transfer_syntax::{Codec, TransferSyntaxIndex};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
@@ -25,6 +26,14 @@ use super::header::FileHeader;
 use super::jpeg_dct;
 use super::part10::Syntax;
 use super::pixels::PixelLayout;
+use super::rle;
+
+/// Retired by the standard, and so deprecated in the dictionary, but not by archives.
+const JPEG_SPECTRAL_SELECTION: &str = "1.2.840.10008.1.2.4.53";
+const JPEG_FULL_PROGRESSION: &str = "1.2.840.10008.1.2.4.55";
+
+/// The most fragments of a file: sixteen for each of the most frames.
+const MOST_FRAGMENTS: usize = 1 << 20;
 
 /// A fragment: where its bytes lie in the file.
 type Fragment = Range<u64>;
@@ -93,6 +102,9 @@ fn fragments(header: &FileHeader, bytes: &Bytes) -> Result<(Vec<u64>, Vec<Fragme
         if found < expected {
             return Err(Defect::Short { tag: tags::PIXEL_DATA, found, expected });
         }
+        if items.len() > MOST_FRAGMENTS {
+            return Err(Defect::Fragments { fragments: items.len(), frames: header.layout.frames });
+        }
         items.push(position..position + expected);
         position += expected;
         reader.seek_relative(length.into())?;
@@ -142,41 +154,104 @@ fn starts_from_markers(bytes: &Bytes, fragments: &[Fragment], frames: usize) -> 
     (starts.len() == frames && starts.first() == Some(&0)).then_some(starts)
 }
 
+/// How the frames of a transfer syntax are decoded. Others are refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum FrameCoding {
+    Rle,
+    Deflated,
+    /// Samples as they are, in fragments.
+    Encapsulated,
+    /// A JPEG, JPEG-LS or JPEG 2000 codestream.
+    Codestream,
+}
+
+impl FrameCoding {
+    fn of(syntax: &Syntax) -> Option<Self> {
+        Some(match syntax.uid.as_str() {
+            uids::RLE_LOSSLESS => Self::Rle,
+            uids::DEFLATED_IMAGE_FRAME_COMPRESSION => Self::Deflated,
+            uids::ENCAPSULATED_UNCOMPRESSED_EXPLICIT_VR_LITTLE_ENDIAN => Self::Encapsulated,
+            uids::JPEG_BASELINE8_BIT
+            | uids::JPEG_EXTENDED12_BIT
+            | JPEG_SPECTRAL_SELECTION
+            | JPEG_FULL_PROGRESSION
+            | uids::JPEG_LOSSLESS
+            | uids::JPEG_LOSSLESS_SV1
+            | uids::JPEGLS_LOSSLESS
+            | uids::JPEGLS_NEAR_LOSSLESS
+            | uids::JPEG2000_LOSSLESS
+            | uids::JPEG2000
+            | uids::HTJ2K_LOSSLESS
+            | uids::HTJ2K_LOSSLESS_RPCL
+            | uids::HTJ2K => Self::Codestream,
+            _ => return None,
+        })
+    }
+}
+
 /// Decodes one compressed frame to samples of 8 or 16 bits, little-endian.
 ///
 /// # Errors
 /// When there is no decoder for the transfer syntax, or the decoder fails.
 pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Result<Vec<u8>, Defect> {
-    let header = codestream::read(&data);
-    if let Some(header) = header {
-        header.check(layout)?;
-    } else if syntax.name().contains("JPEG") {
-        return Err(Defect::Codec { codec: syntax.name(), problem: "found no image header".to_owned() });
-    }
-    match header {
-        Some(header) if header.coding == Coding::JpegDct && header.precision > 8 => {
-            let samples =
-                jpeg_dct::decode(&data, layout.columns as usize, layout.rows as usize, header.precision);
-            let samples = samples.map_err(|problem| Defect::Codec { codec: syntax.name(), problem })?;
-            Ok(samples.into_iter().flat_map(u16::to_le_bytes).collect())
+    let refused = |problem: String| Defect::Codec { codec: syntax.name(), problem };
+    let pixels = layout.frame_pixels();
+    match FrameCoding::of(syntax) {
+        None => {
+            let found = format!("{:.64} ({})", syntax.uid, syntax.name());
+            Err(Defect::TransferSyntax { found, why: "is not decoded here" })
         }
-        _ => decode_with_registry(data, syntax, layout, bits_per_sample(header, layout)),
+        Some(FrameCoding::Rle) => rle::decode(&data, pixels, layout.bits_allocated as usize / 8)
+            .map_err(|error| refused(error.to_string())),
+        Some(FrameCoding::Deflated) => inflate(&data, layout).map_err(refused),
+        Some(FrameCoding::Encapsulated) => {
+            let mut data = data;
+            data.truncate(layout.frame_bytes() as usize); // a frame of an odd length is padded
+            Ok(data)
+        }
+        Some(FrameCoding::Codestream) => decode_codestream(data, syntax, layout),
     }
 }
 
+/// A deflated frame (PS3.5 Annex H): as many bytes as the image has, and none beyond.
+fn inflate(data: &[u8], layout: &PixelLayout) -> Result<Vec<u8>, String> {
+    let expected = layout.frame_bytes();
+    let mut samples = Vec::new();
+    // One byte more than an even length tells a longer frame.
+    let most = expected.next_multiple_of(2) + 1;
+    let read = flate2::read::DeflateDecoder::new(data).take(most).read_to_end(&mut samples);
+    read.map_err(|error| error.to_string())?;
+    if samples.len() as u64 == most {
+        return Err(format!("it unpacks to more than the {expected} bytes of the image"));
+    }
+    samples.truncate(expected as usize);
+    Ok(samples)
+}
+
+fn decode_codestream(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Result<Vec<u8>, Defect> {
+    // A JP2 file around the codestream, which the standard forbids and some writers make, is
+    // unwrapped: a decoder that looked for the codestream itself could find another one.
+    let data = codestream::unwrapped(data);
+    let Some(header) = codestream::read(&data) else {
+        return Err(Defect::Codec { codec: syntax.name(), problem: "found no image header".to_owned() });
+    };
+    header.check(layout)?;
+    if header.coding == Coding::JpegDct && header.precision > 8 {
+        let samples =
+            jpeg_dct::decode(&data, layout.columns as usize, layout.rows as usize, header.precision);
+        let samples = samples.map_err(|problem| Defect::Codec { codec: syntax.name(), problem })?;
+        return Ok(samples.into_iter().flat_map(u16::to_le_bytes).collect());
+    }
+    decode_with_registry(data, syntax, layout, bits_per_sample(header))
+}
+
 /// The bits that a decoder delivers for each sample.
-fn bits_per_sample(header: Option<Header>, layout: &PixelLayout) -> u32 {
+fn bits_per_sample(header: Header) -> u32 {
     match header {
         // Sixteen bits keep the sign of whatever precision the codestream has.
-        Some(Header { coding: Coding::Jpeg2000, .. }) => 16,
-        Some(header) => {
-            if header.precision == 8 {
-                8
-            } else {
-                16
-            }
-        }
-        None => layout.bits_allocated,
+        Header { coding: Coding::Jpeg2000, .. } => 16,
+        Header { precision: 8, .. } => 8,
+        _ => 16,
     }
 }
 

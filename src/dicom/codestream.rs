@@ -59,13 +59,39 @@ pub(super) fn read(data: &[u8]) -> Option<Header> {
     match data {
         [0xFF, 0xD8, ..] => read_jpeg(&data[2..]),
         [0xFF, 0x4F, 0xFF, 0x51, ..] => read_jpeg2000(&data[4..]),
-        // A JP2 file around the codestream, which the standard forbids and some writers make.
-        [0, 0, 0, 12, b'j', b'P', ..] => {
-            let start = data.windows(4).position(|window| window == [0xFF, 0x4F, 0xFF, 0x51])?;
-            read_jpeg2000(&data[start + 4..])
-        }
         _ => None,
     }
+}
+
+/// The codestream of a JP2 file (ITU-T T.800 Annex I); other data as it is.
+///
+/// The first box of contiguous codestream counts, as it does for decoders of JP2 files. Boxes of
+/// other kinds are skipped by their lengths, so a codestream inside of one is not found.
+pub(super) fn unwrapped(data: Vec<u8>) -> Vec<u8> {
+    if !data.starts_with(&[0, 0, 0, 12, b'j', b'P']) {
+        return data;
+    }
+    let mut rest = data.as_slice();
+    while let Some((kind, content, behind)) = next_box(rest) {
+        if kind == *b"jp2c" {
+            return content.to_vec();
+        }
+        rest = behind;
+    }
+    Vec::new()
+}
+
+/// The next box: its type, its content, and what follows (I.4).
+fn next_box(data: &[u8]) -> Option<([u8; 4], &[u8], &[u8])> {
+    let (length, rest) = data.split_first_chunk::<4>()?;
+    let (kind, rest) = rest.split_first_chunk::<4>()?;
+    let (length, header) = match u32::from_be_bytes(*length) {
+        0 => (data.len() as u64, 8), // up to the end of the file
+        1 => (u64::from_be_bytes(*rest.first_chunk::<8>()?), 16),
+        length => (u64::from(length), 8),
+    };
+    let end = usize::try_from(length).ok().filter(|end| (header..=data.len()).contains(end))?;
+    Some((*kind, &data[header..end], &data[end..]))
 }
 
 /// Looks for the frame header among the marker segments before the scan (ITU-T T.81 B.2.2, T.87
@@ -137,6 +163,32 @@ mod tests {
         assert_eq!(read(&data), Some(header));
         for cut in 0..20 {
             assert_eq!(read(&data[..cut]), None, "{cut} bytes");
+        }
+    }
+
+    #[test]
+    fn the_codestream_of_a_jp2_file_is_that_of_its_own_box() {
+        let file = |boxes: &[(&[u8; 4], &[u8])]| {
+            let mut file = Vec::new();
+            for (kind, content) in boxes {
+                file.extend((content.len() as u32 + 8).to_be_bytes());
+                file.extend_from_slice(*kind);
+                file.extend_from_slice(content);
+            }
+            file
+        };
+        let (signature, small, large) = ([0x0D, 0x0A, 0x87, 0x0A], [0xFF, 0x4F, 1], [0xFF, 0x4F, 2]);
+        let decoy = file(&[(b"jP  ", &signature), (b"uuid", &small), (b"jp2c", &large), (b"jp2c", &small)]);
+        assert_eq!(unwrapped(decoy), large);
+        assert_eq!(unwrapped(small.to_vec()), small, "a bare codestream stays");
+        assert!(unwrapped(file(&[(b"jP  ", &signature), (b"uuid", &small)])).is_empty());
+        let mut endless = file(&[(b"jP  ", &signature), (b"uuid", &small)]);
+        endless[12..16].copy_from_slice(&[0; 4]); // a box up to the end
+        assert!(unwrapped(endless).is_empty());
+        for length in [2u32, 7, 9999] {
+            let mut wrong = file(&[(b"jP  ", &signature), (b"jp2c", &small)]);
+            wrong[12..16].copy_from_slice(&length.to_be_bytes());
+            assert!(unwrapped(wrong).is_empty(), "{length}");
         }
     }
 

@@ -14,6 +14,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 
 use super::error::Defect;
+use super::vr::{has_long_length, is_vr};
 
 /// How elements are written: implicit or explicit VR, and the byte order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,16 +151,23 @@ impl DataSet {
     }
 }
 
-/// How deep kept sequences nest, and how long kept values are, at most.
+/// How deep kept sequences nest, how long kept values are, and how much memory all of them take, at
+/// most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Bounds {
     pub(super) deepest: u32,
     pub(super) longest_value: u32,
+    /// Bytes of memory of all kept elements and items. Empty ones count, too: each takes a place in
+    /// a list.
+    pub(super) kept_bytes: u64,
 }
 
 impl Bounds {
-    /// Those of images.
-    const IMAGES: Self = Self { deepest: DEEPEST_KEPT, longest_value: LONGEST_VALUE };
+    /// Those of images: kept attributes for 50,000 frames.
+    pub(super) const IMAGES: Self =
+        Self { deepest: DEEPEST_KEPT, longest_value: LONGEST_VALUE, kept_bytes: 64 << 20 };
+    /// Those of CT slices, whose kept attributes are numbers, codes and UIDs.
+    pub(super) const SLICES: Self = Self { longest_value: 1 << 10, ..Self::IMAGES };
 }
 
 /// A fault of a data set, and its path: sequences, and item numbers from 1.
@@ -193,7 +201,7 @@ pub(super) fn walk_within<R: BufRead + Seek>(
     encoding: Encoding,
     keep: KeepOf,
 ) -> Result<ParsedDataSet, LocatedFault> {
-    let mut walker = DataSetReader { source, position: start, end, keep, bounds, trail: Vec::new() };
+    let mut walker = DataSetReader { source, position: start, end, keep, bounds, kept: 0, trail: Vec::new() };
     let walked = walker.elements(encoding, Some(end), 0);
     let (data, pixels) = walked.map_err(|defect| LocatedFault { trail: walker.trail, defect })?;
     Ok(ParsedDataSet { data, pixels })
@@ -210,7 +218,7 @@ pub(super) fn read_header<R: BufRead + Seek>(
     encoding: Encoding,
 ) -> Result<Header, Defect> {
     let (keep, bounds, trail) = (|_| Retention::Nothing, Bounds::IMAGES, Vec::new());
-    let mut walker = DataSetReader { source, position: *position, end, keep, bounds, trail };
+    let mut walker = DataSetReader { source, position: *position, end, keep, bounds, kept: 0, trail };
     let header = walker.header(encoding)?;
     *position = walker.position;
     Ok(header)
@@ -222,6 +230,8 @@ struct DataSetReader<'a, R> {
     end: u64,
     keep: KeepOf,
     bounds: Bounds,
+    /// Bytes of memory that kept elements and items take.
+    kept: u64,
     /// The kept items around the position: an error leaves them.
     trail: Vec<(Tag, usize)>,
 }
@@ -265,6 +275,7 @@ impl<R: BufRead + Seek> DataSetReader<'_, R> {
                 data.elements.push((header.tag, Value::Bytes { bytes, big_endian }));
             }
             (Retention::Items, length) => {
+                self.charge(size_of::<(Tag, Value)>() as u64)?;
                 let items = self.items(header.tag, inner, length, depth + 1)?;
                 data.elements.push((header.tag, Value::Items(items)));
             }
@@ -295,11 +306,19 @@ impl<R: BufRead + Seek> DataSetReader<'_, R> {
                 return Err(Defect::NotAnItem { found: header.tag });
             }
             let bound = header.length.map(|length| self.position.saturating_add(length.into()).min(self.end));
+            self.charge(size_of::<DataSet>() as u64)?;
             self.trail.push((tag, items.len() + 1));
             items.push(self.elements(encoding, bound, depth)?.0);
             self.trail.pop();
         }
         Ok(items)
+    }
+
+    /// Counts memory for a kept element or item.
+    fn charge(&mut self, bytes: u64) -> Result<(), Defect> {
+        self.kept = self.kept.saturating_add(bytes);
+        let limit = self.bounds.kept_bytes;
+        if self.kept > limit { Err(Defect::LargeDataSet { limit }) } else { Ok(()) }
     }
 
     /// Skips the rest of an element of undefined length: a loop, so that nesting costs no stack.
@@ -356,6 +375,7 @@ impl<R: BufRead + Seek> DataSetReader<'_, R> {
             return Err(Defect::LongValue { tag, found: length, limit });
         }
         self.check_left(length.into(), tag)?;
+        self.charge(size_of::<(Tag, Value)>() as u64 + u64::from(length))?;
         let mut bytes = vec![0; length as usize];
         self.source.read_exact(&mut bytes)?;
         self.position += u64::from(length);
@@ -384,21 +404,6 @@ impl<R: BufRead + Seek> DataSetReader<'_, R> {
         let found = self.end.saturating_sub(self.position);
         if found < expected { Err(Defect::Short { tag, found, expected }) } else { Ok(()) }
     }
-}
-
-/// Whether two bytes look like a value representation.
-pub(super) fn is_vr(vr: [u8; 2]) -> bool {
-    vr.iter().all(u8::is_ascii_uppercase)
-}
-
-/// Whether a VR is followed by a 32-bit length. The short ones are listed: PS3.5 gives future VRs
-/// the long form.
-fn has_long_length(vr: [u8; 2]) -> bool {
-    const SHORT: [&[u8; 2]; 21] = [
-        b"AE", b"AS", b"AT", b"CS", b"DA", b"DS", b"DT", b"FL", b"FD", b"IS", b"LO", b"LT", b"PN", b"SH",
-        b"SL", b"SS", b"ST", b"TM", b"UI", b"UL", b"US",
-    ];
-    !SHORT.contains(&&vr)
 }
 
 #[cfg(test)]

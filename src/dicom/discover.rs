@@ -13,6 +13,7 @@ use super::source::{self, FileSource};
 use super::warnings::{Warning, WarningCode};
 use crate::progress::Progress;
 use crate::progress::Stage;
+use relief_base::Budget;
 
 /// What to do about files that are defective.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -61,10 +62,25 @@ pub fn discover(
     strictness: Strictness,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Discovery, Error> {
-    let files = source::collect(path)?;
+    discover_within(&Budget::default(), path, strictness, progress)
+}
+
+/// As [`discover`], within a budget. The series that it finds share the budget when they are
+/// loaded.
+///
+/// # Errors
+/// As [`discover`], and when the budget is spent or the reading was cancelled.
+pub fn discover_within(
+    budget: &Budget,
+    path: &Path,
+    strictness: Strictness,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Discovery, Error> {
+    let files = source::collect(path, budget)?;
     let step = Progress::counter(Stage::Headers, files.len(), progress);
     let read = |file| {
-        let outcome = header::read(file);
+        let outcome = budget.check().map_err(Defect::from).map_err(Rejection::from);
+        let outcome = outcome.and_then(|()| header::read(file, budget));
         step();
         outcome
     };
@@ -75,40 +91,50 @@ pub fn discover(
     for (file, outcome) in files.iter().zip(outcomes) {
         match outcome {
             Ok(of_file) => frames.extend(of_file),
+            Err(Rejection::Defective(Defect::Budget(error))) => return Err(error.into()),
             Err(rejection) => skipped.push(Skipped::new(file.to_string(), rejection)),
         }
     }
     let mut discovery = Discovery { path: path.to_owned(), files: files.len(), series: Vec::new(), skipped };
     discovery.check(strictness)?;
-    discovery.series = series::group(frames);
+    discovery.series = series::group(frames, budget);
     Ok(discovery)
 }
 
 impl Skipped {
     fn new(file: String, rejection: Rejection) -> Self {
         match rejection {
-            Rejection::Unwanted(reason) => Self { file, reason, defect: None },
+            Rejection::Unwanted(reason) => Self { file, reason: shortened(reason), defect: None },
             Rejection::Defective(defect) => {
                 let is_sidecar =
                     [".csv", ".json", ".nrrd", ".nii", ".nii.gz"].iter().any(|ending| file.ends_with(ending));
                 let is_sidecar = is_sidecar && matches!(defect, Defect::NotDicom { .. });
-                let reason = defect.to_string();
+                let reason = shortened(defect.to_string());
                 Self { file, reason, defect: (!is_sidecar).then_some(defect) }
             }
         }
     }
 
-    fn line(&self) -> String {
-        format!("{}: {}", self.file, self.reason)
+    fn parts(&self) -> (String, String) {
+        (self.file.clone(), self.reason.clone())
+    }
+}
+
+/// As much of a reason as a list shows: values of a file stand in it.
+fn shortened(reason: String) -> String {
+    const MOST: usize = 400;
+    match reason.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}...", &reason[..end]),
+        None => reason,
     }
 }
 
 impl Discovery {
     fn check(&self, strictness: Strictness) -> Result<(), Error> {
-        let defective: Vec<String> = self.defective().map(Skipped::line).collect();
+        let defective: Vec<(String, String)> = self.defective().map(Skipped::parts).collect();
         match strictness {
             Strictness::Strict if !defective.is_empty() => {
-                Err(Error::Strict { count: defective.len(), reasons: Reasons(defective) })
+                Err(Error::Strict { count: defective.len(), reasons: Reasons::about(defective) })
             }
             _ => Ok(()),
         }
@@ -122,7 +148,10 @@ impl Discovery {
     /// A warning for each defective file.
     #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
-        self.defective().map(|skipped| Warning::new(WarningCode::BadFile, skipped.line())).collect()
+        let warning = |Skipped { file, reason, .. }: &Skipped| {
+            Warning::new(WarningCode::BadFile, format!("{file}: {reason}"))
+        };
+        self.defective().map(warning).collect()
     }
 
     /// The series with this UID, or the only one.
@@ -134,7 +163,7 @@ impl Discovery {
         let listing = || series::listing(&self.series);
         match (self.series.as_slice(), uid) {
             ([], _) => {
-                let reasons = Reasons(self.skipped.iter().map(Skipped::line).collect());
+                let reasons = Reasons::about(self.skipped.iter().map(Skipped::parts));
                 Err(Error::NoSeries { path: self.path.clone(), files: self.files, reasons })
             }
             (series, Some(uid)) => series

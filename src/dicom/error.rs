@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 use dicom_core::Tag;
 
+use relief_base::BudgetError;
 use relief_volume::{GridError, VoxelCountError};
 
 /// Why a series could not be found or loaded.
@@ -118,6 +119,9 @@ pub enum Error {
         /// Voxels wanted, two bytes each.
         voxels: u64,
     },
+    /// The reading took more than it may, or was cancelled.
+    #[error(transparent)]
+    Budget(#[from] BudgetError),
     /// The geometry does not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -140,29 +144,65 @@ impl Error {
         }
     }
 
-    /// The message without paths, file names and UIDs, for reports that others read: these may
-    /// identify a patient.
+    /// The message without paths, file names and UIDs of series, for reports and answers that others
+    /// read: these may identify a patient. `subject` stands for the files.
     #[must_use]
-    pub fn without_names(&self) -> String {
+    pub fn without_names(&self, subject: &str) -> String {
         match self {
             // The problem of a DICOMDIR repeats the file that it refers to.
-            Self::Container { .. } => "its zip or DICOMDIR cannot be used".to_owned(),
-            Self::NoSeries { files, .. } => format!("no CT slices among {files} file(s)"),
+            Self::Container { path, .. } if path.ends_with("DICOMDIR") => {
+                format!("cannot use {subject}: its DICOMDIR refers to files that are not below it")
+            }
+            Self::NoSeries { files, reasons, .. } => {
+                format!("no CT slices among {files} file(s){}", reasons.without_names())
+            }
             Self::SeveralSeries { count, .. } => format!("{count} series found, expected one"),
             Self::UnknownSeries { .. } => "the series is no longer there".to_owned(),
-            Self::Strict { count, .. } => format!("{count} file(s) cannot be used, and reading is strict"),
-            Self::NothingDecoded { slices, .. } => format!("none of the {slices} slices can be decoded"),
+            Self::Strict { count, reasons } => {
+                let reasons = reasons.without_names();
+                format!("{count} file(s) cannot be used, and reading is strict{reasons}")
+            }
+            Self::NothingDecoded { slices, reasons } => {
+                format!("none of the {slices} slices can be decoded{}", reasons.without_names())
+            }
             Self::Ambiguous { duplicates, slices, .. } => {
                 format!("{duplicates} of {slices} slices share a position with another one")
             }
-            other => other.about("its files"),
+            other => other.about(subject),
         }
     }
 }
 
-/// Lines of a message, each indented on a line of its own; only the first few are shown.
+/// Why files were not used, one line each; a message shows the first few.
+#[derive(Clone, Debug, Default)]
+pub struct Reasons(Vec<Reason>);
+
 #[derive(Clone, Debug)]
-pub struct Reasons(pub Vec<String>);
+struct Reason {
+    /// The file or series that the line is about. It may name a patient.
+    name: Option<String>,
+    text: String,
+}
+
+impl Reasons {
+    /// Lines about files or series: the name of each, and what is said of it.
+    pub(super) fn about(lines: impl IntoIterator<Item = (String, String)>) -> Self {
+        Self(lines.into_iter().map(|(name, text)| Reason { name: Some(name), text }).collect())
+    }
+
+    /// Lines that name nothing.
+    pub(super) fn plain(lines: impl IntoIterator<Item = String>) -> Self {
+        Self(lines.into_iter().map(|text| Reason { name: None, text }).collect())
+    }
+
+    /// The first few different lines, without the names before them.
+    fn without_names(&self) -> String {
+        let mut texts: Vec<&str> = self.0.iter().map(|reason| reason.text.as_str()).collect();
+        texts.sort_unstable();
+        texts.dedup();
+        texts.into_iter().take(SHOWN).map(|text| format!("\n  {text}")).collect()
+    }
+}
 
 /// How many lines of [`Reasons`] a message shows.
 const SHOWN: usize = 8;
@@ -170,7 +210,10 @@ const SHOWN: usize = 8;
 impl fmt::Display for Reasons {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for line in self.0.iter().take(SHOWN) {
-            write!(f, "\n  {line}")?;
+            match &line.name {
+                Some(name) => write!(f, "\n  {name}: {}", line.text)?,
+                None => write!(f, "\n  {}", line.text)?,
+            }
         }
         match self.0.len().saturating_sub(SHOWN) {
             0 => Ok(()),
@@ -282,6 +325,15 @@ pub enum Defect {
         /// The limit.
         limit: u32,
     },
+    /// More elements and items than any object has.
+    #[error("its elements and items take more than {} MiB of memory", limit >> 20)]
+    LargeDataSet {
+        /// The limit in bytes.
+        limit: u64,
+    },
+    /// The reading took more than it may, or was cancelled.
+    #[error(transparent)]
+    Budget(#[from] BudgetError),
     /// Something else where a sequence item belongs.
     #[error("found element {found} where a sequence item (FFFE,E000) is expected")]
     NotAnItem {
@@ -388,10 +440,10 @@ mod tests {
     fn messages_without_names_have_none() {
         const NAME: &str = "DOE^JOHN";
         let (path, text) = (|| PathBuf::from("/archive").join(NAME), || NAME.to_owned());
-        let lines = || Reasons(vec![format!("{NAME}/1.dcm: cut short")]);
+        let lines = || Reasons::about([(format!("{NAME}/1.dcm"), "cut short".to_owned())]);
         for error in [
             Error::Unreadable { path: path(), source: std::io::ErrorKind::NotFound.into() },
-            Error::Container { path: path(), problem: text() },
+            Error::Container { path: PathBuf::from("DOE^JOHN/DICOMDIR"), problem: text() },
             Error::NoSeries { path: path(), files: 3, reasons: lines() },
             Error::SeveralSeries { count: 2, listing: lines() },
             Error::UnknownSeries { uid: text(), listing: lines() },
@@ -400,7 +452,7 @@ mod tests {
             Error::Ambiguous { duplicates: 1, slices: 2, first: text(), second: text() },
         ] {
             assert!(error.to_string().contains(NAME), "the message itself has it: {error}");
-            let message = error.without_names();
+            let message = error.without_names("its files");
             assert!(!message.contains(NAME) && !message.is_empty(), "{message}");
         }
     }

@@ -10,6 +10,8 @@ use super::error::Defect;
 pub(super) enum Bytes {
     Disk(PathBuf),
     Memory(bytes::Bytes),
+    /// The first bytes of a zip entry, and how many it has in all.
+    Beginning(bytes::Bytes, u64),
 }
 
 /// A reader of either.
@@ -28,6 +30,7 @@ impl Bytes {
                 Ok((Reader::Disk(BufReader::new(file)), length))
             }
             Self::Memory(bytes) => Ok((Reader::Memory(Cursor::new(bytes.clone())), bytes.len() as u64)),
+            Self::Beginning(bytes, length) => Ok((Reader::Memory(Cursor::new(bytes.clone())), *length)),
         }
     }
 
@@ -39,7 +42,7 @@ impl Bytes {
                 file.seek(SeekFrom::Start(position))?;
                 file.read_exact(target)?;
             }
-            Self::Memory(bytes) => {
+            Self::Memory(bytes) | Self::Beginning(bytes, _) => {
                 let mut cursor = Cursor::new(bytes);
                 cursor.set_position(position);
                 cursor.read_exact(target)?;

@@ -10,6 +10,7 @@ use sha2::{Digest, Sha256};
 use super::error::{Defect, Error, Reasons};
 use super::series::SeriesEntry;
 use super::source::FileSource;
+use relief_base::Budget;
 
 impl SeriesEntry {
     /// SHA-256 of the SHA-256 of all its files, in rising order of these. Reads every byte.
@@ -19,11 +20,13 @@ impl SeriesEntry {
     pub fn content_sha256(&self) -> Result<[u8; 32], Error> {
         let files: BTreeMap<String, &FileSource> =
             self.frames.iter().map(|frame| (frame.file.source.to_string(), &frame.file.source)).collect();
-        let digests: Result<Vec<[u8; 32]>, (String, Defect)> =
-            files.into_par_iter().map(|(name, file)| digest(file).map_err(|defect| (name, defect))).collect();
+        let digests: Result<Vec<[u8; 32]>, (String, Defect)> = files
+            .into_par_iter()
+            .map(|(name, file)| digest(file, &self.budget).map_err(|defect| (name, defect)))
+            .collect();
         let mut digests = digests.map_err(|(name, defect)| Error::NothingDecoded {
             slices: self.frames.len(),
-            reasons: Reasons(vec![format!("{name}: {defect}")]),
+            reasons: Reasons::about([(name, defect.to_string())]),
         })?;
         digests.sort_unstable();
         let of_all = digests.iter().fold(Sha256::new(), Digest::chain_update);
@@ -31,8 +34,8 @@ impl SeriesEntry {
     }
 }
 
-fn digest(file: &FileSource) -> Result<[u8; 32], Defect> {
-    let (mut reader, _) = file.bytes()?.open()?;
+fn digest(file: &FileSource, budget: &Budget) -> Result<[u8; 32], Defect> {
+    let (mut reader, _) = file.bytes(budget)?.open()?;
     let mut hasher = Sha256::new();
     let mut part = vec![0; 1 << 16];
     loop {

@@ -19,12 +19,14 @@ use super::attributes::{
     POSITION, REPRESENTATION, ROWS, SAMPLES, SLOPE, SPACING, THICKNESS, check, numbers, positive, required,
     text, unsigned,
 };
-use super::dataset::{DataSet, PixelElement, Retention};
+use super::dataset::{Bounds, DataSet, PixelElement, Retention};
 use super::error::Defect;
+use super::file_bytes::Bytes;
 use super::groups::Groups;
 use super::part10::{self, Object, Syntax};
 use super::pixels::{PixelLayout, Rescale};
 use super::source::FileSource;
+use relief_base::Budget;
 
 /// A CT file: what its frames share, and the frames. `Debug` shows no UIDs, which lead to a
 /// patient.
@@ -84,6 +86,10 @@ impl std::fmt::Display for FrameHeader {
     }
 }
 
+/// Bytes of memory for a frame: its header, its place in lists that group frames, and its key among
+/// those that were seen.
+const FRAME_BYTES: u64 = 3 * size_of::<FrameHeader>() as u64;
+
 /// Why a file gives no slices.
 #[derive(Debug)]
 pub(super) enum Rejection {
@@ -140,25 +146,38 @@ fn keep(tag: Tag) -> Retention {
     }
 }
 
-/// Reads a file's header, up to its pixels.
+/// Reads a file's header, up to its pixels. What is kept of it counts in the budget.
 ///
 /// # Errors
 /// [`Rejection::Unwanted`] for sound objects other than CT slices, else the defect of the
 /// file.
-pub(super) fn read(source: &FileSource) -> Result<Vec<FrameHeader>, Rejection> {
-    let object = part10::open(source.bytes()?)?;
+pub(super) fn read(source: &FileSource, budget: &Budget) -> Result<Vec<FrameHeader>, Rejection> {
+    let beginning = source.beginning(budget)?;
+    let is_whole = !matches!(beginning, Bytes::Beginning(..));
+    match read_from(source, beginning, budget) {
+        // Its header is longer, or it is damaged.
+        Err(Rejection::Defective(defect)) if !is_whole && !matches!(defect, Defect::Budget(_)) => {
+            read_from(source, source.bytes(budget)?, budget)
+        }
+        outcome => outcome,
+    }
+}
+
+fn read_from(source: &FileSource, bytes: Bytes, budget: &Budget) -> Result<Vec<FrameHeader>, Rejection> {
+    let object = part10::open(bytes, budget)?;
     if object.is_directory() {
         return Err(Rejection::Unwanted("a DICOMDIR beside the images".to_owned()));
     }
-    let walked = object.walk(keep)?;
+    let walked = object.walk_within(Bounds::SLICES, keep).map_err(|located| located.defect)?;
     check_wanted(&walked.data)?;
     let frames = frame_count(&walked.data)?;
     let layout = layout(&walked.data, frames)?;
     let groups = Groups::new(&walked.data, frames)?;
     let pixels = pixels(walked.pixels, &object, &layout)?; // bounds the number of frames by the file's size
+    budget.keep(u64::from(frames) * FRAME_BYTES).map_err(Defect::from)?;
     let rescales =
         (0..frames).map(|index| rescale(&groups, index, &layout)).collect::<Result<Vec<_>, _>>()?;
-    let file = Arc::new(FileHeader {
+    let file = FileHeader {
         source: source.clone(),
         study_uid: text(&walked.data, tags::STUDY_INSTANCE_UID),
         series_uid: text(&walked.data, tags::SERIES_INSTANCE_UID),
@@ -169,13 +188,39 @@ pub(super) fn read(source: &FileSource) -> Result<Vec<FrameHeader>, Rejection> {
         sop_class: text(&walked.data, tags::SOP_CLASS_UID),
         pixels,
         memory_bytes: source.memory_bytes() + object.inflated_bytes(),
-        extended_offsets: walked.data.bytes(tags::EXTENDED_OFFSET_TABLE).unwrap_or_default().to_vec(),
+        extended_offsets: extended_offsets(&walked.data, frames),
         missing_rescale: rescales.iter().any(Option::is_none),
         lossy: text(&walked.data, tags::LOSSY_IMAGE_COMPRESSION) == "01",
         syntax: object.syntax,
         layout,
-    });
+    };
+    budget.keep(file.kept_bytes()).map_err(Defect::from)?;
+    let file = Arc::new(file);
     (0..frames).zip(rescales).map(|(index, rescale)| frame(&file, &groups, index, rescale)).collect()
+}
+
+/// The Extended Offset Table, of one frame nothing: it has an entry of eight bytes for each.
+fn extended_offsets(data: &DataSet, frames: u32) -> Vec<u8> {
+    let table = data.bytes(tags::EXTENDED_OFFSET_TABLE).unwrap_or_default();
+    let length = if frames > 1 { frames as usize * 8 } else { 0 };
+    table.get(..length).unwrap_or_default().to_vec()
+}
+
+impl FileHeader {
+    /// Bytes of memory that the header takes as long as its series is known.
+    fn kept_bytes(&self) -> u64 {
+        let texts = [
+            &self.study_uid,
+            &self.series_uid,
+            &self.instance_uid,
+            &self.frame_of_reference_uid,
+            &self.acquisition,
+            &self.modality,
+            &self.sop_class,
+        ];
+        let texts: usize = texts.into_iter().map(String::len).sum();
+        (size_of::<Self>() + texts + self.extended_offsets.len()) as u64
+    }
 }
 
 fn frame(

@@ -24,7 +24,7 @@ use super::stack::{self, Stack};
 use super::warnings::{Warning, WarningCode};
 use crate::progress::Progress;
 use crate::progress::Stage;
-use relief_base::Transform;
+use relief_base::{Budget, Transform};
 use relief_volume::{Grid, Volume};
 
 /// A loaded series.
@@ -136,7 +136,7 @@ fn load_voxels(
     warnings.extend(duplicates);
     refuse(strictness, &warnings)?;
     warnings.extend(header_warnings(&frames));
-    let (frames, hu, decoding) = decode(frames, strictness, progress)?;
+    let (frames, hu, decoding) = decode(frames, &entry.budget, strictness, progress)?;
     warnings.extend(decoding);
     let stack = Stack::new(&frames);
     let identity = entry.identity();
@@ -171,7 +171,7 @@ fn refuse(strictness: Strictness, warnings: &[Warning]) -> Result<(), Error> {
     if strictness == Strictness::Lenient || warnings.is_empty() {
         return Ok(());
     }
-    let reasons = Reasons(warnings.iter().map(|warning| warning.message.clone()).collect());
+    let reasons = Reasons::plain(warnings.iter().map(|warning| warning.message.clone()));
     Err(Error::Strict { count: warnings.len(), reasons })
 }
 
@@ -228,6 +228,7 @@ type Decoded = (Vec<FrameHeader>, Vec<i16>, Vec<Warning>);
 /// Decodes all frames into one stack; those that fail are taken out of it again.
 fn decode(
     frames: Vec<FrameHeader>,
+    budget: &Budget,
     strictness: Strictness,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Decoded, Error> {
@@ -240,13 +241,18 @@ fn decode(
     let batches = batches::of(files, memory).into_iter();
     let mut outcomes: Vec<Outcome> = batches
         .flat_map(|files| {
-            files.into_par_iter().flat_map(|tasks| decode_file(tasks, &step)).collect::<Vec<_>>()
+            files.into_par_iter().flat_map(|tasks| decode_file(tasks, budget, &step)).collect::<Vec<_>>()
         })
         .collect();
     outcomes.sort_by_key(|(index, _)| *index);
     let clipped = outcomes.iter().filter_map(|(_, outcome)| outcome.as_ref().ok()).sum();
     let failed: Vec<(usize, Defect)> =
         outcomes.into_iter().filter_map(|(index, outcome)| Some((index, outcome.err()?))).collect();
+    if let Some((_, Defect::Budget(error))) =
+        failed.iter().find(|(_, defect)| matches!(defect, Defect::Budget(_)))
+    {
+        return Err((*error).into());
+    }
     let mut warnings = failure_warnings(&frames, &failed, strictness)?;
     warnings.extend(clipped_warning(clipped));
     let (frames, hu) = without(frames, hu, &failed, slice_len);
@@ -268,15 +274,16 @@ fn by_file<'a>(tasks: impl Iterator<Item = Task<'a>>) -> Vec<Vec<Task<'a>>> {
 }
 
 /// Decodes the frames of one file.
-fn decode_file(tasks: Vec<Task<'_>>, step: &(dyn Fn() + Sync)) -> Vec<Outcome> {
+fn decode_file(tasks: Vec<Task<'_>>, budget: &Budget, step: &(dyn Fn() + Sync)) -> Vec<Outcome> {
     let file = Arc::clone(&tasks[0].1.file);
-    let opened = super::source::open_bytes(&file.source);
+    let opened = super::source::open_bytes(&file.source, budget);
     let opened = opened.and_then(|bytes| {
         let frames = if file.syntax.is_native() { None } else { Some(Frames::index(&file, &bytes)?) };
         Ok((bytes, frames))
     });
     let one = |(index, frame, hu): Task<'_>| {
         let outcome = match &opened {
+            Ok(_) if budget.check().is_err() => budget.check().map(|()| 0).map_err(Defect::from),
             Ok((bytes, frames)) => decode_frame(frame, bytes, frames.as_ref(), hu),
             Err(defect) => Err(defect.clone()),
         };
@@ -313,15 +320,16 @@ fn failure_warnings(
     failed: &[(usize, Defect)],
     strictness: Strictness,
 ) -> Result<Vec<Warning>, Error> {
-    let lines: Vec<String> =
-        failed.iter().map(|(index, defect)| format!("{}: {defect}", frames[*index])).collect();
+    let lines: Vec<(String, String)> =
+        failed.iter().map(|(index, defect)| (frames[*index].to_string(), defect.to_string())).collect();
     if lines.len() == frames.len() {
-        return Err(Error::NothingDecoded { slices: frames.len(), reasons: Reasons(lines) });
+        return Err(Error::NothingDecoded { slices: frames.len(), reasons: Reasons::about(lines) });
     }
     if strictness == Strictness::Strict && !lines.is_empty() {
-        return Err(Error::Strict { count: lines.len(), reasons: Reasons(lines) });
+        return Err(Error::Strict { count: lines.len(), reasons: Reasons::about(lines) });
     }
-    Ok(lines.into_iter().map(|line| Warning::new(WarningCode::BadFile, line)).collect())
+    let warning = |(frame, reason)| Warning::new(WarningCode::BadFile, format!("{frame}: {reason}"));
+    Ok(lines.into_iter().map(warning).collect())
 }
 
 fn clipped_warning(clipped: u64) -> Option<Warning> {

@@ -15,12 +15,16 @@ use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 use super::dataset::{self, Bounds, Encoding, KeepOf, LocatedFault, ParsedDataSet};
 use super::error::Defect;
 use super::file_bytes::{Bytes, Reader};
+use super::vr::is_vr;
+use relief_base::Budget;
 
 /// The largest deflated data set that is unpacked, in bytes: an enhanced CT of 1000 frames.
 const LARGEST_INFLATED: u64 = 1 << 29;
 /// Bytes that any thread may inflate at once: far more than a slice has. A larger data set waits
 /// for its turn.
 const SMALL_INFLATED: u64 = 1 << 25;
+/// Bytes that are inflated at a time.
+const INFLATED_PART: u64 = 1 << 20;
 /// Retired by the standard, and so deprecated in the dictionary, but not by archives.
 const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 
@@ -114,7 +118,7 @@ impl Syntax {
 ///
 /// # Errors
 /// When it is not DICOM, or its beginning is cut short.
-pub(super) fn open(bytes: Bytes) -> Result<Object, Defect> {
+pub(super) fn open(bytes: Bytes, budget: &Budget) -> Result<Object, Defect> {
     let (mut reader, length) = bytes.open()?;
     let mut position = find_start(&mut reader)?;
     reader.seek(SeekFrom::Start(position))?;
@@ -124,7 +128,7 @@ pub(super) fn open(bytes: Bytes) -> Result<Object, Defect> {
         return Ok(Object { bytes, start: position, syntax, _turn: None });
     }
     reader.seek(SeekFrom::Start(position))?;
-    let (inflated, turn) = inflate(reader)?;
+    let (inflated, turn) = inflate(reader, budget)?;
     Ok(Object { bytes: Bytes::Memory(inflated), start: 0, syntax, _turn: turn })
 }
 
@@ -159,7 +163,7 @@ fn describe(head: &[u8]) -> String {
 /// How the element at the start of `head` is encoded; `None` when it does not look like an element.
 fn guess_encoding(head: &[u8]) -> Option<Encoding> {
     let &[a, b, c, d, e, f, g, h] = head.first_chunk::<8>()?;
-    if dataset::is_vr([e, f]) {
+    if is_vr([e, f]) {
         // The first group is a small number; its high byte is zero in the file's byte order.
         return Some(if a == 0 && b != 0 { Encoding::ExplicitBig } else { Encoding::ExplicitLittle });
     }
@@ -226,21 +230,26 @@ fn syntax(meta: &Meta, reader: &mut Reader, position: u64) -> Result<Syntax, Def
     Ok(Syntax { uid: uid.to_owned(), encoding, guessed: true, directory })
 }
 
-fn inflate(reader: Reader) -> Result<(bytes::Bytes, Option<Turn>), Defect> {
+fn inflate(reader: Reader, budget: &Budget) -> Result<(bytes::Bytes, Option<Turn>), Defect> {
     let problem = |error: std::io::Error| Defect::Codec { codec: "deflate", problem: error.to_string() };
     let mut decoder = flate2::read::DeflateDecoder::new(reader);
     let mut bytes = Vec::new();
-    decoder.by_ref().take(SMALL_INFLATED).read_to_end(&mut bytes).map_err(problem)?;
     let mut turn = None;
-    if bytes.len() as u64 == SMALL_INFLATED {
-        turn = Some(TURN.lock().unwrap_or_else(PoisonError::into_inner)); // it guards no data
-        let rest = LARGEST_INFLATED + 1 - SMALL_INFLATED;
-        decoder.take(rest).read_to_end(&mut bytes).map_err(problem)?;
+    loop {
+        let before = bytes.len() as u64;
+        budget.unpack(INFLATED_PART)?;
+        decoder.by_ref().take(INFLATED_PART).read_to_end(&mut bytes).map_err(problem)?;
+        let length = bytes.len() as u64;
+        if length > LARGEST_INFLATED {
+            return Err(Defect::LargeInflated { limit: LARGEST_INFLATED });
+        }
+        if length - before < INFLATED_PART {
+            return Ok((bytes.into(), turn));
+        }
+        if length >= SMALL_INFLATED && turn.is_none() {
+            turn = Some(TURN.lock().unwrap_or_else(PoisonError::into_inner)); // it guards no data
+        }
     }
-    if bytes.len() as u64 > LARGEST_INFLATED {
-        return Err(Defect::LargeInflated { limit: LARGEST_INFLATED });
-    }
-    Ok((bytes.into(), turn))
 }
 
 #[cfg(test)]
@@ -259,12 +268,12 @@ mod tests {
     fn large_data_sets_are_inflated_one_at_a_time() {
         for (size, waits) in [(0, false), (9, false), (SMALL_INFLATED - 1, false), (SMALL_INFLATED + 9, true)]
         {
-            let (bytes, turn) = inflate(deflated(size)).unwrap();
+            let (bytes, turn) = inflate(deflated(size), &Budget::default()).unwrap();
             assert_eq!((bytes.len() as u64, turn.is_some()), (size, waits));
             assert!(bytes.iter().all(|&byte| byte == 7));
             assert!(!waits || TURN.try_lock().is_err());
         }
-        let too_large = inflate(deflated(LARGEST_INFLATED + 1));
+        let too_large = inflate(deflated(LARGEST_INFLATED + 1), &Budget::default());
         assert!(matches!(too_large, Err(Defect::LargeInflated { limit: LARGEST_INFLATED })));
     }
 }

@@ -95,7 +95,7 @@ impl SeriesReference {
     /// refer to.
     pub fn of(entry: &SeriesEntry) -> Result<Self, Defect> {
         let first = &entry.frames[0].file;
-        let walked = part10::open(first.source.bytes()?)?.walk(keep)?;
+        let walked = part10::open(first.source.bytes(&entry.budget)?, &entry.budget)?.walk(keep)?;
         let charset = Charset::of(&walked.data);
         let repeated = REPEATED.map(|(tag, _)| charset.text(&walked.data, tag).unwrap_or_default());
         let needed = |tag, keyword, uid: &str| match uid {

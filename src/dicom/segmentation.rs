@@ -25,6 +25,7 @@ use super::file_bytes::Bytes;
 use super::groups::Groups;
 use super::load::LoadLimits;
 use super::part10::{self, Object};
+use relief_base::Budget;
 use relief_base::Transform;
 use relief_volume::{Grid, LabelMap, Layers, Segment};
 
@@ -170,7 +171,9 @@ struct Parsed {
 }
 
 fn parse(limits: LoadLimits, bytes: Bytes) -> Result<Parsed, Defect> {
-    let object = part10::open(bytes)?;
+    // Inflated, it has at most the bytes of its voxels, and a header.
+    let budget = Budget::new(0, limits.voxel_bytes.saturating_add(64 << 20));
+    let object = part10::open(bytes, &budget)?;
     let walked = object.walk(keep)?;
     let data = &walked.data;
     let kind = text(data, tags::SEGMENTATION_TYPE);

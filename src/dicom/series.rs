@@ -13,6 +13,7 @@ use super::error::Reasons;
 use super::header::FrameHeader;
 use super::stack;
 use super::warnings::{Warning, WarningCode};
+use relief_base::Budget;
 
 /// How far unit vectors of one series may differ: they are written with at least four digits.
 const DIRECTION_TOLERANCE: f64 = 1e-3;
@@ -25,6 +26,8 @@ pub struct SeriesEntry {
     uid: String,
     pub(super) frames: Vec<FrameHeader>,
     pub(super) warnings: Vec<Warning>,
+    /// What reading its files may still take.
+    pub(super) budget: Budget,
 }
 
 impl std::fmt::Debug for SeriesEntry {
@@ -96,25 +99,30 @@ impl SeriesEntry {
 
 /// The lines that list series in a message.
 pub(super) fn listing(series: &[SeriesEntry]) -> Reasons {
-    Reasons(series.iter().map(SeriesEntry::summary).collect())
+    Reasons::plain(series.iter().map(SeriesEntry::summary))
 }
 
 /// Groups slices into series, in a stable order: by UID, then by size, most slices first.
-pub(super) fn group(frames: Vec<FrameHeader>) -> Vec<SeriesEntry> {
+pub(super) fn group(frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEntry> {
     let mut by_uid: BTreeMap<String, Vec<FrameHeader>> = BTreeMap::new();
     for frame in frames {
         by_uid.entry(frame.file.series_uid.clone()).or_default().push(frame);
     }
-    by_uid.into_iter().flat_map(|(uid, frames)| split(&uid, frames)).collect()
+    by_uid.into_iter().flat_map(|(uid, frames)| split(&uid, frames, budget)).collect()
 }
 
-fn split(uid: &str, frames: Vec<FrameHeader>) -> Vec<SeriesEntry> {
+fn split(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEntry> {
     let (frames, warnings) = without_copies(frames);
     let mut stacks: Vec<_> = by_shape(frames).into_iter().flat_map(by_acquisition).collect();
     stacks.sort_by_key(|frames| std::cmp::Reverse(frames.len()));
     let several = stacks.len() > 1;
     let name = |index: usize| if several { format!("{uid}#{}", index + 1) } else { uid.to_owned() };
-    let entry = |(index, frames)| SeriesEntry { uid: name(index), frames, warnings: warnings.clone() };
+    let entry = |(index, frames)| SeriesEntry {
+        uid: name(index),
+        frames,
+        warnings: warnings.clone(),
+        budget: budget.clone(),
+    };
     stacks.into_iter().enumerate().map(entry).collect()
 }
 

@@ -18,14 +18,23 @@ use super::dataset::Retention;
 use super::error::{Defect, Error};
 use super::file_bytes::Bytes;
 use super::part10;
+use relief_base::Budget;
 
 /// The largest zip entry that is unpacked, in bytes: an enhanced CT of 1000 frames has half as
 /// much.
 const LARGEST_ENTRY: u64 = 1 << 30;
+/// Bytes of a zip entry that are unpacked to read a header.
+const HEADER_BYTES: u64 = 1 << 16;
 /// The largest zip that is held in memory, in bytes.
 const LARGEST_ZIP: u64 = 4 << 30;
 /// The most files one path may lead to: far more than any study has, few enough to list.
 const MOST_FILES: usize = 200_000;
+/// The most folders below a path: links beside each other can double a tree at each level.
+const MOST_FOLDERS: usize = 20_000;
+/// How deep folders may nest. Links among folders can make a tree of any depth from a few of them.
+const DEEPEST_FOLDER: usize = 32;
+/// Bytes of a local file header without its name: the least between two entries of a zip.
+const LOCAL_HEADER_BYTES: u64 = 30;
 
 type SharedZip = ZipArchive<Cursor<bytes::Bytes>>;
 
@@ -38,17 +47,29 @@ pub(super) enum FileSource {
 
 impl FileSource {
     /// The file's bytes; those of a zip entry are unpacked here.
-    pub(super) fn bytes(&self) -> Result<Bytes, Defect> {
+    pub(super) fn bytes(&self, budget: &Budget) -> Result<Bytes, Defect> {
         match self {
             Self::Disk { path, .. } => Ok(Bytes::Disk(path.clone())),
             Self::Zipped { archive, index, .. } => {
-                unpack(&mut SharedZip::clone(archive), *index).map(Bytes::Memory)
+                let (bytes, _) = unpack(&mut SharedZip::clone(archive), *index, LARGEST_ENTRY, budget)?;
+                Ok(Bytes::Memory(bytes))
             }
         }
     }
-}
 
-impl FileSource {
+    /// The bytes that hold the header of nearly all images: of a zip entry the first
+    /// [`HEADER_BYTES`], since its pixels are wanted later or never.
+    pub(super) fn beginning(&self, budget: &Budget) -> Result<Bytes, Defect> {
+        match self {
+            Self::Disk { path, .. } => Ok(Bytes::Disk(path.clone())),
+            Self::Zipped { archive, index, .. } => {
+                let (bytes, length) = unpack(&mut SharedZip::clone(archive), *index, HEADER_BYTES, budget)?;
+                let is_whole = bytes.len() as u64 >= length;
+                Ok(if is_whole { Bytes::Memory(bytes) } else { Bytes::Beginning(bytes, length) })
+            }
+        }
+    }
+
     /// Bytes that [`FileSource::bytes`] keeps in memory: the size of a zip entry, which is a claim
     /// that it is held to.
     pub(super) fn memory_bytes(&self) -> u64 {
@@ -81,10 +102,16 @@ impl fmt::Debug for FileSource {
 ///
 /// # Errors
 /// When the path cannot be read, or is a zip or DICOMDIR that cannot be used.
-pub(super) fn collect(path: &Path) -> Result<Vec<FileSource>, Error> {
+pub(super) fn collect(path: &Path, budget: &Budget) -> Result<Vec<FileSource>, Error> {
     let unreadable = |source| Error::Unreadable { path: path.to_owned(), source };
-    if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
+    let metadata = std::fs::metadata(path).map_err(unreadable)?;
+    if metadata.is_dir() {
         return collect_folder(path);
+    }
+    if !metadata.is_file() {
+        // Opening a pipe would wait for its writer.
+        let problem = "it is neither a file nor a folder".to_owned();
+        return Err(Error::Container { path: path.to_owned(), problem });
     }
     let mut magic = Vec::new();
     File::open(path).and_then(|file| file.take(4).read_to_end(&mut magic)).map_err(unreadable)?;
@@ -92,7 +119,7 @@ pub(super) fn collect(path: &Path) -> Result<Vec<FileSource>, Error> {
         return collect_zip(path);
     }
     let file = FileSource::Disk { path: path.to_owned(), label: "the file".to_owned() };
-    match directory_records(&file) {
+    match directory_records(&file, budget) {
         Some(references) => collect_references(path, references),
         None => Ok(vec![file]),
     }
@@ -100,13 +127,19 @@ pub(super) fn collect(path: &Path) -> Result<Vec<FileSource>, Error> {
 
 fn collect_folder(folder: &Path) -> Result<Vec<FileSource>, Error> {
     let mut files = Vec::new();
+    let mut folders = 0;
     // Links are followed (archives are often farms of links); walkdir refuses loops.
-    for entry in walkdir::WalkDir::new(folder).follow_links(true).sort_by_file_name() {
+    let tree = walkdir::WalkDir::new(folder).follow_links(true).max_depth(DEEPEST_FOLDER).sort_by_file_name();
+    for entry in tree {
         // An unreadable folder or link inside hides files, but the readable rest may be a whole
         // series. Opening the entry fails later and is reported.
         let path = match entry {
             Ok(entry) if entry.file_type().is_file() => entry.into_path(),
-            Ok(_) => continue,
+            Ok(entry) => {
+                folders += usize::from(entry.file_type().is_dir());
+                check_count(folder, folders, MOST_FOLDERS, "folders")?;
+                continue;
+            }
             Err(error) => match error.path() {
                 Some(path) => path.to_owned(),
                 None => continue,
@@ -114,7 +147,7 @@ fn collect_folder(folder: &Path) -> Result<Vec<FileSource>, Error> {
         };
         let label = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
         files.push(FileSource::Disk { path, label });
-        check_count(folder, files.len())?;
+        check_count(folder, files.len(), MOST_FILES, "files")?;
     }
     Ok(files)
 }
@@ -129,7 +162,8 @@ fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
     }
     let bytes: bytes::Bytes = std::fs::read(path).map_err(unreadable)?.into();
     let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| container(error.to_string()))?;
-    check_count(path, archive.len())?;
+    check_count(path, archive.len(), MOST_FILES, "files")?;
+    check_overlap(&archive).map_err(container)?;
     let archive = Arc::new(archive);
     let mut files = Vec::new();
     for index in 0..archive.len() {
@@ -142,35 +176,55 @@ fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
     Ok(files)
 }
 
-fn unpack(archive: &mut SharedZip, index: usize) -> Result<bytes::Bytes, Defect> {
+/// Refuses a zip whose entries share compressed bytes: a few kilobytes could stand for terabytes.
+fn check_overlap(archive: &SharedZip) -> Result<(), String> {
+    let entries = (0..archive.len()).filter_map(|index| archive.by_index_data(index).ok());
+    let mut places: Vec<(u64, u64)> =
+        entries.map(|entry| (entry.header_start(), entry.compressed_size())).collect();
+    places.sort_unstable();
+    let end = |(start, size): (u64, u64)| start.saturating_add(LOCAL_HEADER_BYTES).saturating_add(size);
+    match places.windows(2).position(|pair| end(pair[0]) > pair[1].0) {
+        Some(at) => Err(format!("its entries overlap at byte {}", places[at + 1].0)),
+        None => Ok(()),
+    }
+}
+
+/// The first bytes of an entry, at most `most`, and how many it has in all.
+fn unpack(
+    archive: &mut SharedZip,
+    index: usize,
+    most: u64,
+    budget: &Budget,
+) -> Result<(bytes::Bytes, u64), Defect> {
     let problem = |error: zip::result::ZipError| Defect::Unreadable(error.to_string());
     let entry = archive.by_index(index).map_err(problem)?;
     let found = entry.size();
     if found > LARGEST_ENTRY {
         return Err(Defect::LargeEntry { found, limit: LARGEST_ENTRY });
     }
+    budget.unpack(found.min(most))?;
     // Memory grows with the unpacked bytes; more than the zip's directory states is an error of
     // this reader.
     let mut bytes = Vec::new();
-    entry.take(LARGEST_ENTRY).read_to_end(&mut bytes)?;
-    Ok(bytes.into())
+    entry.take(most).read_to_end(&mut bytes)?;
+    Ok((bytes.into(), found))
 }
 
 /// The file references of a DICOMDIR; `None` when the file is not one.
-fn directory_records(file: &FileSource) -> Option<Vec<String>> {
+fn directory_records(file: &FileSource, budget: &Budget) -> Option<Vec<String>> {
     let keep = |tag: Tag| match tag {
         tags::DIRECTORY_RECORD_SEQUENCE => Retention::Items,
         tags::REFERENCED_FILE_ID => Retention::Value,
         _ => Retention::Nothing,
     };
-    let object = part10::open(file.bytes().ok()?).ok().filter(part10::Object::is_directory)?;
+    let object = part10::open(file.bytes(budget).ok()?, budget).ok().filter(part10::Object::is_directory)?;
     let walked = object.walk(keep).ok()?;
     let records = walked.data.items(tags::DIRECTORY_RECORD_SEQUENCE);
     Some(records.iter().filter_map(|record| record.text(tags::REFERENCED_FILE_ID)).collect())
 }
 
 fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<FileSource>, Error> {
-    check_count(directory, references.len())?;
+    check_count(directory, references.len(), MOST_FILES, "files")?;
     let folder = directory.parent().unwrap_or(Path::new(""));
     let container = |problem| Error::Container { path: directory.to_owned(), problem };
     if references.is_empty() {
@@ -188,6 +242,7 @@ fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<F
         }
         let (path, label) = (find_ignoring_case(folder, &relative), relative.display().to_string());
         files.push(FileSource::Disk { path, label });
+        check_count(folder, files.len(), MOST_FILES, "files")?;
     }
     Ok(files)
 }
@@ -199,9 +254,9 @@ fn find_ignoring_case(folder: &Path, relative: &Path) -> PathBuf {
     if !exact.exists() && lower.exists() { lower } else { exact }
 }
 
-fn check_count(path: &Path, count: usize) -> Result<(), Error> {
-    if count > MOST_FILES {
-        let problem = format!("found more than {MOST_FILES} files; choose a folder nearer to the series");
+fn check_count(path: &Path, count: usize, most: usize, what: &str) -> Result<(), Error> {
+    if count > most {
+        let problem = format!("found more than {most} {what}; choose a folder nearer to the series");
         return Err(Error::Container { path: path.to_owned(), problem });
     }
     Ok(())
@@ -210,7 +265,7 @@ fn check_count(path: &Path, count: usize) -> Result<(), Error> {
 /// The bytes that positions in a header refer to: the file's, or its inflated data set.
 ///
 /// # Errors
-/// As [`open`].
-pub(super) fn open_bytes(source: &FileSource) -> Result<Bytes, Defect> {
-    part10::open(source.bytes()?).map(|object| object.bytes)
+/// When they cannot be read or unpacked, or the budget is spent.
+pub(super) fn open_bytes(source: &FileSource, budget: &Budget) -> Result<Bytes, Defect> {
+    part10::open(source.bytes(budget)?, budget).map(|object| object.bytes)
 }

@@ -20,7 +20,7 @@ use relief_base::{Patient, Point};
 /// The largest file that is read: contours of a hundred structures have a tenth of it.
 const MOST_BYTES: usize = 1 << 29;
 /// Contours nest three deep; a long one has a hundred thousand numbers of up to 16 characters.
-const BOUNDS: Bounds = Bounds { deepest: 8, longest_value: 1 << 24 };
+const BOUNDS: Bounds = Bounds { deepest: 8, longest_value: 1 << 24, kept_bytes: 512 << 20 };
 /// How far contours of one level may be apart, mm.
 const SAME_LEVEL_MM: f64 = 1e-3;
 

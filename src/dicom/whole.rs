@@ -8,6 +8,7 @@ use super::dataset::{Bounds, DataSet, KeepOf, LocatedFault};
 use super::error::{Attribute, Defect};
 use super::file_bytes::Bytes;
 use super::part10;
+use relief_base::Budget;
 
 /// The reason why an object could not be read. Messages contain neither UIDs nor values about
 /// people.
@@ -56,7 +57,10 @@ pub(super) fn read(
         return Err(ObjectError::TooLarge { found: bytes.len(), allowed: most_bytes });
     }
     let at_top = |defect| ObjectError::Damaged { path: String::new(), defect };
-    let object = part10::open(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes))).map_err(at_top)?;
+    // Inflated, the object may not be larger than one that is not deflated.
+    let budget = Budget::new(0, (most_bytes as u64).max(1 << 20));
+    let object = part10::open(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes)), &budget);
+    let object = object.map_err(at_top)?;
     let damaged = |LocatedFault { trail, defect }: LocatedFault| {
         let steps: Vec<String> = trail.iter().map(|(tag, number)| format!("{tag}[{number}]")).collect();
         ObjectError::Damaged { path: steps.join("/"), defect }

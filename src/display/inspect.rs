@@ -338,21 +338,38 @@ impl PngHeader {
     }
 }
 
-/// The chunks of [`COLOR_CHUNKS`] that a PNG file has.
-fn color_chunks(file: &[u8]) -> impl Iterator<Item = &'static str> + '_ {
+/// The chunks of a PNG file: the name of each, and all its bytes.
+fn chunks(file: &[u8]) -> impl Iterator<Item = ([u8; 4], &[u8])> + '_ {
     let mut rest = file.get(PNG_SIGNATURE.len()..).unwrap_or_default();
     std::iter::from_fn(move || {
-        let (head, data) = rest.split_first_chunk::<8>()?;
-        let [l0, l1, l2, l3, name @ ..] = *head;
+        let (&[l0, l1, l2, l3, a, b, c, d], _) = rest.split_first_chunk::<8>()?;
         let length = u32::from_be_bytes([l0, l1, l2, l3]) as usize;
-        rest = data.get(length.checked_add(4)?..).unwrap_or_default(); // data and its CRC
-        Some(name)
+        let whole = length.saturating_add(12).min(rest.len()); // with length, name and CRC
+        let (chunk, behind) = rest.split_at(whole);
+        rest = behind;
+        Some(([a, b, c, d], chunk))
     })
-    .filter_map(|name| COLOR_CHUNKS.into_iter().find(|color| color.as_bytes() == name))
+}
+
+/// The chunks of [`COLOR_CHUNKS`] that a PNG file has.
+fn color_chunks(file: &[u8]) -> impl Iterator<Item = &'static str> + '_ {
+    chunks(file).filter_map(|(name, _)| COLOR_CHUNKS.into_iter().find(|color| color.as_bytes() == name))
+}
+
+/// The file with the chunks alone that pixels depend on. Others may be compressed, and a decoder
+/// would unpack them: a profile of a few kilobytes to gigabytes.
+fn pixels_only(file: &[u8]) -> Vec<u8> {
+    let mut kept = PNG_SIGNATURE.to_vec();
+    for (_, chunk) in
+        chunks(file).filter(|(name, _)| [b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"].contains(&name))
+    {
+        kept.extend_from_slice(chunk);
+    }
+    kept
 }
 
 fn decode(file: &[u8]) -> Result<DynamicImage, InspectError> {
-    let mut reader = ImageReader::with_format(Cursor::new(file), ImageFormat::Png);
+    let mut reader = ImageReader::with_format(Cursor::new(pixels_only(file)), ImageFormat::Png);
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_FRAME_SIDE_PX);
     limits.max_image_height = Some(MAX_FRAME_SIDE_PX);

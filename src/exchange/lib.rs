@@ -59,6 +59,16 @@ pub struct ReadContext<'a> {
     pub series: Option<&'a SeriesReference>,
 }
 
+impl ReadContext<'_> {
+    /// Voxels that the layers of a label map may have together: sixteen for each of the volume's
+    /// where there is one, and at least 16 million.
+    fn most_voxels(&self) -> u64 {
+        const LEAST: u64 = 1 << 24;
+        let of_volume = |grid: &Grid| (grid.voxel_count() as u64).saturating_mul(16).max(LEAST);
+        self.grid.map_or(1 << 31, of_volume)
+    }
+}
+
 /// What items do not say of themselves.
 #[derive(Clone, Copy)]
 pub struct WriteContext<'a> {

@@ -91,21 +91,24 @@ impl Merged {
     }
 }
 
-/// Items of one name among which the same place is looked for: a file of nothing else must not take
-/// the square of its length.
-const MOST_NAMESAKES: usize = 1000;
+/// Items of one name and place that are compared: a file of nothing else must not take the square of
+/// its length.
+const MOST_NAMESAKES: usize = 32;
+
+/// Set, list and name of an item, and the cell of space that its first point is in.
+type Key = ([String; 3], Option<[i64; 3]>);
 
 /// The existing items that have not been matched yet.
 struct UnmatchedItems {
     by_id: HashMap<ItemId, Versioned>,
-    by_name: HashMap<[String; 3], VecDeque<ItemId>>,
+    by_name: HashMap<Key, VecDeque<ItemId>>,
 }
 
 impl UnmatchedItems {
     fn of(known: Vec<Versioned>) -> Self {
-        let mut by_name: HashMap<[String; 3], VecDeque<ItemId>> = HashMap::new();
+        let mut by_name: HashMap<Key, VecDeque<ItemId>> = HashMap::new();
         for found in &known {
-            by_name.entry(named(&found.item)).or_default().push_back(found.item.id);
+            by_name.entry((named(&found.item), cell(&found.item))).or_default().push_back(found.item.id);
         }
         Self { by_id: known.into_iter().map(|found| (found.item.id, found)).collect(), by_name }
     }
@@ -114,16 +117,33 @@ impl UnmatchedItems {
         if let Some(found) = self.by_id.remove(&item.id) {
             return Some(found);
         }
-        let ids = self.by_name.get_mut(&named(item))?;
-        let is_same = |id: &ItemId| {
-            self.by_id.get(id).is_some_and(|found| match (&item.geometry, &found.item.geometry) {
-                (Some(new), Some(old)) => new == old || has_not_moved(new, old),
-                (new, old) => new.is_none() && old.is_none(),
-            })
-        };
-        let index = ids.iter().take(MOST_NAMESAKES).position(is_same)?;
-        self.by_id.remove(&ids.remove(index)?)
+        let name = named(item);
+        neighbours(cell(item)).into_iter().find_map(|cell| {
+            let ids = self.by_name.get_mut(&(name.clone(), cell))?;
+            let is_same = |id: &ItemId| {
+                self.by_id.get(id).is_some_and(|found| match (&item.geometry, &found.item.geometry) {
+                    (Some(new), Some(old)) => new == old || has_not_moved(new, old),
+                    (new, old) => new.is_none() && old.is_none(),
+                })
+            };
+            let index = ids.iter().take(MOST_NAMESAKES).position(is_same)?;
+            self.by_id.remove(&ids.remove(index)?)
+        })
     }
+}
+
+/// The cell of an item's first point; `None` for items without points. A cell is a hundred times as
+/// wide as [`SAME_MM`].
+fn cell(item: &Item) -> Option<[i64; 3]> {
+    let first = item.geometry.as_ref()?.points().first()?;
+    Some(first.xyz.to_array().map(|mm| (mm / (100.0 * SAME_MM)).round() as i64))
+}
+
+/// A cell, and those around it: the same place may be just beyond a cell's face.
+fn neighbours(cell: Option<[i64; 3]>) -> Vec<Option<[i64; 3]>> {
+    let Some([x, y, z]) = cell else { return vec![None] };
+    let offsets = (0..27).map(|n| [n % 3, n / 3 % 3, n / 9].map(|at| [0, -1, 1][at]));
+    offsets.map(|[dx, dy, dz]| Some([x + dx, y + dy, z + dz])).collect()
 }
 
 fn named(item: &Item) -> [String; 3] {

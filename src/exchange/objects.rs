@@ -8,9 +8,6 @@ use relief_annotation::{FrameOfReference, Item};
 use relief_dicom::{LoadLimits, SegmentMeaning, SegmentationOptions, SeriesReference};
 use relief_volume::LabelMap;
 
-/// Bytes that the voxels of a segmentation may take, two for each.
-const LIMITS: LoadLimits = LoadLimits { voxel_bytes: 4 << 30 };
-
 /// Reads the items of a report.
 ///
 /// # Errors
@@ -76,7 +73,8 @@ pub(super) fn read_structure_set(bytes: &[u8], context: &ReadContext<'_>) -> Res
 /// # Errors
 /// As [`super::read`]; places are tags.
 pub(super) fn read_segmentation(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
-    let found = relief_dicom::read_segmentation_layers(LIMITS, bytes);
+    let found =
+        relief_dicom::read_segmentation_layers(LoadLimits { voxel_bytes: 2 * context.most_voxels() }, bytes);
     let found = found.map_err(|defect| ExchangeError::Object(Box::new(defect)))?;
     regions::of_layers(Format::Seg, &found.layers, found.warnings, context)
 }

@@ -13,6 +13,7 @@ use super::reading::Reading;
 use super::structures::REGION_TYPE;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext};
 use relief_annotation::{ContentId, Geometry, Item, ItemId, RegionSummary};
+use relief_dicom::FormatLimits;
 
 use relief_volume::{Grid, LabelMap, Layers, LayersError, Segment};
 
@@ -28,7 +29,9 @@ pub(super) fn read(
     bytes: &[u8],
     context: &ReadContext<'_>,
 ) -> Result<Imported, ExchangeError> {
-    let found = relief_dicom::read_label_layers_of_bytes(bytes).map_err(|error| failed(format, &error))?;
+    let limits = FormatLimits { voxels: context.most_voxels() };
+    let found =
+        relief_dicom::read_label_layers_of_bytes(limits, bytes).map_err(|error| failed(format, &error))?;
     of_layers(format, &found.layers, found.warnings, context)
 }
 

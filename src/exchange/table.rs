@@ -8,6 +8,7 @@ use super::delimited::{Columns, Row};
 use super::reading::{self, Reading, mirrored, point};
 use super::{ExchangeError, Format, Imported, ReadContext};
 use relief_annotation::{Geometry, Item};
+use relief_base::{csv_cell, of_csv_cell};
 
 const LPS: [&str; 3] = ["l", "p", "s"];
 const RAS: [&str; 3] = ["r", "a", "s"];
@@ -72,14 +73,14 @@ fn read_row(reading: &mut Reading<'_>, row: &Row<'_>, system: [&str; 3]) -> Resu
     } else {
         None
     };
-    let label = row.text("label");
+    let label = of_csv_cell(row.text("label"));
     let name = if label.is_empty() {
         format!("{}-{}", reading.context.list, reading.count() + 1)
     } else {
         label.to_owned()
     };
     let mut item = reading.item(&name, geometry)?;
-    item.description = row.text("description").to_owned();
+    item.description = of_csv_cell(row.text("description")).to_owned();
     item.visible = row.flag("visible", true)?;
     item.locked = row.flag("locked", false)?;
     reading.push(&row.place(), item)
@@ -104,7 +105,8 @@ pub(super) fn write(format: Format, items: &[&Item]) -> Result<Vec<u8>, Exchange
         // Slicer reads neither quotes nor line breaks within a quoted text.
         let [name, description] =
             [&item.name, &item.description].map(|text| text.replace('"', "'").replace('\n', " "));
-        let row = [&name, &l, &p, &s, defined, "1", visible, locked, &description];
+        let [name, description] = [csv_cell(&name), csv_cell(&description)];
+        let row: [&str; 9] = [&name, &l, &p, &s, defined, "1", visible, locked, &description];
         writer.write_record(row).map_err(|error| failed(error.to_string()))?;
     }
     writer.into_inner().map_err(|error| failed(error.to_string()))

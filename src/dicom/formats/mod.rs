@@ -45,7 +45,8 @@ pub struct ReadVolume {
 /// Whether a file begins as one of these formats does. A file that cannot be read does not.
 #[must_use]
 pub fn is_volume_file(path: &Path) -> bool {
-    Source::open(path).and_then(|mut source| source.kind()).is_ok()
+    // Opening a pipe would wait for its writer.
+    path.is_file() && Source::open(path).and_then(|mut source| source.kind()).is_ok()
 }
 
 /// Reads a label map within the default [`FormatLimits`].
@@ -90,15 +91,15 @@ pub fn read_grid(path: &Path) -> Result<Grid, FormatError> {
     Ok(header.grid)
 }
 
-/// Reads every layer of a label map that is in memory, within the default [`FormatLimits`]:
-/// overlapping segments stay whole.
+/// Reads every layer of a label map that is in memory: overlapping segments stay whole. Voxels of
+/// all layers count.
 ///
 /// # Errors
 /// As [`read_labels_within`].
-pub fn read_label_layers_of_bytes(bytes: &[u8]) -> Result<ReadLayers, FormatError> {
+pub fn read_label_layers_of_bytes(limits: FormatLimits, bytes: &[u8]) -> Result<ReadLayers, FormatError> {
     let mut source = Source::of_bytes(bytes)?;
     let Described { header, segments } = read_header(&mut source)?;
-    header.check(FormatLimits::default())?;
+    header.check(limits)?;
     segmentation::read_layers(&mut source, &header, &segments)
 }
 

@@ -28,7 +28,7 @@ use relief_annotation::{FrameOfReference, Item, ItemId, Method, Placement, Times
 const MOST_BYTES: usize = 1 << 26;
 /// Content of reports nests about six deep, and a code of it once more; values are texts and
 /// coordinates.
-const BOUNDS: Bounds = Bounds { deepest: 32, longest_value: 1 << 22 };
+const BOUNDS: Bounds = Bounds { deepest: 32, longest_value: 1 << 22, kept_bytes: 256 << 20 };
 /// Most items of one report.
 const MOST_ITEMS: usize = 100_000;
 

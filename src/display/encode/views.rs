@@ -77,8 +77,7 @@ fn encoder(
 /// # Errors
 /// When the file is damaged, is no animation of whole RGB pictures to and fro, or is too large.
 pub fn decode_wiggle(file: &[u8]) -> Result<Views, EncodeError> {
-    let limits = png::Limits { bytes: MAX_DECODED_BYTES };
-    let mut reader = png::Decoder::new_with_limits(Cursor::new(file), limits).read_info()?;
+    let mut reader = decoder(file).read_info()?;
     let info = reader.info();
     let size_px = [info.width, info.height];
     let frames = info.animation_control.map_or(0, |control| control.num_frames);
@@ -100,11 +99,18 @@ pub fn decode_wiggle(file: &[u8]) -> Result<Views, EncodeError> {
     Ok(Views::new(size_px, pictures)?)
 }
 
+/// A decoder within the limits. It leaves profiles of colour packed: nothing here needs them.
+fn decoder(file: &[u8]) -> png::Decoder<Cursor<&[u8]>> {
+    let limits = png::Limits { bytes: MAX_DECODED_BYTES };
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(file), limits);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder
+}
+
 /// How many pictures an animated PNG says that it has, and the layout that is written into it, as
 /// far as the file has them before its pixels.
 pub(crate) fn written_layout(file: &[u8]) -> Option<(Layout, u32)> {
-    let limits = png::Limits { bytes: MAX_DECODED_BYTES };
-    let reader = png::Decoder::new_with_limits(Cursor::new(file), limits).read_info().ok()?;
+    let reader = decoder(file).read_info().ok()?;
     let info = reader.info();
     let texts = &info.uncompressed_latin1_text;
     let layout = texts.iter().find(|text| text.keyword == LAYOUT_KEYWORD)?.text.parse().ok()?;

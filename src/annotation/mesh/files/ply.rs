@@ -156,6 +156,10 @@ fn read_header(bytes: &[u8]) -> Result<Header, MeshFileError> {
             ["comment" | "obj_info", ..] => axes.read(&text),
             ["element", name, count] => {
                 let Ok(count) = count.parse() else { return refuse(line, count, "the number of elements") };
+                // Corners of faces count the vertices of one element.
+                if elements.iter().any(|known| known.name == name) {
+                    return refuse(line, &format!("a second element {name}"), "each element once");
+                }
                 elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
             }
             ["property", ref rest @ ..] => {
