@@ -310,6 +310,20 @@ impl Renderer {
         Ok(super::calibrate::sampling_rate(&self.gpu, &self.store.volume().view, &self.sampler)?)
     }
 
+    /// Frees all that is cached on the adapter, after it had too little memory for a picture.
+    pub fn release(&mut self) {
+        self.store.clear();
+        self.illuminator.clear(&self.gpu);
+        (self.target, self.path_tracer) = (None, None);
+    }
+
+    /// Loses the device as a driver does that is reset: every later picture fails. To test what
+    /// recovers from it.
+    #[doc(hidden)]
+    pub fn lose_device(&self) {
+        self.gpu.device.destroy();
+    }
+
     /// Frees the data of a volume: its voxels and its appearances.
     pub fn forget(&mut self, volume: ContentHash) {
         self.store.forget(volume);

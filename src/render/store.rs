@@ -253,6 +253,14 @@ impl Store {
         self.appearances.retain(|known| !known.is_of(volume));
     }
 
+    /// Frees everything.
+    pub(super) fn clear(&mut self) {
+        while !self.volumes.is_empty() {
+            self.evict_first();
+        }
+        self.appearances.clear();
+    }
+
     fn lacks_room_for(&self, bytes: u64) -> bool {
         self.memory().used_bytes.saturating_add(bytes) > self.limits.memory_bytes
     }

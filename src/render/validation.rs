@@ -75,7 +75,8 @@ impl RenderRequest {
         if let Some(labels) = &self.labels {
             validate_labels(labels, self)?;
         }
-        self.path_trace.validate(pixels)?;
+        // Its passes cost nothing in other modes.
+        self.path_trace.validate((self.mode == Mode::PathTraced).then_some(pixels))?;
         self.validate_lights()?;
         self.validate_clip()?;
         self.overlays.validate()

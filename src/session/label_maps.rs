@@ -61,6 +61,13 @@ impl LabelsError {
 /// series.
 const DOUBTFUL_SHARE: f64 = 0.5;
 
+/// Voxels that a label map for a volume may have: four for each of the volume's, and at least 16
+/// million, so that maps of finer grids and of several layers fit.
+#[must_use]
+pub fn most_label_voxels(grid: &Grid) -> u64 {
+    (grid.voxel_count() as u64).saturating_mul(4).max(1 << 24)
+}
+
 /// Reads a label map of at most `most_voxels` voxels onto the grid of a volume.
 ///
 /// # Errors

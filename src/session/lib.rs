@@ -12,12 +12,14 @@ mod cache;
 mod drawn;
 mod encode;
 mod engine;
+mod healing;
 mod label_maps;
 mod live;
 mod service;
 mod thumbnail;
 mod ticket;
 mod volumes;
+mod waiting;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -25,12 +27,13 @@ use std::sync::Arc;
 use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use relief_volume::{ContentHash, Volume};
 
+pub use backend::{GpuBackend, InjectedFault, OpenRenderer};
 pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
 pub use budget::{BudgetedRequest, INTERACTIVE_MS, SpeedBook};
 pub use drawn::{ContentError, Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use engine::{Engine, RenderObserver};
-pub use label_maps::{LabelsError, PlacedLabels, load_labels};
+pub use label_maps::{LabelsError, PlacedLabels, load_labels, most_label_voxels};
 pub use live::{
     Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, Flow, HeldPoint,
     LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer, Views, lock,
@@ -57,6 +60,19 @@ pub trait RenderBackend: Send + 'static {
         request: &RenderRequest,
         goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, BackendError>;
+
+    /// Whether [`RenderBackend::renew`] can help after a failure.
+    fn can_be_renewed(&self) -> bool {
+        false
+    }
+
+    /// Makes the backend anew after it failed, and renders a picture to see that it works.
+    ///
+    /// # Errors
+    /// When it still fails.
+    fn renew(&mut self) -> Result<(), BackendError> {
+        Ok(())
+    }
 
     /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders
     /// needs none.

@@ -2,23 +2,28 @@
 //!
 //! One thread owns the backend, because a device must be used by one thread at a time. Requests
 //! wait in a bounded queue; a request beyond the limit is refused. A request whose ticket was
-//! dropped is skipped, or cancelled if it is being rendered. Forgetting a volume uses the same
-//! queue and is never refused, because it frees memory.
+//! dropped is skipped, or cancelled if it is being rendered. Small pictures go before large ones
+//! (see `waiting`), and a path-traced picture makes room for much smaller ones between two passes:
+//! it goes on with the passes that are done. A backend that failed is made anew, and the request
+//! that met the failure is tried once more. Forgetting a volume uses the same queue and is never
+//! refused, because it frees memory.
 
 use std::any::Any;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::budget::{BudgetedRequest, SpeedBook};
 use super::cache::{FrameCache, FrameKey};
+use super::healing::Healing;
 use super::ticket::{Ticket, TicketSender, pair};
+use super::waiting::{Waiting, WaitingJobs};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
-use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame, Timings};
+use relief_render::{MemoryUse, Mode, Progress, RenderRequest, RenderedFrame, Timings};
 use relief_volume::{ContentHash, Grid, Volume};
 
 /// How much a service keeps.
@@ -35,6 +40,9 @@ impl Default for QueueConfig {
         Self { capacity: 32, recent_bytes: 64 << 20 }
     }
 }
+
+/// How long a picture may make no progress while the service shuts down.
+const SHUT_DOWN_PATIENCE: Duration = Duration::from_secs(5);
 
 /// Owns the thread that renders. Dropping it, or [`RenderService::shut_down`], lets the queue run
 /// empty first.
@@ -57,6 +65,8 @@ struct ServiceState {
     cancelled: AtomicU64,
     bands: AtomicU64,
     memory: Mutex<MemoryUse>,
+    /// While a picture is rendered, the time of its last sign of life.
+    alive_at: Mutex<Option<Instant>>,
     speeds: Mutex<SpeedBook>,
 }
 
@@ -77,11 +87,12 @@ enum Job {
     Forget(ContentHash),
 }
 
-struct RenderJob {
+/// A request for the thread.
+pub(super) struct RenderJob {
     volume: Volume,
     key: FrameKey,
-    promise: TicketSender,
-    since: Instant,
+    pub(super) promise: TicketSender,
+    pub(super) since: Instant,
     /// The request that waits for it.
     span: tracing::Span,
 }
@@ -106,6 +117,7 @@ impl RenderService {
             cancelled: AtomicU64::new(0),
             bands: AtomicU64::new(0),
             memory: Mutex::new(backend.memory()),
+            alive_at: Mutex::default(),
             speeds: Mutex::default(),
         });
         let seen = Arc::clone(&shared);
@@ -199,20 +211,33 @@ impl RenderService {
         lock(&self.thread).as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
+    /// How long the picture that is being rendered has made no progress; zero while nothing is
+    /// rendered.
+    #[must_use]
+    pub fn stalled_for(&self) -> Duration {
+        let alive_at = *lock(&self.shared.alive_at);
+        alive_at.map_or(Duration::ZERO, |at| at.elapsed())
+    }
+
     /// Whether the backend works, as far as is known: not after it failed, until a render succeeds.
     #[must_use]
     pub fn is_healthy(&self) -> bool {
         self.shared.is_healthy.load(Ordering::Relaxed)
     }
 
-    /// Takes no more orders, lets the queue run empty and waits for the thread; blocks. A second
-    /// call does nothing.
+    /// Takes no more orders, lets the queue run empty and waits for the thread; blocks. A thread
+    /// that makes no progress is not waited for. A second call does nothing.
     pub fn shut_down(&self) {
         drop(lock(&self.queue).take());
-        let thread = lock(&self.thread).take();
-        if let Some(thread) = thread
-            && thread.join().is_err()
-        {
+        let Some(thread) = lock(&self.thread).take() else { return };
+        while !thread.is_finished() {
+            if self.stalled_for() > SHUT_DOWN_PATIENCE {
+                tracing::error!("the render thread makes no progress; it is left behind");
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        if thread.join().is_err() {
             tracing::error!("the render thread ended by a panic outside a render");
         }
     }
@@ -220,29 +245,73 @@ impl RenderService {
 
 /// The render thread: until the queue is closed and empty.
 fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &ServiceState) {
-    while let Ok(job) = jobs.recv() {
-        match job {
-            Job::Render(order) => {
-                shared.waiting.fetch_sub(1, Ordering::Relaxed);
-                answer(&mut backend, *order, shared);
+    let (mut waiting, mut healing) = (WaitingJobs::default(), Healing::default());
+    loop {
+        if waiting.is_empty() {
+            // A broken backend is made anew while nothing waits, too: a server that is taken out of
+            // rotation gets no requests.
+            let wait = healing.wait().filter(|_| backend.can_be_renewed());
+            match wait
+                .map_or_else(|| jobs.recv().map_err(RecvTimeoutError::from), |wait| jobs.recv_timeout(wait))
+            {
+                Ok(job) => take(job, &mut waiting, shared),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
             }
-            Job::Forget(volume) => {
-                // A second time: requests that were queued before this one have cached frames
-                // since.
-                lock(&shared.recent).forget(volume);
-                if let Err(panic) = guarded(|| backend.forget(volume)) {
-                    tracing::error!(panic, "forgetting a volume panicked");
-                }
-                *lock(&shared.memory) = backend.memory();
-            }
+        }
+        if healing.wait().is_some() && healing.attempt(&mut backend) {
+            shared.is_healthy.store(true, Ordering::Relaxed);
+        }
+        take_all(jobs, &mut waiting, shared);
+        for volume in waiting.forgettable() {
+            forget(&mut backend, volume, shared);
+        }
+        if let Some(next) = waiting.pop() {
+            answer(&mut backend, next, (jobs, &mut healing), &mut waiting, shared);
         }
     }
 }
 
-/// Answers one order, from the recent frames if it can.
-fn answer(backend: &mut impl RenderBackend, order: RenderJob, shared: &ServiceState) {
+/// Takes what has arrived, without waiting.
+fn take_all(jobs: &Receiver<Job>, waiting: &mut WaitingJobs, shared: &ServiceState) {
+    while let Ok(job) = jobs.try_recv() {
+        take(job, waiting, shared);
+    }
+}
+
+fn take(job: Job, waiting: &mut WaitingJobs, shared: &ServiceState) {
+    match job {
+        Job::Render(order) => {
+            let FrameKey { volume, request } = &order.key;
+            let expected_ms = lock(&shared.speeds).expected_ms(*volume, order.volume.grid(), request);
+            waiting.push(*order, expected_ms);
+        }
+        Job::Forget(volume) => waiting.forget(volume),
+    }
+}
+
+/// Forgets a volume a second time: requests that were queued before have cached frames since.
+fn forget(backend: &mut impl RenderBackend, volume: ContentHash, shared: &ServiceState) {
+    lock(&shared.recent).forget(volume);
+    if let Err(panic) = guarded(|| backend.forget(volume)) {
+        tracing::error!(panic, "forgetting a volume panicked");
+    }
+    *lock(&shared.memory) = backend.memory();
+}
+
+/// Answers one order, from the recent frames if it can. An interrupted one waits again.
+fn answer(
+    backend: &mut impl RenderBackend,
+    next: Waiting,
+    (jobs, healing): (&Receiver<Job>, &mut Healing),
+    waiting: &mut WaitingJobs,
+    shared: &ServiceState,
+) {
+    let order = &next.job;
     let _request = order.span.clone().entered();
+    let left = || shared.waiting.fetch_sub(1, Ordering::Relaxed);
     if !order.promise.is_wanted() {
+        left();
         shared.skipped.fetch_add(1, Ordering::Relaxed);
         tracing::debug!("skipped the frame: its client left");
         return;
@@ -252,34 +321,69 @@ fn answer(backend: &mut impl RenderBackend, order: RenderJob, shared: &ServiceSt
     // An equal order may have been rendered while this one waited.
     let recent = lock(&shared.recent).get(&order.key);
     let outcome = match recent {
-        Some(frame) => Ok(Rendered { frame, queue_ms, origin: Origin::Reused }),
-        None => render(backend, &order, shared).map(|frame| {
-            let frame = Arc::new(frame);
-            lock(&shared.recent).put(order.key, Arc::clone(&frame));
-            Rendered { frame, queue_ms, origin: Origin::Rendered }
-        }),
+        Some(frame) => {
+            left();
+            Ok(Rendered { frame, queue_ms, origin: Origin::Reused })
+        }
+        None => {
+            left();
+            match render(backend, &next, jobs, waiting, shared) {
+                Ok(None) => {
+                    tracing::trace!("made room for a smaller picture");
+                    shared.waiting.fetch_add(1, Ordering::Relaxed);
+                    return waiting.push_back(next);
+                }
+                Ok(Some(frame)) => {
+                    let frame = Arc::new(frame);
+                    lock(&shared.recent).put(order.key.clone(), Arc::clone(&frame));
+                    Ok(Rendered { frame, queue_ms, origin: Origin::Rendered })
+                }
+                Err(ServiceError::Backend(BackendError::Failed(error))) => {
+                    tracing::error!(cause = %error, "rendering failed");
+                    healing.failed();
+                    if !next.was_retried && healing.attempt(backend) {
+                        shared.is_healthy.store(true, Ordering::Relaxed);
+                        shared.waiting.fetch_add(1, Ordering::Relaxed);
+                        return waiting.retry(next);
+                    }
+                    Err(BackendError::Failed(error).into())
+                }
+                Err(error) => Err(error),
+            }
+        }
     };
-    order.promise.keep(outcome);
+    next.job.promise.keep(outcome);
 }
 
-/// Renders one request and updates the health of the backend. A refusal does not change it: it
-/// concerns the request.
+/// Renders one request and updates the health of the backend; `None` when it was interrupted by a
+/// much smaller one. A refusal does not change the health: it concerns the request.
 fn render(
     backend: &mut impl RenderBackend,
-    order: &RenderJob,
+    next: &Waiting,
+    jobs: &Receiver<Job>,
+    waiting: &mut WaitingJobs,
     shared: &ServiceState,
-) -> Result<RenderedFrame, ServiceError> {
-    let is_healthy = &shared.is_healthy;
+) -> Result<Option<RenderedFrame>, ServiceError> {
+    let (order, is_healthy) = (&next.job, &shared.is_healthy);
     let RenderRequest { mode, size_px: [width, height], .. } = order.key.request;
     let _frame = tracing::debug_span!("frame", mode = mode.name(), width, height).entered();
-    let mut last = Progress::default();
+    let (mut last, mut is_interrupted) = (Progress::default(), false);
     let mut goes_on = |progress: Progress| {
         shared.bands.fetch_add(progress.bands - last.bands, Ordering::Relaxed);
         tracing::trace!(bands = progress.bands, passes = progress.passes, "rendered a band");
+        // Passes that are done are kept, so nothing is lost between two of them.
+        if mode == Mode::PathTraced && progress.passes > last.passes {
+            take_all(jobs, waiting, shared);
+            is_interrupted = waiting.shortest_ms().is_some_and(|shortest| next.yields_to(shortest));
+        }
         last = progress;
-        if order.promise.is_wanted() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        *lock(&shared.alive_at) = Some(Instant::now());
+        let goes_on = order.promise.is_wanted() && !is_interrupted;
+        if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
+    *lock(&shared.alive_at) = Some(Instant::now());
     let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
+    *lock(&shared.alive_at) = None;
     // Before the answer, because its receiver may read these values.
     *lock(&shared.memory) = backend.memory();
     match &outcome {
@@ -293,19 +397,20 @@ fn render(
             lock(&shared.speeds).record(*volume, grid, request, passes, ms);
         }
         Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),
+        Ok(Err(BackendError::Cancelled)) if is_interrupted && order.promise.is_wanted() => return Ok(None),
         Ok(Err(BackendError::Cancelled)) => {
             shared.cancelled.fetch_add(1, Ordering::Relaxed);
             tracing::debug!("cancelled the frame: its client left");
         }
         Ok(Err(BackendError::Refused(_))) | Err(_) => {}
     }
-    Ok(outcome.map_err(ServiceError::Panicked)??)
+    Ok(Some(outcome.map_err(ServiceError::Panicked)??))
 }
 
 /// A call of the backend. A panic in it becomes its message and the thread continues: one bad
 /// request must not stop the frames of all others. The backend is used again afterwards, so it must
 /// not rely on having finished a call.
-fn guarded<T>(call: impl FnOnce() -> T) -> Result<T, String> {
+pub(super) fn guarded<T>(call: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(call)).map_err(|panic| panic_text(panic.as_ref()))
 }
 

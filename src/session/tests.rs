@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::*;
 use relief_base::DepthLimits;
-use relief_render::{SceneFile, Timings};
+use relief_render::{Mode, SceneFile, Timings};
 use relief_volume::{Grid, Orbit};
 
 /// Renders 1x1 pictures. Each waits for a signal of the test, unless it is cancelled, and reports
@@ -28,7 +28,7 @@ impl RenderBackend for Gated {
             match self.go.recv_timeout(Duration::from_millis(1)) {
                 Ok(()) => break,
                 Err(RecvTimeoutError::Timeout)
-                    if goes_on(Progress { bands, ..Progress::default() }).is_break() =>
+                    if goes_on(Progress { bands, passes: bands as u32, continued: 0 }).is_break() =>
                 {
                     return Err(BackendError::Cancelled);
                 }
@@ -81,6 +81,122 @@ impl Bench {
         let mut scene = SceneFile::default().resolve(self.volume.grid(), &Orbit::default()).unwrap();
         scene.request.sample_distance_mm = mark;
         self.service.render(&self.volume, scene.request)
+    }
+}
+
+impl Bench {
+    /// A picture of many pixels that its sample distance identifies.
+    fn large(&self, mark: f64, mode: Mode) -> Ticket {
+        let file = SceneFile::default().with_size([4096, 4096]);
+        let mut scene = file.resolve(self.volume.grid(), &Orbit::default()).unwrap();
+        (scene.request.sample_distance_mm, scene.request.mode) = (mark, mode);
+        self.service.render(&self.volume, scene.request).unwrap()
+    }
+}
+
+/// Invariant: Small pictures go before large ones, and each large one is rendered in the end.
+#[test]
+fn small_pictures_go_before_large_ones_that_wait() {
+    let bench = Bench::new(8);
+    let first = bench.order(1.0).unwrap();
+    bench.started.recv().unwrap();
+    let large = [2.0, 3.0].map(|mark| bench.large(mark, Mode::Composite));
+    let small = [4.0, 5.0].map(|mark| bench.order(mark).unwrap());
+    for _ in 0..5 {
+        bench.go.send(()).unwrap();
+    }
+    for ticket in [first].into_iter().chain(large).chain(small) {
+        ticket.wait().unwrap();
+    }
+    // The mark is the distance of samples: longer steps are less work.
+    assert_eq!(bench.started.try_iter().collect::<Vec<_>>(), [5.0, 4.0, 3.0, 2.0]);
+}
+
+#[test]
+fn a_path_traced_picture_makes_room_between_passes_and_goes_on() {
+    let bench = Bench::new(8);
+    let large = bench.large(1.0, Mode::PathTraced);
+    assert_eq!(bench.started.recv().unwrap(), 1.0);
+    let small = bench.order(2.0).unwrap();
+    assert_eq!(bench.started.recv().unwrap(), 2.0, "between two passes");
+    bench.go.send(()).unwrap();
+    small.wait().unwrap();
+    assert_eq!(bench.started.recv().unwrap(), 1.0, "it goes on");
+    bench.go.send(()).unwrap();
+    assert_eq!(large.wait().unwrap().origin, Origin::Rendered);
+    let counts = bench.service.counts();
+    assert_eq!((counts.skipped, counts.cancelled), (0, 0));
+    assert_eq!(bench.service.waiting(), 0);
+}
+
+/// Fails until it is made anew, which takes some attempts.
+struct Fragile {
+    broken: bool,
+    attempts: SyncSender<()>,
+    failing: u32,
+}
+
+impl RenderBackend for Fragile {
+    fn render(
+        &mut self,
+        _: &Volume,
+        request: &RenderRequest,
+        _: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<RenderedFrame, BackendError> {
+        // Pictures of this distance lose the device.
+        self.broken |= request.sample_distance_mm == 15.0;
+        if self.broken {
+            return Err(BackendError::Failed("lost".into()));
+        }
+        Ok(RenderedFrame {
+            size_px: [1, 1],
+            color_rgba: vec![[1; 4]],
+            depth_mm: vec![5.0],
+            back: None,
+            camera: request.camera,
+            limits: DepthLimits::new(1.0, 9.0).expect("1 < 9"),
+            timings: Timings::default(),
+        })
+    }
+
+    fn can_be_renewed(&self) -> bool {
+        true
+    }
+
+    fn renew(&mut self) -> Result<(), BackendError> {
+        let _ = self.attempts.try_send(());
+        if self.failing > 0 {
+            self.failing -= 1;
+            return Err(BackendError::Failed("still lost".into()));
+        }
+        self.broken = false;
+        Ok(())
+    }
+}
+
+/// Invariant: A lost device is opened again, and the request that met the loss is tried once more.
+#[test]
+fn a_lost_device_is_opened_again_without_a_request() {
+    for failing in [0, 3] {
+        let (attempts, seen) = sync_channel(64);
+        let backend = Fragile { broken: true, attempts, failing };
+        let service = RenderService::start(backend, QueueConfig::default()).unwrap();
+        let grid = Grid::axis_aligned([2; 3], [1.0; 3], [0.0; 3]).unwrap();
+        let volume = Volume::new(grid, vec![0; 8]).unwrap();
+        let scene = SceneFile::default().resolve(volume.grid(), &Orbit::default()).unwrap();
+        let outcome = service.render(&volume, scene.request.clone()).unwrap().wait();
+        assert_eq!(outcome.is_ok(), failing == 0, "{failing} attempts fail");
+        for _ in 0..=failing {
+            seen.recv_timeout(Duration::from_secs(20)).unwrap();
+        }
+        while !service.is_healthy() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert!(service.render(&volume, scene.request.clone()).unwrap().wait().is_ok());
+        // A request that loses the device each time is tried twice, and no more.
+        let losing = RenderRequest { sample_distance_mm: 15.0, ..scene.request };
+        let outcome = service.render(&volume, losing).unwrap().wait();
+        assert!(matches!(outcome, Err(ServiceError::Backend(BackendError::Failed(_)))));
     }
 }
 

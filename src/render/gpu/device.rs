@@ -58,6 +58,12 @@ impl Gpu {
         device.on_uncaptured_error(std::sync::Arc::new(
             |error| tracing::error!(%error, "uncaptured GPU error"),
         ));
+        device.set_device_lost_callback(|reason, message| {
+            // Dropping a device loses it, too.
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                tracing::error!(?reason, message, "the graphics device was lost");
+            }
+        });
         let limits = GpuLimits {
             texture_3d_side: limits.max_texture_dimension_3d,
             storage_bytes: limits.max_storage_buffer_binding_size,

@@ -116,6 +116,12 @@ impl Illuminator {
         self.kept.retain(|filling| filling.key.volume != volume);
     }
 
+    /// Releases all cells.
+    pub(crate) fn clear(&mut self, gpu: &Gpu) {
+        self.bindings = bind(gpu, &self.layout, &self.lighting, [&self.nothing, &self.nothing]);
+        self.kept.clear();
+    }
+
     /// Makes the second group fit a request, if its rays read that; says whether cells were filled.
     pub(crate) fn prepare(&mut self, order: IlluminationJob<'_>) -> Result<bool, RenderError> {
         let IlluminationJob { gpu, volume, on_gpu, request, .. } = order;

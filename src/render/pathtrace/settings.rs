@@ -67,7 +67,7 @@ impl PathTrace {
 
     /// Checks ranges, and that a picture of the given number of pixels is within
     /// [`PathTrace::MAX_PATHS`].
-    pub(crate) fn validate(&self, pixels: u64) -> Result<(), RequestError> {
+    pub(crate) fn validate(&self, pixels: Option<u64>) -> Result<(), RequestError> {
         let within = |key: &str, value: f64, low: f64, high: f64| {
             let path = format!("path_trace.{key}");
             let inside = (low..=high).contains(&value);
@@ -81,6 +81,7 @@ impl PathTrace {
         within("anisotropy", self.anisotropy, -0.95, 0.95)?;
         within("surface", self.surface, 0.0, 1.0)?;
         within("surface_hu_per_mm", self.surface_hu_per_mm, 0.01, 10_000.0)?;
+        let Some(pixels) = pixels else { return Ok(()) };
         let most = Self::MAX_PATHS / pixels.max(1);
         if u64::from(self.passes) > most {
             let allowed = format!("at most {most} for a picture of this size");

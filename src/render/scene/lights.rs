@@ -154,7 +154,7 @@ mod tests {
             (r#"{"path_trace":{"seed":65536}}"#, &["path_trace.seed is 65536", "0 to 65535"]),
             (r#"{"path_trace":[1]}"#, &["path_trace: found an array"]),
             (
-                r#"{"size_px":[4096,4096],"path_trace":{"passes":33}}"#,
+                r#"{"mode":"path-traced","size_px":[4096,4096],"path_trace":{"passes":33}}"#,
                 &["path_trace.passes is 33", "at most 32 for a picture of this size"],
             ),
             (

@@ -4,6 +4,7 @@
 //! replace one another before a frame is rendered; no intent is lost. The view's render loop (see
 //! `render_loop`) reads the state when a viewer has capacity for a frame.
 
+mod ending;
 mod schedule;
 
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -61,6 +62,8 @@ struct Inner {
     viewers: Vec<Arc<Viewer>>,
     /// When the last viewer left.
     idle_since: Instant,
+    /// Whether it ever had a viewer: a session may come back to it.
+    was_joined: bool,
     published: Option<Published>,
     /// Number of the newest frame.
     number: u64,
@@ -97,6 +100,7 @@ impl View {
             motion: Motion::new(now),
             viewers: Vec::new(),
             idle_since: now,
+            was_joined: false,
             published: None,
             number: 0,
             still_took: None,
@@ -142,7 +146,11 @@ impl View {
 
     /// Adds a viewer.
     pub fn join(&self, viewer: &Arc<Viewer>) {
-        self.lock().viewers.push(Arc::clone(viewer));
+        {
+            let mut inner = self.lock();
+            inner.viewers.push(Arc::clone(viewer));
+            inner.was_joined = true;
+        }
         self.count_peers();
         self.work.notify_one();
     }

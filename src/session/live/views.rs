@@ -58,14 +58,25 @@ impl Views {
             return Ok(Arc::clone(view));
         }
         if views.len() >= self.most {
-            return Err(OpenError);
+            self.retire_unseen(&mut views)?;
         }
         let view = Arc::new(View::new(name.to_owned(), presentation, Instant::now()));
         views.insert(name.to_owned(), Arc::clone(&view));
         drop(views);
         let (registry, engine) = (Arc::clone(self), Arc::clone(engine));
-        tokio::spawn(render_loop::run(registry, engine, drawables, Arc::clone(&view)));
+        tokio::spawn(supervised(registry, engine, drawables, Arc::clone(&view)));
         Ok(view)
+    }
+
+    /// Makes room: ends the view that was opened without a viewer the longest ago, and that has had
+    /// none since. Single requests open such views, as many as they like.
+    fn retire_unseen(&self, views: &mut HashMap<String, Arc<View>>) -> Result<(), OpenError> {
+        let unseen = views.values().filter_map(|view| Some((view.unseen_since()?, view)));
+        let oldest = unseen.min_by_key(|(since, _)| *since).map(|(_, view)| Arc::clone(view));
+        let view = oldest.ok_or(OpenError)?;
+        views.remove(&view.name);
+        view.retire(self.patience.linger);
+        Ok(())
     }
 
     /// Wakes all render loops: annotations or volumes have changed.
@@ -78,7 +89,7 @@ impl Views {
     pub(super) fn remove_abandoned(&self, view: &Arc<View>) -> bool {
         let mut views = lock(&self.views);
         let is_abandoned = view.is_abandoned(Instant::now(), self.patience.linger);
-        if is_abandoned {
+        if is_abandoned && views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {
             views.remove(&view.name);
         }
         is_abandoned
@@ -89,5 +100,21 @@ impl Views {
         if views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {
             views.remove(&view.name);
         }
+    }
+}
+
+/// Runs the render loop of a view. A panic in it ends the view and its sessions, which can come back
+/// to a new one; they would wait for frames for ever otherwise.
+async fn supervised(
+    views: Arc<Views>,
+    engine: Arc<Engine>,
+    drawables: Option<Arc<impl DrawableSource>>,
+    view: Arc<View>,
+) {
+    let running = render_loop::run(Arc::clone(&views), engine, drawables, Arc::clone(&view));
+    if let Err(error) = tokio::spawn(running).await {
+        tracing::error!(%error, "the render loop of a view ended by a panic");
+        view.ended.send_replace(true);
+        views.remove(&view);
     }
 }

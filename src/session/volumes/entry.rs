@@ -51,6 +51,8 @@ pub struct VolumeEntry {
     pub reference: Option<Arc<SeriesReference>>,
     /// Label map on the grid of the volume.
     pub labels: Option<Arc<LabelMap>>,
+    /// Whether the operator gave the label map: uploads do not replace it.
+    pub(super) has_own_labels: bool,
 }
 
 impl VolumeEntry {
@@ -59,7 +61,20 @@ impl VolumeEntry {
         let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
         let voxels = Arc::new(Voxels::new(volume, reader));
         let id = hash.short();
-        Arc::new(Self { id, grid, hash, voxels, range_hu, warnings, owner, identity, reference, labels })
+        let has_own_labels = owner == Owner::Operator && labels.is_some();
+        Arc::new(Self {
+            id,
+            grid,
+            hash,
+            voxels,
+            range_hu,
+            warnings,
+            owner,
+            identity,
+            reference,
+            labels,
+            has_own_labels,
+        })
     }
 
     /// The frame of reference of annotations in this volume. It may hold a UID, which leads to a

@@ -55,6 +55,9 @@ pub enum VolumeError {
     /// The operator added the volume.
     #[error("this volume was loaded at the start of the server; only uploaded volumes can be removed")]
     NotRemovable,
+    /// The label map came with the volume, from the operator.
+    #[error("the label map of this volume was loaded at the start of the server; uploads do not replace it")]
+    OwnLabels,
 }
 
 /// The voxels of a volume could not be read again after their eviction.

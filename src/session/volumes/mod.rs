@@ -142,10 +142,13 @@ impl Volumes {
     /// Replaces the label map of a volume.
     ///
     /// # Errors
-    /// When no volume has this id.
+    /// When no volume has this id, or its label map is the operator's.
     pub fn set_labels(&self, id: &str, labels: Arc<LabelMap>) -> Result<Arc<VolumeEntry>, VolumeError> {
         let mut inner = self.write();
         let known = inner.entries.iter_mut().find(|entry| entry.id == id).ok_or(VolumeError::UnknownId)?;
+        if known.has_own_labels {
+            return Err(VolumeError::OwnLabels);
+        }
         *known = Arc::new(VolumeEntry { labels: Some(labels), ..VolumeEntry::clone(known) });
         Ok(Arc::clone(known))
     }

@@ -1,0 +1,21 @@
+//! When a view ends: long after its last viewer, or sooner where it never had one.
+
+use std::time::{Duration, Instant};
+
+use super::View;
+
+impl View {
+    /// Since when the view has been idle; `None` when it has a viewer, or had one.
+    pub(in crate::live) fn unseen_since(&self) -> Option<Instant> {
+        let inner = self.lock();
+        (!inner.was_joined).then_some(inner.idle_since)
+    }
+
+    /// Lets the view end now, as after `linger` without viewers.
+    pub(in crate::live) fn retire(&self, linger: Duration) {
+        let mut inner = self.lock();
+        inner.idle_since = inner.idle_since.checked_sub(linger).unwrap_or(inner.idle_since);
+        drop(inner);
+        self.work.notify_one();
+    }
+}
