@@ -197,5 +197,5 @@ fn of_dicom(error: &relief_dicom::Error) -> SeriesError {
         relief_dicom::Error::Memory { .. } => FailureKind::Retryable,
         _ => FailureKind::Permanent,
     };
-    SeriesError::new(kind, error.without_names())
+    SeriesError::new(kind, error.without_names("its files"))
 }

@@ -4,6 +4,7 @@ use anyhow::Context;
 
 use super::memory::parse_bytes;
 use relief_render::{AdapterChoice, Gpu, Renderer, VolumeLimits};
+use relief_session::GpuBackend;
 
 /// The graphics adapter to use.
 #[derive(Debug, clap::Args)]
@@ -18,6 +19,17 @@ pub(super) struct AdapterArguments {
 }
 
 impl AdapterArguments {
+    /// A backend on the chosen adapter that can be made anew after a failure.
+    pub(super) fn open_backend(&self) -> anyhow::Result<GpuBackend> {
+        let (choice, memory_bytes) = (AdapterChoice::parse(&self.adapter), self.gpu_memory);
+        let open = move || {
+            let mut renderer = Renderer::new(Gpu::open(&choice)?)?;
+            renderer.set_volume_limits(VolumeLimits { memory_bytes, ..renderer.volume_limits() });
+            Ok(renderer)
+        };
+        GpuBackend::open(Box::new(open)).context("the renderer cannot start")
+    }
+
     /// A renderer on the chosen adapter.
     pub(super) fn open_renderer(&self) -> anyhow::Result<Renderer> {
         let gpu = Gpu::open(&AdapterChoice::parse(&self.adapter))?;

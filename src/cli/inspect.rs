@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::output::say;
 use super::{inspect_frame, output, source};
+use relief_base::printable;
 use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 
 /// Describe a CT series or decode a 2D-plus-depth frame, and report errors
@@ -69,6 +70,9 @@ pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
 /// By its signature, since frames are often served and saved without extension.
 fn is_png(path: &Path) -> bool {
     let mut signature = [0; 8];
+    if !path.is_file() {
+        return false; // opening a pipe would wait for its writer
+    }
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut signature));
     read.is_ok() && signature == *b"\x89PNG\r\n\x1a\n"
 }
@@ -117,7 +121,7 @@ fn print(report: &InspectReport) {
     if !report.skipped.is_empty() {
         say!("skipped");
         for skipped in &report.skipped {
-            say!("  {}: {}", skipped.file, skipped.reason);
+            say!("  {}: {}", printable(&skipped.file), printable(&skipped.reason));
         }
     }
 }
@@ -125,8 +129,11 @@ fn print(report: &InspectReport) {
 fn print_series(series: &SeriesReport) {
     let millimetres = |values: [f64; 3]| values.map(|mm| format!("{mm:.4}")).join(" x ");
     let [nx, ny, nz] = series.dims;
-    say!("series            {}", if series.uid.is_empty() { "(empty UID)" } else { &series.uid });
-    say!("  modality        {}", series.modality);
+    say!(
+        "series            {}",
+        if series.uid.is_empty() { "(empty UID)".into() } else { printable(&series.uid) }
+    );
+    say!("  modality        {}", printable(&series.modality));
     say!("  voxels          {nx} x {ny} x {nz}");
     say!("  spacing         {} mm", millimetres(series.spacing_mm));
     say!("  first voxel     {} mm, LPS", series.origin_mm.map(|mm| format!("{mm:.3}")).join(", "));
@@ -136,9 +143,9 @@ fn print_series(series: &SeriesReport) {
     }
     say!("  values          {} to {} HU", series.hu_range[0], series.hu_range[1]);
     say!("  stack SHA-256   {}", series.stack_sha256);
-    say!("  transfer syntax {}", series.transfer_syntax);
+    say!("  transfer syntax {}", printable(&series.transfer_syntax));
     for warning in &series.warnings {
-        say!("  warning         {}", warning.message);
+        say!("  warning         {}", printable(&warning.message));
     }
     say!();
 }

@@ -16,7 +16,6 @@ use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
 use super::bucket::CopiesArguments;
-use super::labels::MOST_LABEL_VOXELS;
 use super::memory::parse_bytes;
 use super::output::say;
 use super::serve_load::{load_behind, places, served};
@@ -26,9 +25,10 @@ use relief_base::sha256_of_file;
 use relief_dicom::{LoadLimits, Strictness};
 use relief_render::VolumeLimits;
 use relief_server::{
-    Config, ConnectionLimits, LabelsLoader, LiveConfig, Server, Shutdown, UploadLimits, VolumeLoader,
+    AllowedHosts, Config, ConnectionLimits, LabelsLoader, LiveConfig, Server, Shutdown, UploadLimits,
+    VolumeLoader,
 };
-use relief_session::{QueueConfig, RenderService, load_labels};
+use relief_session::{InjectedFault, QueueConfig, RenderService, load_labels, most_label_voxels};
 use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
@@ -72,8 +72,8 @@ pub(super) struct ServeArguments {
     /// others until then
     #[arg(long)]
     listen_when_loaded: bool,
-    /// Also accept this name in the header Host; a loopback address accepts only loopback names by
-    /// default
+    /// Also accept this name in the header Host. Without it, a loopback address accepts loopback
+    /// names; any other accepts addresses of digits and the machine's own name, too
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
     /// Whether clients may upload series; `auto` is on for a loopback address
@@ -95,6 +95,9 @@ pub(super) struct ServeArguments {
     /// otherwise
     #[arg(long, value_name = "CAM.yaml")]
     sensor: Option<PathBuf>,
+    /// Lose the graphics device before every N-th picture, to see that the server recovers
+    #[arg(long, value_name = "N", hide = true, value_parser = clap::value_parser!(u32).range(1..))]
+    lose_device_every: Option<u32>,
     /// Beacon that they look at; the recommended one otherwise
     #[arg(long, value_name = "B.toml")]
     beacon: Option<PathBuf>,
@@ -114,11 +117,12 @@ enum Uploads {
 pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let copies = arguments.copies.copies();
     let places = places(&arguments.series, &arguments.labels, &copies)?;
-    let renderer = arguments.adapter.open_renderer()?;
-    let limits = renderer.volume_limits();
-    let adapter = renderer.gpu().description().to_string();
+    let backend = arguments.adapter.open_backend()?;
+    let limits = backend.renderer().volume_limits();
+    let adapter = backend.renderer().gpu().description().to_string();
+    let backend = backend.with_fault(arguments.lose_device_every.map(InjectedFault::device_lost));
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
-    let service = Arc::new(RenderService::start(renderer, queue)?);
+    let service = Arc::new(RenderService::start(backend, queue)?);
     let config = config(arguments, &adapter)?;
     let mut server = Server::new(Arc::clone(&service), upload_loader(limits), config);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
@@ -197,6 +201,10 @@ fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
     let loopback = arguments.listen.ip().is_loopback();
     let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
     let hosts = own.into_iter().chain([host_of(arguments.listen.ip())]).chain(arguments.allow_host.clone());
+    // On the loopback a page may have any name that resolves to it; beyond, the machine's own name
+    // and addresses of digits are no page's.
+    let machine = if loopback { None } else { machine_name() };
+    let hosts = AllowedHosts { names: hosts.chain(machine).collect(), addresses: !loopback };
     let uploads = arguments.uploads == Uploads::On || (arguments.uploads == Uploads::Auto && loopback);
     let live = LiveConfig {
         sessions: arguments.sessions.into(),
@@ -207,7 +215,7 @@ fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
     Ok(Config {
         identity: format!("{} {adapter}", build()),
         adapter: adapter.to_owned(),
-        allowed_hosts: (loopback || !arguments.allow_host.is_empty()).then(|| hosts.collect()),
+        allowed_hosts: Some(hosts),
         uploads: uploads.then(UploadLimits::default),
         memory_bytes: arguments.memory,
         live,
@@ -219,9 +227,10 @@ fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
 fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
     const SUBJECT: &str = "the uploaded file";
     let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
-    let about = |error: relief_dicom::Error| error.about(SUBJECT);
-    Arc::new(move |path| {
-        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(about)?;
+    let about = |error: relief_dicom::Error| error.without_names(SUBJECT);
+    Arc::new(move |path, budget| {
+        let found =
+            relief_dicom::discover_within(budget, path, Strictness::Lenient, &|_| ()).map_err(about)?;
         let entry = found.select(None).map_err(about)?;
         volumes.plan(entry.dims())?;
         let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
@@ -232,8 +241,8 @@ fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
 /// Reads an uploaded label map. Its errors do not name the temporary file.
 fn labels_loader() -> LabelsLoader {
     Arc::new(|path, grid| {
-        let loaded =
-            load_labels(path, MOST_LABEL_VOXELS, grid).map_err(|error| error.about("the uploaded file"))?;
+        let loaded = load_labels(path, most_label_voxels(grid), grid)
+            .map_err(|error| error.about("the uploaded file"))?;
         loaded.warnings.iter().for_each(|warning| tracing::warn!("an uploaded label map: {warning}"));
         Ok(loaded.map)
     })
@@ -257,6 +266,12 @@ fn reachable(address: SocketAddr) -> SocketAddr {
         ip => ip,
     };
     SocketAddr::new(ip, address.port())
+}
+
+/// The machine's own name, where the system says it.
+fn machine_name() -> Option<String> {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").ok()?;
+    Some(name.trim().to_owned()).filter(|name| !name.is_empty())
 }
 
 /// An address as it stands in a `Host` header.

@@ -1,6 +1,7 @@
 //! The series of `relief serve`: where they are, and loading them behind the server.
 
 use std::io::ErrorKind;
+use std::panic::AssertUnwindSafe;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -85,7 +86,10 @@ pub(super) fn load_behind(
     let (report, failed) = oneshot::channel();
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
         let loading = Loading { copies: &copies, options: &options, limits, server: &server };
-        if let Err(error) = loading.all(&places) {
+        // A panic ends the server with its reason; it would be loading for ever otherwise.
+        let outcome = std::panic::catch_unwind(AssertUnwindSafe(|| loading.all(&places)));
+        let panicked = |_| Err(anyhow::anyhow!("reading a series panicked; see the message above"));
+        if let Err(error) = outcome.unwrap_or_else(panicked) {
             let _ = report.send(error);
         }
     })?;

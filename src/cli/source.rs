@@ -73,9 +73,10 @@ pub(super) fn load_after<T>(
     before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
 ) -> anyhow::Result<(Loaded, T)> {
     if relief_dicom::is_volume_file(path) {
-        let loaded = load_file(path, options)?;
-        let prepared = before(loaded.volume.grid().dims())?;
-        return Ok((loaded, prepared));
+        // The adapter's limits are held against the header, before voxels are read.
+        let grid = relief_dicom::read_grid(path).with_context(|| format!("cannot use {}", path.display()))?;
+        let prepared = before(grid.dims().map(|side| side.div_ceil(options.downsample.into())))?;
+        return Ok((load_file(path, options)?, prepared));
     }
     let strictness = strictness(options.strict);
     let found = discover(path, strictness)?;

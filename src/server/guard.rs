@@ -15,6 +15,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use http_body_util::BodyExt;
 
+use super::annotations::decoded;
 use super::problem::Problem;
 use super::state::Config;
 
@@ -22,8 +23,7 @@ use super::state::Config;
 pub(super) async fn same_site(State(config): State<Arc<Config>>, request: Request, next: Next) -> Response {
     let named = authority(request.headers().get(header::HOST)).or_else(|| request.uri().authority().cloned());
     if let Some(allowed) = &config.allowed_hosts {
-        let known =
-            named.as_ref().is_some_and(|name| allowed.iter().any(|a| a.eq_ignore_ascii_case(name.host())));
+        let known = named.as_ref().is_some_and(|name| allowed.accept(name.host()));
         if !known {
             let detail = "this server does not answer to the name in Host; start it with --allow-host NAME if it should";
             return Problem::new(StatusCode::MISDIRECTED_REQUEST, "unknown-host", detail).into_response();
@@ -32,6 +32,18 @@ pub(super) async fn same_site(State(config): State<Arc<Config>>, request: Reques
     if !request.method().is_safe() && is_cross_site(request.headers(), request.uri()) {
         let detail = "writes from pages of another site are refused";
         return Problem::new(StatusCode::FORBIDDEN, "cross-site", detail).into_response();
+    }
+    next.run(request).await
+}
+
+/// Refuses a path that is not UTF-8 once it is decoded, with a problem document as for any other
+/// malformed request.
+pub(super) async fn readable_path(request: Request, next: Next) -> Response {
+    if decoded(request.uri().path()).is_none() {
+        let detail = "the path is not percent-encoded UTF-8";
+        return Problem::new(StatusCode::BAD_REQUEST, "malformed-path", detail)
+            .with("path", "path")
+            .into_response();
     }
     next.run(request).await
 }

@@ -1,6 +1,7 @@
 //! Information about the server: presets, health, metrics, the API description.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
@@ -26,9 +27,22 @@ pub(super) async fn presets() -> Json<Value> {
         "depth_rules": DepthRule::names(), "lights": Lighting::ALL.map(|lighting| lighting.name) }))
 }
 
+/// A picture without progress for this long: others should answer. An upload of a large volume and
+/// the compilation of shaders take less.
+const STALLED: Duration = Duration::from_secs(60);
+/// And for this long: only a restart helps.
+const DEAD: Duration = Duration::from_secs(330);
+
 /// The process runs and answers.
-pub(super) async fn healthz() -> Json<Value> {
-    Json(json!({ "status": "alive", "version": env!("CARGO_PKG_VERSION") }))
+///
+/// # Errors
+/// 503 when the render thread has ended or makes no progress: a restart helps.
+pub(super) async fn healthz(State(engine): State<Arc<Engine>>) -> Result<Json<Value>, Problem> {
+    let service = &engine.service;
+    if !service.is_alive() || service.stalled_for() > DEAD {
+        return Err(Problem::unavailable("renderer-stuck", "the render thread makes no progress"));
+    }
+    Ok(Json(json!({ "status": "alive", "version": env!("CARGO_PKG_VERSION") })))
 }
 
 /// The number of volumes if the server is ready: the renderer works, every series of the operator
@@ -43,6 +57,9 @@ fn readiness(engine: &Engine, config: &Config) -> Result<usize, Problem> {
             "renderer-failed",
             "the last picture failed in the graphics adapter",
         ));
+    }
+    if engine.service.stalled_for() > STALLED {
+        return Err(Problem::unavailable("renderer-stalled", "the picture in progress makes no progress"));
     }
     if loading > 0 {
         let detail = format!("{loading} series are being loaded");

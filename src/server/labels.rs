@@ -31,9 +31,9 @@ pub(super) async fn upload(
         let detail = "this server reads no label maps";
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
     };
-    let ReceivedUpload { turn, path, .. } =
+    let ReceivedUpload { turn, file, .. } =
         take_in(&config, &uploads, &headers, body, "application/octet-stream").await?;
-    let job = move || read(&engine, &loader, &path, &entry.id);
+    let job = move || read(&engine, &loader, file.path(), &entry.id);
     Ok(Json(on_blocking_thread(turn, "reading the label map", job).await??))
 }
 

@@ -36,6 +36,7 @@ mod dicomweb;
 mod following;
 mod frame;
 mod guard;
+mod idle;
 mod info;
 mod labels;
 mod listen;
@@ -68,7 +69,7 @@ use state::AppState;
 
 pub use listen::{ConnectionLimits, Shutdown, serve};
 pub use live::LiveConfig;
-pub use state::{Config, LabelsLoader, LoadError, Server, UploadLimits, VolumeLoader};
+pub use state::{AllowedHosts, Config, LabelsLoader, LoadError, Server, UploadLimits, VolumeLoader};
 
 /// All routes of a server.
 pub fn app(server: Arc<Server>) -> Router {
@@ -104,6 +105,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .merge(unbounded)
         .fallback(not_found)
         .method_not_allowed_fallback(wrong_method)
+        .layer(from_fn(guard::readable_path))
         .layer(from_fn_with_state(state.clone(), guard::same_site))
         .layer(CatchPanicLayer::custom(guard::on_panic))
         .layer(from_fn_with_state(state.clone(), observe::observe))

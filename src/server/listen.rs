@@ -3,9 +3,10 @@
 //!
 //! A WebSocket leaves these limits with its upgrade; `live` has its own. A connection has at most
 //! one request and one encoded frame at a time. Clients that send a request's head too slowly, or
-//! do not read answers, are disconnected; connections beyond the limit wait in the system's
-//! backlog.
+//! do not read answers, are disconnected. A connection beyond the limit takes the place of the one
+//! that has been idle the longest; where none is idle, it waits in the system's backlog.
 
+use std::convert::Infallible;
 use std::future::Future;
 use std::io;
 use std::pin::Pin;
@@ -14,13 +15,19 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::Router;
+use axum::body::Bytes;
+use http_body_util::BodyExt;
+use hyper::body::{Body, Incoming};
 use hyper::server::conn::http1;
+use hyper::service::{HttpService, Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::{Instant, Sleep};
+
+use super::idle::{Connections, Entry, Running};
 
 /// How much of their time and number connections may take.
 #[derive(Clone, Copy, Debug)]
@@ -63,16 +70,18 @@ pub async fn serve(
     stop: impl Future<Output = ()>,
 ) -> Shutdown {
     let places = Arc::new(Semaphore::new(limits.connections));
+    let known = Arc::new(Connections::default());
     let draining = watch::Sender::new(false);
     let mut connections = tokio::task::JoinSet::new();
     let mut stop = std::pin::pin!(stop);
     loop {
         let (stream, place) = tokio::select! {
             () = &mut stop => break,
-            accepted = accept(&listener, &places) => accepted,
+            accepted = accept(&listener, &places, &known) => accepted,
         };
         while connections.try_join_next().is_some() {}
-        let service = TowerToHyperService::new(app.clone());
+        let entry = Arc::new(known.add());
+        let service = answering(TowerToHyperService::new(app.clone()), Arc::clone(&entry));
         let io = TokioIo::new(StallGuard::new(stream, limits.stall_timeout));
         let mut drain = draining.subscribe();
         let connection = http1::Builder::new()
@@ -85,6 +94,7 @@ pub async fn serve(
             let mut connection = std::pin::pin!(connection);
             let ended = tokio::select! {
                 ended = &mut connection => ended,
+                () = entry.closed() => Ok(()), // idle, and another connection needs its place
                 _ = drain.changed() => {
                     connection.as_mut().graceful_shutdown();
                     connection.await
@@ -105,12 +115,43 @@ pub async fn serve(
     }
 }
 
+/// The application for one connection: its entry is busy until the last byte of an answer was taken.
+fn answering(
+    app: TowerToHyperService<Router>,
+    entry: Arc<Entry>,
+) -> impl HttpService<
+    Incoming,
+    ResBody = impl Body<Data = Bytes, Error = axum::Error> + Send + 'static,
+    Error = Infallible,
+    Future: Send,
+> + use<> {
+    service_fn(move |request| {
+        let (running, answer) = (entry.request(), app.call(request));
+        async move {
+            let answer = answer.await?;
+            Ok(answer.map(|body| {
+                body.map_frame(move |frame| {
+                    let _kept: &Running = &running;
+                    frame
+                })
+            }))
+        }
+    })
+}
+
 /// The next connection, when there is a place for it.
-async fn accept(listener: &TcpListener, places: &Arc<Semaphore>) -> (TcpStream, impl Sized + Send + use<>) {
+async fn accept(
+    listener: &TcpListener,
+    places: &Arc<Semaphore>,
+    known: &Connections,
+) -> (TcpStream, impl Sized + Send + use<>) {
     loop {
-        let place = Arc::clone(places).acquire_owned().await.ok();
         match listener.accept().await {
             Ok((stream, _)) => {
+                if places.available_permits() == 0 {
+                    known.close_idlest();
+                }
+                let place = Arc::clone(places).acquire_owned().await.ok();
                 // Frames go out whole: waiting to fill packets only delays them.
                 let _ = stream.set_nodelay(true);
                 return (stream, place);

@@ -18,6 +18,8 @@ use relief_volume::{NamedPlane, PresetGroup, WindowMap};
 const TEMPLATE: &str = include_str!("openapi.json");
 /// The key that names a closed set.
 const KEY: &str = "x-relief-values";
+/// Stands for the media types of annotation formats that are written.
+const MEDIA_KEY: &str = "x-relief-media";
 
 /// The description as it is served.
 pub(super) static DOCUMENT: LazyLock<String> = LazyLock::new(|| filled().to_string());
@@ -37,6 +39,11 @@ fn fill(value: &mut Value) {
             if let Some(values) = set {
                 members.remove(KEY);
                 members.insert("enum".to_owned(), json!(values));
+            }
+            if members.remove(MEDIA_KEY).is_some() {
+                let media = Format::ALL.into_iter().filter(|format| format.can_write());
+                members.extend(media.map(|format| (format.media_type().to_owned(), json!({}))));
+                members.insert("application/json".to_owned(), json!({})); // the report
             }
             members.values_mut().for_each(fill);
         }

@@ -144,6 +144,7 @@ impl From<&VolumeError> for Problem {
             VolumeError::NoVolume => (StatusCode::SERVICE_UNAVAILABLE, "no-volume"),
             VolumeError::UnknownSeries => (StatusCode::NOT_FOUND, "no-such-series"),
             VolumeError::NotRemovable => (StatusCode::FORBIDDEN, "not-removable"),
+            VolumeError::OwnLabels => (StatusCode::FORBIDDEN, "not-replaceable"),
         };
         Self::new(status, kind, error)
     }

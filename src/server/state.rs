@@ -12,6 +12,7 @@ use tokio::sync::Semaphore;
 use super::annotation_service::Annotations;
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
+use relief_base::Budget;
 use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeReader};
 use relief_store::Store;
 use relief_volume::{Grid, LabelMap};
@@ -19,8 +20,8 @@ use relief_volume::{Grid, LabelMap};
 /// An error of a loader. Clients see its message, so it must not name paths or patients.
 pub type LoadError = Box<dyn Error + Send + Sync>;
 
-/// Reads the series of an uploaded file. Blocks.
-pub type VolumeLoader = Arc<dyn Fn(&Path) -> Result<LoadedVolume, LoadError> + Send + Sync>;
+/// Reads the series of an uploaded file within a budget. Blocks; a cancelled budget ends it.
+pub type VolumeLoader = Arc<dyn Fn(&Path, &Budget) -> Result<LoadedVolume, LoadError> + Send + Sync>;
 
 /// Reads the label map of an uploaded file onto the grid of a volume. Blocks.
 pub type LabelsLoader = Arc<dyn Fn(&Path, &Grid) -> Result<Arc<LabelMap>, LoadError> + Send + Sync>;
@@ -33,9 +34,8 @@ pub struct Config {
     pub identity: String,
     /// Name of the adapter, for `/readyz`.
     pub adapter: String,
-    /// Accepted values of `Host`, without port; `None` accepts all. A list defends a loopback
-    /// address against web pages whose host name resolves to it (DNS rebinding).
-    pub allowed_hosts: Option<Vec<String>>,
+    /// Accepted values of `Host`; `None` accepts all.
+    pub allowed_hosts: Option<AllowedHosts>,
     /// Longest time from a request to its answer, except for uploads.
     pub request_timeout: Duration,
     /// Longest wait for the next part of a request's body.
@@ -47,6 +47,26 @@ pub struct Config {
     pub memory_bytes: u64,
     /// Live sessions.
     pub live: LiveConfig,
+}
+
+/// The names under which a server answers. They defend it against web pages whose host name
+/// resolves to its address (DNS rebinding).
+#[derive(Clone, Debug, Default)]
+pub struct AllowedHosts {
+    /// Names, without port.
+    pub names: Vec<String>,
+    /// Whether any address of digits is accepted, too: no page can give itself such a name.
+    pub addresses: bool,
+}
+
+impl AllowedHosts {
+    /// Whether the server answers under this name, which has no port.
+    #[must_use]
+    pub fn accept(&self, name: &str) -> bool {
+        let bare = name.trim_start_matches('[').trim_end_matches(']');
+        let is_address = self.addresses && bare.parse::<std::net::IpAddr>().is_ok();
+        is_address || self.names.iter().any(|known| known.eq_ignore_ascii_case(name))
+    }
 }
 
 /// Limits of uploads.
@@ -61,6 +81,21 @@ pub struct UploadLimits {
     pub volumes: usize,
     /// Most bytes of their voxels together.
     pub voxel_bytes: usize,
+}
+
+impl UploadLimits {
+    /// Memory that headers of an upload may take: a small share of its voxels.
+    #[must_use]
+    pub fn header_bytes(&self) -> u64 {
+        (self.voxel_bytes as u64 / 8).max(64 << 20)
+    }
+
+    /// Bytes that an upload may unpack to: headers are read before voxels, and some files hold
+    /// more than voxels.
+    #[must_use]
+    pub fn unpacked_bytes(&self) -> u64 {
+        (self.voxel_bytes as u64).saturating_mul(4).max(1 << 30)
+    }
 }
 
 impl Default for Config {

@@ -1,9 +1,9 @@
 //! Uploads: a zip of a series becomes a volume.
 //!
 //! The file is streamed to disk under limits of size and time, one upload at a time, and removed
-//! when it has been read. Reading continues when the client has left, and it keeps its turn.
+//! when it has been read. When the client leaves, reading ends at its next step.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,6 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use tempfile::TempPath;
 use tokio::io::AsyncWriteExt;
 use tokio::sync::OwnedSemaphorePermit;
 
@@ -20,6 +19,7 @@ use super::guard::{expect_content_type, next_part, too_large};
 use super::problem::Problem;
 use super::state::{Config, UploadLimits, Uploads, VolumeLoader};
 use super::volumes::describe;
+use relief_base::Budget;
 use relief_session::{Added, Engine, UploadedVolumes, VolumeEntry, on_blocking_thread};
 
 pub(super) async fn upload(
@@ -29,9 +29,11 @@ pub(super) async fn upload(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let ReceivedUpload { limits, turn, path } =
+    let ReceivedUpload { limits, turn, file } =
         take_in(&config, &uploads, &headers, body, "application/zip").await?;
-    let job = move || read(&engine, &uploads.loader, &path, limits);
+    let budget = Budget::new(limits.header_bytes(), limits.unpacked_bytes());
+    let _cancelled = CancelOnDrop(budget.clone());
+    let job = move || read(&engine, &uploads.loader, file.path(), (limits, &budget));
     let (entry, added) = on_blocking_thread(turn, "reading the upload", job).await??;
     let status = match added {
         Added::New => StatusCode::CREATED,
@@ -41,12 +43,52 @@ pub(super) async fn upload(
     Ok((status, location, Json(describe(&entry))).into_response())
 }
 
+/// Cancels a reading when the request that waits for it is dropped.
+struct CancelOnDrop(Budget);
+
+impl Drop for CancelOnDrop {
+    fn drop(&mut self) {
+        self.0.cancel();
+    }
+}
+
+/// A file of the system's temporary folder without a name: it is gone with the process, however
+/// that ends.
+pub(super) struct SpooledFile {
+    file: std::fs::File,
+    path: PathBuf,
+    /// Where the system opens no nameless file a second time.
+    _named: Option<tempfile::TempPath>,
+}
+
+impl SpooledFile {
+    fn create() -> std::io::Result<Self> {
+        #[cfg(target_os = "linux")]
+        {
+            use std::os::fd::AsRawFd;
+            let file = tempfile::tempfile()?;
+            let path = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
+            if path.is_file() {
+                return Ok(Self { file, path, _named: None });
+            }
+        }
+        let named = tempfile::Builder::new().prefix("relief-upload-").tempfile()?;
+        let (file, path) = named.into_parts();
+        Ok(Self { file, path: path.to_path_buf(), _named: Some(path) })
+    }
+
+    /// A path that opens the file from its beginning, as long as this value lives.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
 /// An upload that has arrived.
 pub(super) struct ReceivedUpload {
     pub(super) limits: UploadLimits,
     /// The place for uploads, to be kept until the file has been read.
     pub(super) turn: OwnedSemaphorePermit,
-    pub(super) path: TempPath,
+    pub(super) file: SpooledFile,
 }
 
 /// Steps that all uploads share: permission, media type, permit, and transfer to a temporary file.
@@ -58,16 +100,21 @@ pub(super) async fn take_in(
     media_type: &'static str,
 ) -> Result<ReceivedUpload, Problem> {
     let Some(limits) = config.uploads else {
-        let detail = "uploads are off; start the server with --uploads on";
-        return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
+        return Err(uploads_off());
     };
     expect_content_type(headers, media_type)?;
     check_length(headers, limits.file_bytes)?;
     let turn = Arc::clone(&uploads.turn)
         .try_acquire_owned()
         .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let path = receive(body, config.body_timeout, limits).await?;
-    Ok(ReceivedUpload { limits, turn, path })
+    let file = receive(body, config.body_timeout, limits).await?;
+    Ok(ReceivedUpload { limits, turn, file })
+}
+
+/// The answer of a server that takes no files.
+pub(super) fn uploads_off() -> Problem {
+    let detail = "uploads are off; start the server with --uploads on";
+    Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail)
 }
 
 /// Refuses a body by its declared length before reading it.
@@ -79,11 +126,10 @@ fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
 
 /// The body as a file. The slower it comes, the sooner it must be whole: waits count against the
 /// slowest rate.
-async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Result<TempPath, Problem> {
+async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Result<SpooledFile, Problem> {
     let failed = |error: std::io::Error| Problem::internal("storing the upload", error);
-    let file = tempfile::Builder::new().prefix("relief-upload-").tempfile().map_err(failed)?;
-    let (file, path) = file.into_parts();
-    let mut file = tokio::fs::File::from_std(file);
+    let spooled = SpooledFile::create().map_err(failed)?;
+    let mut file = tokio::fs::File::from_std(spooled.file.try_clone().map_err(failed)?);
     let (since, mut received) = (Instant::now(), 0u64);
     loop {
         let left = (patience + time_for(received, limits)).saturating_sub(since.elapsed());
@@ -98,7 +144,7 @@ async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Re
         file.write_all(&part).await.map_err(failed)?;
     }
     file.flush().await.map_err(failed)?;
-    Ok(path)
+    Ok(spooled)
 }
 
 /// How long this many bytes may take.
@@ -116,9 +162,9 @@ fn read(
     engine: &Engine,
     loader: &VolumeLoader,
     path: &Path,
-    limits: UploadLimits,
+    (limits, budget): (UploadLimits, &Budget),
 ) -> Result<(Arc<VolumeEntry>, Added), Problem> {
-    let loaded = loader(path)
+    let loaded = loader(path, budget)
         .map_err(|reason| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unreadable-series", reason))?;
     let limits = UploadedVolumes { volumes: limits.volumes, voxel_bytes: limits.voxel_bytes };
     Ok(engine.volumes.add_upload(loaded, limits)?)

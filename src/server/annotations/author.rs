@@ -38,7 +38,8 @@ pub(crate) fn missing() -> Problem {
     Problem::new(StatusCode::BAD_REQUEST, "no-author", detail).with("path", "author")
 }
 
-fn decoded(text: &str) -> Option<String> {
+/// A percent-encoded text; `None` when it is none, or not UTF-8.
+pub(crate) fn decoded(text: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();
     while let [first, tail @ ..] = rest {

@@ -21,6 +21,7 @@ use super::asked::{EditRequest, query};
 use crate::annotation_service::{Annotations, Visible};
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
+use crate::upload::uploads_off;
 use relief_annotation::{ContentId, Item, Set, ShownSets, Versioned};
 use relief_exchange::{ExchangeError, ExistingItems, Format, Imported, Merged, ReadContext, WriteContext};
 use relief_session::on_blocking_thread;
@@ -71,6 +72,7 @@ pub(super) async fn import(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
+    asked.config().uploads.ok_or_else(uploads_off)?;
     let ImportQuery { format, name, set, list, reason, author, update, duplicate } = query(&uri)?;
     let present = match (update, duplicate) {
         (false, false) => ExistingItems::Keep,
@@ -120,8 +122,7 @@ pub(super) async fn import(
     }
     let merged = merged(&asked, &author, items, present).await?;
     warnings.extend(merged.note("update=true", "duplicate=true"));
-    let (unchanged, skipped) = (merged.unchanged, merged.skipped);
-    let counts = json!({ "unchanged": unchanged, "skipped": skipped });
+    let counts = json!({ "unchanged": merged.unchanged, "skipped": merged.skipped });
     if merged.changes.is_empty() {
         let answer = json!({ "events": [], "warnings": warnings, "there": counts });
         return Ok(Json(answer).into_response());

@@ -28,7 +28,7 @@ use axum::routing::{get, post};
 use super::annotation_service::HistoryStep;
 use super::state::AppState;
 
-pub(super) use author::{author_of, missing as missing_author};
+pub(super) use author::{author_of, decoded, missing as missing_author};
 pub(super) use drawing::draw;
 
 /// The routes under a volume.

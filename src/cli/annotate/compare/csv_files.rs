@@ -3,6 +3,7 @@
 use anyhow::Context;
 use csv::Writer;
 
+use relief_base::csv_cell;
 use relief_study::{Absence, Comparison, Ellipsoid, ErrorSummary, Figure, Undefined};
 
 /// Names and contents of the files.
@@ -26,7 +27,7 @@ fn table<const N: usize>(
     writer.write_record(heading)?;
     for line in lines {
         debug_assert_eq!(line.len(), N);
-        writer.write_record(line)?;
+        writer.write_record(line.iter().map(|cell| csv_cell(cell).into_owned()))?;
     }
     writer.into_inner().context("cannot make a table")
 }
