@@ -8,5 +8,6 @@ mod common;
 mod dicom;
 mod dicom_objects;
 mod exchange;
+mod hostile;
 mod label_files;
 mod readers;

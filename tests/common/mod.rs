@@ -6,6 +6,9 @@
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
+pub(crate) mod child;
+pub(crate) mod hostile;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;

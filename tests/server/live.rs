@@ -5,7 +5,7 @@ use std::time::Duration;
 use image::ImageDecoder;
 use relief_display::{DisplayProfile, Pixels, ProfileName};
 use relief_live::{ReceivedFrame, SUBPROTOCOL};
-use relief_server::{Config, LiveConfig, Shutdown};
+use relief_server::{AllowedHosts, Config, LiveConfig, Shutdown};
 use relief_tracking::{Beacon, Simulation, hex_of_bytes};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::{Error, Message};
@@ -264,7 +264,8 @@ fn status(error: &Error) -> u16 {
 /// Invariant: Watchers change nothing, and no page of another site can open a session.
 #[tokio::test]
 async fn pages_of_other_sites_and_strangers_are_refused() {
-    let hosts = ["127.0.0.1", "localhost"].map(str::to_owned).to_vec();
+    let names = ["127.0.0.1", "localhost"].map(str::to_owned).to_vec();
+    let hosts = AllowedHosts { names, addresses: false };
     let running = Running::of(Config { allowed_hosts: Some(hosts), ..Config::default() }).await;
     let own = format!("http://{}", running.address);
     let protocol = ("sec-websocket-protocol", SUBPROTOCOL);

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use axum::body::Body;
 use axum::http::Request;
-use relief_server::Config;
+use relief_server::{AllowedHosts, Config};
 use relief_session::QueueConfig;
 use serde_json::json;
 
@@ -188,7 +188,8 @@ impl axum::body::HttpBody for NeverEnding {
 
 #[tokio::test]
 async fn foreign_names_and_foreign_pages_are_refused() {
-    let hosts = Some(vec!["localhost".to_owned(), "127.0.0.1".to_owned()]);
+    let names = vec!["localhost".to_owned(), "127.0.0.1".to_owned()];
+    let hosts = Some(AllowedHosts { names, addresses: false });
     let stage = Stage::with(Config { allowed_hosts: hosts, ..Config::default() }, QueueConfig::default());
     for host in ["localhost", "LOCALHOST:8080", "127.0.0.1:1"] {
         assert_eq!(stage.get_with("/healthz", &[("host", host)]).await.status, 200, "{host}");

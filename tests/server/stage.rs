@@ -337,9 +337,9 @@ fn labels_loader() -> LabelsLoader {
 }
 
 fn loader() -> VolumeLoader {
-    Arc::new(|path| {
-        let found =
-            relief_dicom::discover(path, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+    Arc::new(|path, budget| {
+        let found = relief_dicom::discover_within(budget, path, Strictness::Lenient, &|_| ())
+            .map_err(|error| error.to_string())?;
         let entry = found.select(None).map_err(|error| error.to_string())?;
         let loaded =
             relief_dicom::load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;

@@ -7,6 +7,9 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(unix)]
 
+mod faults;
+mod hostile;
+
 use crate::common;
 
 use std::io::{BufRead, BufReader, Read, Write};

@@ -1,0 +1,56 @@
+//! A child process whose peak memory is read while it runs.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// What became of a child.
+pub(crate) struct Ended {
+    pub(crate) status: ExitStatus,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    /// Largest resident set, MiB; 0 where the system does not say.
+    pub(crate) peak_mib: u64,
+}
+
+/// Runs a command to its end. A child that takes more than `most_mib` of memory or two minutes is
+/// killed, before it harms the machine.
+pub(crate) fn run(command: &mut Command, most_mib: u64) -> Ended {
+    let mut child =
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let output = reading(child.stdout.take().unwrap());
+    let errors = reading(child.stderr.take().unwrap());
+    let (began, mut peak_mib) = (Instant::now(), 0);
+    let status = loop {
+        peak_mib = peak_mib.max(peak_of(&child));
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if peak_mib > most_mib || began.elapsed() > Duration::from_secs(120) {
+            child.kill().unwrap();
+            let status = child.wait().unwrap();
+            panic!("killed at {peak_mib} MiB of {most_mib} after {:?}: {status}", began.elapsed());
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    Ended { status, stdout: output.join().unwrap(), stderr: errors.join().unwrap(), peak_mib }
+}
+
+fn reading(mut pipe: impl Read + Send + 'static) -> std::thread::JoinHandle<String> {
+    let reader = move || {
+        let mut bytes = Vec::new();
+        pipe.read_to_end(&mut bytes).unwrap();
+        String::from_utf8_lossy(&bytes).into_owned()
+    };
+    std::thread::Builder::new().name("reads-child".to_owned()).spawn(reader).unwrap()
+}
+
+/// Largest resident set of a running process so far, MiB; 0 where the system does not say.
+pub(crate) fn peak_of(child: &Child) -> u64 {
+    let status = Path::new("/proc").join(child.id().to_string()).join("status");
+    let Ok(status) = std::fs::read_to_string(status) else { return 0 };
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    peak.and_then(|peak| peak.trim().trim_end_matches(" kB").parse::<u64>().ok()).map_or(0, |kib| kib >> 10)
+}
