@@ -20,7 +20,8 @@ fn pictures_outlive_their_device() {
     let listed: serde_json::Value = serde_json::from_slice(&steady.get("/v1/volumes").1).unwrap();
     let id = listed["volumes"][0]["id"].as_str().unwrap();
     for number in 0..10 {
-        let path = format!("/v1/volumes/{id}/frame?preset=bone&size_px=96,54&azimuth_deg={number}");
+        let path =
+            format!("/v1/volumes/{id}/frame?preset=bone&layout=color&size_px=96,54&azimuth_deg={number}");
         let (head, expected) = steady.get(&path);
         assert!(head.starts_with("HTTP/1.1 200"), "{head}");
         let (head, found) = faulty.get(&path);
