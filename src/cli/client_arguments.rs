@@ -1,5 +1,6 @@
 //! The arguments of `relief client`.
 
+use std::net::IpAddr;
 use std::path::PathBuf;
 
 use super::choices::layouts;
@@ -15,9 +16,16 @@ use relief_live::{LiveLayout, OrbitPose, check_view_name};
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct ClientArguments {
-    /// The server: http://HOST:PORT or ws://HOST:PORT
+    /// The server: http://HOST:PORT or https://HOST:PORT
     #[arg(long, value_name = "URL")]
     pub(super) server: ServerAddress,
+    /// Token for a server that asks who you are, made by `relief token add`; better as RELIEF_TOKEN,
+    /// which the list of processes does not show
+    #[arg(long, value_name = "TOKEN", env = "RELIEF_TOKEN", hide_env_values = true)]
+    pub(super) token: Option<String>,
+    /// Trust servers with a certificate of these authorities, PEM, and no others
+    #[arg(long, value_name = "FILE.pem")]
+    pub(super) ca: Option<PathBuf>,
     /// Name of a view that several clients share; one of its own when left out
     #[arg(long, value_name = "NAME", value_parser = view_name)]
     pub(super) view: Option<String>,
@@ -100,6 +108,14 @@ pub(super) struct HeadlessArguments {
     pub(super) save_frame: Option<PathBuf>,
 }
 
+impl ClientArguments {
+    /// Whether the server is on this machine.
+    pub(super) fn is_local(&self) -> bool {
+        let host = self.server.target().0;
+        host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+    }
+}
+
 const AFTER_HELP: &str = "\
 Without --headless a window shows the frames, one pixel of a frame on one pixel of the display. A lost connection is made again,
 and the session goes on where it was.
@@ -110,6 +126,7 @@ Keys: arrows turn, + and - zoom, [ and ] change the preset, Page Up and Page Dow
 
 Examples:
   relief client --server http://ct-server:8080 --fullscreen --wiimote hidraw --view theatre-1
+  RELIEF_TOKEN=... relief client --server https://ct-server:8443 --ca relief-certificate.pem --fullscreen
   relief client --server http://127.0.0.1:8080 --headless --look 30,10 --save-frame frame.png
   relief client --server http://127.0.0.1:8080 --headless --measure 10 --json
   relief client --server http://127.0.0.1:8080 --headless --measure 600 --clients 50 --stalled 50 --view soak --check-every 0";

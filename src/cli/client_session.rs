@@ -3,7 +3,7 @@
 use anyhow::bail;
 
 use crate::client_arguments::{ClientArguments, Part};
-use relief_client::{Composer, Options};
+use relief_client::{Access, Composer, Options};
 use relief_display::DisplaySettings;
 #[cfg(feature = "window")]
 use relief_display::Layout;
@@ -65,7 +65,14 @@ impl Session {
         let is_own = role == Role::Presenter && (arguments.view.is_none() || display != usual);
         let asked = is_own.then(|| display.header());
         let composer = Composer::new(display.profile()?, asked);
-        let options = Options { server: arguments.server.clone(), hello, wait: arguments.wait };
+        let server = arguments.server.clone();
+        let access = Access::new(&server, arguments.token.clone(), arguments.ca.as_deref())?;
+        if arguments.token.is_some() && !server.is_encrypted() && !arguments.is_local() {
+            eprintln!(
+                "warning: the token crosses the network unencrypted; use https:// if the server has it"
+            );
+        }
+        let options = Options { server, access, hello, wait: arguments.wait };
         Ok(Self {
             options,
             composer,

@@ -7,6 +7,7 @@
 mod adapter;
 mod annotate;
 mod annotated;
+mod audit;
 mod axis;
 mod batch;
 mod batch_plan;
@@ -41,10 +42,12 @@ mod preview;
 mod render;
 mod scene;
 mod serve;
+mod serve_identity;
 mod serve_load;
 mod slice;
 mod source;
 mod text_file;
+mod token;
 mod track;
 mod track_design;
 mod track_display;
@@ -101,6 +104,8 @@ enum Command {
     Track(track::TrackArguments),
     Calibrate(calibrate::CalibrateArguments),
     Annotate(annotate::AnnotateArguments),
+    Token(token::TokenArguments),
+    Audit(audit::AuditArguments),
     Batch(batch::BatchArguments),
     Golden(golden::GoldenArguments),
     Doctor(doctor::DoctorArguments),
@@ -122,6 +127,8 @@ pub fn main() -> ExitCode {
         Command::Client(arguments) => client::run(&arguments),
         Command::Track(arguments) => track::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Token(arguments) => token::run(arguments),
+        Command::Audit(arguments) => audit::run(&arguments),
         Command::Annotate(arguments) => annotate::run(&arguments),
         Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),

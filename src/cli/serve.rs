@@ -18,6 +18,7 @@ use super::adapter::AdapterArguments;
 use super::bucket::CopiesArguments;
 use super::memory::parse_bytes;
 use super::output::say;
+use super::serve_identity::IdentityArguments;
 use super::serve_load::{load_behind, places, served};
 use super::source::SeriesOptions;
 use super::track_scene::{read_beacon, read_camera};
@@ -25,8 +26,8 @@ use relief_base::sha256_of_file;
 use relief_dicom::{LoadLimits, Strictness};
 use relief_render::VolumeLimits;
 use relief_server::{
-    AllowedHosts, Config, ConnectionLimits, LabelsLoader, LiveConfig, Server, Shutdown, UploadLimits,
-    VolumeLoader,
+    Admission, AllowedHosts, Config, ConnectionLimits, LabelsLoader, LiveConfig, Server, Shutdown, Tls,
+    UploadLimits, VolumeLoader,
 };
 use relief_session::{InjectedFault, QueueConfig, RenderService, load_labels, most_label_voxels};
 use relief_store::Store;
@@ -48,7 +49,10 @@ Examples:
   relief serve --series head --annotations postgres://relief@db/relief --listen-when-loaded   one of several servers
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
-There is no authentication. Another address than loopback is for trusted networks, or behind a proxy that has it.")]
+  relief serve --series head --listen 0.0.0.0:8443 --token-file tokens --tls-self-signed tls   for other machines
+
+Another address than loopback needs to know who calls: --token-file (see relief token), client certificates, a trusted proxy, or
+--insecure.")]
 pub(super) struct ServeArguments {
     /// CT series to serve: a folder, a file, a DICOMDIR or a zip; or s3://BUCKET/PREFIX: each
     /// folder, zip, .nii and .nrrd below it; may be given several times
@@ -76,9 +80,12 @@ pub(super) struct ServeArguments {
     /// names; any other accepts addresses of digits and the machine's own name, too
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
-    /// Whether clients may upload series; `auto` is on for a loopback address
+    /// Whether clients may upload series; `auto` is on for a loopback address, and where callers need
+    /// the scope admin for it
     #[arg(long, value_enum, default_value_t = Uploads::Auto)]
     uploads: Uploads,
+    #[command(flatten)]
+    identity: IdentityArguments,
     #[command(flatten)]
     adapter: AdapterArguments,
     /// Memory for voxels of all volumes, such as 8GiB; series that are not shown are read again
@@ -106,7 +113,7 @@ pub(super) struct ServeArguments {
 /// Who may add volumes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Uploads {
-    /// On for a loopback address, else off
+    /// On for a loopback address and where callers are recognised, else off
     Auto,
     /// Everyone who can reach the address
     On,
@@ -115,6 +122,8 @@ enum Uploads {
 }
 
 pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
+    let admission = arguments.identity.admission(arguments.listen)?;
+    let audit = arguments.identity.audit()?;
     let copies = arguments.copies.copies();
     let places = places(&arguments.series, &arguments.labels, &copies)?;
     let backend = arguments.adapter.open_backend()?;
@@ -123,7 +132,9 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let backend = backend.with_fault(arguments.lose_device_every.map(InjectedFault::device_lost));
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(backend, queue)?);
-    let config = config(arguments, &adapter)?;
+    let config = config(arguments, &adapter, admission)?;
+    let names = config.allowed_hosts.as_ref().map(|hosts| hosts.names.clone()).unwrap_or_default();
+    let tls = arguments.identity.tls(&names)?;
     let mut server = Server::new(Arc::clone(&service), upload_loader(limits), config);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let log = match &arguments.annotations {
@@ -133,10 +144,13 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     if let Some(log) = &log {
         server = server.annotating(log.clone());
     }
+    if let Some(audit) = audit {
+        server = server.audited(audit);
+    }
     let server = Arc::new(server.reading_labels(labels_loader()));
     server.expect_volumes(places.len());
     let load = |server| load_behind(places, copies.clone(), (arguments.options.clone(), limits), server);
-    let outcome = runtime.block_on(serve((arguments.listen, arguments.listen_when_loaded), server, load));
+    let outcome = runtime.block_on(serve(arguments, tls, server, load));
     service.shut_down();
     if let Some(log) = log {
         runtime.block_on(log.close());
@@ -148,14 +162,20 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
 
 /// Binds, loads and serves until a signal, or until a series turns out to be unusable.
 async fn serve(
-    (listen, listen_when_loaded): (SocketAddr, bool),
+    arguments: &ServeArguments,
+    tls: Option<Arc<Tls>>,
     server: Arc<Server>,
     load: impl FnOnce(Arc<Server>) -> anyhow::Result<oneshot::Receiver<anyhow::Error>>,
 ) -> anyhow::Result<ExitCode> {
+    let listen = arguments.listen;
     let socket = bound(listen).with_context(|| format!("cannot listen on {listen}"))?;
     let mut signal = Box::pin(stop_signal()?); // before anybody can know that it runs
     let mut failed = load(Arc::clone(&server))?.fuse();
-    if listen_when_loaded {
+    let probes = match arguments.identity.probe_listen {
+        Some(address) => Some(probes(address, Arc::clone(&server))?),
+        None => None,
+    };
+    if arguments.listen_when_loaded {
         tokio::select! {
             () = &mut signal => return Ok(ExitCode::SUCCESS),
             failed = &mut failed => if let Ok(error) = failed { return Err(error) },
@@ -164,10 +184,9 @@ async fn serve(
     let follower = server.follow_annotations().await;
     let listener = socket.listen(BACKLOG).with_context(|| format!("cannot listen on {listen}"))?;
     let address = listener.local_addr()?;
-    say!("listening on http://{}/", reachable(address));
-    if !address.ip().is_loopback() {
-        eprintln!("warning: {address} can be reached from other machines, and there is no authentication");
-    }
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    say!("listening on {scheme}://{}/", reachable(address));
+    arguments.identity.warn(address, tls.is_some());
     let mut failure = None;
     let sessions = Arc::clone(&server);
     let stop = async {
@@ -177,14 +196,31 @@ async fn serve(
         }
         sessions.close_sessions(SESSIONS_PATIENCE).await;
     };
-    let drained =
-        relief_server::serve(listener, relief_server::app(server), ConnectionLimits::default(), stop).await;
+    let limits =
+        ConnectionLimits { unlimited: arguments.identity.unlimited(), ..ConnectionLimits::default() };
+    let drained = relief_server::serve(listener, tls, relief_server::app(server), limits, stop).await;
+    if let Some(probes) = probes {
+        probes.abort();
+    }
     if drained == Shutdown::CutOff {
         eprintln!("warning: some requests were cut off");
     }
     follower.abort();
     let _ = follower.await; // it has a connection to the log, which is closed next
     failure.map_or(Ok(ExitCode::SUCCESS), Err)
+}
+
+/// Answers probes and monitoring on a listener of their own.
+fn probes(address: SocketAddr, server: Arc<Server>) -> anyhow::Result<tokio::task::JoinHandle<()>> {
+    let listening = bound(address).and_then(|socket| socket.listen(BACKLOG));
+    let listener = listening.with_context(|| format!("cannot listen on {address} (--probe-listen)"))?;
+    eprintln!("probes: http://{}/readyz", listener.local_addr()?);
+    let app = relief_server::probes(server);
+    let limits = ConnectionLimits { connections: 64, ..ConnectionLimits::default() };
+    let served = async move {
+        relief_server::serve(listener, None, app, limits, std::future::pending()).await;
+    };
+    Ok(tokio::spawn(served))
 }
 
 /// A socket bound to its address that does not accept connections yet.
@@ -197,7 +233,7 @@ fn bound(address: SocketAddr) -> std::io::Result<TcpSocket> {
     Ok(socket)
 }
 
-fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
+fn config(arguments: &ServeArguments, adapter: &str, admission: Admission) -> anyhow::Result<Config> {
     let loopback = arguments.listen.ip().is_loopback();
     let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
     let hosts = own.into_iter().chain([host_of(arguments.listen.ip())]).chain(arguments.allow_host.clone());
@@ -205,7 +241,8 @@ fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
     // and addresses of digits are no page's.
     let machine = if loopback { None } else { machine_name() };
     let hosts = AllowedHosts { names: hosts.chain(machine).collect(), addresses: !loopback };
-    let uploads = arguments.uploads == Uploads::On || (arguments.uploads == Uploads::Auto && loopback);
+    let is_known = loopback || !admission.is_open();
+    let uploads = arguments.uploads == Uploads::On || (arguments.uploads == Uploads::Auto && is_known);
     let live = LiveConfig {
         sessions: arguments.sessions.into(),
         sensor: read_camera(arguments.sensor.as_deref())?,
@@ -215,6 +252,8 @@ fn config(arguments: &ServeArguments, adapter: &str) -> anyhow::Result<Config> {
     Ok(Config {
         identity: format!("{} {adapter}", build()),
         adapter: adapter.to_owned(),
+        admission,
+        requests_per_caller: (usize::from(arguments.queue) / 2).max(4),
         allowed_hosts: Some(hosts),
         uploads: uploads.then(UploadLimits::default),
         memory_bytes: arguments.memory,

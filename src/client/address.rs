@@ -7,10 +7,11 @@ use tokio_tungstenite::tungstenite::http::Uri;
 
 use relief_live::{Hello, check_view_name};
 
-/// A server: `http://HOST:PORT`, `ws://HOST:PORT`, or `HOST:PORT`; a path before `/v1` is kept, for
-/// proxies that have one.
+/// A server: `http://HOST:PORT`, `https://HOST:PORT`, the same with `ws` and `wss`, or `HOST:PORT`; a
+/// path before `/v1` is kept, for proxies that have one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServerAddress {
+    is_encrypted: bool,
     host: String,
     port: u16,
     base: String,
@@ -20,15 +21,10 @@ pub struct ServerAddress {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AddressError {
     /// It says nothing that could be connected to.
-    #[error("{0:?} is not a server address; expected http://HOST:PORT or ws://HOST:PORT")]
+    #[error("{0:?} is not a server address; expected http://HOST:PORT or https://HOST:PORT")]
     Malformed(String),
-    /// Encrypted addresses are for a proxy.
-    #[error(
-        "{0}:// is not supported; use http:// or ws:// in a trusted network, or a tunnel (ssh -L, WireGuard)"
-    )]
-    Encrypted(String),
     /// Something else than a server.
-    #[error("{0}:// is not a server address; expected http://HOST:PORT or ws://HOST:PORT")]
+    #[error("{0}:// is not a server address; expected http://HOST:PORT or https://HOST:PORT")]
     Scheme(String),
 }
 
@@ -38,25 +34,31 @@ impl FromStr for ServerAddress {
     fn from_str(text: &str) -> Result<Self, AddressError> {
         let shown = || AddressError::Malformed(text.chars().take(80).collect());
         let (scheme, rest) = text.split_once("://").unwrap_or(("http", text));
-        match scheme.to_ascii_lowercase().as_str() {
-            "http" | "ws" => {}
-            scheme @ ("https" | "wss") => return Err(AddressError::Encrypted(scheme.to_owned())),
+        let is_encrypted = match scheme.to_ascii_lowercase().as_str() {
+            "http" | "ws" => false,
+            "https" | "wss" => true,
             scheme => return Err(AddressError::Scheme(scheme.chars().take(20).collect())),
-        }
+        };
         let uri: Uri = format!("http://{rest}").parse().map_err(|_| shown())?;
         let host = uri.host().filter(|host| !host.is_empty()).ok_or_else(shown)?;
         let has_more = uri.query().is_some() || uri.authority().is_some_and(|it| it.as_str().contains('@'));
         // A port that is no number is no part of the authority that `Uri` would refuse.
         let port = match uri.port() {
             Some(port) => port.as_u16(),
-            None if rest.split('/').next().is_some_and(|authority| authority == host) => 80,
+            None if rest.split('/').next().is_some_and(|authority| authority == host) => {
+                if is_encrypted {
+                    443
+                } else {
+                    80
+                }
+            }
             None => return Err(shown()),
         };
         if has_more || port == 0 {
             return Err(shown());
         }
         let base = uri.path().trim_end_matches('/').to_owned();
-        Ok(Self { host: host.to_owned(), port, base })
+        Ok(Self { is_encrypted, host: host.to_owned(), port, base })
     }
 }
 
@@ -67,11 +69,18 @@ impl ServerAddress {
         (self.host.trim_start_matches('[').trim_end_matches(']'), self.port)
     }
 
+    /// Whether connections are encrypted.
+    #[must_use]
+    pub fn is_encrypted(&self) -> bool {
+        self.is_encrypted
+    }
+
     /// The address of a live session. It names view and volume for a proxy before several servers,
     /// which cannot read the hello; a single server ignores it.
     #[must_use]
     pub fn session_url(&self, hello: &Hello) -> String {
-        let Self { host, port, base } = self;
+        let Self { is_encrypted, host, port, base } = self;
+        let scheme = if *is_encrypted { "wss" } else { "ws" };
         // Invalid names are refused by the server.
         let named =
             [("view", &hello.view), ("volume", &hello.volume)].into_iter().filter_map(|(key, name)| {
@@ -79,13 +88,14 @@ impl ServerAddress {
             });
         let query = named.collect::<Vec<_>>().join("&");
         let mark = if query.is_empty() { "" } else { "?" };
-        format!("ws://{host}:{port}{base}/v1/session{mark}{query}")
+        format!("{scheme}://{host}:{port}{base}/v1/session{mark}{query}")
     }
 }
 
 impl fmt::Display for ServerAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "http://{}:{}{}", self.host, self.port, self.base)
+        let scheme = if self.is_encrypted { "https" } else { "http" };
+        write!(f, "{scheme}://{}:{}{}", self.host, self.port, self.base)
     }
 }
 
@@ -102,6 +112,8 @@ mod tests {
             ("localhost:8080", "ws://localhost:8080/v1/session"),
             ("HTTP://localhost", "ws://localhost:80/v1/session"),
             ("http://[::1]:8080", "ws://[::1]:8080/v1/session"),
+            ("https://ct.example", "wss://ct.example:443/v1/session"),
+            ("wss://ct.example:8443", "wss://ct.example:8443/v1/session"),
         ] {
             let address = text.parse::<ServerAddress>().unwrap();
             assert_eq!(address.session_url(&Hello::default()), url, "{text}");
@@ -138,7 +150,6 @@ mod tests {
             let error = bad.parse::<ServerAddress>().unwrap_err();
             assert!(matches!(error, AddressError::Malformed(_)), "{bad}: {error}");
         }
-        assert!(matches!("https://a".parse::<ServerAddress>(), Err(AddressError::Encrypted(_))));
         assert!(matches!("ftp://a".parse::<ServerAddress>(), Err(AddressError::Scheme(_))));
     }
 }

@@ -15,6 +15,14 @@ pub enum ClientError {
         /// The error of the system.
         reason: String,
     },
+    /// The server's certificate is not trusted, or the connection cannot be encrypted.
+    #[error("the connection to {server} cannot be encrypted: {reason}; name its authority by --ca FILE.pem")]
+    Insecure {
+        /// Where.
+        server: ServerAddress,
+        /// The error of TLS.
+        reason: String,
+    },
     /// Something answers that is no Relief server, or an older one.
     #[error("{server} does not answer as a Relief server with live sessions: {reason}")]
     NotRelief {
@@ -59,7 +67,7 @@ impl ClientError {
         match self {
             Self::Unreachable { .. } | Self::Lost { .. } => true,
             Self::Refused { passing, .. } => *passing || was_connected,
-            Self::NotRelief { .. } => was_connected,
+            Self::NotRelief { .. } | Self::Insecure { .. } => was_connected,
             Self::Ended { .. } => false,
         }
     }

@@ -9,6 +9,7 @@
 //! connection is an event or an error, never a panic, and memory is bounded by [`MAX_FRAME_BYTES`].
 //! Times are ns of the client's own clock, which starts with its [`Handle`].
 
+mod access;
 mod address;
 mod backoff;
 mod compose;
@@ -25,6 +26,7 @@ mod socket;
 #[cfg(feature = "window")]
 mod window;
 
+pub use access::{Access, AccessError};
 pub use address::{AddressError, ServerAddress};
 pub use compose::{Composed, Composer, PictureError};
 pub use error::ClientError;

@@ -17,6 +17,7 @@ use tokio_tungstenite::tungstenite::protocol::CloseFrame;
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::{Error, Message};
 
+use super::access::Access;
 use super::address::ServerAddress;
 use super::backoff::Backoff;
 use super::error::{ClientError, shown};
@@ -41,6 +42,8 @@ const MAX_UNREADABLE: u32 = 20;
 pub struct Options {
     /// Where.
     pub server: ServerAddress,
+    /// What is shown to the server and expected of it.
+    pub access: Access,
     /// What for.
     pub hello: Hello,
     /// Whether a server that is not there yet is waited for.
@@ -156,7 +159,7 @@ impl Session<'_> {
     async fn attempt(&self, was_connected: &mut bool) -> Result<(), ClientError> {
         let hello = self.hello();
         let (socket, welcome) = tokio::select! {
-            opened = socket::open(&self.options.server, &self.options.hello, &hello) => opened?,
+            opened = socket::open(&self.options.server, &self.options.access, &self.options.hello, &hello) => opened?,
             () = self.handle.stopped() => return Ok(()),
         };
         *was_connected = true;

@@ -13,6 +13,7 @@ use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
+use super::access::{Access, Stream};
 use super::address::ServerAddress;
 use super::error::{ClientError, shown};
 use relief_live::{
@@ -29,17 +30,22 @@ const CONNECT: Duration = Duration::from_secs(3);
 /// card.
 const WELCOME: Duration = Duration::from_secs(30);
 
-pub(super) type Socket = WebSocketStream<TcpStream>;
+pub(super) type Socket = WebSocketStream<Stream>;
 
 /// Connects and says hello; gives the socket after `welcome`. `first` is the hello that the session
 /// began with: by its names a proxy finds the server of several that has the session.
 pub(super) async fn open(
     server: &ServerAddress,
+    access: &Access,
     first: &Hello,
     hello: &Hello,
 ) -> Result<(Socket, Box<Welcome>), ClientError> {
     let stream = reach(server).await?;
-    let mut socket = upgrade(server, first, stream).await?;
+    let secured = timeout(CONNECT, access.secured(server, stream)).await;
+    let insecure = |reason: String| ClientError::Insecure { server: server.clone(), reason };
+    let secured = secured.map_err(|_| insecure("no answer to the TLS handshake".to_owned()))?;
+    let stream = secured.map_err(|error| insecure(error.to_string()))?;
+    let mut socket = upgrade(server, access, first, stream).await?;
     let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
     let text = ClientMessage::Hello(Box::new(hello.clone())).to_text();
     socket.send(Message::text(text)).await.map_err(|error| lost(error.to_string()))?;
@@ -58,11 +64,19 @@ async fn reach(server: &ServerAddress) -> Result<TcpStream, ClientError> {
     Ok(stream)
 }
 
-async fn upgrade(server: &ServerAddress, first: &Hello, stream: TcpStream) -> Result<Socket, ClientError> {
+async fn upgrade(
+    server: &ServerAddress,
+    access: &Access,
+    first: &Hello,
+    stream: Stream,
+) -> Result<Socket, ClientError> {
     let not_relief = |reason: String| ClientError::NotRelief { server: server.clone(), reason };
     let uri: Uri =
         server.session_url(first).parse().map_err(|_| not_relief("its address is invalid".to_owned()))?;
-    let request = ClientRequestBuilder::new(uri).with_sub_protocol(SUBPROTOCOL);
+    let mut request = ClientRequestBuilder::new(uri).with_sub_protocol(SUBPROTOCOL);
+    if let Some(authorization) = access.authorization() {
+        request = request.with_header("Authorization", authorization);
+    }
     let config = WebSocketConfig::default()
         .max_message_size(Some(MAX_FRAME_BYTES))
         .max_frame_size(Some(MAX_FRAME_BYTES));
@@ -88,6 +102,11 @@ fn answered(server: &ServerAddress, status: StatusCode, body: &str) -> ClientErr
         (StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS, detail) => {
             let reason = detail.unwrap_or_else(|| status.to_string());
             ClientError::Refused { server, reason, passing: true }
+        }
+        (StatusCode::UNAUTHORIZED, _) => {
+            let reason = "it asks who you are: give a token of `relief token add` by --token or RELIEF_TOKEN"
+                .to_owned();
+            ClientError::Refused { server, reason, passing: false }
         }
         (StatusCode::FORBIDDEN | StatusCode::MISDIRECTED_REQUEST, detail) => {
             let reason = detail.unwrap_or_else(|| status.to_string());

@@ -6,6 +6,7 @@
 //! another.
 
 use std::collections::HashMap;
+use std::net::IpAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -22,6 +23,7 @@ pub(super) struct Connections {
 
 /// One connection.
 struct Activity {
+    address: IpAddr,
     /// Requests whose answer is not finished: at most one in HTTP/1.
     running: AtomicU64,
     /// When it became idle, on the clock of [`Connections`].
@@ -44,8 +46,9 @@ pub(super) struct Running {
 
 impl Connections {
     /// Adds a connection, which is idle.
-    pub(super) fn add(self: &Arc<Self>) -> Entry {
+    pub(super) fn add(self: &Arc<Self>, address: IpAddr) -> Entry {
         let activity = Arc::new(Activity {
+            address,
             running: AtomicU64::new(0),
             idle_since: AtomicU64::new(self.tick()),
             close: Notify::new(),
@@ -55,10 +58,18 @@ impl Connections {
         Entry { all: Arc::clone(self), number, activity }
     }
 
-    /// Closes the connection that has been idle the longest; `false` when none is idle.
-    pub(super) fn close_idlest(&self) -> bool {
+    /// Number of connections of an address.
+    pub(super) fn count_of(&self, address: IpAddr) -> usize {
+        self.known().values().filter(|one| one.address == address).count()
+    }
+
+    /// Closes the connection that has been idle the longest, of this address if one is given;
+    /// `false` when none is idle.
+    pub(super) fn close_idlest(&self, address: Option<IpAddr>) -> bool {
         let mut known = self.known();
-        let idle = known.iter().filter(|(_, one)| one.running.load(Ordering::Relaxed) == 0);
+        let of_address = |one: &Activity| address.is_none_or(|address| one.address == address);
+        let idle =
+            known.iter().filter(|(_, one)| one.running.load(Ordering::Relaxed) == 0 && of_address(one));
         let idlest = idle.min_by_key(|(_, one)| one.idle_since.load(Ordering::Relaxed));
         let Some(number) = idlest.map(|(number, _)| *number) else { return false };
         if let Some(activity) = known.remove(&number) {
@@ -110,19 +121,25 @@ mod tests {
     #[tokio::test]
     async fn the_idlest_connection_makes_room_and_a_running_one_never_does() {
         let all = Arc::new(Connections::default());
-        let (first, second) = (all.add(), all.add());
+        let [own, other]: [IpAddr; 2] = ["192.0.2.1", "192.0.2.2"].map(|text| text.parse().unwrap());
+        let (first, second) = (all.add(own), all.add(own));
         let running = first.request();
-        assert!(all.close_idlest());
+        assert!(all.close_idlest(None));
         second.closed().await;
-        assert!(!all.close_idlest(), "the first is being answered");
-        let third = all.add();
+        assert!(!all.close_idlest(None), "the first is being answered");
+        let third = all.add(own);
         drop(running); // the first is idle since now, the third for longer
-        assert!(all.close_idlest());
+        assert!(all.close_idlest(None));
         third.closed().await;
-        assert!(all.close_idlest());
+        assert!(all.close_idlest(None));
         first.closed().await;
-        assert!(!all.close_idlest());
-        drop((first, second, third));
+        assert!(!all.close_idlest(None));
+        let of_other = all.add(other);
+        assert_eq!((all.count_of(own), all.count_of(other)), (0, 1));
+        assert!(!all.close_idlest(Some(own)));
+        assert!(all.close_idlest(Some(other)));
+        of_other.closed().await;
+        drop((first, second, third, of_other));
         assert!(all.known().is_empty());
     }
 }

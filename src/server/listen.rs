@@ -4,14 +4,14 @@
 //! A WebSocket leaves these limits with its upgrade; `live` has its own. A connection has at most
 //! one request and one encoded frame at a time. Clients that send a request's head too slowly, or
 //! do not read answers, are disconnected. A connection beyond the limit takes the place of the one
-//! that has been idle the longest; where none is idle, it waits in the system's backlog.
+//! that has been idle the longest; where none is idle, it waits in the system's backlog. An address
+//! other than loopback has a share of the connections: one beyond it takes the place of the idlest
+//! of the same address, or is closed.
 
 use std::convert::Infallible;
 use std::future::Future;
-use std::io;
-use std::pin::Pin;
+use std::net::IpAddr;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::Router;
@@ -22,18 +22,25 @@ use hyper::server::conn::http1;
 use hyper::service::{HttpService, Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Semaphore, watch};
-use tokio::time::{Instant, Sleep};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
+use super::identity::Peer;
 use super::idle::{Connections, Entry, Running};
+use super::stall::StallGuard;
+use super::tls::{Tls, common_name};
 
 /// How much of their time and number connections may take.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ConnectionLimits {
     /// Connections held at a time.
     pub connections: usize,
+    /// Connections of one address at a time; loopback and the addresses of a trusted proxy have no
+    /// such limit.
+    pub connections_per_address: usize,
+    /// Addresses without that limit.
+    pub unlimited: Vec<IpAddr>,
     /// Longest time for a request's head to arrive; also how long an idle connection is kept.
     pub head_timeout: Duration,
     /// Longest time without progress while a client receives an answer.
@@ -46,6 +53,8 @@ impl Default for ConnectionLimits {
     fn default() -> Self {
         Self {
             connections: 256,
+            connections_per_address: 64,
+            unlimited: Vec::new(),
             head_timeout: Duration::from_secs(20),
             stall_timeout: Duration::from_secs(20),
             drain_timeout: Duration::from_secs(10),
@@ -62,9 +71,11 @@ pub enum Shutdown {
     CutOff,
 }
 
-/// Serves `app` until `stop` is done, then finishes running requests within the limit.
+/// Serves `app` until `stop` is done, then finishes running requests within the limit. With `tls`,
+/// connections are encrypted.
 pub async fn serve(
     listener: TcpListener,
+    tls: Option<Arc<Tls>>,
     app: Router,
     limits: ConnectionLimits,
     stop: impl Future<Output = ()>,
@@ -75,33 +86,24 @@ pub async fn serve(
     let mut connections = tokio::task::JoinSet::new();
     let mut stop = std::pin::pin!(stop);
     loop {
-        let (stream, place) = tokio::select! {
+        let (stream, peer, place) = tokio::select! {
             () = &mut stop => break,
-            accepted = accept(&listener, &places, &known) => accepted,
+            accepted = accept(&listener, &places, &known, &limits) => accepted,
         };
         while connections.try_join_next().is_some() {}
-        let entry = Arc::new(known.add());
-        let service = answering(TowerToHyperService::new(app.clone()), Arc::clone(&entry));
-        let io = TokioIo::new(StallGuard::new(stream, limits.stall_timeout));
-        let mut drain = draining.subscribe();
-        let connection = http1::Builder::new()
-            .timer(TokioTimer::new())
-            .header_read_timeout(limits.head_timeout)
-            .max_buf_size(64 << 10)
-            .serve_connection(io, service)
-            .with_upgrades();
+        let connection = Connection {
+            app: app.clone(),
+            entry: Arc::new(known.add(peer.address.ip())),
+            peer,
+            drain: draining.subscribe(),
+            head_timeout: limits.head_timeout,
+        };
+        let stream = StallGuard::new(stream, limits.stall_timeout);
+        let tls = tls.clone();
         connections.spawn(async move {
-            let mut connection = std::pin::pin!(connection);
-            let ended = tokio::select! {
-                ended = &mut connection => ended,
-                () = entry.closed() => Ok(()), // idle, and another connection needs its place
-                _ = drain.changed() => {
-                    connection.as_mut().graceful_shutdown();
-                    connection.await
-                }
-            };
-            if let Err(error) = ended {
-                tracing::debug!(%error, "a connection ended early");
+            match tls {
+                None => connection.run(stream).await,
+                Some(tls) => connection.run_encrypted(&tls, stream).await,
             }
             drop(place);
         });
@@ -115,17 +117,72 @@ pub async fn serve(
     }
 }
 
+/// A connection that has been accepted.
+struct Connection {
+    app: Router,
+    entry: Arc<Entry>,
+    peer: Peer,
+    drain: watch::Receiver<bool>,
+    head_timeout: Duration,
+}
+
+impl Connection {
+    /// Encrypts the stream and answers its requests. A connection counts as idle until it is
+    /// encrypted.
+    async fn run_encrypted(mut self, tls: &Tls, stream: StallGuard<TcpStream>) {
+        let handshake = tokio::time::timeout(self.head_timeout, tls.acceptor().accept(stream));
+        let stream = tokio::select! {
+            handshake = handshake => match handshake {
+                Ok(Ok(stream)) => stream,
+                Ok(Err(error)) => return tracing::debug!(%error, "a TLS handshake failed"),
+                Err(_) => return tracing::debug!("a TLS handshake took too long"),
+            },
+            () = self.entry.closed() => return,
+        };
+        let certificates = stream.get_ref().1.peer_certificates();
+        self.peer.certificate = certificates.and_then(|chain| common_name(chain.first()?));
+        self.peer.is_encrypted = true;
+        self.run(stream).await;
+    }
+
+    /// Answers the requests of a stream.
+    async fn run(mut self, stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static) {
+        let service =
+            answering(TowerToHyperService::new(self.app), Arc::clone(&self.entry), self.peer.clone());
+        let connection = http1::Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(self.head_timeout)
+            .max_buf_size(64 << 10)
+            .serve_connection(TokioIo::new(stream), service)
+            .with_upgrades();
+        let mut connection = std::pin::pin!(connection);
+        let ended = tokio::select! {
+            ended = &mut connection => ended,
+            () = self.entry.closed() => Ok(()), // idle, and another connection needs its place
+            _ = self.drain.changed() => {
+                connection.as_mut().graceful_shutdown();
+                connection.await
+            }
+        };
+        if let Err(error) = ended {
+            tracing::debug!(%error, "a connection ended early");
+        }
+    }
+}
+
 /// The application for one connection: its entry is busy until the last byte of an answer was taken.
 fn answering(
     app: TowerToHyperService<Router>,
     entry: Arc<Entry>,
+    peer: Peer,
 ) -> impl HttpService<
     Incoming,
     ResBody = impl Body<Data = Bytes, Error = axum::Error> + Send + 'static,
     Error = Infallible,
     Future: Send,
 > + use<> {
-    service_fn(move |request| {
+    service_fn(move |mut request: hyper::Request<Incoming>| {
+        request.extensions_mut().insert(peer.clone());
         let (running, answer) = (entry.request(), app.call(request));
         async move {
             let answer = answer.await?;
@@ -144,17 +201,27 @@ async fn accept(
     listener: &TcpListener,
     places: &Arc<Semaphore>,
     known: &Connections,
-) -> (TcpStream, impl Sized + Send + use<>) {
+    limits: &ConnectionLimits,
+) -> (TcpStream, Peer, Option<OwnedSemaphorePermit>) {
     loop {
         match listener.accept().await {
-            Ok((stream, _)) => {
+            Ok((stream, address)) => {
+                let ip = address.ip();
+                let is_limited = !ip.is_loopback() && !limits.unlimited.contains(&ip);
+                if is_limited
+                    && known.count_of(ip) >= limits.connections_per_address
+                    && !known.close_idlest(Some(ip))
+                {
+                    tracing::debug!("an address has its share of connections");
+                    continue;
+                }
                 if places.available_permits() == 0 {
-                    known.close_idlest();
+                    known.close_idlest(None);
                 }
                 let place = Arc::clone(places).acquire_owned().await.ok();
                 // Frames go out whole: waiting to fill packets only delays them.
                 let _ = stream.set_nodelay(true);
-                return (stream, place);
+                return (stream, Peer { address, certificate: None, is_encrypted: false }, place);
             }
             Err(error) => {
                 // Out of file descriptors, or the client has left already: neither is a reason to
@@ -163,73 +230,5 @@ async fn accept(
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         }
-    }
-}
-
-/// A stream whose writes fail when the other side takes nothing for too long.
-struct StallGuard {
-    stream: TcpStream,
-    patience: Duration,
-    /// Runs while a write waits.
-    alarm: Option<Pin<Box<Sleep>>>,
-}
-
-impl StallGuard {
-    fn new(stream: TcpStream, patience: Duration) -> Self {
-        Self { stream, patience, alarm: None }
-    }
-
-    /// Passes progress on and turns a wait that is too long into an error.
-    fn watch<T>(&mut self, progress: Poll<io::Result<T>>, context: &mut Context<'_>) -> Poll<io::Result<T>> {
-        if progress.is_ready() {
-            self.alarm = None;
-            return progress;
-        }
-        let until = Instant::now() + self.patience;
-        let alarm = self.alarm.get_or_insert_with(|| Box::pin(tokio::time::sleep_until(until)));
-        match alarm.as_mut().poll(context) {
-            Poll::Ready(()) => Poll::Ready(Err(io::ErrorKind::TimedOut.into())),
-            Poll::Pending => Poll::Pending,
-        }
-    }
-}
-
-impl AsyncRead for StallGuard {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        buffer: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(cx, buffer)
-    }
-}
-
-impl AsyncWrite for StallGuard {
-    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        let progress = Pin::new(&mut self.stream).poll_write(cx, bytes);
-        self.watch(progress, cx)
-    }
-
-    fn poll_write_vectored(
-        mut self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        parts: &[io::IoSlice<'_>],
-    ) -> Poll<io::Result<usize>> {
-        let progress = Pin::new(&mut self.stream).poll_write_vectored(cx, parts);
-        self.watch(progress, cx)
-    }
-
-    fn is_write_vectored(&self) -> bool {
-        self.stream.is_write_vectored()
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        let progress = Pin::new(&mut self.stream).poll_flush(cx);
-        self.watch(progress, cx)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        let progress = Pin::new(&mut self.stream).poll_shutdown(cx);
-        self.watch(progress, cx)
     }
 }

@@ -24,9 +24,20 @@ const HTML: &str = "text/html; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
-/// Path, media type and content of every file.
-const FILES: [(&str, &str, &str); 66] = [
+/// Path, media type and content of every page for callers who are known.
+const PAGES: [(&str, &str, &str); 4] = [
     ("/", HTML, include_str!("page/index.html")),
+    ("/annotate", HTML, include_str!("page/annotate/annotate.html")),
+    ("/kiosk", HTML, include_str!("page/kiosk/kiosk.html")),
+    ("/monitor", HTML, include_str!("page/kiosk/monitor.html")),
+];
+
+/// Path, media type and content of every other file, and of the page to sign in.
+const FILES: [(&str, &str, &str); 66] = [
+    ("/identity.js", SCRIPT, include_str!("page/identity.js")),
+    ("/sign-in", HTML, include_str!("page/sign-in.html")),
+    ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
+    ("/sign-in.css", STYLE, include_str!("page/sign-in.css")),
     ("/style.css", STYLE, include_str!("page/style.css")),
     ("/stage.css", STYLE, include_str!("page/stage.css")),
     ("/panel.css", STYLE, include_str!("page/panel.css")),
@@ -51,7 +62,6 @@ const FILES: [(&str, &str, &str); 66] = [
     ("/light.js", SCRIPT, include_str!("page/light.js")),
     ("/surface.js", SCRIPT, include_str!("page/surface.js")),
     ("/gestures.js", SCRIPT, include_str!("page/gestures.js")),
-    ("/kiosk", HTML, include_str!("page/kiosk/kiosk.html")),
     ("/kiosk.css", STYLE, include_str!("page/kiosk/kiosk.css")),
     ("/kiosk.js", SCRIPT, include_str!("page/kiosk/kiosk.js")),
     ("/session.js", SCRIPT, include_str!("page/kiosk/session.js")),
@@ -60,9 +70,7 @@ const FILES: [(&str, &str, &str); 66] = [
     ("/panel.js", SCRIPT, include_str!("page/kiosk/panel.js")),
     ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),
     ("/wiimote.js", SCRIPT, include_str!("page/kiosk/wiimote.js")),
-    ("/monitor", HTML, include_str!("page/kiosk/monitor.html")),
     ("/monitor.js", SCRIPT, include_str!("page/kiosk/monitor.js")),
-    ("/annotate", HTML, include_str!("page/annotate/annotate.html")),
     ("/annotate/annotate.css", STYLE, include_str!("page/annotate/annotate.css")),
     ("/annotate/api.js", SCRIPT, include_str!("page/annotate/api.js")),
     ("/annotate/contents.js", SCRIPT, include_str!("page/annotate/contents.js")),
@@ -94,12 +102,24 @@ const FILES: [(&str, &str, &str); 66] = [
     ("/annotate/volume-pane.js", SCRIPT, include_str!("page/annotate/volume-pane.js")),
 ];
 
-/// Routes of all files.
-pub(super) fn routes() -> Router<AppState> {
+/// Routes of the pages.
+pub(super) fn pages() -> Router<AppState> {
+    with_files(Router::new(), &PAGES)
+}
+
+/// Routes of all other files.
+pub(super) fn files() -> Router<AppState> {
     let layouts = get(|headers: HeaderMap| async move { file(&headers, SCRIPT, layouts_script()) });
     let formats = get(|headers: HeaderMap| async move { file(&headers, SCRIPT, &FORMATS) });
     let made = Router::new().route("/layouts.js", layouts).route("/annotate/formats.js", formats);
-    FILES.into_iter().fold(made, |routes, (path, media, content)| {
+    with_files(made, &FILES)
+}
+
+fn with_files(
+    routes: Router<AppState>,
+    files: &[(&'static str, &'static str, &'static str)],
+) -> Router<AppState> {
+    files.iter().copied().fold(routes, |routes, (path, media, content)| {
         routes.route(path, get(move |headers: HeaderMap| async move { file(&headers, media, content) }))
     })
 }
@@ -118,7 +138,8 @@ static FORMATS: LazyLock<String> = LazyLock::new(|| {
 
 /// All files share one tag: a browser never mixes those of two builds.
 static TAG: LazyLock<String> = LazyLock::new(|| {
-    let hash = FILES.iter().fold(Sha256::new(), |hash, (_, _, content)| hash.chain_update(content));
+    let hash =
+        PAGES.iter().chain(&FILES).fold(Sha256::new(), |hash, (_, _, content)| hash.chain_update(content));
     let hash = hash.chain_update(layouts_script()).chain_update(&*FORMATS).finalize();
     let digits = HEXLOWER.encode(&hash[..8]);
     format!("\"{digits}\"")

@@ -10,8 +10,11 @@ use axum::extract::FromRef;
 use tokio::sync::Semaphore;
 
 use super::annotation_service::Annotations;
+use super::audit::AuditLog;
+use super::identity::{Admission, Tickets};
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
+use super::shares::Shares;
 use relief_base::Budget;
 use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeReader};
 use relief_store::Store;
@@ -34,6 +37,10 @@ pub struct Config {
     pub identity: String,
     /// Name of the adapter, for `/readyz`.
     pub adapter: String,
+    /// How callers are recognised.
+    pub admission: Admission,
+    /// Most requests of one caller that are answered at a time.
+    pub requests_per_caller: usize,
     /// Accepted values of `Host`; `None` accepts all.
     pub allowed_hosts: Option<AllowedHosts>,
     /// Longest time from a request to its answer, except for uploads.
@@ -103,6 +110,8 @@ impl Default for Config {
         Self {
             identity: env!("CARGO_PKG_VERSION").to_owned(),
             adapter: String::new(),
+            admission: Admission::default(),
+            requests_per_caller: 16,
             allowed_hosts: None,
             request_timeout: Duration::from_secs(60),
             body_timeout: Duration::from_secs(15),
@@ -127,6 +136,9 @@ pub struct Server {
     pub(super) live: Arc<Live>,
     pub(super) uploads: Uploads,
     pub(super) annotations: Option<Arc<Annotations>>,
+    pub(super) tickets: Arc<Tickets>,
+    pub(super) requests: Arc<Shares>,
+    pub(super) audit: Option<Arc<AuditLog>>,
     started: Started,
 }
 
@@ -155,6 +167,7 @@ pub(super) struct Pictures {
 /// The parts of a live session.
 #[derive(Clone)]
 pub(super) struct LiveParts {
+    pub(super) config: Arc<Config>,
     pub(super) engine: Arc<Engine>,
     pub(super) metrics: Arc<Metrics>,
     pub(super) live: Arc<Live>,
@@ -181,6 +194,7 @@ parts! {
     Arc<Engine> = engine,
     Arc<Metrics> = metrics,
     Arc<Live> = live,
+    Arc<Tickets> = tickets,
     Uploads = uploads,
     Option<Arc<Annotations>> = annotations,
     Started = started,
@@ -202,6 +216,7 @@ impl FromRef<AppState> for LiveParts {
         Self {
             engine: Arc::clone(&server.engine),
             metrics: Arc::clone(&server.metrics),
+            config: Arc::clone(&server.config),
             live: Arc::clone(&server.live),
             annotations: server.annotations.clone(),
         }
@@ -221,6 +236,9 @@ impl Server {
             live: Arc::new(Live::new(config.live.clone())),
             uploads: Uploads { loader, labels_loader: None, turn: Arc::new(Semaphore::new(1)) },
             annotations: None,
+            tickets: Arc::default(),
+            requests: Arc::new(Shares::new(config.requests_per_caller)),
+            audit: None,
             started: Started(Instant::now()),
             config: Arc::new(config),
         }
@@ -237,6 +255,12 @@ impl Server {
     #[must_use]
     pub fn annotating(self, store: Store) -> Self {
         Self { annotations: Some(Arc::new(Annotations::new(store))), ..self }
+    }
+
+    /// Sets the log of requests; without one they are not recorded.
+    #[must_use]
+    pub fn audited(self, log: AuditLog) -> Self {
+        Self { audit: Some(Arc::new(log)), ..self }
     }
 
     /// Announces volumes that are still being read. The server is not ready before they have been

@@ -62,7 +62,12 @@ pub(crate) fn check_cursor(serving: &Serving, view: &str, cursor: &[f64]) {
         let accept = Accept { color: vec!["rgb-zstd".to_owned()], depth: vec!["z16-zstd".to_owned()] };
         let hello = Hello { view: Some(view.to_owned()), accept, ..Hello::default() };
         let server = serving.url().parse().unwrap();
-        let mut client = Running::start(relief_client::Options { server, hello, wait: false });
+        let mut client = Running::start(relief_client::Options {
+            server,
+            access: relief_client::Access::default(),
+            hello,
+            wait: false,
+        });
         let still = client
             .until(|event| match event {
                 Event::Frame(received) => {

@@ -140,7 +140,8 @@ pub(crate) async fn close(socket: &mut Socket, code: u16, reason: &'static str) 
 }
 
 pub(crate) fn options(address: SocketAddr) -> Options {
-    Options { server: format!("http://{address}").parse().unwrap(), hello: Hello::default(), wait: false }
+    let (access, hello) = (relief_client::Access::default(), Hello::default());
+    Options { server: format!("http://{address}").parse().unwrap(), access, hello, wait: false }
 }
 
 pub(crate) fn orbit(azimuth_deg: f64) -> PoseKind {

@@ -64,7 +64,7 @@ impl Running {
         let (stop, stopped) = oneshot::channel::<()>();
         let (app, server) = (stage.app.clone(), stage.server.clone());
         let ended = tokio::spawn(async move {
-            serve(listener, app, ConnectionLimits::default(), async move {
+            serve(listener, None, app, ConnectionLimits::default(), async move {
                 let _ = stopped.await;
                 server.close_sessions(PATIENCE).await;
             })

@@ -26,7 +26,7 @@ async fn start(limits: ConnectionLimits) -> Running {
     let (stop, stopped) = oneshot::channel::<()>();
     let app = stage.app.clone();
     let ended = tokio::spawn(async move {
-        serve(listener, app, limits, async move {
+        serve(listener, None, app, limits, async move {
             let _ = stopped.await;
         })
         .await

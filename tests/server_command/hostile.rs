@@ -88,7 +88,8 @@ fn a_server_of_a_network_answers_to_addresses_and_known_names() {
     }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
-    let arguments = ["serve", "--series", &series, "--listen", "0.0.0.0:0", "--allow-host", "ct.example"];
+    let arguments =
+        ["serve", "--series", &series, "--listen", "0.0.0.0:0", "--allow-host", "ct.example", "--insecure"];
     let running = Running::spawn(&mut relief(&arguments));
     let asked = |host: &str| {
         let mut stream = TcpStream::connect(&running.address).unwrap();

@@ -9,6 +9,7 @@
 
 mod faults;
 mod hostile;
+mod identity;
 
 use crate::common;
 
@@ -43,8 +44,7 @@ impl Running {
         let mut process = command.spawn().unwrap();
         let mut line = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let address =
-            line.trim().strip_prefix("listening on http://").and_then(|rest| rest.strip_suffix('/'));
+        let address = line.trim().split_once("://").and_then(|(_, rest)| rest.strip_suffix('/'));
         let address = address.unwrap_or_else(|| panic!("no address in {line:?}")).to_owned();
         Self { process, address }
     }

@@ -7,6 +7,7 @@ use tokio::time::{interval, sleep, timeout};
 use tokio_tungstenite::tungstenite::Message;
 
 use super::turned;
+use crate::access::Access;
 use crate::address::ServerAddress;
 use crate::handle::Handle;
 use crate::socket::{self, Socket};
@@ -36,14 +37,19 @@ impl StalledLoad {
 }
 
 /// Every other client reads nothing, the others acknowledge nothing, until stopped.
-pub(super) async fn stall(server: ServerAddress, mut hello: Hello, at: usize, stop: Handle) -> StalledLoad {
+pub(super) async fn stall(
+    (server, access): (ServerAddress, Access),
+    mut hello: Hello,
+    at: usize,
+    stop: Handle,
+) -> StalledLoad {
     let mut burden = StalledLoad::default();
     let reads = !at.is_multiple_of(2);
     let moves = hello.role == Role::Presenter;
     let mut was_connected = false;
     let stalling = async {
         loop {
-            match socket::open(&server, &hello, &hello).await {
+            match socket::open(&server, &access, &hello, &hello).await {
                 Ok((socket, welcome)) => {
                     was_connected = true;
                     hello.resume = Some(welcome.session.clone());

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use super::author::{self, author_of};
 use crate::annotation_service::{Annotations, Home, of, outward_event};
 use crate::guard::{expect_content_type, read_body, too_large};
+use crate::identity::Caller;
 use crate::live::Live;
 use crate::problem::Problem;
 use crate::state::{AppState, Config, Pictures, Uploads};
@@ -28,6 +29,7 @@ pub(super) struct EditRequest {
     pub(super) annotations: Arc<Annotations>,
     pub(super) entry: Arc<VolumeEntry>,
     pub(super) author: Option<String>,
+    caller: Caller,
 }
 
 impl FromRequestParts<AppState> for EditRequest {
@@ -41,9 +43,10 @@ impl FromRequestParts<AppState> for EditRequest {
             Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error.body_text())
         })?;
         let id = path.iter().find(|(name, _)| *name == "id").map_or("", |(_, id)| id);
+        let caller = parts.extensions.get::<Caller>().cloned().unwrap_or_default();
         let (entry, author) = (pictures.engine.volumes.find(id)?, author_of(&parts.headers)?);
         let (uploads, live) = (Uploads::from_ref(state), Arc::from_ref(state));
-        Ok(Self { pictures, uploads, live, annotations, entry, author })
+        Ok(Self { pictures, uploads, live, annotations, entry, author, caller })
     }
 }
 
@@ -51,11 +54,13 @@ impl EditRequest {
     /// The same; the author may stand in the query, for those who can set no header.
     pub(super) fn or_by(self, author: Option<String>) -> Result<Self, Problem> {
         author.as_deref().map_or(Ok(()), author::check)?;
+        let author = self.caller.author(author)?;
         Ok(Self { author: self.author.or(author), ..self })
     }
 
     /// The author of a change: the header's, or else the body's.
     pub(super) fn author(&self, of_body: Option<String>) -> Result<String, Problem> {
+        let of_body = self.caller.author(of_body)?;
         let author = self.author.clone().or(of_body).ok_or_else(author::missing)?;
         author::check(&author)?;
         Ok(author)

@@ -1,7 +1,10 @@
 //! The author of a request: the header `Relief-Author`, percent-encoded UTF-8 (RFC 3986), because
-//! headers are ASCII.
+//! headers are ASCII. Where callers have to be known, the server itself sets it to the caller's
+//! name.
 
-use axum::http::{HeaderMap, HeaderName, StatusCode};
+use std::fmt::Write;
+
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 
 use crate::problem::Problem;
 use relief_annotation::Item;
@@ -20,6 +23,20 @@ pub(crate) fn author_of(headers: &HeaderMap) -> Result<Option<String>, Problem> 
     })?;
     check(&author)?;
     Ok(Some(author))
+}
+
+/// Sets the author of a request.
+pub(crate) fn set_author(headers: &mut HeaderMap, author: &str) {
+    let encoded = author.bytes().fold(String::new(), |mut text, byte| {
+        let _ = match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' => write!(text, "{}", char::from(byte)),
+            _ => write!(text, "%{byte:02X}"),
+        };
+        text
+    });
+    if let Ok(value) = HeaderValue::from_str(&encoded) {
+        headers.insert(&RELIEF_AUTHOR, value);
+    }
 }
 
 /// Checks a name: one line of 1 to 120 characters.
@@ -68,6 +85,9 @@ mod tests {
         for (value, name) in [("anna", "anna"), ("Ren%C3%A9e%20B", "Renée B"), ("a%25", "a%")] {
             assert_eq!(of(value).unwrap().as_deref(), Some(name));
         }
+        let mut headers = HeaderMap::new();
+        set_author(&mut headers, "Renée B%");
+        assert_eq!(author_of(&headers).unwrap().as_deref(), Some("Renée B%"));
         for bad in ["%", "%4", "%zz", "%+1", "%ff", "", "a%0Ab", &"a".repeat(121)] {
             assert!(of(bad).is_err(), "{bad}");
         }

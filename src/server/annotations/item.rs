@@ -55,6 +55,8 @@ pub(super) async fn put(
     let mut item_id = Value::from(item.as_str());
     let mut wanted = read_json(asked.config(), &headers, body, MOST_BYTES).await?;
     let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
+    // The body's author is the item's; it stands for the editor where nothing else names one.
+    let of_body = of_body.filter(|_| asked.author.is_none());
     let author = asked.author(author.or(of_body))?;
     if let Some(found) = wanted.get("id").filter(|found| **found != item_id) {
         let detail = format!("id is {found}, and the path says {item_id}");

@@ -4,8 +4,8 @@
 //! a server behind them (see `annotation_service`), storage (see `relief_store`), file formats (see
 //! `relief_exchange`) or drawing (see `relief_session`).
 //!
-//! An author is a name that a request states: there is no authentication, and a blinded set relies
-//! on readers who use their own names. A request about a volume affects only items of its frame of
+//! An author is the verified name of the caller. On an open server it is a name that the request
+//! states, and a blinded set relies on readers who use their own names. A request about a volume affects only items of its frame of
 //! reference. Patient mm.
 
 mod asked;
@@ -28,7 +28,7 @@ use axum::routing::{get, post};
 use super::annotation_service::HistoryStep;
 use super::state::AppState;
 
-pub(super) use author::{author_of, decoded, missing as missing_author};
+pub(super) use author::{author_of, check as check_author, decoded, missing as missing_author, set_author};
 pub(super) use drawing::draw;
 
 /// The routes under a volume.

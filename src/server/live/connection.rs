@@ -6,7 +6,7 @@
 //! so a connection that takes nothing holds two and no more.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use axum::extract::ws::{Message, WebSocket};
 use axum::http::StatusCode;
@@ -40,6 +40,9 @@ use relief_session::{
 const MOST_ERRORS: usize = 20;
 /// Of a still picture there is one quality: JPEG where nothing lossless is accepted.
 const STILL_QUALITY: u8 = 95;
+
+/// How often a session asks whether its caller is still accepted.
+const REVOCATION: Duration = Duration::from_secs(2);
 
 /// See the module.
 pub(super) struct Connected {
@@ -85,11 +88,11 @@ impl Connected {
 
     /// Sends the next label of this session, if its view draws annotations.
     pub(super) async fn say_next(&self, outbox: &Outbox) {
-        let Session { author, task, view, role, .. } = &*self.session;
+        let Session { author, caller, task, view, role, .. } = &*self.session;
         if author.is_none() || *role == Role::Watcher || view.shown().is_nothing() {
             return;
         }
-        let hand = LandmarkPlacer { author: author.as_deref(), task, device: pointer() };
+        let hand = LandmarkPlacer { author: author.as_deref(), caller, task, device: pointer() };
         if let Ok(message) = next(&self.parts, view, &hand).await {
             let _ = outbox.try_send(placing::text(message));
         }
@@ -106,6 +109,14 @@ impl Connected {
             _ = connection.wait_for(|newest| *newest != self.number) => {
                 Some((TAKEN_OVER, "another connection resumed this session"))
             }
+            () = self.revoked() => Some((POLICY, "the token was removed or has expired")),
+        }
+    }
+
+    /// Waits until the caller is accepted no longer.
+    async fn revoked(&self) {
+        while self.parts.config.admission.still_accepts(&self.session.caller) {
+            tokio::time::sleep(REVOCATION).await;
         }
     }
 
@@ -159,12 +170,12 @@ impl Connected {
         if is_done && !is_shown {
             return outcome.and_then(|outcome| outcome.refused).map_or(Ok(()), |error| Err(error.into()));
         }
-        let Session { author, task, view, .. } = &*self.session;
+        let Session { author, caller, task, view, .. } = &*self.session;
         let device = match message {
             ClientMessage::Pose(_) | ClientMessage::Report(_) => lock(&self.session.remote).device(),
             _ => pointer(),
         };
-        let hand = LandmarkPlacer { author: author.as_deref(), task, device };
+        let hand = LandmarkPlacer { author: author.as_deref(), caller, task, device };
         let (mut said, mut refused) = (None, None);
         if let Some(Outcome { effects, context, refused: first, .. }) = outcome {
             for effect in effects {

@@ -9,7 +9,9 @@ use data_encoding::HEXLOWER;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 use super::session::Sessions;
+use crate::identity::Caller;
 use crate::problem::Problem;
+use crate::shares::{Share, Shares};
 use relief_session::{Delays, Views};
 use relief_tracking::{Beacon, Pinhole};
 
@@ -52,6 +54,12 @@ impl Default for LiveConfig {
     }
 }
 
+/// A place among the viewers, until it is dropped.
+pub(super) struct Place {
+    _permit: OwnedSemaphorePermit,
+    _share: Option<Share>,
+}
+
 /// The live sessions of a server.
 pub(crate) struct Live {
     pub(super) config: LiveConfig,
@@ -59,6 +67,8 @@ pub(crate) struct Live {
     pub(super) sessions: Mutex<Sessions>,
     /// Permits of connections and plain viewers.
     pub(super) places: Arc<Semaphore>,
+    /// Half of the places are one caller's at most.
+    shares: Arc<Shares>,
     pub(super) closing: watch::Sender<bool>,
     ids: AtomicU64,
 }
@@ -71,14 +81,18 @@ impl Live {
             views: Views::new(2 * config.sessions, patience),
             sessions: Mutex::new(Sessions::new(config.resume, 2 * config.sessions)),
             places: Arc::new(Semaphore::new(config.sessions)),
+            shares: Arc::new(Shares::new(config.sessions.div_ceil(2))),
             closing: watch::Sender::new(false),
             ids: AtomicU64::new(1),
             config,
         }
     }
 
-    /// A permit for one more viewer.
-    pub(super) fn place(&self) -> Result<OwnedSemaphorePermit, Problem> {
+    /// A place for one more viewer.
+    ///
+    /// # Errors
+    /// 503 when all places are taken, 429 when the caller has its share of them.
+    pub(super) fn place(&self, caller: &Caller) -> Result<Place, Problem> {
         if *self.closing.borrow() {
             return Err(Problem::unavailable("stopping", "the server stops"));
         }
@@ -86,7 +100,12 @@ impl Live {
             let detail = format!("{} live sessions are open, as many as allowed", self.config.sessions);
             Problem::unavailable("sessions-full", detail)
         };
-        Arc::clone(&self.places).try_acquire_owned().map_err(full)
+        let share = self.shares.take(caller).map_err(|most| {
+            let detail = format!("{most} of your live sessions are open, as many as one caller may have");
+            Problem::new(StatusCode::TOO_MANY_REQUESTS, "too-many-sessions", detail).with("allowed", most)
+        })?;
+        let permit = Arc::clone(&self.places).try_acquire_owned().map_err(full)?;
+        Ok(Place { _permit: permit, _share: share })
     }
 
     pub(super) fn next_id(&self) -> u64 {

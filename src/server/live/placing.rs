@@ -14,6 +14,7 @@ use crate::annotation_service::{
     Annotations, HistoryStep, Home, Published, Snapshot, Visible, of, outward_event,
 };
 use crate::annotations::missing_author;
+use crate::identity::{Caller, Scope};
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_annotation::{
@@ -31,6 +32,7 @@ const REASON: &str = "live session";
 /// Who places, and where in the list.
 pub(super) struct LandmarkPlacer<'a> {
     pub(super) author: Option<&'a str>,
+    pub(super) caller: &'a Caller,
     pub(super) task: &'a Mutex<LandmarkTask>,
     /// The tracked device of the hand.
     pub(super) device: Device,
@@ -39,7 +41,7 @@ pub(super) struct LandmarkPlacer<'a> {
 /// Applies an effect in the context in which it was caused, and returns the next label.
 ///
 /// # Errors
-/// When no author is known, and whatever the store refuses.
+/// When the caller may not annotate, no author is known, and whatever the store refuses.
 pub(super) async fn apply_effect(
     parts: &LiveParts,
     view: &View,
@@ -47,6 +49,7 @@ pub(super) async fn apply_effect(
     (effect, context): (Effect, &EditContext),
 ) -> Result<AnnotationsMessage, Problem> {
     let annotations = of(parts.annotations.as_ref())?;
+    hand.caller.may(Scope::Annotate)?;
     let author = hand.author.ok_or_else(missing_author)?;
     let EditContext { entry, shown, epoch } = context;
     let by = EditAuthor { annotations, entry, shown, author };

@@ -13,15 +13,16 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream::unfold;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::sync::watch;
 
-use super::hub::no_such_view;
+use super::hub::{Place, no_such_view};
 use super::placing::{LandmarkPlacer, apply_effect, pointer};
 use crate::annotations::author_of;
 use crate::guard::{expect_content_type, read_body};
+use crate::identity::Caller;
 use crate::negotiate::negotiate;
 use crate::problem::Problem;
-use crate::state::{Config, LiveParts, Started};
+use crate::state::{LiveParts, Started};
 use relief_display::encode_png;
 use relief_live::{
     ColorFormat, DepthFormat, Intent, MAX_TEXT_BYTES, PlacePhase, Role, Settings, check_view_name,
@@ -41,13 +42,13 @@ struct PlainViewer {
     view: Arc<View>,
     viewer: Arc<Viewer>,
     frames: watch::Receiver<Option<Arc<ViewFrame>>>,
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 impl PlainViewer {
-    fn new(parts: LiveParts, name: &str) -> Result<Self, Problem> {
+    fn new(parts: LiveParts, caller: &Caller, name: &str) -> Result<Self, Problem> {
         check_name(name)?;
-        let place = parts.live.place()?;
+        let place = parts.live.place(caller)?;
         let view = parts.live.views.find(name).ok_or_else(no_such_view)?;
         let viewer = Viewer::new(parts.live.next_id(), Role::Watcher, true, Instant::now());
         let mut frames = view.frames.subscribe();
@@ -105,8 +106,9 @@ impl Drop for PlainViewer {
 pub(crate) async fn mjpeg(
     State(parts): State<LiveParts>,
     Path(name): Path<String>,
+    caller: Caller,
 ) -> Result<Response, Problem> {
-    let viewer = PlainViewer::new(parts, &name)?;
+    let viewer = PlainViewer::new(parts, &caller, &name)?;
     // A browser shows a picture when the next boundary comes: it comes right behind.
     let part = |jpeg: &Bytes| {
         let head = format!("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len());
@@ -146,6 +148,7 @@ pub(crate) async fn next_frame(
     State(parts): State<LiveParts>,
     Path(name): Path<String>,
     uri: Uri,
+    caller: Caller,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let FrameQuery { after, wait_ms } = query(&uri)?;
@@ -156,7 +159,7 @@ pub(crate) async fn next_frame(
         );
     }
     let media = negotiate(&headers, &[FileFormat::Png, FileFormat::Jpeg])?;
-    let mut viewer = PlainViewer::new(parts, &name)?;
+    let mut viewer = PlainViewer::new(parts, &caller, &name)?;
     let mut newest = None;
     let waiting = async {
         while let Some(view_frame) = viewer.next().await {
@@ -194,17 +197,17 @@ struct IntentQuery {
 /// `POST /v1/session/{view}/intent`.
 pub(crate) async fn intent(
     State(parts): State<LiveParts>,
-    State(config): State<Arc<Config>>,
     State(Started(started)): State<Started>,
     Path(name): Path<String>,
     uri: Uri,
+    caller: Caller,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<Value>, Problem> {
     check_name(&name)?;
     let IntentQuery { volume } = query(&uri)?;
     expect_content_type(&headers, "application/json")?;
-    let body = read_body(body, MAX_TEXT_BYTES, config.body_timeout).await?;
+    let body = read_body(body, MAX_TEXT_BYTES, parts.config.body_timeout).await?;
     let intent = Intent::from_json(&body).map_err(|error| {
         Problem::new(StatusCode::BAD_REQUEST, "malformed-intent", error).with("path", "intent")
     })?;
@@ -235,7 +238,8 @@ pub(crate) async fn intent(
     if !effects.is_empty() {
         let author = author_of(&headers)?;
         let task = std::sync::Mutex::default();
-        let hand = LandmarkPlacer { author: author.as_deref(), task: &task, device: pointer() };
+        let hand =
+            LandmarkPlacer { author: author.as_deref(), caller: &caller, task: &task, device: pointer() };
         for effect in effects {
             answer["next"] = json!(apply_effect(&parts, &view, &hand, (effect, &context)).await?.next);
         }

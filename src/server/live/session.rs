@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use super::remote::Remote;
+use crate::identity::Caller;
 use relief_annotation::LandmarkTask;
 use relief_live::Role;
 use relief_session::{View, lock};
@@ -19,6 +20,7 @@ pub(super) struct Session {
     pub(super) remote: Mutex<Remote>,
     /// Who works here.
     pub(super) author: Option<String>,
+    pub(super) caller: Caller,
     /// The state of the hand: the next label and the held point.
     pub(super) task: Mutex<LandmarkTask>,
     /// Counts the connections; all but the newest end.
@@ -38,12 +40,12 @@ impl Session {
     pub(super) fn new(
         token: String,
         view: Arc<View>,
-        (role, author): (Role, Option<String>),
+        (role, author, caller): (Role, Option<String>, Caller),
         remote: Remote,
     ) -> Arc<Self> {
         let (connection, lost) = (watch::Sender::new(1), Mutex::new(None));
         let (remote, task) = (Mutex::new(remote), Mutex::default());
-        Arc::new(Self { token, view, role, remote, author, task, connection, lost })
+        Arc::new(Self { token, view, role, remote, author, caller, task, connection, lost })
     }
 
     /// The connection of this number is gone; nothing if a newer one continues.
@@ -64,11 +66,17 @@ impl Sessions {
         self.by_token.insert(session.token.clone(), Arc::clone(session));
     }
 
-    /// The session of a token for a new connection, whose number is the second part.
-    pub(super) fn resume(&mut self, token: &str, now: Instant) -> Option<(Arc<Session>, u64)> {
+    /// The session of a token for a new connection of the same caller, whose number is the second
+    /// part.
+    pub(super) fn resume(
+        &mut self,
+        token: &str,
+        caller: &Caller,
+        now: Instant,
+    ) -> Option<(Arc<Session>, u64)> {
         self.forget(now);
         let session = self.by_token.get(token)?;
-        if *session.view.ended.borrow() {
+        if *session.view.ended.borrow() || !session.caller.is_same_as(caller) {
             return None;
         }
         *lock(&session.lost) = None;

@@ -13,15 +13,16 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::{SinkExt, StreamExt};
-use tokio::sync::{OwnedSemaphorePermit, mpsc};
+use tokio::sync::mpsc;
 use tracing::Instrument;
 
 use super::connection::Connected;
-use super::hub::random_name;
+use super::hub::{Place, random_name};
 use super::remote::Remote;
 use super::session::Session;
 use super::wire::{error, expect_annotations, malformed, text};
 use crate::guard::is_cross_site;
+use crate::identity::Caller;
 use crate::live::close::End;
 use crate::live::close::GOING_AWAY;
 use crate::live::close::POLICY;
@@ -47,6 +48,7 @@ pub(crate) async fn connect(
     State(parts): State<LiveParts>,
     headers: HeaderMap,
     uri: Uri,
+    caller: Caller,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
     if is_cross_site(&headers, &uri) {
@@ -62,7 +64,7 @@ pub(crate) async fn connect(
         let detail = format!("Sec-WebSocket-Protocol does not name {SUBPROTOCOL}");
         return Err(Problem::new(StatusCode::BAD_REQUEST, "unknown-subprotocol", detail));
     }
-    let place = parts.live.place()?;
+    let place = parts.live.place(&caller)?;
     let upgrade = upgrade
         .max_message_size(2 * MAX_TEXT_BYTES)
         .max_frame_size(2 * MAX_TEXT_BYTES)
@@ -70,12 +72,11 @@ pub(crate) async fn connect(
         .write_buffer_size(0)
         .max_write_buffer_size(SOCKET_BUFFER);
     let span = tracing::info_span!("connection", number = parts.live.next_id());
-    Ok(upgrade.on_upgrade(move |socket| run(parts, socket, place).instrument(span)))
+    Ok(upgrade.on_upgrade(move |socket| run(parts, socket, (caller, place)).instrument(span)))
 }
 
 /// A whole connection.
-async fn run(parts: LiveParts, mut socket: WebSocket, place: OwnedSemaphorePermit) {
-    let _place = place;
+async fn run(parts: LiveParts, mut socket: WebSocket, (caller, _place): (Caller, Place)) {
     let metrics = Arc::clone(&parts.metrics);
     let _counted = metrics.live.connected();
     let mut closing = parts.live.closing.subscribe();
@@ -90,7 +91,7 @@ async fn run(parts: LiveParts, mut socket: WebSocket, place: OwnedSemaphorePermi
         Err(_) => return farewell(&mut socket, Some((POLICY, "no hello in time"))).await,
         Ok(None) => return,
         Ok(Some(Err(problem))) => Err(problem),
-        Ok(Some(Ok(hello))) => open(&parts, &hello),
+        Ok(Some(Ok(hello))) => open(&parts, &hello, &caller),
     };
     let (session, number, formats, resumed) = match opened {
         Ok(opened) => opened,
@@ -144,14 +145,18 @@ async fn first_message(socket: &mut WebSocket) -> Option<Result<Hello, Problem>>
 
 /// The session of a hello, the number of its connection, the formats agreed on, and whether it was
 /// resumed.
-fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats, bool), Problem> {
+fn open(
+    parts: &LiveParts,
+    hello: &Hello,
+    caller: &Caller,
+) -> Result<(Arc<Session>, u64, Formats, bool), Problem> {
     let now = Instant::now();
     let formats = hello.accept.negotiate().map_err(|error| {
         let path = format!("accept.{}", error.what);
         Problem::new(StatusCode::NOT_ACCEPTABLE, "no-common-format", &error).with("path", path)
     })?;
     if let Some(token) = &hello.resume
-        && let Some((session, connection)) = lock(&parts.live.sessions).resume(token, now)
+        && let Some((session, connection)) = lock(&parts.live.sessions).resume(token, caller, now)
     {
         session.view.touch();
         return Ok((session, connection, formats, true));
@@ -161,7 +166,8 @@ fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats,
         Some(id) => Some(parts.engine.volumes.find(id)?),
         None => None,
     };
-    let author = hello.author.as_deref();
+    let author = caller.author(hello.author.clone())?;
+    let author = author.as_deref();
     expect_annotations(parts, hello.settings.as_ref())?;
     let mut settings = hello.settings.clone().unwrap_or_default();
     settings.size_px = settings.size_px.or(hello.size_px);
@@ -181,7 +187,8 @@ fn open(parts: &LiveParts, hello: &Hello) -> Result<(Arc<Session>, u64, Formats,
     if let Some(grab_mode) = settings.grab_mode {
         remote.set_grab_mode(grab_mode)?;
     }
-    let session = Session::new(random_name()?, view, (hello.role, hello.author.clone()), remote);
+    let session =
+        Session::new(random_name()?, view, (hello.role, author.map(str::to_owned), caller.clone()), remote);
     lock(&parts.live.sessions).add(&session, now);
     Ok((session, 1, formats, false))
 }

@@ -3,6 +3,7 @@
 import { recall, remember } from "./address.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
+import { showIdentity } from "./identity.js";
 import { onKeys } from "./keys.js";
 import { onSegments, showSegments } from "./labels.js";
 import { describeLight, fillLights, onLight } from "./light.js";
@@ -322,6 +323,7 @@ async function awaitVolumes(wanted) {
 }
 
 async function start() {
+  await showIdentity($("identity"));
   const known = await (await request("/v1/presets")).json();
   presets = known.presets;
   grid.fill(presets);

@@ -4,6 +4,7 @@
 // Angles in degrees, lengths in mm, patient coordinates in DICOM LPS. Sizes in pixels of the
 // picture.
 
+import { signIn } from "./identity.js";
 import { labelQuery } from "./labels.js";
 import { lightQuery } from "./light.js";
 import { fitOf, orbitQuery } from "./orbit.js";
@@ -120,6 +121,7 @@ export async function request(url, options) {
     throw new Refusal("The server does not answer.", 2000);
   }
   if (answer.ok) return answer;
+  if (answer.status === 401) signIn();
   const problem = await answer.json().catch(() => ({}));
   const seconds = Number(answer.headers.get("Retry-After"));
   const retryMs = answer.status === 503 ? 1000 * (seconds || 1) : undefined;

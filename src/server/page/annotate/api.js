@@ -1,6 +1,7 @@
 // The server's annotations over HTTP: one function for each thing that can be asked. It touches no
 // element.
 
+import { signIn } from "/identity.js";
 import { Refusal } from "/view.js";
 
 /** Two editors changed the same item: what is there now, and what was sent. */
@@ -37,6 +38,7 @@ async function ask(url, options = {}) {
     throw new Refusal("The server does not answer. What was not confirmed is not saved; try again when it is back.", 2000);
   }
   if (answer.ok || answer.status === 304) return answer;
+  if (answer.status === 401) signIn();
   const problem = await answer.json().catch(() => ({}));
   // By its body: there is nothing-to-undo with this status too.
   if (answer.status === 409 && (problem.current !== undefined || problem.code?.endsWith("conflict"))) throw new Conflict(problem);

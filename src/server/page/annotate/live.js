@@ -4,6 +4,8 @@
 // Asking costs little: an answer without news is a 304. A session that only listens takes no
 // frames: it acknowledges none, so two are sent to it, once.
 
+import { withTicket } from "/identity.js";
+
 const OFTEN_MS = 2000;
 /** While changes are told, asking is only for what a broken line swallowed. */
 const SELDOM_MS = 20_000;
@@ -54,11 +56,13 @@ export class Live {
     this.#later();
   }
 
-  #connect() {
+  async #connect() {
     if (this.#ended) return;
     const url = new URL("/v1/session", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     url.searchParams.set("volume", this.volume.id); // for a proxy before several servers
+    await withTicket(url);
+    if (this.#ended) return;
     const socket = new WebSocket(url, "relief.v1");
     socket.binaryType = "arraybuffer";
     this.#socket = socket;

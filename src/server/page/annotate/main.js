@@ -1,5 +1,6 @@
 // The page for annotations: connects its parts, and sends requests to the server.
 
+import { showIdentity } from "/identity.js";
 import { directionsOf } from "/orbit.js";
 import { Refusal, request } from "/view.js";
 import { Annotations, Conflict, newId } from "./api.js";
@@ -24,6 +25,8 @@ const model = new Model();
 let annotations = null;
 let live = null;
 let isOn = false;
+/** The name that the server has verified; null on an open server. */
+let verified = null;
 
 // ---------------------------------------------------------------- telling
 
@@ -238,6 +241,7 @@ $("export-button").addEventListener("click", page.export);
 $("help-button").addEventListener("click", page.help);
 $("templates-button").addEventListener("click", async () => (await named()) && guide.open());
 $("author").addEventListener("click", async () => {
+  if (verified) return say(`You are signed in as ${verified}; that name is recorded with every change.`);
   const name = await askAuthor(model.author);
   if (name) model.setAuthor(name);
 });
@@ -277,6 +281,9 @@ async function show(volume) {
 }
 
 async function start() {
+  const identity = await showIdentity($("identity"));
+  verified = identity.name;
+  if (verified) model.setAuthor(verified);
   await onSettings(model, panes);
   pageFacts.author(model);
   for (;;) {

@@ -4,6 +4,7 @@
 // while it is unpacked is acknowledged with its successor.
 
 import { ACCEPT, compose, readHeader, unpack } from "./frame.js";
+import { withTicket } from "./identity.js";
 import { intentsTo } from "./restore.js";
 
 const FIRST_WAIT_MS = 100;
@@ -77,13 +78,15 @@ export class Session {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
   }
 
-  #connect() {
+  async #connect() {
     this.changed("connecting");
     const url = new URL("/v1/session", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     // For a load balancer, which cannot read the hello: all clients of a view must reach the same
     // server.
     for (const key of ["view", "volume"]) if (this.hello[key]) url.searchParams.set(key, this.hello[key]);
+    await withTicket(url);
+    if (this.#ended) return;
     const socket = new WebSocket(url, "relief.v1");
     socket.binaryType = "arraybuffer";
     this.#socket = socket;

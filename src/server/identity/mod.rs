@@ -1,0 +1,28 @@
+//! Who sends a request, and what they may do.
+//!
+//! What it is: identities from bearer tokens, client certificates, a trusted proxy's header and the
+//! sign-in of the pages; the scope that a route needs; the layer that refuses the rest. What it is
+//! not: TLS (see `tls`) and the record of requests (see `audit`).
+//!
+//! A server without any of these means is open: everybody may do everything, and authors are names
+//! that requests state. With one, a request has an [`Identity`], and its name is the author of what
+//! it changes.
+
+mod admission;
+mod admit;
+mod caller;
+mod scope;
+mod sign_in;
+mod tickets;
+mod token_file;
+mod tokens;
+
+pub use admission::{Admission, TrustedProxy};
+pub use scope::Scope;
+pub use token_file::{NewToken, TokenEntry, TokenFileError, add_token, read_tokens, remove_token};
+pub use tokens::Tokens;
+
+pub(crate) use admit::{admit_data, admit_page};
+pub(crate) use caller::{Caller, Peer};
+pub(crate) use sign_in::{routes, ticket};
+pub(crate) use tickets::Tickets;

@@ -1,0 +1,70 @@
+//! Tickets: random words that open one WebSocket each. They are kept in memory alone, and end with
+//! the server.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use data_encoding::BASE64URL_NOPAD;
+
+use super::caller::Identity;
+use crate::problem::Problem;
+
+/// How long a ticket can be redeemed.
+pub(super) const LIFETIME: Duration = Duration::from_secs(30);
+/// Tickets at a time; the oldest makes room.
+const MOST: usize = 10_000;
+
+/// The tickets that were given and not redeemed.
+#[derive(Default)]
+pub(crate) struct Tickets(Mutex<HashMap<String, (Instant, Identity)>>);
+
+impl Tickets {
+    /// A ticket for this identity.
+    pub(super) fn give(&self, identity: Identity) -> Result<String, Problem> {
+        let mut bits = [0u8; 32];
+        getrandom::fill(&mut bits).map_err(|error| Problem::internal("drawing a random ticket", error))?;
+        let ticket = BASE64URL_NOPAD.encode(&bits);
+        let mut given = self.given();
+        given.retain(|_, (made, _)| made.elapsed() < LIFETIME);
+        if given.len() >= MOST {
+            let oldest = given.iter().min_by_key(|(_, (made, _))| *made).map(|(ticket, _)| ticket.clone());
+            oldest.and_then(|ticket| given.remove(&ticket));
+        }
+        given.insert(ticket.clone(), (Instant::now(), identity));
+        Ok(ticket)
+    }
+
+    /// The identity of a ticket, once.
+    pub(super) fn redeem(&self, ticket: &str) -> Option<Identity> {
+        let (made, identity) = self.given().remove(ticket)?;
+        (made.elapsed() < LIFETIME).then_some(identity)
+    }
+
+    /// The value is whole between statements, so a panic elsewhere leaves it usable.
+    fn given(&self) -> MutexGuard<'_, HashMap<String, (Instant, Identity)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identity::Scope;
+    use crate::identity::caller::Proof;
+
+    #[test]
+    fn a_ticket_is_redeemed_once_and_the_oldest_makes_room() {
+        let tickets = Tickets::default();
+        let identity = Identity { name: "anna".to_owned(), scope: Scope::View, proof: Proof::Certificate };
+        let ticket = tickets.give(identity.clone()).unwrap();
+        assert_eq!(tickets.redeem(&ticket), Some(identity.clone()));
+        assert_eq!(tickets.redeem(&ticket), None);
+        let first = tickets.give(identity.clone()).unwrap();
+        for _ in 0..MOST {
+            tickets.give(identity.clone()).unwrap();
+        }
+        assert_eq!(tickets.given().len(), MOST);
+        assert_eq!(tickets.redeem(&first), None);
+    }
+}

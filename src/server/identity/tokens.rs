@@ -1,0 +1,85 @@
+//! The tokens that a server accepts: its file, read again when it changes.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
+
+use super::token_file::{TokenEntry, TokenFileError, read_tokens};
+use relief_annotation::Timestamp;
+use relief_base::sha256_of;
+
+/// How often the file is looked at, at most.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// The tokens of a file. A file that cannot be read any more leaves the last tokens valid.
+#[derive(Debug)]
+pub struct Tokens {
+    path: PathBuf,
+    known: Mutex<Known>,
+}
+
+#[derive(Debug)]
+struct Known {
+    entries: Vec<TokenEntry>,
+    version: Option<Version>,
+    looked: Instant,
+}
+
+/// What changes with the content of a file: its time and its length.
+type Version = (SystemTime, u64);
+
+impl Tokens {
+    /// Reads the file.
+    ///
+    /// # Errors
+    /// When it is absent, damaged or too large.
+    pub fn open(path: PathBuf) -> Result<Self, TokenFileError> {
+        let version = version(&path);
+        let entries = read_tokens(&path)?;
+        Ok(Self { path, known: Mutex::new(Known { entries, version, looked: Instant::now() }) })
+    }
+
+    /// Number of tokens, expired ones among them.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.with_newest(<[_]>::len)
+    }
+
+    /// The entry of a token that is valid now.
+    pub(super) fn find(&self, token: &str) -> Option<TokenEntry> {
+        // Comparing hashes tells a client nothing about a token: it cannot choose them.
+        self.find_by_hash(&sha256_of(token.as_bytes()))
+    }
+
+    /// The entry of this hash, if it is still in the file and valid.
+    pub(super) fn find_by_hash(&self, sha256: &str) -> Option<TokenEntry> {
+        let now = Timestamp::now();
+        let found = |entries: &[TokenEntry]| {
+            entries.iter().find(|entry| entry.sha256 == sha256 && entry.is_valid_at(now)).cloned()
+        };
+        self.with_newest(found)
+    }
+
+    fn with_newest<T>(&self, read: impl FnOnce(&[TokenEntry]) -> T) -> T {
+        // The value is whole between statements, so a panic elsewhere leaves it usable.
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.looked.elapsed() >= INTERVAL {
+            known.looked = Instant::now();
+            let now = version(&self.path);
+            if now != known.version {
+                match read_tokens(&self.path) {
+                    Ok(entries) => (known.entries, known.version) = (entries, now),
+                    Err(error) => {
+                        tracing::error!(%error, "the token file has changed and cannot be read; the earlier tokens stay");
+                    }
+                }
+            }
+        }
+        read(&known.entries)
+    }
+}
+
+fn version(path: &std::path::Path) -> Option<Version> {
+    let metadata = std::fs::metadata(path).ok()?;
+    Some((metadata.modified().ok()?, metadata.len()))
+}

@@ -1,0 +1,338 @@
+//! Who may do what: tokens, sign-in, certificates, a proxy, TLS and the audit log, from outside.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::Output;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
+
+use super::{Running, phantom, relief};
+use crate::common::software_adapter;
+
+/// A landmark, as a client sends it.
+const LANDMARK: &str =
+    r#"{"changes":[{"change":"create","item":{"name":"L1","geometry":{"kind":"point","at_mm":[0,0,0]}}}]}"#;
+
+fn run(arguments: &[&str]) -> Output {
+    relief(arguments).output().unwrap()
+}
+
+/// A token of this name and scope.
+fn token(file: &str, name: &str, scope: &str) -> String {
+    let made = run(&["token", "add", file, "--name", name, "--scope", scope, "--days", "1"]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    String::from_utf8(made.stdout).unwrap().trim().to_owned()
+}
+
+fn status_of(answer: &(String, Vec<u8>)) -> u16 {
+    answer.0.split(' ').nth(1).and_then(|status| status.parse().ok()).expect("a status line")
+}
+
+impl Running {
+    fn status(&self, line: &str, headers: &str, body: &[u8]) -> u16 {
+        status_of(&self.ask(line, headers, body))
+    }
+
+    /// The status of a request with a token.
+    fn by(&self, token: &str, line: &str, body: &str) -> u16 {
+        let json = if body.is_empty() { "" } else { "Content-Type: application/json\r\n" };
+        let headers = format!("Authorization: Bearer {token}\r\n{json}Content-Length: {}\r\n", body.len());
+        self.status(line, &headers, body.as_bytes())
+    }
+
+    fn first_volume(&self, token: &str) -> String {
+        let headers = format!("Authorization: Bearer {token}\r\n");
+        let listed = self.ask("GET /v1/volumes", &headers, &[]).1;
+        let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
+        listed["volumes"][0]["id"].as_str().expect("a volume").to_owned()
+    }
+
+    /// The status of an upgrade to a WebSocket.
+    fn upgrade(&self, path: &str, headers: &str) -> u16 {
+        let mut stream = TcpStream::connect(&self.address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        write!(
+            stream,
+            "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+             Sec-WebSocket-Protocol: relief.v1\r\n{headers}\r\n",
+            self.address
+        )
+        .unwrap();
+        let mut head = [0; 12];
+        stream.read_exact(&mut head).unwrap();
+        std::str::from_utf8(&head[9..]).unwrap().parse().unwrap()
+    }
+}
+
+/// Invariant: A server that other machines reach does not start without a means to recognise callers,
+/// unless told to.
+#[test]
+fn a_server_for_other_machines_asks_who_calls() {
+    let refused = run(&["serve", "--listen", "0.0.0.0:0"]);
+    let text = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(1), "{text}");
+    assert!(text.contains("--token-file") && text.contains("--insecure"), "{text}");
+    let missing = run(&["serve", "--token-file", "/nowhere/tokens"]);
+    assert!(!missing.status.success(), "a token file that is missing admits nobody");
+}
+
+/// Invariant: A token gives its scope and no more, its name is the author of what it changes, and it
+/// ends within seconds of its removal.
+#[test]
+fn tokens_have_scopes_and_name_the_author() {
+    if software_adapter("tokens").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (file, log, audit) = (path("tokens"), path("log.db"), path("audit.log"));
+    let (vera, anna) = (token(&file, "vera", "view"), token(&file, "Anna Ä.", "annotate"));
+    let root = token(&file, "root", "admin");
+    let series = phantom(folder.path());
+    let arguments = ["serve", "--series", &series, "--annotations", &log, "--listen", "127.0.0.1:0"];
+    let known = ["--token-file", &file, "--audit-log", &audit, "--probe-listen", "127.0.0.1:0"];
+    let running = Running::spawn(&mut relief(&[&arguments[..], &known].concat()));
+    running.await_ready();
+
+    // Without a token: health and the way to sign in, nothing else.
+    let (head, _) = running.ask("GET /v1/volumes", "", &[]);
+    assert!(head.starts_with("HTTP/1.1 401") && head.contains("www-authenticate: Bearer"), "{head}");
+    let (head, _) = running.ask("GET /annotate", "", &[]);
+    assert!(head.starts_with("HTTP/1.1 303") && head.contains("location: /sign-in?next=/annotate"), "{head}");
+    for open in ["/healthz", "/readyz", "/sign-in", "/sign-in.js", "/openapi.json", "/v1/identity"] {
+        assert_eq!(running.status(&format!("GET {open}"), "", &[]), 200, "{open}");
+    }
+    for closed in ["/metrics", "/v1/presets", "/v1/session", "/studies/1/series/2/rendered3D"] {
+        assert_eq!(running.status(&format!("GET {closed}"), "", &[]), 401, "{closed}");
+    }
+    assert_eq!(running.by("relief_wrong", "GET /v1/volumes", ""), 401);
+
+    // Scopes.
+    let id = running.first_volume(&vera);
+    let items = format!("/v1/volumes/{id}/annotations");
+    let (add, remove) = (format!("POST {items}"), format!("DELETE /v1/volumes/{id}"));
+    assert_eq!(running.by(&vera, &format!("GET /v1/volumes/{id}/frame?width=64&height=64"), ""), 200);
+    assert_eq!(running.by(&vera, &format!("POST /v1/volumes/{id}/pick?u=8&v=8"), "{}"), 200);
+    assert_eq!(running.by(&vera, &add, LANDMARK), 403);
+    assert_eq!(running.by(&anna, &add, LANDMARK), 201);
+    assert_eq!(running.by(&anna, &remove, ""), 403);
+    let forbidden = |token: &str| {
+        let headers = format!("Authorization: Bearer {token}\r\n");
+        let answer = running.ask(&remove, &headers, &[]).1;
+        serde_json::from_slice::<serde_json::Value>(&answer).unwrap()["code"].clone()
+    };
+    assert_eq!((forbidden(&anna), forbidden(&root)), ("scope".into(), "not-removable".into()));
+
+    // The author is the token's name: another one is refused wherever it may stand.
+    let other = LANDMARK.replacen('{', "{\"author\":\"eve\",", 1);
+    assert_eq!(running.by(&anna, &add, &other), 403);
+    assert_eq!(running.by(&anna, &format!("GET {items}?author=eve"), ""), 403);
+    let headers = format!("Authorization: Bearer {anna}\r\nRelief-Author: eve\r\n");
+    assert_eq!(running.status(&format!("GET {items}"), &headers, &[]), 403);
+    let listed = running.ask(&format!("GET {items}"), &format!("Authorization: Bearer {vera}\r\n"), &[]).1;
+    let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
+    assert_eq!(listed["items"][0]["author"], "Anna Ä.", "{listed}");
+
+    // A removed token is refused; the others stay.
+    assert!(run(&["token", "remove", &file, "--name", "vera"]).status.success());
+    let since = Instant::now();
+    while running.by(&vera, "GET /v1/volumes", "") != 401 {
+        assert!(since.elapsed() < Duration::from_secs(30), "a removed token is still accepted");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    assert_eq!(running.by(&anna, "GET /v1/volumes", ""), 200);
+    let (code, said) = running.stop("TERM");
+    assert_eq!(code, Some(0), "{said}");
+    check_audit(&audit, &id);
+}
+
+/// The log has each request and its outcome, and shows a change of any byte.
+fn check_audit(audit: &str, id: &str) {
+    let text = std::fs::read_to_string(audit).unwrap();
+    let records: Vec<serde_json::Value> =
+        text.lines().map(|line| serde_json::from_str(line.split_once(' ').unwrap().1).unwrap()).collect();
+    let count = |who: Option<&str>, status: u16| {
+        let who = who.map_or(serde_json::Value::Null, Into::into);
+        records.iter().filter(|record| record["who"] == who && record["status"] == status).count()
+    };
+    assert!(count(None, 401) >= 5 && count(Some("vera"), 200) >= 3 && count(Some("vera"), 403) == 1);
+    assert_eq!(count(Some("Anna Ä."), 201), 1);
+    assert!(records.iter().any(|record| record["volume"] == id && record["method"] == "DELETE"));
+    let whole = run(&["audit", audit, "--json"]);
+    let whole: serde_json::Value = serde_json::from_slice(&whole.stdout).unwrap();
+    assert_eq!(whole["records"], records.len());
+    let head = whole["head"].as_str().unwrap();
+    assert!(run(&["audit", audit, "--contains", head]).status.success());
+    // The last record is removed: the chain is whole, but the kept hash is missing.
+    let cut: String = text.lines().take(records.len() - 1).map(|line| line.to_owned() + "\n").collect();
+    std::fs::write(audit, cut).unwrap();
+    assert!(run(&["audit", audit]).status.success());
+    assert!(!run(&["audit", audit, "--contains", head]).status.success());
+    std::fs::write(audit, text.replacen("\"status\":403", "\"status\":200", 1)).unwrap();
+    let changed = run(&["audit", audit]);
+    let said = String::from_utf8_lossy(&changed.stderr).into_owned();
+    assert!(!changed.status.success() && said.contains("line"), "{said}");
+}
+
+/// Invariant: A page signs in by a token and gets a cookie; a cookie alone opens no WebSocket, and a
+/// ticket opens one.
+#[test]
+fn pages_sign_in_and_open_sockets_by_tickets() {
+    if software_adapter("sign-in").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("tokens").to_str().unwrap().to_owned();
+    let anna = token(&file, "anna", "annotate");
+    let series = phantom(folder.path());
+    let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0", "--token-file", &file];
+    let running = Running::spawn(&mut relief(&arguments));
+    running.await_ready();
+    let sign_in = |token: &str| {
+        let body = format!("{{\"token\":\"{token}\"}}");
+        let headers = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
+        running.ask("POST /v1/sign-in", &headers, body.as_bytes())
+    };
+    assert_eq!(status_of(&sign_in("relief_wrong")), 401);
+    let (head, _) = sign_in(&anna);
+    let cookie = head.lines().find_map(|line| line.strip_prefix("set-cookie: ")).expect("a cookie");
+    assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Strict"), "{cookie}");
+    let cookie = format!("Cookie: {}\r\n", cookie.split(';').next().unwrap());
+    assert_eq!(running.status("GET /", &cookie, &[]), 200);
+    assert_eq!(running.status("GET /v1/volumes", &cookie, &[]), 200);
+    let identity = running.ask("GET /v1/identity", &cookie, &[]).1;
+    let identity: serde_json::Value = serde_json::from_slice(&identity).unwrap();
+    assert_eq!((&identity["name"], &identity["scope"]), (&"anna".into(), &"annotate".into()));
+
+    assert_eq!(running.upgrade("/v1/session", &cookie), 401);
+    assert_eq!(running.upgrade("/v1/session", &format!("Authorization: Bearer {anna}\r\n")), 101);
+    let ticket = running.ask("POST /v1/session/ticket", &format!("{cookie}Content-Length: 0\r\n"), &[]).1;
+    let ticket: serde_json::Value = serde_json::from_slice(&ticket).unwrap();
+    let path = format!("/v1/session?ticket={}", ticket["ticket"].as_str().unwrap());
+    assert_eq!(running.upgrade(&path, ""), 101);
+    assert_eq!(running.upgrade(&path, ""), 401, "a ticket opens one socket");
+
+    let (head, _) = running.ask("POST /v1/sign-out", &format!("{cookie}Content-Length: 0\r\n"), &[]);
+    assert!(
+        head.contains("204") && head.contains("relief_sign_in=; ") && head.contains("Max-Age=0"),
+        "{head}"
+    );
+}
+
+/// An answer over TLS by a client of its own; `None` when the handshake fails.
+fn ask_encrypted(
+    address: &str,
+    authority: &Path,
+    identity: Option<(Vec<CertificateDer<'static>>, PrivateKeyDer<'static>)>,
+) -> Option<String> {
+    let mut roots = rustls::RootCertStore::empty();
+    roots.add(CertificateDer::from_pem_file(authority).unwrap()).unwrap();
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let builder = rustls::ClientConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .unwrap()
+        .with_root_certificates(roots);
+    let config = match identity {
+        None => builder.with_no_client_auth(),
+        Some((chain, key)) => builder.with_client_auth_cert(chain, key).unwrap(),
+    };
+    let name = ServerName::try_from("localhost").unwrap();
+    let connection = rustls::ClientConnection::new(Arc::new(config), name).unwrap();
+    let socket = TcpStream::connect(address).unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    let mut stream = rustls::StreamOwned::new(connection, socket);
+    let request = format!("GET /v1/identity HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+    stream.write_all(request.as_bytes()).ok()?;
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    Some(String::from_utf8_lossy(&answer).into_owned()).filter(|answer| !answer.is_empty())
+}
+
+/// Invariant: An encrypted server shows its picture to a client that trusts its certificate, takes a
+/// new certificate without a restart, and tells a client that does not trust it what to do.
+#[test]
+fn an_encrypted_server_serves_the_client_that_trusts_it() {
+    if software_adapter("TLS").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (file, tls, picture) = (path("tokens"), path("tls"), path("frame.png"));
+    let anna = token(&file, "anna", "view");
+    let series = phantom(folder.path());
+    let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0"];
+    let known = ["--token-file", &file, "--tls-self-signed", &tls];
+    let running = Running::spawn(&mut relief(&[&arguments[..], &known].concat()));
+    let server = format!("https://{}", running.address);
+    let certificate = path("tls/relief-certificate.pem");
+    let client = |more: &[&str]| {
+        let arguments = ["client", "--server", &server, "--headless", "--size", "64x64", "--wait"];
+        relief(&[&arguments, more].concat()).env("RELIEF_TOKEN", &anna).output().unwrap()
+    };
+    let saved = client(&["--ca", &certificate, "--save-frame", &picture]);
+    assert!(saved.status.success(), "{}", String::from_utf8_lossy(&saved.stderr));
+    assert!(std::fs::metadata(&picture).unwrap().len() > 100);
+    let stranger = client(&["--save-frame", &picture]);
+    let said = String::from_utf8_lossy(&stranger.stderr).into_owned();
+    assert!(!stranger.status.success() && said.contains("--ca"), "{said}");
+
+    // A new certificate in the same files is used without a restart.
+    let earlier = Path::new(&certificate).with_extension("old");
+    std::fs::copy(&certificate, &earlier).unwrap();
+    let made = rcgen::generate_simple_self_signed(vec!["localhost".to_owned()]).unwrap();
+    std::fs::write(path("tls/relief-key.pem"), made.signing_key.serialize_pem()).unwrap();
+    std::fs::write(&certificate, made.cert.pem()).unwrap();
+    let since = Instant::now();
+    while ask_encrypted(&running.address, Path::new(&certificate), None).is_none() {
+        assert!(since.elapsed() < Duration::from_secs(60), "the new certificate is not used");
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    assert_eq!(ask_encrypted(&running.address, &earlier, None), None);
+}
+
+/// Invariant: A client certificate of the trusted authority names its holder; without one there is no
+/// connection.
+#[test]
+fn a_client_certificate_names_its_holder() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (authority, tls) = (path("authority.pem"), path("tls"));
+    let authority_key = rcgen::KeyPair::generate().unwrap();
+    let mut parameters = rcgen::CertificateParams::default();
+    parameters.is_ca = rcgen::IsCa::Ca(rcgen::BasicConstraints::Unconstrained);
+    std::fs::write(&authority, parameters.self_signed(&authority_key).unwrap().pem()).unwrap();
+    let issuer = rcgen::Issuer::new(parameters, authority_key);
+    let carol_key = rcgen::KeyPair::generate().unwrap();
+    let mut carol = rcgen::CertificateParams::default();
+    carol.distinguished_name.push(rcgen::DnType::CommonName, "carol");
+    let carol = carol.signed_by(&carol_key, &issuer).unwrap();
+
+    let arguments = ["serve", "--listen", "127.0.0.1:0", "--tls-self-signed", &tls];
+    let more = ["--tls-client-ca", &authority, "--tls-client-scope", "admin"];
+    let running = Running::spawn(&mut relief(&[&arguments[..], &more].concat()));
+    let certificate = folder.path().join("tls/relief-certificate.pem");
+    let key = PrivateKeyDer::try_from(carol_key.serialize_der()).unwrap();
+    let answer =
+        ask_encrypted(&running.address, &certificate, Some((vec![carol.der().clone()], key))).unwrap();
+    assert!(answer.contains("\"carol\"") && answer.contains("\"admin\""), "{answer}");
+    assert_eq!(ask_encrypted(&running.address, &certificate, None), None);
+}
+
+/// Invariant: The header of a proxy names callers only if the connection comes from the proxy.
+#[test]
+fn a_trusted_proxy_names_callers_and_nobody_else_does() {
+    let arguments = ["serve", "--listen", "127.0.0.1:0", "--proxy-scope", "view", "--trusted-proxy"];
+    let named = "X-Forwarded-User: ren%C3%A9e\r\n";
+    let running = Running::spawn(&mut relief(&[&arguments[..], &["127.0.0.1"]].concat()));
+    assert_eq!(running.status("GET /v1/volumes", named, &[]), 200);
+    assert_eq!(running.status("GET /v1/volumes", "", &[]), 401);
+    let identity = running.ask("GET /v1/identity", named, &[]).1;
+    assert!(String::from_utf8(identity).unwrap().contains("renée"));
+    let running = Running::spawn(&mut relief(&[&arguments[..], &["192.0.2.1"]].concat()));
+    assert_eq!(running.status("GET /v1/volumes", named, &[]), 401);
+}
