@@ -75,6 +75,18 @@ impl Budget {
         self.0.unpacked.take(bytes).map_err(|limit| BudgetError::Unpacked { limit })
     }
 
+    /// Bytes that may still stay in memory.
+    #[must_use]
+    pub fn kept_left(&self) -> u64 {
+        self.0.kept.left.load(Ordering::Relaxed)
+    }
+
+    /// Bytes that decompression may still deliver.
+    #[must_use]
+    pub fn unpacked_left(&self) -> u64 {
+        self.0.unpacked.left.load(Ordering::Relaxed)
+    }
+
     /// Whether the reading may go on.
     ///
     /// # Errors

@@ -44,6 +44,7 @@ mod scene;
 mod serve;
 mod serve_identity;
 mod serve_load;
+mod serve_readers;
 mod slice;
 mod source;
 mod text_file;
@@ -104,6 +105,10 @@ enum Command {
     Track(track::TrackArguments),
     Calibrate(calibrate::CalibrateArguments),
     Annotate(annotate::AnnotateArguments),
+    /// Read an untrusted file for a server
+    #[cfg(target_os = "linux")]
+    #[command(hide = true)]
+    DecodeWorker,
     Token(token::TokenArguments),
     Audit(audit::AuditArguments),
     Batch(batch::BatchArguments),
@@ -115,6 +120,10 @@ enum Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = CommandLine::parse(); // exits with status 2 on wrong arguments
+    #[cfg(target_os = "linux")]
+    if matches!(arguments.command, Command::DecodeWorker) {
+        return relief_isolation::serve(); // before anything starts a thread or opens a file
+    }
     start_logging();
     let outcome = match arguments.command {
         Command::Phantom(arguments) => phantom::run(arguments),
@@ -129,6 +138,8 @@ pub fn main() -> ExitCode {
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Token(arguments) => token::run(arguments),
         Command::Audit(arguments) => audit::run(&arguments),
+        #[cfg(target_os = "linux")]
+        Command::DecodeWorker => unreachable!("it has returned above"),
         Command::Annotate(arguments) => annotate::run(&arguments),
         Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),

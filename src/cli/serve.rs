@@ -19,17 +19,15 @@ use super::bucket::CopiesArguments;
 use super::memory::parse_bytes;
 use super::output::say;
 use super::serve_identity::IdentityArguments;
-use super::serve_load::{load_behind, places, served};
+use super::serve_load::{load_behind, places};
+use super::serve_readers::{Isolation, Readers};
 use super::source::SeriesOptions;
 use super::track_scene::{read_beacon, read_camera};
 use relief_base::sha256_of_file;
-use relief_dicom::{LoadLimits, Strictness};
-use relief_render::VolumeLimits;
 use relief_server::{
-    Admission, AllowedHosts, Config, ConnectionLimits, LabelsLoader, LiveConfig, Server, Shutdown, Tls,
-    UploadLimits, VolumeLoader,
+    Admission, AllowedHosts, Config, ConnectionLimits, LiveConfig, Server, Shutdown, Tls, UploadLimits,
 };
-use relief_session::{InjectedFault, QueueConfig, RenderService, load_labels, most_label_voxels};
+use relief_session::{InjectedFault, QueueConfig, RenderService};
 use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
@@ -84,6 +82,10 @@ pub(super) struct ServeArguments {
     /// the scope admin for it
     #[arg(long, value_enum, default_value_t = Uploads::Auto)]
     uploads: Uploads,
+    /// Where uploads are read: in a child process without rights to files, network and programs, or in
+    /// the server's own
+    #[arg(long, value_enum, default_value_t = Isolation::DEFAULT)]
+    isolation: Isolation,
     #[command(flatten)]
     identity: IdentityArguments,
     #[command(flatten)]
@@ -122,10 +124,10 @@ enum Uploads {
 }
 
 pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
-    let admission = arguments.identity.admission(arguments.listen)?;
-    let audit = arguments.identity.audit()?;
     let copies = arguments.copies.copies();
     let places = places(&arguments.series, &arguments.labels, &copies)?;
+    let admission = arguments.identity.admission(arguments.listen)?;
+    let audit = arguments.identity.audit()?;
     let backend = arguments.adapter.open_backend()?;
     let limits = backend.renderer().volume_limits();
     let adapter = backend.renderer().gpu().description().to_string();
@@ -135,7 +137,8 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let config = config(arguments, &adapter, admission)?;
     let names = config.allowed_hosts.as_ref().map(|hosts| hosts.names.clone()).unwrap_or_default();
     let tls = arguments.identity.tls(&names)?;
-    let mut server = Server::new(Arc::clone(&service), upload_loader(limits), config);
+    let readers = Readers::new(arguments.isolation, limits)?;
+    let mut server = Server::new(Arc::clone(&service), readers.series, config);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let log = match &arguments.annotations {
         Some(place) => Some(runtime.block_on(Store::open(place)).context("--annotations cannot be used")?),
@@ -147,7 +150,8 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     if let Some(audit) = audit {
         server = server.audited(audit);
     }
-    let server = Arc::new(server.reading_labels(labels_loader()));
+    let server = server.reading_labels(readers.labels).reading_annotations(readers.annotations);
+    let server = Arc::new(server);
     server.expect_volumes(places.len());
     let load = |server| load_behind(places, copies.clone(), (arguments.options.clone(), limits), server);
     let outcome = runtime.block_on(serve(arguments, tls, server, load));
@@ -259,31 +263,6 @@ fn config(arguments: &ServeArguments, adapter: &str, admission: Admission) -> an
         memory_bytes: arguments.memory,
         live,
         ..Config::default()
-    })
-}
-
-/// Reads an uploaded series. Its errors do not name the temporary file.
-fn upload_loader(volumes: VolumeLimits) -> VolumeLoader {
-    const SUBJECT: &str = "the uploaded file";
-    let limits = LoadLimits { voxel_bytes: UploadLimits::default().voxel_bytes as u64 };
-    let about = |error: relief_dicom::Error| error.without_names(SUBJECT);
-    Arc::new(move |path, budget| {
-        let found =
-            relief_dicom::discover_within(budget, path, Strictness::Lenient, &|_| ()).map_err(about)?;
-        let entry = found.select(None).map_err(about)?;
-        volumes.plan(entry.dims())?;
-        let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
-        Ok(loaded.map(served).map_err(about)?)
-    })
-}
-
-/// Reads an uploaded label map. Its errors do not name the temporary file.
-fn labels_loader() -> LabelsLoader {
-    Arc::new(|path, grid| {
-        let loaded = load_labels(path, most_label_voxels(grid), grid)
-            .map_err(|error| error.about("the uploaded file"))?;
-        loaded.warnings.iter().for_each(|warning| tracing::warn!("an uploaded label map: {warning}"));
-        Ok(loaded.map)
     })
 }
 

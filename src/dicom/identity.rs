@@ -7,7 +7,7 @@
 use super::series::SeriesEntry;
 
 /// Study and Series Instance UID of a volume, and its Frame of Reference UID.
-#[derive(Clone, Default, PartialEq, Eq)]
+#[derive(Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct SeriesIdentity {
     study_uid: String,
     series_uid: String,

@@ -11,6 +11,7 @@ use dicom_core::{Tag, VR};
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::charset::Charset;
 use super::dataset::Retention;
@@ -41,7 +42,7 @@ const REPEATED: [(Tag, VR); 13] = [
 const OPTIONAL: usize = 10;
 
 /// A CT series as reports and segmentations refer to it.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct SeriesReference {
     /// Values of [`REPEATED`].
     repeated: Vec<String>,
@@ -53,7 +54,7 @@ pub struct SeriesReference {
 }
 
 /// An image object of the series.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Instance {
     pub(super) sop_class: String,
     pub(super) uid: String,
@@ -61,17 +62,34 @@ pub(super) struct Instance {
 }
 
 /// Where a frame's pixels lie.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Plane {
     /// The frame's number in its object, from 1.
     pub(super) frame: u32,
     /// Centre of the first pixel.
+    #[serde(with = "components")]
     pub(super) position: DVec3,
     /// Unit vectors along a row and along a column.
+    #[serde(with = "components")]
     pub(super) row: DVec3,
+    #[serde(with = "components")]
     pub(super) column: DVec3,
     /// Between columns and between rows, mm.
     pub(super) pixel_mm: [f64; 2],
+}
+
+/// A vector as its three components.
+mod components {
+    use glam::DVec3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(vector: &DVec3, serializer: S) -> Result<S::Ok, S::Error> {
+        vector.to_array().serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DVec3, D::Error> {
+        <[f64; 3]>::deserialize(deserializer).map(DVec3::from)
+    }
 }
 
 /// UIDs and names lead to a patient.

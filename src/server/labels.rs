@@ -32,7 +32,7 @@ pub(super) async fn upload(
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
     };
     let ReceivedUpload { turn, file, .. } =
-        take_in(&config, &uploads, &headers, body, "application/octet-stream").await?;
+        take_in(&config, &uploads, &headers, body, ("application/octet-stream", u64::MAX)).await?;
     let job = move || read(&engine, &loader, file.path(), &entry.id);
     Ok(Json(on_blocking_thread(turn, "reading the label map", job).await??))
 }

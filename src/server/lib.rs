@@ -84,7 +84,10 @@ pub use identity::{
 };
 pub use listen::{ConnectionLimits, Shutdown, serve};
 pub use live::LiveConfig;
-pub use state::{AllowedHosts, Config, LabelsLoader, LoadError, Server, UploadLimits, VolumeLoader};
+pub use state::{
+    AllowedHosts, AnnotationsLoader, Config, ImportError, LabelsLoader, LoadError, Server, UploadLimits,
+    VolumeLoader,
+};
 pub use tls::{Tls, TlsError, TlsFiles, fingerprint, self_signed};
 
 /// The routes of a listener for probes and monitoring. It has no data of volumes and needs no

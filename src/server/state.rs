@@ -16,9 +16,13 @@ use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
 use super::shares::Shares;
 use relief_base::Budget;
+use relief_exchange::{Format, Imported, ReadContext};
 use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeReader};
 use relief_store::Store;
 use relief_volume::{Grid, LabelMap};
+
+/// Uploads that are received at a time; each may fill a file of [`UploadLimits::file_bytes`].
+const RECEIVING: usize = 4;
 
 /// An error of a loader. Clients see its message, so it must not name paths or patients.
 pub type LoadError = Box<dyn Error + Send + Sync>;
@@ -28,6 +32,23 @@ pub type VolumeLoader = Arc<dyn Fn(&Path, &Budget) -> Result<LoadedVolume, LoadE
 
 /// Reads the label map of an uploaded file onto the grid of a volume. Blocks.
 pub type LabelsLoader = Arc<dyn Fn(&Path, &Grid) -> Result<Arc<LabelMap>, LoadError> + Send + Sync>;
+
+/// Reads an uploaded file of annotations: its path, its name, and its format if the client says it.
+/// Blocks.
+pub type AnnotationsLoader =
+    Arc<dyn Fn(&Path, &str, Option<Format>, &ReadContext<'_>) -> Result<Imported, ImportError> + Send + Sync>;
+
+/// Why a file of annotations was not read. Clients see its message, so it must not name paths or
+/// patients.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// Nothing says which format it has.
+    #[error("{0}")]
+    UnknownFormat(LoadError),
+    /// It is damaged, or needs too much.
+    #[error("{0}")]
+    Unreadable(LoadError),
+}
 
 /// The configuration of a server.
 #[derive(Clone, Debug)]
@@ -82,7 +103,7 @@ pub struct UploadLimits {
     /// Largest file, bytes.
     pub file_bytes: u64,
     /// Lowest mean rate of an upload, bytes per second, after an initial [`Config::body_timeout`].
-    /// One upload is received at a time, so a slow one would block the others.
+    /// Few uploads are received at a time, so slow ones would block the others.
     pub slowest_bytes_per_s: u64,
     /// Most uploaded volumes at a time.
     pub volumes: usize,
@@ -151,7 +172,10 @@ pub(super) struct Started(pub(super) Instant);
 pub(super) struct Uploads {
     pub(super) loader: VolumeLoader,
     pub(super) labels_loader: Option<LabelsLoader>,
-    /// One upload is received at a time.
+    pub(super) annotations_loader: Option<AnnotationsLoader>,
+    /// Uploads that are received at a time.
+    pub(super) receiving: Arc<Semaphore>,
+    /// One upload is read at a time.
     pub(super) turn: Arc<Semaphore>,
 }
 
@@ -234,7 +258,13 @@ impl Server {
             engine: Arc::new(Engine::new(service, config.memory_bytes, observer)),
             metrics,
             live: Arc::new(Live::new(config.live.clone())),
-            uploads: Uploads { loader, labels_loader: None, turn: Arc::new(Semaphore::new(1)) },
+            uploads: Uploads {
+                loader,
+                labels_loader: None,
+                annotations_loader: None,
+                receiving: Arc::new(Semaphore::new(RECEIVING)),
+                turn: Arc::new(Semaphore::new(1)),
+            },
             annotations: None,
             tickets: Arc::default(),
             requests: Arc::new(Shares::new(config.requests_per_caller)),
@@ -248,6 +278,13 @@ impl Server {
     #[must_use]
     pub fn reading_labels(mut self, loader: LabelsLoader) -> Self {
         self.uploads.labels_loader = Some(loader);
+        self
+    }
+
+    /// Sets the loader of files of annotations; without one the server refuses them.
+    #[must_use]
+    pub fn reading_annotations(mut self, loader: AnnotationsLoader) -> Self {
+        self.uploads.annotations_loader = Some(loader);
         self
     }
 

@@ -1,7 +1,7 @@
 //! Uploads: a zip of a series becomes a volume.
 //!
-//! The file is streamed to disk under limits of size and time, one upload at a time, and removed
-//! when it has been read. When the client leaves, reading ends at its next step.
+//! The file is streamed to disk under limits of size and time, and removed when it has been read. A
+//! few are received at a time; one is read at a time. When the client leaves, reading ends at its next step.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub(super) async fn upload(
     body: Body,
 ) -> Result<Response, Problem> {
     let ReceivedUpload { limits, turn, file } =
-        take_in(&config, &uploads, &headers, body, "application/zip").await?;
+        take_in(&config, &uploads, &headers, body, ("application/zip", u64::MAX)).await?;
     let budget = Budget::new(limits.header_bytes(), limits.unpacked_bytes());
     let _cancelled = CancelOnDrop(budget.clone());
     let job = move || read(&engine, &uploads.loader, file.path(), (limits, &budget));
@@ -91,23 +91,28 @@ pub(super) struct ReceivedUpload {
     pub(super) file: SpooledFile,
 }
 
-/// Steps that all uploads share: permission, media type, permit, and transfer to a temporary file.
+/// Steps that all uploads share: permission, media type, transfer to a temporary file, and the turn
+/// to be read. A file has at most `most_bytes`, and what the limits of uploads allow.
 pub(super) async fn take_in(
     config: &Config,
     uploads: &Uploads,
     headers: &HeaderMap,
     body: Body,
-    media_type: &'static str,
+    (media_type, most_bytes): (&'static str, u64),
 ) -> Result<ReceivedUpload, Problem> {
     let Some(limits) = config.uploads else {
         return Err(uploads_off());
     };
     expect_content_type(headers, media_type)?;
+    let limits = UploadLimits { file_bytes: limits.file_bytes.min(most_bytes), ..limits };
     check_length(headers, limits.file_bytes)?;
-    let turn = Arc::clone(&uploads.turn)
+    let receiving = Arc::clone(&uploads.receiving)
         .try_acquire_owned()
-        .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
+        .map_err(|_| Problem::unavailable("busy", "other uploads are being received; try again soon"))?;
     let file = receive(body, config.body_timeout, limits).await?;
+    let stopped = |_| Problem::unavailable("stopping", "the server stops");
+    let turn = Arc::clone(&uploads.turn).acquire_owned().await.map_err(stopped)?;
+    drop(receiving); // until then, as files that wait take room on the disk
     Ok(ReceivedUpload { limits, turn, file })
 }
 

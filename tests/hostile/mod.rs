@@ -4,6 +4,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "the measured memory is worth reading")]
 
+#[cfg(target_os = "linux")]
+mod isolation;
+
 use std::path::Path;
 use std::process::Command;
 

@@ -2,6 +2,7 @@
 //! and short requests.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
@@ -12,8 +13,9 @@ use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
 use relief_base::DepthLimits;
 use relief_dicom::{SeriesIdentity, Strictness};
+use relief_exchange::Format;
 use relief_render::{OverlayItem, Progress, RenderRequest, RenderedFrame, Timings};
-use relief_server::{Config, LabelsLoader, Server, VolumeLoader, app};
+use relief_server::{AnnotationsLoader, Config, ImportError, LabelsLoader, Server, VolumeLoader, app};
 use relief_session::{BackendError, LoadedVolume, QueueConfig, RenderBackend, RenderService};
 use relief_store::Store;
 use relief_volume::{Grid, Projection, Volume};
@@ -245,7 +247,9 @@ impl Stage {
     fn built(config: Config, queue: QueueConfig, loader: VolumeLoader, store: Option<Store>) -> Self {
         let gate = Arc::new(Gate::default());
         let service = Arc::new(RenderService::start(SphereBackend(Arc::clone(&gate)), queue).unwrap());
-        let server = Server::new(Arc::clone(&service), loader, config).reading_labels(labels_loader());
+        let server = Server::new(Arc::clone(&service), loader, config)
+            .reading_labels(labels_loader())
+            .reading_annotations(annotations_loader());
         let server = Arc::new(match store {
             Some(store) => server.annotating(store),
             None => server,
@@ -333,6 +337,15 @@ fn labels_loader() -> LabelsLoader {
     Arc::new(|path, grid| {
         let found = relief_dicom::read_labels(path).map_err(|error| error.to_string())?;
         Ok(Arc::new(found.map.resampled(grid)))
+    })
+}
+
+fn annotations_loader() -> AnnotationsLoader {
+    Arc::new(|path, name, format, context| {
+        let bytes = std::fs::read(path).unwrap();
+        let format = format.or_else(|| Format::of(Path::new(name), &bytes));
+        let format = format.ok_or_else(|| ImportError::UnknownFormat("unknown".into()))?;
+        relief_exchange::read(format, &bytes, context).map_err(|error| ImportError::Unreadable(error.into()))
     })
 }
 

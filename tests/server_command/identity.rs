@@ -116,7 +116,7 @@ fn tokens_have_scopes_and_name_the_author() {
     let id = running.first_volume(&vera);
     let items = format!("/v1/volumes/{id}/annotations");
     let (add, remove) = (format!("POST {items}"), format!("DELETE /v1/volumes/{id}"));
-    assert_eq!(running.by(&vera, &format!("GET /v1/volumes/{id}/frame?width=64&height=64"), ""), 200);
+    assert_eq!(running.by(&vera, &format!("GET /v1/volumes/{id}/frame?layout=color&size_px=64,64"), ""), 200);
     assert_eq!(running.by(&vera, &format!("POST /v1/volumes/{id}/pick?u=8&v=8"), "{}"), 200);
     assert_eq!(running.by(&vera, &add, LANDMARK), 403);
     assert_eq!(running.by(&anna, &add, LANDMARK), 201);
@@ -271,7 +271,7 @@ fn an_encrypted_server_serves_the_client_that_trusts_it() {
     let server = format!("https://{}", running.address);
     let certificate = path("tls/relief-certificate.pem");
     let client = |more: &[&str]| {
-        let arguments = ["client", "--server", &server, "--headless", "--size", "64x64", "--wait"];
+        let arguments = ["client", "--server", &server, "--headless", "--layout", "color", "--size", "64x64"];
         relief(&[&arguments, more].concat()).env("RELIEF_TOKEN", &anna).output().unwrap()
     };
     let saved = client(&["--ca", &certificate, "--save-frame", &picture]);

@@ -5,7 +5,6 @@
 //! belong to.
 
 use std::collections::HashMap;
-use std::path::Path as FilePath;
 use std::sync::Arc;
 
 use axum::Json;
@@ -19,9 +18,9 @@ use serde_json::json;
 use super::asked::events_json;
 use super::asked::{EditRequest, query};
 use crate::annotation_service::{Annotations, Visible};
-use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
-use crate::upload::uploads_off;
+use crate::state::ImportError;
+use crate::upload::{ReceivedUpload, take_in, uploads_off};
 use relief_annotation::{ContentId, Item, Set, ShownSets, Versioned};
 use relief_exchange::{ExchangeError, ExistingItems, Format, Imported, Merged, ReadContext, WriteContext};
 use relief_session::on_blocking_thread;
@@ -30,7 +29,7 @@ use relief_store::Filter;
 /// A content never changes.
 const CACHE_CONTROL: &str = "private, max-age=31536000, immutable";
 /// Largest file that comes: a label map of a large series.
-const MOST_BYTES: usize = 256 << 20;
+const MOST_BYTES: u64 = 256 << 20;
 
 static LEFT_OUT: HeaderName = HeaderName::from_static("relief-left-out");
 
@@ -88,19 +87,12 @@ pub(super) async fn import(
     let set = set.unwrap_or_else(|| Set::DEFAULT.to_owned());
     Set::check_name(&set).map_err(|error| crate::annotation_service::invalid(&error))?;
     let format = format.map(|format| parse_format(&format)).transpose()?;
-    expect_content_type(&headers, "application/octet-stream")?;
-    let turn = Arc::clone(&asked.uploads.turn)
-        .try_acquire_owned()
-        .map_err(|_| Problem::unavailable("busy", "another upload is being read; try again soon"))?;
-    let bytes = read_body(body, MOST_BYTES, asked.config().body_timeout).await?;
+    let Some(loader) = asked.uploads.annotations_loader.clone() else { return Err(uploads_off()) };
+    let kind = ("application/octet-stream", MOST_BYTES);
+    let ReceivedUpload { turn, file, .. } =
+        take_in(asked.config(), &asked.uploads, &headers, body, kind).await?;
     let (entry, by) = (Arc::clone(&asked.entry), author.clone());
     let job = move || {
-        let name = name.unwrap_or_default();
-        let known = format.or_else(|| Format::of(FilePath::new(&name), &bytes[..bytes.len().min(1 << 14)]));
-        let Some(format) = known else {
-            let detail = "neither name nor beginning of the file says what it is; say it with format=";
-            return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unknown-format", detail));
-        };
         let frame = entry.frame_of_reference();
         let context = ReadContext {
             author: &by,
@@ -110,8 +102,7 @@ pub(super) async fn import(
             grid: Some(&entry.grid),
             series: entry.reference.as_deref(),
         };
-        let read = relief_exchange::read(format, &bytes, &context);
-        read.map_err(|error| refused(&error, "unreadable-annotations"))
+        loader(file.path(), name.as_deref().unwrap_or_default(), format, &context).map_err(unreadable)
     };
     let Imported { items, contents, mut warnings } =
         on_blocking_thread(turn, "reading annotations", job).await??;
@@ -133,6 +124,14 @@ pub(super) async fn import(
     let events = asked.edit(&author, &reason, merged.changes).await?;
     let answer = json!({ "events": events_json(&events), "warnings": warnings, "there": counts });
     Ok((StatusCode::CREATED, Json(answer)).into_response())
+}
+
+fn unreadable(error: ImportError) -> Problem {
+    let kind = match &error {
+        ImportError::UnknownFormat(_) => "unknown-format",
+        ImportError::Unreadable(_) => "unreadable-annotations",
+    };
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, kind, error)
 }
 
 /// Merges imported items with those of the volume that the author sees.

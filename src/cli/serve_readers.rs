@@ -1,0 +1,128 @@
+//! How `relief serve` reads what clients upload: in a child process without rights, or in its own.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+
+use super::serve_load::served;
+use relief_dicom::{LoadLimits, Strictness};
+use relief_exchange::{Format, Imported, ReadContext};
+use relief_render::VolumeLimits;
+use relief_server::{AnnotationsLoader, ImportError, LabelsLoader, UploadLimits, VolumeLoader};
+use relief_session::{load_labels, most_label_voxels};
+
+/// Where uploads are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Isolation {
+    /// In a child process without rights
+    On,
+    /// In the process of the server
+    Off,
+}
+
+impl Isolation {
+    /// What this system has.
+    pub(super) const DEFAULT: Self = if cfg!(target_os = "linux") { Self::On } else { Self::Off };
+}
+
+/// The readers of a server.
+pub(super) struct Readers {
+    pub(super) series: VolumeLoader,
+    pub(super) labels: LabelsLoader,
+    pub(super) annotations: AnnotationsLoader,
+}
+
+/// Most bytes of an uploaded series' voxels.
+fn voxel_bytes() -> u64 {
+    UploadLimits::default().voxel_bytes as u64
+}
+
+impl Readers {
+    /// Readers that keep to the limits of the adapter.
+    ///
+    /// # Errors
+    /// When this system cannot isolate.
+    pub(super) fn new(isolation: Isolation, limits: VolumeLimits) -> anyhow::Result<Self> {
+        match isolation {
+            Isolation::On => Self::isolated(limits),
+            Isolation::Off => Ok(Self::in_process(limits)),
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    fn isolated(volumes: VolumeLimits) -> anyhow::Result<Self> {
+        use relief_isolation::{IsolatedReader, IsolationError};
+        let reader = IsolatedReader::of_this_program().context("uploads cannot be isolated")?;
+        let [for_labels, for_annotations] = [reader.clone(), reader.clone()];
+        Ok(Self {
+            series: Arc::new(move |path, budget| {
+                let wanted = |dims| volumes.plan(dims).map(drop).map_err(Into::into);
+                Ok(reader.series(path, voxel_bytes(), budget, wanted)?)
+            }),
+            labels: Arc::new(move |path, grid| {
+                let loaded = for_labels.labels(path, grid)?;
+                warn(&loaded.warnings);
+                Ok(loaded.map)
+            }),
+            annotations: Arc::new(move |path, name, format, context| {
+                let read = for_annotations.annotations(path, name, format, context);
+                read.map_err(|error| match error {
+                    IsolationError::UnknownFormat(_) => ImportError::UnknownFormat(error.into()),
+                    error => ImportError::Unreadable(error.into()),
+                })
+            }),
+        })
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    fn isolated(_: VolumeLimits) -> anyhow::Result<Self> {
+        anyhow::bail!(
+            "--isolation on needs Linux; this system can read uploads in the server's process alone"
+        )
+    }
+
+    fn in_process(volumes: VolumeLimits) -> Self {
+        const SUBJECT: &str = "the uploaded file";
+        let about = |error: relief_dicom::Error| error.without_names(SUBJECT);
+        Self {
+            series: Arc::new(move |path, budget| {
+                let found = relief_dicom::discover_within(budget, path, Strictness::Lenient, &|_| ());
+                let found = found.map_err(about)?;
+                let entry = found.select(None).map_err(about)?;
+                volumes.plan(entry.dims())?;
+                let limits = LoadLimits { voxel_bytes: voxel_bytes() };
+                let loaded = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ());
+                Ok(loaded.map(served).map_err(about)?)
+            }),
+            labels: Arc::new(|path, grid| {
+                let loaded =
+                    load_labels(path, most_label_voxels(grid), grid).map_err(|error| error.about(SUBJECT))?;
+                warn(&loaded.warnings);
+                Ok(loaded.map)
+            }),
+            annotations: Arc::new(annotations),
+        }
+    }
+}
+
+fn warn(warnings: &[String]) {
+    warnings.iter().for_each(|warning| tracing::warn!("an uploaded label map: {warning}"));
+}
+
+/// Reads a file of annotations in this process.
+fn annotations(
+    path: &Path,
+    name: &str,
+    format: Option<Format>,
+    context: &ReadContext<'_>,
+) -> Result<Imported, ImportError> {
+    let unreadable = |error: std::io::Error| ImportError::Unreadable(error.into());
+    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let format = format.or_else(|| Format::of(Path::new(name), &bytes[..bytes.len().min(1 << 14)]));
+    let unknown = || ImportError::UnknownFormat(UNKNOWN_FORMAT.into());
+    let read = relief_exchange::read(format.ok_or_else(unknown)?, &bytes, context);
+    read.map_err(|error| ImportError::Unreadable(error.into()))
+}
+
+const UNKNOWN_FORMAT: &str = "neither name nor beginning of the file says what it is; say it with format=";

@@ -1,0 +1,169 @@
+//! The child: takes a job, gives its rights away, reads the file, and sends what it found.
+//!
+//! Its standard input is the file; its standard output is a socket to the parent, in both
+//! directions.
+
+use std::io::{Read, Write};
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::process::ExitCode;
+
+use super::job::{
+    AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, SeriesAnswer, WireContent, WireGrid,
+    WireSegment,
+};
+use super::wire::{receive, send, send_values};
+use relief_base::Budget;
+use relief_dicom::{LoadLimits, Strictness};
+use relief_exchange::{Format, Imported, ReadContext};
+use relief_session::load_labels;
+use relief_volume::{Grid, LabelMap};
+
+/// The file, as a path that opens it from its beginning.
+const FILE: &str = "/proc/self/fd/0";
+/// What messages call it.
+const SUBJECT: &str = "the uploaded file";
+
+/// Memory of the program itself: its code, stacks of its threads, and buffers of decoders.
+const OWN_BYTES: u64 = 3 << 29;
+
+/// Runs the child: reads one file as the parent says, and ends.
+#[must_use]
+pub fn serve() -> ExitCode {
+    let socket = std::io::stdout().as_fd().try_clone_to_owned().map(UnixStream::from);
+    let served = socket.and_then(|mut socket| {
+        let job: Job = receive(&mut socket)?;
+        enter(&job)?;
+        work(&job, &mut socket)
+    });
+    // The parent sees the end of the socket; nobody reads what a child might print.
+    if served.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn enter(job: &Job) -> std::io::Result<()> {
+    let bulk = match job {
+        // Voxels, and once more while they are put together.
+        Job::Series { voxel_bytes, kept_bytes, .. } => {
+            voxel_bytes.saturating_mul(2).saturating_add(*kept_bytes)
+        }
+        Job::Labels { most_voxels, .. } => most_voxels.saturating_mul(8),
+        Job::Annotations(_) => 4 << 30,
+        Job::Probe(_) => 0,
+    };
+    let entered = super::sandbox::enter(std::io::stdin(), bulk.saturating_add(OWN_BYTES));
+    entered.map(drop).map_err(std::io::Error::other)
+}
+
+fn work(job: &Job, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
+    match job {
+        Job::Series { voxel_bytes, kept_bytes, unpacked_bytes } => {
+            let budget = Budget::new(*kept_bytes, *unpacked_bytes);
+            series(*voxel_bytes, &budget, socket)
+        }
+        Job::Labels { grid, most_voxels } => labels(grid, *most_voxels, socket),
+        Job::Annotations(job) => annotations(job, socket),
+        Job::Probe(Probe::Rights) => send(socket, &Answer::Probed(remaining_rights())),
+        Job::Probe(Probe::Memory) => {
+            let mut taken: Vec<Vec<u8>> = Vec::new();
+            loop {
+                taken.push(vec![1; 64 << 20]); // until an allocation fails, which ends the process
+            }
+        }
+    }
+}
+
+/// What this process is still able to do.
+fn remaining_rights() -> RemainingRights {
+    // Nothing listens at this port: a call that passes the filter is refused by the other side.
+    let connected = std::net::TcpStream::connect(("127.0.0.1", 9));
+    let denied = |error: &std::io::Error| error.kind() == std::io::ErrorKind::PermissionDenied;
+    RemainingRights {
+        opens_files: std::fs::File::open("/proc/self/status").is_ok(),
+        connects: !connected.is_err_and(|error| denied(&error)),
+        starts_programs: std::process::Command::new("/proc/self/exe").arg("--version").spawn().is_ok(),
+    }
+}
+
+fn refuse(socket: &mut impl Write, kind: Refusal, reason: String) -> std::io::Result<()> {
+    send(socket, &Answer::Refused { kind, reason })
+}
+
+fn series(voxel_bytes: u64, budget: &Budget, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
+    let refused = |error: &relief_dicom::Error| error.without_names(SUBJECT);
+    let found = relief_dicom::discover_within(budget, Path::new(FILE), Strictness::Lenient, &|_| ());
+    let found = match found {
+        Ok(found) => found,
+        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
+    };
+    let entry = match found.select(None) {
+        Ok(entry) => entry,
+        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
+    };
+    send(socket, &Answer::Found { dims: entry.dims() })?;
+    let () = receive(socket)?; // the parent wants the voxels
+    let limits = LoadLimits { voxel_bytes };
+    let loaded = match relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()) {
+        Ok(loaded) => loaded,
+        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
+    };
+    let answer = SeriesAnswer {
+        grid: loaded.volume.grid().into(),
+        warnings: loaded.warnings.len(),
+        identity: Some(loaded.identity),
+        reference: loaded.reference.map(|reference| (*reference).clone()),
+    };
+    send(socket, &Answer::Series(Box::new(answer)))?;
+    send_values(socket, loaded.volume.voxels_hu())
+}
+
+fn labels(grid: &WireGrid, most_voxels: u64, socket: &mut impl Write) -> std::io::Result<()> {
+    let grid = Grid::try_from(grid).map_err(std::io::Error::other)?;
+    match load_labels(Path::new(FILE), most_voxels, &grid) {
+        Err(error) => refuse(socket, Refusal::Content, error.about(SUBJECT)),
+        Ok(loaded) => {
+            let segments = loaded.map.segments().iter().map(WireSegment::from).collect();
+            let grid = loaded.map.grid().into();
+            send(socket, &Answer::Labels { grid, segments, warnings: loaded.warnings })?;
+            send_values(socket, &labels_of(&loaded.map))
+        }
+    }
+}
+
+/// The label of each voxel.
+fn labels_of(map: &LabelMap) -> Vec<u16> {
+    let label = |place: usize| place.checked_sub(1).map_or(0, |place| map.segments()[place].label);
+    (0..map.grid().voxel_count()).map(|index| label(map.places().at(index))).collect()
+}
+
+fn annotations(job: &AnnotationJob, socket: &mut impl Write) -> std::io::Result<()> {
+    let mut bytes = Vec::new();
+    std::fs::File::open(FILE)?.take(job.most_bytes).read_to_end(&mut bytes)?;
+    let given = job.format.as_deref().and_then(|name| name.parse::<Format>().ok());
+    let beginning = &bytes[..bytes.len().min(1 << 14)];
+    let Some(format) = given.or_else(|| Format::of(Path::new(&job.file_name), beginning)) else {
+        let reason = "neither name nor beginning of the file says what it is; say it with format=";
+        return refuse(socket, Refusal::UnknownFormat, reason.to_owned());
+    };
+    let grid = job.grid.as_ref().map(Grid::try_from).transpose().map_err(std::io::Error::other)?;
+    let context = ReadContext {
+        author: &job.author,
+        set: &job.set,
+        list: &job.list,
+        frame_of_reference: job.frame_of_reference.as_ref(),
+        grid: grid.as_ref(),
+        series: job.series.as_ref(),
+    };
+    match relief_exchange::read(format, &bytes, &context) {
+        Err(error) => refuse(socket, Refusal::Content, error.to_string()),
+        Ok(Imported { items, contents, warnings }) => {
+            let wire = |(_, media_type, bytes): &(_, String, Vec<u8>)| WireContent {
+                media_type: media_type.clone(),
+                bytes: bytes.len() as u64,
+            };
+            let described = contents.iter().map(wire).collect();
+            send(socket, &Answer::Annotations { items, contents: described, warnings })?;
+            contents.iter().try_for_each(|(_, _, bytes)| send_values(socket, bytes))
+        }
+    }
+}

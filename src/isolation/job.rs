@@ -1,0 +1,171 @@
+//! What a child is to read, and what it says of the result. Bulk data follows an answer as bytes.
+
+use glam::{DAffine3, DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+
+use relief_annotation::{FrameOfReference, Item};
+use relief_base::Transform;
+use relief_dicom::{SeriesIdentity, SeriesReference};
+use relief_volume::{Grid, GridError, Segment};
+
+/// A job; the file is the child's standard input.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) enum Job {
+    /// The only series of a file.
+    Series {
+        /// Most bytes of voxels.
+        voxel_bytes: u64,
+        /// Most bytes that headers may keep.
+        kept_bytes: u64,
+        /// Most bytes that compressed data may unpack to.
+        unpacked_bytes: u64,
+    },
+    /// A label map, brought to a grid.
+    Labels {
+        /// The grid of the volume.
+        grid: WireGrid,
+        /// Most voxels of the map.
+        most_voxels: u64,
+    },
+    /// A file of annotations.
+    Annotations(Box<AnnotationJob>),
+    /// No file: the child tries what it must not do.
+    Probe(Probe),
+}
+
+/// What a child tries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Probe {
+    /// To open a file, to connect, to start a program.
+    Rights,
+    /// To allocate without end.
+    Memory,
+}
+
+/// What a child without rights can still do; nothing is expected of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RemainingRights {
+    /// It opens files that it was not given.
+    pub opens_files: bool,
+    /// It connects to a network address.
+    pub connects: bool,
+    /// It starts programs.
+    pub starts_programs: bool,
+}
+
+/// A file of annotations and the context in which it is read.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct AnnotationJob {
+    /// Name of the format; found out from file name and content if absent.
+    pub(crate) format: Option<String>,
+    pub(crate) file_name: String,
+    pub(crate) author: String,
+    pub(crate) set: String,
+    pub(crate) list: String,
+    pub(crate) frame_of_reference: Option<FrameOfReference>,
+    pub(crate) grid: Option<WireGrid>,
+    pub(crate) series: Option<SeriesReference>,
+    /// Largest file.
+    pub(crate) most_bytes: u64,
+}
+
+/// What a child answers.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) enum Answer {
+    /// The headers of a series have been read; the parent says whether it wants the voxels.
+    Found { dims: [usize; 3] },
+    /// A series; its voxels follow, 16-bit HU, x fastest.
+    Series(Box<SeriesAnswer>),
+    /// A label map; the label of each voxel follows, 16 bits.
+    Labels { grid: WireGrid, segments: Vec<WireSegment>, warnings: Vec<String> },
+    /// Annotations; their contents follow, one behind the other.
+    Annotations { items: Vec<Item>, contents: Vec<WireContent>, warnings: Vec<String> },
+    /// What the child was able to do.
+    Probed(RemainingRights),
+    /// The file is not what it should be.
+    Refused { kind: Refusal, reason: String },
+}
+
+/// What a file was refused for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Refusal {
+    /// Its content.
+    Content,
+    /// Neither name nor content says which format it has.
+    UnknownFormat,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct SeriesAnswer {
+    pub(crate) grid: WireGrid,
+    pub(crate) warnings: usize,
+    pub(crate) identity: Option<SeriesIdentity>,
+    pub(crate) reference: Option<SeriesReference>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct WireContent {
+    pub(crate) media_type: String,
+    pub(crate) bytes: u64,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct WireSegment {
+    label: u16,
+    name: Option<String>,
+    rgb: Option<[f64; 3]>,
+}
+
+impl From<&Segment> for WireSegment {
+    fn from(segment: &Segment) -> Self {
+        Self { label: segment.label, name: segment.name.clone(), rgb: segment.rgb }
+    }
+}
+
+impl From<WireSegment> for Segment {
+    fn from(wire: WireSegment) -> Self {
+        Self::new(wire.label, wire.name.as_deref(), wire.rgb)
+    }
+}
+
+/// A grid: JSON keeps every bit of its numbers.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct WireGrid {
+    dims: [usize; 3],
+    /// Columns of patient-from-voxel: three axes and the origin, mm.
+    patient_from_voxel: [[f64; 3]; 4],
+}
+
+impl From<&Grid> for WireGrid {
+    fn from(grid: &Grid) -> Self {
+        let affine = grid.patient_from_voxel().affine;
+        let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+        let patient_from_voxel = [x, y, z, affine.translation].map(|column| column.to_array());
+        Self { dims: grid.dims(), patient_from_voxel }
+    }
+}
+
+impl TryFrom<&WireGrid> for Grid {
+    type Error = GridError;
+
+    fn try_from(wire: &WireGrid) -> Result<Self, GridError> {
+        let [x, y, z, origin] = wire.patient_from_voxel.map(DVec3::from);
+        let affine = DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: origin };
+        Self::new(wire.dims, Transform::from_affine(affine))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_keeps_every_bit() {
+        let axes = (DVec3::new(0.1, 1e-17, -0.3), DVec3::new(1.0 / 3.0, 0.7, 0.0), DVec3::Z * 1.25);
+        let origin = DVec3::new(-124.755_859_375, f64::MIN_POSITIVE, 1e300);
+        let grid = Grid::new([3, 4, 5], Transform::from_axes(axes.0, axes.1, axes.2, origin)).unwrap();
+        let text = serde_json::to_string(&WireGrid::from(&grid)).unwrap();
+        let read: WireGrid = serde_json::from_str(&text).unwrap();
+        assert_eq!(Grid::try_from(&read).unwrap(), grid);
+    }
+}

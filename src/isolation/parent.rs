@@ -1,0 +1,307 @@
+//! The parent: starts a child for a file, waits within limits of time, and checks what comes back
+//! as it would check the file.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use serde::de::DeserializeOwned;
+
+use super::job::{AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, SeriesAnswer};
+use super::wire::{receive, receive_values, send};
+use relief_annotation::ContentId;
+use relief_base::{Budget, BudgetError};
+use relief_exchange::{Format, Imported, ReadContext};
+use relief_session::{LoadedVolume, PlacedLabels, most_label_voxels};
+use relief_volume::{Grid, LabelMap, Segment, Volume};
+
+/// The subcommand that is the child.
+const SUBCOMMAND: &str = "decode-worker";
+/// Longest reading.
+const PATIENCE: Duration = Duration::from_secs(900);
+/// How often the parent asks whether anybody still waits for the result.
+const TURN: Duration = Duration::from_millis(200);
+/// Largest file of annotations, and all of its contents together.
+const MOST_ANNOTATION_BYTES: u64 = 1 << 30;
+
+/// Reads files in children of this program.
+#[derive(Clone, Debug)]
+pub struct IsolatedReader {
+    program: PathBuf,
+}
+
+/// Why a file was not read.
+#[derive(Debug, thiserror::Error)]
+pub enum IsolationError {
+    /// The file is not what it should be.
+    #[error("{0}")]
+    Refused(String),
+    /// Nothing says which format a file of annotations has.
+    #[error("{0}")]
+    UnknownFormat(String),
+    /// The child was ended: by a limit, or by a fault of a decoder.
+    #[error("reading the file failed: {}", ending(.0))]
+    Ended(std::process::ExitStatus),
+    /// It took too long.
+    #[error("reading the file took longer than {} s", PATIENCE.as_secs())]
+    TooLong,
+    /// Nobody waits for the result any more.
+    #[error(transparent)]
+    Cancelled(#[from] BudgetError),
+    /// What came back contradicts itself.
+    #[error("the reader returned invalid data")]
+    Invalid,
+    /// The child cannot be started, or the file cannot be opened.
+    #[error("the reader cannot be started")]
+    Start(#[source] Error),
+    /// The caller does not want what was found.
+    #[error("{0}")]
+    Unwanted(Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// What ended a child, in words.
+fn ending(status: &std::process::ExitStatus) -> String {
+    match (status.signal(), status.code()) {
+        (Some(signal), _) if signal == SIGXCPU => "it needs too much processor time".to_owned(),
+        // An allocation that fails aborts.
+        (Some(signal), _) if signal == SIGABRT => "it needs more memory than its limit".to_owned(),
+        (Some(signal), _) => format!("the decoder was stopped by signal {signal}"),
+        (None, code) => format!("the decoder ended with status {}", code.unwrap_or(-1)),
+    }
+}
+
+const SIGABRT: i32 = 6;
+const SIGXCPU: i32 = 24;
+
+impl IsolatedReader {
+    /// A reader by this program.
+    ///
+    /// # Errors
+    /// When the system does not say where the program is.
+    pub fn of_this_program() -> std::io::Result<Self> {
+        // The very file that runs, even if another one was installed in its place.
+        let running = PathBuf::from("/proc/self/exe");
+        let program = if running.exists() { running } else { std::env::current_exe()? };
+        Ok(Self { program })
+    }
+
+    /// A reader by the program at this path.
+    #[must_use]
+    pub fn of_program(program: PathBuf) -> Self {
+        Self { program }
+    }
+
+    /// Reads the only series of a file. `wanted` sees its dimensions before voxels are read.
+    ///
+    /// # Errors
+    /// When the file has no usable series, is not wanted, or does not keep to its limits.
+    pub fn series(
+        &self,
+        path: &Path,
+        voxel_bytes: u64,
+        budget: &Budget,
+        wanted: impl FnOnce([usize; 3]) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
+    ) -> Result<LoadedVolume, IsolationError> {
+        let job = Job::Series {
+            voxel_bytes,
+            kept_bytes: budget.kept_left(),
+            unpacked_bytes: budget.unpacked_left(),
+        };
+        let mut running = self.start(path, &job, budget)?;
+        match running.receive()? {
+            Answer::Found { dims } => wanted(dims).map_err(IsolationError::Unwanted)?,
+            answer => return Err(refusal(answer)),
+        }
+        send(&mut running.socket, &()).map_err(|_| running.ended())?;
+        let SeriesAnswer { grid, warnings, identity, reference } = match running.receive()? {
+            Answer::Series(answer) => *answer,
+            answer => return Err(refusal(answer)),
+        };
+        let grid = Grid::try_from(&grid).map_err(|_| IsolationError::Invalid)?;
+        if (grid.voxel_count() as u64).saturating_mul(2) > voxel_bytes {
+            return Err(IsolationError::Invalid);
+        }
+        let voxels = running.values::<i16>(grid.voxel_count())?;
+        let volume = Volume::new(grid, voxels).map_err(|_| IsolationError::Invalid)?;
+        let _ = volume.content_hash(); // not when the first request waits
+        Ok(LoadedVolume { volume, warnings, identity, reference: reference.map(Arc::new), labels: None })
+    }
+
+    /// Reads a label map onto a grid.
+    ///
+    /// # Errors
+    /// When the file is no label map, has nothing in the grid, or does not keep to its limits.
+    pub fn labels(&self, path: &Path, grid: &Grid) -> Result<PlacedLabels, IsolationError> {
+        let job = Job::Labels { grid: grid.into(), most_voxels: most_label_voxels(grid) };
+        let mut running = self.start(path, &job, &Budget::default())?;
+        let (found, segments, warnings) = match running.receive()? {
+            Answer::Labels { grid, segments, warnings } => (grid, segments, warnings),
+            answer => return Err(refusal(answer)),
+        };
+        if Grid::try_from(&found).ok().as_ref() != Some(grid) {
+            return Err(IsolationError::Invalid);
+        }
+        let labels = running.values::<u16>(grid.voxel_count())?;
+        let segments = segments.into_iter().map(Segment::from).collect();
+        let map = LabelMap::new(grid.clone(), &labels, segments).map_err(|_| IsolationError::Invalid)?;
+        let _ = map.content_hash(); // not when the first request waits
+        Ok(PlacedLabels { map: Arc::new(map), warnings })
+    }
+
+    /// Reads a file of annotations of `format`, or of the one that its name or content shows.
+    ///
+    /// # Errors
+    /// When its format is unknown, it is damaged, or does not keep to its limits.
+    pub fn annotations(
+        &self,
+        path: &Path,
+        file_name: &str,
+        format: Option<Format>,
+        context: &ReadContext<'_>,
+    ) -> Result<Imported, IsolationError> {
+        let job = Job::Annotations(Box::new(AnnotationJob {
+            format: format.map(|format| format.name().to_owned()),
+            file_name: file_name.to_owned(),
+            author: context.author.to_owned(),
+            set: context.set.to_owned(),
+            list: context.list.to_owned(),
+            frame_of_reference: context.frame_of_reference.cloned(),
+            grid: context.grid.map(Into::into),
+            series: context.series.cloned(),
+            most_bytes: MOST_ANNOTATION_BYTES,
+        }));
+        let mut running = self.start(path, &job, &Budget::default())?;
+        let (items, described, warnings) = match running.receive()? {
+            Answer::Annotations { items, contents, warnings } => (items, contents, warnings),
+            answer => return Err(refusal(answer)),
+        };
+        let mut left = MOST_ANNOTATION_BYTES;
+        let mut contents = Vec::new();
+        for content in described {
+            left = left.checked_sub(content.bytes).ok_or(IsolationError::Invalid)?;
+            let bytes = running.values::<u8>(content.bytes as usize)?;
+            contents.push((ContentId::of(&bytes), content.media_type, bytes));
+        }
+        Ok(Imported { items, contents, warnings })
+    }
+
+    /// What a child on this system can still do, found by trying.
+    ///
+    /// # Errors
+    /// When no child can be started.
+    pub fn remaining_rights(&self) -> Result<RemainingRights, IsolationError> {
+        let mut running =
+            self.start(Path::new("/dev/null"), &Job::Probe(Probe::Rights), &Budget::default())?;
+        match running.receive()? {
+            Answer::Probed(rights) => Ok(rights),
+            answer => Err(refusal(answer)),
+        }
+    }
+
+    /// The error of a child that allocates without end.
+    ///
+    /// # Errors
+    /// Always: [`IsolationError::Ended`] where the limit holds.
+    pub fn exhausted(&self) -> Result<(), IsolationError> {
+        let mut running =
+            self.start(Path::new("/dev/null"), &Job::Probe(Probe::Memory), &Budget::default())?;
+        running.receive().map(drop::<Answer>)
+    }
+
+    fn start(&self, path: &Path, job: &Job, budget: &Budget) -> Result<Running, IsolationError> {
+        let start = || -> std::io::Result<(Child, UnixStream)> {
+            let (socket, childs) = UnixStream::pair()?;
+            socket.set_read_timeout(Some(TURN))?;
+            let child = Command::new(&self.program)
+                .arg(SUBCOMMAND)
+                .env_clear()
+                .stdin(File::open(path)?)
+                .stdout(OwnedFd::from(childs))
+                .stderr(Stdio::null())
+                .spawn()?;
+            Ok((child, socket))
+        };
+        let (child, socket) = start().map_err(IsolationError::Start)?;
+        let mut running = Running { child, socket, budget: budget.clone(), since: Instant::now() };
+        send(&mut running.socket, job).map_err(|_| running.ended())?;
+        Ok(running)
+    }
+}
+
+/// The error of an answer that is not the expected one.
+fn refusal(answer: Answer) -> IsolationError {
+    match answer {
+        Answer::Refused { kind: Refusal::Content, reason } => IsolationError::Refused(reason),
+        Answer::Refused { kind: Refusal::UnknownFormat, reason } => IsolationError::UnknownFormat(reason),
+        _ => IsolationError::Invalid,
+    }
+}
+
+/// A child at work; it is ended when this is dropped.
+struct Running {
+    child: Child,
+    socket: UnixStream,
+    budget: Budget,
+    since: Instant,
+}
+
+impl Running {
+    fn receive<T: DeserializeOwned>(&mut self) -> Result<T, IsolationError> {
+        receive(&mut Patient(self)).map_err(|error| self.failure(&error))
+    }
+
+    fn values<T: bytemuck::Pod>(&mut self, count: usize) -> Result<Vec<T>, IsolationError> {
+        receive_values(&mut Patient(self), count).map_err(|error| self.failure(&error))
+    }
+
+    /// Why nothing more comes.
+    fn failure(&mut self, error: &Error) -> IsolationError {
+        if let Err(error) = self.budget.check() {
+            return error.into();
+        }
+        match error.kind() {
+            ErrorKind::TimedOut => IsolationError::TooLong,
+            ErrorKind::InvalidData => IsolationError::Invalid,
+            _ => self.ended(),
+        }
+    }
+
+    fn ended(&mut self) -> IsolationError {
+        match self.child.wait() {
+            Ok(status) => IsolationError::Ended(status),
+            Err(error) => IsolationError::Start(error),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Reads from the child, and ends when nobody waits any more or it takes too long.
+struct Patient<'a>(&'a mut Running);
+
+impl Read for Patient<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        loop {
+            match self.0.socket.read(buffer) {
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    self.0.budget.check().map_err(Error::other)?;
+                    if self.0.since.elapsed() > PATIENCE {
+                        return Err(ErrorKind::TimedOut.into());
+                    }
+                }
+                read => return read,
+            }
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Files read in a child without rights: the same result as in this process, no rights, and an end
+//! that takes nobody with it.
+
+use std::path::Path;
+
+use relief_base::Budget;
+use relief_dicom::Strictness;
+use relief_exchange::{Format, ReadContext};
+use relief_isolation::{IsolatedReader, IsolationError, RemainingRights};
+use relief_session::{load_labels, most_label_voxels};
+
+use super::RELIEF;
+use crate::common::unpacked;
+
+fn reader() -> IsolatedReader {
+    IsolatedReader::of_program(RELIEF.into())
+}
+
+/// A phantom head in a folder: the series, `labels.seg.nrrd` and `landmarks.csv`.
+fn head(folder: &Path) {
+    let made = std::process::Command::new(RELIEF)
+        .args(["phantom", "--kind", "head", "--size", "64", "--out"])
+        .arg(folder.join("head"))
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+}
+
+/// The files of a folder in a zip.
+fn zipped(folder: &Path, zip: &Path) {
+    let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "dcm"));
+    paths.sort();
+    let files =
+        paths.iter().enumerate().map(|(at, path)| (format!("{at}.dcm"), std::fs::read(path).unwrap()));
+    std::fs::write(zip, crate::common::hostile::zip_of(files)).unwrap();
+}
+
+/// Invariant: A child reads a series, a label map and annotations exactly as the process itself does.
+#[test]
+fn a_child_reads_what_the_process_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    head(folder.path());
+    let [series, zip] = ["head", "head.zip"].map(|name| folder.path().join(name));
+    zipped(&series, &zip);
+    let found = relief_dicom::discover(&zip, Strictness::Lenient, &|_| ()).unwrap();
+    let own = relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap();
+    let childs = reader().series(&zip, 1 << 30, &Budget::default(), |_| Ok(())).unwrap();
+    assert_eq!(childs.volume.content_hash(), own.volume.content_hash());
+    assert_eq!(childs.volume.grid(), own.volume.grid());
+    assert_eq!(childs.identity.as_ref(), Some(&own.identity));
+    let text = |reference: Option<&relief_dicom::SeriesReference>| serde_json::to_string(&reference).unwrap();
+    assert_eq!(text(childs.reference.as_deref()), text(own.reference.as_deref()));
+    assert_eq!(childs.warnings, own.warnings.len());
+
+    let grid = own.volume.grid();
+    let labels = series.join("labels.seg.nrrd");
+    let map = load_labels(&labels, most_label_voxels(grid), grid).unwrap();
+    let isolated = reader().labels(&labels, grid).unwrap();
+    assert!(*isolated.map == *map.map && isolated.map.segments() == map.map.segments());
+
+    let context = ReadContext {
+        author: "anna",
+        set: "default",
+        list: "head",
+        frame_of_reference: None,
+        grid: Some(grid),
+        series: own.reference.as_deref(),
+    };
+    for (file, format) in [("landmarks.csv", None), ("labels.seg.nrrd", Some(Format::SegNrrd))] {
+        let path = series.join(file);
+        let bytes = std::fs::read(&path).unwrap();
+        let here =
+            relief_exchange::read(Format::of(Path::new(file), &bytes).unwrap(), &bytes, &context).unwrap();
+        let there = reader().annotations(&path, file, format, &context).unwrap();
+        let seen = |imported: &relief_exchange::Imported| {
+            let items = imported.items.iter().map(|item| (item.name.clone(), item.geometry.clone()));
+            (items.collect::<Vec<_>>(), imported.contents.clone(), imported.warnings.clone())
+        };
+        assert!(!there.items.is_empty(), "{file}");
+        assert_eq!(seen(&there), seen(&here), "{file}");
+    }
+}
+
+/// Invariant: A child reads a real series exactly as the process itself does.
+#[test]
+fn a_child_reads_a_real_series() {
+    let Some(data) = unpacked("a real series in a child", "crlm-ct-1004") else { return };
+    let folder = folder_of_slices(&data);
+    let own = tempfile::tempdir().unwrap();
+    let zip = own.path().join("real.zip");
+    zipped(&folder, &zip);
+    let found = relief_dicom::discover(&zip, Strictness::Lenient, &|_| ()).unwrap();
+    let own = relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap();
+    let childs = reader().series(&zip, 4 << 30, &Budget::default(), |_| Ok(())).unwrap();
+    assert_eq!(childs.volume.content_hash(), own.volume.content_hash());
+    assert_eq!(childs.identity.as_ref(), Some(&own.identity));
+}
+
+/// The folder of a series' slices.
+fn folder_of_slices(data: &Path) -> std::path::PathBuf {
+    let files = walkdir::WalkDir::new(data).into_iter().map(Result::unwrap);
+    let mut slices = files.filter(|file| file.path().extension().is_some_and(|ending| ending == "dcm"));
+    slices.next().expect("a slice").path().parent().unwrap().to_owned()
+}
+
+/// Invariant: A child opens no file but its own, connects to nothing and starts no program.
+#[test]
+fn a_child_has_no_rights() {
+    let rights = reader().remaining_rights().unwrap();
+    let none = RemainingRights { opens_files: false, connects: false, starts_programs: false };
+    if rights != none && !Path::new("/sys/kernel/security/landlock").exists() && rights.opens_files {
+        eprintln!("UNAVAILABLE: a child without rights (this kernel has no Landlock): {rights:?}");
+        return;
+    }
+    assert_eq!(rights, none);
+}
+
+/// Invariant: A child that allocates without end is ended by its limit, and the reader says so.
+#[test]
+fn a_child_that_allocates_without_end_ends_alone() {
+    let error = reader().exhausted().unwrap_err();
+    assert!(matches!(error, IsolationError::Ended(_)), "{error:?}");
+    assert!(error.to_string().contains("more memory than its limit"), "{error}");
+}
+
+/// Invariant: Files that are refused in this process are refused in a child with the same reason, and
+/// a cancelled reading ends.
+#[test]
+fn a_child_refuses_with_the_reason_and_ends_when_nobody_waits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notes.zip");
+    std::fs::write(&path, crate::common::hostile::zip_of([("JANE^DOE.txt".to_owned(), vec![b'x'; 4000])]))
+        .unwrap();
+    let error = reader().series(&path, 1 << 30, &Budget::default(), |_| Ok(())).unwrap_err();
+    let text = error.to_string();
+    assert!(matches!(error, IsolationError::Refused(_)) && !text.contains("JANE"), "{text}");
+    assert!(text.contains("no CT slices"), "{text}");
+
+    head(folder.path());
+    let zip = folder.path().join("head.zip");
+    zipped(&folder.path().join("head"), &zip);
+    let unwanted = reader().series(&zip, 1 << 30, &Budget::default(), |dims| {
+        Err(format!("{dims:?} is too large for the adapter").into())
+    });
+    assert!(matches!(unwanted, Err(IsolationError::Unwanted(_))));
+    let budget = Budget::default();
+    budget.cancel();
+    let cancelled = reader().series(&zip, 1 << 30, &budget, |_| Ok(()));
+    assert!(
+        matches!(cancelled, Err(IsolationError::Cancelled(_) | IsolationError::Refused(_))),
+        "{cancelled:?}"
+    );
+}
