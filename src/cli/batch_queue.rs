@@ -62,6 +62,10 @@ pub(super) struct WorkArguments {
     out: Location,
     #[command(flatten)]
     copies: CopiesArguments,
+    /// Render series below this folder or s3://BUCKET/PREFIX alone, whatever a job names; may be given
+    /// several times [default: anywhere, which trusts whoever may publish to the stream]
+    #[arg(long, value_name = "DIR")]
+    root: Vec<Location>,
     /// Exit after this time without jobs [default: wait for jobs]
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     idle_exit: Option<u32>,
@@ -135,7 +139,7 @@ pub(super) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
     let mut renderer = share.open_renderer(&arguments.adapter)?;
     let options = WorkOptions {
         out: arguments.copies.bucket.open(&arguments.out)?,
-        copies: arguments.copies.copies(),
+        copies: arguments.copies.copies_below(arguments.root.clone()),
         voxel_bytes: share.voxels,
         ack_wait: Duration::from_secs(arguments.ack_wait.into()),
         tries: arguments.tries,

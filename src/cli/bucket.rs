@@ -51,7 +51,12 @@ impl BucketArguments {
 
 impl CopiesArguments {
     pub(super) fn copies(&self) -> Copies {
+        self.copies_below(Vec::new())
+    }
+
+    /// Copies of series below these places alone; anywhere if there are none.
+    pub(super) fn copies_below(&self, roots: Vec<Location>) -> Copies {
         let (folder, bytes) = (self.cache.clone(), self.cache_bytes);
-        Copies::new(CopiesOptions { folder, bytes, endpoint: self.bucket.s3_endpoint.clone() })
+        Copies::new(CopiesOptions { folder, bytes, endpoint: self.bucket.s3_endpoint.clone(), roots })
     }
 }

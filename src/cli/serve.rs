@@ -94,6 +94,9 @@ pub(super) struct ServeArguments {
     /// when they are
     #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = parse_bytes)]
     memory: u64,
+    /// Regions and meshes that the log of annotations may have together; imports of more are refused
+    #[arg(long, value_name = "BYTES", default_value = "64GiB", value_parser = parse_bytes)]
+    contents: u64,
     /// Orders that may wait while one renders; more are answered with 503
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=4096))]
     queue: u16,
@@ -261,6 +264,7 @@ fn config(arguments: &ServeArguments, adapter: &str, admission: Admission) -> an
         allowed_hosts: Some(hosts),
         uploads: uploads.then(UploadLimits::default),
         memory_bytes: arguments.memory,
+        content_bytes: arguments.contents,
         live,
         ..Config::default()
     })

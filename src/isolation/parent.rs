@@ -215,6 +215,7 @@ impl IsolatedReader {
     }
 
     fn start(&self, path: &Path, job: &Job, budget: &Budget) -> Result<Running, IsolationError> {
+        budget.check()?;
         let start = || -> std::io::Result<(Child, UnixStream)> {
             let (socket, childs) = UnixStream::pair()?;
             socket.set_read_timeout(Some(TURN))?;
@@ -253,6 +254,7 @@ struct Running {
 
 impl Running {
     fn receive<T: DeserializeOwned>(&mut self) -> Result<T, IsolationError> {
+        self.budget.check()?;
         receive(&mut Patient(self)).map_err(|error| self.failure(&error))
     }
 

@@ -5,7 +5,7 @@
 //! largest weight wins, and among equals the server's order. Parameters of media types other than
 //! `q` are ignored.
 
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use serde_json::Value;
 
 use super::problem::Problem;
@@ -47,6 +47,24 @@ pub(super) fn knows_tag(headers: &HeaderMap, tag: &str) -> bool {
     let opaque = tag.trim_start_matches("W/");
     let mut known = values.flat_map(|value| value.split(',')).map(str::trim);
     known.any(|known| known == "*" || known.trim_start_matches("W/") == opaque)
+}
+
+/// A strong entity tag of a text.
+pub(super) fn text_tag(text: &str) -> String {
+    format!("\"{}\"", &relief_base::sha256_of(text.as_bytes())[..24])
+}
+
+/// Whether `If-Match` and `If-None-Match` allow a text to be replaced; `current` is absent where
+/// there is none yet. Without these headers everything may be replaced (RFC 9110, 13.1).
+pub(super) fn may_replace(headers: &HeaderMap, current: Option<&str>) -> bool {
+    let tag = current.map(text_tag);
+    let named = |name: HeaderName| -> Option<bool> {
+        let values = headers.get_all(&name).iter().filter_map(|value| value.to_str().ok());
+        let mut named = values.flat_map(|value| value.split(',')).map(str::trim).peekable();
+        named.peek()?;
+        Some(named.any(|named| tag.as_deref().is_some_and(|tag| named == "*" || named == tag)))
+    };
+    named(header::IF_MATCH).unwrap_or(true) && !named(header::IF_NONE_MATCH).unwrap_or(false)
 }
 
 /// One media range of an Accept header.

@@ -73,6 +73,9 @@ pub struct Config {
     /// Most bytes of voxels in host memory, of all volumes together. Render requests that wait or
     /// run hold theirs in addition.
     pub memory_bytes: u64,
+    /// Most bytes of contents of annotations (regions, meshes) in the log, after which imports of
+    /// more are refused.
+    pub content_bytes: u64,
     /// Live sessions.
     pub live: LiveConfig,
 }
@@ -138,6 +141,7 @@ impl Default for Config {
             body_timeout: Duration::from_secs(15),
             uploads: Some(UploadLimits::default()),
             memory_bytes: 16 << 30,
+            content_bytes: 64 << 30,
             live: LiveConfig::default(),
         }
     }

@@ -4,6 +4,7 @@ use sqlx::Row;
 
 use super::Store;
 use super::error::{Damage, StoreError};
+use super::rows::unsigned;
 use relief_annotation::{ContentId, ItemError};
 
 /// What both databases take as one value, with some room.
@@ -43,6 +44,16 @@ impl Store {
         Ok(id)
     }
 
+    /// Bytes of all contents together.
+    ///
+    /// # Errors
+    /// Errors of the database.
+    pub async fn content_bytes(&self) -> Result<u64, StoreError> {
+        let sum = "SELECT CAST(coalesce(sum(length(bytes)), 0) AS BIGINT) FROM contents";
+        let row = sqlx::query(sum).fetch_one(&self.read()).await?;
+        unsigned(&row, 0)
+    }
+
     /// Media type and bytes of a content, verified by their SHA-256.
     ///
     /// # Errors
@@ -50,7 +61,7 @@ impl Store {
     /// of the database.
     pub async fn content(&self, id: &ContentId) -> Result<(String, Vec<u8>), StoreError> {
         let query = sqlx::query("SELECT media_type, bytes FROM contents WHERE id = $1").bind(id.as_str());
-        let row = query.fetch_optional(&self.read).await?;
+        let row = query.fetch_optional(&self.read()).await?;
         let row = row.ok_or_else(|| StoreError::Content { id: id.clone() })?;
         let bytes: Vec<u8> = row.try_get(1)?;
         if ContentId::of(&bytes) != *id {

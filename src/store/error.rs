@@ -77,6 +77,12 @@ pub enum StoreError {
     /// The log exists, and its content is inconsistent.
     #[error("the log is damaged: {0}; keep this file and continue with a backup")]
     Damaged(#[from] Damage),
+    /// A set or template is not what its editor saw.
+    #[error("{name:?} was changed meanwhile; read it again")]
+    Replaced {
+        /// Its name.
+        name: String,
+    },
     /// Nothing may be written there.
     #[error("the log is read-only: the file or its folder is write-protected, or ?mode=ro was given")]
     ReadOnly,
@@ -89,6 +95,11 @@ pub enum StoreError {
     /// It cannot be opened, or the connection broke.
     #[error("cannot reach the log: {0}")]
     Unreachable(String),
+    /// The connection cannot be encrypted.
+    #[error(
+        "the connection to the log cannot be encrypted: {0}; for a database without TLS in a trusted network, add ?sslmode=disable to its address"
+    )]
+    Unencrypted(String),
     /// Something else that the database says.
     #[error("the database refused: {0}")]
     Database(String),
@@ -283,10 +294,10 @@ impl From<sqlx::Error> for StoreError {
                 }
             }
             sqlx::Error::PoolTimedOut => Self::Busy,
-            sqlx::Error::Io(_)
-            | sqlx::Error::Tls(_)
-            | sqlx::Error::PoolClosed
-            | sqlx::Error::WorkerCrashed => Self::Unreachable(text),
+            sqlx::Error::Tls(_) => Self::Unencrypted(text),
+            sqlx::Error::Io(_) | sqlx::Error::PoolClosed | sqlx::Error::WorkerCrashed => {
+                Self::Unreachable(text)
+            }
             sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
                 Damage::Database { finding: text }.into()
             }

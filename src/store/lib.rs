@@ -32,16 +32,19 @@ mod error;
 mod history;
 mod named;
 mod place;
+mod pools;
 mod query;
 mod rows;
 mod schema;
 mod watch;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::AnyPool;
-use sqlx::any::{AnyConnectOptions, AnyPoolOptions};
+use sqlx::any::AnyConnectOptions;
 use sqlx::{Any, Transaction};
+use tokio::time::timeout;
 
 pub use check::Checked;
 pub use error::{Damage, ForeignFile, LocationError, StoreError};
@@ -50,19 +53,19 @@ pub use query::{Filter, Listing, LogFilter};
 pub use watch::{Changed, Watch};
 
 use place::{DatabaseAddress, DatabaseKind};
+use pools::{Current, PATIENCE, Pools, READERS};
 
-/// Connections that read side by side. One writes: writers of this process wait in line for it.
-const READERS: u32 = 4;
-/// How long a change waits for those of others.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// How long a database may take to begin a transaction.
+const ANSWER: Duration = Duration::from_secs(5);
+/// How long closing waits for calls that are under way.
+const CLOSING: Duration = Duration::from_millis(1500);
 
 /// An open log. A clone is the same log; calls may come from many tasks at once.
 #[derive(Clone)]
 pub struct Store {
     kind: DatabaseKind,
     options: AnyConnectOptions,
-    write: AnyPool,
-    read: AnyPool,
+    pools: Arc<Pools>,
 }
 
 impl std::fmt::Debug for Store {
@@ -94,30 +97,34 @@ impl Store {
 
     async fn open_place(place: &DatabaseAddress) -> Result<Self, StoreError> {
         schema::prepare(place).await?;
-        let (kind, read_only) = (place.kind, place.read_only);
-        let pool = |connections| {
-            let options = AnyPoolOptions::new().max_connections(connections).acquire_timeout(PATIENCE);
-            let options = options
-                .after_connect(move |connection, _| Box::pin(schema::settle(connection, kind, read_only)));
-            options.connect_lazy_with(place.options.clone())
-        };
-        Ok(Self { kind, options: place.options.clone(), write: pool(1), read: pool(READERS) })
+        let (kind, options) = (place.kind, place.options.clone());
+        let pools = Arc::new(Pools::new(kind, place.read_only, options.clone()));
+        Ok(Self { kind, options, pools })
     }
 
     /// Closes all connections, when the calls that are under way are done. A SQLite log is one file
     /// then, without a `-wal` file beside it. A store that is dropped without is as safe, and is
-    /// tidied up when it is opened next.
+    /// tidied up when it is opened next. Connections that do not answer are not waited for.
     pub async fn close(&self) {
-        self.read.close().await;
-        self.write.close().await;
+        let Current { read, write, .. } = self.pools.current();
+        let _ = timeout(CLOSING, async {
+            read.close().await;
+            write.close().await;
+        })
+        .await;
+    }
+
+    /// The connections that read.
+    fn read(&self) -> AnyPool {
+        self.pools.current().read
     }
 
     /// A transaction that changes something: no other connection writes until it ends.
     async fn begin_write(&self) -> Result<Transaction<'static, Any>, StoreError> {
         match self.kind {
-            DatabaseKind::Sqlite => begin(&self.write, "BEGIN IMMEDIATE").await,
+            DatabaseKind::Sqlite => self.begin(|current| &current.write, "BEGIN IMMEDIATE").await,
             DatabaseKind::Postgres => {
-                let mut transaction = begin(&self.write, "BEGIN").await?;
+                let mut transaction = self.begin(|current| &current.write, "BEGIN").await?;
                 sqlx::query("LOCK TABLE events IN EXCLUSIVE MODE").execute(&mut *transaction).await?;
                 Ok(transaction)
             }
@@ -130,7 +137,24 @@ impl Store {
             DatabaseKind::Sqlite => "BEGIN DEFERRED",
             DatabaseKind::Postgres => "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
         };
-        begin(&self.read, statement).await
+        self.begin(|current| &current.read, statement).await
+    }
+
+    /// Begins a transaction. A database server that does not answer is given up, and the next call
+    /// connects anew.
+    async fn begin(
+        &self,
+        pool: fn(&Current) -> &AnyPool,
+        statement: &'static str,
+    ) -> Result<Transaction<'static, Any>, StoreError> {
+        let current = self.pools.current();
+        let begun = timeout(PATIENCE + ANSWER, begin(pool(&current), statement)).await;
+        let is_silent = matches!(begun, Err(_) | Ok(Err(StoreError::Busy)));
+        if self.kind == DatabaseKind::Postgres && is_silent {
+            self.pools.renew(&current);
+        }
+        let silent = || StoreError::Unreachable(format!("no answer within {} s", PATIENCE.as_secs()));
+        begun.map_err(|_| silent())?
     }
 }
 
@@ -170,12 +194,21 @@ mod tests {
         let place = place.to_str().unwrap();
         Store::open(place).await.unwrap().close().await;
         let store = Store::open(place).await.unwrap();
-        store.write.acquire().await.unwrap().execute("PRAGMA journal_mode = DELETE").await.unwrap();
+        store
+            .pools
+            .current()
+            .write
+            .acquire()
+            .await
+            .unwrap()
+            .execute("PRAGMA journal_mode = DELETE")
+            .await
+            .unwrap();
         store.close().await;
         let store = Store::open(place).await.unwrap();
-        let mut held = vec![store.write.acquire().await.unwrap()];
+        let mut held = vec![store.pools.current().write.acquire().await.unwrap()];
         for _ in 0..READERS {
-            held.push(store.read.acquire().await.unwrap());
+            held.push(store.read().acquire().await.unwrap());
         }
         for connection in &mut held {
             let mut found = Vec::new();

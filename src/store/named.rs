@@ -77,11 +77,25 @@ impl Store {
     /// # Errors
     /// [`StoreError::Invalid`], and errors of the database.
     pub async fn put_set(&self, set: &Set, author: &str) -> Result<(), StoreError> {
+        self.put_set_if(set, author, |_| true).await
+    }
+
+    /// The same, if `may` agrees to the text that is replaced; `None` where there is none.
+    ///
+    /// # Errors
+    /// [`StoreError::Replaced`] when it does not, [`StoreError::Invalid`], and errors of the
+    /// database.
+    pub async fn put_set_if(
+        &self,
+        set: &Set,
+        author: &str,
+        may: impl Fn(Option<&str>) -> bool + Send,
+    ) -> Result<(), StoreError> {
         Set::check_name(&set.name)?;
         set.template.as_deref().map_or(Ok(()), Set::check_name)?;
         set.reader.as_deref().map_or(Ok(()), |reader| Edit::check_words(reader, ""))?;
         let body = serde_json::to_string(set).map_err(|error| StoreError::Database(error.to_string()))?;
-        self.put(AuditedKind::Set, &set.name, &body, author).await
+        self.put(AuditedKind::Set, &set.name, &body, author, may).await
     }
 
     /// Names of all templates.
@@ -89,7 +103,7 @@ impl Store {
     /// # Errors
     /// Errors of the database.
     pub async fn templates(&self) -> Result<Vec<String>, StoreError> {
-        let rows = sqlx::query("SELECT name FROM templates ORDER BY name").fetch_all(&self.read).await?;
+        let rows = sqlx::query("SELECT name FROM templates ORDER BY name").fetch_all(&self.read()).await?;
         rows.iter().map(|row| Ok(row.try_get(0)?)).collect()
     }
 
@@ -99,7 +113,7 @@ impl Store {
     /// [`StoreError::NoTemplate`], and errors of the database.
     pub async fn template(&self, name: &str) -> Result<String, StoreError> {
         let query = sqlx::query("SELECT body FROM templates WHERE name = $1").bind(name);
-        match query.fetch_optional(&self.read).await? {
+        match query.fetch_optional(&self.read()).await? {
             Some(row) => Ok(row.try_get(0)?),
             None => Err(StoreError::NoTemplate { name: name.to_owned() }),
         }
@@ -111,12 +125,26 @@ impl Store {
     /// [`StoreError::Invalid`] for an invalid name or a text above 1 MiB, and errors of
     /// the database.
     pub async fn put_template(&self, name: &str, body: &str, author: &str) -> Result<(), StoreError> {
+        self.put_template_if(name, body, author, |_| true).await
+    }
+
+    /// The same, if `may` agrees to the text that is replaced; `None` where there is none.
+    ///
+    /// # Errors
+    /// [`StoreError::Replaced`] when it does not, and those of [`Self::put_template`].
+    pub async fn put_template_if(
+        &self,
+        name: &str,
+        body: &str,
+        author: &str,
+        may: impl Fn(Option<&str>) -> bool + Send,
+    ) -> Result<(), StoreError> {
         Set::check_name(name).map_err(|error| ItemError { path: "template".to_owned(), ..error })?;
         if body.len() > LONGEST_TEMPLATE || body.contains('\0') {
             let found = format!("{} bytes", body.len());
             return Err(ItemError::new("template", &found, "at most 1 MiB of text").into());
         }
-        self.put(AuditedKind::Template, name, body, author).await
+        self.put(AuditedKind::Template, name, body, author, may).await
     }
 
     /// Every change of sets and templates, the oldest first.
@@ -125,7 +153,7 @@ impl Store {
     /// Errors of the database.
     pub async fn audit(&self) -> Result<Vec<Audited>, StoreError> {
         let query = sqlx::query("SELECT seq, kind, name, author, time, body FROM audit ORDER BY seq");
-        let rows = query.fetch_all(&self.read).await?;
+        let rows = query.fetch_all(&self.read()).await?;
         let line = |row: &sqlx::any::AnyRow| {
             let seq = unsigned(row, 0)?;
             let time: String = row.try_get(4)?;
@@ -142,18 +170,32 @@ impl Store {
         rows.iter().map(line).collect()
     }
 
-    async fn put(&self, kind: AuditedKind, name: &str, body: &str, author: &str) -> Result<(), StoreError> {
+    async fn put(
+        &self,
+        kind: AuditedKind,
+        name: &str,
+        body: &str,
+        author: &str,
+        may: impl Fn(Option<&str>) -> bool + Send,
+    ) -> Result<(), StoreError> {
         Edit::check_words(author, "")?;
-        let upsert = match kind {
-            AuditedKind::Set => {
-                "INSERT INTO sets (name, body) VALUES ($1, $2) ON CONFLICT (name) DO UPDATE SET body = excluded.body"
-            }
-            AuditedKind::Template => {
+        let (known, upsert) = match kind {
+            AuditedKind::Set => (
+                "SELECT body FROM sets WHERE name = $1",
+                "INSERT INTO sets (name, body) VALUES ($1, $2) ON CONFLICT (name) DO UPDATE SET body = excluded.body",
+            ),
+            AuditedKind::Template => (
+                "SELECT body FROM templates WHERE name = $1",
                 "INSERT INTO templates (name, body) VALUES ($1, $2) \
-                ON CONFLICT (name) DO UPDATE SET body = excluded.body"
-            }
+                ON CONFLICT (name) DO UPDATE SET body = excluded.body",
+            ),
         };
         let mut transaction = self.begin_write().await?;
+        let known = sqlx::query(known).bind(name).fetch_optional(&mut *transaction).await?;
+        let known: Option<String> = known.map(|row| row.try_get(0)).transpose()?;
+        if !may(known.as_deref()) {
+            return Err(StoreError::Replaced { name: name.to_owned() });
+        }
         let last =
             sqlx::query("SELECT coalesce(max(seq), 0) FROM audit").fetch_one(&mut *transaction).await?;
         let seq = unsigned(&last, 0)? + 1;

@@ -1,5 +1,6 @@
 //! Where a log is: a file of SQLite, or a database of a PostgreSQL server.
 
+use std::net::IpAddr;
 use std::str::FromStr;
 
 use sqlx::ConnectOptions;
@@ -28,7 +29,9 @@ impl DatabaseAddress {
     pub(super) fn parse(place: &str, create: bool) -> Result<Self, StoreError> {
         sqlx::any::install_default_drivers();
         if place.starts_with("postgres://") || place.starts_with("postgresql://") {
-            return Self::connect_to(DatabaseKind::Postgres, place, false);
+            let mut address = Self::connect_to(DatabaseKind::Postgres, place, false)?;
+            encrypt(&mut address.options);
+            return Ok(address);
         }
         if let Some(rest) = place.strip_prefix("sqlite:") {
             let rest = rest.strip_prefix("//").unwrap_or(rest);
@@ -72,6 +75,21 @@ impl DatabaseAddress {
     }
 }
 
+/// Requires encryption on the way to another machine, unless the address says what it wants.
+fn encrypt(options: &mut AnyConnectOptions) {
+    let url = &mut options.database_url;
+    let says = |name: &str| url.query_pairs().any(|(key, _)| key == name);
+    let host = url.host_str().unwrap_or_default();
+    let bare = host.trim_start_matches('[').trim_end_matches(']');
+    let is_local = host.is_empty()
+        || host == "localhost"
+        || host.starts_with("%2F") // the folder of a Unix socket
+        || bare.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
+    if !is_local && !says("sslmode") && !says("ssl-mode") && !says("host") {
+        url.query_pairs_mut().append_pair("sslmode", "require");
+    }
+}
+
 const fn writing(create: bool) -> &'static str {
     if create { "mode=rwc" } else { "mode=rw" }
 }
@@ -104,6 +122,17 @@ mod tests {
         assert_eq!(url("sqlite:///a.db", true).2, "sqlite:///a.db?mode=rwc");
         assert!(url("sqlite:/a.db?immutable=1", true).1);
         assert_eq!(url("postgres://me@localhost/x", true).0, DatabaseKind::Postgres);
+        for (place, query) in [
+            ("postgres://me@localhost/x", None),
+            ("postgres://me@[::1]:5432/x", None),
+            ("postgres:///x?host=/run/postgresql", Some("host=/run/postgresql")),
+            ("postgres://me@db.example/x", Some("sslmode=require")),
+            ("postgres://me@db.example/x?sslmode=disable", Some("sslmode=disable")),
+            ("postgres://me@192.0.2.1/x?sslmode=verify-full", Some("sslmode=verify-full")),
+        ] {
+            let found = DatabaseAddress::parse(place, true).unwrap().options.database_url;
+            assert_eq!(found.query(), query, "{place}");
+        }
         for wrong in
             ["", "mysql://x/y", "sqlite::memory:", "sqlite:", "sqlite:/a?mode=memory", "postgres://[x"]
         {

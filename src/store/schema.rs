@@ -242,7 +242,18 @@ pub(super) async fn settle(
         }
         DatabaseKind::Postgres => {
             connection.execute("SET search_path TO relief").await?;
-            connection.execute("SET lock_timeout TO '30s'").await?;
+            // A server does not work for a client that is gone, or hold its lock.
+            for setting in [
+                "SET lock_timeout TO '30s'",
+                "SET statement_timeout TO '60s'",
+                "SET idle_in_transaction_session_timeout TO '60s'",
+                "SET tcp_keepalives_idle TO 20",
+                "SET tcp_keepalives_interval TO 5",
+                "SET tcp_keepalives_count TO 3",
+                "SET tcp_user_timeout TO '40s'",
+            ] {
+                connection.execute(setting).await?;
+            }
             let durable = "SELECT set_config('synchronous_commit', 'on', false) \
                 WHERE current_setting('synchronous_commit') = 'off'";
             connection.execute(durable).await?;

@@ -51,7 +51,7 @@ fn the_compose_file_is_yaml_whose_parts_fit_together() {
         let name = services["postgres"]["environment"]["POSTGRES_DB"].as_str().unwrap();
         assert!(
             database.starts_with(&format!("postgres://{user}:"))
-                && database.ends_with(&format!("@postgres/{name}"))
+                && database.ends_with(&format!("@postgres/{name}?sslmode=disable"))
         );
         // The program reads its command line, and misses nothing but the series of the container.
         let line: Vec<&str> = service["command"].as_str().unwrap().split_whitespace().collect();

@@ -237,8 +237,34 @@ async fn blinded_readers_see_their_own_set_and_nobody_sees_theirs() {
     // Opened again.
     stage.annotate(Method::PUT, "/sets/b", "chief", json!({ "reader": "ben" })).await;
     assert_eq!(stage.names("chief", "").await, ["his", "everybody's"]);
-    let set = stage.annotate(Method::GET, "/sets/b", "", Value::Null).await.json();
-    assert_eq!(set, json!({ "name": "b", "reader": "ben", "blinded": false }));
+    let shown = stage.annotate(Method::GET, "/sets/b", "", Value::Null).await;
+    assert_eq!(shown.json(), json!({ "name": "b", "reader": "ben", "blinded": false }));
+}
+
+/// Invariant: A set or template that was changed since it was read is not replaced.
+#[tokio::test]
+async fn sets_and_templates_are_replaced_by_their_tags() {
+    let stage = Stage::annotated().await;
+    let put = async |path: &str, condition: (&str, &str), body: Value| {
+        stage.annotate_with(Method::PUT, path, &[("relief-author", "anna"), condition], body).await
+    };
+    let template = |name: &str| json!({ "items": [{ "name": name }] });
+    for (path, first, second) in [
+        ("/sets/b", json!({ "reader": "ben" }), json!({ "reader": "anna" })),
+        ("/templates/skull", template("nasion"), template("menton")),
+    ] {
+        let made = put(path, ("if-none-match", "*"), first.clone()).await;
+        assert_eq!(made.status, 200, "{}", made.text());
+        put(path, ("if-none-match", "*"), second.clone()).await.problem(412);
+        let tag = stage.annotate(Method::GET, path, "", Value::Null).await.header("etag").to_owned();
+        assert_eq!(made.header("etag"), tag);
+        assert_eq!(put(path, ("if-match", &tag), second.clone()).await.status, 200);
+        put(path, ("if-match", &tag), first.clone()).await.problem(412);
+        assert_eq!(put(path, ("if-match", "*"), first).await.status, 200);
+    }
+    // A set that items name exists without a description.
+    let tag = stage.annotate(Method::GET, "/sets/default", "", Value::Null).await.header("etag").to_owned();
+    assert_eq!(put("/sets/default", ("if-match", &tag), json!({ "reader": "ben" })).await.status, 200);
 }
 
 #[tokio::test]

@@ -136,7 +136,7 @@ fn tokens_have_scopes_and_name_the_author() {
     assert_eq!(running.status(&format!("GET {items}"), &headers, &[]), 403);
     let listed = running.ask(&format!("GET {items}"), &format!("Authorization: Bearer {vera}\r\n"), &[]).1;
     let listed: serde_json::Value = serde_json::from_slice(&listed).unwrap();
-    assert_eq!(listed["items"][0]["author"], "Anna Ä.", "{listed}");
+    assert_eq!(listed["items"][0]["item"]["author"], "Anna Ä.", "{listed}");
 
     // A removed token is refused; the others stay.
     assert!(run(&["token", "remove", &file, "--name", "vera"]).status.success());

@@ -203,6 +203,8 @@ async fn sets_and_templates_are_kept_with_who_made_them(store: &Store) {
     assert_eq!(store.sets().await.unwrap(), [set("anna", Some("anna")), set("default", None)]);
     assert!(matches!(store.put_set(&set("a b", None), "chief").await, Err(StoreError::Invalid(_))));
     assert!(matches!(store.put_set(&set("b", None), "").await, Err(StoreError::Invalid(_))));
+    let refused = store.put_set_if(&set("anna", None), "eve", |known| known.is_none()).await;
+    assert!(matches!(refused, Err(StoreError::Replaced { name }) if name == "anna"));
     assert!(matches!(store.template("skull").await, Err(StoreError::NoTemplate { .. })));
     store.put_template("skull", "{\"a\":1}", "chief").await.unwrap();
     store.put_template("skull", "{}", "anna").await.unwrap();

@@ -27,12 +27,13 @@ pub struct CopiesOptions {
     pub bytes: u64,
     /// Address of the S3 service, before the environment's.
     pub endpoint: Option<String>,
+    /// The places below which series may be, for paths that others name; anywhere if empty.
+    pub roots: Vec<Location>,
 }
 
 /// Copies of series in buckets.
 #[derive(Clone, Debug)]
 pub struct Copies {
-    #[cfg_attr(not(feature = "cluster"), expect(dead_code, reason = "there are no buckets"))]
     options: CopiesOptions,
     #[cfg(feature = "cluster")]
     state: Arc<std::sync::Mutex<fetched::State>>,
@@ -72,7 +73,12 @@ impl Copies {
     /// When there is nothing, or more than copies may have; the service does not answer or refuses;
     /// the folder cannot be written.
     pub fn local(&self, path: &Path) -> std::io::Result<Local> {
-        match location(path)? {
+        let location = location(path)?;
+        if !self.options.roots.is_empty() && !is_below(&location, &self.options.roots)? {
+            let reason = "it is not below a --root of this worker";
+            return Err(Error::new(ErrorKind::InvalidInput, reason));
+        }
+        match location {
             Location::Local(path) => Ok(Local { path, _held: None }),
             #[cfg(feature = "cluster")]
             Location::Bucket { bucket, prefix } => self.copy(&bucket, &prefix),
@@ -98,6 +104,33 @@ impl Copies {
     }
 }
 
+/// Whether a location is one of the roots or below one. Links are followed: what they lead to
+/// counts.
+fn is_below(location: &Location, roots: &[Location]) -> std::io::Result<bool> {
+    match location {
+        Location::Local(path) => {
+            let path = path.canonicalize()?;
+            let is_in = |root: &Location| match root {
+                Location::Local(root) => root.canonicalize().is_ok_and(|root| path.starts_with(root)),
+                Location::Bucket { .. } => false,
+            };
+            Ok(roots.iter().any(is_in))
+        }
+        Location::Bucket { bucket, prefix } => {
+            let is_in = |root: &Location| match root {
+                Location::Bucket { bucket: name, prefix: root } => {
+                    let rest = prefix.strip_prefix(root.as_str());
+                    let is_whole =
+                        root.is_empty() || rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
+                    name == bucket && rest.is_some() && is_whole
+                }
+                Location::Local(_) => false,
+            };
+            Ok(roots.iter().any(is_in))
+        }
+    }
+}
+
 fn location(path: &Path) -> std::io::Result<Location> {
     Location::of(path).map_err(|reason| Error::new(ErrorKind::InvalidInput, reason))
 }
@@ -108,4 +141,28 @@ fn no_buckets() -> Error {
         ErrorKind::InvalidInput,
         "this program was built without the feature `cluster`: it reads no buckets",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_that_leaves_its_root_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let [root, other] = ["root", "other"].map(|name| folder.path().join(name));
+        for made in [&root, &other, &root.join("series")] {
+            std::fs::create_dir(made).unwrap();
+        }
+        std::os::unix::fs::symlink(&other, root.join("link")).unwrap();
+        let roots = [Location::Local(root.clone()), "s3://archive/ct".parse().unwrap()];
+        let is_in = |path: &Path| is_below(&Location::of(path).unwrap(), &roots).unwrap();
+        assert!(is_in(&root) && is_in(&root.join("series")));
+        assert!(!is_in(&other) && !is_in(&root.join("link")) && !is_in(&root.join("../other")));
+        assert!(is_in(Path::new("s3://archive/ct/one")) && is_in(Path::new("s3://archive/ct")));
+        assert!(!is_in(Path::new("s3://archive/ctx")) && !is_in(Path::new("s3://other/ct/one")));
+        let options = CopiesOptions { folder: None, bytes: 0, endpoint: None, roots: roots.to_vec() };
+        let refused = Copies::new(options).local(&other).unwrap_err();
+        assert_eq!(refused.kind(), ErrorKind::InvalidInput);
+    }
 }

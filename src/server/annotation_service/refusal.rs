@@ -30,6 +30,7 @@ impl From<StoreError> for Problem {
             StoreError::Invalid(error) => invalid(&error),
             StoreError::NothingToUndo => refuse(StatusCode::CONFLICT, "nothing-to-undo"),
             StoreError::NothingToRedo => refuse(StatusCode::CONFLICT, "nothing-to-redo"),
+            StoreError::Replaced { .. } => refuse(StatusCode::PRECONDITION_FAILED, "changed-meanwhile"),
             StoreError::ReadOnly => refuse(StatusCode::FORBIDDEN, "read-only"),
             StoreError::Busy => Self::unavailable("busy", said),
             StoreError::Full => refuse(StatusCode::INSUFFICIENT_STORAGE, "log-full"),
@@ -39,6 +40,7 @@ impl From<StoreError> for Problem {
             | StoreError::Foreign(_)
             | StoreError::Damaged(_)
             | StoreError::Unreachable(_)
+            | StoreError::Unencrypted(_)
             | StoreError::Database(_) => Self::internal("the log of annotations", said),
         }
     }

@@ -29,7 +29,7 @@ pub(super) struct EditRequest {
     pub(super) annotations: Arc<Annotations>,
     pub(super) entry: Arc<VolumeEntry>,
     pub(super) author: Option<String>,
-    caller: Caller,
+    pub(super) caller: Caller,
 }
 
 impl FromRequestParts<AppState> for EditRequest {

@@ -4,14 +4,12 @@ use std::collections::BTreeMap;
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
-use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use sha2::{Digest, Sha256};
 
 use super::asked::{EditRequest, query};
 use crate::annotation_service::Visible;
-use crate::negotiate::knows_tag;
+use crate::negotiate::{knows_tag, text_tag};
 use crate::problem::Problem;
 use relief_annotation::{Completeness, Item, Measure, Set, ShownSets, State as Presence, measures};
 
@@ -65,7 +63,7 @@ pub(super) async fn list(asked: EditRequest, uri: Uri, headers: HeaderMap) -> Re
     let visible = Visible::new(&snapshot.sets, asked.author.as_deref());
     let sets: Vec<&Set> = visible.sets().filter(|set| shown.has(&set.name)).collect();
     let templates = asked.annotations.store.templates().await?;
-    let tag = tag(&json!([snapshot.seq, sets, templates]).to_string());
+    let tag = text_tag(&json!([snapshot.seq, sets, templates]).to_string());
     let validators = [
         (header::ETAG, HeaderValue::from_str(&tag).unwrap_or(HeaderValue::from_static("\"\""))),
         (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")),
@@ -109,11 +107,4 @@ pub(super) fn chosen(names: &str) -> Result<ShownSets, Problem> {
         Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", format!("set: {reason}"))
             .with("path", "set")
     })
-}
-
-/// A strong entity tag of a text.
-fn tag(text: &str) -> String {
-    let hash = Sha256::digest(text);
-    let digits = HEXLOWER.encode(&hash[..12]);
-    format!("\"{digits}\"")
 }

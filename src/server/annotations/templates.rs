@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::Path;
-use axum::http::{StatusCode, Uri, header};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -11,6 +11,7 @@ use super::asked::created;
 use super::asked::{EditRequest, JsonBody, query};
 use crate::annotation_service::Annotations;
 use crate::annotation_service::invalid;
+use crate::negotiate::{may_replace, text_tag};
 use crate::problem::Problem;
 use relief_annotation::{Change, Item, ItemError, Set, Template, TemplateError};
 
@@ -39,15 +40,18 @@ pub(super) async fn names(asked: EditRequest) -> Result<Json<Value>, Problem> {
 pub(super) async fn show(
     asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
-) -> Result<Json<Value>, Problem> {
-    Ok(Json(json!(asked.annotations.template(&name).await?)))
+) -> Result<Response, Problem> {
+    let text = asked.annotations.store.template(&name).await?;
+    let template = asked.annotations.template(&name).await?;
+    Ok(([(header::ETAG, text_tag(&text))], Json(json!(template))).into_response())
 }
 
 pub(super) async fn put(
     asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
+    headers: HeaderMap,
     JsonBody(mut body): JsonBody<MOST_BYTES>,
-) -> Result<Json<Value>, Problem> {
+) -> Result<Response, Problem> {
     let of_body = body.as_object_mut().and_then(|body| body.remove("author"));
     let author = asked.author(of_body.as_ref().and_then(Value::as_str).map(str::to_owned))?;
     let said = body.as_object_mut().and_then(|body| body.insert("name".to_owned(), name.as_str().into()));
@@ -55,8 +59,9 @@ pub(super) async fn put(
         return Err(invalid(&ItemError::new("name", "another name", "what the path says")));
     }
     let template = Template::read(body.to_string().as_bytes()).map_err(|error| refused(&error))?;
-    asked.annotations.store.put_template(&name, &template.json(), &author).await?;
-    Ok(Json(json!(template)))
+    let (text, may) = (template.json(), |known: Option<&str>| may_replace(&headers, known));
+    asked.annotations.store.put_template_if(&name, &text, &author, may).await?;
+    Ok(([(header::ETAG, text_tag(&text))], Json(json!(template))).into_response())
 }
 
 /// Makes the items that a set does not have.

@@ -57,8 +57,8 @@ export class Annotations {
     return { ...(this.author ? { "Relief-Author": encodeURIComponent(this.author) } : {}), ...more };
   }
 
-  async #send(method, part, body, { type = "application/json", signal } = {}) {
-    const headers = this.#headers(body === undefined ? {} : { "Content-Type": type });
+  async #send(method, part, body, { type = "application/json", more = {}, signal } = {}) {
+    const headers = this.#headers(body === undefined ? more : { "Content-Type": type, ...more });
     const packed = type === "application/json" && body !== undefined ? JSON.stringify(body) : body;
     const answer = await ask(`${this.path}${part}`, { method, headers, body: packed, signal });
     return answer.status === 204 ? null : answer.json();
@@ -133,9 +133,10 @@ export class Annotations {
     return { blob: await answer.blob(), name: name ?? `annotations.${format}`, leftOut };
   }
 
+  /** Makes a set; one that somebody has described already stays as it is. */
   putSet(set) {
     const { name, ...rest } = set;
-    return this.#send("PUT", `/sets/${encodeURIComponent(name)}`, rest);
+    return this.#send("PUT", `/sets/${encodeURIComponent(name)}`, rest, { more: { "If-None-Match": "*" } });
   }
 
   async templates() {

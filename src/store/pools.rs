@@ -1,0 +1,67 @@
+//! The connections of a log: one that writes, some that read. They are made anew when a database
+//! stops answering.
+//!
+//! A network may lose a connection without a word: whoever waits for it waits until TCP gives up,
+//! a quarter of an hour. Its pool would have no connection left meanwhile.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use sqlx::AnyPool;
+use sqlx::any::{AnyConnectOptions, AnyPoolOptions};
+
+use super::place::DatabaseKind;
+use super::schema;
+
+/// Connections that read at a time.
+pub(super) const READERS: u32 = 4;
+/// How long a change waits for those of others, and a connection for a free place.
+pub(super) const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The connections of a log, and how to make them.
+pub(super) struct Pools {
+    kind: DatabaseKind,
+    read_only: bool,
+    options: AnyConnectOptions,
+    current: Mutex<Current>,
+}
+
+/// Connections that belong together.
+#[derive(Clone)]
+pub(super) struct Current {
+    /// Counts renewals.
+    generation: u64,
+    pub(super) write: AnyPool,
+    pub(super) read: AnyPool,
+}
+
+impl Pools {
+    pub(super) fn new(kind: DatabaseKind, read_only: bool, options: AnyConnectOptions) -> Self {
+        let [write, read] = [1, READERS].map(|connections| pool(kind, read_only, &options, connections));
+        let current = Mutex::new(Current { generation: 0, write, read });
+        Self { kind, read_only, options, current }
+    }
+
+    pub(super) fn current(&self) -> Current {
+        self.current.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Gives up connections that do not answer, unless that was done already.
+    pub(super) fn renew(&self, broken: &Current) {
+        let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+        if current.generation != broken.generation {
+            return;
+        }
+        let made = |connections| pool(self.kind, self.read_only, &self.options, connections);
+        let next = Current { generation: broken.generation + 1, write: made(1), read: made(READERS) };
+        *current = next;
+    }
+}
+
+fn pool(kind: DatabaseKind, read_only: bool, options: &AnyConnectOptions, connections: u32) -> AnyPool {
+    AnyPoolOptions::new()
+        .max_connections(connections)
+        .acquire_timeout(PATIENCE)
+        .after_connect(move |connection, _| Box::pin(schema::settle(connection, kind, read_only)))
+        .connect_lazy_with(options.clone())
+}
