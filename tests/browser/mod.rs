@@ -9,6 +9,7 @@
 mod annotate;
 use crate::common;
 mod hands;
+mod identity;
 mod readers;
 mod views;
 

@@ -1,14 +1,9 @@
-//! Fuzz target: whatever bytes come from a remote, a recording, a camera file, a beacon or a
-//! network client.
-//!
-//! Oracles: nothing panics; what decodes encodes to what decodes to the same; a tracker that is fed
-//! reports never gives a pose that is not finite.
-#![no_main]
+//! Whatever bytes come from a remote, a recording, a camera file, a beacon or a network client.
 
-use libfuzzer_sys::fuzz_target;
 use relief_tracking::{Calibrations, MotionPlus, Output, RecordingReader, MAX_REPORT_BYTES, InputReport, Pinhole, TrackerOptions, Tracker, Beacon};
 
-fuzz_target!(|bytes: &[u8]| {
+/// A recording, a camera file, a beacon, and messages of trackers.
+pub fn recording(bytes: &[u8]) {
     let _ = Calibrations::decode(bytes);
     let _ = MotionPlus::decode(bytes);
     let _ = bytes.first_chunk().map(relief_tracking::IgtlHeader::decode);
@@ -21,6 +16,10 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = relief_tracking::read_camera(text);
         let _ = Beacon::read(text);
     }
+}
+
+/// What decodes encodes to what decodes to the same; a tracker never gives a pose that is not finite.
+pub fn reports(bytes: &[u8]) {
     let mut tracker = Tracker::new(Pinhole::TYPICAL, Beacon::recommended(), TrackerOptions::default());
     for (at, chunk) in bytes.chunks(MAX_REPORT_BYTES).enumerate() {
         if let Ok((output, rumble)) = Output::decode(chunk) {
@@ -35,4 +34,4 @@ fuzz_target!(|bytes: &[u8]| {
             );
         }
     }
-});
+}

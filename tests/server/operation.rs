@@ -115,6 +115,31 @@ async fn others_are_served_while_one_renders() {
 }
 
 /// Invariant: Metrics and volume descriptions name no patient.
+/// Invariant: Alerts and the dashboard ask for metrics that a server has.
+#[tokio::test]
+async fn alerts_and_dashboard_know_the_metrics() {
+    let stage = Stage::new();
+    assert_eq!(stage.get(&stage.path("frame")).await.status, 200);
+    let served = stage.get("/metrics").await.text();
+    let known: Vec<&str> =
+        served.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').next()).collect();
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/monitoring");
+    for file in ["alerts.yaml", "dashboard.json"] {
+        let text = std::fs::read_to_string(folder.join(file)).unwrap();
+        let is_name = |c: char| c.is_ascii_lowercase() || c == '_';
+        let asked = text.split(|c: char| !is_name(c)).filter(|word| word.starts_with("relief_"));
+        let asked: std::collections::BTreeSet<&str> = asked.collect();
+        assert!(asked.len() > 4, "{file}: {asked:?}");
+        for name in asked {
+            let base = ["_total", "_bucket"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
+            assert!(known.contains(&base), "{file} asks for {name}, which /metrics does not have");
+        }
+    }
+    let dashboard = std::fs::read_to_string(folder.join("dashboard.json")).unwrap();
+    let dashboard: serde_json::Value = serde_json::from_str(&dashboard).unwrap();
+    assert!(dashboard["panels"].as_array().unwrap().len() > 10);
+}
+
 #[tokio::test]
 async fn metrics_count_without_naming() {
     let stage = Stage::new();

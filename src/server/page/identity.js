@@ -6,7 +6,7 @@ export function signIn() {
 }
 
 /** `{ required, name, scope, sign_out }`: on an open server, nobody has to sign in. */
-export async function whoAmI() {
+async function whoAmI() {
   const answer = await fetch("/v1/identity", { cache: "no-store" });
   return answer.ok ? answer.json() : { required: false, name: null, scope: null, sign_out: false };
 }

@@ -1,0 +1,21 @@
+//! Frames as PNG and EXR, transfer functions of other tools, scenes.
+
+use relief_display::{decode_exr, inspect_png};
+use relief_render::Scene;
+use relief_volume::{TransferImportChoice, import_transfer};
+
+pub fn png(bytes: &[u8]) {
+    let _ = inspect_png(bytes);
+}
+
+pub fn exr(bytes: &[u8]) {
+    let _ = decode_exr(bytes);
+}
+
+pub fn transfer(bytes: &[u8]) {
+    let _ = import_transfer(bytes, &TransferImportChoice::default());
+}
+
+pub fn scene(bytes: &[u8]) {
+    let _ = Scene::parse(bytes);
+}
