@@ -32,6 +32,9 @@ use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
 const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
+/// How long running requests may take to finish. With sessions and the log, a server is gone within
+/// ten seconds of its signal.
+const DRAIN: Duration = Duration::from_secs(5);
 /// Connections that may wait to be accepted.
 const BACKLOG: u32 = 1024;
 
@@ -203,8 +206,11 @@ async fn serve(
         }
         sessions.close_sessions(SESSIONS_PATIENCE).await;
     };
-    let limits =
-        ConnectionLimits { unlimited: arguments.identity.unlimited(), ..ConnectionLimits::default() };
+    let limits = ConnectionLimits {
+        unlimited: arguments.identity.unlimited(),
+        drain_timeout: DRAIN,
+        ..ConnectionLimits::default()
+    };
     let drained = relief_server::serve(listener, tls, relief_server::app(server), limits, stop).await;
     if let Some(probes) = probes {
         probes.abort();

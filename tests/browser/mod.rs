@@ -189,6 +189,8 @@ fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     for module in ["session.js", "frame.js", "restore.js"] {
         std::fs::copy(here.join("src/server/page/kiosk").join(module), folder.path().join(module)).unwrap();
     }
+    let identity = here.join("src/server/page/identity.js");
+    std::fs::copy(identity, folder.path().join("identity.js")).unwrap();
     std::fs::write(folder.path().join("layouts.js"), relief_live::layouts_script()).unwrap();
     let script = here.join("tests/browser/session.mjs");
     let output = Command::new("node").arg(script).arg(folder.path()).output().unwrap();

@@ -20,6 +20,7 @@ globalThis.ImageData = class {
     Object.assign(this, { data, width, height });
   }
 };
+globalThis.fetch = async () => ({ status: 404 });
 globalThis.WebSocket = class {
   static OPEN = 1;
 
@@ -68,13 +69,16 @@ function frame(sequence, change = () => {}) {
   return bytes.buffer;
 }
 
-function begin() {
+/** A session whose socket is open. The server of this play gives no tickets. */
+async function begin() {
   const seen = { shown: [], changed: [] };
+  const before = sockets.length;
   const session = new Session({}, {
     show: (image, header) => seen.shown.push([header.sequence, ...image.data.slice(0, 8)]),
     heard: () => {},
     changed: (state, reason = "") => seen.changed.push([state, reason]),
   });
+  while (sockets.length === before) await new Promise((done) => setTimeout(done, 1));
   const socket = sockets.at(-1);
   socket.on.open();
   const say = (message) => socket.on.message({ data: JSON.stringify(message) });
@@ -87,31 +91,31 @@ function begin() {
 }
 
 /** Texts that are no messages: told, and what comes after them counts. */
-function badTexts() {
-  const { seen, socket, say } = begin();
+async function badTexts() {
+  const { seen, socket, say } = await begin();
   for (const text of ["{not json", "7", "null", '{"type":3}']) socket.on.message({ data: text });
   say({ type: "welcome", session: "token-1", role: "presenter", state: { revision: 1 } });
   return { changed: seen.changed, closed: socket.closed };
 }
 
 /** A server that is not ready yet is asked again; one that refuses is not. */
-function tooEarly() {
-  const refused = (status, type) => {
-    const { seen, socket, say } = begin();
+async function tooEarly() {
+  const refused = async (status, type) => {
+    const { seen, socket, say } = await begin();
     say({ type: "error", fatal: true, problem: { status, type: `urn:relief:problem:${type}`, code: type, detail: "no volume is loaded" } });
     socket.on.close({ code: 1008, reason: "hello refused" });
     return seen.changed.at(-1)[0];
   };
   return {
-    unavailable: refused(503, "no-volume"),
-    missing: refused(404, "no-such-volume"),
-    preset: refused(404, "no-such-preset"),
-    unprocessable: refused(422, "out-of-range"),
+    unavailable: await refused(503, "no-volume"),
+    missing: await refused(404, "no-such-volume"),
+    preset: await refused(404, "no-such-preset"),
+    unprocessable: await refused(422, "out-of-range"),
   };
 }
 
 async function badFrames() {
-  const { seen, socket, say, give } = begin();
+  const { seen, socket, say, give } = await begin();
   say({ type: "welcome", session: "token-1", role: "presenter", state: { revision: 1 } });
   await give(frame(1));
   await give(frame(2, (view, bytes) => bytes.fill(0, 128))); // no zlib stream
@@ -124,20 +128,20 @@ async function badFrames() {
 }
 
 async function noFrame() {
-  const { socket, give } = begin();
+  const { socket, give } = await begin();
   await give(frame(1, (view) => view.setUint32(0, 0)));
   return { closed: socket.closed, acknowledged: acknowledged(socket).length };
 }
 
 /** A tab that is copied, one that is loaded again, one whose session has ended. */
-function tokens() {
+async function tokens() {
   stored.clear();
-  const first = begin();
+  const first = await begin();
   first.say({ type: "welcome", session: "token-1", role: "presenter", state: { revision: 1 } });
   const copied = stored.get("relief-session") ?? null;
   listeners.pagehide.at(-1)();
   const left = stored.get("relief-session") ?? null;
-  const again = begin();
+  const again = await begin();
   const resumed = again.socket.sent[0].resume ?? null;
   again.say({ type: "welcome", session: "token-1", role: "presenter", state: { revision: 1 } });
   again.socket.on.close({ code: 4001, reason: "" });
@@ -145,5 +149,9 @@ function tokens() {
   return { copied, left, resumed, ended: again.seen.changed.at(-1)[0], after: stored.get("relief-session") ?? null };
 }
 
-console.log(JSON.stringify({ bad_texts: badTexts(), too_early: tooEarly(), bad_frames: await badFrames(), no_frame: await noFrame(), tokens: tokens() }));
+const parts = { bad_texts: badTexts, too_early: tooEarly, bad_frames: badFrames, no_frame: noFrame, tokens };
+const seen = {};
+// One after the other: the sockets are counted.
+for (const [name, part] of Object.entries(parts)) seen[name] = await part();
+console.log(JSON.stringify(seen));
 process.exit(0);

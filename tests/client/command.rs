@@ -33,8 +33,10 @@ fn wrong_arguments_are_told_with_what_is_allowed() {
         assert_eq!(output.status.code(), Some(status), "{more:?}: {errors}");
         assert!(errors.contains(expected), "{more:?}: {errors}");
     }
-    let output = client(&["--server", "https://127.0.0.1:1", "--headless"]);
-    assert!(output.status.code() == Some(2) && text(&output.stderr).contains("trusted network"));
+    let output = client(&["--server", "ftp://127.0.0.1:1", "--headless"]);
+    assert!(output.status.code() == Some(2) && text(&output.stderr).contains("https://HOST:PORT"));
+    let output = client(&[&server[..], &["--ca", "nowhere.pem"]].concat());
+    assert!(output.status.code() == Some(1) && text(&output.stderr).contains("--ca is for https://"));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use axum::body::Body;
 use axum::http::Request;
 use relief_server::Config;
 use relief_session::{LoadedVolume, QueueConfig};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::server::stage::{FAILS, REFUSES, Stage, cube};
 
@@ -120,7 +120,8 @@ async fn others_are_served_while_one_renders() {
 async fn alerts_and_dashboard_know_the_metrics() {
     let stage = Stage::new();
     assert_eq!(stage.get(&stage.path("frame")).await.status, 200);
-    let served = stage.get("/metrics").await.text();
+    let answer = stage.get("/metrics").await;
+    let served = answer.text();
     let known: Vec<&str> =
         served.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').next()).collect();
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/monitoring");
@@ -128,7 +129,7 @@ async fn alerts_and_dashboard_know_the_metrics() {
         let text = std::fs::read_to_string(folder.join(file)).unwrap();
         let is_name = |c: char| c.is_ascii_lowercase() || c == '_';
         let asked = text.split(|c: char| !is_name(c)).filter(|word| word.starts_with("relief_"));
-        let asked: std::collections::BTreeSet<&str> = asked.collect();
+        let asked: BTreeSet<&str> = asked.collect();
         assert!(asked.len() > 4, "{file}: {asked:?}");
         for name in asked {
             let base = ["_total", "_bucket"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
@@ -136,7 +137,7 @@ async fn alerts_and_dashboard_know_the_metrics() {
         }
     }
     let dashboard = std::fs::read_to_string(folder.join("dashboard.json")).unwrap();
-    let dashboard: serde_json::Value = serde_json::from_str(&dashboard).unwrap();
+    let dashboard: Value = serde_json::from_str(&dashboard).unwrap();
     assert!(dashboard["panels"].as_array().unwrap().len() > 10);
 }
 
