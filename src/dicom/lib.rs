@@ -65,7 +65,7 @@ pub use discover::{Discovery, Skipped, Strictness, discover, discover_within};
 pub use error::{Attribute, Defect, Error, FrameGridError, Reasons};
 pub use identity::SeriesIdentity;
 pub use load::{LoadLimits, Loaded, load, load_within};
-pub use reference::SeriesReference;
+pub use reference::{SeriesReference, deidentified_uid};
 pub use segmentation::{
     LoadedLayers, LoadedSegmentation, load_segmentation, read_segmentation, read_segmentation_layers,
 };

@@ -17,7 +17,7 @@ use super::charset::Charset;
 use super::dataset::Retention;
 use super::error::{Attribute, Defect};
 use super::header::FrameHeader;
-use super::object::{put, put_items};
+use super::object::{put, put_items, uid_of};
 use super::part10;
 use super::series::SeriesEntry;
 
@@ -140,6 +140,31 @@ impl SeriesReference {
         })
     }
 
+    /// The same series without its patient: names, ids and dates are empty, UIDs are replaced
+    /// (PS3.15, Basic Application Level Confidentiality Profile). The same UID gets the same
+    /// replacement everywhere, so that objects of one series still belong together.
+    #[must_use]
+    pub fn deidentified(&self) -> Self {
+        let repeated = REPEATED.map(|(tag, _)| match tag {
+            tags::PATIENT_IDENTITY_REMOVED => "YES".to_owned(),
+            tags::DEIDENTIFICATION_METHOD => "Names, ids and dates removed, UIDs replaced".to_owned(),
+            tags::STUDY_INSTANCE_UID => deidentified_uid(&self.study_uid),
+            _ => String::new(),
+        });
+        let instances = self
+            .instances
+            .iter()
+            .map(|instance| Instance { uid: deidentified_uid(&instance.uid), ..instance.clone() });
+        Self {
+            repeated: repeated.to_vec(),
+            study_uid: deidentified_uid(&self.study_uid),
+            series_uid: deidentified_uid(&self.series_uid),
+            frame_of_reference_uid: self.frame_of_reference_uid.as_deref().map(deidentified_uid),
+            position_reference: String::new(),
+            instances: instances.collect(),
+        }
+    }
+
     /// Frame of Reference UID (0020,0052), where all slices have the same one. Not for messages.
     #[must_use]
     pub fn frame_of_reference(&self) -> Option<&str> {
@@ -195,6 +220,13 @@ impl SeriesReference {
         put_items(&mut item, instances, self.instances.iter().map(|i| i.reference(None)).collect());
         item
     }
+}
+
+/// The UID that stands for this one in files without patients. Who has the original can compute it,
+/// nobody can go back.
+#[must_use]
+pub fn deidentified_uid(uid: &str) -> String {
+    uid_of(b"deidentified", [uid])
 }
 
 impl Instance {

@@ -9,6 +9,7 @@
 //! whatever the file claims.
 
 mod cornerstone;
+mod deidentify;
 mod delimited;
 mod error;
 mod extra;
@@ -28,6 +29,7 @@ mod structures;
 mod table;
 mod written_json;
 
+pub use deidentify::deidentified;
 pub use error::ExchangeError;
 pub use format::{Format, FormatInfo, UnknownFormat};
 pub use loss::LeftOut;

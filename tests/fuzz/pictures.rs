@@ -1,7 +1,7 @@
 //! Frames as PNG and EXR, transfer functions of other tools, scenes.
 
 use relief_display::{decode_exr, inspect_png};
-use relief_render::Scene;
+use relief_render::SceneFile;
 use relief_volume::{TransferImportChoice, import_transfer};
 
 pub fn png(bytes: &[u8]) {
@@ -17,5 +17,5 @@ pub fn transfer(bytes: &[u8]) {
 }
 
 pub fn scene(bytes: &[u8]) {
-    let _ = Scene::parse(bytes);
+    let _ = SceneFile::parse(bytes);
 }

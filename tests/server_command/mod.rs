@@ -10,6 +10,7 @@
 mod faults;
 mod hostile;
 mod identity;
+mod privacy;
 
 use crate::common;
 

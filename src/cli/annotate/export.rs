@@ -10,7 +10,7 @@ use super::super::choices::formats;
 use super::super::output::{print_json, say, write_whole};
 use super::{Log, LogArguments, series};
 use relief_annotation::{ContentId, Item};
-use relief_exchange::{Format, LeftOut, WriteContext};
+use relief_exchange::{Format, LeftOut, WriteContext, deidentified};
 use relief_store::Filter;
 
 /// Write annotations to a file of another tool
@@ -24,6 +24,7 @@ With --series, items of other series are left alone.
 Examples:
   relief annotate --db ann.db export --format mrk.json --out skull.mrk.json
   relief annotate --db ann.db export --format csv --out anna.csv --set anna --list skull
+  relief annotate --db ann.db export --format sr --out shared.dcm --series head --deidentify
   relief annotate --db ann.db export --format cornerstone --out head.json --series head --json")]
 pub(super) struct ExportArguments {
     #[arg(long, value_name = "FORMAT", help = formats("Format of the file", Format::can_write))]
@@ -39,6 +40,10 @@ pub(super) struct ExportArguments {
     /// Only items of this list
     #[arg(long, value_name = "NAME")]
     list: Option<String>,
+    /// Leave out who made them and when, descriptions, and in DICOM objects the patient; UIDs are
+    /// replaced, the same ones by the same
+    #[arg(long)]
+    deidentify: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -63,10 +68,15 @@ pub(super) fn run(arguments: &ExportArguments, log: &LogArguments) -> anyhow::Re
         items.retain(|item| item.frame_of_reference.as_ref().is_none_or(|frame| *frame == series.frame));
     }
     let contents = contents(&log, &items)?;
+    let mut reference = series.as_ref().and_then(|series| series.reference.clone());
+    if arguments.deidentify {
+        items = deidentified(items);
+        reference = reference.map(|reference| reference.deidentified());
+    }
     let context = WriteContext {
         contents: &|id| contents.get(id).cloned(),
         grid: series.as_ref().map(|series| &series.grid),
-        series: series.as_ref().and_then(|series| series.reference.as_ref()),
+        series: reference.as_ref(),
     };
     let written = relief_exchange::write(arguments.format, &items, &context)?;
     write_whole(&arguments.out, &written.bytes)?;

@@ -22,7 +22,10 @@ use crate::problem::Problem;
 use crate::state::ImportError;
 use crate::upload::{ReceivedUpload, take_in, uploads_off};
 use relief_annotation::{ContentId, Item, Set, ShownSets, Versioned};
-use relief_exchange::{ExchangeError, ExistingItems, Format, Imported, Merged, ReadContext, WriteContext};
+use relief_dicom::SeriesReference;
+use relief_exchange::{
+    ExchangeError, ExistingItems, Format, Imported, Merged, ReadContext, WriteContext, deidentified,
+};
 use relief_session::on_blocking_thread;
 use relief_store::Filter;
 
@@ -171,10 +174,11 @@ struct ExportQuery {
     set: Option<String>,
     author: Option<String>,
     report: bool,
+    deidentify: bool,
 }
 
 pub(super) async fn export(asked: EditRequest, uri: Uri) -> Result<Response, Problem> {
-    let ExportQuery { format, set, author: by, report } = query(&uri)?;
+    let ExportQuery { format, set, author: by, report, deidentify } = query(&uri)?;
     let asked = asked.or_by(by)?;
     let shown = set.as_deref().map_or(Ok(ShownSets::All), super::list::chosen)?;
     let format = parse_format(format.as_deref().unwrap_or_default())?;
@@ -184,8 +188,10 @@ pub(super) async fn export(asked: EditRequest, uri: Uri) -> Result<Response, Pro
     let entry = Arc::clone(&asked.entry);
     let job = move || {
         let of = |id: &ContentId| contents.get(id).cloned();
-        let context =
-            WriteContext { contents: &of, grid: Some(&entry.grid), series: entry.reference.as_deref() };
+        let without = entry.reference.as_deref().filter(|_| deidentify).map(SeriesReference::deidentified);
+        let series = without.as_ref().or(entry.reference.as_deref());
+        let items = if deidentify { deidentified(items) } else { items };
+        let context = WriteContext { contents: &of, grid: Some(&entry.grid), series };
         relief_exchange::write(format, &items, &context)
     };
     let written = engine.blocking("writing annotations", job).await?;
