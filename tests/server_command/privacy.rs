@@ -148,14 +148,9 @@ fn an_export_without_identities_names_no_patient() {
     for file in ["landmarks.csv", "labels.seg.nrrd"] {
         annotate(&["import", &path(file), "--series", &series, "--author", "Dr. Ann Lee"]);
     }
-    for (format, names_series) in [
-        ("sr", true),
-        ("seg", true),
-        ("rtstruct", true),
-        ("cornerstone", true),
-        ("mrk.json", false),
-        ("csv", false),
-    ] {
+    for (format, names_series) in
+        [("sr", true), ("seg", true), ("cornerstone", true), ("mrk.json", false), ("csv", false)]
+    {
         let [named, without] = ["named", "without"].map(|kind| path(&format!("{kind}.{format}")));
         annotate(&["export", "--format", format, "--series", &series, "--out", &named]);
         annotate(&["export", "--format", format, "--series", &series, "--deidentify", "--out", &without]);

@@ -23,9 +23,9 @@ const BEHIND: usize = 256;
 pub(crate) struct Annotations {
     pub(crate) store: Store,
     pub(super) snapshots: Mutex<Snapshots>,
-    pub(super) shapes: ShapeCache,
+    pub(super) shapes: Arc<ShapeCache>,
     /// Held while a surface is computed.
-    pub(crate) making: tokio::sync::Mutex<()>,
+    pub(crate) making: Arc<tokio::sync::Mutex<()>>,
     /// Permit to compute a structure.
     pub(crate) structures: Arc<Semaphore>,
     /// Edits are stored and published one after another, so events are published in the order of
@@ -45,8 +45,8 @@ impl Annotations {
         Self {
             store,
             snapshots: Mutex::default(),
-            shapes: ShapeCache::default(),
-            making: tokio::sync::Mutex::default(),
+            shapes: Arc::default(),
+            making: Arc::default(),
             structures: Arc::new(Semaphore::new(1)),
             turn: tokio::sync::Mutex::default(),
             behind: Notify::new(),

@@ -1,7 +1,7 @@
 //! Surfaces of regions and meshes in memory.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use relief_annotation::{ContentId, Geometry};
 use relief_session::SurfaceMesh;
@@ -31,4 +31,11 @@ pub(super) fn key(geometry: &Geometry) -> Option<Key> {
 
 /// Surfaces of earlier pictures.
 #[derive(Default)]
-pub(super) struct ShapeCache(pub(super) Mutex<Shapes>);
+pub(super) struct ShapeCache(Mutex<Shapes>);
+
+impl ShapeCache {
+    /// The value is whole between statements, so a panic elsewhere leaves it usable.
+    pub(super) fn lock(&self) -> MutexGuard<'_, Shapes> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
