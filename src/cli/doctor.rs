@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::doctor_isolation::isolation_finding;
 use super::output::{print_json, say};
 use relief_golden::compare;
 use relief_golden::{Raster, Samples, Tolerance};
@@ -56,7 +57,7 @@ const SELF_TEST_VOXELS: usize = 48;
 /// How a finding is to be taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-enum Mark {
+pub(super) enum Mark {
     Ok,
     Warn,
     Missing,
@@ -65,7 +66,7 @@ enum Mark {
 
 /// One line of the report.
 #[derive(Debug, Serialize)]
-struct Finding {
+pub(super) struct Finding {
     mark: Mark,
     what: &'static str,
     found: String,
@@ -129,15 +130,16 @@ fn examine() -> DoctorReport {
     };
     report.examine_choice();
     report.findings.push(jpeg_ls_finding());
+    report.findings.push(isolation_finding());
     report
 }
 
 impl Finding {
-    fn new(mark: Mark, what: &'static str, found: String) -> Self {
+    pub(super) fn new(mark: Mark, what: &'static str, found: String) -> Self {
         Self { mark, what, found, advice: Vec::new() }
     }
 
-    fn advise<const N: usize>(self, advice: [&str; N]) -> Self {
+    pub(super) fn advise<const N: usize>(self, advice: [&str; N]) -> Self {
         Self { advice: advice.map(str::to_owned).into(), ..self }
     }
 }

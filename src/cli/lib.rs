@@ -28,6 +28,7 @@ mod client_watch;
 #[cfg(feature = "window")]
 mod client_window;
 mod doctor;
+mod doctor_isolation;
 mod drawing;
 mod golden;
 mod inspect;

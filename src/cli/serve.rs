@@ -143,7 +143,7 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let config = config(arguments, &adapter, admission)?;
     let names = config.allowed_hosts.as_ref().map(|hosts| hosts.names.clone()).unwrap_or_default();
     let tls = arguments.identity.tls(&names)?;
-    let readers = Readers::new(arguments.isolation, limits)?;
+    let readers = Readers::new(arguments.isolation, config.uploads.is_some(), limits)?;
     let mut server = Server::new(Arc::clone(&service), readers.series, config);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let log = match &arguments.annotations {

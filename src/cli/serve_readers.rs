@@ -39,21 +39,30 @@ fn voxel_bytes() -> u64 {
 }
 
 impl Readers {
-    /// Readers that keep to the limits of the adapter.
+    /// Readers that keep to the limits of the adapter; whether they are used decides what is tried.
     ///
     /// # Errors
-    /// When this system cannot isolate.
-    pub(super) fn new(isolation: Isolation, limits: VolumeLimits) -> anyhow::Result<Self> {
+    /// When this system cannot isolate what is used.
+    pub(super) fn new(isolation: Isolation, is_used: bool, limits: VolumeLimits) -> anyhow::Result<Self> {
         match isolation {
-            Isolation::On => Self::isolated(limits),
+            Isolation::On => Self::isolated(is_used, limits),
             Isolation::Off => Ok(Self::in_process(limits)),
         }
     }
 
     #[cfg(target_os = "linux")]
-    fn isolated(volumes: VolumeLimits) -> anyhow::Result<Self> {
+    fn isolated(is_used: bool, volumes: VolumeLimits) -> anyhow::Result<Self> {
         use relief_isolation::{IsolatedReader, IsolationError};
-        let reader = IsolatedReader::of_this_program().context("uploads cannot be isolated")?;
+        const CANNOT: &str = "uploads cannot be read in a child process; --uploads off refuses them, --isolation off reads them in the server's own";
+        let reader = IsolatedReader::of_this_program().context(CANNOT)?;
+        if is_used {
+            let rights = reader.remaining_rights().context(CANNOT)?;
+            if !rights.are_none() {
+                eprintln!(
+                    "warning: the child processes that read uploads have rights left (relief doctor): one {rights}"
+                );
+            }
+        }
         let [for_labels, for_annotations] = [reader.clone(), reader.clone()];
         Ok(Self {
             series: Arc::new(move |path, budget| {
@@ -76,7 +85,7 @@ impl Readers {
     }
 
     #[cfg(not(target_os = "linux"))]
-    fn isolated(_: VolumeLimits) -> anyhow::Result<Self> {
+    fn isolated(_: bool, _: VolumeLimits) -> anyhow::Result<Self> {
         anyhow::bail!(
             "--isolation on needs Linux; this system can read uploads in the server's process alone"
         )

@@ -53,6 +53,27 @@ pub struct RemainingRights {
     pub starts_programs: bool,
 }
 
+impl RemainingRights {
+    /// Whether none is left.
+    #[must_use]
+    pub fn are_none(&self) -> bool {
+        !(self.opens_files || self.connects || self.starts_programs)
+    }
+}
+
+impl std::fmt::Display for RemainingRights {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let rights = [
+            (self.opens_files, "opens files"),
+            (self.connects, "connects to other machines"),
+            (self.starts_programs, "starts programs"),
+        ];
+        let left: Vec<&str> =
+            rights.iter().filter(|(is_left, _)| *is_left).map(|(_, right)| *right).collect();
+        f.write_str(&left.join(" and "))
+    }
+}
+
 /// A file of annotations and the context in which it is read.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct AnnotationJob {

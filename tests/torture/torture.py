@@ -226,6 +226,8 @@ def many_clients(options, series):
     try:
         wait_ready(server)
         frame = f"/v1/volumes/{first_volume(server)}/frame?layout=color&size_px=96,72"
+        for _ in range(20):  # shaders are compiled, caches are warm
+            asyncio.run(ask(server, f"GET {frame}&azimuth_deg={random.random()}"))
         found = {}
         for name, rude in [("alone", 0), ("attacked", options.clients // 20)]:
             counts = {"times": [], "put_off": 0, "wrong": []}
