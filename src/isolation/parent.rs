@@ -25,6 +25,8 @@ use relief_volume::{Grid, LabelMap, Segment, Volume};
 const SUBCOMMAND: &str = "decode-worker";
 /// Longest reading.
 const PATIENCE: Duration = Duration::from_secs(900);
+/// How long a child that closed its socket may take to end.
+const FAREWELL: Duration = Duration::from_secs(5);
 /// How often the parent asks whether anybody still waits for the result.
 const TURN: Duration = Duration::from_millis(200);
 /// Largest file of annotations, and all of its contents together.
@@ -54,6 +56,9 @@ pub enum IsolationError {
     /// Nobody waits for the result any more.
     #[error(transparent)]
     Cancelled(#[from] BudgetError),
+    /// This machine has no room for what was read.
+    #[error("the machine has too little memory for the file")]
+    NoMemory,
     /// What came back contradicts itself.
     #[error("the reader returned invalid data")]
     Invalid,
@@ -229,7 +234,8 @@ impl IsolatedReader {
             Ok((child, socket))
         };
         let (child, socket) = start().map_err(IsolationError::Start)?;
-        let mut running = Running { child, socket, budget: budget.clone(), since: Instant::now() };
+        let mut running =
+            Running { child: Some(child), socket, budget: budget.clone(), since: Instant::now() };
         send(&mut running.socket, job).map_err(|_| running.ended())?;
         Ok(running)
     }
@@ -246,7 +252,8 @@ fn refusal(answer: Answer) -> IsolationError {
 
 /// A child at work; it is ended when this is dropped.
 struct Running {
-    child: Child,
+    /// `None` once it is left to be reaped.
+    child: Option<Child>,
     socket: UnixStream,
     budget: Budget,
     since: Instant,
@@ -270,22 +277,33 @@ impl Running {
         match error.kind() {
             ErrorKind::TimedOut => IsolationError::TooLong,
             ErrorKind::InvalidData => IsolationError::Invalid,
+            ErrorKind::OutOfMemory => IsolationError::NoMemory,
             _ => self.ended(),
         }
     }
 
+    /// How the child ended. One that says nothing more and goes on is ended.
     fn ended(&mut self) -> IsolationError {
-        match self.child.wait() {
-            Ok(status) => IsolationError::Ended(status),
-            Err(error) => IsolationError::Start(error),
+        let Some(child) = &mut self.child else { return IsolationError::Invalid };
+        let since = Instant::now();
+        loop {
+            match child.try_wait() {
+                Ok(Some(status)) => return IsolationError::Ended(status),
+                Ok(None) if since.elapsed() < FAREWELL => std::thread::sleep(Duration::from_millis(5)),
+                Ok(None) => drop(child.kill()),
+                Err(error) => return IsolationError::Start(error),
+            }
         }
     }
 }
 
 impl Drop for Running {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        let Some(mut child) = self.child.take() else { return };
+        let _ = child.kill();
+        // The system takes a while to free the memory of a child; nobody waits for that.
+        let reap = move || drop(child.wait());
+        let _ = std::thread::Builder::new().name("relief-reap".to_owned()).spawn(reap);
     }
 }
 

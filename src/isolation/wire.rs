@@ -1,5 +1,5 @@
 //! Messages between parent and child: a length of four bytes (little-endian), JSON, and the bytes
-//! that it announces. Neither side allocates by an announced size: memory grows as bytes arrive.
+//! that it announces. Neither side takes memory by an announced size: it grows as bytes arrive.
 
 use std::io::{Error, ErrorKind, Read, Result, Write};
 
@@ -8,8 +8,8 @@ use serde::de::DeserializeOwned;
 
 /// Largest JSON of a message: headers of hundreds of thousands of slices fit.
 const MOST_JSON_BYTES: u32 = 256 << 20;
-/// Bytes that are read at a time.
-const CHUNK: usize = 1 << 20;
+/// Bytes that are read at a time: few enough to stay in the cache of a core.
+const CHUNK: usize = 256 << 10;
 
 pub(crate) fn send(to: &mut impl Write, message: &impl Serialize) -> Result<()> {
     let json = serde_json::to_vec(message)?;
@@ -26,7 +26,11 @@ pub(crate) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> Result<T> {
     if length > MOST_JSON_BYTES {
         return Err(Error::new(ErrorKind::InvalidData, "a message is too large"));
     }
-    let json: Vec<u8> = receive_values(from, length as usize)?;
+    let mut json = Vec::new();
+    from.take(length.into()).read_to_end(&mut json)?;
+    if json.len() < length as usize {
+        return Err(ErrorKind::UnexpectedEof.into());
+    }
     Ok(serde_json::from_slice(&json)?)
 }
 
@@ -34,9 +38,14 @@ pub(crate) fn send_values<T: bytemuck::NoUninit>(to: &mut impl Write, values: &[
     to.write_all(bytemuck::cast_slice(values))
 }
 
-/// Values as the machine has them: both sides are the same program.
+/// Values as the machine has them: both sides are the same program. `count` is within the limits of
+/// the caller: the whole range of addresses is reserved, and its pages are taken as bytes arrive.
+///
+/// # Errors
+/// When the bytes end before, or there is no such range of addresses.
 pub(crate) fn receive_values<T: bytemuck::Pod>(from: &mut impl Read, count: usize) -> Result<Vec<T>> {
     let mut values: Vec<T> = Vec::new();
+    values.try_reserve_exact(count).map_err(|_| Error::from(ErrorKind::OutOfMemory))?;
     while values.len() < count {
         let before = values.len();
         values.resize(count.min(before + CHUNK / size_of::<T>()), T::zeroed());

@@ -114,7 +114,6 @@ async fn others_are_served_while_one_renders() {
     assert_eq!(slow.await.unwrap().unwrap().status(), 200);
 }
 
-/// Invariant: Metrics and volume descriptions name no patient.
 /// Invariant: Alerts and the dashboard ask for metrics that a server has.
 #[tokio::test]
 async fn alerts_and_dashboard_know_the_metrics() {
@@ -141,6 +140,7 @@ async fn alerts_and_dashboard_know_the_metrics() {
     assert!(dashboard["panels"].as_array().unwrap().len() > 10);
 }
 
+/// Invariant: Metrics and volume descriptions name no patient.
 #[tokio::test]
 async fn metrics_count_without_naming() {
     let stage = Stage::new();
