@@ -90,8 +90,6 @@ pub(super) struct ServeArguments {
     #[arg(long, value_enum, default_value_t = Isolation::DEFAULT)]
     isolation: Isolation,
     #[command(flatten)]
-    identity: IdentityArguments,
-    #[command(flatten)]
     adapter: AdapterArguments,
     /// Memory for voxels of all volumes, such as 8GiB; series that are not shown are read again
     /// when they are
@@ -116,6 +114,9 @@ pub(super) struct ServeArguments {
     /// Beacon that they look at; the recommended one otherwise
     #[arg(long, value_name = "B.toml")]
     beacon: Option<PathBuf>,
+    // The last one: its heading is that of all arguments behind it.
+    #[command(flatten)]
+    identity: IdentityArguments,
 }
 
 /// Who may add volumes.
