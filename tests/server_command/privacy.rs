@@ -17,6 +17,9 @@ impl Planted {
         let mut planted = vec!["DOE^JAN".to_owned()];
         for slice in std::fs::read_dir(series).unwrap() {
             let path = slice.unwrap().path();
+            if path.extension().is_none_or(|extension| extension != "dcm") {
+                continue; // what is known of the phantom, beside its slices
+            }
             let bytes = std::fs::read(&path).unwrap();
             std::fs::write(&path, replaced(&bytes, b"PHANTOM", b"DOE^JAN")).unwrap();
         }
@@ -111,7 +114,10 @@ fn a_server_names_no_patient() {
     // A series by its UIDs, and an upload that cannot be read.
     let uid = &planted.0[1];
     running.get(&format!("/studies/{uid}/series/{uid}/rendered3D"));
-    let slice = std::fs::read_dir(&series).unwrap().next().unwrap().unwrap().path();
+    let found = relief_dicom::discover(Path::new(&series), Strictness::Lenient, &|_| ()).unwrap();
+    assert_eq!(found.series.len(), 1);
+    let slices = std::fs::read_dir(&series).unwrap().map(|slice| slice.unwrap().path());
+    let slice = slices.filter(|path| path.extension().is_some_and(|ending| ending == "dcm")).min().unwrap();
     let bytes = std::fs::read(slice).unwrap();
     let zip = crate::common::hostile::zip_of([("DOE^JAN.dcm".to_owned(), bytes[..bytes.len() / 2].to_vec())]);
     planted.assert_absent("a refused upload", &running.upload(&zip).1);

@@ -289,7 +289,7 @@ impl Connected {
     fn settings(&self, settings: &Settings, now: Instant) -> Result<(), Problem> {
         let entry = settings.volume.as_ref().map(|id| self.parts.engine.volumes.find(id)).transpose()?;
         expect_annotations(&self.parts, Some(settings))?;
-        self.session.view.configure(settings, entry, self.session.author.as_deref(), now)?;
+        self.session.view.configure(settings, entry.as_ref(), self.session.author.as_deref(), now)?;
         match settings.grab_mode {
             Some(grab_mode) => lock(&self.session.remote).set_grab_mode(grab_mode),
             None => Ok(()),

@@ -220,7 +220,7 @@ pub(crate) async fn intent(
     let entry = volume.map(|id| parts.engine.volumes.find(&id)).transpose()?;
     let view = if let Some(view) = parts.live.views.find(&name) {
         if entry.is_some() {
-            view.configure(&Settings::default(), entry, None, now)?;
+            view.configure(&Settings::default(), entry.as_ref(), None, now)?;
         }
         view
     } else {

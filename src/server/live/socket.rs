@@ -174,7 +174,7 @@ fn open(
     let known = hello.view.as_ref().and_then(|name| parts.live.views.find(name));
     let view = if let Some(view) = known {
         if hello.role == Role::Presenter && (settings != Settings::default() || entry.is_some()) {
-            view.configure(&settings, entry, author, now)?;
+            view.configure(&settings, entry.as_ref(), author, now)?;
         }
         view
     } else {

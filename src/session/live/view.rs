@@ -4,6 +4,7 @@
 //! replace one another before a frame is rendered; no intent is lost. The view's render loop (see
 //! `render_loop`) reads the state when a viewer has capacity for a frame.
 
+mod configure;
 mod ending;
 mod schedule;
 
@@ -24,7 +25,7 @@ use crate::Drawables;
 use crate::volumes::VolumeEntry;
 use relief_annotation::{Method, ShownSets, Snap};
 use relief_base::ViewDepth;
-use relief_live::{DisplayedPicture, Intent, IntentEffect, Peers, Role, Settings, ViewRecord, ViewState};
+use relief_live::{DisplayedPicture, Intent, IntentEffect, Peers, Role, ViewRecord, ViewState};
 use relief_volume::Camera;
 
 /// A view and its channels to viewers.
@@ -78,6 +79,8 @@ struct Inner {
     preview: Preview,
     /// See [`EditContext::epoch`].
     epoch: u64,
+    /// Counts the changes of the presentation by settings.
+    settings: u64,
     /// Revision of the annotations that are drawn; `None` when they have to be read.
     drawn_revision: Option<u64>,
 }
@@ -109,6 +112,7 @@ impl View {
             held: None,
             preview: Preview::default(),
             epoch: 0,
+            settings: 0,
             drawn_revision: None,
         };
         Self {
@@ -300,50 +304,6 @@ impl View {
         drop(inner);
         self.work.notify_one();
         replaced
-    }
-
-    /// Changes the presentation; `entry` is another volume. Works outside of the lock.
-    ///
-    /// # Errors
-    /// When a setting is invalid; the view has not changed then.
-    pub fn configure(
-        &self,
-        settings: &Settings,
-        entry: Option<Arc<VolumeEntry>>,
-        author: Option<&str>,
-        now: Instant,
-    ) -> Result<(), LiveError> {
-        let before = self.lock().presentation.clone();
-        let presentation = before.with(settings, entry, author)?;
-        let mut inner = self.lock();
-        // The same volume may have another label map by now.
-        let is_other = presentation.entry.id != inner.presentation.entry.id;
-        if is_other {
-            inner.state = ViewState::home(&presentation.stage);
-            inner.camera = None;
-        }
-        let known = &inner.presentation;
-        if is_other || (&presentation.shown, &presentation.shown_to) != (&known.shown, &known.shown_to) {
-            // The held point belongs to the former annotations: it stays where it was.
-            inner.epoch += 1;
-            inner.held = None;
-        }
-        if is_other || settings.annotations.is_some() {
-            inner.drawn_revision = None;
-        }
-        let preset = presentation.preset.clone();
-        inner.presentation = presentation;
-        inner.preview.forget();
-        inner.still_took = None;
-        if let Some(name) = preset {
-            let intent = Intent::Preset { name: Some(name), step: None };
-            let Inner { state, presentation, .. } = &mut *inner;
-            state.apply(&presentation.stage, 0, &intent, None)?;
-        }
-        inner.changed(now);
-        drop(inner);
-        self.work.notify_one();
-        Ok(())
     }
 
     /// The next step of the render loop.
