@@ -65,7 +65,8 @@ impl IdentityArguments {
     /// How callers are recognised.
     ///
     /// # Errors
-    /// When a file cannot be used, or other machines reach a server that recognises nobody.
+    /// When a file cannot be used, or when other machines can reach the address and no means to
+    /// recognise callers is given.
     pub(super) fn admission(&self, listen: SocketAddr) -> anyhow::Result<Admission> {
         let tokens = self.token_file.clone().map(Tokens::open).transpose()?;
         if tokens.as_ref().is_some_and(|tokens| tokens.count() == 0) {

@@ -1,4 +1,4 @@
-//! What a child is to read, and what it says of the result. Bulk data follows an answer as bytes.
+//! Jobs of a child and its answers, as JSON. Voxels, labels and contents follow an answer as bytes.
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,7 @@ pub(crate) enum Probe {
     Memory,
 }
 
-/// What a child without rights can still do; nothing is expected of it.
+/// Rights that a child still has after it gave them up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RemainingRights {
     /// It opens files that it was not given.

@@ -56,7 +56,7 @@ pub enum IsolationError {
     /// Nobody waits for the result any more.
     #[error(transparent)]
     Cancelled(#[from] BudgetError),
-    /// This machine has no room for what was read.
+    /// The memory of this machine is too small for the result.
     #[error("the machine has too little memory for the file")]
     NoMemory,
     /// What came back contradicts itself.

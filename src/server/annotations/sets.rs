@@ -81,7 +81,7 @@ fn tagged(set: &Set) -> Response {
 
 impl EditRequest {
     /// Checks that the caller may change a set: a blinded one is its reader's, and an
-    /// administrator's. On an open server nobody is known.
+    /// administrator's. An open server does not know its callers and allows every change.
     async fn may_change_set(&self, name: &str) -> Result<(), Problem> {
         let Some(identity) = &self.caller.identity else { return Ok(()) };
         let sets = self.annotations.sets().await?;
