@@ -85,10 +85,12 @@ fn rules_about_files_find_what_breaks_them() {
     breaks(rule::scripts_are_runnable, &[("scripts/a", "#!/bin/sh\ntrue\n")]);
     breaks(rule::scripts_are_runnable, &[("scripts/not-executable", "#!/bin/sh\n# A.\n")]);
     breaks(rule::scripts_are_runnable, &[("scripts/a", "# Names no interpreter.\n")]);
+    breaks(rule::scripts_are_runnable, &[("scripts/a.json", "{\"title\": \"A\"}")]);
     keeps(
         rule::scripts_are_runnable,
         &[("scripts/a", "#!/bin/sh\n# A.\n"), ("scripts/a.sh", "# Sourced.\n")],
     );
+    keeps(rule::scripts_are_runnable, &[("scripts/a.json", "{\"description\": \"A.\"}")]);
     breaks(rule::shaders_parse, &[("shaders/a.wgsl", "fn f( {}")]);
     breaks(rule::shaders_parse, &[("src/a.rs", "//! No shader at all.")]);
     keeps(rule::shaders_parse, &[("shaders/a.wgsl", "fn f() { g(); }"), ("shaders/lib/b.wgsl", "fn g() {}")]);
