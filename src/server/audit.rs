@@ -155,8 +155,14 @@ impl AuditLog {
         self.failed.load(Ordering::Relaxed)
     }
 
-    /// Adds the record of a request that was answered.
-    pub(super) fn record(&self, caller: &Caller, subject: Subject, status: u16) {
+    /// Begins the record of a request. It is written when the result is dropped: after the answer,
+    /// or when the client leaves before it.
+    pub(super) fn begin(self: Arc<Self>, caller: Caller, subject: Subject) -> PendingRecord {
+        PendingRecord { log: self, caller, subject: Some(subject), status: None }
+    }
+
+    /// Adds the record of a request; it has no status if the client left before the answer.
+    fn record(&self, caller: &Caller, subject: Subject, status: Option<u16>) {
         let record = Record {
             previous: String::new(),
             time: Timestamp::now(),
@@ -166,12 +172,36 @@ impl AuditLog {
             method: Some(subject.method),
             route: Some(subject.route),
             volume: subject.volume,
-            status: Some(status),
+            status,
         };
         let is_lost = self.records.as_ref().is_some_and(|records| records.try_send(record).is_err());
         if is_lost {
             // The disk cannot keep up: no record is left out in silence.
             self.failed.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// The record of a request that is being answered.
+pub(super) struct PendingRecord {
+    log: Arc<AuditLog>,
+    caller: Caller,
+    /// `None` once it is written.
+    subject: Option<Subject>,
+    status: Option<u16>,
+}
+
+impl PendingRecord {
+    /// The request was answered with this status.
+    pub(super) fn answered(&mut self, status: u16) {
+        self.status = Some(status);
+    }
+}
+
+impl Drop for PendingRecord {
+    fn drop(&mut self) {
+        if let Some(subject) = self.subject.take() {
+            self.log.record(&self.caller, subject, self.status);
         }
     }
 }
@@ -314,11 +344,11 @@ mod tests {
     use super::*;
 
     fn log_three(path: &Path) {
-        let log = AuditLog::open(path).unwrap();
+        let log = Arc::new(AuditLog::open(path).unwrap());
         for status in [200, 403, 200] {
             let uri: Uri = "/v1/volumes/0a1b/frame?preset=bone".parse().unwrap();
             let subject = Subject::of(&Method::GET, "/v1/volumes/{id}/frame", &uri);
-            log.record(&Caller::default(), subject, status);
+            Arc::clone(&log).begin(Caller::default(), subject).answered(status);
         }
     }
 
@@ -345,6 +375,20 @@ mod tests {
             let error = verify_audit_log(&path, None).unwrap_err();
             assert!(matches!(error, AuditError::Broken { line: at, .. } if at == line), "{error}");
         }
+    }
+
+    #[test]
+    fn a_request_whose_client_leaves_is_recorded_without_a_status() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("audit.log");
+        let log = Arc::new(AuditLog::open(&path).unwrap());
+        let uri: Uri = "/v1/volumes/0a1b/annotations".parse().unwrap();
+        let subject = Subject::of(&Method::POST, "/v1/volumes/{id}/annotations", &uri);
+        drop(Arc::clone(&log).begin(Caller::default(), subject));
+        drop(log);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains("\"POST\"") && !text.contains("status"), "{text}");
+        assert_eq!(verify_audit_log(&path, None).unwrap().records, 1);
     }
 
     #[test]

@@ -17,8 +17,8 @@ use crate::problem::Problem;
 use crate::shares::Shares;
 use crate::state::{AppState, Config};
 
-/// The name of the cookie of a browser that is signed in. Its value is the token, so that every
-/// server of a cluster knows it, and nobody after its removal.
+/// The name of the cookie of a browser that is signed in. Its value is the token: every server of a
+/// cluster recognises it, and none accepts it once the token is removed.
 pub(super) const COOKIE: &str = "relief_sign_in";
 /// The route of live sessions. Browsers send cookies with any WebSocket, whoever's page opens it,
 /// so here a cookie is no proof: pages redeem a ticket.
@@ -95,20 +95,19 @@ impl Door {
 /// them.
 pub(crate) async fn admit_data(State(door): State<Door>, request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map_or("", |path| path.as_str()).to_owned();
-    let audited = door.audit.clone().map(|log| (log, Subject::of(request.method(), &route, request.uri())));
-    if let Some((log, _)) = &audited
-        && log.has_failed()
-    {
+    if door.audit.as_ref().is_some_and(|log| log.has_failed()) {
         return Problem::unavailable("audit-failed", "the audit log cannot be written").into_response();
     }
     let (caller, allowed) = door.admit(&request, &route);
+    let subject = Subject::of(request.method(), &route, request.uri());
+    let mut pending = door.audit.clone().map(|log| log.begin(caller.clone(), subject));
     let admitted = allowed.and_then(|()| share(&door, &caller, &route));
     let response = match admitted {
         Ok(_share) => answered(&caller, request, next).await,
         Err(problem) => problem.into_response(),
     };
-    if let Some((log, subject)) = audited {
-        log.record(&caller, subject, response.status().as_u16());
+    if let Some(pending) = &mut pending {
+        pending.answered(response.status().as_u16());
     }
     response
 }
