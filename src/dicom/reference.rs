@@ -222,8 +222,8 @@ impl SeriesReference {
     }
 }
 
-/// The UID that stands for this one in files without patients. Who has the original can compute it,
-/// nobody can go back.
+/// The UID that replaces this one in de-identified files. It can be computed from the original; the
+/// original cannot be computed from it.
 #[must_use]
 pub fn deidentified_uid(uid: &str) -> String {
     uid_of(b"deidentified", [uid])

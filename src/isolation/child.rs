@@ -13,6 +13,7 @@ use super::job::{
     AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, SeriesAnswer, WireContent, WireGrid,
     WireSegment,
 };
+use super::sandbox::Held;
 use super::wire::{receive, send, send_values};
 use relief_base::Budget;
 use relief_dicom::{LoadLimits, Strictness};
@@ -34,14 +35,14 @@ pub fn serve() -> ExitCode {
     let socket = std::io::stdout().as_fd().try_clone_to_owned().map(UnixStream::from);
     let served = socket.and_then(|mut socket| {
         let job: Job = receive(&mut socket)?;
-        enter(&job)?;
-        work(&job, &mut socket)
+        let held = enter(&job)?;
+        work(&job, held, &mut socket)
     });
     // The parent sees the end of the socket; nobody reads what a child might print.
     if served.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn enter(job: &Job) -> std::io::Result<()> {
+fn enter(job: &Job) -> std::io::Result<Held> {
     let bulk = match job {
         // Voxels, and once more while they are put together.
         Job::Series { voxel_bytes, kept_bytes, .. } => {
@@ -51,11 +52,10 @@ fn enter(job: &Job) -> std::io::Result<()> {
         Job::Annotations(_) => 4 << 30,
         Job::Probe(_) => 0,
     };
-    let entered = super::sandbox::enter(std::io::stdin(), bulk.saturating_add(OWN_BYTES));
-    entered.map(drop).map_err(std::io::Error::other)
+    super::sandbox::enter(std::io::stdin(), bulk.saturating_add(OWN_BYTES)).map_err(std::io::Error::other)
 }
 
-fn work(job: &Job, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
+fn work(job: &Job, held: Held, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
     match job {
         Job::Series { voxel_bytes, kept_bytes, unpacked_bytes } => {
             let budget = Budget::new(*kept_bytes, *unpacked_bytes);
@@ -63,7 +63,7 @@ fn work(job: &Job, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
         }
         Job::Labels { grid, most_voxels } => labels(grid, *most_voxels, socket),
         Job::Annotations(job) => annotations(job, socket),
-        Job::Probe(Probe::Rights) => send(socket, &Answer::Probed(remaining_rights())),
+        Job::Probe(Probe::Rights) => send(socket, &Answer::Probed(remaining_rights(held))),
         Job::Probe(Probe::Memory) => {
             let mut taken: Vec<Vec<u8>> = Vec::new();
             loop {
@@ -74,7 +74,7 @@ fn work(job: &Job, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
 }
 
 /// What this process is still able to do.
-fn remaining_rights() -> RemainingRights {
+fn remaining_rights(held: Held) -> RemainingRights {
     // Nothing listens at this port: a call that passes the filter is refused by the other side.
     let connected = std::net::TcpStream::connect(("127.0.0.1", 9));
     let denied = |error: &std::io::Error| error.kind() == std::io::ErrorKind::PermissionDenied;
@@ -82,6 +82,8 @@ fn remaining_rights() -> RemainingRights {
         opens_files: std::fs::File::open("/proc/self/status").is_ok(),
         connects: !connected.is_err_and(|error| denied(&error)),
         starts_programs: std::process::Command::new("/proc/self/exe").arg("--version").spawn().is_ok(),
+        has_landlock: held.files,
+        has_seccomp: held.calls,
     }
 }
 

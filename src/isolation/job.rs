@@ -51,6 +51,10 @@ pub struct RemainingRights {
     pub connects: bool,
     /// It starts programs.
     pub starts_programs: bool,
+    /// Whether the kernel enforces Landlock for it.
+    pub has_landlock: bool,
+    /// Whether the kernel enforces the filter of system calls for it.
+    pub has_seccomp: bool,
 }
 
 impl RemainingRights {

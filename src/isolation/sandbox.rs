@@ -47,7 +47,7 @@ pub(crate) struct Held {
 /// Limits this process to `address_space` bytes and to reading `file`. It cannot be undone, and
 /// holds for all threads that are started later.
 pub(crate) fn enter(file: impl AsFd, address_space: u64) -> Result<Held, SandboxError> {
-    // When the parent ends, the child ends: nobody would take its result.
+    // The child ends with its parent, because the parent alone reads its result.
     set_parent_process_death_signal(Some(Signal::KILL)).map_err(SandboxError::Limit)?;
     for (resource, most) in [
         (Resource::As, address_space),
