@@ -27,7 +27,7 @@ struct Allowance {
 /// Why a reading was ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BudgetError {
-    /// What was read from headers, tables and data sets takes too much memory.
+    /// The headers, tables and data sets that were read take too much memory.
     #[error("headers and tables need more than {} MiB of memory", limit.div_ceil(1 << 20))]
     Memory {
         /// Bytes allowed.
@@ -39,7 +39,7 @@ pub enum BudgetError {
         /// Bytes allowed.
         limit: u64,
     },
-    /// Nobody waits for the result any more.
+    /// The reading was cancelled: its result is no longer needed.
     #[error("the reading was cancelled")]
     Cancelled,
 }

@@ -35,7 +35,7 @@ enum TokenCommand {
     Add {
         /// The file of tokens; created if it does not exist
         file: PathBuf,
-        /// The holder: the author of what they change
+        /// Name of the holder; it becomes the author of the holder's edits
         #[arg(long, value_name = "NAME")]
         name: String,
         /// What the holder may do

@@ -80,10 +80,10 @@ impl Store {
         self.put_set_if(set, author, |_| true).await
     }
 
-    /// The same, if `may` agrees to the text that is replaced; `None` where there is none.
+    /// Makes or replaces a set if `may` returns true for the stored text (`None` for a new set).
     ///
     /// # Errors
-    /// [`StoreError::Replaced`] when it does not, [`StoreError::Invalid`], and errors of the
+    /// [`StoreError::Replaced`] if `may` returns false, [`StoreError::Invalid`], and errors of the
     /// database.
     pub async fn put_set_if(
         &self,
@@ -128,10 +128,11 @@ impl Store {
         self.put_template_if(name, body, author, |_| true).await
     }
 
-    /// The same, if `may` agrees to the text that is replaced; `None` where there is none.
+    /// Creates or replaces a template if `may` returns true for the stored text (`None` for a new
+    /// template).
     ///
     /// # Errors
-    /// [`StoreError::Replaced`] when it does not, and those of [`Self::put_template`].
+    /// [`StoreError::Replaced`] if `may` returns false, and those of [`Self::put_template`].
     pub async fn put_template_if(
         &self,
         name: &str,

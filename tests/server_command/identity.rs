@@ -81,8 +81,8 @@ fn a_server_for_other_machines_asks_who_calls() {
     assert!(!missing.status.success(), "a token file that is missing admits nobody");
 }
 
-/// Invariant: A token gives its scope and no more, its name is the author of what it changes, and it
-/// ends within seconds of its removal.
+/// Invariant: A token allows what its scope allows and nothing else. Its name is the author of its
+/// holder's edits. A removed token is refused within seconds.
 #[test]
 fn tokens_have_scopes_and_name_the_author() {
     if software_adapter("tokens").is_none() {

@@ -5,8 +5,8 @@
 //! not: TLS (see `tls`) and the record of requests (see `audit`).
 //!
 //! A server without any of these means is open: everybody may do everything, and authors are names
-//! that requests state. With one, a request has an identity, and its name is the author of what it
-//! changes.
+//! that requests state. With one, each request has an identity, and the name of the identity is the
+//! author of its edits.
 
 mod admission;
 mod admit;

@@ -180,7 +180,7 @@ fn write(path: &Path, entries: &[TokenEntry]) -> Result<(), TokenFileError> {
     written.map_err(|source| TokenFileError::File { path: path.to_owned(), source })
 }
 
-/// Hashes are no secrets, but names are nobody else's business.
+/// The hashes reveal no token, but the names should not be readable by other users of the machine.
 #[cfg(unix)]
 fn private(path: &Path) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;

@@ -68,8 +68,8 @@ impl Views {
         Ok(view)
     }
 
-    /// Makes room: ends the view that was opened without a viewer the longest ago, and that has had
-    /// none since. Single requests open such views, as many as they like.
+    /// Makes room: of the views that never had a viewer, ends the one that was opened first. A
+    /// request without a session may open any number of such views.
     fn retire_unseen(&self, views: &mut HashMap<String, Arc<View>>) -> Result<(), OpenError> {
         let unseen = views.values().filter_map(|view| Some((view.unseen_since()?, view)));
         let oldest = unseen.min_by_key(|(since, _)| *since).map(|(_, view)| Arc::clone(view));
