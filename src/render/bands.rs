@@ -83,30 +83,38 @@ impl Dispatch<'_> {
     /// whether to continue. The next band is submitted before the present one ends, so that the
     /// adapter never waits. Returns before the last band is done.
     ///
+    /// `rows` counts the rows of the region, from its top, that an earlier call submitted; on return,
+    /// all that were submitted. It is `None` if pixels of a cancelled call are not kept.
+    ///
     /// # Errors
     /// When the adapter refuses a command, or the caller cancels.
     pub(super) fn submit(
         &self,
+        rows: Option<&mut u32>,
         mut finish: impl FnMut(&mut wgpu::CommandEncoder),
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
+        let (is_kept, mut unused) = (rows.is_some(), 0);
+        let rows = rows.unwrap_or(&mut unused);
         let mut before: Option<SubmissionIndex> = None;
         let Region { first: [first_column, top], size: [_, height] } = self.region;
         let at = offset_of!(FrameUniform, first_column) as u64;
         self.gpu.queue.write_buffer(self.uniform, at, bytemuck::bytes_of(&first_column));
-        for band in self.bands.cut(self.region) {
+        for band in self.bands.cut(self.region.below(*rows)) {
             let is_last = band.first_row + band.rows == top + height;
             let submitted = self.submit_band(band, |encoder| {
                 if is_last {
                     finish(encoder);
                 }
             })?;
+            *rows = band.first_row + band.rows - top;
             if let Some(before) = before.replace(submitted) {
                 self.gpu.wait_for(before, "a band")?;
-                watch.band_done()?;
+                watch.band_done(is_kept)?;
             }
         }
-        watch.band_done()
+        // Nothing is left that another picture could go before.
+        watch.band_done(false)
     }
 
     fn submit_band(

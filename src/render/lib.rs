@@ -60,6 +60,7 @@ mod store;
 mod surface;
 mod table_storage;
 mod tables;
+mod target;
 mod texture;
 mod uniform;
 mod upload;

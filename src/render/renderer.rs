@@ -1,7 +1,7 @@
 //! The renderer: owns the device, caches uploads, casts rays and reads the picture back.
 
 use std::ops::ControlFlow;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::bands::{Bands, Dispatch};
 use super::enlarge::enlarged;
@@ -18,11 +18,11 @@ use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use super::slices::SlicePipelines;
 use super::store::{MemoryUse, Store, VolumeLimits};
+use super::target::{CastKey, Target, Unfinished, layers};
 use super::uniform::FrameUniform;
 use super::watch::{Progress, Watch};
 use crate::gpu::{ErrorScope, Gpu, Readback};
 use crate::limits::depth_limits;
-use crate::request_error::RequestError;
 use crate::texture::VoxelFormat;
 use relief_volume::{ContentHash, Volume};
 
@@ -37,18 +37,11 @@ pub struct Renderer {
     sampler: wgpu::Sampler,
     uniform: wgpu::Buffer,
     target: Option<Target>,
+    /// The last picture that was cancelled.
+    unfinished: Option<Unfinished>,
     illuminator: Illuminator,
     /// Made on first use: its shader is slow to compile.
     path_tracer: Option<PathTracer>,
-}
-
-/// Where the rays of a picture of some size write.
-struct Target {
-    pixels: usize,
-    /// Statistics of the last picture.
-    region: Region,
-    color: Readback,
-    depth: Readback,
 }
 
 impl Renderer {
@@ -85,6 +78,7 @@ impl Renderer {
             sampler,
             uniform,
             target: None,
+            unfinished: None,
             illuminator,
             path_tracer: None,
         })
@@ -135,7 +129,8 @@ impl Renderer {
 
     /// Like [`Renderer::render`]. Calls `goes_on` with the progress after every band, and after
     /// every pass of mode path-traced; it may cancel the picture. Submitted work, at most a band,
-    /// is finished nevertheless.
+    /// is finished nevertheless. An equal request continues the picture that was cancelled last,
+    /// from its rows or passes; its bytes are the same.
     ///
     /// # Errors
     /// As [`Renderer::render`], and [`RenderError::Cancelled`] when `goes_on` breaks off.
@@ -314,7 +309,7 @@ impl Renderer {
     pub fn release(&mut self) {
         self.store.clear();
         self.illuminator.clear(&self.gpu);
-        (self.target, self.path_tracer) = (None, None);
+        (self.target, self.unfinished, self.path_tracer) = (None, None, None);
     }
 
     /// Loses the device as a driver does that is reset: every later picture fails. To test what
@@ -327,6 +322,7 @@ impl Renderer {
     /// Frees the data of a volume: its voxels and its appearances.
     pub fn forget(&mut self, volume: ContentHash) {
         self.store.forget(volume);
+        self.unfinished = self.unfinished.take().filter(|unfinished| unfinished.key.volume != volume);
         self.illuminator.forget(&self.gpu, volume);
         if let Some(tracer) = &mut self.path_tracer {
             tracer.forget(volume);
@@ -345,10 +341,17 @@ impl Renderer {
         request.validate_on(volume.grid())?;
         let start = Instant::now();
         let uploaded = self.store.prepare(&self.gpu, volume, request)? | self.illuminate(volume, request)?;
-        self.make_target(request)?;
         let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
-        let start = Instant::now();
-        self.submit(volume, request, how, watch)?;
+        let (skipping, output) = how;
+        let key = CastKey { volume: volume.content_hash(), request: request.clone(), skipping, output };
+        let (mut rows, spent) = self.make_target(&key)?;
+        let start = Instant::now().checked_sub(spent).unwrap_or_else(Instant::now);
+        let outcome = self.submit(volume, request, how, (&mut rows, watch));
+        if matches!(outcome, Err(RenderError::Cancelled)) {
+            let unfinished = |target| Unfinished { key, target, rows, spent: start.elapsed() };
+            self.unfinished = self.target.take().map(unfinished);
+        }
+        outcome?;
         Ok((start, upload_ms))
     }
 
@@ -362,26 +365,18 @@ impl Renderer {
         self.illuminator.prepare(order)
     }
 
-    fn make_target(&mut self, request: &RenderRequest) -> Result<(), RenderError> {
-        let [width, height] = request.size_px;
-        let pixels = width as usize * height as usize * layers(request);
-        if self.target.as_ref().is_some_and(|target| target.pixels == pixels) {
-            return Ok(());
+    /// Makes the target of a picture. Returns how many rows of its region are rendered already, and
+    /// the time that they took.
+    fn make_target(&mut self, key: &CastKey) -> Result<(u32, Duration), RenderError> {
+        if let Some(unfinished) = self.unfinished.take_if(|unfinished| unfinished.key == *key) {
+            self.target = Some(unfinished.target);
+            return Ok((unfinished.rows, unfinished.spent));
         }
-        let bytes = pixels as u64 * 4;
-        let limit = self.gpu.limits().storage_bytes;
-        if bytes > limit {
-            let allowed = format!("at most {} pixels on this adapter", limit / 4 / layers(request) as u64);
-            let path = "size_px".to_owned();
-            return Err(RequestError { path, found: format!("{width} x {height}"), allowed }.into());
+        if !self.target.as_ref().is_some_and(|target| target.fits(&key.request)) {
+            self.target = None; // frees the old one first
+            self.target = Some(Target::new(&self.gpu, &key.request)?);
         }
-        self.target = None; // frees the old one first
-        let scope = ErrorScope::open(&self.gpu, "a picture");
-        let color = Readback::new(&self.gpu, "colour", bytes);
-        let depth = Readback::new(&self.gpu, "depth", bytes);
-        scope.close()?;
-        self.target = Some(Target { pixels, region: Region::whole(request.size_px), color, depth });
-        Ok(())
+        Ok((0, Duration::ZERO))
     }
 
     /// Records and submits the rays, band after band, and their read-back.
@@ -390,7 +385,7 @@ impl Renderer {
         volume: &Volume,
         request: &RenderRequest,
         (skipping, output): (EmptySpaceSkipping, Output),
-        watch: &mut Watch<'_>,
+        (rows, watch): (&mut u32, &mut Watch<'_>),
     ) -> Result<(), RenderError> {
         let appearance = self.store.appearance();
         let region = match (request.mode, skipping) {
@@ -429,7 +424,7 @@ impl Renderer {
             target.color.record(encoder);
             target.depth.record(encoder);
         };
-        dispatch.submit(read_back, watch)
+        dispatch.submit(Some(rows), read_back, watch)
     }
 
     fn bind(&self, request: &RenderRequest, target: &Target) -> wgpu::BindGroup {
@@ -459,11 +454,6 @@ impl Renderer {
             entries: &entries,
         })
     }
-}
-
-/// The number of pictures of a request: the first layer, and the background layer.
-fn layers(request: &RenderRequest) -> usize {
-    if request.has_back_layer() { 2 } else { 1 }
 }
 
 /// The shader cannot write an infinity portably; it writes the largest power of two for a miss.

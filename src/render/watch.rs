@@ -13,6 +13,8 @@ pub struct Progress {
     pub passes: u32,
     /// Of those, the passes that were there from before.
     pub continued: u32,
+    /// Whether an equal request would continue here, if the picture is cancelled now.
+    pub is_kept: bool,
 }
 
 /// Follows one picture: counts completed work, and asks after every band whether to continue.
@@ -26,9 +28,10 @@ impl<'a> Watch<'a> {
         Self { progress: Progress::default(), goes_on }
     }
 
-    /// One more band is done.
-    pub(super) fn band_done(&mut self) -> Result<(), RenderError> {
+    /// One more band is done. `is_kept` says whether its pixels are kept if the picture is cancelled.
+    pub(super) fn band_done(&mut self, is_kept: bool) -> Result<(), RenderError> {
         self.progress.bands += 1;
+        self.progress.is_kept = is_kept;
         self.ask()
     }
 
@@ -40,6 +43,7 @@ impl<'a> Watch<'a> {
     /// So many passes are done.
     pub(super) fn passes_done(&mut self, passes: u32) -> Result<(), RenderError> {
         self.progress.passes = passes;
+        self.progress.is_kept = true;
         self.ask()
     }
 

@@ -267,7 +267,7 @@ async fn encode_apart(
 ) -> Result<(Bytes, f64), Problem> {
     let frame = Arc::clone(&rendered.frame);
     let since = Instant::now();
-    let encoded = pictures.engine.blocking("encoding", move || encoder(&frame)).await?;
+    let encoded = pictures.engine.encoding(frame.size_px, move || encoder(&frame)).await?;
     let bytes = encoded.map_err(|error| Problem::internal("encoding", error))?;
     Ok((bytes.into(), since.elapsed().as_secs_f64() * 1e3))
 }

@@ -1,12 +1,22 @@
-//! Fair shares: how much of something one caller may hold at a time.
+//! Fair shares between callers: how many requests one caller may have ([`Shares`]), and how many of
+//! its pictures are rendered at a time ([`Turns`]).
 //!
 //! A caller is an identity, or else a network address. Loopback addresses without an identity have
 //! no limit: behind them is the machine's own user, or a proxy that stands for many.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use axum::extract::{Request, State};
+use axum::middleware::Next;
+use axum::response::Response;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::identity::Caller;
+
+/// Pictures of one caller that are rendered or wait for the render thread: one is encoded while the
+/// next one is rendered.
+const PICTURES_AT_ONCE: usize = 2;
 
 /// What callers hold.
 pub(super) struct Shares {
@@ -30,11 +40,7 @@ impl Shares {
     /// # Errors
     /// The limit, when the caller holds as many.
     pub(super) fn take(self: &Arc<Self>, caller: &Caller) -> Result<Option<Share>, usize> {
-        let key = match (&caller.identity, caller.address) {
-            (Some(identity), _) => format!("name {}", identity.name),
-            (None, Some(address)) if !address.is_loopback() => format!("address {address}"),
-            (None, _) => return Ok(None),
-        };
+        let Some(key) = key(caller) else { return Ok(None) };
         let mut held = self.held();
         let count = held.entry(key.clone()).or_default();
         if *count >= self.most {
@@ -62,6 +68,50 @@ impl Drop for Share {
     }
 }
 
+/// What a caller is counted by; `None` for callers without a limit.
+fn key(caller: &Caller) -> Option<String> {
+    match (&caller.identity, caller.address) {
+        (Some(identity), _) => Some(format!("name {}", identity.name)),
+        (None, Some(address)) if !address.is_loopback() => Some(format!("address {address}")),
+        (None, _) => None,
+    }
+}
+
+/// Lets [`PICTURES_AT_ONCE`] pictures of each caller through, and the others wait. So the queue of
+/// the render thread holds a few pictures of each caller, in place of all pictures of one.
+#[derive(Default)]
+pub(super) struct Turns {
+    callers: Mutex<HashMap<String, Weak<Semaphore>>>,
+}
+
+impl Turns {
+    /// Waits for a turn of the caller; `None` for callers without a limit.
+    async fn take(&self, caller: &Caller) -> Option<OwnedSemaphorePermit> {
+        let turns = self.of(key(caller)?);
+        turns.acquire_owned().await.ok() // it is never closed
+    }
+
+    /// The turns of a caller, which exist while one is held or waited for.
+    fn of(&self, key: String) -> Arc<Semaphore> {
+        // The value is whole between statements, so a panic elsewhere leaves it usable.
+        let mut callers = self.callers.lock().unwrap_or_else(PoisonError::into_inner);
+        callers.retain(|_, turns| turns.strong_count() > 0);
+        let known = callers.get(&key).and_then(Weak::upgrade);
+        known.unwrap_or_else(|| {
+            let turns = Arc::new(Semaphore::new(PICTURES_AT_ONCE));
+            callers.insert(key, Arc::downgrade(&turns));
+            turns
+        })
+    }
+}
+
+/// Middleware of routes that render a picture: waits for a turn of the caller.
+pub(super) async fn take_turn(State(turns): State<Arc<Turns>>, request: Request, next: Next) -> Response {
+    let caller = request.extensions().get::<Caller>().cloned().unwrap_or_default();
+    let _turn = turns.take(&caller).await;
+    next.run(request).await
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,5 +128,22 @@ mod tests {
         assert!((0..9).all(|_| matches!(shares.take(&own), Ok(None))));
         drop(first);
         assert!(shares.take(&one).is_ok());
+    }
+
+    /// Invariant: Pictures of one caller wait for each other, and not for those of another caller.
+    #[tokio::test]
+    async fn pictures_of_a_caller_take_turns() {
+        let turns = Turns::default();
+        let caller = |address: &str| Caller { identity: None, address: Some(address.parse().unwrap()) };
+        let (one, other, own) = (caller("192.0.2.1"), caller("192.0.2.2"), caller("::1"));
+        let (first, _second) = (turns.take(&one).await, turns.take(&one).await);
+        assert!(turns.take(&other).await.is_some());
+        assert!(turns.take(&own).await.is_none(), "no limit");
+        let mut third = std::pin::pin!(turns.take(&one));
+        let waited = std::future::poll_fn(|context| std::task::Poll::Ready(third.as_mut().poll(context)));
+        assert!(waited.await.is_pending());
+        drop(first);
+        assert!(third.await.is_some());
+        assert_eq!(turns.callers.lock().unwrap().len(), 2, "the turns of callers that left go with the next");
     }
 }

@@ -13,6 +13,9 @@ use relief_annotation::{Snap, SnapError, Snapped, snap_point};
 use relief_base::{Patient, Point, Vector};
 use relief_volume::Volume;
 
+/// Pixels of a small picture: encoding it takes a few milliseconds at most.
+const SMALL_PX: u64 = 1 << 17;
+
 /// Called with the outcome of every request that was rendered, for metrics.
 pub type RenderObserver = Box<dyn Fn(&Result<Rendered, ServiceError>) + Send + Sync>;
 
@@ -24,6 +27,8 @@ pub struct Engine {
     pub volumes: Volumes,
     /// Permits for blocking work: as many jobs as processors.
     encoders: Arc<Semaphore>,
+    /// One more permit for short work, so that it does not wait for long work.
+    short_work: Arc<Semaphore>,
     observer: RenderObserver,
 }
 
@@ -39,7 +44,8 @@ impl Engine {
     pub fn new(service: Arc<RenderService>, memory_bytes: u64, observer: RenderObserver) -> Self {
         let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
         let encoders = Arc::new(Semaphore::new(cores));
-        Self { service, volumes: Volumes::within(memory_bytes), encoders, observer }
+        let short_work = Arc::new(Semaphore::new(1));
+        Self { service, volumes: Volumes::within(memory_bytes), encoders, short_work, observer }
     }
 
     /// A volume with its voxels, which are read again after an eviction.
@@ -73,6 +79,25 @@ impl Engine {
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, JobError> {
         on_blocking_thread(self.permit(what).await?, what, job).await
+    }
+
+    /// Encodes a picture of this size on a blocking thread when a permit is free. A small picture
+    /// need not wait until large ones are encoded.
+    ///
+    /// # Errors
+    /// [`JobError`].
+    pub async fn encoding<T: Send + 'static>(
+        &self,
+        [width, height]: [u32; 2],
+        job: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, JobError> {
+        const WHAT: &str = "encoding";
+        let is_small = u64::from(width) * u64::from(height) <= SMALL_PX;
+        let permit = match Arc::clone(&self.short_work).try_acquire_owned() {
+            Ok(permit) if is_small => permit,
+            _ => self.permit(WHAT).await?,
+        };
+        on_blocking_thread(permit, WHAT, job).await
     }
 
     /// Moves a point to the nearest feature of the volume; `ray` is the line of sight through it.

@@ -3,8 +3,8 @@
 //! One thread owns the backend, because a device must be used by one thread at a time. Requests
 //! wait in a bounded queue; a request beyond the limit is refused. A request whose ticket was
 //! dropped is skipped, or cancelled if it is being rendered. Small pictures go before large ones
-//! (see `waiting`), and a path-traced picture makes room for much smaller ones between two passes:
-//! it goes on with the passes that are done. A backend that failed is made anew, and the request
+//! (see `waiting`), and a large one makes room for much smaller ones between two bands or passes: it
+//! is continued where it was interrupted. A backend that failed is made anew, and the request
 //! that met the failure is tried once more. Forgetting a volume uses the same queue and is never
 //! refused, because it frees memory.
 
@@ -23,7 +23,7 @@ use super::healing::Healing;
 use super::ticket::{Ticket, TicketSender, pair};
 use super::waiting::{Waiting, WaitingJobs};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
-use relief_render::{MemoryUse, Mode, Progress, RenderRequest, RenderedFrame, Timings};
+use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame, Timings};
 use relief_volume::{ContentHash, Grid, Volume};
 
 /// How much a service keeps.
@@ -371,8 +371,7 @@ fn render(
     let mut goes_on = |progress: Progress| {
         shared.bands.fetch_add(progress.bands - last.bands, Ordering::Relaxed);
         tracing::trace!(bands = progress.bands, passes = progress.passes, "rendered a band");
-        // Passes that are done are kept, so nothing is lost between two of them.
-        if mode == Mode::PathTraced && progress.passes > last.passes {
+        if progress.is_kept {
             take_all(jobs, waiting, shared);
             is_interrupted = waiting.shortest_ms().is_some_and(|shortest| next.yields_to(shortest));
         }

@@ -83,8 +83,8 @@ fn a_cancelled_picture_ends_with_its_band_and_harms_no_later_one() {
         };
         renderer.render_watched(&volume, &self::request(&volume, cast), &mut counts).unwrap();
         assert!(rows > 3 && rows < TILE_ROWS, "{rows} rows of tiles");
-        renderer.forget(volume.content_hash());
         for last in [1, 3, rows + 2] {
+            renderer.forget(volume.content_hash());
             let mut asked = Vec::new();
             let mut goes_on = |progress: Progress| {
                 asked.push(progress.bands);
@@ -102,5 +102,49 @@ fn a_cancelled_picture_ends_with_its_band_and_harms_no_later_one() {
         let again = renderer.render(&volume, &request).unwrap();
         renderer.set_band_pixels(1 << 16);
         assert_same(&again, &whole, json);
+    }
+}
+
+/// Invariant: A picture that was cancelled is continued by an equal request, with others between, and
+/// has the bytes of one that was not.
+#[test]
+fn a_cancelled_picture_is_continued_and_has_the_same_bytes() {
+    let Some(mut renderer) = renderer("a_cancelled_picture_is_continued") else { return };
+    let volume = common::volume(PhantomKind::Head, 64);
+    let base = request(&volume, r#"{"transfer": "skin"}"#);
+    let mut requests: Vec<_> = Mode::RAYS.map(|mode| in_mode(mode, base.clone())).to_vec();
+    requests.push(RenderRequest { depth: DepthRule::TwoLayer { fraction: 0.5 }, ..base.clone() });
+    requests.push(slice(&volume));
+    let other = RenderRequest { background_rgb: [1.0, 0.0, 0.0], ..base };
+    renderer.set_band_pixels(1);
+    for request in requests {
+        let what = format!("{:?}", request.mode);
+        let mut whole_bands = 0;
+        let mut counts = |progress: Progress| {
+            whole_bands = progress.bands;
+            ControlFlow::Continue(())
+        };
+        let whole = renderer.render_watched(&volume, &request, &mut counts).unwrap();
+        let (mut bands, mut interruptions) = (0, 0);
+        let continued = loop {
+            let mut done = 0;
+            let mut goes_on = |progress: Progress| {
+                done = progress.bands;
+                if progress.is_kept { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
+            let outcome = renderer.render_watched(&volume, &request, &mut goes_on);
+            bands += done;
+            match outcome {
+                Ok(frame) => break frame,
+                Err(RenderError::Cancelled) => interruptions += 1,
+                Err(error) => panic!("{what}: {error}"),
+            }
+            assert!(interruptions < TILE_ROWS, "{what} comes to no end");
+            renderer.render(&volume, &other).unwrap();
+        };
+        assert_same(&continued, &whole, &what);
+        assert!(interruptions > 1, "{what}: {interruptions} interruptions");
+        // Each interruption leaves a band that was submitted and not counted; one row may come twice.
+        assert!(bands + interruptions <= whole_bands + 1, "{what}: {bands} of {whole_bands} bands");
     }
 }

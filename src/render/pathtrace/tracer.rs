@@ -140,7 +140,7 @@ impl PathTracer {
                     sums.picture.record(encoder);
                 }
             };
-            dispatch.submit(read_back, watch)?;
+            dispatch.submit(None, read_back, watch)?;
             gpu.wait("a pass of paths")?;
             sums.passes = passes;
             watch.passes_done(passes)?;

@@ -1,0 +1,77 @@
+//! The buffers that the rays of a picture write, and pictures that were cancelled between two bands.
+
+use std::time::Duration;
+
+use super::error::RenderError;
+use super::pipelines::Output;
+use super::region::Region;
+use super::request::RenderRequest;
+use super::skipping::EmptySpaceSkipping;
+use crate::gpu::{ErrorScope, Gpu, Readback};
+use crate::request_error::RequestError;
+use relief_volume::ContentHash;
+
+/// The buffers for pictures of some number of pixels.
+pub(super) struct Target {
+    /// Pixels of all layers.
+    pixels: usize,
+    /// The part of the last picture that rays can hit.
+    pub(super) region: Region,
+    pub(super) color: Readback,
+    pub(super) depth: Readback,
+}
+
+impl Target {
+    /// # Errors
+    /// When the adapter has no buffers of that size, or too little memory.
+    pub(super) fn new(gpu: &Gpu, request: &RenderRequest) -> Result<Self, RenderError> {
+        let [width, height] = request.size_px;
+        let pixels = pixels(request);
+        let bytes = pixels as u64 * 4;
+        let limit = gpu.limits().storage_bytes;
+        if bytes > limit {
+            let allowed = format!("at most {} pixels on this adapter", limit / 4 / layers(request) as u64);
+            let path = "size_px".to_owned();
+            return Err(RequestError { path, found: format!("{width} x {height}"), allowed }.into());
+        }
+        let scope = ErrorScope::open(gpu, "a picture");
+        let color = Readback::new(gpu, "colour", bytes);
+        let depth = Readback::new(gpu, "depth", bytes);
+        scope.close()?;
+        Ok(Self { pixels, region: Region::whole(request.size_px), color, depth })
+    }
+
+    /// Whether it has the size that the request needs.
+    pub(super) fn fits(&self, request: &RenderRequest) -> bool {
+        self.pixels == pixels(request)
+    }
+}
+
+/// Everything that decides the pixels of a cast.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct CastKey {
+    pub(super) volume: ContentHash,
+    pub(super) request: RenderRequest,
+    pub(super) skipping: EmptySpaceSkipping,
+    pub(super) output: Output,
+}
+
+/// A picture that was cancelled between two bands. An equal request continues it.
+pub(super) struct Unfinished {
+    pub(super) key: CastKey,
+    pub(super) target: Target,
+    /// Rows of its region that are rendered.
+    pub(super) rows: u32,
+    /// Time that they took.
+    pub(super) spent: Duration,
+}
+
+/// The number of pictures of a request: the first layer, and the background layer.
+pub(super) fn layers(request: &RenderRequest) -> usize {
+    if request.has_back_layer() { 2 } else { 1 }
+}
+
+fn pixels(request: &RenderRequest) -> usize {
+    let [width, height] = request.size_px;
+    width as usize * height as usize * layers(request)
+}
