@@ -144,6 +144,6 @@ mod tests {
         assert!(waited.await.is_pending());
         drop(first);
         assert!(third.await.is_some());
-        assert_eq!(turns.callers.lock().unwrap().len(), 2, "the turns of callers that left go with the next");
+        assert_eq!(turns.callers.lock().unwrap().len(), 1, "nothing is kept of a caller that left");
     }
 }
