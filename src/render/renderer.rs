@@ -113,7 +113,7 @@ impl Renderer {
 
     /// Sets the approximate number of pixels of a band, at least a whole row of tiles; a picture
     /// can be cancelled between bands. The bytes do not depend on it. By default, software adapters
-    /// have 2^15 for each core, others 2^22, and fewer where rays are long.
+    /// have 2^13 for each core, others 2^22, and fewer where rays are long.
     pub fn set_band_pixels(&mut self, pixels: u32) {
         self.bands = Bands::of_pixels(pixels);
     }

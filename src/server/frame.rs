@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use axum::Json;
 use axum::body::{Body, Bytes};
-use axum::extract::{Path, State};
+use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
@@ -45,24 +45,22 @@ static SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
 /// The routes of a product: a scene in the query of a GET or in the body of a POST.
 pub(super) fn routes(product: Product) -> MethodRouter<AppState> {
-    let by_query = move |State(pictures): State<Pictures>,
-                         Path(id): Path<String>,
-                         uri: Uri,
-                         headers: HeaderMap| async move {
+    let by_query = move |pictures: Pictures, Path(id): Path<String>, uri: Uri, headers: HeaderMap| async move {
         by_query(&pictures, &id, &uri, &headers, product).await
     };
-    let by_body =
-        move |State(pictures): State<Pictures>,
-              Path(id): Path<String>,
-              uri: Uri,
-              headers: HeaderMap,
-              body: Body| async move { by_body(&pictures, &id, &uri, &headers, body, product).await };
+    let by_body = move |pictures: Pictures,
+                        Path(id): Path<String>,
+                        uri: Uri,
+                        headers: HeaderMap,
+                        body: Body| async move {
+        by_body(&pictures, &id, &uri, &headers, body, product).await
+    };
     get(by_query).post(by_body)
 }
 
 /// A slice, by its query.
 pub(super) async fn get_slice(
-    State(pictures): State<Pictures>,
+    pictures: Pictures,
     Path(id): Path<String>,
     uri: Uri,
     headers: HeaderMap,
@@ -73,7 +71,7 @@ pub(super) async fn get_slice(
 }
 
 pub(super) async fn get_pick(
-    State(pictures): State<Pictures>,
+    pictures: Pictures,
     Path(id): Path<String>,
     uri: Uri,
     headers: HeaderMap,
@@ -90,7 +88,7 @@ pub(super) async fn get_pick(
 }
 
 pub(super) async fn post_pick(
-    State(pictures): State<Pictures>,
+    pictures: Pictures,
     Path(id): Path<String>,
     uri: Uri,
     headers: HeaderMap,
@@ -244,7 +242,8 @@ pub(super) async fn answer_as(
 
 async fn render(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene) -> Result<Rendered, Problem> {
     let volume = pictures.engine.voxels(entry).await?;
-    let ticket = pictures.engine.service.render(&volume, scene.request.clone());
+    let _turn = pictures.turns.take(pictures.caller.as_ref()).await;
+    let ticket = pictures.engine.service.render_for(pictures.caller.clone(), &volume, scene.request.clone());
     drop(volume); // the order has its own
     let outcome = match ticket {
         Ok(ticket) => ticket.await,

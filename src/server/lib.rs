@@ -72,7 +72,6 @@ use tower_http::catch_panic::CatchPanicLayer;
 
 use problem::Problem;
 use relief_session::Product;
-use shares::Turns;
 use state::AppState;
 
 /// A header name, for [`TrustedProxy`].
@@ -108,8 +107,8 @@ pub fn probes(server: Arc<Server>) -> Router {
 pub fn app(server: Arc<Server>) -> Router {
     let state = AppState(server);
     let gate = from_fn_with_state(state.clone(), identity::admit_data);
-    let turns = from_fn_with_state(Arc::<Turns>::default(), shares::take_turn);
-    let pictures = Router::new()
+    let bounded = Router::new()
+        .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
         .route("/v1/volumes/{id}/frame", frame::routes(Product::Frame))
         .route("/v1/volumes/{id}/depth", frame::routes(Product::Depth))
         .route("/v1/volumes/{id}/slice", get(frame::get_slice))
@@ -118,10 +117,6 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/studies/{study}/series/{series}/rendered3D", get(dicomweb::rendered_3d))
         .route("/studies/{study}/series/{series}/rendered3d", get(dicomweb::rendered_3d))
         .route("/studies/{study}/series/{series}/renderedmpr", get(dicomweb::rendered_mpr))
-        .layer(turns);
-    let bounded = Router::new()
-        .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
-        .merge(pictures)
         .route("/v1/session", get(live::connect))
         .route("/v1/session/ticket", post(identity::ticket))
         .route("/v1/session/{view}/mjpeg", get(live::mjpeg))

@@ -7,27 +7,24 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-use axum::extract::{Request, State};
-use axum::middleware::Next;
-use axum::response::Response;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::identity::Caller;
 
-/// Pictures of one caller that are rendered or wait for the render thread: one is encoded while the
-/// next one is rendered.
+/// Pictures of one caller that wait for the render thread or are rendered: the next one is there
+/// when one is done.
 const PICTURES_AT_ONCE: usize = 2;
 
 /// What callers hold.
 pub(super) struct Shares {
     most: usize,
-    held: Mutex<HashMap<String, usize>>,
+    held: Mutex<HashMap<Arc<str>, usize>>,
 }
 
 /// One unit of a caller's share, until it is dropped.
 pub(super) struct Share {
     shares: Arc<Shares>,
-    key: String,
+    key: Arc<str>,
 }
 
 impl Shares {
@@ -42,7 +39,7 @@ impl Shares {
     pub(super) fn take(self: &Arc<Self>, caller: &Caller) -> Result<Option<Share>, usize> {
         let Some(key) = key(caller) else { return Ok(None) };
         let mut held = self.held();
-        let count = held.entry(key.clone()).or_default();
+        let count = held.entry(Arc::clone(&key)).or_default();
         if *count >= self.most {
             return Err(self.most);
         }
@@ -51,7 +48,7 @@ impl Shares {
     }
 
     /// The value is whole between statements, so a panic elsewhere leaves it usable.
-    fn held(&self) -> MutexGuard<'_, HashMap<String, usize>> {
+    fn held(&self) -> MutexGuard<'_, HashMap<Arc<str>, usize>> {
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -69,47 +66,40 @@ impl Drop for Share {
 }
 
 /// What a caller is counted by; `None` for callers without a limit.
-fn key(caller: &Caller) -> Option<String> {
+pub(super) fn key(caller: &Caller) -> Option<Arc<str>> {
     match (&caller.identity, caller.address) {
-        (Some(identity), _) => Some(format!("name {}", identity.name)),
-        (None, Some(address)) if !address.is_loopback() => Some(format!("address {address}")),
+        (Some(identity), _) => Some(format!("name {}", identity.name).into()),
+        (None, Some(address)) if !address.is_loopback() => Some(format!("address {address}").into()),
         (None, _) => None,
     }
 }
 
-/// Lets [`PICTURES_AT_ONCE`] pictures of each caller through, and the others wait. So the queue of
-/// the render thread holds a few pictures of each caller, in place of all pictures of one.
+/// Lets [`PICTURES_AT_ONCE`] pictures of each caller into the queue of the render thread, and the
+/// others wait. So one caller cannot fill the queue.
 #[derive(Default)]
 pub(super) struct Turns {
-    callers: Mutex<HashMap<String, Weak<Semaphore>>>,
+    callers: Mutex<HashMap<Arc<str>, Weak<Semaphore>>>,
 }
 
 impl Turns {
-    /// Waits for a turn of the caller; `None` for callers without a limit.
-    async fn take(&self, caller: &Caller) -> Option<OwnedSemaphorePermit> {
-        let turns = self.of(key(caller)?);
+    /// Waits for a turn of the caller with this [`key`]; `None` for callers without a limit.
+    pub(super) async fn take(&self, key: Option<&Arc<str>>) -> Option<OwnedSemaphorePermit> {
+        let turns = self.of(key?);
         turns.acquire_owned().await.ok() // it is never closed
     }
 
     /// The turns of a caller, which exist while one is held or waited for.
-    fn of(&self, key: String) -> Arc<Semaphore> {
+    fn of(&self, key: &Arc<str>) -> Arc<Semaphore> {
         // The value is whole between statements, so a panic elsewhere leaves it usable.
         let mut callers = self.callers.lock().unwrap_or_else(PoisonError::into_inner);
         callers.retain(|_, turns| turns.strong_count() > 0);
-        let known = callers.get(&key).and_then(Weak::upgrade);
+        let known = callers.get(key).and_then(Weak::upgrade);
         known.unwrap_or_else(|| {
             let turns = Arc::new(Semaphore::new(PICTURES_AT_ONCE));
-            callers.insert(key, Arc::downgrade(&turns));
+            callers.insert(Arc::clone(key), Arc::downgrade(&turns));
             turns
         })
     }
-}
-
-/// Middleware of routes that render a picture: waits for a turn of the caller.
-pub(super) async fn take_turn(State(turns): State<Arc<Turns>>, request: Request, next: Next) -> Response {
-    let caller = request.extensions().get::<Caller>().cloned().unwrap_or_default();
-    let _turn = turns.take(&caller).await;
-    next.run(request).await
 }
 
 #[cfg(test)]
@@ -134,12 +124,15 @@ mod tests {
     #[tokio::test]
     async fn pictures_of_a_caller_take_turns() {
         let turns = Turns::default();
-        let caller = |address: &str| Caller { identity: None, address: Some(address.parse().unwrap()) };
-        let (one, other, own) = (caller("192.0.2.1"), caller("192.0.2.2"), caller("::1"));
-        let (first, _second) = (turns.take(&one).await, turns.take(&one).await);
-        assert!(turns.take(&other).await.is_some());
-        assert!(turns.take(&own).await.is_none(), "no limit");
-        let mut third = std::pin::pin!(turns.take(&one));
+        let keys = ["192.0.2.1", "192.0.2.2", "::1"].map(|address| {
+            let address = Some(address.parse().unwrap());
+            key(&Caller { identity: None, address })
+        });
+        let [one, other, own] = keys.each_ref().map(Option::as_ref);
+        let (first, _second) = (turns.take(one).await, turns.take(one).await);
+        assert!(turns.take(other).await.is_some());
+        assert!(turns.take(own).await.is_none(), "no limit");
+        let mut third = std::pin::pin!(turns.take(one));
         let waited = std::future::poll_fn(|context| std::task::Poll::Ready(third.as_mut().poll(context)));
         assert!(waited.await.is_pending());
         drop(first);

@@ -1,12 +1,14 @@
 //! The parts of a server. Handlers extract the parts that they need from the router's state, never
 //! the whole server.
 
+use std::convert::Infallible;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use axum::extract::FromRef;
+use axum::extract::{FromRef, FromRequestParts};
+use axum::http::request::Parts;
 use tokio::sync::Semaphore;
 
 use super::annotation_service::Annotations;
@@ -14,7 +16,7 @@ use super::audit::AuditLog;
 use super::identity::{Admission, Tickets};
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
-use super::shares::Shares;
+use super::shares::{self, Shares, Turns};
 use relief_base::Budget;
 use relief_exchange::{Format, Imported, ReadContext};
 use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeReader};
@@ -163,6 +165,7 @@ pub struct Server {
     pub(super) annotations: Option<Arc<Annotations>>,
     pub(super) tickets: Arc<Tickets>,
     pub(super) requests: Arc<Shares>,
+    turns: Arc<Turns>,
     pub(super) audit: Option<Arc<AuditLog>>,
     started: Started,
 }
@@ -183,13 +186,38 @@ pub(super) struct Uploads {
     pub(super) turn: Arc<Semaphore>,
 }
 
-/// The parts that answer with pictures.
+/// The parts that answer with pictures, and who asks for one.
 #[derive(Clone)]
 pub(super) struct Pictures {
     pub(super) config: Arc<Config>,
     pub(super) engine: Arc<Engine>,
     pub(super) metrics: Arc<Metrics>,
     pub(super) annotations: Option<Arc<Annotations>>,
+    pub(super) turns: Arc<Turns>,
+    /// What the caller is counted by.
+    pub(super) caller: Option<Arc<str>>,
+}
+
+impl Pictures {
+    /// The parts, for the request with this head.
+    pub(super) fn new(AppState(server): &AppState, head: &Parts) -> Self {
+        Self {
+            config: Arc::clone(&server.config),
+            engine: Arc::clone(&server.engine),
+            metrics: Arc::clone(&server.metrics),
+            annotations: server.annotations.clone(),
+            turns: Arc::clone(&server.turns),
+            caller: head.extensions.get().and_then(shares::key),
+        }
+    }
+}
+
+impl FromRequestParts<AppState> for Pictures {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(head: &mut Parts, state: &AppState) -> Result<Self, Infallible> {
+        Ok(Self::new(state, head))
+    }
 }
 
 /// The parts of a live session.
@@ -228,17 +256,6 @@ parts! {
     Started = started,
 }
 
-impl FromRef<AppState> for Pictures {
-    fn from_ref(AppState(server): &AppState) -> Self {
-        Self {
-            config: Arc::clone(&server.config),
-            engine: Arc::clone(&server.engine),
-            metrics: Arc::clone(&server.metrics),
-            annotations: server.annotations.clone(),
-        }
-    }
-}
-
 impl FromRef<AppState> for LiveParts {
     fn from_ref(AppState(server): &AppState) -> Self {
         Self {
@@ -272,6 +289,7 @@ impl Server {
             annotations: None,
             tickets: Arc::default(),
             requests: Arc::new(Shares::new(config.requests_per_caller)),
+            turns: Arc::default(),
             audit: None,
             started: Started(Instant::now()),
             config: Arc::new(config),

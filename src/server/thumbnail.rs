@@ -3,7 +3,7 @@
 //! They are frames like any other: rendered in the same queue, named by the same tags, remembered
 //! as shortly.
 
-use axum::extract::{Path, State};
+use axum::extract::Path;
 use axum::http::{HeaderMap, Method, StatusCode, Uri};
 use axum::response::Response;
 
@@ -19,7 +19,7 @@ use relief_volume::{PRESETS, preset};
 const FORMATS: [FileFormat; 2] = [FileFormat::Png, FileFormat::Jpeg];
 
 pub(super) async fn thumbnail(
-    State(pictures): State<Pictures>,
+    pictures: Pictures,
     Path((id, name)): Path<(String, String)>,
     uri: Uri,
     headers: HeaderMap,

@@ -27,7 +27,7 @@ pub struct Engine {
     pub volumes: Volumes,
     /// Permits for blocking work: as many jobs as processors.
     encoders: Arc<Semaphore>,
-    /// One more permit for short work, so that it does not wait for long work.
+    /// Permits for short work, which must not wait for long work.
     short_work: Arc<Semaphore>,
     observer: RenderObserver,
 }
@@ -44,7 +44,7 @@ impl Engine {
     pub fn new(service: Arc<RenderService>, memory_bytes: u64, observer: RenderObserver) -> Self {
         let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
         let encoders = Arc::new(Semaphore::new(cores));
-        let short_work = Arc::new(Semaphore::new(1));
+        let short_work = Arc::new(Semaphore::new(cores));
         Self { service, volumes: Volumes::within(memory_bytes), encoders, short_work, observer }
     }
 
@@ -81,8 +81,8 @@ impl Engine {
         on_blocking_thread(self.permit(what).await?, what, job).await
     }
 
-    /// Encodes a picture of this size on a blocking thread when a permit is free. A small picture
-    /// need not wait until large ones are encoded.
+    /// Encodes a picture of this size on a blocking thread when a permit is free. Small pictures do
+    /// not wait until large ones are encoded.
     ///
     /// # Errors
     /// [`JobError`].
@@ -93,11 +93,9 @@ impl Engine {
     ) -> Result<T, JobError> {
         const WHAT: &str = "encoding";
         let is_small = u64::from(width) * u64::from(height) <= SMALL_PX;
-        let permit = match Arc::clone(&self.short_work).try_acquire_owned() {
-            Ok(permit) if is_small => permit,
-            _ => self.permit(WHAT).await?,
-        };
-        on_blocking_thread(permit, WHAT, job).await
+        let permits = if is_small { &self.short_work } else { &self.encoders };
+        let permit = Arc::clone(permits).acquire_owned().await;
+        on_blocking_thread(permit.map_err(|_| JobError::Closed { what: WHAT })?, WHAT, job).await
     }
 
     /// Moves a point to the nearest feature of the volume; `ray` is the line of sight through it.

@@ -92,6 +92,8 @@ pub(super) struct RenderJob {
     volume: Volume,
     key: FrameKey,
     pub(super) promise: TicketSender,
+    /// Who asked for it; `None` is a caller of its own.
+    pub(super) caller: Option<Arc<str>>,
     pub(super) since: Instant,
     /// The request that waits for it.
     span: tracing::Span,
@@ -139,6 +141,20 @@ impl RenderService {
     /// [`ServiceError::Busy`] when the queue is full, [`ServiceError::Stopped`] when the thread has
     /// ended.
     pub fn render(&self, volume: &Volume, request: RenderRequest) -> Result<Ticket, ServiceError> {
+        self.render_for(None, volume, request)
+    }
+
+    /// Orders a picture for a caller, as [`Self::render`]. The time of the render thread is shared
+    /// out fairly among callers that wait.
+    ///
+    /// # Errors
+    /// Those of [`Self::render`].
+    pub fn render_for(
+        &self,
+        caller: Option<Arc<str>>,
+        volume: &Volume,
+        request: RenderRequest,
+    ) -> Result<Ticket, ServiceError> {
         let key = FrameKey { volume: volume.content_hash(), request };
         if let Some(frame) = lock(&self.shared.recent).get(&key) {
             tracing::trace!("reused a recent frame");
@@ -146,7 +162,7 @@ impl RenderService {
         }
         let (ticket, promise) = pair();
         let span = tracing::Span::current();
-        let order = RenderJob { volume: volume.clone(), key, promise, since: Instant::now(), span };
+        let order = RenderJob { volume: volume.clone(), key, promise, caller, since: Instant::now(), span };
         let queue = lock(&self.queue);
         let sender = queue.as_ref().ok_or(ServiceError::Stopped)?;
         // Counted first: the thread may take the order, and count it off, before `send` returns.
@@ -373,16 +389,18 @@ fn render(
         tracing::trace!(bands = progress.bands, passes = progress.passes, "rendered a band");
         if progress.is_kept {
             take_all(jobs, waiting, shared);
-            is_interrupted = waiting.shortest_ms().is_some_and(|shortest| next.yields_to(shortest));
+            is_interrupted = waiting.interrupts(next);
         }
         last = progress;
         *lock(&shared.alive_at) = Some(Instant::now());
         let goes_on = order.promise.is_wanted() && !is_interrupted;
         if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    *lock(&shared.alive_at) = Some(Instant::now());
+    let since = Instant::now();
+    *lock(&shared.alive_at) = Some(since);
     let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
     *lock(&shared.alive_at) = None;
+    waiting.rendered(since.elapsed());
     // Before the answer, because its receiver may read these values.
     *lock(&shared.memory) = backend.memory();
     match &outcome {

@@ -1,21 +1,24 @@
 //! The requests that wait for the render thread, and which of them is next.
 //!
-//! A small picture goes before a large one: the next request is the one with the least expected
-//! time, less twice the time that it has waited. So a large picture waits at most half of its own
-//! time longer than in order of arrival, and a small one does not wait for a queue of large ones.
-//! Requests of equal cost keep their order. Times in ms.
+//! Weighted fair queueing (Demers, Keshav and Shenker, SIGCOMM 1989) with equal weights: the next
+//! request is the one that would be finished first if all callers were served at once, each with an
+//! equal share of the thread. So a small picture does not wait for large ones of others, a caller
+//! who asks for much delays its own pictures first, and each request has its turn in the end. A
+//! request without a caller counts as a caller of its own. Requests that would be finished at the
+//! same time keep their order. Times in ms.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+use std::time::Duration;
 
 use super::service::RenderJob;
 use relief_volume::ContentHash;
 
-/// How much a millisecond of waiting counts against one of rendering.
-const WAITING_COUNTS: f64 = 2.0;
-
 /// A request interrupts a running one only if it is this much shorter.
 const MUCH_SHORTER: f64 = 8.0;
 
-/// How often a picture may be interrupted.
-const MOST_INTERRUPTIONS: u32 = 8;
+/// How often a picture may be interrupted: each time may cost another preparation of its light.
+const MOST_INTERRUPTIONS: u32 = 64;
 
 /// Requests, and volumes to be forgotten when the requests before are done.
 #[derive(Default)]
@@ -23,40 +26,43 @@ pub(super) struct WaitingJobs {
     jobs: Vec<Waiting>,
     forgotten: Vec<(u64, ContentHash)>,
     arrivals: u64,
+    /// The service that a caller who always waits has received.
+    virtual_ms: f64,
+    /// The virtual times at which the requests of callers are finished.
+    finished_ms: HashMap<Arc<str>, f64>,
 }
 
 /// A request and how long it is expected to take.
 pub(super) struct Waiting {
     pub(super) job: RenderJob,
     pub(super) expected_ms: f64,
-    /// How often it was interrupted.
-    pub(super) interruptions: u32,
     /// Whether it met a failure of the backend already.
     pub(super) was_retried: bool,
+    /// How often it was interrupted.
+    interruptions: u32,
+    /// The virtual time at which it is finished.
+    finish_ms: f64,
     arrival: u64,
-}
-
-impl Waiting {
-    /// Whether a request of this expected time may interrupt this one.
-    pub(super) fn yields_to(&self, expected_ms: f64) -> bool {
-        self.interruptions < MOST_INTERRUPTIONS && expected_ms * MUCH_SHORTER < self.expected_ms
-    }
-
-    fn score(&self) -> f64 {
-        self.expected_ms - WAITING_COUNTS * self.job.since.elapsed().as_secs_f64() * 1e3
-    }
 }
 
 impl WaitingJobs {
     /// Adds a request.
     pub(super) fn push(&mut self, job: RenderJob, expected_ms: f64) {
         self.arrivals += 1;
+        let mut finish_ms = self.virtual_ms + expected_ms;
+        if let Some(caller) = &job.caller {
+            let (now_ms, before) = (self.virtual_ms, self.finished_ms.get(caller));
+            finish_ms = before.map_or(now_ms, |before_ms| before_ms.max(now_ms)) + expected_ms;
+            self.finished_ms.insert(Arc::clone(caller), finish_ms);
+        }
+        let arrival = self.arrivals;
         self.jobs.push(Waiting {
             job,
             expected_ms,
-            interruptions: 0,
             was_retried: false,
-            arrival: self.arrivals,
+            interruptions: 0,
+            finish_ms,
+            arrival,
         });
     }
 
@@ -77,9 +83,29 @@ impl WaitingJobs {
 
     /// Takes the next request.
     pub(super) fn pop(&mut self) -> Option<Waiting> {
-        let scores = self.jobs.iter().map(|waiting| (waiting.score(), waiting.arrival));
-        let least = scores.enumerate().min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        least.map(|(at, _)| self.jobs.swap_remove(at))
+        let ends = self.jobs.iter().map(|waiting| (waiting.finish_ms, waiting.arrival));
+        let first = ends.enumerate().min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        first.map(|(at, _)| self.jobs.swap_remove(at))
+    }
+
+    /// Shares out the time that a request was rendered among those who waited.
+    pub(super) fn rendered(&mut self, took: Duration) {
+        let named: HashSet<&str> =
+            self.jobs.iter().filter_map(|waiting| waiting.job.caller.as_deref()).collect();
+        let unnamed = self.jobs.iter().filter(|waiting| waiting.job.caller.is_none()).count();
+        let callers = 1 + named.len() + unnamed; // the one whose request was rendered, too
+        self.virtual_ms += took.as_secs_f64() * 1e3 / callers as f64;
+        self.finished_ms.retain(|_, finish_ms| *finish_ms > self.virtual_ms);
+    }
+
+    /// Whether a request goes before the rest of the running one.
+    pub(super) fn interrupts(&self, running: &Waiting) -> bool {
+        let goes_before = |waiting: &Waiting| {
+            waiting.expected_ms * MUCH_SHORTER < running.expected_ms
+                && waiting.finish_ms < running.finish_ms
+                && waiting.job.promise.is_wanted()
+        };
+        running.interruptions < MOST_INTERRUPTIONS && self.jobs.iter().any(goes_before)
     }
 
     /// Takes the volumes whose requests are all done.
@@ -89,12 +115,6 @@ impl WaitingJobs {
         self.forgotten = rest;
         let done: Vec<(u64, ContentHash)> = done;
         done.into_iter().map(|(_, volume)| volume).collect()
-    }
-
-    /// The least expected time of a request that somebody waits for.
-    pub(super) fn shortest_ms(&self) -> Option<f64> {
-        let wanted = self.jobs.iter().filter(|waiting| waiting.job.promise.is_wanted());
-        wanted.map(|waiting| waiting.expected_ms).min_by(f64::total_cmp)
     }
 
     /// Whether nothing waits.

@@ -36,7 +36,7 @@ impl FromRequestParts<AppState> for EditRequest {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, state: &AppState) -> Result<Self, Problem> {
-        let pictures = Pictures::from_ref(state);
+        let pictures = Pictures::new(state, parts);
         let annotations = Arc::clone(of(pictures.annotations.as_ref())?);
         let path = RawPathParams::from_request_parts(parts, state).await;
         let path = path.map_err(|error| {

@@ -11,7 +11,7 @@
 mod parameters;
 mod rendering;
 
-use axum::extract::{Path, State};
+use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 
@@ -36,7 +36,7 @@ type Target = Path<(String, String)>;
 
 /// A parallel projection of the series.
 pub(super) async fn rendered_3d(
-    State(pictures): State<Pictures>,
+    pictures: Pictures,
     Path((study, series)): Target,
     uri: Uri,
     headers: HeaderMap,
@@ -46,7 +46,7 @@ pub(super) async fn rendered_3d(
 
 /// A slice or slab of the series.
 pub(super) async fn rendered_mpr(
-    State(pictures): State<Pictures>,
+    pictures: Pictures,
     Path((study, series)): Target,
     uri: Uri,
     headers: HeaderMap,
