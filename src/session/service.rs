@@ -318,22 +318,22 @@ fn forget(backend: &mut impl RenderBackend, volume: ContentHash, shared: &Servic
 /// Answers one order, from the recent frames if it can. An interrupted one waits again.
 fn answer(
     backend: &mut impl RenderBackend,
-    next: Waiting,
+    mut next: Waiting,
     (jobs, healing): (&Receiver<Job>, &mut Healing),
     waiting: &mut WaitingJobs,
     shared: &ServiceState,
 ) {
+    let _request = next.job.span.clone().entered();
     let order = &next.job;
-    let _request = order.span.clone().entered();
     let left = || shared.waiting.fetch_sub(1, Ordering::Relaxed);
     if !order.promise.is_wanted() {
         left();
         shared.skipped.fetch_add(1, Ordering::Relaxed);
         tracing::debug!("skipped the frame: its client left");
-        return;
+        return waiting.ended(&next);
     }
     let queue_ms = order.since.elapsed().as_secs_f64() * 1e3;
-    tracing::trace!(queue_ms, "left the queue");
+    tracing::trace!(queue_ms, expected_ms = next.expected_ms, "left the queue");
     // An equal order may have been rendered while this one waited.
     let recent = lock(&shared.recent).get(&order.key);
     let outcome = match recent {
@@ -343,7 +343,10 @@ fn answer(
         }
         None => {
             left();
-            match render(backend, &next, jobs, waiting, shared) {
+            let since = Instant::now();
+            let rendered = render(backend, &next, jobs, waiting, shared);
+            waiting.rendered(&mut next, since.elapsed());
+            match rendered {
                 Ok(None) => {
                     tracing::trace!("made room for a smaller picture");
                     shared.waiting.fetch_add(1, Ordering::Relaxed);
@@ -351,7 +354,7 @@ fn answer(
                 }
                 Ok(Some(frame)) => {
                     let frame = Arc::new(frame);
-                    lock(&shared.recent).put(order.key.clone(), Arc::clone(&frame));
+                    lock(&shared.recent).put(next.job.key.clone(), Arc::clone(&frame));
                     Ok(Rendered { frame, queue_ms, origin: Origin::Rendered })
                 }
                 Err(ServiceError::Backend(BackendError::Failed(error))) => {
@@ -368,6 +371,7 @@ fn answer(
             }
         }
     };
+    waiting.ended(&next);
     next.job.promise.keep(outcome);
 }
 
@@ -396,11 +400,9 @@ fn render(
         let goes_on = order.promise.is_wanted() && !is_interrupted;
         if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    let since = Instant::now();
-    *lock(&shared.alive_at) = Some(since);
+    *lock(&shared.alive_at) = Some(Instant::now());
     let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
     *lock(&shared.alive_at) = None;
-    waiting.rendered(since.elapsed());
     // Before the answer, because its receiver may read these values.
     *lock(&shared.memory) = backend.memory();
     match &outcome {

@@ -20,6 +20,10 @@ const MUCH_SHORTER: f64 = 8.0;
 /// How often a picture may be interrupted: each time may cost another preparation of its light.
 const MOST_INTERRUPTIONS: u32 = 64;
 
+/// A request is charged at most this many times its expected time: it may have compiled a shader or
+/// uploaded a volume, for all callers.
+const MOST_CHARGE: f64 = 4.0;
+
 /// Requests, and volumes to be forgotten when the requests before are done.
 #[derive(Default)]
 pub(super) struct WaitingJobs {
@@ -40,6 +44,8 @@ pub(super) struct Waiting {
     pub(super) was_retried: bool,
     /// How often it was interrupted.
     interruptions: u32,
+    /// Time that it was rendered.
+    spent_ms: f64,
     /// The virtual time at which it is finished.
     finish_ms: f64,
     arrival: u64,
@@ -61,6 +67,7 @@ impl WaitingJobs {
             expected_ms,
             was_retried: false,
             interruptions: 0,
+            spent_ms: 0.0,
             finish_ms,
             arrival,
         });
@@ -89,12 +96,26 @@ impl WaitingJobs {
     }
 
     /// Shares out the time that a request was rendered among those who waited.
-    pub(super) fn rendered(&mut self, took: Duration) {
+    pub(super) fn rendered(&mut self, rendered: &mut Waiting, took: Duration) {
+        let took_ms = took.as_secs_f64() * 1e3;
+        rendered.spent_ms += took_ms;
         let named: HashSet<&str> =
             self.jobs.iter().filter_map(|waiting| waiting.job.caller.as_deref()).collect();
         let unnamed = self.jobs.iter().filter(|waiting| waiting.job.caller.is_none()).count();
         let callers = 1 + named.len() + unnamed; // the one whose request was rendered, too
-        self.virtual_ms += took.as_secs_f64() * 1e3 / callers as f64;
+        self.virtual_ms += took_ms / callers as f64;
+    }
+
+    /// Charges the caller of a request for its time, in place of the expected time.
+    pub(super) fn ended(&mut self, ended: &Waiting) {
+        let charged_ms = ended.spent_ms.min(MOST_CHARGE * ended.expected_ms);
+        let more_ms = charged_ms - ended.expected_ms;
+        if let Some(caller) = &ended.job.caller {
+            let of_caller =
+                self.jobs.iter_mut().filter(|waiting| waiting.job.caller.as_ref() == Some(caller));
+            of_caller.for_each(|waiting| waiting.finish_ms += more_ms);
+            self.finished_ms.entry(Arc::clone(caller)).and_modify(|finish_ms| *finish_ms += more_ms);
+        }
         self.finished_ms.retain(|_, finish_ms| *finish_ms > self.virtual_ms);
     }
 
