@@ -89,14 +89,14 @@ enum Job {
 
 /// A request for the thread.
 pub(super) struct RenderJob {
-    volume: Volume,
-    key: FrameKey,
+    pub(super) volume: Volume,
+    pub(super) key: FrameKey,
     pub(super) promise: TicketSender,
     /// Who asked for it; `None` is a caller of its own.
     pub(super) caller: Option<Arc<str>>,
     pub(super) since: Instant,
     /// The request that waits for it.
-    span: tracing::Span,
+    pub(super) span: tracing::Span,
 }
 
 impl RenderService {

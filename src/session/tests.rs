@@ -205,30 +205,6 @@ fn a_lost_device_is_opened_again_without_a_request() {
     }
 }
 
-/// Invariant: Callers that wait have equal shares of the render thread, however much each asks for.
-#[test]
-fn pictures_of_callers_take_turns() {
-    let bench = Bench::new(16);
-    let first = bench.order(1.0).unwrap();
-    bench.started.recv().unwrap();
-    let of = |caller: &str, mark: f64| {
-        let mut scene = SceneFile::default().resolve(bench.volume.grid(), &Orbit::default()).unwrap();
-        scene.request.sample_distance_mm = mark;
-        bench.service.render_for(Some(caller.into()), &bench.volume, scene.request).unwrap()
-    };
-    // Equal work but for a trifle that tells them apart.
-    let greedy: Vec<_> = (1..=4).map(|number| of("greedy", 3.0 + f64::from(number) * 1e-9)).collect();
-    let modest: Vec<_> = (5..=6).map(|number| of("modest", 3.0 - f64::from(number) * 1e-9)).collect();
-    for _ in 0..7 {
-        bench.go.send(()).unwrap();
-    }
-    for ticket in [first].into_iter().chain(greedy).chain(modest) {
-        ticket.wait().unwrap();
-    }
-    let number = |mark: f64| ((mark - 3.0) * 1e9).abs().round() as u32;
-    assert_eq!(bench.started.try_iter().map(number).collect::<Vec<_>>(), [1, 5, 2, 6, 3, 4]);
-}
-
 #[test]
 fn a_full_queue_refuses_at_once_and_recovers() {
     let bench = Bench::new(2);

@@ -143,3 +143,118 @@ impl WaitingJobs {
         self.jobs.is_empty() && self.forgotten.is_empty()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use super::*;
+    use crate::cache::FrameKey;
+    use crate::ticket::{Ticket, pair};
+    use relief_render::SceneFile;
+    use relief_volume::{Grid, Orbit, Volume};
+
+    /// A queue, and the tickets that keep its requests wanted.
+    struct Bench {
+        volume: Volume,
+        waiting: WaitingJobs,
+        tickets: Vec<Ticket>,
+    }
+
+    impl Bench {
+        fn new() -> Self {
+            let grid = Grid::axis_aligned([2; 3], [1.0; 3], [0.0; 3]).unwrap();
+            let volume = Volume::new(grid, vec![0; 8]).unwrap();
+            Self { volume, waiting: WaitingJobs::default(), tickets: Vec::new() }
+        }
+
+        fn push(&mut self, caller: Option<&str>, expected_ms: f64) {
+            let scene = SceneFile::default().resolve(self.volume.grid(), &Orbit::default()).unwrap();
+            let key = FrameKey { volume: self.volume.content_hash(), request: scene.request };
+            let (ticket, promise) = pair();
+            self.tickets.push(ticket);
+            let (caller, span) = (caller.map(Into::into), tracing::Span::none());
+            let job =
+                RenderJob { volume: self.volume.clone(), key, promise, caller, since: Instant::now(), span };
+            self.waiting.push(job, expected_ms);
+        }
+
+        /// Renders the next request, which takes as long as expected or the given time; who asked.
+        fn next(&mut self, took_ms: Option<f64>) -> String {
+            let mut next = self.waiting.pop().unwrap();
+            let took_ms = took_ms.unwrap_or(next.expected_ms);
+            self.waiting.rendered(&mut next, Duration::from_secs_f64(took_ms * 1e-3));
+            self.waiting.ended(&next);
+            next.job.caller.as_deref().unwrap_or("nobody").to_owned()
+        }
+    }
+
+    /// Invariant: Callers that wait have equal shares of the render thread, however much each asks for.
+    #[test]
+    fn callers_take_turns() {
+        let mut bench = Bench::new();
+        (0..4).for_each(|_| bench.push(Some("greedy"), 10.0));
+        (0..2).for_each(|_| bench.push(Some("modest"), 10.0));
+        let order: Vec<String> = (0..6).map(|_| bench.next(None)).collect();
+        assert_eq!(order, ["greedy", "modest", "greedy", "modest", "greedy", "greedy"]);
+    }
+
+    #[test]
+    fn a_small_picture_does_not_wait_for_large_ones_that_came_long_before() {
+        let mut bench = Bench::new();
+        ["a", "b", "c", "d"].into_iter().for_each(|caller| bench.push(Some(caller), 300.0));
+        assert_eq!([bench.next(None), bench.next(None)], ["a", "b"]);
+        bench.push(None, 3.0);
+        assert_eq!([bench.next(None), bench.next(None)], ["nobody", "c"]);
+        assert_eq!(bench.next(None), "d");
+        // A caller who asks for small ones all the time lets a large one through.
+        bench.push(Some("e"), 300.0);
+        let small = (0..1000).take_while(|_| {
+            bench.push(Some("stream"), 3.0);
+            bench.next(None) == "stream"
+        });
+        assert!((50..150).contains(&small.count()), "the large one has its share");
+    }
+
+    #[test]
+    fn callers_are_charged_for_the_time_that_pictures_took() {
+        // An estimate that is far too long delays nobody afterwards.
+        let mut bench = Bench::new();
+        bench.push(Some("unlucky"), 500.0);
+        bench.next(Some(2.0));
+        bench.push(Some("other"), 3.0);
+        bench.push(Some("unlucky"), 3.0);
+        bench.push(Some("other"), 3.0);
+        let order: Vec<String> = (0..3).map(|_| bench.next(None)).collect();
+        assert_eq!(order, ["other", "unlucky", "other"]);
+        // One that is too short does: the caller asks for more than it seems.
+        let mut bench = Bench::new();
+        (0..3).for_each(|_| bench.push(Some("costly"), 1.0));
+        (0..3).for_each(|_| bench.push(Some("honest"), 1.5));
+        let order: Vec<String> = (0..2).map(|_| bench.next(Some(4.0))).collect();
+        assert_eq!(order, ["costly", "honest"]);
+        // A picture that compiled a shader costs its caller a few times the estimate.
+        let mut bench = Bench::new();
+        bench.push(Some("first"), 2.0);
+        bench.push(Some("second"), 2.5);
+        bench.next(Some(5000.0));
+        bench.push(Some("first"), 2.0);
+        (0..9).for_each(|_| bench.push(Some("second"), 2.5));
+        let order: Vec<String> = (0..10).map(|_| bench.next(None)).collect();
+        assert!(order[..6].iter().any(|caller| caller == "first"), "{order:?}");
+    }
+
+    #[test]
+    fn a_large_picture_is_interrupted_by_much_smaller_ones_before_its_turn() {
+        let mut bench = Bench::new();
+        bench.push(Some("a"), 300.0);
+        let running = bench.waiting.pop().unwrap();
+        assert!(!bench.waiting.interrupts(&running), "nothing waits");
+        bench.push(Some("b"), 100.0);
+        assert!(!bench.waiting.interrupts(&running), "not much smaller");
+        bench.push(Some("c"), 3.0);
+        assert!(bench.waiting.interrupts(&running));
+        bench.tickets.pop();
+        assert!(!bench.waiting.interrupts(&running), "its client left");
+    }
+}
