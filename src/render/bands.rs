@@ -6,6 +6,7 @@
 //! do not depend on the bands.
 
 use std::mem::offset_of;
+use std::time::{Duration, Instant};
 
 use super::error::RenderError;
 use super::pipelines::WORKGROUP_SIDE;
@@ -13,6 +14,10 @@ use super::region::Region;
 use super::uniform::FrameUniform;
 use super::watch::Watch;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
+
+/// How long a band should take where the processor renders: a picture that is cancelled ends after
+/// one or two.
+const SOFTWARE_BAND: Duration = Duration::from_millis(8);
 
 /// Rows of pixels that one dispatch makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,29 +29,33 @@ pub(super) struct Band {
 /// How a picture is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bands {
-    /// Pixels of a band, about; whole rows of tiles at least.
+    /// Pixels of the first band, about; whole rows of tiles at least.
     pub(super) pixels: u32,
-    /// Samples that the rays of a band may take, about.
+    /// Samples that the rays of the first band may take, about.
     pub(super) samples: f64,
+    /// The time that later bands should take; `None` where all bands have one size.
+    pub(super) duration: Option<Duration>,
 }
 
 impl Bands {
     /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the
-    /// cores, and wait for the last one: bands of 128 tiles a core cost nothing that can be
-    /// measured. They take a core some 40 ms at most.
+    /// cores, and wait for the last one: bands of [`SOFTWARE_BAND`] cost a few hundredths of the
+    /// time of a picture. How long rays are is known only when a band is done.
     pub(super) fn of(kind: AdapterKind) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         match kind {
-            AdapterKind::Software => {
-                Self { pixels: (1 << 13) * cores.min(128) as u32, samples: f64::from(1 << 22) * cores as f64 }
-            }
-            _ => Self { pixels: 1 << 22, samples: 1e10 },
+            AdapterKind::Software => Self {
+                pixels: (1 << 15) * cores.min(128) as u32,
+                samples: f64::from(1 << 22) * cores as f64,
+                duration: Some(SOFTWARE_BAND),
+            },
+            _ => Self { pixels: 1 << 22, samples: 1e10, duration: None },
         }
     }
 
     /// Bands of the given number of pixels, whatever the length of their rays.
     pub(super) fn of_pixels(pixels: u32) -> Self {
-        Self { pixels, samples: f64::INFINITY }
+        Self { pixels, samples: f64::INFINITY, duration: None }
     }
 
     /// Bands for rays of at most the given number of samples.
@@ -55,13 +64,18 @@ impl Bands {
         Self { pixels: self.pixels.min(pixels), ..self }
     }
 
-    /// The bands of a region, from the top.
-    fn cut(self, Region { first: [_, top], size: [width, height] }: Region) -> impl Iterator<Item = Band> {
+    /// The bands to come after one that took this long: at most twice, at least a quarter as large.
+    fn after(self, took: Duration) -> Self {
+        let Some(wanted) = self.duration else { return self };
+        let factor = (wanted.as_secs_f64() / took.as_secs_f64().max(1e-6)).clamp(0.25, 2.0);
+        Self { pixels: ((f64::from(self.pixels) * factor) as u32).max(1), ..self }
+    }
+
+    /// The next band of a region of which this many rows are done; `None` when all are.
+    fn next(self, Region { first: [_, top], size: [width, height] }: Region, done: u32) -> Option<Band> {
         let tile_rows = (self.pixels / (width.max(1) * WORKGROUP_SIDE)).max(1);
-        let rows = tile_rows.saturating_mul(WORKGROUP_SIDE).min(height.max(1));
-        (0..height)
-            .step_by(rows as usize)
-            .map(move |row| Band { first_row: top + row, rows: rows.min(height - row) })
+        let rows = tile_rows.saturating_mul(WORKGROUP_SIDE).min(height.checked_sub(done)?);
+        (rows > 0).then_some(Band { first_row: top + done, rows })
     }
 }
 
@@ -100,7 +114,10 @@ impl Dispatch<'_> {
         let Region { first: [first_column, top], size: [_, height] } = self.region;
         let at = offset_of!(FrameUniform, first_column) as u64;
         self.gpu.queue.write_buffer(self.uniform, at, bytemuck::bytes_of(&first_column));
-        for band in self.bands.cut(self.region.below(*rows)) {
+        let (mut bands, mut since) = (self.bands, Instant::now());
+        // The read-back comes with a band: the last one again where all were done.
+        *rows = self.region.rows_above_last_tiles().min(*rows);
+        while let Some(band) = bands.next(self.region, *rows) {
             let is_last = band.first_row + band.rows == top + height;
             let submitted = self.submit_band(band, |encoder| {
                 if is_last {
@@ -110,6 +127,8 @@ impl Dispatch<'_> {
             *rows = band.first_row + band.rows - top;
             if let Some(before) = before.replace(submitted) {
                 self.gpu.wait_for(before, "a band")?;
+                bands = bands.after(since.elapsed());
+                since = Instant::now();
                 watch.band_done(is_kept)?;
             }
         }
@@ -148,6 +167,16 @@ impl Dispatch<'_> {
 mod tests {
     use super::*;
 
+    fn cut(bands: Bands, size_px: [u32; 2]) -> Vec<Band> {
+        let mut done = 0;
+        let next = || {
+            let band = bands.next(Region::whole(size_px), done)?;
+            done += band.rows;
+            Some(band)
+        };
+        std::iter::from_fn(next).collect()
+    }
+
     #[test]
     fn bands_are_whole_rows_of_tiles_that_cover_the_picture_once() {
         for (pixels, size_px, first_rows) in [
@@ -157,7 +186,7 @@ mod tests {
             (1 << 16, [8192, 2048], (0..256).map(|i| i * 8).collect()),
             (u32::MAX, [1, 1], vec![0]),
         ] {
-            let bands: Vec<Band> = Bands::of_pixels(pixels).cut(Region::whole(size_px)).collect();
+            let bands = cut(Bands::of_pixels(pixels), size_px);
             assert_eq!(
                 bands.iter().map(|band| band.first_row).collect::<Vec<_>>(),
                 first_rows,
@@ -170,15 +199,21 @@ mod tests {
 
     #[test]
     fn long_rays_make_small_bands() {
-        let bands = Bands { pixels: 1 << 16, samples: 6.5e7 };
+        let bands = Bands { pixels: 1 << 16, samples: 6.5e7, duration: None };
         assert_eq!(bands.for_rays(100.0).pixels, 1 << 16);
         assert_eq!(bands.for_rays(6500.0).pixels, 10_000);
         assert_eq!(bands.for_rays(f64::INFINITY).pixels, 0);
         assert_eq!(Bands::of_pixels(u32::MAX).for_rays(1e9).pixels, u32::MAX);
-        assert_eq!(
-            bands.for_rays(f64::INFINITY).cut(Region::whole([960, 540])).count(),
-            68,
-            "a row of tiles each"
-        );
+        assert_eq!(cut(bands.for_rays(f64::INFINITY), [960, 540]).len(), 68, "a row of tiles each");
+    }
+
+    #[test]
+    fn bands_get_the_size_that_takes_as_long_as_wanted() {
+        let bands = Bands { duration: Some(Duration::from_millis(8)), ..Bands::of_pixels(10_000) };
+        for (took_ms, pixels) in [(8, 10_000), (10, 8000), (4, 20_000), (1, 20_000), (0, 20_000), (900, 2500)]
+        {
+            assert_eq!(bands.after(Duration::from_millis(took_ms)).pixels, pixels, "{took_ms} ms");
+        }
+        assert_eq!(Bands::of_pixels(7).after(Duration::from_millis(1)).pixels, 7);
     }
 }

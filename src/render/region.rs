@@ -29,12 +29,9 @@ impl Region {
         Self { first: [0; 2], size: size_px }
     }
 
-    /// The region without this many rows from its top. At least the last row of tiles stays.
-    pub(super) fn below(self, rows: u32) -> Self {
-        let [width, height] = self.size;
-        let last_tiles = (height - 1) / WORKGROUP_SIDE * WORKGROUP_SIDE;
-        let rows = rows.min(last_tiles);
-        Self { first: [self.first[0], self.first[1] + rows], size: [width, height - rows] }
+    /// The rows above the last row of tiles.
+    pub(super) fn rows_above_last_tiles(self) -> u32 {
+        (self.size[1] - 1) / WORKGROUP_SIDE * WORKGROUP_SIDE
     }
 
     /// Where a request shows anything of a volume: its visible bricks, or all of it in modes that
