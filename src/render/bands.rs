@@ -16,8 +16,10 @@ use super::watch::Watch;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
 
 /// How long a band should take where the processor renders: a picture that is cancelled ends after
-/// one or two.
-const SOFTWARE_BAND: Duration = Duration::from_millis(8);
+/// one or two of them.
+const LONG_BAND: Duration = Duration::from_millis(30);
+/// The same while others wait often.
+const SHORT_BAND: Duration = Duration::from_millis(4);
 
 /// Rows of pixels that one dispatch makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,15 +41,14 @@ pub(super) struct Bands {
 
 impl Bands {
     /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the
-    /// cores, and wait for the last one: bands of [`SOFTWARE_BAND`] cost a few hundredths of the
-    /// time of a picture. How long rays are is known only when a band is done.
+    /// cores, and wait for the last one: each band costs about a millisecond. How long rays are is known only when a band is done.
     pub(super) fn of(kind: AdapterKind) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         match kind {
             AdapterKind::Software => Self {
                 pixels: (1 << 15) * cores.min(128) as u32,
                 samples: f64::from(1 << 22) * cores as f64,
-                duration: Some(SOFTWARE_BAND),
+                duration: Some(LONG_BAND),
             },
             _ => Self { pixels: 1 << 22, samples: 1e10, duration: None },
         }
@@ -56,6 +57,12 @@ impl Bands {
     /// Bands of the given number of pixels, whatever the length of their rays.
     pub(super) fn of_pixels(pixels: u32) -> Self {
         Self { pixels, samples: f64::INFINITY, duration: None }
+    }
+
+    /// The same, short or long, where bands are cut by time.
+    pub(super) fn shortened(self, are_short: bool) -> Self {
+        let wanted = if are_short { SHORT_BAND } else { LONG_BAND };
+        Self { duration: self.duration.map(|_| wanted), ..self }
     }
 
     /// Bands for rays of at most the given number of samples.

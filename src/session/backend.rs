@@ -96,6 +96,10 @@ impl RenderBackend for GpuBackend {
         rendered.map_err(of_render)
     }
 
+    fn expect_others(&mut self, are_there: bool) {
+        self.renderer.set_short_bands(are_there);
+    }
+
     fn can_be_renewed(&self) -> bool {
         true
     }
@@ -124,6 +128,10 @@ impl RenderBackend for Renderer {
         goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, BackendError> {
         self.render_watched(volume, request, goes_on).map_err(of_render)
+    }
+
+    fn expect_others(&mut self, are_there: bool) {
+        self.set_short_bands(are_there);
     }
 
     fn forget(&mut self, volume: ContentHash) {

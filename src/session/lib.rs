@@ -61,6 +61,10 @@ pub trait RenderBackend: Send + 'static {
         goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, BackendError>;
 
+    /// Says before a render whether other callers are there: if so, `goes_on` should be called often,
+    /// though that makes a picture slower.
+    fn expect_others(&mut self, _are_there: bool) {}
+
     /// Whether [`RenderBackend::renew`] can help after a failure.
     fn can_be_renewed(&self) -> bool {
         false

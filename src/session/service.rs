@@ -344,6 +344,7 @@ fn answer(
         None => {
             left();
             let since = Instant::now();
+            backend.expect_others(waiting.is_shared());
             let rendered = render(backend, &next, jobs, waiting, shared);
             waiting.rendered(&mut next, since.elapsed());
             match rendered {

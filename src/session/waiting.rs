@@ -9,7 +9,7 @@
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::service::RenderJob;
 use relief_volume::ContentHash;
@@ -19,6 +19,9 @@ const MUCH_SHORTER: f64 = 8.0;
 
 /// How often a picture may be interrupted: each time may cost another preparation of its light.
 const MOST_INTERRUPTIONS: u32 = 64;
+
+/// How long the thread counts as shared after requests of two callers.
+const SHARED_FOR: Duration = Duration::from_secs(2);
 
 /// A request is charged at most this many times its expected time: it may have compiled a shader or
 /// uploaded a volume, for all callers.
@@ -34,6 +37,9 @@ pub(super) struct WaitingJobs {
     virtual_ms: f64,
     /// The virtual times at which the requests of callers are finished.
     finished_ms: HashMap<Arc<str>, f64>,
+    /// The caller of the latest request, and when a request last came from another one than before.
+    latest: Option<Arc<str>>,
+    changed: Option<Instant>,
 }
 
 /// A request and how long it is expected to take.
@@ -55,6 +61,10 @@ impl WaitingJobs {
     /// Adds a request.
     pub(super) fn push(&mut self, job: RenderJob, expected_ms: f64) {
         self.arrivals += 1;
+        if self.latest != job.caller {
+            self.changed = self.latest.is_some().then(Instant::now);
+            self.latest.clone_from(&job.caller);
+        }
         let mut finish_ms = self.virtual_ms + expected_ms;
         if let Some(caller) = &job.caller {
             let (now_ms, before) = (self.virtual_ms, self.finished_ms.get(caller));
@@ -129,6 +139,11 @@ impl WaitingJobs {
         running.interruptions < MOST_INTERRUPTIONS && self.jobs.iter().any(goes_before)
     }
 
+    /// Whether requests of several callers came in the last time.
+    pub(super) fn is_shared(&self) -> bool {
+        self.changed.is_some_and(|at| at.elapsed() < SHARED_FOR)
+    }
+
     /// Takes the volumes whose requests are all done.
     pub(super) fn forgettable(&mut self) -> Vec<ContentHash> {
         let oldest = self.jobs.iter().map(|waiting| waiting.arrival).min().unwrap_or(u64::MAX);
@@ -146,8 +161,6 @@ impl WaitingJobs {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Instant;
-
     use super::*;
     use crate::cache::FrameKey;
     use crate::ticket::{Ticket, pair};
@@ -250,7 +263,9 @@ mod tests {
         bench.push(Some("a"), 300.0);
         let running = bench.waiting.pop().unwrap();
         assert!(!bench.waiting.interrupts(&running), "nothing waits");
+        assert!(!bench.waiting.is_shared());
         bench.push(Some("b"), 100.0);
+        assert!(bench.waiting.is_shared());
         assert!(!bench.waiting.interrupts(&running), "not much smaller");
         bench.push(Some("c"), 3.0);
         assert!(bench.waiting.interrupts(&running));
