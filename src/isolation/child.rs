@@ -1,7 +1,7 @@
 //! The child: takes a job, gives its rights away, reads the file, and sends what it found.
 //!
 //! Its standard input is the file; its standard output is a socket to the parent, in both
-//! directions.
+//! directions; its standard error is the file of the windows.
 
 use std::io::{Read, Write};
 use std::os::fd::AsFd;
@@ -14,7 +14,8 @@ use super::job::{
     WireSegment,
 };
 use super::sandbox::Held;
-use super::wire::{receive, send, send_values};
+use super::window::Windows;
+use super::wire::{receive, send};
 use relief_base::Budget;
 use relief_dicom::{LoadLimits, Strictness};
 use relief_exchange::{Format, Imported, ReadContext};
@@ -34,9 +35,10 @@ const OWN_BYTES: u64 = 3 << 29;
 pub fn serve() -> ExitCode {
     let socket = std::io::stdout().as_fd().try_clone_to_owned().map(UnixStream::from);
     let served = socket.and_then(|mut socket| {
+        let windows = Windows::take_stderr()?;
         let job: Job = receive(&mut socket)?;
         let held = enter(&job)?;
-        work(&job, held, &mut socket)
+        work(&job, held, &mut socket, &windows)
     });
     // The parent sees the end of the socket; nobody reads what a child might print.
     if served.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
@@ -55,14 +57,14 @@ fn enter(job: &Job) -> std::io::Result<Held> {
     super::sandbox::enter(std::io::stdin(), bulk.saturating_add(OWN_BYTES)).map_err(std::io::Error::other)
 }
 
-fn work(job: &Job, held: Held, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
+fn work(job: &Job, held: Held, socket: &mut (impl Read + Write), windows: &Windows) -> std::io::Result<()> {
     match job {
         Job::Series { voxel_bytes, kept_bytes, unpacked_bytes } => {
             let budget = Budget::new(*kept_bytes, *unpacked_bytes);
-            series(*voxel_bytes, &budget, socket)
+            series(*voxel_bytes, &budget, socket, windows)
         }
-        Job::Labels { grid, most_voxels } => labels(grid, *most_voxels, socket),
-        Job::Annotations(job) => annotations(job, socket),
+        Job::Labels { grid, most_voxels } => labels(grid, *most_voxels, socket, windows),
+        Job::Annotations(job) => annotations(job, socket, windows),
         Job::Probe(Probe::Rights) => send(socket, &Answer::Probed(remaining_rights(held))),
         Job::Probe(Probe::Memory) => {
             let mut taken: Vec<Vec<u8>> = Vec::new();
@@ -91,7 +93,12 @@ fn refuse(socket: &mut impl Write, kind: Refusal, reason: String) -> std::io::Re
     send(socket, &Answer::Refused { kind, reason })
 }
 
-fn series(voxel_bytes: u64, budget: &Budget, socket: &mut (impl Read + Write)) -> std::io::Result<()> {
+fn series(
+    voxel_bytes: u64,
+    budget: &Budget,
+    socket: &mut (impl Read + Write),
+    windows: &Windows,
+) -> std::io::Result<()> {
     let refused = |error: &relief_dicom::Error| error.without_names(SUBJECT);
     let found = relief_dicom::discover_within(budget, Path::new(FILE), Strictness::Lenient, &|_| ());
     let found = match found {
@@ -116,10 +123,15 @@ fn series(voxel_bytes: u64, budget: &Budget, socket: &mut (impl Read + Write)) -
         reference: loaded.reference.map(|reference| (*reference).clone()),
     };
     send(socket, &Answer::Series(Box::new(answer)))?;
-    send_values(socket, loaded.volume.voxels_hu())
+    windows.send(socket, loaded.volume.voxels_hu())
 }
 
-fn labels(grid: &WireGrid, most_voxels: u64, socket: &mut impl Write) -> std::io::Result<()> {
+fn labels(
+    grid: &WireGrid,
+    most_voxels: u64,
+    socket: &mut (impl Read + Write),
+    windows: &Windows,
+) -> std::io::Result<()> {
     let grid = Grid::try_from(grid).map_err(std::io::Error::other)?;
     match load_labels(Path::new(FILE), most_voxels, &grid) {
         Err(error) => refuse(socket, Refusal::Content, error.about(SUBJECT)),
@@ -127,7 +139,7 @@ fn labels(grid: &WireGrid, most_voxels: u64, socket: &mut impl Write) -> std::io
             let segments = loaded.map.segments().iter().map(WireSegment::from).collect();
             let grid = loaded.map.grid().into();
             send(socket, &Answer::Labels { grid, segments, warnings: loaded.warnings })?;
-            send_values(socket, &labels_of(&loaded.map))
+            windows.send(socket, &labels_of(&loaded.map))
         }
     }
 }
@@ -138,7 +150,11 @@ fn labels_of(map: &LabelMap) -> Vec<u16> {
     (0..map.grid().voxel_count()).map(|index| label(map.places().at(index))).collect()
 }
 
-fn annotations(job: &AnnotationJob, socket: &mut impl Write) -> std::io::Result<()> {
+fn annotations(
+    job: &AnnotationJob,
+    socket: &mut (impl Read + Write),
+    windows: &Windows,
+) -> std::io::Result<()> {
     let mut bytes = Vec::new();
     std::fs::File::open(FILE)?.take(job.most_bytes).read_to_end(&mut bytes)?;
     let given = job.format.as_deref().and_then(|name| name.parse::<Format>().ok());
@@ -165,7 +181,7 @@ fn annotations(job: &AnnotationJob, socket: &mut impl Write) -> std::io::Result<
             };
             let described = contents.iter().map(wire).collect();
             send(socket, &Answer::Annotations { items, contents: described, warnings })?;
-            contents.iter().try_for_each(|(_, _, bytes)| send_values(socket, bytes))
+            contents.iter().try_for_each(|(_, _, bytes)| windows.send(socket, bytes))
         }
     }
 }

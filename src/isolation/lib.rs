@@ -15,6 +15,7 @@ mod child;
 mod job;
 mod parent;
 mod sandbox;
+mod window;
 mod wire;
 
 pub use child::serve;

@@ -2,19 +2,20 @@
 //! as it would check the file.
 
 use std::fs::File;
-use std::io::{Error, ErrorKind, Read};
+use std::io::{Error, ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 
 use super::job::{AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, SeriesAnswer};
-use super::wire::{receive, receive_values, send};
+use super::window::Windows;
+use super::wire::{receive, send};
 use relief_annotation::ContentId;
 use relief_base::{Budget, BudgetError};
 use relief_exchange::{Format, Imported, ReadContext};
@@ -221,21 +222,21 @@ impl IsolatedReader {
 
     fn start(&self, path: &Path, job: &Job, budget: &Budget) -> Result<Running, IsolationError> {
         budget.check()?;
-        let start = || -> std::io::Result<(Child, UnixStream)> {
-            let (socket, childs) = UnixStream::pair()?;
+        let start = || -> std::io::Result<(Child, UnixStream, Windows)> {
+            let ((socket, childs), (windows, childs_windows)) = (UnixStream::pair()?, Windows::new()?);
             socket.set_read_timeout(Some(TURN))?;
             let child = Command::new(&self.program)
                 .arg(SUBCOMMAND)
                 .env_clear()
                 .stdin(File::open(path)?)
                 .stdout(OwnedFd::from(childs))
-                .stderr(Stdio::null())
+                .stderr(childs_windows)
                 .spawn()?;
-            Ok((child, socket))
+            Ok((child, socket, windows))
         };
-        let (child, socket) = start().map_err(IsolationError::Start)?;
-        let mut running =
-            Running { child: Some(child), socket, budget: budget.clone(), since: Instant::now() };
+        let (child, socket, windows) = start().map_err(IsolationError::Start)?;
+        let (budget, since) = (budget.clone(), Instant::now());
+        let mut running = Running { child: Some(child), socket, windows: Arc::new(windows), budget, since };
         send(&mut running.socket, job).map_err(|_| running.ended())?;
         Ok(running)
     }
@@ -255,6 +256,7 @@ struct Running {
     /// `None` once it is left to be reaped.
     child: Option<Child>,
     socket: UnixStream,
+    windows: Arc<Windows>,
     budget: Budget,
     since: Instant,
 }
@@ -266,7 +268,8 @@ impl Running {
     }
 
     fn values<T: bytemuck::Pod>(&mut self, count: usize) -> Result<Vec<T>, IsolationError> {
-        receive_values(&mut Patient(self), count).map_err(|error| self.failure(&error))
+        let windows = Arc::clone(&self.windows);
+        windows.receive(&mut Patient(self), count).map_err(|error| self.failure(&error))
     }
 
     /// Why nothing more comes.
@@ -323,5 +326,15 @@ impl Read for Patient<'_> {
                 read => return read,
             }
         }
+    }
+}
+
+impl Write for Patient<'_> {
+    fn write(&mut self, buffer: &[u8]) -> std::io::Result<usize> {
+        self.0.socket.write(buffer) // a byte at a time: it never waits
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.socket.flush()
     }
 }

@@ -13,6 +13,8 @@ use landlock::{
 use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter, TargetArch};
 
+use super::window::FILE_BYTES;
+
 /// Processor time of a child, seconds.
 const CPU_S: u64 = 600;
 /// Open descriptors of a child: the standard ones, the file again, and some to spare.
@@ -53,7 +55,7 @@ pub(crate) fn enter(file: impl AsFd, address_space: u64) -> Result<Held, Sandbox
         (Resource::As, address_space),
         (Resource::Cpu, CPU_S),
         (Resource::Nofile, DESCRIPTORS),
-        (Resource::Fsize, 0),
+        (Resource::Fsize, FILE_BYTES),
         (Resource::Core, 0),
     ] {
         let limit = Rlimit { current: Some(most), maximum: Some(most) };
