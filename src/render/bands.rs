@@ -61,8 +61,11 @@ impl Bands {
 
     /// The same, short or long, where bands are cut by time.
     pub(super) fn shortened(self, are_short: bool) -> Self {
+        let Some(before) = self.duration else { return self };
         let wanted = if are_short { SHORT_BAND } else { LONG_BAND };
-        Self { duration: self.duration.map(|_| wanted), ..self }
+        // The first band, whose time is unknown, is as much shorter.
+        let samples = self.samples * (wanted.as_secs_f64() / before.as_secs_f64());
+        Self { duration: Some(wanted), samples, ..self }
     }
 
     /// Bands for rays of at most the given number of samples.
@@ -221,6 +224,10 @@ mod tests {
         {
             assert_eq!(bands.after(Duration::from_millis(took_ms)).pixels, pixels, "{took_ms} ms");
         }
+        let software = Bands::of(AdapterKind::Software);
+        let short = software.shortened(true);
+        assert!(short.samples < software.samples / 5.0 && short == short.shortened(true));
+        assert!((short.shortened(false).samples / software.samples - 1.0).abs() < 1e-9);
         assert_eq!(Bands::of_pixels(7).after(Duration::from_millis(1)).pixels, 7);
     }
 }
