@@ -29,8 +29,8 @@ impl Windows {
         Ok((Self(file.into()), childs))
     }
 
-    /// The child's end. From now on its messages go nowhere: a decoder that prints a warning would
-    /// write it into the first window.
+    /// The child's end. Standard error is `/dev/null` afterwards: a decoder that prints a warning
+    /// would write it into the first window.
     pub(crate) fn take_stderr() -> Result<Self> {
         let file = std::io::stderr().as_fd().try_clone_to_owned()?;
         let nowhere = File::options().write(true).open("/dev/null")?;
@@ -92,7 +92,7 @@ fn offset(number: usize) -> u64 {
     if number.is_multiple_of(2) { 0 } else { WINDOW as u64 }
 }
 
-/// Waits for the other side.
+/// Waits for the other side's byte.
 fn one(socket: &mut impl Read) -> Result<()> {
     socket.read_exact(&mut [0])
 }
@@ -103,7 +103,7 @@ mod tests {
 
     use super::*;
 
-    /// Both ends, and what connects them.
+    /// Both ends and their sockets.
     fn ends() -> ((Windows, UnixStream), (Windows, UnixStream)) {
         let ((parents, childs), (here, there)) = (Windows::new().unwrap(), UnixStream::pair().unwrap());
         ((parents, here), (Windows(childs.into()), there))

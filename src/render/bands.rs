@@ -18,7 +18,7 @@ use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
 /// How long a band should take where the processor renders: a picture that is cancelled ends after
 /// one or two of them.
 const LONG_BAND: Duration = Duration::from_millis(30);
-/// The same while others wait often.
+/// The same while several callers share the render thread.
 const SHORT_BAND: Duration = Duration::from_millis(4);
 
 /// Rows of pixels that one dispatch makes.
@@ -40,8 +40,9 @@ pub(super) struct Bands {
 }
 
 impl Bands {
-    /// What suits an adapter. Drivers in software share the tiles of a dispatch out among the
-    /// cores, and wait for the last one: each band costs about a millisecond. How long rays are is known only when a band is done.
+    /// The bands for a kind of adapter. Software drivers share the tiles of a dispatch out among the
+    /// cores and wait for the last tile: each band costs about a millisecond. The length of rays is
+    /// known only when a band is done.
     pub(super) fn of(kind: AdapterKind) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         match kind {
@@ -59,11 +60,11 @@ impl Bands {
         Self { pixels, samples: f64::INFINITY, duration: None }
     }
 
-    /// The same, short or long, where bands are cut by time.
+    /// These bands with the short or the long duration, if they have a duration.
     pub(super) fn shortened(self, are_short: bool) -> Self {
         let Some(before) = self.duration else { return self };
         let wanted = if are_short { SHORT_BAND } else { LONG_BAND };
-        // The first band, whose time is unknown, is as much shorter.
+        // The first band is cut by its samples, because nothing is timed yet.
         let samples = self.samples * (wanted.as_secs_f64() / before.as_secs_f64());
         Self { duration: Some(wanted), samples, ..self }
     }
@@ -74,7 +75,7 @@ impl Bands {
         Self { pixels: self.pixels.min(pixels), ..self }
     }
 
-    /// The bands to come after one that took this long: at most twice, at least a quarter as large.
+    /// The next bands, from the time of the last one: at most twice and at least a quarter its size.
     fn after(self, took: Duration) -> Self {
         let Some(wanted) = self.duration else { return self };
         let factor = (wanted.as_secs_f64() / took.as_secs_f64().max(1e-6)).clamp(0.25, 2.0);
@@ -125,7 +126,7 @@ impl Dispatch<'_> {
         let at = offset_of!(FrameUniform, first_column) as u64;
         self.gpu.queue.write_buffer(self.uniform, at, bytemuck::bytes_of(&first_column));
         let (mut bands, mut since) = (self.bands, Instant::now());
-        // The read-back comes with a band: the last one again where all were done.
+        // The read-back is recorded with the last band, so that one is rendered again if need be.
         *rows = self.region.rows_above_last_tiles().min(*rows);
         while let Some(band) = bands.next(self.region, *rows) {
             let is_last = band.first_row + band.rows == top + height;
@@ -142,7 +143,7 @@ impl Dispatch<'_> {
                 watch.band_done(is_kept)?;
             }
         }
-        // Nothing is left that another picture could go before.
+        // All rows are submitted: making room for another picture gains nothing.
         watch.band_done(false)
     }
 

@@ -11,8 +11,8 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::identity::Caller;
 
-/// Pictures of one caller that wait for the render thread or are rendered: the next one is there
-/// when one is done.
+/// Pictures of one caller in the queue of the render thread: one is rendered while the next one
+/// waits.
 const PICTURES_AT_ONCE: usize = 2;
 
 /// What callers hold.
@@ -65,7 +65,7 @@ impl Drop for Share {
     }
 }
 
-/// What a caller is counted by; `None` for callers without a limit.
+/// The key under which a caller's requests are counted; `None` for callers without a limit.
 pub(super) fn key(caller: &Caller) -> Option<Arc<str>> {
     match (&caller.identity, caller.address) {
         (Some(identity), _) => Some(format!("name {}", identity.name).into()),

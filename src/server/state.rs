@@ -194,7 +194,7 @@ pub(super) struct Pictures {
     pub(super) metrics: Arc<Metrics>,
     pub(super) annotations: Option<Arc<Annotations>>,
     pub(super) turns: Arc<Turns>,
-    /// What the caller is counted by.
+    /// The key of the caller (see `shares`).
     pub(super) caller: Option<Arc<str>>,
 }
 

@@ -8,7 +8,7 @@ use relief_base::DepthLimits;
 use relief_render::{Mode, SceneFile, Timings};
 use relief_volume::{Grid, Orbit};
 
-/// Every second band is kept.
+/// The progress of a picture that can be continued after every second band.
 fn progress(bands: u64) -> Progress {
     Progress { bands, passes: 0, continued: 0, is_kept: bands.is_multiple_of(2) }
 }

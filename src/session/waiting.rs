@@ -17,7 +17,7 @@ use relief_volume::ContentHash;
 /// A request interrupts a running one only if it is this much shorter.
 const MUCH_SHORTER: f64 = 8.0;
 
-/// How often a picture may be interrupted: each time may cost another preparation of its light.
+/// How often a picture may be interrupted: the other picture may replace its prepared illumination.
 const MOST_INTERRUPTIONS: u32 = 64;
 
 /// How long the thread counts as shared after requests of two callers.
@@ -33,7 +33,7 @@ pub(super) struct WaitingJobs {
     jobs: Vec<Waiting>,
     forgotten: Vec<(u64, ContentHash)>,
     arrivals: u64,
-    /// The service that a caller who always waits has received.
+    /// Virtual time: the rendering time of a caller who has had a request waiting from the start.
     virtual_ms: f64,
     /// The virtual times at which the requests of callers are finished.
     finished_ms: HashMap<Arc<str>, f64>,
@@ -139,7 +139,7 @@ impl WaitingJobs {
         running.interruptions < MOST_INTERRUPTIONS && self.jobs.iter().any(goes_before)
     }
 
-    /// Whether requests of several callers came in the last time.
+    /// Whether several callers sent requests in the last seconds.
     pub(super) fn is_shared(&self) -> bool {
         self.changed.is_some_and(|at| at.elapsed() < SHARED_FOR)
     }
@@ -192,7 +192,7 @@ mod tests {
             self.waiting.push(job, expected_ms);
         }
 
-        /// Renders the next request, which takes as long as expected or the given time; who asked.
+        /// Renders the next request, for the expected time or the given one, and returns its caller.
         fn next(&mut self, took_ms: Option<f64>) -> String {
             let mut next = self.waiting.pop().unwrap();
             let took_ms = took_ms.unwrap_or(next.expected_ms);
