@@ -97,6 +97,13 @@ async fn items_are_made_listed_changed_deleted_undone_and_logged() {
         let (stage, path) = (&stage, path.clone());
         async move { stage.annotate_with(Method::PUT, &path, &headers, item).await }
     };
+    let mut nameless = item.clone();
+    nameless["author"] = json!(7);
+    let refused = put("\"1\"", nameless).await.problem(400);
+    assert_eq!(
+        refused["type"], "urn:relief:problem:malformed-author",
+        "an author that is no text is not ignored"
+    );
     assert_eq!(put("", item.clone()).await.problem(428)["type"], "urn:relief:problem:no-version");
     let changed = put("\"1\"", item.clone()).await;
     assert_eq!((changed.status.as_u16(), changed.header("etag")), (200, "\"2\""), "{}", changed.text());

@@ -5,6 +5,7 @@
 use std::fmt::Write;
 
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
+use serde_json::Value;
 
 use crate::problem::Problem;
 use relief_annotation::Item;
@@ -23,6 +24,21 @@ pub(crate) fn author_of(headers: &HeaderMap) -> Result<Option<String>, Problem> 
     })?;
     check(&author)?;
     Ok(Some(author))
+}
+
+/// The author that a JSON body names; `None` where it names none, or null.
+///
+/// # Errors
+/// When it is no text.
+pub(super) fn of_body(author: Option<&Value>) -> Result<Option<String>, Problem> {
+    match author {
+        None | Some(Value::Null) => Ok(None),
+        Some(Value::String(author)) => Ok(Some(author.clone())),
+        Some(other) => {
+            let detail = format!("author is {other}, allowed: a text");
+            Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-author", detail).with("path", "author"))
+        }
+    }
 }
 
 /// Sets the author of a request.

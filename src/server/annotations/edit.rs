@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::asked::{EditRequest, JsonBody, created, events_json, malformed, parse};
+use super::author;
 use crate::annotation_service::{HistoryStep, invalid};
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
@@ -22,7 +23,7 @@ pub(super) async fn post(
     asked: EditRequest,
     JsonBody(mut wanted): JsonBody<MOST_BYTES>,
 ) -> Result<Response, Problem> {
-    let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
+    let of_body = author::of_body(wanted.get("author"))?;
     let author = asked.author(of_body)?;
     wanted["author"] = author.as_str().into();
     for change in wanted.get_mut("changes").and_then(Value::as_array_mut).into_iter().flatten() {

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use super::asked::{EditRequest, query};
 use super::asked::{events_json, read_json};
+use super::author;
 use super::edit::{MOST_BYTES, fill};
 use crate::annotation_service::Visible;
 use crate::annotation_service::outward_versioned;
@@ -54,7 +55,7 @@ pub(super) async fn put(
     let condition = Condition::of(&headers)?;
     let mut item_id = Value::from(item.as_str());
     let mut wanted = read_json(asked.config(), &headers, body, MOST_BYTES).await?;
-    let of_body = wanted.get("author").and_then(Value::as_str).map(str::to_owned);
+    let of_body = author::of_body(wanted.get("author"))?;
     // The body's author is the item's; it stands for the editor where nothing else names one.
     let of_body = of_body.filter(|_| asked.author.is_none());
     let author = asked.author(author.or(of_body))?;

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::asked::created;
 use super::asked::{EditRequest, JsonBody, query};
+use super::author;
 use crate::annotation_service::Annotations;
 use crate::annotation_service::invalid;
 use crate::negotiate::{may_replace, text_tag};
@@ -53,7 +54,7 @@ pub(super) async fn put(
     JsonBody(mut body): JsonBody<MOST_BYTES>,
 ) -> Result<Response, Problem> {
     let of_body = body.as_object_mut().and_then(|body| body.remove("author"));
-    let author = asked.author(of_body.as_ref().and_then(Value::as_str).map(str::to_owned))?;
+    let author = asked.author(author::of_body(of_body.as_ref())?)?;
     let said = body.as_object_mut().and_then(|body| body.insert("name".to_owned(), name.as_str().into()));
     if said.as_ref().is_some_and(|said| *said != name.as_str()) {
         return Err(invalid(&ItemError::new("name", "another name", "what the path says")));
