@@ -304,7 +304,7 @@ impl Drop for Running {
     fn drop(&mut self) {
         let Some(mut child) = self.child.take() else { return };
         let _ = child.kill();
-        // The system takes a while to free the memory of a child; nobody waits for that.
+        // The system takes a while to free the memory of a child, which need not delay the caller.
         let reap = move || drop(child.wait());
         let _ = std::thread::Builder::new().name("relief-reap".to_owned()).spawn(reap);
     }
