@@ -68,18 +68,6 @@ async fn a_server_without_a_log_says_so() {
 }
 
 #[tokio::test]
-async fn an_author_that_is_no_text_is_refused_and_not_ignored() {
-    let stage = Stage::annotated().await;
-    let item = point("nasion", [1.0, 2.0, 3.0]);
-    let create =
-        |author: Value| json!({ "author": author, "changes": [{ "change": "create", "item": item }] });
-    let refused = stage.annotate(Method::POST, "", "ben", create(json!(7))).await.problem(400);
-    assert_eq!(refused["type"], "urn:relief:problem:malformed-author");
-    let made = stage.annotate(Method::POST, "", "ben", create(Value::Null)).await;
-    assert_eq!((made.status.as_u16(), &made.json()["events"][0]["author"]), (201, &json!("ben")));
-}
-
-#[tokio::test]
 async fn items_are_made_listed_changed_deleted_undone_and_logged() {
     let stage = Stage::annotated().await;
     let line = json!({ "name": "width", "set": "s", "order": 1, "frame_of_reference": "9.9.9",

@@ -1,5 +1,5 @@
 //! Several volumes of one log, and sets of several readers: a request about one does not affect
-//! another.
+//! another. Authors that requests name.
 
 use axum::body::Body;
 use axum::http::{Method, Request};
@@ -196,4 +196,16 @@ async fn a_file_of_another_volume_comes_in_beside_it() {
     assert_eq!(here.names("", "").await, ["there"]);
     let (there, _) = turned(here, there);
     assert_eq!(listed(&there).await["items"], before["items"]);
+}
+
+#[tokio::test]
+async fn an_author_that_is_no_text_is_refused_and_not_ignored() {
+    let stage = Stage::annotated().await;
+    let item = point("nasion", [1.0, 2.0, 3.0]);
+    let create =
+        |author: Value| json!({ "author": author, "changes": [{ "change": "create", "item": item }] });
+    let refused = stage.annotate(Method::POST, "", "ben", create(json!(7))).await.problem(400);
+    assert_eq!(refused["type"], "urn:relief:problem:malformed-author");
+    let made = stage.annotate(Method::POST, "", "ben", create(Value::Null)).await;
+    assert_eq!((made.status.as_u16(), &made.json()["events"][0]["author"]), (201, &json!("ben")));
 }
