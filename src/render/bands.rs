@@ -17,7 +17,7 @@ use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
 
 /// How long a band should take where the processor renders: a picture that is cancelled ends after
 /// one or two of them.
-const LONG_BAND: Duration = Duration::from_millis(30);
+const LONG_BAND: Duration = Duration::from_millis(16);
 /// The same while several callers share the render thread.
 const SHORT_BAND: Duration = Duration::from_millis(4);
 
@@ -227,7 +227,7 @@ mod tests {
         }
         let software = Bands::of(AdapterKind::Software);
         let short = software.shortened(true);
-        assert!(short.samples < software.samples / 5.0 && short == short.shortened(true));
+        assert!(short.samples < software.samples / 3.0 && short == short.shortened(true));
         assert!((short.shortened(false).samples / software.samples - 1.0).abs() < 1e-9);
         assert_eq!(Bands::of_pixels(7).after(Duration::from_millis(1)).pixels, 7);
     }

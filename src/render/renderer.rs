@@ -113,7 +113,7 @@ impl Renderer {
 
     /// Sets the approximate number of pixels of a band, at least a whole row of tiles; a picture
     /// can be cancelled between bands. The bytes do not depend on it. By default, bands of software
-    /// adapters get the size that takes 30 ms, and others have 2^22 pixels or fewer where rays are
+    /// adapters get the size that takes 16 ms, and others have 2^22 pixels or fewer where rays are
     /// long.
     pub fn set_band_pixels(&mut self, pixels: u32) {
         self.bands = Bands::of_pixels(pixels);

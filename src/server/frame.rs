@@ -241,8 +241,9 @@ pub(super) async fn answer_as(
 }
 
 async fn render(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene) -> Result<Rendered, Problem> {
-    let volume = pictures.engine.voxels(entry).await?;
+    // Before the voxels: a request that waits must not keep them in memory.
     let _turn = pictures.turns.take(pictures.caller.as_ref()).await;
+    let volume = pictures.engine.voxels(entry).await?;
     let ticket = pictures.engine.service.render_for(pictures.caller.clone(), &volume, scene.request.clone());
     drop(volume); // the order has its own
     let outcome = match ticket {
