@@ -10,7 +10,7 @@ use landlock::{
     ABI, Access, AccessFs, AccessNet, CompatLevel, Compatible, PathBeneath, Ruleset, RulesetAttr,
     RulesetCreatedAttr, RulesetStatus,
 };
-use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
+use rustix::process::{Resource, Rlimit, Signal, getrlimit, set_parent_process_death_signal, setrlimit};
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter, TargetArch};
 
 use super::window::FILE_BYTES;
@@ -46,7 +46,7 @@ pub(crate) struct Held {
     pub(crate) calls: bool,
 }
 
-/// Limits this process to `address_space` bytes and to reading `file`. It cannot be undone, and
+/// Limits this process to `address_space` bytes (fewer if the system allows fewer) and to reading `file`. It cannot be undone, and
 /// holds for all threads that are started later.
 pub(crate) fn enter(file: impl AsFd, address_space: u64) -> Result<Held, SandboxError> {
     // The child ends with its parent, because the parent alone reads its result.
@@ -58,6 +58,8 @@ pub(crate) fn enter(file: impl AsFd, address_space: u64) -> Result<Held, Sandbox
         (Resource::Fsize, FILE_BYTES),
         (Resource::Core, 0),
     ] {
+        // The system may allow less already (`ulimit`, `LimitAS=`), and it cannot be raised.
+        let most = getrlimit(resource).maximum.map_or(most, |allowed| allowed.min(most));
         let limit = Rlimit { current: Some(most), maximum: Some(most) };
         setrlimit(resource, limit).map_err(SandboxError::Limit)?;
     }

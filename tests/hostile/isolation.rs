@@ -82,6 +82,23 @@ fn a_child_reads_what_the_process_reads() {
     }
 }
 
+/// Invariant: A child reads under limits of the system that are lower than its own.
+#[test]
+fn a_child_reads_under_lower_limits_of_the_system() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    head(folder.path());
+    let [zip, limited] = ["head.zip", "limited"].map(|name| folder.path().join(name));
+    zipped(&folder.path().join("head"), &zip);
+    // 4 GiB of address space; the child would allow itself 9.
+    let script = format!("#!/bin/sh\nulimit -v 4194304\nexec {RELIEF} \"$@\"\n");
+    std::fs::write(&limited, script).unwrap();
+    std::fs::set_permissions(&limited, std::fs::Permissions::from_mode(0o700)).unwrap();
+    let read = |reader: IsolatedReader| reader.series(&zip, 4 << 30, &Budget::default(), |_| Ok(())).unwrap();
+    let (limited, own) = (read(IsolatedReader::of_program(limited)), read(reader()));
+    assert_eq!(limited.volume.content_hash(), own.volume.content_hash());
+}
+
 /// Invariant: A child reads a real series exactly as the process itself does.
 #[test]
 fn a_child_reads_a_real_series() {
