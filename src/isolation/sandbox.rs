@@ -46,8 +46,8 @@ pub(crate) struct Held {
     pub(crate) calls: bool,
 }
 
-/// Limits this process to `address_space` bytes (fewer if the system allows fewer) and to reading `file`. It cannot be undone, and
-/// holds for all threads that are started later.
+/// Limits this process to `address_space` bytes (fewer if the system allows fewer) and to reading
+/// `file`. It cannot be undone, and holds for all threads that are started later.
 pub(crate) fn enter(file: impl AsFd, address_space: u64) -> Result<Held, SandboxError> {
     // The child ends with its parent, because the parent alone reads its result.
     set_parent_process_death_signal(Some(Signal::KILL)).map_err(SandboxError::Limit)?;
