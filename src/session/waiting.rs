@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn callers_are_charged_for_the_time_that_pictures_took() {
-        // An estimate that is far too long delays nobody afterwards.
+        // An estimate that is far too long does not delay the caller's later requests.
         let mut bench = Bench::new();
         bench.push(Some("unlucky"), 500.0);
         bench.next(Some(2.0));
@@ -240,7 +240,7 @@ mod tests {
         bench.push(Some("other"), 3.0);
         let order: Vec<String> = (0..3).map(|_| bench.next(None)).collect();
         assert_eq!(order, ["other", "unlucky", "other"]);
-        // One that is too short does: the caller asks for more than it seems.
+        // One that is too short does, because its pictures cost more than expected.
         let mut bench = Bench::new();
         (0..3).for_each(|_| bench.push(Some("costly"), 1.0));
         (0..3).for_each(|_| bench.push(Some("honest"), 1.5));
