@@ -349,12 +349,12 @@ impl Renderer {
         let start = Instant::now();
         let uploaded = self.store.prepare(&self.gpu, volume, request)? | self.illuminate(volume, request)?;
         let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
-        let (skipping, output) = how;
-        let key = CastKey { volume: volume.content_hash(), request: request.clone(), skipping, output };
-        let (mut rows, spent) = self.make_target(&key)?;
+        let (mut rows, spent) = self.make_target(volume.content_hash(), request, how)?;
         let start = Instant::now().checked_sub(spent).unwrap_or_else(Instant::now);
         let outcome = self.submit(volume, request, how, (&mut rows, watch));
         if matches!(outcome, Err(RenderError::Cancelled)) {
+            let (skipping, output) = how;
+            let key = CastKey { volume: volume.content_hash(), request: request.clone(), skipping, output };
             let unfinished = |target| Unfinished { key, target, rows, spent: start.elapsed() };
             self.unfinished = self.target.take().map(unfinished);
         }
@@ -374,14 +374,20 @@ impl Renderer {
 
     /// Makes the target of a picture. Returns how many rows of its region are rendered already, and
     /// the time that they took.
-    fn make_target(&mut self, key: &CastKey) -> Result<(u32, Duration), RenderError> {
-        if let Some(unfinished) = self.unfinished.take_if(|unfinished| unfinished.key == *key) {
+    fn make_target(
+        &mut self,
+        volume: ContentHash,
+        request: &RenderRequest,
+        how: (EmptySpaceSkipping, Output),
+    ) -> Result<(u32, Duration), RenderError> {
+        let is_same = |unfinished: &mut Unfinished| unfinished.key.is_of(volume, request, how);
+        if let Some(unfinished) = self.unfinished.take_if(is_same) {
             self.target = Some(unfinished.target);
             return Ok((unfinished.rows, unfinished.spent));
         }
-        if !self.target.as_ref().is_some_and(|target| target.fits(&key.request)) {
+        if !self.target.as_ref().is_some_and(|target| target.fits(request)) {
             self.target = None; // frees the old one first
-            self.target = Some(Target::new(&self.gpu, &key.request)?);
+            self.target = Some(Target::new(&self.gpu, request)?);
         }
         Ok((0, Duration::ZERO))
     }

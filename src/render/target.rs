@@ -48,12 +48,23 @@ impl Target {
 }
 
 /// Everything that decides the pixels of a cast.
-#[derive(Clone, Debug, PartialEq)]
 pub(super) struct CastKey {
     pub(super) volume: ContentHash,
     pub(super) request: RenderRequest,
     pub(super) skipping: EmptySpaceSkipping,
     pub(super) output: Output,
+}
+
+impl CastKey {
+    /// Whether this is the key of such a cast.
+    pub(super) fn is_of(
+        &self,
+        volume: ContentHash,
+        request: &RenderRequest,
+        (skipping, output): (EmptySpaceSkipping, Output),
+    ) -> bool {
+        (self.volume, self.skipping, self.output) == (volume, skipping, output) && self.request == *request
+    }
 }
 
 /// A picture that was cancelled between two bands. An equal request continues it.
