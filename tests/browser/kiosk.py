@@ -161,6 +161,7 @@ def hands(playwright, server):
         page.keyboard.press(key)
     wait_for(page, "window.kioskView.clip_mm !== null")
     found["before"] = view(page)
+    found["problems"] = problems[:]
     server.kill()
     wait_for(page, f"{ROOT}.connection === 'waiting'")
     found["said"] = page.inner_text("#state")
@@ -171,8 +172,9 @@ def hands(playwright, server):
     wait_still(page)
     found["after"] = view(page)
     found["frames"] = [before, int(page.evaluate(f"{ROOT}.frame"))]
-    # The browser itself says that the connection was refused while there was no server.
-    found["problems"] = [text for text in problems if "ERR_CONNECTION_REFUSED" not in text and "WebSocket" not in text]
+    # From the kill on, the browser itself reports connections that were reset or refused.
+    later = problems[len(found["problems"]) :]
+    found["problems"] += [text for text in later if "net::ERR_CONNECTION_" not in text and "WebSocket" not in text]
     opened.close()
     return found
 
