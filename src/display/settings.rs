@@ -257,7 +257,8 @@ impl CustomProfile {
         let Self { vz, zd, m, c, frame_px, sub_image_px } = self;
         let constants = match (zd, m, c) {
             (None, None, None) => DisparityConstants::from_viewing_distance(vz)?,
-            (Some(zd), Some(m), Some(c)) => DisparityConstants { zd, vz, m, c }.checked()?,
+            // Checked with the sizes, by [`DisplaySettings::profile`].
+            (Some(zd), Some(m), Some(c)) => DisparityConstants { zd, vz, m, c },
             _ => return Err(CustomProfileError::Keys),
         };
         Ok(ProfileSetting::Custom { constants, frame_px, sub_image_px })

@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use serde_json::{Value, json};
 
 use relief_annotation::SnapFeature;
-use relief_display::{ContentType, DepthFilter, Layout, ProfileName};
+use relief_display::{ContentType, DepthFilter, Layout, MAX_VIEWS, ProfileName};
 use relief_exchange::Format;
 use relief_render::{Classification, DepthRule, Edges, Lighting, Mode, Overlays, SlabBlend};
 use relief_volume::{NamedPlane, PresetGroup, WindowMap};
@@ -20,6 +20,9 @@ const TEMPLATE: &str = include_str!("openapi.json");
 const KEY: &str = "x-relief-values";
 /// Stands for the media types of annotation formats that are written.
 const MEDIA_KEY: &str = "x-relief-media";
+
+/// Stands for the pattern of the layouts of views.
+const GRIDS: &str = "x-relief-view-grids";
 
 /// The description as it is served.
 pub(super) static DOCUMENT: LazyLock<String> = LazyLock::new(|| filled().to_string());
@@ -40,6 +43,9 @@ fn fill(value: &mut Value) {
                 members.remove(KEY);
                 members.insert("enum".to_owned(), json!(values));
             }
+            if members.get("pattern").is_some_and(|pattern| pattern == GRIDS) {
+                members.insert("pattern".to_owned(), view_grids().into());
+            }
             if members.remove(MEDIA_KEY).is_some() {
                 let media = Format::ALL.into_iter().filter(|format| format.can_write());
                 members.extend(media.map(|format| (format.media_type().to_owned(), json!({}))));
@@ -50,6 +56,18 @@ fn fill(value: &mut Value) {
         Value::Array(items) => items.iter_mut().for_each(fill),
         _ => {}
     }
+}
+
+/// A regular expression of `views-N` and `views-COLUMNSxROWS` with 2 to [`MAX_VIEWS`] views.
+fn view_grids() -> String {
+    let alternatives = |numbers: std::ops::RangeInclusive<u32>| -> String {
+        numbers.map(|number| number.to_string()).collect::<Vec<_>>().join("|")
+    };
+    let grids = (1..=MAX_VIEWS).map(|columns| {
+        let rows = if columns == 1 { 2 } else { 1 }..=MAX_VIEWS / columns;
+        format!("|{columns}x({})", alternatives(rows))
+    });
+    format!("^views-({}{})$", alternatives(2..=MAX_VIEWS), grids.collect::<String>())
 }
 
 /// The names of a closed set.
@@ -101,6 +119,25 @@ mod tests {
             assert!(document.contains(name), "{name}");
             assert!(!template.to_string().contains(&format!("\"{name}\"]")), "{name} is listed by hand");
         }
+    }
+
+    /// Invariant: The API description names exactly the layouts of views that the code accepts.
+    #[test]
+    fn layouts_of_views_match_the_pattern_exactly() {
+        let document = filled();
+        assert!(!document.to_string().contains(GRIDS));
+        let pattern = document["components"]["parameters"]["layout"]["schema"]["anyOf"][1]["pattern"].clone();
+        let pattern = regex::Regex::new(pattern.as_str().unwrap()).unwrap();
+        for columns in 0..=130 {
+            let name = format!("views-{columns}");
+            assert_eq!(pattern.is_match(&name), name.parse::<Layout>().is_ok(), "{name}");
+            for rows in 0..=130 {
+                let name = format!("views-{columns}x{rows}");
+                assert_eq!(pattern.is_match(&name), name.parse::<Layout>().is_ok(), "{name}");
+            }
+        }
+        // Counts whose square does not fit into 32 bits.
+        assert!("views-1742693347".parse::<Layout>().is_err());
     }
 
     #[test]

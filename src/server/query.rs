@@ -210,7 +210,10 @@ impl Query {
     pub(super) fn of_slice(uri: &Uri) -> Result<Self, Problem> {
         let mut query = Self::of(uri)?;
         if query.has("mode") && !query.is_slice() {
-            return Err(bad_parameter("mode is not slice, which is all there is here").with("path", "mode"));
+            return Err(conflict(
+                "the mode of this path is slice; other modes are rendered by /frame",
+                "mode",
+            ));
         }
         for (name, value) in [("mode", "slice"), ("layout", "color")] {
             if !query.has(name) {
@@ -369,16 +372,21 @@ impl ParameterType {
     }
 }
 
+/// Parameters that are valid by themselves, but not together.
+fn conflict(detail: &str, parameter: &str) -> Problem {
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "conflicting-parameters", detail).with("path", parameter)
+}
+
 fn check_combination(query: &Query) -> Result<(), Problem> {
     for (a, b) in EXCLUSIVE {
         if query.has(a) && query.has(b) {
-            return Err(bad_parameter(format!("{a} and {b} exclude each other")).with("path", *b));
+            return Err(conflict(&format!("{a} and {b} exclude each other"), b));
         }
     }
     let of_mode = if query.is_slice() { NEEDS_OF_SLICE } else { NEEDS_OF_VIEW };
     for (name, needed) in NEEDS.iter().chain(of_mode) {
         if query.has(name) && !query.has(needed) {
-            return Err(bad_parameter(format!("{name} means nothing without {needed}")).with("path", *name));
+            return Err(conflict(&format!("{name} means nothing without {needed}"), name));
         }
     }
     Ok(())

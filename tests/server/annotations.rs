@@ -412,7 +412,7 @@ async fn files_of_other_tools_come_and_go() {
     let updated = import("name=back.fcsv&update=true", moved.into()).await;
     assert_eq!(updated.json()["events"][0]["item"]["geometry"]["at_mm"], json!([1.5, -2.0, 3.5]));
     assert_eq!(updated.json()["events"][0]["version"], 2);
-    import("name=back.fcsv&update=true&duplicate=true", file.body.clone()).await.problem(400);
+    import("name=back.fcsv&update=true&duplicate=true", file.body.clone()).await.problem(422);
     let made = import("name=back.fcsv&set=back&duplicate=true", file.body.clone()).await;
     assert_eq!(made.status, 201, "{}", made.text());
     let item = made.json()["events"][0]["item"].clone();

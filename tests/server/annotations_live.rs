@@ -420,7 +420,7 @@ async fn a_plain_intent_places_too() {
         }
     };
     post(json!({ "intent": "cursor", "point_mm": [7, 0, 0] }), "").await;
-    post(json!({ "intent": "place", "phase": "commit" }), "").await.problem(400);
+    post(json!({ "intent": "place", "phase": "commit" }), "").await.problem(422);
     let placed = post(json!({ "intent": "place", "phase": "commit" }), "ben").await;
     assert_eq!(
         (placed.status.as_u16(), &placed.json()["next"]["name"]),

@@ -86,7 +86,7 @@ async fn labels_that_are_wrong_are_refused_by_name_and_without_a_path() {
     assert!(problem["allowed"].as_str().unwrap().contains("one of low"), "{problem}");
     let problem = stage.get(&stage.path("frame?label_tint=2")).await.problem(422);
     assert_eq!((&problem["path"], &problem["allowed"]), (&"label_tint".into(), &"0 to 1".into()));
-    stage.get(&stage.path("frame?cut_labels=3&keep_labels=3")).await.problem(400);
+    stage.get(&stage.path("frame?cut_labels=3&keep_labels=3")).await.problem(422);
     let problem = stage.get(&stage.path("frame?mode=mean&cut_labels=3")).await.problem(422);
     assert!(problem["allowed"].as_str().unwrap().contains("composite, mip, minip, slice"), "{problem}");
     let closed = Stage::with(Config { uploads: None, ..Config::default() }, QueueConfig::default());

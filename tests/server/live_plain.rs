@@ -132,7 +132,7 @@ async fn what_is_wrong_is_told() {
     let text = stage.get_with("/v1/session/nowhere/frame", &[HOST, ("accept", "text/html")]).await;
     text.problem(406);
     wish(stage, "desk", "{").await.problem(400);
-    wish(stage, "desk", r#"{"intent":"zoom","factor":1e9}"#).await.problem(400);
+    wish(stage, "desk", r#"{"intent":"zoom","factor":1e9}"#).await.problem(422);
     let unknown = Request::post("/v1/session/desk/intent?volume=none")
         .header(HOST.0, HOST.1)
         .header("content-type", "application/json");

@@ -80,11 +80,11 @@ async fn what_is_wrong_with_a_slice_is_named() {
     for (part, status, path, detail) in [
         ("slice?plane=transverse", 400, "plane", "axial, sagittal, coronal"),
         ("slice?letters=yes", 400, "letters", "true or false"),
-        ("frame?letters=true", 400, "letters", "mode=slice"),
+        ("frame?letters=true", 422, "letters", "mode=slice"),
         ("slice?slab_blend=median", 400, "slab_blend", "mean, mip, minip"),
-        ("slice?mode=mip", 400, "mode", "slice"),
-        ("slice?plane=axial&normal=0,0,1", 400, "normal", "exclude"),
-        ("slice?up=0,0,1", 400, "up", "normal"),
+        ("slice?mode=mip", 422, "mode", "slice"),
+        ("slice?plane=axial&normal=0,0,1", 422, "normal", "exclude"),
+        ("slice?up=0,0,1", 422, "up", "normal"),
         ("slice?normal=0,0,0", 422, "normal", "length above zero"),
         ("slice?normal=0,0,1", 422, "up", "across the normal"),
         ("slice?slab_mm=-1", 422, "slab_mm", "0 to 1000"),
@@ -94,8 +94,8 @@ async fn what_is_wrong_with_a_slice_is_named() {
         ("slice?window=40,0", 422, "window", "1 to 65536"),
         ("slice?azimuth_deg=20", 422, "slice", "angles"),
         ("slice?eye_mm=0,-99,0", 422, "camera", "mode slice"),
-        ("frame?plane=axial", 400, "plane", "mode=slice"),
-        ("frame?slab_mm=3", 400, "slab_mm", "mode=slice"),
+        ("frame?plane=axial", 422, "plane", "mode=slice"),
+        ("frame?slab_mm=3", 422, "slab_mm", "mode=slice"),
     ] {
         let problem = stage.get(&stage.path(part)).await.problem(status);
         assert_eq!(problem["path"], path, "{part}: {problem}");

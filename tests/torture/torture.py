@@ -22,6 +22,8 @@ import zipfile
 import zlib
 from pathlib import Path
 
+from description import generate
+
 ROWS = []
 
 
@@ -436,6 +438,33 @@ def isolation(options, series, folder):
     row(f"{len(slices)} slices uploaded, {len(body) >> 20} MiB", "in a child to in the server", f"{ratio:.3f} ({child:.2f} to {own:.2f} s)", "1.10", ratio <= 1.1)
 
 
+def description(options, series, folder):
+    """Generated requests against the API description, with sign-in off and on."""
+    if not options.schemathesis:
+        print("torture: UNAVAILABLE: Schemathesis; generated requests are left out", file=sys.stderr)
+        return
+    tokens = folder / "generated-tokens"
+    made = [options.program, "token", "add", tokens, "--name", "generated", "--scope", "admin"]
+    token = subprocess.run(made, check=True, capture_output=True, text=True).stdout.split()[-1]
+    for name, arguments in {"off": [], "on": ["--token-file", tokens]}.items():
+        log = folder / f"generated-{name}.db"
+        server = Server(options.program, "--series", series, "--annotations", log, "--uploads", "on", *arguments)
+        try:
+            wait_ready(server)
+            work = folder / f"generated-{name}"
+            work.mkdir()
+            statuses, findings = generate(options.schemathesis, server, work, options.examples, token if arguments else None)
+            scenario = f"{sum(statuses.values())} generated requests, sign-in {name}"
+            for finding in findings:
+                print(f"torture: {scenario}: {finding}", file=sys.stderr)
+            failed = sum(count for status, count in statuses.items() if status == "none" or (status >= 500 and status != 503))
+            row(scenario, "answers of 5xx but 503, or none", failed, "0", failed == 0)
+            row(scenario, "answers that do not follow the API description", len(findings), "0", not findings)
+            row(scenario, "restarts of the server", int(server.process.poll() is not None), "0", server.process.poll() is None)
+        finally:
+            server.kill()
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--program", required=True)
@@ -447,7 +476,9 @@ def main():
     arguments.add_argument("--terminations", type=int, default=40)
     arguments.add_argument("--losses", type=int, default=100)
     arguments.add_argument("--readings", type=int, default=5)
-    arguments.add_argument("--only", default="clients,kills,terminations,devices,isolation")
+    arguments.add_argument("--schemathesis", help="the program that generates requests")
+    arguments.add_argument("--examples", type=int, default=40, help="generated requests for each path and method, at most")
+    arguments.add_argument("--only", default="clients,kills,terminations,devices,isolation,description")
     options = arguments.parse_args()
     random.seed(1)
     wanted = options.only.split(",")
@@ -463,6 +494,8 @@ def main():
             lost_devices(options, options.series)
         if "isolation" in wanted:
             isolation(options, options.large or options.series, folder)
+        if "description" in wanted:
+            description(options, options.series, folder)
     print("| scenario | measured | figure | bar | |\n|---|---|---|---|---|")
     for scenario, what, figure, bar, holds in ROWS:
         print(f"| {scenario} | {what} | {figure} | {bar} | {'holds' if holds else '**missed**'} |")

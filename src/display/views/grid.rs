@@ -35,6 +35,9 @@ impl ViewGrid {
     /// nearest to as many rows as columns, wider than high.
     #[must_use]
     pub fn of_count(count: u32) -> Option<Self> {
+        if !(2..=MAX_VIEWS).contains(&count) {
+            return None;
+        }
         let quilt = QUILTS.into_iter().find(|[columns, rows]| columns * rows == count);
         let square = (1..=count).rev().find(|rows| rows * rows <= count && count.is_multiple_of(*rows));
         let [columns, rows] = quilt.or(square.map(|rows| [count / rows, rows]))?;

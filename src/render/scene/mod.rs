@@ -13,6 +13,7 @@ mod shading;
 mod slice;
 mod surfaces;
 mod transfer;
+mod whole;
 mod written;
 
 use std::sync::Arc;
@@ -27,6 +28,7 @@ use self::shading::ShadingFile;
 use self::slice::expect_one_view;
 use self::surfaces::{SurfaceFile, resolve_surfaces};
 use self::transfer::{TransferFile, Windows, resolve_transfer};
+use self::whole::Whole;
 use super::classification::Classification;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
@@ -98,7 +100,7 @@ impl Scene {
 #[serde(deny_unknown_fields, default)]
 pub struct SceneFile {
     camera: Option<CameraFile>,
-    size_px: Option<[u32; 2]>,
+    size_px: Option<[Whole; 2]>,
     budget_ms: Option<f64>,
     mode: Option<Mode>,
     slice: Option<SliceFile>,
@@ -245,7 +247,7 @@ impl SceneFile {
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {
-        Self { size_px: Some(size_px), ..self }
+        Self { size_px: Some(size_px.map(Whole)), ..self }
     }
 
     /// Replaces how long the picture may take to render, ms.
@@ -314,7 +316,8 @@ impl SceneFile {
         self.display.validate()?;
         expect_budget(self.budget_ms)?;
         let size_of_layout = self.display.encoder()?.render_size_px();
-        let size_px = self.size_px.or(size_of_layout).unwrap_or([960, 540]);
+        let of_scene = self.size_px.map(|sides| sides.map(|side| side.0));
+        let size_px = of_scene.or(size_of_layout).unwrap_or([960, 540]);
         let is_slice = self.is_slice();
         let slice = expect_one_view(is_slice, self.slice, self.camera.is_some(), orbit)?;
         let camera = match (slice, self.camera) {

@@ -3,6 +3,7 @@
 
 use serde::Deserialize;
 
+use super::whole::Whole;
 use crate::overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 use crate::request_error::RequestError;
 use relief_base::{Patient, Point};
@@ -24,7 +25,7 @@ pub(super) struct OverlaysFile {
     bounding_box: bool,
     orientation_cube: bool,
     scale_bar: bool,
-    label_height_px: Option<u32>,
+    label_height_px: Option<Whole>,
     label_depths_mm: Option<[f64; 2]>,
     occluded: Option<f64>,
 }
@@ -75,7 +76,7 @@ struct CurveFile {
 #[serde(deny_unknown_fields)]
 struct MeshFile {
     vertices_mm: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
+    triangles: Vec<[Whole; 3]>,
     rgb: Option<[f64; 3]>,
     opacity: Option<f64>,
 }
@@ -85,7 +86,7 @@ struct MeshFile {
 struct TextFile {
     at_mm: [f64; 3],
     text: String,
-    height_px: Option<u32>,
+    height_px: Option<Whole>,
     rgb: Option<[f64; 3]>,
 }
 
@@ -123,7 +124,7 @@ impl OverlaysFile {
             bounding_box: self.bounding_box,
             orientation_cube: self.orientation_cube,
             scale_bar: self.scale_bar,
-            label_height_px: self.label_height_px,
+            label_height_px: self.label_height_px.map(|height| height.0),
             label_depths_mm: self.label_depths_mm,
             occluded: self.occluded.unwrap_or(Overlays::DEFAULT_OCCLUDED),
         })
@@ -150,11 +151,12 @@ impl ItemFile {
             }
             Self::Mesh(MeshFile { vertices_mm, triangles, rgb, opacity }) => OverlayItem::Mesh(Mesh {
                 vertices: vertices_mm.into_iter().map(point).collect(),
-                triangles: triangles.into(),
+                triangles: triangles.into_iter().map(|corners| corners.map(|corner| corner.0)).collect(),
                 rgb: rgb.unwrap_or(MESH_RGB),
                 opacity: opacity.unwrap_or(1.0),
             }),
             Self::Text(TextFile { at_mm, text, height_px, rgb }) => {
+                let height_px = height_px.map(|height| height.0);
                 OverlayItem::Text(Text { at: point(at_mm), text, height_px, rgb: rgb.unwrap_or(TEXT_RGB) })
             }
         })

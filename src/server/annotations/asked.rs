@@ -60,6 +60,7 @@ impl EditRequest {
 
     /// The author of a change: the header's, or else the body's.
     pub(super) fn author(&self, of_body: Option<String>) -> Result<String, Problem> {
+        of_body.as_deref().map_or(Ok(()), author::check)?;
         let of_body = self.caller.author(of_body)?;
         let author = self.author.clone().or(of_body).ok_or_else(author::missing)?;
         author::check(&author)?;
@@ -115,12 +116,28 @@ pub(super) async fn read_json(
         return Err(too_large(limit as u64));
     }
     let body = read_body(body, limit, config.body_timeout).await?;
-    let value: Value = parse(&body)?;
+    let mut value: Value = parse(&body)?;
+    write_whole_numbers(&mut value);
     if value.is_object() {
         return Ok(value);
     }
     Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-json", "the body is no JSON object")
         .with("path", "."))
+}
+
+/// Writes numbers such as 3.0 as integers, which they are in JSON Schema.
+fn write_whole_numbers(value: &mut Value) {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            // Integers of this size have exactly one f64.
+            let whole =
+                number.as_f64().filter(|number| number.fract() == 0.0 && number.abs() < 2f64.powi(53));
+            *value = whole.map_or_else(|| value.clone(), |number| (number as i64).into());
+        }
+        Value::Array(items) => items.iter_mut().for_each(write_whole_numbers),
+        Value::Object(members) => members.values_mut().for_each(write_whole_numbers),
+        _ => {}
+    }
 }
 
 /// Events as clients get them.

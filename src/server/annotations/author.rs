@@ -68,7 +68,7 @@ pub(crate) fn check(author: &str) -> Result<(), Problem> {
 
 pub(crate) fn missing() -> Problem {
     let detail = "every change has an author; name one in the header Relief-Author (percent-encoded), or as author in the body";
-    Problem::new(StatusCode::BAD_REQUEST, "no-author", detail).with("path", "author")
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "no-author", detail).with("path", "author")
 }
 
 /// A percent-encoded text; `None` when it is none, or not UTF-8.

@@ -82,8 +82,8 @@ pub(super) async fn import(
         (false, true) => ExistingItems::Duplicate,
         (true, true) => {
             let detail = "update and duplicate exclude one another";
-            return Err(Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", detail)
-                .with("path", "duplicate"));
+            let status = StatusCode::UNPROCESSABLE_ENTITY;
+            return Err(Problem::new(status, "conflicting-parameters", detail).with("path", "duplicate"));
         }
     };
     let author = asked.author(author)?;

@@ -138,6 +138,7 @@ impl Condition {
             return Ok(Self::Any);
         }
         let digits = text.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+        let digits = digits.filter(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()));
         digits.and_then(|digits| digits.parse().ok()).map(Self::Version).ok_or_else(|| {
             let detail = "If-Match is no version of an item, such as \"3\"";
             Problem::new(StatusCode::BAD_REQUEST, "malformed-version", detail).with("path", "If-Match")

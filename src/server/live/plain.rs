@@ -209,7 +209,9 @@ pub(crate) async fn intent(
     expect_content_type(&headers, "application/json")?;
     let body = read_body(body, MAX_TEXT_BYTES, parts.config.body_timeout).await?;
     let intent = Intent::from_json(&body).map_err(|error| {
-        Problem::new(StatusCode::BAD_REQUEST, "malformed-intent", error).with("path", "intent")
+        let is_object = serde_json::from_slice::<serde_json::Map<String, Value>>(&body).is_ok();
+        let status = if is_object { StatusCode::UNPROCESSABLE_ENTITY } else { StatusCode::BAD_REQUEST };
+        Problem::new(status, "malformed-intent", error).with("path", "intent")
     })?;
     // Nothing is held from one request to the next: what would be taken hold of is shown.
     let intent = match intent {
