@@ -1,9 +1,14 @@
 //! Moments: milliseconds since 1970 in UTC, written as RFC 3339.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use chrono::{DateTime, SecondsFormat, Utc};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// How far each reading of the clock goes back on purpose, and how many there were since.
+static TURNED_BACK_MS: AtomicI64 = AtomicI64::new(0);
+static READINGS: AtomicI64 = AtomicI64::new(1);
 
 /// A moment in UTC, to the millisecond. As text `2026-01-31T12:00:00.000Z`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -14,7 +19,17 @@ impl Timestamp {
     #[must_use]
     pub fn now() -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis());
-        i64::try_from(since).ok().and_then(Self::from_millis).unwrap_or(Self(DateTime::UNIX_EPOCH))
+        let step = TURNED_BACK_MS.load(Ordering::Relaxed);
+        let turned_back =
+            if step == 0 { 0 } else { step.saturating_mul(READINGS.fetch_add(1, Ordering::Relaxed)) };
+        let now = i64::try_from(since).ok().and_then(|now| now.checked_sub(turned_back));
+        now.and_then(Self::from_millis).unwrap_or(Self(DateTime::UNIX_EPOCH))
+    }
+
+    /// From here on, each reading of the clock is earlier than the one before by `step`: a failure
+    /// that is brought about on purpose, for the whole process.
+    pub fn turn_clock_back(step: Duration) {
+        TURNED_BACK_MS.store(i64::try_from(step.as_millis()).unwrap_or(i64::MAX), Ordering::Relaxed);
     }
 
     /// The time `ms` milliseconds after 1970; `None` beyond the range of the calendar.

@@ -30,6 +30,7 @@ mod client_window;
 mod doctor;
 mod doctor_isolation;
 mod drawing;
+mod faults;
 mod golden;
 mod inspect;
 mod inspect_frame;

@@ -16,6 +16,7 @@ use tokio::sync::oneshot;
 
 use super::adapter::AdapterArguments;
 use super::bucket::CopiesArguments;
+use super::faults::{self, Fault};
 use super::memory::parse_bytes;
 use super::output::say;
 use super::serve_identity::IdentityArguments;
@@ -27,7 +28,7 @@ use relief_base::sha256_of_file;
 use relief_server::{
     Admission, AllowedHosts, Config, ConnectionLimits, LiveConfig, Server, Shutdown, Tls, UploadLimits,
 };
-use relief_session::{InjectedFault, QueueConfig, RenderService};
+use relief_session::{QueueConfig, RenderService};
 use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
@@ -108,9 +109,9 @@ pub(super) struct ServeArguments {
     /// otherwise
     #[arg(long, value_name = "CAM.yaml")]
     sensor: Option<PathBuf>,
-    /// Lose the graphics device before every N-th picture, to see that the server recovers
-    #[arg(long, value_name = "N", hide = true, value_parser = clap::value_parser!(u32).range(1..))]
-    lose_device_every: Option<u32>,
+    /// Bring about a failure, to see that the server recovers; may be given several times
+    #[arg(long = "fault", value_name = "KIND=VALUE", hide = true)]
+    faults: Vec<Fault>,
     /// Beacon that they look at; the recommended one otherwise
     #[arg(long, value_name = "B.toml")]
     beacon: Option<PathBuf>,
@@ -138,7 +139,8 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let backend = arguments.adapter.open_backend()?;
     let limits = backend.renderer().volume_limits();
     let adapter = backend.renderer().gpu().description().to_string();
-    let backend = backend.with_fault(arguments.lose_device_every.map(InjectedFault::device_lost));
+    let backend = backend.with_faults(faults::of_device(&arguments.faults));
+    faults::begin_clock(&arguments.faults);
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(backend, queue)?);
     let config = config(arguments, &adapter, admission)?;
@@ -148,7 +150,11 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let mut server = Server::new(Arc::clone(&service), readers.series, config);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let log = match &arguments.annotations {
-        Some(place) => Some(runtime.block_on(Store::open(place)).context("--annotations cannot be used")?),
+        Some(place) => Some(
+            runtime
+                .block_on(Store::open_with(place, faults::of_store(&arguments.faults)))
+                .context("--annotations cannot be used")?,
+        ),
         None => None,
     };
     if let Some(log) = &log {

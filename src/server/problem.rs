@@ -145,6 +145,7 @@ impl From<&VolumeError> for Problem {
             VolumeError::UnknownSeries => (StatusCode::NOT_FOUND, "no-such-series"),
             VolumeError::NotRemovable => (StatusCode::FORBIDDEN, "not-removable"),
             VolumeError::OwnLabels => (StatusCode::FORBIDDEN, "not-replaceable"),
+            VolumeError::MemoryFull(_) => (StatusCode::INSUFFICIENT_STORAGE, "memory-full"),
         };
         Self::new(status, kind, error)
     }

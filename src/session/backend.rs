@@ -15,23 +15,33 @@ pub type OpenRenderer = Box<dyn Fn() -> Result<Renderer, RenderError> + Send>;
 pub struct GpuBackend {
     renderer: Renderer,
     open: OpenRenderer,
-    fault: Option<InjectedFault>,
+    faults: Vec<InjectedFault>,
 }
 
 /// A failure that is brought about on purpose, to see that a server recovers from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InjectedFault {
-    /// Pictures from one loss of the device to the next.
-    pub every: u32,
+    kind: FaultKind,
+    /// Pictures from one failure to the next.
+    every: u32,
     /// Pictures until then.
     left: u32,
 }
 
+/// What fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultKind {
+    /// The device is lost before the picture.
+    DeviceLost,
+    /// The first attempt at the picture finds no memory.
+    OutOfMemory,
+}
+
 impl InjectedFault {
-    /// Loses the device before every `every`-th picture, the first of them included.
+    /// Fails at every `every`-th picture, the first of them included.
     #[must_use]
-    pub const fn device_lost(every: u32) -> Self {
-        Self { every, left: 0 }
+    pub const fn new(kind: FaultKind, every: u32) -> Self {
+        Self { kind, every, left: 0 }
     }
 
     /// Whether the next picture meets the failure.
@@ -48,7 +58,7 @@ impl GpuBackend {
     /// # Errors
     /// When the adapter cannot be opened, or refuses the shaders.
     pub fn open(open: OpenRenderer) -> Result<Self, RenderError> {
-        Ok(Self { renderer: open()?, open, fault: None })
+        Ok(Self { renderer: open()?, open, faults: Vec::new() })
     }
 
     /// The renderer in use.
@@ -57,10 +67,10 @@ impl GpuBackend {
         &self.renderer
     }
 
-    /// The same, with a failure that is brought about on purpose.
+    /// The same, with failures that are brought about on purpose.
     #[must_use]
-    pub fn with_fault(self, fault: Option<InjectedFault>) -> Self {
-        Self { fault, ..self }
+    pub fn with_faults(self, faults: Vec<InjectedFault>) -> Self {
+        Self { faults, ..self }
     }
 
     /// A picture of a cube of eight voxels: whether the adapter renders at all.
@@ -84,10 +94,16 @@ impl RenderBackend for GpuBackend {
         request: &RenderRequest,
         goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<RenderedFrame, BackendError> {
-        if self.fault.as_mut().is_some_and(InjectedFault::strikes) {
-            self.renderer.lose_device();
+        let mut rendered = None;
+        for fault in self.faults.iter_mut().filter_map(|fault| fault.strikes().then_some(fault.kind)) {
+            match fault {
+                FaultKind::DeviceLost => self.renderer.lose_device(),
+                FaultKind::OutOfMemory => {
+                    rendered = Some(Err(GpuError::OutOfMemory { what: "an injected fault" }.into()));
+                }
+            }
         }
-        let mut rendered = self.renderer.render_watched(volume, request, goes_on);
+        let mut rendered = rendered.unwrap_or_else(|| self.renderer.render_watched(volume, request, goes_on));
         if let Err(RenderError::Gpu(GpuError::OutOfMemory { .. })) = &rendered {
             // Other volumes, and whatever else is cached, make room.
             self.renderer.release();

@@ -27,7 +27,7 @@ use std::sync::Arc;
 use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use relief_volume::{ContentHash, Volume};
 
-pub use backend::{GpuBackend, InjectedFault, OpenRenderer};
+pub use backend::{FaultKind, GpuBackend, InjectedFault, OpenRenderer};
 pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
 pub use budget::{BudgetedRequest, INTERACTIVE_MS, SpeedBook};
 pub use drawn::{ContentError, Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};

@@ -53,6 +53,7 @@ pub use query::{Filter, Listing, LogFilter};
 pub use watch::{Changed, Watch};
 
 use place::{DatabaseAddress, DatabaseKind};
+pub use pools::StoreFaults;
 use pools::{Current, PATIENCE, Pools, READERS};
 
 /// How long a database may take to begin a transaction.
@@ -84,7 +85,15 @@ impl Store {
     /// # Errors
     /// When it cannot be reached, is no log of Relief, is damaged, or was made by a newer version.
     pub async fn open(place: &str) -> Result<Self, StoreError> {
-        Self::open_place(&DatabaseAddress::parse(place, true)?).await
+        Self::open_with(place, StoreFaults::default()).await
+    }
+
+    /// As [`Self::open`], with failures that are brought about on purpose.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`].
+    pub async fn open_with(place: &str, faults: StoreFaults) -> Result<Self, StoreError> {
+        Self::open_place(&DatabaseAddress::parse(place, true)?, faults).await
     }
 
     /// Opens an existing log; creates none.
@@ -92,13 +101,13 @@ impl Store {
     /// # Errors
     /// Those of [`Self::open`], and when the log does not exist.
     pub async fn open_existing(place: &str) -> Result<Self, StoreError> {
-        Self::open_place(&DatabaseAddress::parse(place, false)?).await
+        Self::open_place(&DatabaseAddress::parse(place, false)?, StoreFaults::default()).await
     }
 
-    async fn open_place(place: &DatabaseAddress) -> Result<Self, StoreError> {
+    async fn open_place(place: &DatabaseAddress, faults: StoreFaults) -> Result<Self, StoreError> {
         schema::prepare(place).await?;
         let (kind, options) = (place.kind, place.options.clone());
-        let pools = Arc::new(Pools::new(kind, place.read_only, options.clone()));
+        let pools = Arc::new(Pools::new(kind, place.read_only, options.clone(), faults));
         Ok(Self { kind, options, pools })
     }
 
@@ -121,14 +130,16 @@ impl Store {
 
     /// A transaction that changes something: no other connection writes until it ends.
     async fn begin_write(&self) -> Result<Transaction<'static, Any>, StoreError> {
-        match self.kind {
-            DatabaseKind::Sqlite => self.begin(|current| &current.write, "BEGIN IMMEDIATE").await,
-            DatabaseKind::Postgres => {
-                let mut transaction = self.begin(|current| &current.write, "BEGIN").await?;
-                sqlx::query("LOCK TABLE events IN EXCLUSIVE MODE").execute(&mut *transaction).await?;
-                Ok(transaction)
-            }
+        let statement = match self.kind {
+            DatabaseKind::Sqlite => "BEGIN IMMEDIATE",
+            DatabaseKind::Postgres => "BEGIN",
+        };
+        let mut transaction = self.begin(|current| &current.write, statement).await?;
+        if self.kind == DatabaseKind::Postgres {
+            sqlx::query("LOCK TABLE events IN EXCLUSIVE MODE").execute(&mut *transaction).await?;
         }
+        tokio::time::sleep(self.pools.faults().delay).await;
+        Ok(transaction)
     }
 
     /// A transaction that sees one moment of the log.

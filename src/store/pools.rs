@@ -23,7 +23,17 @@ pub(super) struct Pools {
     kind: DatabaseKind,
     read_only: bool,
     options: AnyConnectOptions,
+    faults: StoreFaults,
     current: Mutex<Current>,
+}
+
+/// Failures that are brought about on purpose, to see that callers recover from them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StoreFaults {
+    /// Largest size of a SQLite file; beyond it, the disk is full.
+    pub most_bytes: Option<u64>,
+    /// How much longer each change takes.
+    pub delay: Duration,
 }
 
 /// Connections that belong together.
@@ -36,10 +46,21 @@ pub(super) struct Current {
 }
 
 impl Pools {
-    pub(super) fn new(kind: DatabaseKind, read_only: bool, options: AnyConnectOptions) -> Self {
-        let [write, read] = [1, READERS].map(|connections| pool(kind, read_only, &options, connections));
+    pub(super) fn new(
+        kind: DatabaseKind,
+        read_only: bool,
+        options: AnyConnectOptions,
+        faults: StoreFaults,
+    ) -> Self {
+        let [write, read] =
+            [1, READERS].map(|connections| pool((kind, read_only, faults), &options, connections));
         let current = Mutex::new(Current { generation: 0, write, read });
-        Self { kind, read_only, options, current }
+        Self { kind, read_only, options, faults, current }
+    }
+
+    /// The failures that are brought about.
+    pub(super) fn faults(&self) -> StoreFaults {
+        self.faults
     }
 
     pub(super) fn current(&self) -> Current {
@@ -52,16 +73,21 @@ impl Pools {
         if current.generation != broken.generation {
             return;
         }
-        let made = |connections| pool(self.kind, self.read_only, &self.options, connections);
+        let state = (self.kind, self.read_only, self.faults);
+        let made = |connections| pool(state, &self.options, connections);
         let next = Current { generation: broken.generation + 1, write: made(1), read: made(READERS) };
         *current = next;
     }
 }
 
-fn pool(kind: DatabaseKind, read_only: bool, options: &AnyConnectOptions, connections: u32) -> AnyPool {
+fn pool(
+    (kind, read_only, faults): (DatabaseKind, bool, StoreFaults),
+    options: &AnyConnectOptions,
+    connections: u32,
+) -> AnyPool {
     AnyPoolOptions::new()
         .max_connections(connections)
         .acquire_timeout(PATIENCE)
-        .after_connect(move |connection, _| Box::pin(schema::settle(connection, kind, read_only)))
+        .after_connect(move |connection, _| Box::pin(schema::settle(connection, kind, read_only, faults)))
         .connect_lazy_with(options.clone())
 }

@@ -4,6 +4,7 @@ use sqlx::{AnyConnection, AssertSqlSafe, ConnectOptions, Connection, Executor, R
 
 use super::error::{Damage, ForeignFile, StoreError};
 use super::place::{DatabaseAddress, DatabaseKind};
+use super::pools::StoreFaults;
 
 /// The newest schema that this version knows, and the one that it makes.
 const SCHEMA: u64 = 1;
@@ -134,7 +135,7 @@ async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Resu
         return Err(StoreError::Foreign(ForeignFile::Sqlite));
     }
     check_schema(connection).await?;
-    Ok(settle(connection, DatabaseKind::Sqlite, read_only).await?)
+    Ok(settle(connection, DatabaseKind::Sqlite, read_only, StoreFaults::default()).await?)
 }
 
 /// Whether the file has no tables yet.
@@ -196,7 +197,7 @@ async fn prepare_postgres(connection: &mut AnyConnection) -> Result<(), StoreErr
     {
         return Err(StoreError::Foreign(ForeignFile::Schema));
     }
-    settle(connection, DatabaseKind::Postgres, false).await?;
+    settle(connection, DatabaseKind::Postgres, false, StoreFaults::default()).await?;
     check_schema(connection).await
 }
 
@@ -219,6 +220,7 @@ pub(super) async fn settle(
     connection: &mut AnyConnection,
     kind: DatabaseKind,
     read_only: bool,
+    faults: StoreFaults,
 ) -> Result<(), sqlx::Error> {
     match kind {
         DatabaseKind::Sqlite => {
@@ -233,6 +235,11 @@ pub(super) async fn settle(
                 "PRAGMA cell_size_check = ON",
             ] {
                 connection.execute(pragma).await?;
+            }
+            if let Some(bytes) = faults.most_bytes {
+                let page: i64 = connection.fetch_one("PRAGMA page_size").await?.try_get(0)?;
+                let pages = bytes / page.unsigned_abs().max(1);
+                connection.execute(AssertSqlSafe(format!("PRAGMA max_page_count = {pages}"))).await?;
             }
             let mode: String = connection.fetch_one("PRAGMA journal_mode").await?.try_get(0)?;
             if mode != "wal" && !read_only {

@@ -50,6 +50,25 @@ async fn a_label_map_becomes_the_segments_of_its_volume() {
     assert_eq!(by_body.header("etag"), tags[2], "the same by query and by body");
 }
 
+/// Invariant: Uploaded label maps count towards the memory for voxels, and one that does not fit is refused.
+#[tokio::test]
+async fn label_maps_are_charged_to_the_memory_for_voxels() {
+    // The cube has 64 voxels of two bytes, its label map one byte for each.
+    for (bytes, status) in [(128 + 63, 507), (128 + 64, 200)] {
+        let config = Config { memory_bytes: bytes, ..Config::default() };
+        let stage = Stage::with(config, QueueConfig::default());
+        let answer = stage.post(&stage.path("labels"), BYTES, halves()).await;
+        assert_eq!(answer.status, status, "{}", answer.text());
+        if status == 507 {
+            assert_eq!(answer.json()["code"], "memory-full");
+            continue;
+        }
+        // Another map takes the place of the first one.
+        let again = stage.post(&stage.path("labels"), BYTES, halves()).await;
+        assert_eq!(again.status, 200, "{}", again.text());
+    }
+}
+
 #[tokio::test]
 async fn a_pick_names_the_segment_that_it_hits() {
     let stage = Stage::new();

@@ -384,7 +384,7 @@ def terminations(options, series, folder):
 def lost_devices(options, series):
     """The graphics device is lost every few pictures: the same bytes come out, and soon."""
     whole = Server(options.program, "--series", series)
-    broken = Server(options.program, "--series", series, "--lose-device-every", 3)
+    broken = Server(options.program, "--series", series, "--fault", "device-lost=3")
     try:
         for server in (whole, broken):
             wait_ready(server)

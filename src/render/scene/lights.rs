@@ -4,6 +4,7 @@ use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
+use super::whole::Whole;
 use crate::light::{Light, Placement};
 use crate::lighting::Lighting;
 use crate::mode::Mode;
@@ -73,8 +74,8 @@ enum SpaceFile {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct PathTraceFile {
-    passes: Option<u32>,
-    seed: Option<u32>,
+    passes: Option<Whole>,
+    seed: Option<Whole>,
     density: Option<f64>,
     environment: Option<f64>,
     exposure: Option<f64>,
@@ -122,14 +123,14 @@ impl LightFile {
 
 impl PathTraceFile {
     pub(super) fn with_passes(self, passes: u32) -> Self {
-        Self { passes: Some(passes), ..self }
+        Self { passes: Some(Whole(passes)), ..self }
     }
 
     pub(super) fn resolve(self) -> PathTrace {
         let usual = PathTrace::default();
         PathTrace {
-            passes: self.passes.unwrap_or(usual.passes),
-            seed: self.seed.unwrap_or(usual.seed),
+            passes: self.passes.map_or(usual.passes, |passes| passes.0),
+            seed: self.seed.map_or(usual.seed, |seed| seed.0),
             density: self.density.unwrap_or(usual.density),
             environment: self.environment.unwrap_or(usual.environment),
             exposure: self.exposure.unwrap_or(usual.exposure),

@@ -91,6 +91,12 @@ impl VolumeEntry {
         (self.grid.voxel_count() * size_of::<i16>()) as u64
     }
 
+    /// Bytes of the label map in memory; 0 where there is none.
+    #[must_use]
+    pub fn label_bytes(&self) -> u64 {
+        self.labels.as_deref().map_or(0, LabelMap::bytes)
+    }
+
     /// Whether a client uploaded the volume and may remove it.
     #[must_use]
     pub fn is_upload(&self) -> bool {

@@ -4,14 +4,14 @@ use std::error::Error;
 
 use crate::JobError;
 
-/// A volume does not fit into memory, even after evicting everything that can be read again.
+/// Voxels or a label map do not fit into memory, even after evicting everything that can be read again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the volume has {needed} bytes of voxels, and {available} are available beside those that cannot go; \
+    "{needed} bytes of voxels or labels are needed, and {available} are available beside those that stay; \
      allow more with --memory"
 )]
 pub struct MemoryFull {
-    /// Bytes of the volume's voxels.
+    /// Bytes of the voxels or the label map.
     pub needed: u64,
     /// Bytes that are free after evicting everything that can be read again.
     pub available: u64,
@@ -58,6 +58,9 @@ pub enum VolumeError {
     /// The label map came with the volume, from the operator.
     #[error("the label map of this volume was loaded at the start of the server; uploads do not replace it")]
     OwnLabels,
+    /// There is no room for a label map.
+    #[error(transparent)]
+    MemoryFull(#[from] MemoryFull),
 }
 
 /// The voxels of a volume could not be read again after their eviction.

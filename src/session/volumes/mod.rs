@@ -102,7 +102,7 @@ impl Volumes {
         let entry = VolumeEntry::new(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
         let mut inner = self.write();
         inner.entries.retain(|known| known.id != entry.id);
-        self.residents.make_room(&inner.entries, entry.voxel_bytes())?;
+        self.residents.make_room(&inner.entries, entry.voxel_bytes() + entry.label_bytes())?;
         inner.loading = inner.loading.saturating_sub(1);
         self.residents.touch(&entry.voxels);
         inner.entries.push(entry);
@@ -142,13 +142,17 @@ impl Volumes {
     /// Replaces the label map of a volume.
     ///
     /// # Errors
-    /// When no volume has this id, or its label map is the operator's.
+    /// When no volume has this id, its label map is the operator's, or there is no room for the map.
     pub fn set_labels(&self, id: &str, labels: Arc<LabelMap>) -> Result<Arc<VolumeEntry>, VolumeError> {
         let mut inner = self.write();
-        let known = inner.entries.iter_mut().find(|entry| entry.id == id).ok_or(VolumeError::UnknownId)?;
+        let place = inner.entries.iter().position(|entry| entry.id == id).ok_or(VolumeError::UnknownId)?;
+        let known = &inner.entries[place];
         if known.has_own_labels {
             return Err(VolumeError::OwnLabels);
         }
+        let needed = labels.bytes().saturating_sub(known.label_bytes());
+        self.residents.make_room(&inner.entries, needed)?;
+        let known = &mut inner.entries[place];
         *known = Arc::new(VolumeEntry { labels: Some(labels), ..VolumeEntry::clone(known) });
         Ok(Arc::clone(known))
     }

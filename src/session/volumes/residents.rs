@@ -1,5 +1,5 @@
-//! Voxels in host memory: beyond a limit of bytes the least recently used are evicted and read
-//! again on demand.
+//! Voxels and label maps in host memory: beyond a limit of bytes the least recently used voxels are
+//! evicted and read again on demand. Label maps stay.
 //!
 //! Series of the operator have a reader and can be evicted; uploads have none and stay. Render
 //! requests that wait or run hold their voxels in addition to the limit. What it is not: graphics
@@ -28,7 +28,7 @@ pub(crate) struct Residents {
 /// Voxels in host memory, and evictions and reads since the start.
 #[derive(Clone, Copy, Debug)]
 pub struct HostMemory {
-    /// Bytes of voxels in memory.
+    /// Bytes of voxels and label maps in memory.
     pub used_bytes: u64,
     /// The limit.
     pub limit_bytes: u64,
@@ -61,8 +61,10 @@ impl Residents {
 
     /// Evicts the least recently used voxels until `needed` bytes are free.
     pub(super) fn make_room(&self, entries: &[Arc<VolumeEntry>], needed: u64) -> Result<(), MemoryFull> {
-        let kept = entries.iter().filter(|entry| !entry.voxels.can_be_evicted());
-        let available = self.limit_bytes.saturating_sub(kept.map(|entry| entry.voxel_bytes()).sum());
+        let kept = |entry: &Arc<VolumeEntry>| {
+            entry.label_bytes() + if entry.voxels.can_be_evicted() { 0 } else { entry.voxel_bytes() }
+        };
+        let available = self.limit_bytes.saturating_sub(entries.iter().map(kept).sum());
         if needed > available {
             return Err(MemoryFull { needed, available });
         }
@@ -81,5 +83,8 @@ impl Residents {
 }
 
 fn used(entries: &[Arc<VolumeEntry>]) -> u64 {
-    entries.iter().filter(|entry| entry.voxels.lock().is_some()).map(|entry| entry.voxel_bytes()).sum()
+    let of_entry = |entry: &Arc<VolumeEntry>| {
+        entry.label_bytes() + if entry.voxels.lock().is_some() { entry.voxel_bytes() } else { 0 }
+    };
+    entries.iter().map(of_entry).sum()
 }

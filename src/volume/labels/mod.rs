@@ -78,6 +78,14 @@ impl SegmentIndices {
         }
     }
 
+    /// Bytes in memory.
+    fn bytes(&self) -> u64 {
+        match self {
+            Self::Bytes(places) => places.len() as u64,
+            Self::Words(places) => size_of_val(places.as_slice()) as u64,
+        }
+    }
+
     fn of_labels(labels: &[u16], place_of: &[u16], segments: usize) -> Self {
         if segments <= usize::from(u8::MAX) {
             let byte = |&label: &u16| place_of[usize::from(label)] as u8;
@@ -158,6 +166,12 @@ impl LabelMap {
     pub(super) fn of_one(grid: Grid, places: Vec<u8>, segment: Segment, voxels: u64) -> Self {
         let places = SegmentIndices::Bytes(places);
         Self { grid, segments: vec![segment], counts: vec![voxels], places, hash: OnceLock::new() }
+    }
+
+    /// Bytes of its voxels in memory: one or two for each.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.places.bytes()
     }
 
     /// Where the voxels lie.
