@@ -297,7 +297,7 @@ async fn what_is_wrong_is_named() {
     let create = |item: Value| json!({ "changes": [{ "change": "create", "item": item }] });
     let far = point("far", [0.0, 2e6, 0.0]);
     for (body, author, status, path) in [
-        (create(point("a", [0.0; 3])), "", 400, "author"),
+        (create(point("a", [0.0; 3])), "", 422, "author"),
         (create(point("", [0.0; 3])), "anna", 422, "changes[0].item.name"),
         (create(far), "anna", 422, "changes[0].item.geometry.at_mm"),
         (create(json!({ "name": "a", "colour": 1 })), "anna", 400, "changes[0]"),

@@ -23,6 +23,7 @@ import zlib
 from pathlib import Path
 
 from description import generate
+from malformed import Slice, render_all
 
 ROWS = []
 
@@ -465,6 +466,24 @@ def description(options, series, folder):
             server.kill()
 
 
+def malformed_files(options, folder):
+    """Malformed DICOM in categories, each series read by a process of its own."""
+    base = folder / "whole"
+    subprocess.run([options.program, "phantom", "--kind", "sphere", "--size", "16", "--out", base], check=True, stdout=subprocess.DEVNULL)
+    slices = [Slice(path.read_bytes()) for path in sorted(base.rglob("*.dcm"))]
+    categories, failures = render_all(options.program, slices, folder / "malformed")
+    for failure in failures:
+        print(f"torture: malformed DICOM: {failure}", file=sys.stderr)
+    inputs = sum(category.inputs for category in categories)
+    slowest, peak = max(category.seconds for category in categories), max(category.mib for category in categories)
+    scenario = f"{len(categories)} categories of malformed DICOM, {inputs} series"
+    row(scenario, "panics, signals, hangs over 5 s, peaks over 512 MiB", len(failures), "0", not failures)
+    row(scenario, "slowest, and largest peak", f"{slowest:.2f} s, {peak:.0f} MiB", "5 s, 512 MiB", not failures)
+    print("| category | series | refused | accepted | the first refusal |\n|---|---|---|---|---|")
+    for category in categories:
+        print(f"| {category.name} | {category.inputs} | {category.refused} | {category.accepted} | {category.refusal} |")
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--program", required=True)
@@ -478,7 +497,7 @@ def main():
     arguments.add_argument("--readings", type=int, default=5)
     arguments.add_argument("--schemathesis", help="the program that generates requests")
     arguments.add_argument("--examples", type=int, default=40, help="generated requests for each path and method, at most")
-    arguments.add_argument("--only", default="clients,kills,terminations,devices,isolation,description")
+    arguments.add_argument("--only", default="clients,kills,terminations,devices,isolation,description,malformed")
     options = arguments.parse_args()
     random.seed(1)
     wanted = options.only.split(",")
@@ -496,6 +515,8 @@ def main():
             isolation(options, options.large or options.series, folder)
         if "description" in wanted:
             description(options, options.series, folder)
+        if "malformed" in wanted:
+            malformed_files(options, folder)
     print("| scenario | measured | figure | bar | |\n|---|---|---|---|---|")
     for scenario, what, figure, bar, holds in ROWS:
         print(f"| {scenario} | {what} | {figure} | {bar} | {'holds' if holds else '**missed**'} |")
