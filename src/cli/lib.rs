@@ -51,6 +51,8 @@ mod slice;
 mod source;
 mod text_file;
 mod token;
+#[cfg(feature = "traces")]
+mod traces;
 mod track;
 mod track_design;
 mod track_display;
@@ -69,8 +71,12 @@ mod views;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
+#[cfg(feature = "traces")]
+use anyhow::Context;
 use clap::{Parser, Subcommand};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
 /// Headless CT volume rendering, in colour and depth, for glasses-free 3D displays.
 #[derive(Debug, Parser)]
@@ -126,7 +132,13 @@ pub fn main() -> ExitCode {
     if matches!(arguments.command, Command::DecodeWorker) {
         return relief_isolation::serve(); // before anything starts a thread or opens a file
     }
-    start_logging();
+    let _traces = match start_logging(&arguments.command) {
+        Ok(traces) => traces, // sent until the end
+        Err(error) => {
+            eprintln!("relief: {}", output::report(&error));
+            return ExitCode::FAILURE;
+        }
+    };
     let outcome = match arguments.command {
         Command::Phantom(arguments) => phantom::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
@@ -165,8 +177,16 @@ fn directives(setting: &str) -> String {
     }
 }
 
-/// Logs go to stderr, because stdout carries results only.
-fn start_logging() {
+/// The way to a collector of traces, where the command line names one.
+#[cfg(feature = "traces")]
+fn open_traces(command: &Command) -> anyhow::Result<Option<traces::Traces>> {
+    let Command::Serve(arguments) = command else { return Ok(None) };
+    let opened = arguments.traces.as_deref().map(traces::Traces::open).transpose();
+    opened.context("--traces cannot be used")
+}
+
+/// Logs go to stderr, because stdout carries results only. Returns what has to live until the end.
+fn start_logging(command: &Command) -> anyhow::Result<impl Sized + use<>> {
     let usual = || EnvFilter::new("warn,relief_cli=info");
     let filter = match std::env::var("RELIEF_LOG") {
         Ok(setting) if !setting.is_empty() => {
@@ -180,5 +200,18 @@ fn start_logging() {
         _ => usual(),
     };
     let colored = std::io::stderr().is_terminal();
-    tracing_subscriber::fmt().with_env_filter(filter).with_ansi(colored).with_writer(std::io::stderr).init();
+    let log = tracing_subscriber::fmt::layer().with_ansi(colored).with_writer(std::io::stderr);
+    let subscriber = tracing_subscriber::registry().with(log.with_filter(filter));
+    #[cfg(feature = "traces")]
+    {
+        let traces = open_traces(command)?;
+        subscriber.with(traces.as_ref().map(traces::Traces::layer)).init();
+        Ok(traces)
+    }
+    #[cfg(not(feature = "traces"))]
+    {
+        let _ = command;
+        subscriber.init();
+        Ok(())
+    }
 }

@@ -109,6 +109,11 @@ pub(super) struct ServeArguments {
     /// otherwise
     #[arg(long, value_name = "CAM.yaml")]
     sensor: Option<PathBuf>,
+    /// Send spans of requests and frames to this OpenTelemetry collector: OTLP over HTTP, such as
+    /// http://127.0.0.1:4318
+    #[cfg(feature = "traces")]
+    #[arg(long, value_name = "URL", env = "OTEL_EXPORTER_OTLP_ENDPOINT")]
+    pub(super) traces: Option<String>,
     /// Bring about a failure, to see that the server recovers; may be given several times
     #[arg(long = "fault", value_name = "KIND=VALUE", hide = true)]
     faults: Vec<Fault>,

@@ -91,6 +91,30 @@ impl Server {
         self.admin("postgres").await.execute(sqlx::AssertSqlSafe(create)).await.unwrap();
     }
 
+    /// Makes it accept encrypted connections, with a certificate and its key as PEM.
+    pub(crate) async fn encrypt(&self, certificate: &str, key: &str) {
+        let data = self.folder.path().join("data");
+        for (name, text) in [("server.crt", certificate), ("server.key", key)] {
+            let path = data.join(name);
+            std::fs::write(&path, text).unwrap();
+            give_away(&[&path]);
+            #[cfg(unix)]
+            {
+                use std::os::unix::fs::PermissionsExt;
+                std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
+            }
+        }
+        let mut admin = self.admin("postgres").await;
+        admin.execute("ALTER SYSTEM SET ssl = on").await.unwrap();
+        admin.execute("SELECT pg_reload_conf()").await.unwrap();
+        let patience = Instant::now() + Duration::from_secs(60);
+        let url = format!("{}?sslmode=require", self.url("postgres"));
+        while let Err(error) = sqlx::PgConnection::connect(&url).await {
+            assert!(Instant::now() < patience, "PostgreSQL does not encrypt: {error}");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
     /// `kill -9` of the server, and a new one with the same data.
     pub(crate) async fn crash(&mut self) {
         self.process.kill().unwrap();

@@ -11,6 +11,7 @@ mod faults;
 mod hostile;
 mod identity;
 mod privacy;
+mod traces;
 
 use crate::common;
 

@@ -8,6 +8,7 @@ mod killed;
 mod made;
 mod model;
 mod postgres;
+mod postgres_tls;
 mod speed;
 mod writers;
 

@@ -1,0 +1,68 @@
+//! Spans of requests and frames for an OpenTelemetry collector, over OTLP (HTTP and protobuf).
+//!
+//! Spans have the fields that the log has at level `debug`: ids of requests, routes, sizes, times;
+//! nothing that names a patient. They are sent by a thread of their own, in batches, and are dropped
+//! when the collector does not keep up.
+
+use std::time::Duration;
+
+use opentelemetry::trace::TracerProvider;
+use opentelemetry_otlp::{Protocol, SpanExporter, WithExportConfig};
+use opentelemetry_sdk::Resource;
+use opentelemetry_sdk::trace::{SdkTracerProvider, Tracer};
+use tracing::Subscriber;
+use tracing_opentelemetry::OpenTelemetryLayer;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::Layer;
+use tracing_subscriber::registry::LookupSpan;
+
+/// How long a batch may take, and the last one at the end of the program.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The way to a collector. Dropping it sends what is left.
+#[derive(Debug)]
+pub(super) struct Traces {
+    provider: SdkTracerProvider,
+    tracer: Tracer,
+}
+
+impl Traces {
+    /// Spans are sent to `URL/v1/traces`.
+    ///
+    /// # Errors
+    /// When the address is invalid. A collector that cannot be reached is a warning in the log.
+    pub(super) fn open(url: &str) -> anyhow::Result<Self> {
+        // Another part of the program may have done so already.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+        let exporter = SpanExporter::builder()
+            .with_http()
+            .with_protocol(Protocol::HttpBinary)
+            .with_endpoint(format!("{}/v1/traces", url.trim_end_matches('/')))
+            .with_timeout(PATIENCE)
+            .build()?;
+        let resource = Resource::builder().with_service_name("relief").build();
+        let provider =
+            SdkTracerProvider::builder().with_batch_exporter(exporter).with_resource(resource).build();
+        let tracer = provider.tracer("relief");
+        Ok(Self { provider, tracer })
+    }
+
+    /// The layer that records spans of Relief's own crates.
+    pub(super) fn layer<S>(&self) -> impl Layer<S> + use<S>
+    where
+        S: Subscriber + for<'span> LookupSpan<'span>,
+    {
+        OpenTelemetryLayer::new(self.tracer.clone())
+            .with_location(false)
+            .with_threads(false)
+            .with_filter(EnvFilter::new("off,relief=debug"))
+    }
+}
+
+impl Drop for Traces {
+    fn drop(&mut self) {
+        if let Err(error) = self.provider.shutdown_with_timeout(PATIENCE) {
+            tracing::warn!(%error, "the last traces were not sent");
+        }
+    }
+}
