@@ -50,7 +50,7 @@ async fn the_way_to_a_database_is_encrypted_as_its_address_says() {
     // Another authority, and a name that the certificate does not have.
     for url in [verified("localhost", &other), verified("127.0.0.1", &trusted)] {
         let refused = Store::open(&url).await.unwrap_err();
-        assert!(matches!(refused, StoreError::Unencrypted(_)), "{refused}");
+        assert!(refused.to_string().contains("invalid peer certificate"), "{refused}");
     }
 }
 
