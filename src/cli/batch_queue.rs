@@ -153,7 +153,7 @@ pub(super) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
         RunEvent::Done(job, record) => tracing::debug!("done: {} in {:.0} ms", job.name(), record.render_ms),
         RunEvent::Skipped(job) => tracing::debug!("done before: {}", job.name()),
     };
-    let worked = work_queue(&mut renderer, (&runtime, &queue), &options, stop, &tell)
+    let worked = work_queue(&mut renderer, &runtime, &queue, &options, stop, &tell)
         .with_context(|| format!("cannot work into {}", arguments.out))?;
     runtime.block_on(queue.close());
     tell_worked(arguments, &worked, started.elapsed())

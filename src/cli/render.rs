@@ -146,7 +146,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
     let frame = render(&mut renderer, &loaded.volume, &scene.request)?;
     let made = match choice {
         views::ViewChoice::Synthesised => None,
-        _ => Some(views::make(choice, &scene, &frame, (&mut renderer, &loaded.volume), render)?),
+        _ => Some(views::make(choice, &scene, &frame, &mut renderer, &loaded.volume, render)?),
     };
     let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
     for (output, product) in outputs.into_iter().flatten() {

@@ -171,7 +171,7 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let server = server.reading_labels(readers.labels).reading_annotations(readers.annotations);
     let server = Arc::new(server);
     server.expect_volumes(places.len());
-    let load = |server| load_behind(places, copies.clone(), (arguments.options.clone(), limits), server);
+    let load = |server| load_behind(places, copies.clone(), arguments.options.clone(), limits, server);
     let outcome = runtime.block_on(serve(arguments, tls, server, load));
     service.shut_down();
     if let Some(log) = log {

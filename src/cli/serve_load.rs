@@ -80,7 +80,8 @@ impl SeriesLocation {
 pub(super) fn load_behind(
     places: Vec<SeriesLocation>,
     copies: Copies,
-    (options, limits): (SeriesOptions, VolumeLimits),
+    options: SeriesOptions,
+    limits: VolumeLimits,
     server: Arc<Server>,
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
     let (report, failed) = oneshot::channel();

@@ -77,7 +77,7 @@ impl Readers {
             annotations: Arc::new(move |path, name, format, context| {
                 let read = for_annotations.annotations(path, name, format, context);
                 read.map_err(|error| match error {
-                    IsolationError::UnknownFormat(_) => ImportError::UnknownFormat(error.into()),
+                    IsolationError::UnknownFormat => ImportError::UnknownFormat,
                     error => ImportError::Unreadable(error.into()),
                 })
             }),
@@ -128,10 +128,7 @@ fn annotations(
 ) -> Result<Imported, ImportError> {
     let unreadable = |error: std::io::Error| ImportError::Unreadable(error.into());
     let bytes = std::fs::read(path).map_err(unreadable)?;
-    let format = format.or_else(|| Format::of(Path::new(name), &bytes[..bytes.len().min(1 << 14)]));
-    let unknown = || ImportError::UnknownFormat(UNKNOWN_FORMAT.into());
-    let read = relief_exchange::read(format.ok_or_else(unknown)?, &bytes, context);
+    let format = format.or_else(|| Format::of(Path::new(name), &bytes));
+    let read = relief_exchange::read(format.ok_or(ImportError::UnknownFormat)?, &bytes, context);
     read.map_err(|error| ImportError::Unreadable(error.into()))
 }
-
-const UNKNOWN_FORMAT: &str = "neither name nor beginning of the file says what it is; say it with format=";

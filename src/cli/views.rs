@@ -55,7 +55,8 @@ pub(super) fn make(
     choice: ViewChoice,
     scene: &Scene,
     frame: &RenderedFrame,
-    (renderer, volume): (&mut Renderer, &Volume),
+    renderer: &mut Renderer,
+    volume: &Volume,
     render: impl Fn(&mut Renderer, &Volume, &RenderRequest) -> anyhow::Result<RenderedFrame>,
 ) -> anyhow::Result<ViewFile> {
     let layout = scene.display.layout;

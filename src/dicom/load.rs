@@ -141,7 +141,7 @@ fn load_voxels(
     let stack = Stack::new(&frames);
     let identity = entry.identity();
     if stack.len() == 1 {
-        return single(&frames[0], &stack, (hu, identity), warnings);
+        return single(&frames[0], &stack, hu, identity, warnings);
     }
     let deviation = stack.deviation();
     if deviation.is_none() {
@@ -180,7 +180,8 @@ fn refuse(strictness: Strictness, warnings: &[Warning]) -> Result<(), Error> {
 fn single(
     frame: &FrameHeader,
     stack: &Stack,
-    (hu, identity): (Vec<i16>, SeriesIdentity),
+    hu: Vec<i16>,
+    identity: SeriesIdentity,
     mut warnings: Vec<Warning>,
 ) -> Result<Loaded, Error> {
     let [columns, rows] = frame.spacing_mm;

@@ -258,10 +258,11 @@ impl Format {
         Self::ALL.into_iter().filter(|format| wanted(*format)).map(Self::name).collect::<Vec<_>>().join(", ")
     }
 
-    /// The format of a file, by its name and its first bytes (a kilobyte or more). A DICOM object
-    /// and a JSON file are recognised by their bytes. `None` where neither decides.
+    /// The format of a file, by its name and the first 16 KiB of its `bytes`. A DICOM object and a
+    /// JSON file are recognised by their bytes. `None` where neither decides.
     #[must_use]
-    pub fn of(path: &Path, head: &[u8]) -> Option<Self> {
+    pub fn of(path: &Path, bytes: &[u8]) -> Option<Self> {
+        let head = &bytes[..bytes.len().min(1 << 14)];
         if head.get(128..132) == Some(b"DICM") {
             return dicom_kind(head);
         }

@@ -158,10 +158,8 @@ fn annotations(
     let mut bytes = Vec::new();
     std::fs::File::open(FILE)?.take(job.most_bytes).read_to_end(&mut bytes)?;
     let given = job.format.as_deref().and_then(|name| name.parse::<Format>().ok());
-    let beginning = &bytes[..bytes.len().min(1 << 14)];
-    let Some(format) = given.or_else(|| Format::of(Path::new(&job.file_name), beginning)) else {
-        let reason = "neither name nor beginning of the file says what it is; say it with format=";
-        return refuse(socket, Refusal::UnknownFormat, reason.to_owned());
+    let Some(format) = given.or_else(|| Format::of(Path::new(&job.file_name), &bytes)) else {
+        return refuse(socket, Refusal::UnknownFormat, String::new());
     };
     let grid = job.grid.as_ref().map(Grid::try_from).transpose().map_err(std::io::Error::other)?;
     let context = ReadContext {

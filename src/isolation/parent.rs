@@ -45,9 +45,9 @@ pub enum IsolationError {
     /// The file is not what it should be.
     #[error("{0}")]
     Refused(String),
-    /// Nothing says which format a file of annotations has.
-    #[error("{0}")]
-    UnknownFormat(String),
+    /// The format of a file of annotations is unknown.
+    #[error("neither name nor first bytes of the file tell its format")]
+    UnknownFormat,
     /// The child was ended: by a limit, or by a fault of a decoder.
     #[error("reading the file failed: {}", ending(.0))]
     Ended(std::process::ExitStatus),
@@ -246,7 +246,7 @@ impl IsolatedReader {
 fn refusal(answer: Answer) -> IsolationError {
     match answer {
         Answer::Refused { kind: Refusal::Content, reason } => IsolationError::Refused(reason),
-        Answer::Refused { kind: Refusal::UnknownFormat, reason } => IsolationError::UnknownFormat(reason),
+        Answer::Refused { kind: Refusal::UnknownFormat, .. } => IsolationError::UnknownFormat,
         _ => IsolationError::Invalid,
     }
 }

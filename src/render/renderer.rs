@@ -410,7 +410,7 @@ impl Renderer {
         let uniform = FrameUniform::new(request, volume, appearance, skipping);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         let pipeline = match request.mode {
-            Mode::Slice(blend) => self.slices.prepare(&self.gpu, request, volume.grid(), (blend, output))?,
+            Mode::Slice(blend) => self.slices.prepare(&self.gpu, request, volume.grid(), blend, output)?,
             _ => {
                 let precomputed_gradients = self.store.volume().gradients.precomputed;
                 let mostly_visible = appearance.mostly_visible;

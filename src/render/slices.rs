@@ -106,7 +106,8 @@ impl SlicePipelines {
         gpu: &Gpu,
         request: &RenderRequest,
         grid: &Grid,
-        (blend, output): (SlabBlend, Output),
+        blend: SlabBlend,
+        output: Output,
     ) -> Result<&wgpu::ComputePipeline, GpuError> {
         gpu.queue.write_buffer(&self.slab, 0, bytemuck::bytes_of(&SlabUniform::new(request, grid)));
         let key = SliceKey { blend, output, edges: request.labels.as_ref().map(|labels| labels.edges) };

@@ -141,7 +141,7 @@ impl AuditLog {
         let thread = std::thread::Builder::new().name("relief-audit".to_owned());
         let thread = thread
             .spawn(move || {
-                if let Err(error) = write(&mut file, &waiting, (head, torn)) {
+                if let Err(error) = write(&mut file, &waiting, head, torn) {
                     writer.store(true, Ordering::Relaxed);
                     tracing::error!(%error, log = %name.display(), "the audit log cannot be written; requests are refused");
                 }
@@ -216,7 +216,7 @@ impl Drop for AuditLog {
 }
 
 /// Writes records until their senders are gone. What waits together is synced together.
-fn write(file: &mut File, waiting: &Receiver<Record>, (head, torn): (String, bool)) -> std::io::Result<()> {
+fn write(file: &mut File, waiting: &Receiver<Record>, head: String, torn: bool) -> std::io::Result<()> {
     let mut head = head;
     if torn {
         append(file, &mut head, Record { torn: true, ..empty() })?;

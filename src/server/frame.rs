@@ -67,7 +67,7 @@ pub(super) async fn get_slice(
 ) -> Result<Response, Problem> {
     let entry = pictures.engine.volumes.find(&id)?;
     let media = negotiate(&headers, Product::Frame.formats())?;
-    answer_query(&pictures, &entry, &Query::of_slice(&uri)?, &headers, (Product::Frame, media)).await
+    answer_query(&pictures, &entry, &Query::of_slice(&uri)?, &headers, Product::Frame, media).await
 }
 
 pub(super) async fn get_pick(
@@ -113,7 +113,7 @@ async fn by_query(
 ) -> Result<Response, Problem> {
     let entry = pictures.engine.volumes.find(id)?;
     let media = negotiate(headers, product.formats())?;
-    answer_query(pictures, &entry, &Query::of(uri)?, headers, (product, media)).await
+    answer_query(pictures, &entry, &Query::of(uri)?, headers, product, media).await
 }
 
 async fn answer_query(
@@ -121,7 +121,8 @@ async fn answer_query(
     entry: &VolumeEntry,
     query: &Query,
     headers: &HeaderMap,
-    (product, media): (Product, FileFormat),
+    product: Product,
+    media: FileFormat,
 ) -> Result<Response, Problem> {
     let answered = async {
         let order = SceneQuery::from_query(query, &entry.grid)?;

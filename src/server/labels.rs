@@ -12,6 +12,7 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use serde_json::Value;
 
+use super::identity::Caller;
 use super::problem::Problem;
 use super::state::{Config, LabelsLoader, Uploads};
 use super::upload::{ReceivedUpload, take_in};
@@ -23,6 +24,7 @@ pub(super) async fn upload(
     State(config): State<Arc<Config>>,
     State(uploads): State<Uploads>,
     Path(id): Path<String>,
+    caller: Caller,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<Value>, Problem> {
@@ -31,8 +33,8 @@ pub(super) async fn upload(
         let detail = "this server reads no label maps";
         return Err(Problem::new(StatusCode::FORBIDDEN, "uploads-off", detail));
     };
-    let ReceivedUpload { turn, file, .. } =
-        take_in(&config, &uploads, &headers, body, ("application/octet-stream", u64::MAX)).await?;
+    let ReceivedUpload { turn, file, share: _share, .. } =
+        take_in(&config, &uploads, &caller, &headers, body, "application/octet-stream", u64::MAX).await?;
     let job = move || read(&engine, &loader, file.path(), &entry.id);
     Ok(Json(on_blocking_thread(turn, "reading the label map", job).await??))
 }

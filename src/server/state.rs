@@ -44,9 +44,9 @@ pub type AnnotationsLoader =
 /// patients.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
-    /// Nothing says which format it has.
-    #[error("{0}")]
-    UnknownFormat(LoadError),
+    /// Its format is unknown.
+    #[error("neither name nor first bytes of the file tell its format; name it with format=")]
+    UnknownFormat,
     /// It is damaged, or needs too much.
     #[error("{0}")]
     Unreadable(LoadError),
@@ -182,6 +182,8 @@ pub(super) struct Uploads {
     pub(super) annotations_loader: Option<AnnotationsLoader>,
     /// Uploads that are received at a time.
     pub(super) receiving: Arc<Semaphore>,
+    /// One upload of each caller.
+    pub(super) shares: Arc<Shares>,
     /// One upload is read at a time.
     pub(super) turn: Arc<Semaphore>,
 }
@@ -284,6 +286,7 @@ impl Server {
                 labels_loader: None,
                 annotations_loader: None,
                 receiving: Arc::new(Semaphore::new(RECEIVING)),
+                shares: Arc::new(Shares::new(1)),
                 turn: Arc::new(Semaphore::new(1)),
             },
             annotations: None,

@@ -16,7 +16,9 @@ use tokio::io::AsyncWriteExt;
 use tokio::sync::OwnedSemaphorePermit;
 
 use super::guard::{expect_content_type, next_part, too_large};
+use super::identity::Caller;
 use super::problem::Problem;
+use super::shares::Share;
 use super::state::{Config, UploadLimits, Uploads, VolumeLoader};
 use super::volumes::describe;
 use relief_base::Budget;
@@ -26,14 +28,15 @@ pub(super) async fn upload(
     State(engine): State<Arc<Engine>>,
     State(config): State<Arc<Config>>,
     State(uploads): State<Uploads>,
+    caller: Caller,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let ReceivedUpload { limits, turn, file } =
-        take_in(&config, &uploads, &headers, body, ("application/zip", u64::MAX)).await?;
+    let ReceivedUpload { limits, turn, file, share: _share } =
+        take_in(&config, &uploads, &caller, &headers, body, "application/zip", u64::MAX).await?;
     let budget = Budget::new(limits.header_bytes(), limits.unpacked_bytes());
     let _cancelled = CancelOnDrop(budget.clone());
-    let job = move || read(&engine, &uploads.loader, file.path(), (limits, &budget));
+    let job = move || read(&engine, &uploads.loader, file.path(), limits, &budget);
     let (entry, added) = on_blocking_thread(turn, "reading the upload", job).await??;
     let status = match added {
         Added::New => StatusCode::CREATED,
@@ -89,16 +92,20 @@ pub(super) struct ReceivedUpload {
     /// The place for uploads, to be kept until the file has been read.
     pub(super) turn: OwnedSemaphorePermit,
     pub(super) file: SpooledFile,
+    /// The caller's only place, to be kept as long.
+    pub(super) share: Option<Share>,
 }
 
 /// Steps that all uploads share: permission, media type, transfer to a temporary file, and the turn
-/// to be read. A file has at most `most_bytes`, and what the limits of uploads allow.
+/// to be read. One caller has one upload at a time. A file has at most `most_bytes`, and what the limits of uploads allow.
 pub(super) async fn take_in(
     config: &Config,
     uploads: &Uploads,
+    caller: &Caller,
     headers: &HeaderMap,
     body: Body,
-    (media_type, most_bytes): (&'static str, u64),
+    media_type: &'static str,
+    most_bytes: u64,
 ) -> Result<ReceivedUpload, Problem> {
     let Some(limits) = config.uploads else {
         return Err(uploads_off());
@@ -106,6 +113,10 @@ pub(super) async fn take_in(
     expect_content_type(headers, media_type)?;
     let limits = UploadLimits { file_bytes: limits.file_bytes.min(most_bytes), ..limits };
     check_length(headers, limits.file_bytes)?;
+    let share = uploads.shares.take(caller).map_err(|most| {
+        let detail = "your last upload is not read yet; send the next one after its answer";
+        Problem::new(StatusCode::TOO_MANY_REQUESTS, "too-many-uploads", detail).with("allowed", most)
+    })?;
     let receiving = Arc::clone(&uploads.receiving)
         .try_acquire_owned()
         .map_err(|_| Problem::unavailable("busy", "other uploads are being received; try again soon"))?;
@@ -113,7 +124,7 @@ pub(super) async fn take_in(
     let stopped = |_| Problem::unavailable("stopping", "the server stops");
     let turn = Arc::clone(&uploads.turn).acquire_owned().await.map_err(stopped)?;
     drop(receiving); // until then, as files that wait take room on the disk
-    Ok(ReceivedUpload { limits, turn, file })
+    Ok(ReceivedUpload { limits, turn, file, share })
 }
 
 /// The answer of a server that takes no files.
@@ -167,7 +178,8 @@ fn read(
     engine: &Engine,
     loader: &VolumeLoader,
     path: &Path,
-    (limits, budget): (UploadLimits, &Budget),
+    limits: UploadLimits,
+    budget: &Budget,
 ) -> Result<(Arc<VolumeEntry>, Added), Problem> {
     let loaded = loader(path, budget)
         .map_err(|reason| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unreadable-series", reason))?;

@@ -105,7 +105,8 @@ impl Engine {
     pub async fn snap(
         &self,
         entry: &VolumeEntry,
-        (at, ray): (Point<Patient>, Option<Vector<Patient>>),
+        at: Point<Patient>,
+        ray: Option<Vector<Patient>>,
         snap: Snap,
     ) -> Result<Result<Snapped, SnapError>, ReadError> {
         let volume = self.voxels(entry).await?;

@@ -283,7 +283,7 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &ServiceS
             forget(&mut backend, volume, shared);
         }
         if let Some(next) = waiting.pop() {
-            answer(&mut backend, next, (jobs, &mut healing), &mut waiting, shared);
+            answer(&mut backend, next, jobs, &mut healing, &mut waiting, shared);
         }
     }
 }
@@ -319,7 +319,8 @@ fn forget(backend: &mut impl RenderBackend, volume: ContentHash, shared: &Servic
 fn answer(
     backend: &mut impl RenderBackend,
     mut next: Waiting,
-    (jobs, healing): (&Receiver<Job>, &mut Healing),
+    jobs: &Receiver<Job>,
+    healing: &mut Healing,
     waiting: &mut WaitingJobs,
     shared: &ServiceState,
 ) {

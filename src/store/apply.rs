@@ -32,7 +32,7 @@ impl Store {
         edit.validate()?;
         let mut transaction = self.begin_write().await?;
         let mut writing =
-            EditWriter::begin(&mut transaction, EventKind::Do, None, (&edit.author, &edit.reason)).await?;
+            EditWriter::begin(&mut transaction, EventKind::Do, None, &edit.author, &edit.reason).await?;
         for change in &edit.changes {
             writing.change(change).await?;
         }
@@ -55,7 +55,8 @@ impl<'a> EditWriter<'a> {
         transaction: &'a mut Transaction<'static, Any>,
         kind: EventKind,
         target: Option<u64>,
-        (author, reason): (&'a str, &'a str),
+        author: &'a str,
+        reason: &'a str,
     ) -> Result<Self, StoreError> {
         let row =
             sqlx::query("SELECT coalesce(max(seq), 0) FROM events").fetch_one(&mut **transaction).await?;

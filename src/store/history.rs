@@ -39,7 +39,7 @@ impl Store {
         reason: &str,
         may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
     ) -> Result<Vec<Event>, E> {
-        self.step(EventKind::Undo, (author, reason), may).await
+        self.step(EventKind::Undo, author, reason, may).await
     }
 
     /// The same as [`Self::redo`], where every item of the edit may be changed.
@@ -52,13 +52,14 @@ impl Store {
         reason: &str,
         may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
     ) -> Result<Vec<Event>, E> {
-        self.step(EventKind::Redo, (author, reason), may).await
+        self.step(EventKind::Redo, author, reason, may).await
     }
 
     async fn step<E: From<StoreError>>(
         &self,
         kind: EventKind,
-        (author, reason): (&str, &str),
+        author: &str,
+        reason: &str,
         may: impl Fn(&Item) -> Result<(), E> + Send + Sync,
     ) -> Result<Vec<Event>, E> {
         Edit::check_words(author, reason).map_err(StoreError::from)?;
@@ -67,17 +68,19 @@ impl Store {
         for MadeEvent { event, before, now, .. } in &made {
             event.item.iter().chain(before).chain(now).try_for_each(&may)?;
         }
-        Ok(self.take_step(transaction, (kind, target), (author, reason), made).await?)
+        Ok(self.take_step(transaction, kind, target, author, reason, made).await?)
     }
 
     async fn take_step(
         &self,
         mut transaction: Transaction<'static, Any>,
-        (kind, target): (EventKind, u64),
-        (author, reason): (&str, &str),
+        kind: EventKind,
+        target: u64,
+        author: &str,
+        reason: &str,
         made: Vec<MadeEvent>,
     ) -> Result<Vec<Event>, StoreError> {
-        let mut writing = EditWriter::begin(&mut transaction, kind, Some(target), (author, reason)).await?;
+        let mut writing = EditWriter::begin(&mut transaction, kind, Some(target), author, reason).await?;
         for made in made {
             restore(&mut writing, kind, made, author).await?;
         }

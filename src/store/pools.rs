@@ -53,7 +53,7 @@ impl Pools {
         faults: StoreFaults,
     ) -> Self {
         let [write, read] =
-            [1, READERS].map(|connections| pool((kind, read_only, faults), &options, connections));
+            [1, READERS].map(|connections| pool(kind, read_only, faults, &options, connections));
         let current = Mutex::new(Current { generation: 0, write, read });
         Self { kind, read_only, options, faults, current }
     }
@@ -73,15 +73,16 @@ impl Pools {
         if current.generation != broken.generation {
             return;
         }
-        let state = (self.kind, self.read_only, self.faults);
-        let made = |connections| pool(state, &self.options, connections);
+        let made = |connections| pool(self.kind, self.read_only, self.faults, &self.options, connections);
         let next = Current { generation: broken.generation + 1, write: made(1), read: made(READERS) };
         *current = next;
     }
 }
 
 fn pool(
-    (kind, read_only, faults): (DatabaseKind, bool, StoreFaults),
+    kind: DatabaseKind,
+    read_only: bool,
+    faults: StoreFaults,
     options: &AnyConnectOptions,
     connections: u32,
 ) -> AnyPool {

@@ -110,7 +110,7 @@ fn a_damaged_file_among_others_changes_nothing() {
     assert_eq!(bench.json(&["log"]), before);
     let unknown = bench.file("points.txt", "1 2 3");
     let said = error(&bench.run(&["import", &unknown]));
-    assert!(said.contains("say it with --format"), "{said}");
+    assert!(said.contains("name it with --format"), "{said}");
     assert!(error(&bench.run(&["import", "nowhere.csv"])).contains("nowhere.csv"));
     let wrong = bench.run(&["import", &good, "--format", "xml"]);
     assert_eq!(wrong.status.code(), Some(2));

@@ -344,7 +344,7 @@ fn annotations_loader() -> AnnotationsLoader {
     Arc::new(|path, name, format, context| {
         let bytes = std::fs::read(path).unwrap();
         let format = format.or_else(|| Format::of(Path::new(name), &bytes));
-        let format = format.ok_or_else(|| ImportError::UnknownFormat("unknown".into()))?;
+        let format = format.ok_or(ImportError::UnknownFormat)?;
         relief_exchange::read(format, &bytes, context).map_err(|error| ImportError::Unreadable(error.into()))
     })
 }

@@ -336,3 +336,41 @@ fn a_trusted_proxy_names_callers_and_nobody_else_does() {
     let running = Running::spawn(&mut relief(&[&arguments[..], &["192.0.2.1"]].concat()));
     assert_eq!(running.status("GET /v1/volumes", named, &[]), 401);
 }
+
+/// Invariant: A caller who does not finish an upload keeps nobody else from uploading.
+#[test]
+fn a_caller_has_one_upload_at_a_time() {
+    if software_adapter("shares of uploads").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let tokens = folder.path().join("tokens").to_str().unwrap().to_owned();
+    let (anna, ben) = (token(&tokens, "anna", "admin"), token(&tokens, "ben", "admin"));
+    let listen = ["serve", "--listen", "127.0.0.1:0", "--token-file", &tokens];
+    let running = Running::spawn(&mut relief(&listen));
+    let upload = |token: &str| {
+        let headers = format!(
+            "Authorization: Bearer {token}\r\nContent-Type: application/zip\r\nContent-Length: 4\r\n"
+        );
+        running.status("POST /v1/volumes", &headers, b"none")
+    };
+    let patience = Instant::now() + Duration::from_secs(60);
+    let until = |status: u16| {
+        while upload(&anna) != status {
+            assert!(Instant::now() < patience, "an upload of anna is never answered with {status}");
+        }
+    };
+    until(422); // it is no zip
+    let mut slow = TcpStream::connect(&running.address).unwrap();
+    write!(
+        slow,
+        "POST /v1/volumes HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {anna}\r\n\
+         Content-Type: application/zip\r\nContent-Length: 1000\r\n\r\nPK",
+        running.address
+    )
+    .unwrap();
+    until(429);
+    assert_eq!(upload(&ben), 422);
+    drop(slow);
+    until(422);
+}

@@ -88,7 +88,7 @@ impl Copies {
         let (folder, held) = match shelf.find(&name, objects.len()) {
             Some(found) => found,
             None => {
-                let fetched = shelf.add(&name, objects.len(), (needed, allowed), |folder| {
+                let fetched = shelf.add(&name, objects.len(), needed, allowed, |folder| {
                     let wanted: Vec<(Object, PathBuf)> = objects
                         .iter()
                         .enumerate()

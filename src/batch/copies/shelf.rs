@@ -91,7 +91,8 @@ impl CopyFolder {
         &self,
         name: &str,
         files: usize,
-        (needed, allowed): (u64, u64),
+        needed: u64,
+        allowed: u64,
         fetch: impl FnOnce(&Path) -> std::io::Result<Vec<OutputFile>>,
     ) -> std::io::Result<(PathBuf, File)> {
         std::fs::create_dir_all(&self.folder)?; // it may have been cleared away

@@ -78,7 +78,8 @@ const PAUSES: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(300)]
 /// When the stream or the place of the outputs cannot be opened. Later ones are waited out.
 pub fn work_queue(
     renderer: &mut Renderer,
-    (runtime, queue): (&Runtime, &Queue),
+    runtime: &Runtime,
+    queue: &Queue,
     options: &WorkOptions,
     stop: impl Future<Output = ()> + Send + 'static,
     report: &(dyn Fn(RunEvent<'_>) + Sync),

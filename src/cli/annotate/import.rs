@@ -169,8 +169,9 @@ fn read(
         bail!("the file has {length} bytes, allowed: at most {MOST_BYTES}");
     }
     let bytes = std::fs::read(path)?;
-    let known = format.or_else(|| Format::of(path, &bytes[..bytes.len().min(1 << 14)]));
-    let format = known.context("neither its name nor its beginning says what it is; say it with --format")?;
+    let known = format.or_else(|| Format::of(path, &bytes));
+    let format =
+        known.context("neither its name nor its first bytes tell its format; name it with --format")?;
     Ok((format, relief_exchange::read(format, &bytes, context)?))
 }
 

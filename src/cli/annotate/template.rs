@@ -138,7 +138,7 @@ fn add(arguments: &AddArguments, log: &LogArguments) -> anyhow::Result<()> {
 
 /// A template of our own, or of the items in a file of another tool.
 fn read(arguments: &AddArguments, bytes: &[u8]) -> anyhow::Result<Template> {
-    let Some(format) = Format::of(&arguments.file, &bytes[..bytes.len().min(1 << 14)]) else {
+    let Some(format) = Format::of(&arguments.file, bytes) else {
         return Ok(Template::read(bytes)?);
     };
     let name = arguments.name.clone().unwrap_or_else(|| import::stem(&arguments.file));

@@ -60,7 +60,7 @@ pub async fn measure(plan: &MeasurePlan) -> Result<(MeasureReport, Option<Compos
     let mut stalled = JoinSet::new();
     for at in 0..plan.stalled {
         let (hello, options) = (hello_of(plan, plan.clients + at), plan.options.clone());
-        stalled.spawn(stalled::stall((options.server, options.access), hello, at, stop_stalled.clone()));
+        stalled.spawn(stalled::stall(options.server, options.access, hello, at, stop_stalled.clone()));
     }
     let mut running = JoinSet::new();
     let start = Arc::new(tokio::sync::Barrier::new(plan.clients.max(1)));

@@ -38,7 +38,8 @@ impl StalledLoad {
 
 /// Every other client reads nothing, the others acknowledge nothing, until stopped.
 pub(super) async fn stall(
-    (server, access): (ServerAddress, Access),
+    server: ServerAddress,
+    access: Access,
     mut hello: Hello,
     at: usize,
     stop: Handle,

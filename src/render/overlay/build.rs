@@ -53,7 +53,7 @@ pub(super) fn primitives(overlays: &Overlays, lens: &Lens, grid: &Grid) -> Vec<P
     let Builder { mut primitives, mut typesetter, labels, .. } = builder;
     let height_px = overlays.label_height_px.unwrap_or_else(|| usual_height_px(lens.size_px.y));
     let shown = overlays.label_depths_mm;
-    labels::set(labels, (height_px, shown), lens, &mut typesetter, &mut primitives);
+    labels::set(labels, height_px, shown, lens, &mut typesetter, &mut primitives);
     primitives
 }
 

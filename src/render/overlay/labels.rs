@@ -51,7 +51,8 @@ pub(super) struct Label<'a> {
 /// instruments is kept free.
 pub(super) fn set(
     mut labels: Vec<Label<'_>>,
-    (height_px, depths_mm): (u32, Option<[f64; 2]>),
+    height_px: u32,
+    depths_mm: Option<[f64; 2]>,
     lens: &Lens,
     typesetter: &mut Typesetter,
     out: &mut Vec<Primitive>,
@@ -80,7 +81,7 @@ pub(super) fn set(
         in_vain = 0;
         taken.labels.mark(&taken.cells_of(place.corners()));
         let shown_mm = depths_mm.map(|[near, far]| label.depth_mm.clamp(near, far));
-        label.leader(&place, (f64::from(height_px), shown_mm), lens, out);
+        label.leader(&place, f64::from(height_px), shown_mm, lens, out);
         let style = Style { height_px, rgb: TEXT_RGB, rank: Rank::Scene, shown_mm };
         typesetter.set(label.text, place.middle, label.depth_mm, style, out);
     }
@@ -135,7 +136,8 @@ impl Label<'_> {
     fn leader(
         &self,
         place: &LabelPlace,
-        (height, shown_mm): (f64, Option<f64>),
+        height: f64,
+        shown_mm: Option<f64>,
         lens: &Lens,
         out: &mut Vec<Primitive>,
     ) {
@@ -276,7 +278,7 @@ mod tests {
     /// The boxes of all rims of a picture's labels: six letters each.
     fn boxes(labels: Vec<Label<'_>>) -> Vec<[f64; 4]> {
         let mut out = Vec::new();
-        set(labels, (16, None), &lens(), &mut Typesetter::default(), &mut out);
+        set(labels, 16, None, &lens(), &mut Typesetter::default(), &mut out);
         let stamps: Vec<_> = out.iter().filter(|one| matches!(one.shape, PrimitiveForm::Stamp(_))).collect();
         let join =
             |a: [f64; 4], b: [f64; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];

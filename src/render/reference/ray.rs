@@ -66,7 +66,7 @@ impl<'a> Rays<'a> {
         let origin_voxel = self.voxel_from_view.transform_point3(origin);
         let step_voxel = self.voxel_from_view.transform_vector3(direction);
         let (box_entry, box_exit) = self.box_interval(origin_voxel, step_voxel, 0.5);
-        let (entry, exit) = self.clip_interval(origin, direction, (box_entry.max(0.0), box_exit));
+        let (entry, exit) = self.clip_interval(origin, direction, box_entry.max(0.0), box_exit);
         let (inner_entry, _) = self.box_interval(origin_voxel, step_voxel, 0.0);
         let anchor = if (inner_entry - entry).abs() < FAR_OFF { inner_entry } else { entry };
         let distance = self.request.sample_distance_mm;
@@ -94,7 +94,7 @@ impl<'a> Rays<'a> {
         (a.min(b).max_element(), a.max(b).min_element())
     }
 
-    fn clip_interval(&self, origin: DVec3, direction: DVec3, (entry, exit): (f64, f64)) -> (f64, f64) {
+    fn clip_interval(&self, origin: DVec3, direction: DVec3, entry: f64, exit: f64) -> (f64, f64) {
         let (mut entry, mut exit) = (entry, exit);
         for &[nx, ny, nz, offset] in &self.clip_planes[..self.request.clip.planes.len()] {
             let normal = DVec3::new(nx, ny, nz);

@@ -174,7 +174,8 @@ pub(super) struct LabelSettings {
 pub(super) fn resolve_labels(
     written: LabelSettings,
     map: Option<&Arc<LabelMap>>,
-    (mode, classification): (Mode, Classification),
+    mode: Mode,
+    classification: Classification,
     transfer: &TransferFunction,
 ) -> Result<Option<Arc<Labels>>, SceneError> {
     let path = match (&written.labels, &written.clip) {

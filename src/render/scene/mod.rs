@@ -343,7 +343,7 @@ impl SceneFile {
             size_px,
             reduced_px: None,
             mode,
-            labels: resolve_labels(written, map, (mode, classification), &transfer)?,
+            labels: resolve_labels(written, map, mode, classification, &transfer)?,
             surfaces: resolve_surfaces(mode, self.iso_hu, self.surfaces, &transfer)?,
             transfer,
             classification,

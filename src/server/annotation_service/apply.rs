@@ -37,7 +37,7 @@ impl Annotations {
         self.expect_none_elsewhere(&snapshot, &changes).await?;
         let visible = Visible::new(&snapshot.sets, Some(author));
         let completed =
-            changes.into_iter().map(|change| complete(change, (&snapshot, &visible), (author, &frame)));
+            changes.into_iter().map(|change| complete(change, &snapshot, &visible, author, &frame));
         let changes = completed.collect::<Result<_, _>>()?;
         let edit = Edit { author: author.to_owned(), reason: reason.to_owned(), changes };
         let events = self.store.apply(&edit).await?;
@@ -168,8 +168,10 @@ fn of_another_volume(step: HistoryStep) -> Problem {
 /// it.
 fn complete(
     change: Change,
-    (snapshot, visible): (&Snapshot, &Visible<'_>),
-    (author, frame): (&str, &FrameOfReference),
+    snapshot: &Snapshot,
+    visible: &Visible<'_>,
+    author: &str,
+    frame: &FrameOfReference,
 ) -> Result<Change, Problem> {
     let seen = |id: ItemId| -> Result<&Arc<Versioned>, Problem> {
         let known = snapshot.get(id).filter(|known| visible.sees(&known.item.set));

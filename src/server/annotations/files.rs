@@ -91,9 +91,16 @@ pub(super) async fn import(
     Set::check_name(&set).map_err(|error| crate::annotation_service::invalid(&error))?;
     let format = format.map(|format| parse_format(&format)).transpose()?;
     let Some(loader) = asked.uploads.annotations_loader.clone() else { return Err(uploads_off()) };
-    let kind = ("application/octet-stream", MOST_BYTES);
-    let ReceivedUpload { turn, file, .. } =
-        take_in(asked.config(), &asked.uploads, &headers, body, kind).await?;
+    let ReceivedUpload { turn, file, share: _share, .. } = take_in(
+        asked.config(),
+        &asked.uploads,
+        &asked.caller,
+        &headers,
+        body,
+        "application/octet-stream",
+        MOST_BYTES,
+    )
+    .await?;
     let (entry, by) = (Arc::clone(&asked.entry), author.clone());
     let job = move || {
         let frame = entry.frame_of_reference();
@@ -142,7 +149,7 @@ async fn expect_room(asked: &EditRequest, bytes: u64) -> Result<(), Problem> {
 
 fn unreadable(error: ImportError) -> Problem {
     let kind = match &error {
-        ImportError::UnknownFormat(_) => "unknown-format",
+        ImportError::UnknownFormat => "unknown-format",
         ImportError::Unreadable(_) => "unreadable-annotations",
     };
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, kind, error)

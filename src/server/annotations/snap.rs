@@ -65,7 +65,7 @@ pub(super) async fn snap(
             return Err(Problem::out_of_range(&error));
         }
     };
-    let found = pictures.engine.snap(&entry, (at, ray), wanted).await??;
+    let found = pictures.engine.snap(&entry, at, ray, wanted).await??;
     Ok(Json(answer(at, &found)))
 }
 

@@ -180,7 +180,7 @@ impl Connected {
         if let Some(Outcome { effects, context, refused: first, .. }) = outcome {
             for effect in effects {
                 let is_taking = matches!(effect, Effect::Take { .. });
-                match apply_effect(&self.parts, view, &hand, (effect, &context)).await {
+                match apply_effect(&self.parts, view, &hand, effect, &context).await {
                     Ok(message) => said = Some(message),
                     Err(problem) => {
                         refused = refused.or(Some(problem));
@@ -260,7 +260,7 @@ impl Connected {
                     }));
                 }
                 let camera = camera.resolve().map_err(Problem::refused_intent)?;
-                let replaced = self.session.view.set_camera((&self.viewer, echo), camera, now);
+                let replaced = self.session.view.set_camera(&self.viewer, echo, camera, now);
                 self.note(replaced);
                 None
             }
@@ -278,7 +278,7 @@ impl Connected {
 
     fn report(&self, report: &RawReport, outbox: &Outbox, now: Instant) -> Result<Outcome, Problem> {
         let config = &self.parts.live.config;
-        let tracked = lock(&self.session.remote).report(report, (&config.sensor, &config.beacon), now)?;
+        let tracked = lock(&self.session.remote).report(report, &config.sensor, &config.beacon, now)?;
         let (intents, tracking) = tracked;
         if let Some(tracking) = tracking {
             let _ = outbox.try_send(ServerMessage::Tracking(tracking).to_text());
@@ -388,7 +388,7 @@ impl Connected {
         self.session.view.work.notify_one();
         let colors = self.formats.color;
         let format = if view_frame.is_still { colors.still } else { colors.moving };
-        let parts = view_frame.parts(&self.parts.engine, (format, quality), self.formats.depth).await;
+        let parts = view_frame.parts(&self.parts.engine, format, quality, self.formats.depth).await;
         let header = {
             let mut flow = self.viewer.flow();
             flow.is_busy = false;

@@ -46,7 +46,8 @@ pub(super) async fn apply_effect(
     parts: &LiveParts,
     view: &View,
     hand: &LandmarkPlacer<'_>,
-    (effect, context): (Effect, &EditContext),
+    effect: Effect,
+    context: &EditContext,
 ) -> Result<AnnotationsMessage, Problem> {
     let annotations = of(parts.annotations.as_ref())?;
     hand.caller.may(Scope::Annotate)?;
@@ -81,7 +82,7 @@ pub(super) async fn apply_effect(
                 return next(parts, view, hand).await;
             }
             let ray = (method == Method::Pick).then(|| wanted - camera.eye());
-            let (to, snapped_mm) = snapped(&parts.engine, view.snap(), entry, (wanted, ray)).await?;
+            let (to, snapped_mm) = snapped(&parts.engine, view.snap(), entry, wanted, ray).await?;
             let (device, camera) = (Some(hand.device.clone()), Some(record(&camera)));
             let placement = Placement { method, device, camera, snapped_mm };
             match moved {
@@ -138,10 +139,11 @@ async fn snapped(
     engine: &Engine,
     wanted: Option<Snap>,
     entry: &VolumeEntry,
-    (at, ray): (Point<Patient>, Option<Vector<Patient>>),
+    at: Point<Patient>,
+    ray: Option<Vector<Patient>>,
 ) -> Result<(Point<Patient>, Option<[f64; 3]>), Problem> {
     let Some(wanted) = wanted else { return Ok((at, None)) };
-    let found = engine.snap(entry, (at, ray), wanted).await?;
+    let found = engine.snap(entry, at, ray, wanted).await?;
     Ok(found.map_or((at, None), |found| (found.at, Some(found.shift.xyz.to_array()))))
 }
 

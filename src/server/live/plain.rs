@@ -77,9 +77,8 @@ impl PlainViewer {
     }
 
     async fn jpeg(&self, view_frame: &Arc<ViewFrame>) -> Result<Bytes, Problem> {
-        let parts = view_frame
-            .parts(&self.parts.engine, (ColorFormat::Jpeg, JPEG_QUALITY), DepthFormat::None)
-            .await?;
+        let parts =
+            view_frame.parts(&self.parts.engine, ColorFormat::Jpeg, JPEG_QUALITY, DepthFormat::None).await?;
         let (color, _) = parts.get().ok_or_else(|| Problem::internal("encoding", "nothing was made"))?;
         self.parts.metrics.live.sent(view_frame.is_still, color.bytes.len());
         Ok(color.bytes.clone().into())
@@ -243,7 +242,7 @@ pub(crate) async fn intent(
         let hand =
             LandmarkPlacer { author: author.as_deref(), caller: &caller, task: &task, device: pointer() };
         for effect in effects {
-            answer["next"] = json!(apply_effect(&parts, &view, &hand, (effect, &context)).await?.next);
+            answer["next"] = json!(apply_effect(&parts, &view, &hand, effect, &context).await?.next);
         }
     }
     Ok(Json(answer))

@@ -66,7 +66,8 @@ impl Remote {
     pub(super) fn report(
         &mut self,
         message: &RawReport,
-        (sensor, beacon): (&Pinhole, &Beacon),
+        sensor: &Pinhole,
+        beacon: &Beacon,
         now: Instant,
     ) -> Result<(Vec<Intent>, Option<TrackingMessage>), Problem> {
         let malformed = |detail: String| {

@@ -159,7 +159,8 @@ impl ViewFrame {
     pub async fn parts(
         self: &Arc<Self>,
         engine: &Engine,
-        (color, quality): (ColorFormat, u8),
+        color: ColorFormat,
+        quality: u8,
         depth: DepthFormat,
     ) -> Result<EncodedParts, LiveError> {
         // Lossless formats have one quality.

@@ -217,7 +217,8 @@ impl Presentation {
         &self,
         state: &ViewState,
         camera: Option<Camera>,
-        (held, ghost): (Option<&HeldPoint>, Option<Ghost>),
+        held: Option<&HeldPoint>,
+        ghost: Option<Ghost>,
     ) -> Result<RenderRequest, LiveError> {
         let mut request = self.base.request.clone();
         if !matches!(request.mode, Mode::Slice(_)) {

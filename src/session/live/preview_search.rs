@@ -19,7 +19,7 @@ pub fn search_preview(engine: &Arc<Engine>, view: &Arc<View>) {
         loop {
             let began = Instant::now();
             // A failed search shows nothing; a commit reports why.
-            let found = engine.snap(&aim.entry, (aim.at, aim.ray), aim.snap).await;
+            let found = engine.snap(&aim.entry, aim.at, aim.ray, aim.snap).await;
             let found = found.ok().and_then(Result::ok);
             view.preview(|preview, wanted| preview.answer(wanted.as_ref(), aim, found.as_ref()));
             tokio::time::sleep(began.elapsed().min(LONGEST_PAUSE)).await;

@@ -294,7 +294,7 @@ impl View {
 
     /// Shows the volume through a camera that a client sent. True where no frame showed the
     /// viewer's previous message.
-    pub fn set_camera(&self, (viewer, echo): (&Viewer, Echo), camera: Camera, now: Instant) -> bool {
+    pub fn set_camera(&self, viewer: &Viewer, echo: Echo, camera: Camera, now: Instant) -> bool {
         let mut inner = self.lock();
         let replaced = viewer.received(echo);
         if inner.camera != Some(camera) {

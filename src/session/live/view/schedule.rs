@@ -43,7 +43,7 @@ impl Inner {
 
     fn job(&self, number: u64, is_still: bool) -> NextStep {
         let ghost = self.preview.ghost();
-        let request = match self.presentation.request(&self.state, self.camera, (self.held.as_ref(), ghost)) {
+        let request = match self.presentation.request(&self.state, self.camera, self.held.as_ref(), ghost) {
             Ok(request) => request,
             Err(error) => return NextStep::Failed { revision: self.revision, error },
         };
