@@ -202,7 +202,7 @@ fn mp4(ffmpeg: &Path, out: &Sink, turns: &[String]) -> std::io::Result<Vec<u8>> 
     let mut refusal = None;
     for encoder in ENCODERS {
         let file = tempfile::Builder::new().prefix("relief-").suffix(".mp4").tempfile()?;
-        match encode(ffmpeg, encoder, (out, turns), file.path()) {
+        match encode(ffmpeg, encoder, out, turns, file.path()) {
             Ok(()) => return std::fs::read(file.path()),
             Err(error) => refusal = Some(error),
         }
@@ -214,7 +214,8 @@ fn mp4(ffmpeg: &Path, out: &Sink, turns: &[String]) -> std::io::Result<Vec<u8>> 
 fn encode(
     ffmpeg: &Path,
     encoder: &[&str],
-    (out, turns): (&Sink, &[String]),
+    out: &Sink,
+    turns: &[String],
     film: &Path,
 ) -> Result<(), EncodeError> {
     let picture = |name: &String| open(out, name).map(image::DynamicImage::into_rgb8);

@@ -38,8 +38,8 @@ fn run_session(
     let remote = client_remote::start(&arguments.remote, &handle)?;
     #[cfg(feature = "window")]
     if !arguments.headless.headless {
-        let hands = (&handle, remote, arguments.look);
-        super::client_window::run(&arguments.window, session, hands, recorder, runtime)?;
+        let look = arguments.look;
+        super::client_window::run(&arguments.window, session, &handle, remote, look, recorder, runtime)?;
         return Ok(ExitCode::SUCCESS);
     }
     #[cfg(not(feature = "window"))]

@@ -17,7 +17,9 @@ const TRACKING: Duration = Duration::from_millis(100);
 pub(super) fn run(
     arguments: &WindowArguments,
     session: &Session,
-    (handle, tracking, look): (&Handle, Tracking, Option<OrbitPose>),
+    handle: &Handle,
+    tracking: Tracking,
+    look: Option<OrbitPose>,
     recorder: Recorder,
     runtime: &tokio::runtime::Runtime,
 ) -> anyhow::Result<()> {

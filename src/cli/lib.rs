@@ -181,7 +181,9 @@ fn directives(setting: &str) -> String {
 #[cfg(feature = "traces")]
 fn open_traces(command: &Command) -> anyhow::Result<Option<traces::Traces>> {
     let Command::Serve(arguments) = command else { return Ok(None) };
-    let opened = arguments.traces.as_deref().map(traces::Traces::open).transpose();
+    // An empty variable of the environment is one that is not set.
+    let url = arguments.traces.as_deref().filter(|url| !url.is_empty());
+    let opened = url.map(traces::Traces::open).transpose();
     opened.context("--traces cannot be used")
 }
 

@@ -142,7 +142,7 @@ pub fn read_png(file: &[u8]) -> Result<(Frame, FrameReport), InspectError> {
     let mut problems = header.format_problems();
     problems.extend(color_chunks(file).map(FrameProblem::ColorChunk));
     let frame = to_frame(decode(file)?, &mut problems)?;
-    let views = written_layout(file).and_then(|written| inspect_views(written, &frame));
+    let views = written_layout(file).and_then(|(layout, pictures)| inspect_views(layout, pictures, &frame));
     let mut report = views.unwrap_or_else(|| inspect_frame(&frame));
     report.problems.splice(0..0, problems);
     Ok((frame, report))
@@ -162,7 +162,7 @@ pub fn inspect_frame(frame: &Frame) -> FrameReport {
 }
 
 /// The views of a file by its text chunk; `None` where it has none.
-fn inspect_views((layout, pictures): (Layout, u32), frame: &Frame) -> Option<FrameReport> {
+fn inspect_views(layout: Layout, pictures: u32, frame: &Frame) -> Option<FrameReport> {
     let frame_px = frame.size_px();
     let (count, columns, rows) = match (layout, layout.view_grid()) {
         (Layout::Wiggle, _) if pictures >= 2 => (pictures / 2 + 1, 1, 1),

@@ -127,7 +127,7 @@ async fn answer_query(
     let answered = async {
         let order = SceneQuery::from_query(query, &entry.grid)?;
         let scene = resolve(order, entry, SizeRule::of(product, media))?;
-        answer_annotated(pictures, entry, scene, headers, (Method::GET, product, media)).await
+        answer_annotated(pictures, entry, scene, headers, Reply { method: Method::GET, product, media }).await
     };
     answered.await.map_err(|problem| query.blame(problem))
 }
@@ -144,7 +144,7 @@ async fn by_body(
     let media = negotiate(headers, product.formats())?;
     Query::of(uri)?.expect_empty()?;
     let scene = resolve(read_order(pictures, headers, body).await?, &entry, SizeRule::of(product, media))?;
-    answer_annotated(pictures, &entry, scene, headers, (Method::POST, product, media)).await
+    answer_annotated(pictures, &entry, scene, headers, Reply { method: Method::POST, product, media }).await
 }
 
 /// Draws the annotations that the scene wants, and answers.
@@ -153,11 +153,11 @@ async fn answer_annotated(
     entry: &VolumeEntry,
     mut scene: Scene,
     headers: &HeaderMap,
-    what: (Method, Product, FileFormat),
+    reply: Reply,
 ) -> Result<Response, Problem> {
     // Before the tag: annotations are part of the scene, so the tag changes with them.
     let drawn = draw(pictures, entry, &mut scene, headers).await?;
-    let mut answered = answer(pictures, entry, scene, headers, what).await?;
+    let mut answered = answer(pictures, entry, scene, headers, reply).await?;
     if let Some(LeftOutCounts { drawn, left_out, unlabelled }) = drawn {
         let headers = answered.headers_mut();
         let silent = if unlabelled > 0 { format!(", unlabelled={unlabelled}") } else { String::new() };
@@ -200,19 +200,35 @@ fn resolve(order: SceneQuery, entry: &VolumeEntry, rule: SizeRule) -> Result<Sce
     Ok(scene)
 }
 
+/// What a request for a picture is answered with.
+pub(super) struct Reply {
+    pub(super) method: Method,
+    pub(super) product: Product,
+    pub(super) media: FileFormat,
+}
+
+/// As [`Reply`], for callers that make tag and picture themselves.
+pub(super) struct Tagged<'a> {
+    pub(super) method: Method,
+    pub(super) media: FileFormat,
+    pub(super) tag: &'a str,
+}
+
 /// Answers with 304 if the tag matches, else renders and encodes.
 pub(super) async fn answer(
     pictures: &Pictures,
     entry: &VolumeEntry,
     mut scene: Scene,
     headers: &HeaderMap,
-    (method, product, media): (Method, Product, FileFormat),
+    reply: Reply,
 ) -> Result<Response, Problem> {
+    let Reply { method, product, media } = reply;
     let quality = within_budget(&pictures.engine, entry, &mut scene);
     let tag = entity_tag(pictures, entry, &scene, &format!("{} {}", product.name(), media.media_type()));
     let display = scene.display.clone();
     let job = move |frame: &RenderedFrame| encode(frame, &display, product, media);
-    let answered = answer_as(pictures, entry, &scene, headers, (method, media, &tag), job).await?;
+    let answered =
+        answer_as(pictures, entry, &scene, headers, Tagged { method, media, tag: &tag }, job).await?;
     Ok(quality.mark(answered))
 }
 
@@ -222,7 +238,7 @@ pub(super) async fn answer_as(
     entry: &VolumeEntry,
     scene: &Scene,
     headers: &HeaderMap,
-    (method, media, tag): (Method, FileFormat, &str),
+    Tagged { method, media, tag }: Tagged<'_>,
     encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
 ) -> Result<Response, Problem> {
     if let Some(status) = unchanged(headers, tag, &method) {

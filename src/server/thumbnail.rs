@@ -7,7 +7,7 @@ use axum::extract::Path;
 use axum::http::{HeaderMap, Method, StatusCode, Uri};
 use axum::response::Response;
 
-use super::frame::answer;
+use super::frame::{Reply, answer};
 use super::negotiate::negotiate;
 use super::problem::Problem;
 use super::query::Query;
@@ -29,7 +29,8 @@ pub(super) async fn thumbnail(
     let media = negotiate(&headers, &FORMATS)?;
     Query::of(&uri)?.expect_empty()?;
     let scene = thumbnail_scene(preset, &entry.grid, THUMBNAIL_SIZE_PX)?;
-    answer(&pictures, &entry, scene, &headers, (Method::GET, Product::Frame, media)).await
+    answer(&pictures, &entry, scene, &headers, Reply { method: Method::GET, product: Product::Frame, media })
+        .await
 }
 
 fn unknown() -> Problem {

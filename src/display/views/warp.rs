@@ -164,7 +164,7 @@ impl Scratch {
                 None => {
                     let filling = filling(pieces, i, front);
                     fill(sums, [from, piece.to], filling.twice, behind, back);
-                    clean(sums, pieces, (i, piece.to - from), (&filling, front));
+                    clean(sums, pieces, i, piece.to - from, &filling, front);
                 }
             }
             from = piece.to;
@@ -266,8 +266,10 @@ fn filling(pieces: &[LinePiece], hole: usize, row: &Row<'_>) -> Filling {
 fn clean(
     sums: &mut [[i32; 3]],
     pieces: &[LinePiece],
-    (hole, width): (usize, i32),
-    (filling, row): (&Filling, &Row<'_>),
+    hole: usize,
+    width: i32,
+    filling: &Filling,
+    row: &Row<'_>,
 ) {
     let Some((pixel, side)) = filling.mixed else { return };
     let share = width.min(UNIT);

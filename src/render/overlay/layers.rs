@@ -144,8 +144,10 @@ pub(super) struct Band<'a> {
 impl<'a> Band<'a> {
     /// The rows from one on up to before another, with their pixels.
     pub(super) fn new(
-        (rows, width): ([u32; 2], u32),
-        (color_rgba, depth_mm): (&'a mut [[u8; 4]], &'a mut [f32]),
+        rows: [u32; 2],
+        width: u32,
+        color_rgba: &'a mut [[u8; 4]],
+        depth_mm: &'a mut [f32],
         scratch: &'a mut Scratch,
     ) -> Self {
         if scratch.pixels.len() < color_rgba.len() {
@@ -362,7 +364,7 @@ mod tests {
     fn resolved(fragments: &[Fragment], volume: ([u8; 4], f32), occluded: f32) -> ([u8; 4], f32) {
         let mut scratch = Scratch::default();
         let (mut color, mut depth) = ([volume.0], [volume.1]);
-        let mut band = Band::new(([0, 1], 1), (&mut color, &mut depth), &mut scratch);
+        let mut band = Band::new([0, 1], 1, &mut color, &mut depth, &mut scratch);
         for &one in fragments {
             band.add(0, 0, one);
         }

@@ -122,7 +122,7 @@ impl Drawing {
             let mut scratch = spare_now().pop().unwrap_or_default();
             let first = i as u32 * BAND_ROWS;
             let rows = [first, (first + BAND_ROWS).min(height)];
-            let mut band = Band::new((rows, width), (color_rgba, depth_mm), &mut scratch);
+            let mut band = Band::new(rows, width, color_rgba, depth_mm, &mut scratch);
             for &member in members {
                 self.primitives[member as usize].draw(&self.lens, &mut band);
             }

@@ -226,7 +226,7 @@ impl<'a> Caster<'a> {
             part_opacity(shown(origin + s * part, basis), level)
         };
         let (start, span) = if j == 0 { (1.0, 1) } else { (0.0, 2) };
-        let s = finer_crossing(opacity_at, (start, span), settled, target);
+        let s = finer_crossing(opacity_at, start, span, settled, target);
         (origin + s * part).clamp(ray.entry, ray.exit)
     }
 }
@@ -234,7 +234,8 @@ impl<'a> Caster<'a> {
 /// The crossing in parts, by levels 2 and 3 of parts of parts; `opacity_at` of a place and a level.
 fn finer_crossing(
     opacity_at: impl Fn(f64, i32) -> f64,
-    (mut start, mut span): (f64, i32),
+    mut start: f64,
+    mut span: i32,
     mut settled: f64,
     target: f64,
 ) -> f64 {

@@ -17,7 +17,7 @@ use axum::response::{IntoResponse, Response};
 
 use self::parameters::{Parameters, Reformat};
 use self::rendering::{Rendering, rendering};
-use super::frame::{answer_as, entity_tag};
+use super::frame::{Tagged, answer_as, entity_tag};
 use super::negotiate::{accepts, negotiate};
 use super::problem::Problem;
 use super::state::Pictures;
@@ -76,7 +76,7 @@ async fn rendered(
         FileFormat::Jpeg => Ok(encode_jpeg(frame.size_px, &frame.color_rgba, quality)?),
         _ => encode(frame, &display, Product::Frame, media),
     };
-    answer_as(pictures, &entry, &scene, headers, (Method::GET, media, &tag), job).await
+    answer_as(pictures, &entry, &scene, headers, Tagged { method: Method::GET, media, tag: &tag }, job).await
 }
 
 fn metadata(accept: &HeaderMap, module: &str) -> Result<Response, Problem> {

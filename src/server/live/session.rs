@@ -40,7 +40,9 @@ impl Session {
     pub(super) fn new(
         token: String,
         view: Arc<View>,
-        (role, author, caller): (Role, Option<String>, Caller),
+        role: Role,
+        author: Option<String>,
+        caller: Caller,
         remote: Remote,
     ) -> Arc<Self> {
         let (connection, lost) = (watch::Sender::new(1), Mutex::new(None));

@@ -72,11 +72,11 @@ pub(crate) async fn connect(
         .write_buffer_size(0)
         .max_write_buffer_size(SOCKET_BUFFER);
     let span = tracing::info_span!("connection", number = parts.live.next_id());
-    Ok(upgrade.on_upgrade(move |socket| run(parts, socket, (caller, place)).instrument(span)))
+    Ok(upgrade.on_upgrade(move |socket| run(parts, socket, caller, place).instrument(span)))
 }
 
 /// A whole connection.
-async fn run(parts: LiveParts, mut socket: WebSocket, (caller, _place): (Caller, Place)) {
+async fn run(parts: LiveParts, mut socket: WebSocket, caller: Caller, _place: Place) {
     let metrics = Arc::clone(&parts.metrics);
     let _counted = metrics.live.connected();
     let mut closing = parts.live.closing.subscribe();
@@ -188,7 +188,7 @@ fn open(
         remote.set_grab_mode(grab_mode)?;
     }
     let session =
-        Session::new(random_name()?, view, (hello.role, author.map(str::to_owned), caller.clone()), remote);
+        Session::new(random_name()?, view, hello.role, author.map(str::to_owned), caller.clone(), remote);
     lock(&parts.live.sessions).add(&session, now);
     Ok((session, 1, formats, false))
 }

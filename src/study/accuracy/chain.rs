@@ -56,7 +56,8 @@ impl PresentedLandmark {
         renderer: &mut Renderer,
         volume: &Volume,
         landmark: &PhantomLandmark,
-        (seed, cuts): (u64, bool),
+        seed: u64,
+        cuts: bool,
     ) -> Result<Self, StudyError> {
         let truth = Point::from_xyz(landmark.position_mm.into());
         let outward = DVec3::from(landmark.outward);

@@ -85,13 +85,12 @@ pub fn measure_accuracy(
         let placer = hand::SimulatedHand { distance_mm, tremor_g, seed };
         let offsets = hand::place(placer, &options, landmarks.len() * count)?;
         for (at, landmark) in landmarks.iter().enumerate() {
-            let random = (seed ^ at as u64, settings.cut);
-            let shown = chain::PresentedLandmark::new(renderer, &phantom.volume, landmark, random).map_err(
-                |source| StudyError::Landmark {
+            let (seed, cuts) = (seed ^ at as u64, settings.cut);
+            let shown = chain::PresentedLandmark::new(renderer, &phantom.volume, landmark, seed, cuts)
+                .map_err(|source| StudyError::Landmark {
                     landmark: landmark.name.to_string(),
                     source: Box::new(source),
-                },
-            )?;
+                })?;
             match shown.sight {
                 Visibility::Plain => false,
                 Visibility::Cut => cut.insert(at),
