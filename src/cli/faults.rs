@@ -19,14 +19,14 @@ pub(super) enum Fault {
     DiskFull(u64),
     /// `disk-slow=MS`: every change of annotations takes this much longer.
     DiskSlow(u32),
-    /// `clock-back=SECONDS`: the clock of the machine jumps back by this much for every reading.
+    /// `clock-back=SECONDS`: each reading of the clock is this much earlier than the one before.
     ClockBack(u32),
 }
 
-/// Why a failure is refused.
+/// A value of `--fault` that names no failure.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{0:?} is no fault; allowed: device-lost=N, device-memory=N, disk-full=BYTES, disk-slow=MS, clock-back=SECONDS"
+    "--fault is {0:?}; allowed: device-lost=N, device-memory=N, disk-full=BYTES, disk-slow=MS, clock-back=SECONDS"
 )]
 pub(super) struct FaultError(String);
 
@@ -72,7 +72,7 @@ pub(super) fn of_store(faults: &[Fault]) -> StoreFaults {
     all
 }
 
-/// Begins the faults of the clock: every reading is that much earlier than the one before.
+/// Begins the faults of the clock.
 pub(super) fn begin_clock(faults: &[Fault]) {
     for fault in faults {
         if let Fault::ClockBack(seconds) = fault {

@@ -92,8 +92,8 @@ pub(super) struct ServeArguments {
     isolation: Isolation,
     #[command(flatten)]
     adapter: AdapterArguments,
-    /// Memory for voxels of all volumes, such as 8GiB; series that are not shown are read again
-    /// when they are
+    /// Memory for voxels and label maps of all volumes, such as 8GiB; series that are not shown are
+    /// read again when they are
     #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = parse_bytes)]
     memory: u64,
     /// Regions and meshes that the log of annotations may have together; imports of more are refused

@@ -72,8 +72,8 @@ pub struct Config {
     pub body_timeout: Duration,
     /// Limits of uploads; `None` refuses uploads.
     pub uploads: Option<UploadLimits>,
-    /// Most bytes of voxels in host memory, of all volumes together. Render requests that wait or
-    /// run hold theirs in addition.
+    /// Most bytes of voxels and label maps in host memory, of all volumes together. Render requests
+    /// that wait or run hold theirs in addition.
     pub memory_bytes: u64,
     /// Most bytes of contents of annotations (regions, meshes) in the log, after which imports of
     /// more are refused.
