@@ -6,31 +6,38 @@
 //!
 //! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z.
 
+mod anatomy;
 mod bricks;
 mod camera;
+mod cells;
 mod grid;
 mod labels;
 mod mask;
+mod occupancy;
 mod phantom;
+mod table;
 mod transfer;
 
 use std::sync::{Arc, OnceLock};
 
 use sha2::{Digest, Sha256};
 
+pub use anatomy::{Anatomy, BodyPart};
 pub use bricks::{BrickRanges, DistanceMap};
 pub use grid::{Bounds, Grid, GridError};
 pub use labels::{BrickLabels, LabelCountError, LabelMap, Layers, LayersError, Segment, SegmentIndices};
 pub use mask::Mask;
+pub use occupancy::{Cells, Occupancy};
 
 pub use camera::{
-    Camera, CameraError, CameraFile, EdgeLabels, NamedPlane, Orbit, OrbitError, PlaneView, Projection,
-    ProjectionFile, head_up, orientation_label,
+    Camera, CameraError, CameraFile, EdgeLabels, Framing, NamedPlane, Orbit, OrbitError, PlaneView,
+    Projection, ProjectionFile, head_up, orientation_label,
 };
 pub use phantom::{
     Material, Phantom, PhantomKind, PhantomLandmark, PhantomRecipe, PhantomSizeError, PhantomTruth, Surface,
     SurfaceShape, TRUTH_SCHEMA, UnknownPhantom,
 };
+pub use table::Table;
 pub use transfer::{
     ControlPoint, GradientOpacity, GradientTable, ImportedLight, ImportedTransfer, IntegralTable,
     MAX_IMPORT_BYTES, MediumTable, PRESETS, Preset, PresetGroup, PresetMode, TransferError, TransferFunction,
@@ -44,7 +51,17 @@ pub struct Volume {
     grid: Grid,
     voxels_hu: Arc<Vec<i16>>,
     range_hu: (i16, i16),
-    hash: Arc<OnceLock<ContentHash>>,
+    derived: Arc<Derived>,
+}
+
+/// What follows from the voxels; computed once for all clones.
+#[derive(Default)]
+struct Derived {
+    hash: OnceLock<ContentHash>,
+    occupancy: OnceLock<Arc<Occupancy>>,
+    anatomy: OnceLock<Anatomy>,
+    /// The volume with air in place of the table; `None` where there is no table.
+    without_table: OnceLock<Option<Volume>>,
 }
 
 /// Voxels are left out: there are millions.
@@ -63,6 +80,12 @@ impl std::fmt::Debug for Volume {
 pub struct ContentHash(pub [u8; 32]);
 
 impl ContentHash {
+    /// The identity of a volume without its table.
+    #[must_use]
+    pub fn without_table(&self) -> Self {
+        Self(Sha256::new().chain_update(self.0).chain_update("without table").finalize().into())
+    }
+
     /// The first 16 hexadecimal digits: what ids show.
     #[must_use]
     pub fn short(&self) -> String {
@@ -97,7 +120,7 @@ impl Volume {
         }
         let range_hu =
             voxels_hu.iter().fold((i16::MAX, i16::MIN), |(low, high), &v| (low.min(v), high.max(v)));
-        Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, hash: Arc::default() })
+        Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, derived: Arc::default() })
     }
 
     /// Where the voxels lie.
@@ -131,7 +154,7 @@ impl Volume {
     /// Identity by content; computed once, then remembered by all clones.
     #[must_use]
     pub fn content_hash(&self) -> ContentHash {
-        *self.hash.get_or_init(|| {
+        *self.derived.hash.get_or_init(|| {
             let mut hasher = Sha256::new();
             for n in self.grid.dims() {
                 hasher.update((n as u64).to_le_bytes());
@@ -143,6 +166,36 @@ impl Volume {
             update_with_voxels(&mut hasher, &self.voxels_hu);
             ContentHash(hasher.finalize().into())
         })
+    }
+
+    /// The volume with air in place of its table (see [`Table`]), or the volume itself if it has no
+    /// table; computed once, then remembered by all clones. It takes as much memory again.
+    #[must_use]
+    pub fn without_table(&self) -> &Self {
+        let removed = self.derived.without_table.get_or_init(|| {
+            let table = Table::find(self)?;
+            let shown = Self::new(self.grid.clone(), table.removed_from(self)).ok()?;
+            let derived = Derived {
+                hash: OnceLock::from(self.content_hash().without_table()),
+                without_table: OnceLock::from(None),
+                ..Derived::default()
+            };
+            Some(Self { derived: Arc::new(derived), ..shown })
+        });
+        removed.as_ref().unwrap_or(self)
+    }
+
+    /// Where it has which values, in coarse cells; computed once, then remembered by all clones.
+    #[must_use]
+    pub fn occupancy(&self) -> &Arc<Occupancy> {
+        self.derived.occupancy.get_or_init(|| Arc::new(Occupancy::new(self)))
+    }
+
+    /// Which part of a body it shows; computed once, then remembered by all clones. The table must be
+    /// removed: see [`Volume::without_table`].
+    #[must_use]
+    pub fn anatomy(&self) -> Anatomy {
+        *self.derived.anatomy.get_or_init(|| Anatomy::of(self))
     }
 
     /// The mean of each block of `factor`³ voxels, for adapters whose limits a volume exceeds.
@@ -172,7 +225,7 @@ impl Volume {
             voxels.push((sum as f64 / count as f64).round() as i16);
         }
         let range_hu = voxels.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &v| (lo.min(v), hi.max(v)));
-        Self { grid, voxels_hu: Arc::new(voxels), range_hu, hash: Arc::default() }
+        Self { grid, voxels_hu: Arc::new(voxels), range_hu, derived: Arc::default() }
     }
 }
 

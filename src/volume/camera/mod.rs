@@ -5,6 +5,7 @@
 //! request says nothing of picture size: the vertical extent is fixed, the horizontal one follows
 //! from the aspect ratio.
 
+mod framing;
 mod orbit;
 mod slice;
 mod written;
@@ -13,6 +14,7 @@ use glam::DVec3;
 
 use relief_base::{Patient, Point, Transform, Vector, View};
 
+pub use framing::Framing;
 pub use orbit::{Orbit, OrbitError};
 pub use slice::{EdgeLabels, NamedPlane, PlaneView, orientation_label};
 pub use written::{CameraFile, ProjectionFile, head_up};

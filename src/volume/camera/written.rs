@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Camera, CameraError, Projection};
+use super::{Camera, CameraError, Orbit, Projection};
 use relief_base::{Point, Vector};
 
 /// A camera as written: patient mm, and degrees.
@@ -16,7 +16,9 @@ pub struct CameraFile {
     /// The direction that is up in the picture; towards the head by default.
     #[serde(default = "head_up")]
     pub up: [f64; 3],
-    /// How view space becomes a picture.
+    /// How view space becomes a picture; perspective with a vertical field of view of 22 degrees by
+    /// default.
+    #[serde(default)]
     pub projection: ProjectionFile,
     /// Where the focal point lies in the picture; see [`Camera::with_lens_shift`].
     #[serde(default, skip_serializing_if = "is_centred")]
@@ -37,6 +39,12 @@ pub enum ProjectionFile {
         /// Height of the picture, mm.
         height_mm: f64,
     },
+}
+
+impl Default for ProjectionFile {
+    fn default() -> Self {
+        Self::Perspective { vertical_fov_deg: Orbit::default().vertical_fov_deg }
+    }
 }
 
 /// Upwards in a picture where nothing else is written.

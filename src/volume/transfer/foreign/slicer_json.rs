@@ -15,10 +15,10 @@ const PROPERTIES: &str = "volumeProperties";
 pub(super) fn properties(json: &Value) -> Result<Vec<FoundFunction<'_>>, TransferImportError> {
     let listed = json[PROPERTIES].as_array();
     let listed = listed.ok_or_else(|| TransferImportError::syntax(PROPERTIES, &"not a list"))?;
-    Ok(listed.iter().enumerate().map(found).collect())
+    Ok(listed.iter().enumerate().map(|(i, property)| found(i, property)).collect())
 }
 
-fn found((i, property): (usize, &Value)) -> FoundFunction<'_> {
+fn found(i: usize, property: &Value) -> FoundFunction<'_> {
     (name_of(property), Box::new(move || draft(property, &format!("{PROPERTIES}[{i}]"))))
 }
 

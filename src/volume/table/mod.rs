@@ -1,0 +1,177 @@
+//! The table on which a patient lies: couch, headrest, straps, sheets and tubes beside the body.
+//!
+//! It finds what is not the patient by shape, in cells of 2 mm; it knows no anatomy and no scanner.
+//! Thick tissue (from -300 HU) belongs to the patient; so do tissue within 6 mm of it and everything
+//! that it encloses in a slice. A closed, round, hollow object, such as a plastic skull, counts as a
+//! patient. All other tissue is thin. Thin pieces of at least 60 mm are the table, and so are sheets
+//! (from -750 HU) of at least 60 mm. Shorter pieces stay: they may be an ear, a finger or a marker.
+//!
+//! Spaces: voxel index; lengths in mm.
+
+use rayon::prelude::*;
+
+use super::Volume;
+use crate::cells::{CellGrid, Component, Edges, filled_layer};
+
+/// Sides of a cell, mm.
+const CELL_MM: f64 = 2.0;
+/// Lowest value of tissue, HU.
+const TISSUE_HU: i16 = -300;
+/// Lowest value of sheets and covers, HU, which are thinner than a voxel.
+const SHEET_HU: i16 = -750;
+/// Parts are told apart after this much was taken from their surfaces, mm.
+const ERODED_MM: f64 = 2.5;
+/// Largest distance to the surface in a part that is thick, mm: half a little finger.
+const THICK_MM: f64 = 6.0;
+/// Tissue within this distance of a thick part belongs to it, mm.
+const SKIN_MM: f64 = 6.0;
+/// Shortest piece of a table, mm.
+const PIECE_MM: f64 = 60.0;
+/// The faint surroundings of a table, which go with it, mm: blurred edges and covers.
+const SURROUNDINGS_MM: f64 = 6.0;
+/// What stays keeps this much around it, mm.
+const MARGIN_MM: f64 = 2.6;
+/// HU where the table was.
+const AIR_HU: i16 = -1000;
+
+/// The cells of a volume's table.
+#[derive(Clone, Debug)]
+pub struct Table {
+    grid: CellGrid,
+    is_table: Vec<bool>,
+}
+
+impl Table {
+    /// The table of a volume; `None` where there is none.
+    #[must_use]
+    pub fn find(volume: &Volume) -> Option<Self> {
+        let grid = CellGrid::of(volume, CELL_MM);
+        if u32::try_from(grid.dims.iter().product::<usize>()).is_err() {
+            return None;
+        }
+        let tissue = grid.at_least(volume, TISSUE_HU, 3);
+        let body = body(&grid, &tissue)?;
+        let rest: Vec<bool> = tissue.iter().zip(&body).map(|(tissue, body)| *tissue && !body).collect();
+        let beside_body = grid.within(&body, MARGIN_MM);
+        let (mut table, mut kept) = (vec![false; rest.len()], body);
+        for piece in grid.components(&rest, true) {
+            let set = match grid.extent_mm(&piece) >= PIECE_MM {
+                true => &mut table,
+                false if piece.cells.iter().any(|&cell| beside_body[cell as usize]) => &mut kept,
+                // Part of a sheet, or alone.
+                false => continue,
+            };
+            piece.cells.iter().for_each(|&cell| set[cell as usize] = true);
+        }
+        if !table.contains(&true) {
+            return None;
+        }
+        let kept = grid.within(&kept, MARGIN_MM);
+        // The inside of a couch goes with its shells.
+        let mut table = grid.filled(&table);
+        let mut sheets = grid.at_least(volume, SHEET_HU, 6);
+        sheets.iter_mut().zip(&kept).for_each(|(sheet, kept)| *sheet &= !kept);
+        for piece in grid.components(&sheets, true) {
+            if grid.extent_mm(&piece) >= PIECE_MM {
+                piece.cells.iter().for_each(|&cell| table[cell as usize] = true);
+            }
+        }
+        let around = grid.within(&table, SURROUNDINGS_MM);
+        let is_table = around.into_iter().zip(kept).map(|(around, kept)| around && !kept).collect();
+        Some(Self { grid, is_table })
+    }
+
+    /// Whether a voxel belongs to the table or its surroundings.
+    #[must_use]
+    pub fn contains(&self, voxel: [usize; 3]) -> bool {
+        let [nx, ny, _] = self.grid.dims;
+        let [i, j, k]: [usize; 3] = std::array::from_fn(|axis| voxel[axis] / self.grid.edges[axis]);
+        self.is_table[i + nx * (j + ny * k)]
+    }
+
+    /// The values of a volume with air in place of the table.
+    pub(super) fn removed_from(&self, volume: &Volume) -> Vec<i16> {
+        let [nx, ny, _] = volume.grid().dims();
+        let [ex, ey, ez] = self.grid.edges;
+        let [cx, cy, _] = self.grid.dims;
+        let mut values = volume.voxels_hu().to_vec();
+        values.par_chunks_exact_mut(nx).enumerate().for_each(|(row, values)| {
+            let (j, k) = (row % ny / ey, row / ny / ez);
+            let cells = &self.is_table[cx * (j + cy * k)..][..cx];
+            for (run, _) in values.chunks_mut(ex).zip(cells).filter(|(_, is_table)| **is_table) {
+                run.fill(AIR_HU);
+            }
+        });
+        values
+    }
+}
+
+/// The cells of the patient: thick parts with their skin and inside, and hollow objects. `None` if
+/// there are none.
+fn body(grid: &CellGrid, tissue: &[bool]) -> Option<Vec<bool>> {
+    let depths = grid.squared_distances(|cell| !tissue[cell], THICK_MM);
+    let square = |mm: f64| (mm * mm) as f32;
+    let eroded: Vec<bool> = depths.iter().map(|depth| *depth > square(ERODED_MM)).collect();
+    let mut seeds = vec![false; tissue.len()];
+    for part in grid.components(&eroded, false) {
+        if part.cells.iter().any(|&cell| depths[cell as usize] >= square(THICK_MM)) {
+            part.cells.iter().for_each(|&cell| seeds[cell as usize] = true);
+        }
+    }
+    let near = grid.within(&seeds, SKIN_MM);
+    let near: Vec<bool> = near.into_iter().zip(tissue).map(|(near, tissue)| near && *tissue).collect();
+    let mut body = vec![false; near.len()];
+    // Connected by tissue: a shell below a gap of air is no skin.
+    for part in grid.components(&near, false) {
+        if part.cells.iter().any(|&cell| seeds[cell as usize]) {
+            part.cells.iter().for_each(|&cell| body[cell as usize] = true);
+        }
+    }
+    for object in grid.components(tissue, false) {
+        if is_hollow(grid, &object) {
+            object.cells.iter().for_each(|&cell| body[cell as usize] = true);
+        }
+    }
+    body.contains(&true).then(|| grid.filled(&body))
+}
+
+/// Whether an object is closed and round, and mostly empty inside, over 30 mm of slices. A couch is
+/// closed as well, but flat.
+fn is_hollow(grid: &CellGrid, object: &Component) -> bool {
+    const LEAST_SIDE_MM: f64 = 60.0;
+    const LEAST_LENGTH_MM: f64 = 30.0;
+    let [first, last] = object.bounds;
+    let sides: [usize; 2] = std::array::from_fn(|axis| last[axis] + 1 - first[axis]);
+    let sides_mm: [f64; 2] = std::array::from_fn(|axis| sides[axis] as f64 * grid.spacing_mm[axis]);
+    // A shell fills some percent of its box. Thinner objects are not tried: there could be thousands,
+    // each with the box of the whole volume.
+    let box_cells = sides[0] * sides[1] * (last[2] + 1 - first[2]);
+    if sides_mm[0].min(sides_mm[1]) < LEAST_SIDE_MM || object.cells.len() < box_cells / 100 {
+        return false;
+    }
+    let mut layers = vec![vec![false; sides[0] * sides[1]]; last[2] + 1 - first[2]];
+    for &cell in &object.cells {
+        let [i, j, k] = grid.place(cell as usize);
+        layers[k - first[2]][i - first[0] + sides[0] * (j - first[1])] = true;
+    }
+    let is_round = |layer: &&Vec<bool>| {
+        let filled = filled_layer(layer, sides, Edges::All);
+        let count = |set: &[bool]| set.iter().filter(|is_in| **is_in).count();
+        let along = |axis: usize| {
+            let at = |cell: usize| if axis == 0 { cell % sides[0] } else { cell / sides[0] };
+            let places = filled.iter().enumerate().filter(|(_, is_in)| **is_in).map(|(cell, _)| at(cell));
+            let (low, high) = places.fold((usize::MAX, 0), |(low, high), at| (low.min(at), high.max(at)));
+            (high + 1).saturating_sub(low)
+        };
+        let (wide, high) = (along(0), along(1));
+        let [wide_mm, high_mm] = [wide as f64 * grid.spacing_mm[0], high as f64 * grid.spacing_mm[1]];
+        count(&filled) >= 2 * count(layer)
+            && 2 * count(&filled) >= wide * high
+            && wide_mm.min(high_mm) >= LEAST_SIDE_MM
+            && wide_mm.min(high_mm) >= 0.4 * wide_mm.max(high_mm)
+    };
+    layers.iter().filter(is_round).count() as f64 * grid.spacing_mm[2] >= LEAST_LENGTH_MM
+}
+
+#[cfg(test)]
+mod tests;
