@@ -11,6 +11,7 @@
 //! scaled to Z between [`relief_base::DepthLimits`], and leaves as disparity bytes D (255 nearest)
 //! or as 16-bit Z.
 
+mod depth_range;
 mod encode;
 mod filter;
 mod header;
@@ -26,6 +27,7 @@ pub use crate::layout::error::LayoutError;
 pub use crate::layout::error::UnknownLayout;
 pub use crate::layout::table::Layout;
 pub use crate::limits::MAX_FRAME_SIDE_PX;
+pub use depth_range::{DepthRange, visible_limits};
 pub use encode::{
     Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, decode_wiggle,
     encode_exr, encode_jpeg, encode_png, encode_views,

@@ -6,6 +6,7 @@
 use serde::de::{self, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::depth_range::DepthRange;
 use super::filter::DepthFilter;
 use super::header::{ContentType, Header};
 use super::layout::FrameEncoder;
@@ -41,9 +42,11 @@ pub struct DisplaySettings {
     pub view_span: Option<f64>,
     /// The filter of depth before it becomes Z or D. Picks and depth in mm are never filtered.
     pub depth_filter: DepthFilter,
-    /// View depth that becomes Z = 0, mm; `null` takes the caller's, which belongs to the volume.
+    /// What the limits below follow where they are `null`.
+    pub depth_range: DepthRange,
+    /// View depth that becomes Z = 0, mm.
     pub near_mm: Option<f64>,
-    /// View depth that becomes Z = 1, mm; `null` takes the caller's, which belongs to the volume.
+    /// View depth that becomes Z = 1, mm.
     pub far_mm: Option<f64>,
 }
 
@@ -86,6 +89,7 @@ impl Default for DisplaySettings {
             offset,
             view_span: None,
             depth_filter: DepthFilter::default(),
+            depth_range: DepthRange::default(),
             near_mm: None,
             far_mm: None,
         }
@@ -179,6 +183,23 @@ impl DisplaySettings {
     /// When near is not below far, or one is not finite.
     pub fn limits(&self, of_volume: DepthLimits) -> Result<DepthLimits, SettingsError> {
         checked_limits(self.near_mm.unwrap_or(of_volume.near_mm), self.far_mm.unwrap_or(of_volume.far_mm))
+    }
+
+    /// As [`DisplaySettings::limits`], with those of the visible surfaces, where there are any, if the
+    /// range is that. A limit of the request that contradicts these is held against the volume's.
+    ///
+    /// # Errors
+    /// As [`DisplaySettings::limits`].
+    pub fn limits_between(
+        &self,
+        of_volume: DepthLimits,
+        visible: impl FnOnce() -> Option<DepthLimits>,
+    ) -> Result<DepthLimits, SettingsError> {
+        let of_request = self.limits(of_volume)?;
+        if self.depth_range == DepthRange::Volume || (self.near_mm.is_some() && self.far_mm.is_some()) {
+            return Ok(of_request);
+        }
+        Ok(visible().and_then(|visible| self.limits(visible).ok()).unwrap_or(of_request))
     }
 }
 

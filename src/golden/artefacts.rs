@@ -151,7 +151,9 @@ fn magnified_difference(expected: &Raster, actual: &Raster) -> Option<Vec<[u8; 4
         return None;
     }
     match (&expected.samples, &actual.samples) {
-        (Samples::Color(a), Samples::Color(b)) => Some(a.iter().zip(b).map(color_apart).collect()),
+        (Samples::Color(a), Samples::Color(b)) => {
+            Some(a.iter().zip(b).map(|(a, b)| color_apart(a, b)).collect())
+        }
         (Samples::DepthMm(a), Samples::DepthMm(b)) => {
             Some(a.iter().zip(b).map(|(&a, &b)| depth_apart(a, b)).collect())
         }
@@ -160,7 +162,7 @@ fn magnified_difference(expected: &Raster, actual: &Raster) -> Option<Vec<[u8; 4
 }
 
 /// Each channel's difference; a difference of coverage shows in all three.
-fn color_apart((a, b): (&[u8; 4], &[u8; 4])) -> [u8; 4] {
+fn color_apart(a: &[u8; 4], b: &[u8; 4]) -> [u8; 4] {
     let steps: [u8; 4] = std::array::from_fn(|channel| a[channel].abs_diff(b[channel]));
     let [r, g, b, coverage] = steps.map(|steps| brightness(f64::from(steps), PER_COLOR_STEP));
     [r.max(coverage), g.max(coverage), b.max(coverage), 255]

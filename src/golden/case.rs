@@ -10,8 +10,8 @@ use super::compare::Tolerance;
 use super::error::GoldenError;
 use super::raster::{Raster, read_bounded};
 use crate::raster::Aspect;
-use relief_render::{Scene, SceneFile};
-use relief_volume::{Grid, Orbit, PhantomRecipe};
+use relief_render::{Scene, SceneFile, Subject};
+use relief_volume::{Orbit, PhantomRecipe, Volume};
 
 const CASE_FILE: &str = "case.toml";
 const SCENE_FILE: &str = "scene.json";
@@ -126,15 +126,16 @@ impl Case {
         &self.aspects
     }
 
-    /// The complete scene for the volume's grid, with the phantom's organs where the case asks for
+    /// The complete scene for the volume, with the phantom's organs where the case asks for
     /// them.
     ///
     /// # Errors
     /// When a value is out of range, or the tolerance would let a depth pass that is off by one
     /// sample.
-    pub fn scene(&self, grid: &Grid) -> Result<Scene, GoldenError> {
+    pub fn scene(&self, volume: &Volume) -> Result<Scene, GoldenError> {
         let organs = if self.is_labelled { self.recipe.label_map().map(Arc::new) } else { None };
-        let resolved = self.scene.clone().resolve_labelled(grid, &Orbit::default(), organs.as_ref());
+        let resolved =
+            self.scene.clone().resolve_for(&Subject::of(volume, organs.as_ref()), &Orbit::default());
         let path = || self.folder.join(SCENE_FILE);
         let scene = resolved.and_then(|scene| scene.expect_no_annotations().map(|()| scene));
         let scene = scene.map_err(|source| GoldenError::Scene { path: path(), source })?;

@@ -139,7 +139,7 @@ impl Harness {
 
     fn render(&mut self, case: &Case) -> Result<RenderedCase, GoldenError> {
         let volume = self.volumes.entry(case.recipe()).or_insert_with(|| case.recipe().make().volume);
-        let scene = case.scene(volume.grid())?;
+        let scene = case.scene(volume)?;
         let frame = self.renderer.render(volume, &scene.request)?;
         Ok(RenderedCase { frame, display: scene.display })
     }

@@ -92,6 +92,7 @@ impl FingerprintBytes {
             letters,
             depth,
             clip,
+            table,
             labels,
             background_rgb,
             overlays,
@@ -115,6 +116,7 @@ impl FingerprintBytes {
         self.flag(*letters);
         self.depth(*depth);
         self.clip(clip);
+        self.text(table.name());
         self.maybe(labels.as_deref(), Self::labels);
         self.numbers(background_rgb);
         self.overlays(overlays);

@@ -1,6 +1,7 @@
 //! The result of a render: a picture with the view depth of every pixel, and its camera.
 
 use relief_base::{DepthLimits, Patient, Point, View, ViewDepth};
+use relief_display::{DisplaySettings, SettingsError, visible_limits};
 use relief_volume::Camera;
 
 /// Where a frame's time went, ms.
@@ -25,6 +26,9 @@ pub struct BackLayer {
     pub depth_mm: Vec<f32>,
 }
 
+/// Coverage from which a pixel counts as a surface: noise in air is fainter.
+const LEAST_COVERAGE: u8 = 26;
+
 /// A rendered picture.
 #[derive(Clone, Debug)]
 pub struct RenderedFrame {
@@ -42,11 +46,30 @@ pub struct RenderedFrame {
     /// Limits that keep depth steady while this volume turns: its bounding sphere around the focal
     /// point.
     pub limits: DepthLimits,
+    /// View depth of the front of the nearest ball that was drawn over it, such as a cursor; `None`
+    /// without one.
+    pub nearest_ball_mm: Option<f64>,
     /// Where the time went.
     pub timings: Timings,
 }
 
 impl RenderedFrame {
+    /// The limits between which the depth of this frame is scaled. Those that follow its visible
+    /// surfaces hold its nearest ball, which outweighs no percentile.
+    ///
+    /// # Errors
+    /// When the limits of the settings contradict each other or the volume's.
+    pub fn limits_for(&self, display: &DisplaySettings) -> Result<DepthLimits, SettingsError> {
+        let own = || {
+            let pixels = self.depth_mm.iter().zip(&self.color_rgba);
+            let seen = pixels.filter(|(_, [.., coverage])| *coverage >= LEAST_COVERAGE);
+            let visible = visible_limits(&seen.map(|(depth, _)| *depth))?;
+            let ball_mm = self.nearest_ball_mm.unwrap_or(f64::INFINITY);
+            DepthLimits::new(visible.near_mm.min(ball_mm.max(0.0)), visible.far_mm)
+        };
+        display.limits_between(self.limits, own)
+    }
+
     /// View depth of a pixel (column, row).
     ///
     /// # Panics

@@ -101,6 +101,7 @@ mod tests {
             depth_mm: vec![f32::INFINITY; pixels],
             camera: plane.view().camera(Point::new(0.0, 0.0, 0.0), 300.0, 100.0).unwrap(),
             limits: DepthLimits::new(200.0, 400.0).unwrap(),
+            nearest_ball_mm: None,
             timings: Timings::default(),
         };
         burn(&mut frame);

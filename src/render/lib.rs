@@ -34,6 +34,7 @@ mod enlarge;
 mod error;
 mod fingerprint;
 mod frame;
+mod framing;
 mod gpu;
 mod gradients;
 mod illumination;
@@ -58,6 +59,7 @@ mod skipping;
 mod slices;
 mod store;
 mod surface;
+mod table_rule;
 mod table_storage;
 mod tables;
 mod target;
@@ -74,23 +76,27 @@ pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
 pub use error::RenderError;
 pub use frame::{BackLayer, RenderedFrame, Timings};
+pub use framing::{EmptyCause, FramingRule, TISSUE_VIEW, framing_of_tissue};
 pub use illumination::{Illumination, Occlusion};
 pub use labels::{Edges, Labels, Look};
 pub use light::{Light, Placement};
 pub use lighting::Lighting;
 pub use limits::depth_limits;
 pub use mode::{Mode, SlabBlend, UnknownMode};
-pub use overlay::{CAPITAL, TextMask, draw_overlays, label_height_px, label_stroke_px, lettering, text_mask};
+pub use overlay::{
+    CAPITAL, TextMask, draw_overlays, label_height_px, label_stroke_px, lettering, text_margin_px, text_mask,
+};
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
 pub use scene::{
-    Scene, SceneError, SceneFile, SliceFile, SlicePlane, preset_json, shading_json, transfer_json,
+    Scene, SceneError, SceneFile, SliceFile, SlicePlane, Subject, preset_json, shading_json, transfer_json,
 };
 pub use skipping::EmptySpaceSkipping;
 pub use store::{MemoryUse, VolumeLimits};
 pub use surface::Surface;
+pub use table_rule::TableRule;
 pub use watch::Progress;
 
 pub use gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, adapters};

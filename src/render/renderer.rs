@@ -18,7 +18,7 @@ use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use super::slices::SlicePipelines;
 use super::store::{MemoryUse, Store, VolumeLimits};
-use super::target::{CastKey, Target, Unfinished, layers};
+use super::target::{CastKey, CastOptions, Target, Unfinished, layers};
 use super::uniform::FrameUniform;
 use super::watch::{Progress, Watch};
 use crate::gpu::{ErrorScope, Gpu, Readback};
@@ -188,6 +188,7 @@ impl Renderer {
         skipping: EmptySpaceSkipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
+        let volume = request.shown(volume);
         request.validate_on(volume.grid())?;
         let preparing = Instant::now();
         let drawing = Drawing::new(request, volume.grid())?;
@@ -242,7 +243,8 @@ impl Renderer {
         skipping: EmptySpaceSkipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
-        let (start, upload_ms) = self.cast(volume, request, (skipping, Output::Depth), watch)?;
+        let (start, upload_ms) =
+            self.cast(volume, request, CastOptions { skipping, output: Output::Depth }, watch)?;
         let region = self.target.as_ref().expect("cast has made one").region;
         let (size_px, empty) = (request.size_px, background(request));
         let pixels = |bytes: &[u8]| region.spread(bytemuck::cast_slice(bytes), size_px, empty, |pixel| pixel);
@@ -263,6 +265,7 @@ impl Renderer {
             back,
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),
+            nearest_ball_mm: None,
             timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
         })
     }
@@ -277,8 +280,13 @@ impl Renderer {
         request: &RenderRequest,
         skipping: EmptySpaceSkipping,
     ) -> Result<u64, RenderError> {
-        let how = (skipping, Output::SampleCount);
-        self.cast(volume, request, how, &mut Watch::new(&mut |_| ControlFlow::Continue(())))?;
+        let options = CastOptions { skipping, output: Output::SampleCount };
+        self.cast(
+            request.shown(volume),
+            request,
+            options,
+            &mut Watch::new(&mut |_| ControlFlow::Continue(())),
+        )?;
         let region = self.target.as_ref().expect("cast has made one").region;
         let sum = |bytes: &[u8]| {
             let counts = region.spread(bytemuck::cast_slice(bytes), request.size_px, 0.0, |count: f32| count);
@@ -328,6 +336,10 @@ impl Renderer {
 
     /// Frees the data of a volume: its voxels and its appearances.
     pub fn forget(&mut self, volume: ContentHash) {
+        [volume, volume.without_table()].into_iter().for_each(|shown| self.forget_shown(shown));
+    }
+
+    fn forget_shown(&mut self, volume: ContentHash) {
         self.store.forget(volume);
         self.unfinished = self.unfinished.take().filter(|unfinished| unfinished.key.volume != volume);
         self.illuminator.forget(&self.gpu, volume);
@@ -342,19 +354,18 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        how: (EmptySpaceSkipping, Output),
+        options: CastOptions,
         watch: &mut Watch<'_>,
     ) -> Result<(Instant, f64), RenderError> {
         request.validate_on(volume.grid())?;
         let start = Instant::now();
         let uploaded = self.store.prepare(&self.gpu, volume, request)? | self.illuminate(volume, request)?;
         let upload_ms = if uploaded { milliseconds(start) } else { 0.0 };
-        let (mut rows, spent) = self.make_target(volume.content_hash(), request, how)?;
+        let (mut rows, spent) = self.make_target(volume.content_hash(), request, options)?;
         let start = Instant::now().checked_sub(spent).unwrap_or_else(Instant::now);
-        let outcome = self.submit(volume, request, how, (&mut rows, watch));
+        let outcome = self.submit(volume, request, options, &mut rows, watch);
         if matches!(outcome, Err(RenderError::Cancelled)) {
-            let (skipping, output) = how;
-            let key = CastKey { volume: volume.content_hash(), request: request.clone(), skipping, output };
+            let key = CastKey { volume: volume.content_hash(), request: request.clone(), options };
             let unfinished = |target| Unfinished { key, target, rows, spent: start.elapsed() };
             self.unfinished = self.target.take().map(unfinished);
         }
@@ -378,9 +389,9 @@ impl Renderer {
         &mut self,
         volume: ContentHash,
         request: &RenderRequest,
-        how: (EmptySpaceSkipping, Output),
+        options: CastOptions,
     ) -> Result<(u32, Duration), RenderError> {
-        let is_same = |unfinished: &mut Unfinished| unfinished.key.is_of(volume, request, how);
+        let is_same = |unfinished: &mut Unfinished| unfinished.key.is_of(volume, request, options);
         if let Some(unfinished) = self.unfinished.take_if(is_same) {
             self.target = Some(unfinished.target);
             return Ok((unfinished.rows, unfinished.spent));
@@ -397,8 +408,9 @@ impl Renderer {
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
-        (skipping, output): (EmptySpaceSkipping, Output),
-        (rows, watch): (&mut u32, &mut Watch<'_>),
+        CastOptions { skipping, output }: CastOptions,
+        rows: &mut u32,
+        watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
         let appearance = self.store.appearance();
         let region = match (request.mode, skipping) {

@@ -15,6 +15,7 @@ use super::mode::Mode;
 use super::overlay::Overlays;
 use super::pathtrace::PathTrace;
 use super::surface::Surface;
+use super::table_rule::TableRule;
 use relief_base::{Patient, Point, Vector};
 use relief_volume::{Camera, Grid, TransferFunction};
 
@@ -124,6 +125,8 @@ pub struct RenderRequest {
     pub depth: DepthRule,
     /// Which part is shown.
     pub clip: Clip,
+    /// Whether the table is shown.
+    pub table: TableRule,
     /// How the segments of a label map are shown; `None` where all of the volume is shown alike.
     /// Shared, as it may be large.
     pub labels: Option<Arc<Labels>>,

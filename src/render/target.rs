@@ -47,23 +47,24 @@ impl Target {
     }
 }
 
-/// Everything that decides the pixels of a cast.
-pub(super) struct CastKey {
-    pub(super) volume: ContentHash,
-    pub(super) request: RenderRequest,
+/// What the rays of a cast skip and write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct CastOptions {
     pub(super) skipping: EmptySpaceSkipping,
     pub(super) output: Output,
 }
 
+/// Everything that decides the pixels of a cast.
+pub(super) struct CastKey {
+    pub(super) volume: ContentHash,
+    pub(super) request: RenderRequest,
+    pub(super) options: CastOptions,
+}
+
 impl CastKey {
     /// Whether this is the key of such a cast.
-    pub(super) fn is_of(
-        &self,
-        volume: ContentHash,
-        request: &RenderRequest,
-        (skipping, output): (EmptySpaceSkipping, Output),
-    ) -> bool {
-        (self.volume, self.skipping, self.output) == (volume, skipping, output) && self.request == *request
+    pub(super) fn is_of(&self, volume: ContentHash, request: &RenderRequest, options: CastOptions) -> bool {
+        (self.volume, self.options) == (volume, options) && self.request == *request
     }
 }
 

@@ -42,7 +42,7 @@ use relief_volume::Grid;
 
 pub use font::{CAPITAL, lettering};
 pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
-pub use text::{TextMask, label_height_px, label_stroke_px, text_mask};
+pub use text::{TextMask, label_height_px, label_stroke_px, text_margin_px, text_mask};
 
 /// Rows of a picture that one thread draws at a time.
 const BAND_ROWS: u32 = 16;
@@ -110,6 +110,8 @@ impl Drawing {
 
     /// Draws over a whole picture.
     pub(super) fn draw(&self, frame: &mut RenderedFrame) {
+        let balls = self.primitives.iter().filter_map(Primitive::front_of_ball_mm);
+        frame.nearest_ball_mm = balls.chain(frame.nearest_ball_mm).reduce(f64::min);
         let [width, height] = frame.size_px;
         let bands = self.bands(height);
         let pixels_of_band = (width * BAND_ROWS) as usize;

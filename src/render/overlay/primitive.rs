@@ -35,6 +35,14 @@ pub(super) enum PrimitiveForm {
 }
 
 impl Primitive {
+    /// View depth of the front of a ball, mm; `None` for other forms.
+    pub(super) fn front_of_ball_mm(&self) -> Option<f64> {
+        match &self.shape {
+            PrimitiveForm::Ball(ball) => Some(ball.nearest_mm()),
+            _ => None,
+        }
+    }
+
     /// The box of pixels outside of which nothing is: left, top, right, bottom.
     pub(super) fn bounds(&self) -> [f64; 4] {
         match &self.shape {

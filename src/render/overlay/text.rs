@@ -144,11 +144,17 @@ pub struct TextMask {
     pub coverage: Vec<u8>,
 }
 
+/// The margin of a [`TextMask`] around capitals of this height, px: room for descenders.
+#[must_use]
+pub const fn text_margin_px(height_px: u32) -> u32 {
+    height_px.div_ceil(2)
+}
+
 /// A line of text whose capitals are `height_px` high, in the font of the overlays. The baseline
-/// lies `height_px / 3` above the lower edge, room for descenders.
+/// lies [`text_margin_px`] above the lower edge.
 #[must_use]
 pub fn text_mask(text: &str, height_px: u32) -> TextMask {
-    let margin = height_px / 3;
+    let margin = text_margin_px(height_px);
     let ink = Typesetter::size_px(text, height_px);
     let size_px = [ink.x.ceil() as u32 + 2 * margin, height_px + 2 * margin];
     let [width, height] = size_px;
@@ -198,10 +204,14 @@ mod tests {
         let [width, height] = mask.size_px.map(|side| side as usize);
         assert_eq!(mask.coverage.len(), width * height);
         // A row above the bar of an H crosses two strokes.
-        let row = &mask.coverage[(6 + 4) * width..][..width];
+        let row = &mask.coverage[(10 + 4) * width..][..width];
         let strokes = row.windows(2).filter(|pair| pair[0] == 0 && pair[1] > 0).count();
         assert_eq!(strokes, 2, "{row:?}");
         assert!(mask.coverage.contains(&255));
+        // Nothing touches the lower edge: descenders fit.
+        let line = text_mask("waiting gjpqy,", 60);
+        let width = line.size_px[0] as usize;
+        assert!(line.coverage[line.coverage.len() - width..].iter().all(|share| *share == 0));
         assert!(text_mask("", 20).coverage.iter().all(|share| *share == 0));
     }
 }

@@ -51,6 +51,7 @@ use relief_volume::Volume;
 /// # Errors
 /// When the request is out of range.
 pub fn render_reference(volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
+    let volume = request.shown(volume);
     request.validate_on(volume.grid())?;
     let drawing = Drawing::new(request, volume.grid())?;
     let scene = cast::Caster::new(volume, request);
@@ -72,6 +73,7 @@ pub fn render_reference(volume: &Volume, request: &RenderRequest) -> Result<Rend
         back,
         camera: request.camera,
         limits: depth_limits(&request.camera, volume.grid()),
+        nearest_ball_mm: None,
         timings: Timings::default(),
     };
     if request.letters {

@@ -79,7 +79,7 @@ impl<'a> Rays<'a> {
             step_voxel,
             entry,
             exit,
-            cut: self.cut.and_then(|cut| cut_interval(origin, direction, cut)),
+            cut: self.cut.and_then(|(center, radius_mm)| cut_interval(origin, direction, center, radius_mm)),
             first,
             depth_origin,
             depth_step,
@@ -114,7 +114,7 @@ impl<'a> Rays<'a> {
 }
 
 /// Where a ray is inside a sphere.
-fn cut_interval(origin: DVec3, direction: DVec3, (center, radius_mm): (DVec3, f64)) -> Option<(f64, f64)> {
+fn cut_interval(origin: DVec3, direction: DVec3, center: DVec3, radius_mm: f64) -> Option<(f64, f64)> {
     let to_center = center - origin;
     let middle = to_center.dot(direction);
     let half_squared = radius_mm * radius_mm - (to_center - middle * direction).length_squared();

@@ -266,12 +266,13 @@ impl Looks<'_> {
     /// The number of a transfer function, a new one for a new function; 0 where none is written.
     fn transfer(&mut self, path: &str, file: Option<TransferFile>) -> Result<usize, SceneError> {
         let Some(file) = file else { return Ok(0) };
-        let (transfer, _) = resolve_transfer(Some(file), self.windows).map_err(|error| match error {
-            SceneError::Range(error) => {
-                SceneError::Range(RequestError { path: format!("{path}.{}", error.path), ..error })
-            }
-            syntax @ SceneError::Syntax { .. } => syntax,
-        })?;
+        let (transfer, _) =
+            resolve_transfer(Some(file), self.windows, None).map_err(|error| match error {
+                SceneError::Range(error) => {
+                    SceneError::Range(RequestError { path: format!("{path}.{}", error.path), ..error })
+                }
+                syntax @ SceneError::Syntax { .. } => syntax,
+            })?;
         if transfer.gradient_opacity().is_some() {
             let allowed = "nothing in the transfer function of a segment";
             let path = format!("{path}.transfer.gradient_opacity");

@@ -30,13 +30,15 @@ use self::surfaces::{SurfaceFile, resolve_surfaces};
 use self::transfer::{TransferFile, Windows, resolve_transfer};
 use self::whole::Whole;
 use super::classification::Classification;
+use super::framing::{FramingRule, framing};
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
 use super::request::{DepthRule, RenderRequest};
+use super::table_rule::TableRule;
 use crate::request_error::RequestError;
 use relief_annotation::ShownSets;
 use relief_display::DisplaySettings;
-use relief_volume::{CameraFile, Grid, LabelMap, Orbit};
+use relief_volume::{Anatomy, CameraFile, Framing, Grid, LabelMap, Occupancy, Orbit, Volume};
 
 pub use error::SceneError;
 pub use slice::{SliceFile, SlicePlane};
@@ -47,6 +49,10 @@ pub use written::{preset_json, shading_json, transfer_json};
 pub struct Scene {
     /// The request for the renderer.
     pub request: RenderRequest,
+    /// What the camera was fitted to, where the scene had none.
+    pub frame: FramingRule,
+    /// For which anatomy the preset or window was chosen, where the scene had no transfer function.
+    pub chosen: Option<Anatomy>,
     /// What becomes of the picture.
     pub display: DisplaySettings,
     /// Time limit of the render, ms; without one the picture has its full quality. The caller
@@ -95,11 +101,43 @@ impl Scene {
     }
 }
 
+/// The volume that a scene is resolved for.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// The grid of the volume.
+    pub grid: &'a Grid,
+    /// Where the volume has which values, its table left out. Without it a camera that was not written is fitted to the
+    /// bounding sphere, as for [`FramingRule::Volume`].
+    pub occupancy: Option<&'a Occupancy>,
+    /// [`framing_of_tissue`](super::framing::framing_of_tissue), if it is known already.
+    pub tissue: Option<&'a Framing>,
+    /// Which part of a body it shows: it chooses the preset, or the window of a slice, where the scene
+    /// has no transfer function. Without it that is the first preset.
+    pub anatomy: Option<Anatomy>,
+    /// A label map on the grid.
+    pub labels: Option<&'a Arc<LabelMap>>,
+}
+
+impl<'a> Subject<'a> {
+    /// A volume, and its label map where it has one.
+    #[must_use]
+    pub fn of(volume: &'a Volume, labels: Option<&'a Arc<LabelMap>>) -> Self {
+        Self {
+            grid: volume.grid(),
+            occupancy: Some(volume.without_table().occupancy()),
+            tissue: None,
+            anatomy: Some(volume.without_table().anatomy()),
+            labels,
+        }
+    }
+}
+
 /// A scene as written in JSON.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneFile {
     camera: Option<CameraFile>,
+    frame: Option<FramingRule>,
     size_px: Option<[Whole; 2]>,
     budget_ms: Option<f64>,
     mode: Option<Mode>,
@@ -112,6 +150,7 @@ pub struct SceneFile {
     sample_distance_mm: Option<f64>,
     depth: Option<DepthFile>,
     clip: Option<ClipFile>,
+    table: Option<TableRule>,
     labels: Option<LabelsFile>,
     background_rgb: Option<[f64; 3]>,
     overlays: OverlaysFile,
@@ -268,6 +307,12 @@ impl SceneFile {
         &self.annotations
     }
 
+    /// The size that the file gives.
+    #[must_use]
+    pub fn size_px(&self) -> Option<[u32; 2]> {
+        self.size_px.map(|sides| sides.map(|side| side.0))
+    }
+
     /// Leaves the size to the layout.
     #[must_use]
     pub fn with_size_of_layout(self) -> Self {
@@ -292,27 +337,46 @@ impl SceneFile {
         self.camera.is_some()
     }
 
-    /// The complete scene for a volume on `grid`: parts that were not written get their defaults,
-    /// and a camera that was not written becomes `orbit` around the volume. A size that was not
-    /// written is the layout's.
+    /// Replaces whether the table is shown.
+    #[must_use]
+    pub fn with_table(self, table: TableRule) -> Self {
+        Self { table: Some(table), ..self }
+    }
+
+    /// Replaces what a camera is fitted to.
+    #[must_use]
+    pub fn with_frame(self, frame: FramingRule) -> Self {
+        Self { frame: Some(frame), ..self }
+    }
+
+    /// Fits a camera to this where the file does not say to what.
+    #[must_use]
+    pub fn with_usual_frame(self, frame: FramingRule) -> Self {
+        if self.camera.is_some() || self.is_slice() {
+            return self;
+        }
+        Self { frame: self.frame.or(Some(frame)), ..self }
+    }
+
+    /// The complete scene for a volume on `grid`: as [`SceneFile::resolve_for`], with the camera
+    /// fitted to the bounding sphere and without a label map.
+    ///
+    /// # Errors
+    /// As [`SceneFile::resolve_for`].
+    pub fn resolve(self, grid: &Grid, orbit: &Orbit) -> Result<Scene, SceneError> {
+        let (occupancy, tissue, anatomy, labels) = (None, None, None, None);
+        self.resolve_for(&Subject { grid, occupancy, tissue, anatomy, labels }, orbit)
+    }
+
+    /// The complete scene for a volume: parts that were not written get their defaults, and a camera
+    /// that was not written becomes `orbit` around what is visible of the volume. A size that was not
+    /// written is the layout's. Where the scene says nothing of labels, segments are tinted in the
+    /// modes that show them.
     ///
     /// # Errors
     /// The first value out of range, with the key's path, the value and the allowed range.
-    pub fn resolve(self, grid: &Grid, orbit: &Orbit) -> Result<Scene, SceneError> {
-        self.resolve_labelled(grid, orbit, None)
-    }
-
-    /// As [`SceneFile::resolve`], for a volume with a label map on its grid. Where the scene says
-    /// nothing of labels, segments are tinted in the modes that show them.
-    ///
-    /// # Errors
-    /// As [`SceneFile::resolve`].
-    pub fn resolve_labelled(
-        self,
-        grid: &Grid,
-        orbit: &Orbit,
-        map: Option<&Arc<LabelMap>>,
-    ) -> Result<Scene, SceneError> {
+    pub fn resolve_for(self, subject: &Subject<'_>, orbit: &Orbit) -> Result<Scene, SceneError> {
+        let Subject { grid, occupancy, tissue, anatomy, labels: map } = *subject;
         self.display.validate()?;
         expect_budget(self.budget_ms)?;
         let size_of_layout = self.display.encoder()?.render_size_px();
@@ -320,16 +384,25 @@ impl SceneFile {
         let size_px = of_scene.or(size_of_layout).unwrap_or([960, 540]);
         let is_slice = self.is_slice();
         let slice = expect_one_view(is_slice, self.slice, self.camera.is_some(), orbit)?;
+        let aspect = f64::from(size_px[0]) / f64::from(size_px[1]);
+        let around = |framing: &Framing| orbit.camera(framing.center(), framing.radius_mm(orbit, aspect));
+        let has_own_view = slice.is_some() || self.camera.is_some();
+        if let Some(frame) = self.frame.filter(|_| has_own_view) {
+            let allowed = "left out where the scene has a camera or is a slice";
+            return Err(RequestError::new("frame", &format_args!("{:?}", frame.name()), allowed).into());
+        }
+        let frame = self.frame.unwrap_or_default();
         let camera = match (slice, self.camera) {
             (Some(slice), _) => slice.camera(grid, size_px)?,
             (None, Some(camera)) => camera.resolve().map_err(RequestError::from)?,
             (None, None) => {
                 orbit.validate()?;
-                orbit.camera(grid.center(), grid.bounding_radius_mm()).map_err(RequestError::from)?
+                around(&Framing::of_grid(grid)).map_err(RequestError::from)?
             }
         };
         let windows = if is_slice { Windows::Opaque } else { Windows::Translucent };
-        let (transfer, preset) = resolve_transfer(self.transfer, windows)?;
+        let chosen = anatomy.filter(|_| self.transfer.is_none() && (is_slice || has_look(self.mode)));
+        let (transfer, preset) = resolve_transfer(self.transfer, windows, chosen)?;
         let mode = slice.map_or_else(
             || self.mode.unwrap_or_else(|| default_mode(preset)),
             |slice| Mode::Slice(slice.blend),
@@ -338,7 +411,7 @@ impl SceneFile {
         let written = LabelSettings { labels: self.labels, clip: clip.labels.take() };
         let classification = self.classification.unwrap_or_default();
         let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-        let request = RenderRequest {
+        let mut request = RenderRequest {
             camera,
             size_px,
             reduced_px: None,
@@ -355,15 +428,26 @@ impl SceneFile {
             letters: slice.is_some_and(|slice| slice.letters),
             depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
             clip: clip.resolve()?,
+            table: self.table.unwrap_or_default(),
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
             overlays: Arc::new(self.overlays.resolve()?),
             lights: resolve_lights(self.lights, mode)?,
             path_trace: self.path_trace.unwrap_or_default().resolve(),
         };
+        if let Some(occupancy) = occupancy.filter(|_| !has_own_view) {
+            request.camera =
+                around(&framing(frame, occupancy, tissue, &request, grid)).map_err(RequestError::from)?;
+        }
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;
-        Ok(Scene { request, display: self.display, budget_ms: self.budget_ms, annotations: self.annotations })
+        let Self { display, budget_ms, annotations, .. } = self;
+        Ok(Scene { request, frame, chosen, display, budget_ms, annotations })
     }
+}
+
+/// Whether presets are made for a mode: in the others a transfer function gives windows or colours.
+fn has_look(mode: Option<Mode>) -> bool {
+    matches!(mode, None | Some(Mode::Composite | Mode::PathTraced))
 }
 
 /// Rejects a budget outside the permitted range.

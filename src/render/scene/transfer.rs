@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer};
 use super::SceneError;
 use crate::request_error::RequestError;
 use relief_volume::{
-    ControlPoint, GradientOpacity, PRESETS, Preset, TransferFunction, Window, WindowMap, preset,
+    Anatomy, ControlPoint, GradientOpacity, PRESETS, Preset, TransferFunction, Window, WindowMap, preset,
 };
 
 /// A preset's name, or control points, or a window.
@@ -111,7 +111,7 @@ impl TransferFile {
 pub(super) enum Windows {
     /// White of rising opacity, for rays.
     Translucent,
-    /// Opaque grey, for slices; one for soft tissue where there is no transfer function at all.
+    /// Opaque grey, for slices.
     Opaque,
 }
 
@@ -128,10 +128,16 @@ impl Windows {
         made.map_err(RequestError::from)
     }
 
-    fn default_transfer(self) -> TransferFile {
+    /// What suits the anatomy; without one the first preset, or a window for soft tissue.
+    fn default_transfer(self, anatomy: Option<Anatomy>) -> TransferFile {
         match self {
-            Self::Translucent => TransferFile::Preset(PRESETS[0].name.to_owned()),
-            Self::Opaque => TransferFile::window(40.0, 400.0),
+            Self::Translucent => {
+                TransferFile::Preset(anatomy.map_or(&PRESETS[0], Anatomy::preset).name.to_owned())
+            }
+            Self::Opaque => {
+                let [center_hu, width_hu] = anatomy.map_or([40.0, 400.0], Anatomy::window_hu);
+                TransferFile::window(center_hu, width_hu)
+            }
         }
     }
 }
@@ -140,8 +146,9 @@ impl Windows {
 pub(super) fn resolve_transfer(
     file: Option<TransferFile>,
     windows: Windows,
+    anatomy: Option<Anatomy>,
 ) -> Result<(TransferFunction, Option<&'static Preset>), SceneError> {
-    match file.unwrap_or_else(|| windows.default_transfer()) {
+    match file.unwrap_or_else(|| windows.default_transfer(anatomy)) {
         TransferFile::Preset(name) => {
             let found = preset(&name).ok_or_else(|| RequestError::new("transfer", &name, &preset_names()))?;
             Ok((found.transfer(), Some(found)))

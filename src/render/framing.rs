@@ -1,0 +1,182 @@
+//! What of a volume a picture shows, for cameras that are fitted to it.
+//!
+//! Spaces: patient mm. It is an estimate from coarse cells (see [`Occupancy`]): what hides what, and
+//! opacity by gradient, do not count.
+
+use serde::Deserialize;
+
+use super::labels::Labels;
+use super::mode::Mode;
+use super::request::{Clip, RenderRequest};
+use relief_base::{Patient, Point, Voxel};
+use relief_volume::{Framing, Grid, LabelMap, Occupancy, Orbit, Volume};
+
+/// What a camera is fitted to where a scene has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FramingRule {
+    /// What the transfer function, clips and segments show.
+    #[default]
+    Visible,
+    /// All tissue, whatever the transfer function shows of it: as live views, whose transfer function
+    /// changes.
+    Tissue,
+    /// The bounding sphere of the volume.
+    Volume,
+}
+
+impl FramingRule {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Visible, Self::Tissue, Self::Volume];
+
+    /// The name in requests and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Visible => "visible",
+            Self::Tissue => "tissue",
+            Self::Volume => "volume",
+        }
+    }
+
+    /// The rule of this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|rule| rule.name() == name)
+    }
+}
+
+/// A value is visible if a path of this length through it, mm, ...
+const PATH_MM: f64 = 10.0;
+/// ... has at least this opacity.
+const OPACITY: f64 = 0.1;
+/// Lowest value of tissue, HU: fat and skin are above, lungs and foam below.
+const TISSUE_HU: i16 = -300;
+/// Groups of cells that are smaller than this share of the largest one do not count.
+const SPECK: f64 = 0.02;
+/// Voxels of a cell along each axis whose segment is looked up.
+const LOOKUPS: usize = 2;
+
+/// The framing of a request's picture of a volume: the bounding sphere where nothing is visible.
+pub(crate) fn framing(
+    rule: FramingRule,
+    occupancy: &Occupancy,
+    tissue: Option<&Framing>,
+    request: &RenderRequest,
+    grid: &Grid,
+) -> Framing {
+    match rule {
+        FramingRule::Volume => Framing::of_grid(grid),
+        FramingRule::Tissue => tissue.cloned().unwrap_or_else(|| framing_of_tissue(occupancy, grid)),
+        FramingRule::Visible => Framing::of_points(&visible_points(occupancy, grid, request))
+            .unwrap_or_else(|| Framing::of_grid(grid)),
+    }
+}
+
+/// The sphere by which all tissue fills pictures of [`TISSUE_VIEW`] in 16:9; the bounding sphere of a
+/// volume without tissue.
+#[must_use]
+pub fn framing_of_tissue(occupancy: &Occupancy, grid: &Grid) -> Framing {
+    let cells = occupancy.cells(|_, high| high >= TISSUE_HU).without_specks(SPECK);
+    match Framing::of_points(&cells.points(grid)) {
+        Some(body) => Framing::sphere_of(&body, &TISSUE_VIEW, TISSUE_ASPECT),
+        None => Framing::of_grid(grid),
+    }
+}
+
+/// The view to which tissue is fitted: that with which live views begin.
+pub const TISSUE_VIEW: Orbit =
+    Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.0, vertical_fov_deg: 22.0 };
+/// Width by height of the pictures to which tissue is fitted.
+const TISSUE_ASPECT: f64 = 16.0 / 9.0;
+
+/// Why a picture shows nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EmptyCause {
+    /// No value of the volume is visible; it has values between these, HU.
+    Transfer([i16; 2]),
+    /// Clips or hidden segments remove everything that is visible.
+    Clip,
+    /// The rays miss what is left.
+    Camera,
+}
+
+impl std::fmt::Display for EmptyCause {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Transfer([low, high]) => {
+                write!(
+                    f,
+                    "the transfer function or isosurface shows no value of the volume, {low} to {high} HU"
+                )
+            }
+            Self::Clip => {
+                f.write_str("clip planes, box, sphere or hidden segments remove everything that is visible")
+            }
+            Self::Camera => f.write_str("the camera, or the slice's plane, misses the volume"),
+        }
+    }
+}
+
+impl EmptyCause {
+    /// Why a request's picture of a volume shows nothing, if it does so.
+    #[must_use]
+    pub fn of(volume: &Volume, request: &RenderRequest) -> Self {
+        let shown = request.shown(volume);
+        let (occupancy, grid) = (shown.occupancy(), shown.grid());
+        let visible = occupancy.cells(|low, high| is_visible(request, low, high));
+        if visible.points(grid).is_empty() {
+            let (low, high) = shown.range_hu();
+            return Self::Transfer([low, high]);
+        }
+        if visible_points(occupancy, grid, request).is_empty() { Self::Clip } else { Self::Camera }
+    }
+}
+
+fn visible_points(occupancy: &Occupancy, grid: &Grid, request: &RenderRequest) -> Vec<Point<Patient>> {
+    let cells = occupancy.cells(|low, high| is_visible(request, low, high));
+    let is_shown = |[first, end]: [[usize; 3]; 2]| {
+        let middle: [f64; 3] = std::array::from_fn(|axis| (first[axis] + end[axis]) as f64 / 2.0 - 0.5);
+        let [i, j, k] = middle;
+        keeps(&request.clip, grid.patient_from_voxel() * Point::<Voxel>::new(i, j, k))
+            && request.labels.as_deref().is_none_or(|labels| shows_any(labels, first, end))
+    };
+    cells.kept(grid, is_shown).without_specks(SPECK).points(grid)
+}
+
+/// Whether a request shows a value from `low` to `high` HU.
+fn is_visible(request: &RenderRequest, low: i16, high: i16) -> bool {
+    let transfer = &request.transfer;
+    match request.mode {
+        Mode::Composite | Mode::PathTraced => {
+            let inside = transfer.points().iter().map(|point| point.hu);
+            let inside = inside.filter(|hu| (f64::from(low)..=f64::from(high)).contains(hu));
+            let mut values = inside.chain([low, high].map(f64::from));
+            values.any(|hu| transfer.opacity_over(hu, PATH_MM) >= OPACITY)
+        }
+        Mode::Isosurface => request.surfaces.iter().any(|surface| surface.hu <= f64::from(high)),
+        // Projections show tissue of any value, bright or dark.
+        _ => high >= TISSUE_HU,
+    }
+}
+
+fn keeps(clip: &Clip, point: Point<Patient>) -> bool {
+    let is_before = |plane: &super::request::ClipPlane| (point - plane.point).dot(plane.normal) >= 0.0;
+    clip.planes.iter().all(is_before)
+        && clip.sphere.is_none_or(|sphere| point.distance(sphere.center) >= sphere.radius_mm)
+}
+
+/// Whether a segment that is shown, or tissue without a segment that is, lies in a box of voxels.
+fn shows_any(labels: &Labels, first: [usize; 3], end: [usize; 3]) -> bool {
+    if labels.looks.iter().all(|look| look.visible) {
+        return true;
+    }
+    let along = |axis: usize| (first[axis]..end[axis]).step_by(LOOKUPS);
+    along(2)
+        .any(|k| along(1).any(|j| along(0).any(|i| labels.looks[place_at(&labels.map, [i, j, k])].visible)))
+}
+
+fn place_at(map: &LabelMap, [i, j, k]: [usize; 3]) -> usize {
+    let [nx, ny, _] = map.grid().dims();
+    map.places().at(i + nx * (j + ny * k))
+}
