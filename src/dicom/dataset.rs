@@ -9,6 +9,7 @@
 //! Units: positions and lengths in bytes from the start of the source.
 
 use std::io::{BufRead, Seek};
+use std::ops::Range;
 
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;
@@ -183,7 +184,7 @@ pub(super) struct LocatedFault {
 /// When an element is cut short, or items nest deeper than any standard sequence.
 pub(super) fn walk<R: BufRead + Seek>(
     source: &mut R,
-    range: (u64, u64),
+    range: Range<u64>,
     encoding: Encoding,
     keep: KeepOf,
 ) -> Result<ParsedDataSet, Defect> {
@@ -197,10 +198,11 @@ pub(super) fn walk<R: BufRead + Seek>(
 pub(super) fn walk_within<R: BufRead + Seek>(
     bounds: Bounds,
     source: &mut R,
-    (start, end): (u64, u64),
+    range: Range<u64>,
     encoding: Encoding,
     keep: KeepOf,
 ) -> Result<ParsedDataSet, LocatedFault> {
+    let Range { start, end } = range;
     let mut walker = DataSetReader { source, position: start, end, keep, bounds, kept: 0, trail: Vec::new() };
     let walked = walker.elements(encoding, Some(end), 0);
     let (data, pixels) = walked.map_err(|defect| LocatedFault { trail: walker.trail, defect })?;
@@ -421,7 +423,7 @@ mod tests {
     }
 
     fn walked(bytes: &[u8], encoding: Encoding) -> Result<ParsedDataSet, Defect> {
-        walk(&mut Cursor::new(bytes), (0, bytes.len() as u64), encoding, keep_rows_and_shared_groups)
+        walk(&mut Cursor::new(bytes), 0..bytes.len() as u64, encoding, keep_rows_and_shared_groups)
     }
 
     const ROWS_EXPLICIT: [u8; 10] = [0x28, 0, 0x10, 0, b'U', b'S', 2, 0, 0, 2];

@@ -302,16 +302,15 @@ fn decode_frame(
     hu: &mut [i16],
 ) -> Result<u64, Defect> {
     let file = &frame.file;
-    let conversion = (&file.layout, frame.rescale);
     match frames {
         None => {
             let position = file.pixels.position + u64::from(frame.index) * file.layout.frame_bytes();
-            pixels::read_native(bytes, position, file.syntax.encoding, conversion, hu)
+            pixels::read_native(bytes, position, file.syntax.encoding, &file.layout, frame.rescale, hu)
         }
         Some(frames) => {
             let data = frames.read(frame.index, bytes)?;
             let samples = codec::decode(data, &file.syntax, &file.layout)?;
-            pixels::take_decoded(&samples, conversion, hu)
+            pixels::take_decoded(&samples, &file.layout, frame.rescale, hu)
         }
     }
 }

@@ -69,7 +69,7 @@ impl Object {
     pub(super) fn walk(&self, keep: KeepOf) -> Result<ParsedDataSet, Defect> {
         let (mut reader, end) = self.bytes.open()?;
         reader.seek(SeekFrom::Start(self.start))?;
-        dataset::walk(&mut reader, (self.start, end), self.syntax.encoding, keep)
+        dataset::walk(&mut reader, self.start..end, self.syntax.encoding, keep)
     }
 
     /// Walks the data set within other bounds than images have; see [`dataset::walk_within`].
@@ -77,7 +77,7 @@ impl Object {
         let at_top = |defect| LocatedFault { trail: Vec::new(), defect };
         let (mut reader, end) = self.bytes.open().map_err(at_top)?;
         reader.seek(SeekFrom::Start(self.start)).map_err(|error| at_top(error.into()))?;
-        dataset::walk_within(bounds, &mut reader, (self.start, end), self.syntax.encoding, keep)
+        dataset::walk_within(bounds, &mut reader, self.start..end, self.syntax.encoding, keep)
     }
 
     /// Bytes of the inflated data set; 0 where none was deflated.

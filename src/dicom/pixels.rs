@@ -139,7 +139,8 @@ pub(super) fn read_native(
     bytes: &Bytes,
     position: u64,
     encoding: Encoding,
-    (layout, rescale): (&PixelLayout, Rescale),
+    layout: &PixelLayout,
+    rescale: Rescale,
     hu: &mut [i16],
 ) -> Result<u64, Defect> {
     if layout.bits_allocated == 8 {
@@ -162,7 +163,8 @@ pub(super) fn read_native(
 /// When the decoder delivered another number of samples.
 pub(super) fn take_decoded(
     decoded: &[u8],
-    (layout, rescale): (&PixelLayout, Rescale),
+    layout: &PixelLayout,
+    rescale: Rescale,
     hu: &mut [i16],
 ) -> Result<u64, Defect> {
     if decoded.len() == hu.len() {
@@ -253,7 +255,7 @@ mod tests {
         {
             let source = Bytes::Memory(bytes.to_vec().into());
             let layout = layout([16, 12, 11], false);
-            let clipped = read_native(&source, 0, encoding, (&layout, rescale), &mut hu).unwrap();
+            let clipped = read_native(&source, 0, encoding, &layout, rescale, &mut hu).unwrap();
             assert_eq!((hu, clipped), ([0, 3071], 0), "{encoding:?}");
         }
     }
@@ -264,7 +266,7 @@ mod tests {
         let source = Bytes::Memory(vec![0xFF, 0xFF, 0, 0].into());
         let layout = layout([16, 16, 15], false);
         let mut hu = [0; 2];
-        let clipped = read_native(&source, 0, Encoding::ExplicitLittle, (&layout, rescale), &mut hu).unwrap();
+        let clipped = read_native(&source, 0, Encoding::ExplicitLittle, &layout, rescale, &mut hu).unwrap();
         assert_eq!((hu, clipped), ([i16::MAX, -1000], 1));
     }
 }

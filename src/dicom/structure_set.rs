@@ -159,14 +159,14 @@ pub fn read_structure_set(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
     let modality = data.text(tags::MODALITY).unwrap_or_default();
     if modality != "RTSTRUCT" {
         let found = format!("{modality:.16?}");
-        return Err(whole::wrong("", ("Modality", tags::MODALITY), found, "RTSTRUCT, an RT structure set"));
+        return Err(whole::wrong("", "Modality", tags::MODALITY, found, "RTSTRUCT, an RT structure set"));
     }
     let charset = Charset::of(&data);
     let mut structures = Vec::new();
     let mut places = HashMap::new();
     for (index, item) in data.items(tags::STRUCTURE_SET_ROI_SEQUENCE).iter().enumerate() {
         let path = format!("{}[{}]", tags::STRUCTURE_SET_ROI_SEQUENCE, index + 1);
-        let number = number(item, &path, ("ROINumber", tags::ROI_NUMBER))?;
+        let number = number(item, &path, "ROINumber", tags::ROI_NUMBER)?;
         places.entry(number).or_insert(structures.len());
         let frame = item.text(tags::REFERENCED_FRAME_OF_REFERENCE_UID);
         structures.push(Structure {
@@ -181,7 +181,7 @@ pub fn read_structure_set(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
     let mut orphans = 0;
     for (index, item) in data.items(tags::ROI_CONTOUR_SEQUENCE).iter().enumerate() {
         let path = format!("{}[{}]", tags::ROI_CONTOUR_SEQUENCE, index + 1);
-        let number = number(item, &path, ("ReferencedROINumber", tags::REFERENCED_ROI_NUMBER))?;
+        let number = number(item, &path, "ReferencedROINumber", tags::REFERENCED_ROI_NUMBER)?;
         let Some(structure) = places.get(&number).map(|&place| &mut structures[place]) else {
             orphans += 1;
             continue;
@@ -230,9 +230,9 @@ fn warnings(structures: &[Structure], orphans: usize) -> Vec<String> {
     empty.into_iter().chain(orphans).collect()
 }
 
-fn number(item: &DataSet, path: &str, (keyword, tag): (&'static str, Tag)) -> Result<u32, ObjectError> {
+fn number(item: &DataSet, path: &str, keyword: &'static str, tag: Tag) -> Result<u32, ObjectError> {
     let found = item.text(tag).unwrap_or_default();
-    found.parse().map_err(|_| whole::wrong(path, (keyword, tag), format!("{found:.16?}"), "a whole number"))
+    found.parse().map_err(|_| whole::wrong(path, keyword, tag, format!("{found:.16?}"), "a whole number"))
 }
 
 /// One line, as long as an item's name may be.
@@ -264,8 +264,8 @@ fn contour(item: &DataSet, path: &str) -> Result<Option<Contour>, ObjectError> {
         "CLOSEDPLANAR_XOR" => ContourShape::ClosedXor,
         _ => {
             let expected = "POINT, OPEN_PLANAR, OPEN_NONPLANAR, CLOSED_PLANAR or CLOSEDPLANAR_XOR";
-            let attribute = ("ContourGeometricType", tags::CONTOUR_GEOMETRIC_TYPE);
-            return Err(whole::wrong(path, attribute, format!("{kind:.20?}"), expected));
+            let (keyword, tag) = ("ContourGeometricType", tags::CONTOUR_GEOMETRIC_TYPE);
+            return Err(whole::wrong(path, keyword, tag, format!("{kind:.20?}"), expected));
         }
     };
     let mut points_mm = points(item, path)?;
@@ -279,7 +279,7 @@ fn contour(item: &DataSet, path: &str) -> Result<Option<Contour>, ObjectError> {
 }
 
 fn points(item: &DataSet, path: &str) -> Result<Vec<Point<Patient>>, ObjectError> {
-    let attribute = ("ContourData", tags::CONTOUR_DATA);
+    let (keyword, tag) = ("ContourData", tags::CONTOUR_DATA);
     let expected = "triplets of mm, -1e6 to 1e6 each, divided by \\";
     let text = item.text(tags::CONTOUR_DATA).unwrap_or_default();
     if text.is_empty() {
@@ -289,11 +289,11 @@ fn points(item: &DataSet, path: &str) -> Result<Vec<Point<Patient>>, ObjectError
     for part in text.split('\\') {
         match part.trim().parse::<f64>() {
             Ok(mm) if mm.abs() <= Item::FARTHEST_MM => numbers.push(mm),
-            _ => return Err(whole::wrong(path, attribute, format!("{part:.20?}"), expected)),
+            _ => return Err(whole::wrong(path, keyword, tag, format!("{part:.20?}"), expected)),
         }
     }
     match numbers.as_chunks::<3>() {
         (triplets, []) => Ok(triplets.iter().map(|&xyz| Point::from_xyz(DVec3::from_array(xyz))).collect()),
-        _ => Err(whole::wrong(path, attribute, format!("{} numbers", numbers.len()), expected)),
+        _ => Err(whole::wrong(path, keyword, tag, format!("{} numbers", numbers.len()), expected)),
     }
 }

@@ -71,7 +71,8 @@ pub(super) fn read(
 /// The error of an attribute below a path of items, which may be empty.
 pub(super) fn wrong(
     path: &str,
-    (keyword, tag): (&'static str, Tag),
+    keyword: &'static str,
+    tag: Tag,
     found: String,
     expected: &'static str,
 ) -> ObjectError {

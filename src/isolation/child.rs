@@ -1,6 +1,6 @@
 //! The child: takes a job, gives its rights away, reads the file, and sends what it found.
 //!
-//! Its standard input is the file; its standard output is a socket to the parent, in both
+//! Its standard input is the file or folder; its standard output is a socket to the parent, in both
 //! directions; its standard error is the file of the windows.
 
 use std::io::{Read, Write};
@@ -10,21 +10,19 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use super::job::{
-    AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, SeriesAnswer, WireContent, WireGrid,
-    WireSegment,
+    AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, WireContent, WireGrid, WireSegment,
 };
 use super::sandbox::Held;
+use super::series;
 use super::window::Windows;
 use super::wire::{receive, send};
-use relief_base::Budget;
-use relief_dicom::{LoadLimits, Strictness};
 use relief_exchange::{Format, Imported, ReadContext};
 use relief_session::load_labels;
 use relief_volume::{Grid, LabelMap};
 
-/// The file, as a path that opens it from its beginning.
-const FILE: &str = "/proc/self/fd/0";
-/// What messages call it.
+/// The file or folder, as a path; a file is opened from its beginning.
+pub(super) const FILE: &str = "/proc/self/fd/0";
+/// What messages call a label map.
 const SUBJECT: &str = "the uploaded file";
 
 /// Memory of the program itself: its code, stacks of its threads, and buffers of decoders.
@@ -47,9 +45,8 @@ pub fn serve() -> ExitCode {
 fn enter(job: &Job) -> std::io::Result<Held> {
     let bulk = match job {
         // Voxels, and once more while they are put together.
-        Job::Series { voxel_bytes, kept_bytes, .. } => {
-            voxel_bytes.saturating_mul(2).saturating_add(*kept_bytes)
-        }
+        Job::Series(_, limits) => limits.voxel_bytes.saturating_mul(2).saturating_add(limits.kept_bytes),
+        Job::List(limits) => limits.kept_bytes,
         Job::Labels { most_voxels, .. } => most_voxels.saturating_mul(8),
         Job::Annotations(_) => 4 << 30,
         Job::Probe(_) => 0,
@@ -59,10 +56,8 @@ fn enter(job: &Job) -> std::io::Result<Held> {
 
 fn work(job: &Job, held: Held, socket: &mut (impl Read + Write), windows: &Windows) -> std::io::Result<()> {
     match job {
-        Job::Series { voxel_bytes, kept_bytes, unpacked_bytes } => {
-            let budget = Budget::new(*kept_bytes, *unpacked_bytes);
-            series(*voxel_bytes, &budget, socket, windows)
-        }
+        Job::List(limits) => series::list(*limits, socket),
+        Job::Series(choice, limits) => series::read(choice, *limits, socket, windows),
         Job::Labels { grid, most_voxels } => labels(grid, *most_voxels, socket, windows),
         Job::Annotations(job) => annotations(job, socket, windows),
         Job::Probe(Probe::Rights) => send(socket, &Answer::Probed(remaining_rights(held))),
@@ -89,41 +84,8 @@ fn remaining_rights(held: Held) -> RemainingRights {
     }
 }
 
-fn refuse(socket: &mut impl Write, kind: Refusal, reason: String) -> std::io::Result<()> {
+pub(super) fn refuse(socket: &mut impl Write, kind: Refusal, reason: String) -> std::io::Result<()> {
     send(socket, &Answer::Refused { kind, reason })
-}
-
-fn series(
-    voxel_bytes: u64,
-    budget: &Budget,
-    socket: &mut (impl Read + Write),
-    windows: &Windows,
-) -> std::io::Result<()> {
-    let refused = |error: &relief_dicom::Error| error.without_names(SUBJECT);
-    let found = relief_dicom::discover_within(budget, Path::new(FILE), Strictness::Lenient, &|_| ());
-    let found = match found {
-        Ok(found) => found,
-        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
-    };
-    let entry = match found.select(None) {
-        Ok(entry) => entry,
-        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
-    };
-    send(socket, &Answer::Found { dims: entry.dims() })?;
-    let () = receive(socket)?; // the parent wants the voxels
-    let limits = LoadLimits { voxel_bytes };
-    let loaded = match relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()) {
-        Ok(loaded) => loaded,
-        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
-    };
-    let answer = SeriesAnswer {
-        grid: loaded.volume.grid().into(),
-        warnings: loaded.warnings.len(),
-        identity: Some(loaded.identity),
-        reference: loaded.reference.map(|reference| (*reference).clone()),
-    };
-    send(socket, &Answer::Series(Box::new(answer)))?;
-    windows.send(socket, loaded.volume.voxels_hu())
 }
 
 fn labels(

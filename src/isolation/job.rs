@@ -8,18 +8,13 @@ use relief_base::Transform;
 use relief_dicom::{SeriesIdentity, SeriesReference};
 use relief_volume::{Grid, GridError, Segment};
 
-/// A job; the file is the child's standard input.
+/// A job; the file or folder is the child's standard input.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Job {
-    /// The only series of a file.
-    Series {
-        /// Most bytes of voxels.
-        voxel_bytes: u64,
-        /// Most bytes that headers may keep.
-        kept_bytes: u64,
-        /// Most bytes that compressed data may unpack to.
-        unpacked_bytes: u64,
-    },
+    /// The UIDs of the series of a file or folder.
+    List(ReadLimits),
+    /// A series of a file or folder.
+    Series(SeriesChoice, ReadLimits),
     /// A label map, brought to a grid.
     Labels {
         /// The grid of the volume.
@@ -31,6 +26,42 @@ pub(crate) enum Job {
     Annotations(Box<AnnotationJob>),
     /// No file: the child tries what it must not do.
     Probe(Probe),
+}
+
+/// Which series a child reads, and how.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SeriesChoice {
+    /// What refusals call the file or folder, whose own name may be that of a patient.
+    pub subject: String,
+    /// The series; the only one if absent.
+    pub uid: Option<String>,
+    /// Whether a defective file is an error.
+    pub is_strict: bool,
+    /// Voxels of a side whose mean is one voxel of the result; at least 1.
+    pub downsample: u8,
+    /// Whether a volume in NIfTI or NRRD is taken as well.
+    pub takes_volume_files: bool,
+}
+
+impl SeriesChoice {
+    /// The only DICOM series of what messages call `subject`, in full resolution, without its
+    /// defective files.
+    #[must_use]
+    pub fn only(subject: &str) -> Self {
+        let subject = subject.to_owned();
+        Self { subject, uid: None, is_strict: false, downsample: 1, takes_volume_files: false }
+    }
+}
+
+/// What reading may take.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct ReadLimits {
+    /// Most bytes of voxels.
+    pub(crate) voxel_bytes: u64,
+    /// Most bytes that headers may keep.
+    pub(crate) kept_bytes: u64,
+    /// Most bytes that compressed data may unpack to.
+    pub(crate) unpacked_bytes: u64,
 }
 
 /// What a child tries.
@@ -97,6 +128,8 @@ pub(crate) struct AnnotationJob {
 /// What a child answers.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Answer {
+    /// The UIDs of the series that were found; `None` for a volume in NIfTI or NRRD.
+    Listed { uids: Option<Vec<String>> },
     /// The headers of a series have been read; the parent says whether it wants the voxels.
     Found { dims: [usize; 3] },
     /// A series; its voxels follow, 16-bit HU, x fastest.
@@ -123,7 +156,10 @@ pub(crate) enum Refusal {
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SeriesAnswer {
     pub(crate) grid: WireGrid,
+    /// Anomalies of the series.
     pub(crate) warnings: usize,
+    /// Messages of these, and of files that were left out.
+    pub(crate) messages: Vec<String>,
     pub(crate) identity: Option<SeriesIdentity>,
     pub(crate) reference: Option<SeriesReference>,
 }

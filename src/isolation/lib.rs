@@ -1,8 +1,8 @@
-//! Reading untrusted files in a child process: an uploaded series, a label map, a file of
-//! annotations.
+//! Reading untrusted files in a child process: an uploaded series, one from a bucket, a label map, a
+//! file of annotations.
 //!
 //! What it is: [`IsolatedReader`] starts the program again as `relief decode-worker`, gives it the
-//! file and a job, and checks what comes back; [`serve`] is that child. A file that makes a decoder
+//! file or folder and a job, and checks what comes back; [`serve`] is that child. A file that makes a decoder
 //! crash, hang or allocate without end costs one child, and code that it might run has no rights:
 //! limits of memory, processor time and descriptors, no files but its own (Landlock), no network and
 //! no programs (seccomp). What it is not: a reader of its own (see `relief_dicom`, `relief_exchange`).
@@ -15,9 +15,10 @@ mod child;
 mod job;
 mod parent;
 mod sandbox;
+mod series;
 mod window;
 mod wire;
 
 pub use child::serve;
-pub use job::RemainingRights;
+pub use job::{RemainingRights, SeriesChoice};
 pub use parent::{IsolatedReader, IsolationError};

@@ -13,7 +13,9 @@ use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 
-use super::job::{AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, SeriesAnswer};
+use super::job::{
+    AnnotationJob, Answer, Job, Probe, ReadLimits, Refusal, RemainingRights, SeriesAnswer, SeriesChoice,
+};
 use super::window::Windows;
 use super::wire::{receive, send};
 use relief_annotation::ContentId;
@@ -103,29 +105,38 @@ impl IsolatedReader {
         Self { program }
     }
 
-    /// Reads the only series of a file. `wanted` sees its dimensions before voxels are read.
+    /// The UIDs of the series of a file or folder, at least one; `None` for a volume in NIfTI or
+    /// NRRD.
     ///
     /// # Errors
-    /// When the file has no usable series, is not wanted, or does not keep to its limits.
+    /// When there is no series, or the child does not keep to its limits.
+    pub fn list(&self, path: &Path, budget: &Budget) -> Result<Option<Vec<String>>, IsolationError> {
+        match self.start(path, &Job::List(limits(0, budget)), budget)?.receive()? {
+            Answer::Listed { uids } => Ok(uids),
+            answer => Err(refusal(answer)),
+        }
+    }
+
+    /// Reads a series of a file or folder, of at most `voxel_bytes`, and the messages of its
+    /// warnings. `wanted` sees its dimensions before voxels are read.
+    ///
+    /// # Errors
+    /// When there is no such series, it is not wanted, or does not keep to its limits.
     pub fn series(
         &self,
         path: &Path,
+        choice: SeriesChoice,
         voxel_bytes: u64,
         budget: &Budget,
         wanted: impl FnOnce([usize; 3]) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
-    ) -> Result<LoadedVolume, IsolationError> {
-        let job = Job::Series {
-            voxel_bytes,
-            kept_bytes: budget.kept_left(),
-            unpacked_bytes: budget.unpacked_left(),
-        };
-        let mut running = self.start(path, &job, budget)?;
+    ) -> Result<(LoadedVolume, Vec<String>), IsolationError> {
+        let mut running = self.start(path, &Job::Series(choice, limits(voxel_bytes, budget)), budget)?;
         match running.receive()? {
             Answer::Found { dims } => wanted(dims).map_err(IsolationError::Unwanted)?,
             answer => return Err(refusal(answer)),
         }
         send(&mut running.socket, &()).map_err(|_| running.ended())?;
-        let SeriesAnswer { grid, warnings, identity, reference } = match running.receive()? {
+        let SeriesAnswer { grid, warnings, messages, identity, reference } = match running.receive()? {
             Answer::Series(answer) => *answer,
             answer => return Err(refusal(answer)),
         };
@@ -136,7 +147,9 @@ impl IsolatedReader {
         let voxels = running.values::<i16>(grid.voxel_count())?;
         let volume = Volume::new(grid, voxels).map_err(|_| IsolationError::Invalid)?;
         let _ = volume.content_hash(); // not when the first request waits
-        Ok(LoadedVolume { volume, warnings, identity, reference: reference.map(Arc::new), labels: None })
+        let reference = reference.map(Arc::new);
+        let loaded = LoadedVolume { volume, warnings, identity, reference, labels: None };
+        Ok((loaded, messages))
     }
 
     /// Reads a label map onto a grid.
@@ -240,6 +253,10 @@ impl IsolatedReader {
         send(&mut running.socket, job).map_err(|_| running.ended())?;
         Ok(running)
     }
+}
+
+fn limits(voxel_bytes: u64, budget: &Budget) -> ReadLimits {
+    ReadLimits { voxel_bytes, kept_bytes: budget.kept_left(), unpacked_bytes: budget.unpacked_left() }
 }
 
 /// The error of an answer that is not the expected one.

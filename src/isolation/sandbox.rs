@@ -17,8 +17,9 @@ use super::window::FILE_BYTES;
 
 /// Processor time of a child, seconds.
 const CPU_S: u64 = 600;
-/// Open descriptors of a child: the standard ones, the file again, and some to spare.
-const DESCRIPTORS: u64 = 32;
+/// Open descriptors of a child: the standard ones, a file for each thread, and the levels of a
+/// folder.
+const DESCRIPTORS: u64 = 1024;
 
 /// A limit that could not be set.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +48,7 @@ pub(crate) struct Held {
 }
 
 /// Limits this process to `address_space` bytes (fewer if the system allows fewer) and to reading
-/// `file`. It cannot be undone, and holds for all threads that are started later.
+/// `file`, which may be a folder. It cannot be undone, and holds for all threads that are started later.
 pub(crate) fn enter(file: impl AsFd, address_space: u64) -> Result<Held, SandboxError> {
     // The child ends with its parent, because the parent alone reads its result.
     set_parent_process_death_signal(Some(Signal::KILL)).map_err(SandboxError::Limit)?;
@@ -68,15 +69,19 @@ pub(crate) fn enter(file: impl AsFd, address_space: u64) -> Result<Held, Sandbox
     Ok(Held { files, calls })
 }
 
-/// No file but this one, and no network where the kernel's Landlock knows it.
+/// No file but this one, or those below this folder; no network where the kernel's Landlock knows
+/// it.
 fn forbid_files(file: impl AsFd) -> Result<bool, SandboxError> {
+    let is_folder = rustix::fs::fstat(&file)
+        .is_ok_and(|status| rustix::fs::FileType::from_raw_mode(status.st_mode).is_dir());
+    let reads = if is_folder { AccessFs::ReadFile | AccessFs::ReadDir } else { AccessFs::ReadFile.into() };
     let restricted = || {
         Ruleset::default()
             .set_compatibility(CompatLevel::BestEffort)
             .handle_access(AccessFs::from_all(ABI::V5))?
             .handle_access(AccessNet::from_all(ABI::V5))?
             .create()?
-            .add_rule(PathBeneath::new(file, AccessFs::ReadFile))?
+            .add_rule(PathBeneath::new(file, reads))?
             .restrict_self()
     };
     let status = restricted().map_err(SandboxError::Landlock)?;

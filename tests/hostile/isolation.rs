@@ -6,7 +6,7 @@ use std::path::Path;
 use relief_base::Budget;
 use relief_dicom::Strictness;
 use relief_exchange::{Format, ReadContext};
-use relief_isolation::{IsolatedReader, IsolationError};
+use relief_isolation::{IsolatedReader, IsolationError, SeriesChoice};
 use relief_session::{load_labels, most_label_voxels};
 
 use super::RELIEF;
@@ -14,6 +14,10 @@ use crate::common::unpacked;
 
 fn reader() -> IsolatedReader {
     IsolatedReader::of_program(RELIEF.into())
+}
+
+fn only() -> SeriesChoice {
+    SeriesChoice::only("the uploaded file")
 }
 
 /// A phantom head in a folder: the series, `labels.seg.nrrd` and `landmarks.csv`.
@@ -45,7 +49,7 @@ fn a_child_reads_what_the_process_reads() {
     zipped(&series, &zip);
     let found = relief_dicom::discover(&zip, Strictness::Lenient, &|_| ()).unwrap();
     let own = relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap();
-    let childs = reader().series(&zip, 1 << 30, &Budget::default(), |_| Ok(())).unwrap();
+    let (childs, _) = reader().series(&zip, only(), 1 << 30, &Budget::default(), |_| Ok(())).unwrap();
     assert_eq!(childs.volume.content_hash(), own.volume.content_hash());
     assert_eq!(childs.volume.grid(), own.volume.grid());
     assert_eq!(childs.identity.as_ref(), Some(&own.identity));
@@ -82,6 +86,47 @@ fn a_child_reads_what_the_process_reads() {
     }
 }
 
+/// Invariant: A child lists and reads the series of a folder, and volumes of other formats, as the
+/// process itself does.
+#[test]
+fn a_child_reads_what_a_folder_has() {
+    let folder = tempfile::tempdir().unwrap();
+    head(folder.path());
+    let slab = folder.path().join("slab");
+    let phantom = ["phantom", "--kind", "slab", "--size", "24", "--out", slab.to_str().unwrap()];
+    assert!(std::process::Command::new(RELIEF).args(phantom).output().unwrap().status.success());
+    let found = relief_dicom::discover(folder.path(), Strictness::Lenient, &|_| ()).unwrap();
+    let uids: Vec<String> = found.series.iter().map(|entry| entry.uid().to_owned()).collect();
+    assert_eq!(uids.len(), 2);
+    let budget = Budget::default();
+    assert_eq!(reader().list(folder.path(), &budget).unwrap(), Some(uids.clone()));
+    for (uid, downsample) in uids.into_iter().zip([1u8, 3]) {
+        let entry = found.select(Some(&uid)).unwrap();
+        let own = relief_dicom::load(entry, Strictness::Lenient, &|_| ()).unwrap();
+        let own = own.downsampled(downsample.into()).volume;
+        let choice = SeriesChoice { uid: Some(uid), downsample, ..only() };
+        let wanted = |dims| {
+            assert_eq!(dims, own.grid().dims());
+            Ok(())
+        };
+        let (childs, _) = reader().series(folder.path(), choice, 1 << 30, &budget, wanted).unwrap();
+        assert_eq!(childs.volume.content_hash(), own.content_hash());
+    }
+
+    let volume = folder.path().join("head/labels.seg.nrrd");
+    let own = relief_dicom::read_volume(&volume).unwrap().volume;
+    assert_eq!(reader().list(&volume, &budget).unwrap(), None);
+    let choice = SeriesChoice { takes_volume_files: true, ..only() };
+    let (childs, _) = reader().series(&volume, choice, 1 << 30, &budget, |_| Ok(())).unwrap();
+    assert_eq!(childs.volume.content_hash(), own.content_hash());
+    let refused = reader().series(&volume, only(), 1 << 30, &budget, |_| Ok(())).unwrap_err();
+    assert!(refused.to_string().contains("no CT slices"), "{refused}");
+
+    std::fs::create_dir(folder.path().join("JANE^DOE")).unwrap();
+    let refused = reader().list(&folder.path().join("JANE^DOE"), &budget).unwrap_err().to_string();
+    assert!(refused.contains("no CT slices") && !refused.contains("JANE"), "{refused}");
+}
+
 /// Invariant: A child reads under limits of the system that are lower than its own.
 #[test]
 fn a_child_reads_under_lower_limits_of_the_system() {
@@ -94,7 +139,9 @@ fn a_child_reads_under_lower_limits_of_the_system() {
     let script = format!("#!/bin/sh\nulimit -v 4194304\nexec {RELIEF} \"$@\"\n");
     std::fs::write(&limited, script).unwrap();
     std::fs::set_permissions(&limited, std::fs::Permissions::from_mode(0o700)).unwrap();
-    let read = |reader: IsolatedReader| reader.series(&zip, 4 << 30, &Budget::default(), |_| Ok(())).unwrap();
+    let read = |reader: IsolatedReader| {
+        reader.series(&zip, only(), 4 << 30, &Budget::default(), |_| Ok(())).unwrap().0
+    };
     let (limited, own) = (read(IsolatedReader::of_program(limited)), read(reader()));
     assert_eq!(limited.volume.content_hash(), own.volume.content_hash());
 }
@@ -109,7 +156,7 @@ fn a_child_reads_a_real_series() {
     zipped(&folder, &zip);
     let found = relief_dicom::discover(&zip, Strictness::Lenient, &|_| ()).unwrap();
     let own = relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap();
-    let childs = reader().series(&zip, 4 << 30, &Budget::default(), |_| Ok(())).unwrap();
+    let (childs, _) = reader().series(&zip, only(), 4 << 30, &Budget::default(), |_| Ok(())).unwrap();
     assert_eq!(childs.volume.content_hash(), own.volume.content_hash());
     assert_eq!(childs.identity.as_ref(), Some(&own.identity));
 }
@@ -149,7 +196,7 @@ fn a_child_refuses_with_the_reason_and_ends_when_nobody_waits() {
     let path = folder.path().join("notes.zip");
     std::fs::write(&path, crate::common::hostile::zip_of([("JANE^DOE.txt".to_owned(), vec![b'x'; 4000])]))
         .unwrap();
-    let error = reader().series(&path, 1 << 30, &Budget::default(), |_| Ok(())).unwrap_err();
+    let error = reader().series(&path, only(), 1 << 30, &Budget::default(), |_| Ok(())).unwrap_err();
     let text = error.to_string();
     assert!(matches!(error, IsolationError::Refused(_)) && !text.contains("JANE"), "{text}");
     assert!(text.contains("no CT slices"), "{text}");
@@ -157,13 +204,13 @@ fn a_child_refuses_with_the_reason_and_ends_when_nobody_waits() {
     head(folder.path());
     let zip = folder.path().join("head.zip");
     zipped(&folder.path().join("head"), &zip);
-    let unwanted = reader().series(&zip, 1 << 30, &Budget::default(), |dims| {
+    let unwanted = reader().series(&zip, only(), 1 << 30, &Budget::default(), |dims| {
         Err(format!("{dims:?} is too large for the adapter").into())
     });
     assert!(matches!(unwanted, Err(IsolationError::Unwanted(_))));
     let budget = Budget::default();
     budget.cancel();
-    let cancelled = reader().series(&zip, 1 << 30, &budget, |_| Ok(()));
+    let cancelled = reader().series(&zip, only(), 1 << 30, &budget, |_| Ok(()));
     assert!(
         matches!(cancelled, Err(IsolationError::Cancelled(_) | IsolationError::Refused(_))),
         "{cancelled:?}"

@@ -105,7 +105,8 @@ impl Content {
 
     /// Coordinates in patient mm, as 32-bit floats.
     pub(super) fn coordinates(
-        (relationship, name): (&str, Code),
+        relationship: &str,
+        name: Code,
         graphic: &str,
         points: &[DVec3],
         frame_of_reference: &str,

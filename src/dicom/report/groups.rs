@@ -85,22 +85,26 @@ pub(super) fn group(
     if !item.description.is_empty() {
         parts.push(Content::text(CONTAINS, COMMENT, &item.description));
     }
-    let coordinates = |place: (&str, Code)| {
-        Content::coordinates(place, graphics.graphic, &graphics.path, frame_of_reference)
+    let coordinates = |relationship: &str, name: Code| {
+        Content::coordinates(relationship, name, graphics.graphic, &graphics.path, frame_of_reference)
     };
     let is_region = graphics.template == "1410";
     if is_region {
-        parts.push(coordinates((CONTAINS, IMAGE_REGION)));
+        parts.push(coordinates(CONTAINS, IMAGE_REGION));
     }
     for (index, (name, value, unit)) in graphics.numbers.iter().enumerate() {
         let mut number = Content::number(*name, *value, *unit);
         // Cornerstone looks for coordinates below the first number, whatever the group has.
         if index == 0 {
-            number = number.with([coordinates((INFERRED, PATH))]);
+            number = number.with([coordinates(INFERRED, PATH)]);
             if !graphics.controls.is_empty() {
-                let place = (INFERRED, CONTROL_POINTS);
-                let controls =
-                    Content::coordinates(place, "MULTIPOINT", &graphics.controls, frame_of_reference);
+                let controls = Content::coordinates(
+                    INFERRED,
+                    CONTROL_POINTS,
+                    "MULTIPOINT",
+                    &graphics.controls,
+                    frame_of_reference,
+                );
                 number = number.with([controls]);
             }
         }

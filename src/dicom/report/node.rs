@@ -84,7 +84,7 @@ impl<'a> Node<'a> {
         found: String,
         expected: &'static str,
     ) -> ObjectError {
-        whole::wrong(&self.path, (keyword, tag), found, expected)
+        whole::wrong(&self.path, keyword, tag, found, expected)
     }
 }
 

@@ -1,0 +1,123 @@
+//! The child's reading of a series.
+
+use std::io::{Read, Result, Write};
+use std::path::Path;
+
+use super::child::{FILE, refuse};
+use super::job::{Answer, ReadLimits, Refusal, SeriesAnswer, SeriesChoice};
+use super::window::Windows;
+use super::wire::{receive, send};
+use relief_base::Budget;
+use relief_dicom::{Discovery, Error, FormatLimits, LoadLimits, Loaded, Strictness};
+
+/// What messages call a file or folder whose series are listed.
+const SUBJECT: &str = "the series' place";
+
+impl ReadLimits {
+    fn budget(self) -> Budget {
+        Budget::new(self.kept_bytes, self.unpacked_bytes)
+    }
+}
+
+impl SeriesChoice {
+    fn strictness(&self) -> Strictness {
+        if self.is_strict { Strictness::Strict } else { Strictness::Lenient }
+    }
+
+    fn reduced(&self, dims: [usize; 3]) -> [usize; 3] {
+        dims.map(|side| side.div_ceil(self.downsample.max(1).into()))
+    }
+}
+
+/// Sends the UIDs of all series.
+pub(crate) fn list(limits: ReadLimits, socket: &mut impl Write) -> Result<()> {
+    if relief_dicom::is_volume_file(Path::new(FILE)) {
+        return send(socket, &Answer::Listed { uids: None });
+    }
+    let found =
+        relief_dicom::discover_within(&limits.budget(), Path::new(FILE), Strictness::Lenient, &|_| ());
+    match found.and_then(|found| not_empty(&found).map(|()| found)) {
+        Err(error) => refuse(socket, Refusal::Content, error.without_names(SUBJECT)),
+        Ok(found) => {
+            let uids = found.series.iter().map(|entry| entry.uid().to_owned()).collect();
+            send(socket, &Answer::Listed { uids: Some(uids) })
+        }
+    }
+}
+
+/// The error of a place without series.
+fn not_empty(found: &Discovery) -> std::result::Result<(), Error> {
+    if found.series.is_empty() { found.select(None).map(drop) } else { Ok(()) }
+}
+
+/// Sends the dimensions of a series, and its voxels if the parent wants them.
+pub(crate) fn read(
+    choice: &SeriesChoice,
+    limits: ReadLimits,
+    socket: &mut (impl Read + Write),
+    windows: &Windows,
+) -> Result<()> {
+    if choice.takes_volume_files && relief_dicom::is_volume_file(Path::new(FILE)) {
+        return volume_file(choice, limits, socket, windows);
+    }
+    let refused = |error: &Error| error.without_names(&choice.subject);
+    let found =
+        relief_dicom::discover_within(&limits.budget(), Path::new(FILE), choice.strictness(), &|_| ());
+    let found = match found {
+        Ok(found) => found,
+        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
+    };
+    let entry = match found.select(choice.uid.as_deref()) {
+        Ok(entry) => entry,
+        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
+    };
+    send(socket, &Answer::Found { dims: choice.reduced(entry.dims()) })?;
+    let () = receive(socket)?; // the parent wants the voxels
+    let voxel_limits = LoadLimits { voxel_bytes: limits.voxel_bytes };
+    match relief_dicom::load_within(voxel_limits, entry, choice.strictness(), &|_| ()) {
+        Err(error) => refuse(socket, Refusal::Content, refused(&error)),
+        Ok(loaded) => {
+            let skipped = found.warnings().into_iter().chain(loaded.warnings.clone());
+            let messages = skipped.map(|warning| warning.message).collect();
+            send_voxels(choice, loaded, messages, socket, windows)
+        }
+    }
+}
+
+fn volume_file(
+    choice: &SeriesChoice,
+    limits: ReadLimits,
+    socket: &mut (impl Read + Write),
+    windows: &Windows,
+) -> Result<()> {
+    let grid = match relief_dicom::read_grid(Path::new(FILE)) {
+        Ok(grid) => grid,
+        Err(error) => return refuse(socket, Refusal::Content, error.about(&choice.subject)),
+    };
+    send(socket, &Answer::Found { dims: choice.reduced(grid.dims()) })?;
+    let () = receive(socket)?; // the parent wants the voxels
+    let voxel_limits = FormatLimits { voxels: limits.voxel_bytes / size_of::<i16>() as u64 };
+    match relief_dicom::read_volume_within(voxel_limits, Path::new(FILE)) {
+        Err(error) => refuse(socket, Refusal::Content, error.about(&choice.subject)),
+        Ok(read) => send_voxels(choice, Loaded::of_volume(read.volume), read.warnings, socket, windows),
+    }
+}
+
+fn send_voxels(
+    choice: &SeriesChoice,
+    loaded: Loaded,
+    messages: Vec<String>,
+    socket: &mut (impl Read + Write),
+    windows: &Windows,
+) -> Result<()> {
+    let loaded = loaded.downsampled(choice.downsample.into());
+    let answer = SeriesAnswer {
+        grid: loaded.volume.grid().into(),
+        warnings: loaded.warnings.len(),
+        messages,
+        identity: Some(loaded.identity),
+        reference: loaded.reference.map(|reference| (*reference).clone()),
+    };
+    send(socket, &Answer::Series(Box::new(answer)))?;
+    windows.send(socket, loaded.volume.voxels_hu())
+}
