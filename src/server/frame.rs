@@ -192,7 +192,7 @@ impl SizeRule {
 /// layout, and a depth limit that contradicts the volume's always: nothing is rendered for what
 /// cannot be answered.
 fn resolve(order: SceneQuery, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
-    let scene = order.file.resolve_labelled(&entry.grid, &order.orbit, entry.labels.as_ref())?;
+    let scene = order.file.resolve_for(&entry.subject(), &order.orbit)?;
     if rule == SizeRule::OfLayout {
         scene.expect_size_of_layout()?;
     }
@@ -246,7 +246,7 @@ pub(super) async fn answer_as(
         return Ok((status, validators(tag)).into_response());
     }
     let rendered = render(pictures, entry, scene).await?;
-    let limits = scene.display.limits(rendered.frame.limits)?;
+    let limits = rendered.frame.limits_for(&scene.display)?;
     let camera = camera_json(&rendered.frame.camera, rendered.frame.size_px, limits).to_string();
     let (bytes, encode_ms) = encode_apart(pictures, &rendered, encoder).await?;
     let mut response = (validators(tag), bytes).into_response();
@@ -298,7 +298,7 @@ async fn pick(
     let pixel = pixel_at(at, scene.request.size_px)?;
     within_budget(&pictures.engine, entry, &mut scene);
     let frame = render(pictures, entry, &scene).await?.frame;
-    let limits = scene.display.limits(frame.limits)?;
+    let limits = frame.limits_for(&scene.display)?;
     let depth = frame.depth_at(pixel);
     let mut found = camera_json(&frame.camera, frame.size_px, limits);
     found["u"] = json!(at[0]);
@@ -351,7 +351,7 @@ fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
 /// adapters of one kind agree, and one may answer for another. `form` is how the picture is
 /// written.
 pub(super) fn entity_tag(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene, form: &str) -> String {
-    let Scene { request, display, budget_ms, annotations } = scene;
+    let Scene { request, display, budget_ms, annotations, frame: _, chosen: _ } = scene;
     let around = json!([pictures.config.identity, form, display, budget_ms, annotations]).to_string();
     let hash = Sha256::new()
         .chain_update(entry.hash.0)

@@ -90,6 +90,8 @@ const PARAMETERS: &[Parameter] = &[
     to("elevation_deg", ParameterType::Number, Target::Orbit(|orbit| &mut orbit.elevation_deg)),
     to("zoom", ParameterType::Number, Target::Orbit(|orbit| &mut orbit.zoom)),
     to("vertical_fov_deg", ParameterType::Number, Target::FieldOfView),
+    key("frame", ParameterType::Text, "frame"),
+    key("table", ParameterType::Text, "table"),
     key("eye_mm", ParameterType::Numbers(3), "camera.eye_mm"),
     key("look_at_mm", ParameterType::Numbers(3), "camera.look_at_mm"),
     to("up", ParameterType::Numbers(3), Target::View { camera: "camera.up", slice: "slice.plane.up" }),
@@ -120,6 +122,7 @@ const PARAMETERS: &[Parameter] = &[
     key("offset", ParameterType::Whole(1), "display.offset"),
     key("view_span", ParameterType::Number, "display.view_span"),
     key("depth_filter", ParameterType::Text, "display.depth_filter"),
+    key("depth_range", ParameterType::Text, "display.depth_range"),
     key("near_mm", ParameterType::Number, "display.near_mm"),
     key("far_mm", ParameterType::Number, "display.far_mm"),
 ];
@@ -135,6 +138,7 @@ const EXCLUSIVE: &[(&str, &str)] = &[
     ("eye_mm", "azimuth_deg"),
     ("eye_mm", "elevation_deg"),
     ("eye_mm", "zoom"),
+    ("eye_mm", "frame"),
     ("height_mm", "vertical_fov_deg"),
 ];
 

@@ -19,7 +19,7 @@ use super::metrics::Metrics;
 use super::shares::{self, Shares, Turns};
 use relief_base::Budget;
 use relief_exchange::{Format, Imported, ReadContext};
-use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeReader};
+use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeEntry, VolumeReader};
 use relief_store::Store;
 use relief_volume::{Grid, LabelMap};
 
@@ -344,11 +344,16 @@ impl Server {
         self.engine.volumes.add_own(loaded, None).expect("room for a volume that stays");
     }
 
-    /// Adds a series of the operator, whose voxels may be evicted: `reader` reads them again.
+    /// Adds a series of the operator, whose voxels may be evicted: `reader` reads them again. Returns its
+    /// entry.
     ///
     /// # Errors
     /// When there is no room for it, even after evicting everything that can be read again.
-    pub fn add_series(&self, loaded: LoadedVolume, reader: VolumeReader) -> Result<(), MemoryFull> {
+    pub fn add_series(
+        &self,
+        loaded: LoadedVolume,
+        reader: VolumeReader,
+    ) -> Result<Arc<VolumeEntry>, MemoryFull> {
         self.engine.volumes.add_own(loaded, Some(reader))
     }
 

@@ -28,7 +28,7 @@ pub(super) async fn thumbnail(
     let preset = preset(&name).ok_or_else(unknown)?;
     let media = negotiate(&headers, &FORMATS)?;
     Query::of(&uri)?.expect_empty()?;
-    let scene = thumbnail_scene(preset, &entry.grid, THUMBNAIL_SIZE_PX)?;
+    let scene = thumbnail_scene(preset, &entry.subject(), THUMBNAIL_SIZE_PX)?;
     answer(&pictures, &entry, scene, &headers, Reply { method: Method::GET, product: Product::Frame, media })
         .await
 }

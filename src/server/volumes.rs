@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use super::live::Live;
 use super::problem::Problem;
+use relief_render::TISSUE_VIEW;
 use relief_session::{Engine, VolumeEntry};
 use relief_volume::{LabelMap, Segment};
 
@@ -21,12 +22,25 @@ pub(super) fn describe(entry: &VolumeEntry) -> Value {
     let path = format!("/v1/volumes/{}", entry.id);
     json!({
         "id": entry.id,
+        "name": entry.name(),
         "dims": grid.dims(),
         "spacing_mm": grid.spacing_mm(),
         "origin_mm": grid.origin().xyz.to_array(),
         "direction": grid.direction(),
         "center_mm": grid.center().xyz.to_array(),
         "radius_mm": grid.bounding_radius_mm(),
+        "framing": {
+            "center_mm": entry.framing.center().xyz.to_array(),
+            "radius_mm": entry.framing.radius_mm(&TISSUE_VIEW, 1.0),
+            "narrowest_aspect": entry.framing.narrowest_aspect(),
+        },
+        "anatomy": {
+            "part": entry.anatomy.part.name(),
+            "contrast": entry.anatomy.has_contrast,
+            "metal": entry.anatomy.has_metal,
+            "preset": entry.anatomy.preset().name,
+            "window_hu": entry.anatomy.window_hu(),
+        },
         "bounds_mm": [bounds.min.xyz.to_array(), bounds.max.xyz.to_array()],
         "hu_range": [low, high],
         "segments": entry.labels.as_deref().map(segments),

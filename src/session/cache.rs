@@ -99,6 +99,7 @@ mod tests {
             back: None,
             camera: key.request.camera,
             limits: DepthLimits::new(1.0, 2.0).unwrap(),
+            nearest_ball_mm: None,
             timings: Timings::default(),
         })
     }

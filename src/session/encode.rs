@@ -97,7 +97,7 @@ pub fn encode(
     product: Product,
     format: FileFormat,
 ) -> Result<Vec<u8>, EncodingError> {
-    let limits = display.limits(frame.limits)?;
+    let limits = frame.limits_for(display)?;
     match (format, product) {
         (FileFormat::Png, Product::Frame) => png(frame, &display.encoder()?, limits),
         (FileFormat::Png, Product::Depth) => {

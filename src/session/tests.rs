@@ -50,6 +50,7 @@ impl RenderBackend for Gated {
                 back: None,
                 camera: request.camera,
                 limits: DepthLimits::new(1.0, 9.0).expect("1 < 9"),
+                nearest_ball_mm: None,
                 timings: Timings::default(),
             }),
         }
@@ -160,6 +161,7 @@ impl RenderBackend for Fragile {
             back: None,
             camera: request.camera,
             limits: DepthLimits::new(1.0, 9.0).expect("1 < 9"),
+            nearest_ball_mm: None,
             timings: Timings::default(),
         })
     }

@@ -5,24 +5,27 @@
 //! not: rendering. Sizes in pixels.
 
 use relief_display::{DisplaySettings, Frame, Layout, LayoutError, Pixels};
-use relief_render::{Scene, SceneError, SceneFile, TextMask, text_mask};
-use relief_volume::{Grid, Orbit, Preset};
+use relief_render::{Scene, SceneError, SceneFile, Subject, TextMask, text_margin_px, text_mask};
+use relief_volume::{Orbit, Preset};
 
 /// Width and height of a thumbnail.
 pub const THUMBNAIL_SIZE_PX: [u32; 2] = [160, 120];
 
-/// From the front, a little from the left and above, and closer than "all of it": corners are
-/// mostly air.
-const VIEW: Orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.45, vertical_fov_deg: 22.0 };
+/// From the front, a little from the left and above.
+const VIEW: Orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.0, vertical_fov_deg: 22.0 };
 
 /// The scene of a preset's thumbnail: layout colour, all other settings default.
 ///
 /// # Errors
 /// When a picture of this size is out of range.
-pub fn thumbnail_scene(preset: &Preset, grid: &Grid, size_px: [u32; 2]) -> Result<Scene, SceneError> {
+pub fn thumbnail_scene(
+    preset: &Preset,
+    subject: &Subject<'_>,
+    size_px: [u32; 2],
+) -> Result<Scene, SceneError> {
     let display = DisplaySettings { layout: Layout::Color, ..DisplaySettings::default() };
     let file = SceneFile::default().with_preset(preset.name).with_size(size_px).with_display(display);
-    file.resolve(grid, &VIEW)
+    file.resolve_for(subject, &VIEW)
 }
 
 /// Pixels between cells.
@@ -30,7 +33,7 @@ const GAP: usize = 8;
 /// Height of the capitals of a name.
 const CAPITALS_PX: u32 = 10;
 /// Height of the line below a thumbnail that holds its name: that of its mask.
-const LINE: usize = (CAPITALS_PX + 2 * (CAPITALS_PX / 3)) as usize;
+const LINE: usize = (CAPITALS_PX + 2 * text_margin_px(CAPITALS_PX)) as usize;
 const GROUND: [u8; 3] = [24, 28, 33];
 const TEXT: [u8; 3] = [226, 232, 238];
 
@@ -121,7 +124,7 @@ fn fitting(text: &str, width: usize) -> TextMask {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_volume::PRESETS;
+    use relief_volume::{Grid, PRESETS};
 
     fn grid() -> Grid {
         Grid::axis_aligned([64, 64, 32], [0.8, 0.8, 1.0], [0.0; 3]).unwrap()
@@ -134,7 +137,9 @@ mod tests {
     #[test]
     fn every_preset_has_a_small_scene_in_its_own_mode_and_light() {
         for preset in PRESETS {
-            let scene = thumbnail_scene(preset, &grid(), THUMBNAIL_SIZE_PX).unwrap();
+            let subject =
+                Subject { grid: &grid(), occupancy: None, tissue: None, anatomy: None, labels: None };
+            let scene = thumbnail_scene(preset, &subject, THUMBNAIL_SIZE_PX).unwrap();
             assert_eq!(scene.request.size_px, THUMBNAIL_SIZE_PX);
             assert_eq!(scene.request.transfer, preset.transfer());
             assert_eq!(scene.request.shading.ambient, preset.light[0], "{}", preset.name);
@@ -152,14 +157,14 @@ mod tests {
             .map(|(name, color_rgba)| Thumbnail { name, size_px: [40, 20], color_rgba })
             .collect();
         let sheet = contact_sheet(&named, 2).unwrap();
-        assert_eq!(sheet.size_px(), [2 * 48 + 8, 2 * (20 + 16 + 8) + 8]);
+        assert_eq!(sheet.size_px(), [2 * 48 + 8, 2 * (20 + 20 + 8) + 8]);
         let Pixels::Rgb8(rgb) = sheet.pixels() else { panic!("colour") };
         let count = |color: [u8; 3]| rgb.chunks(3).filter(|pixel| **pixel == color).count();
         for [r, g, b, _] in colors {
             assert_eq!(count([r, g, b]), 40 * 20);
         }
         for (index, thumbnail) in named.iter().enumerate() {
-            let [left, top] = [8 + index % 2 * 48, 8 + 20 + index / 2 * 44];
+            let [left, top] = [8 + index % 2 * 48, 8 + 20 + index / 2 * 48];
             let ink = |x: usize, y: usize| rgb[3 * ((top + y) * 104 + left + x)] > GROUND[0];
             let inked = (0..16).any(|y| (0..40).any(|x| ink(x, y)));
             assert!(inked, "{} is written below its picture", thumbnail.name);

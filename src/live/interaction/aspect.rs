@@ -28,7 +28,7 @@ impl Aspect {
     pub(super) fn home(stage: &Stage) -> Self {
         let Home { orbit, preset } = &stage.home;
         Self {
-            look_at: stage.center,
+            look_at: stage.home_center,
             patient_from_view: orientation_of(orbit.azimuth_deg, orbit.elevation_deg),
             zoom: orbit.zoom.clamp(*ZOOMS.start(), *ZOOMS.end()),
             vertical_fov_deg: orbit.vertical_fov_deg,
@@ -40,15 +40,14 @@ impl Aspect {
     /// Distance of the eye from the focal point, and projection: those of an orbit.
     pub(super) fn lens(&self, stage: &Stage) -> Result<(f64, Projection), CameraError> {
         let [width, height] = stage.size_px.map(f64::from);
-        // An orbit fits the volume to the picture's height; a picture taller than wide has to stand
-        // back for it.
-        let zoom = self.zoom * (width / height).min(1.0);
+        // An orbit fits a sphere to the picture's height; a narrow picture has to stand back for it.
+        let zoom = self.zoom * (width / height / stage.narrowest_aspect).min(1.0);
         let half_angle = (self.vertical_fov_deg / 2.0).to_radians();
         let least = half_angle.tan() / (WIDEST_DEG / 2.0 - 1e-6).to_radians().tan();
         let zoom = zoom.clamp(Orbit::ZOOMS.start().max(least), *Orbit::ZOOMS.end());
         let orbit =
             Orbit { azimuth_deg: 0.0, elevation_deg: 0.0, zoom, vertical_fov_deg: self.vertical_fov_deg };
-        let camera = orbit.camera(stage.center, stage.radius_mm)?;
+        let camera = orbit.camera(stage.home_center, stage.home_radius_mm)?;
         Ok((camera.distance_mm(), camera.projection()))
     }
 

@@ -3,11 +3,16 @@
 use relief_base::{Patient, Point, Vector};
 use relief_volume::{Grid, Orbit};
 
-/// The volume's bounding sphere, the picture, the presets, and the view to begin with.
+/// The volume's bounding sphere, the sphere that views are fitted to, the picture, the presets, and the
+/// view to begin with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
     pub(super) center: Point<Patient>,
     pub(super) radius_mm: f64,
+    pub(super) home_center: Point<Patient>,
+    pub(super) home_radius_mm: f64,
+    /// Width by height of the narrowest picture in which the home sphere shows all.
+    pub(super) narrowest_aspect: f64,
     pub(super) size_px: [u32; 2],
     pub(super) presets: Vec<String>,
     pub(super) home: Home,
@@ -25,7 +30,7 @@ pub struct Home {
 impl Home {
     /// The initial view of the page.
     pub const ORBIT: Orbit =
-        Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.4, vertical_fov_deg: 22.0 };
+        Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.0, vertical_fov_deg: 22.0 };
 }
 
 /// A stage on which no view is possible.
@@ -77,7 +82,9 @@ impl Stage {
         if let Some(name) = home.preset.as_ref().filter(|name| !presets.contains(name)) {
             return refuse("preset", format!("{name:?}"), presets.join(", "));
         }
-        Ok(Self { center, radius_mm, size_px, presets, home })
+        let (home_center, home_radius_mm) = (center, radius_mm);
+        let narrowest_aspect = 1.0;
+        Ok(Self { center, radius_mm, home_center, home_radius_mm, narrowest_aspect, size_px, presets, home })
     }
 
     /// The stage of a volume on this grid: the sphere of orbits and of depth limits.
@@ -91,6 +98,13 @@ impl Stage {
         home: Home,
     ) -> Result<Self, StageError> {
         Self::new(grid.center(), grid.bounding_radius_mm(), size_px, presets, home)
+    }
+
+    /// The same stage with its views fitted to this sphere in place of the bounding sphere. Views stand
+    /// back in pictures that are narrower than `narrowest_aspect`, width by height.
+    #[must_use]
+    pub fn framed(self, center: Point<Patient>, radius_mm: f64, narrowest_aspect: f64) -> Self {
+        Self { home_center: center, home_radius_mm: radius_mm, narrowest_aspect, ..self }
     }
 
     /// Centre of the bounding sphere.

@@ -29,7 +29,7 @@ use crate::live::close::POLICY;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_live::{ClientMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, Settings};
-use relief_session::{Presentation, Viewer, lock};
+use relief_session::{Presentation, Viewer, VolumeEntry, VolumeError, lock};
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
@@ -163,7 +163,7 @@ fn open(
     }
     // An unknown token, for example after a restart of the server, begins a new session.
     let entry = match &hello.volume {
-        Some(id) => Some(parts.engine.volumes.find(id)?),
+        Some(id) => Some(find_volume(parts, id)?),
         None => None,
     };
     let author = caller.author(hello.author.clone())?;
@@ -191,6 +191,20 @@ fn open(
         Session::new(random_name()?, view, hello.role, author.map(str::to_owned), caller.clone(), remote);
     lock(&parts.live.sessions).add(&session, now);
     Ok((session, 1, formats, false))
+}
+
+/// The volume with this id. While series are being loaded, an unknown id may be one of them: the client
+/// tries again.
+fn find_volume(parts: &LiveParts, id: &str) -> Result<Arc<VolumeEntry>, Problem> {
+    let found = parts.engine.volumes.find(id);
+    let (_, loading) = parts.engine.volumes.count();
+    match found {
+        Err(VolumeError::UnknownId) if loading > 0 => {
+            let detail = format!("no volume has this id yet; {loading} series are being loaded");
+            Err(Problem::unavailable("loading", detail).with("loading", loading))
+        }
+        found => Ok(found?),
+    }
 }
 
 /// Says why, and closes.

@@ -66,6 +66,7 @@ export function recall(presets) {
   state.labels = recalledLabels(kept);
   state.light = recalledLight(kept);
   state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
+  state.own = { preset: kept.has("preset"), window: kept.has("window") };
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;
   state.mode = word("mode", values("mode")) ?? presets.find(({ name }) => name === state.preset).mode;
   state.iso = kept.has("iso") ? number("iso", 300) : null;

@@ -12,7 +12,7 @@ import { fitOf, normalized, shifted, zoomedAt } from "./orbit.js";
 import { Picks } from "./picks.js";
 import { PresetGrid } from "./presets.js";
 import { Preview } from "./preview.js";
-import { PLANES, dragged, onControls, paged, showControls, sliceWords, zoomed } from "./slices.js";
+import { PLANES, dragged, onControls, paged, showControls, sliceWords, windowed, zoomed } from "./slices.js";
 import { Stage } from "./stage.js";
 import { $, DOT, VIEWS, choose, overlayBoxes, showHelp, slicing, state, volumePath } from "./state.js";
 import { describeSurface, onSurface } from "./surface.js";
@@ -54,7 +54,9 @@ const aspect = () => stage.size[0] / stage.size[1];
 
 function setSlice(change, moving = true) {
   if (!state.volume) return;
-  state.slice = change(state.slice);
+  const before = state.slice;
+  state.slice = change(before);
+  state.own.window ||= state.slice.center !== before.center || state.slice.width !== before.width;
   refresh({ moving });
 }
 
@@ -74,7 +76,7 @@ function showPlane(plane) {
 function pan(by) {
   if (!state.volume) return;
   if (slicing()) return setSlice((slice) => dragged(slice, state.volume, by, aspect()));
-  setPose(shifted(state.pose, state.volume, state.fieldOfView, fitOf(stage.size), by));
+  setPose(shifted(state.pose, state.volume, state.fieldOfView, fitOf(stage.size, state.volume), by));
 }
 
 function zoom(ratio, at) {
@@ -100,7 +102,10 @@ onGestures($("stage"), $("divider"), {
     const degrees = 180 / height / Math.max(1, Math.sqrt(state.pose.zoom));
     setPose({ azimuth: state.pose.azimuth - dx * degrees, elevation: state.pose.elevation + dy * degrees });
   },
-  pan: (dx, dy) => pan([dx / stage.size[1], dy / stage.size[1]]),
+  pan(dx, dy, mouse) {
+    if (slicing() && mouse) return setSlice((slice) => windowed(slice, [dx, dy]));
+    pan([dx / stage.size[1], dy / stage.size[1]]);
+  },
   zoom(ratio, { wheel, at }) {
     if (slicing() && wheel && !wheel.ctrlKey) return page(Math.sign(ratio - 1));
     zoom(ratio, at);
@@ -127,14 +132,34 @@ function setView(view) {
 
 function setPreset(index) {
   if (!presets[index]) return;
-  const { name, purpose, mode } = presets[index];
+  state.own.preset = true;
+  const { name, mode } = presets[index];
   Object.assign(state, { preset: name, mode });
+  describePreset();
+  refresh();
+}
+
+function describePreset() {
+  const index = presets.findIndex(({ name }) => name === state.preset);
+  const { purpose, mode } = presets[index];
   $("mode").value = mode;
   describeSurface(state);
   describeLight(state);
   grid.choose(index);
   $("purpose").textContent = purpose;
-  refresh();
+}
+
+/** The preset and the window of slices that suit a volume, where the user chose none. */
+function follow({ anatomy }) {
+  const suited = presets.find(({ name }) => name === anatomy.preset);
+  if (!state.own.preset && suited) {
+    Object.assign(state, { preset: suited.name, mode: suited.mode });
+    describePreset();
+  }
+  if (!state.own.window) {
+    const [center, width] = anatomy.window_hu;
+    state.slice = { ...state.slice, center, width };
+  }
 }
 
 function fullScreen() {
@@ -286,6 +311,7 @@ function showVolume(volume) {
     state.pose = { ...state.pose, shift: null };
     state.labels = { ...state.labels, cut: [] };
   }
+  follow(volume);
   $("empty").hidden = true;
   $("notice").hidden = true;
   showSegments(volume, state.labels);
@@ -301,7 +327,7 @@ async function listVolumes() {
   const listed = await (await request("/v1/volumes")).json();
   volumes = listed.volumes;
   $("volume").replaceChildren(
-    ...volumes.map(({ id, dims, hu_range: hu }) => option(id, `${dims.join(" × ")}${DOT}${hu[0]} to ${hu[1]} HU`)),
+    ...volumes.map(({ id, name }) => option(id, name)),
   );
   $("volume-field").hidden = volumes.length < 2;
   if (state.volume) $("volume").value = state.volume.id;

@@ -20,7 +20,7 @@ export function pinch(before, after) {
 /**
  * Calls back with what is done on the stage: `turn(dx, dy)` and `pan(dx, dy)` in CSS pixels, `zoom(ratio, { wheel, at })` with the
  * event of a wheel or the place between two fingers, `click([x, y])` and `double()`. One finger turns, two zoom and move; with Shift
- * or the right button a mouse moves, too.
+ * or the right button a mouse moves, too: `pan` has its event then.
  */
 export function onGestures(stage, divider, { turn, pan, zoom, click, double }) {
   const pointers = new Map();
@@ -50,7 +50,7 @@ export function onGestures(stage, divider, { turn, pan, zoom, click, double }) {
     const [dx, dy] = [event.clientX - last.clientX, event.clientY - last.clientY];
     travelled += Math.hypot(dx, dy);
     if (travelled < CLICK_PIXELS) return;
-    if (event.shiftKey || event.buttons & 2) pan(dx, dy);
+    if (event.shiftKey || event.buttons & 2) pan(dx, dy, event);
     else turn(dx, dy);
   });
 

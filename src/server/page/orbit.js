@@ -1,7 +1,7 @@
 // The camera as an orbit around a place in the patient: angles in degrees, zoom, and where it
 // looks. It touches no element.
 //
-// An orbit around the volume's middle is requested by its angles. A shifted orbit is written as a
+// An orbit around the middle of the tissue is requested by its angles. A shifted orbit is written as a
 // camera, by the formulas of the server's `camera::Orbit`, so that a shift moves the picture and
 // changes nothing else.
 
@@ -10,7 +10,7 @@ import { add, clamp, length, scale } from "./vectors.js";
 const round = (value, digits) => Number(value.toFixed(digits));
 const words = (vector, digits = 3) => vector.map((value) => round(value, digits)).join(",");
 
-/** Keeps a pose in range: azimuth wraps, elevation ends at the poles. `shift` is from the volume's middle, mm, null for none. */
+/** Keeps a pose in range: azimuth wraps, elevation ends at the poles. `shift` is from the middle of the tissue, mm, null for none. */
 export function normalized({ azimuth, elevation, zoom, shift = null }) {
   return {
     azimuth: ((((azimuth + 180) % 360) + 360) % 360) - 180,
@@ -30,8 +30,8 @@ export function directionsOf({ azimuth, elevation }) {
   };
 }
 
-/** The radius of the sphere around a volume, mm: zoom 1 fits it into the picture's height. */
-const radiusOf = ({ dims, spacing_mm: spacing }) => length(dims.map((count, i) => count * spacing[i])) / 2;
+/** The radius of the sphere that zoom 1 fits into the picture's height, mm. */
+const radiusOf = ({ framing }) => framing.radius_mm;
 
 /** Distance of the eye and height of the picture where it looks, mm. A field of view of 0 is a parallel projection. */
 function measuresOf(volume, zoom, fieldOfView) {
@@ -46,11 +46,12 @@ function measuresOf(volume, zoom, fieldOfView) {
 export function orbitQuery(pose, volume, fieldOfView, fitted) {
   if (!pose.shift) {
     const { azimuth, elevation } = pose;
-    return { azimuth_deg: round(azimuth, 3), elevation_deg: round(elevation, 3), zoom: round(fitted, 4), vertical_fov_deg: fieldOfView };
+    const angles = { azimuth_deg: round(azimuth, 3), elevation_deg: round(elevation, 3), zoom: round(fitted, 4) };
+    return { ...angles, vertical_fov_deg: fieldOfView, frame: "tissue" };
   }
   const { toEye, up } = directionsOf(pose);
   const { distance, height } = measuresOf(volume, fitted, fieldOfView);
-  const at = add(volume.center_mm, pose.shift);
+  const at = add(volume.framing.center_mm, pose.shift);
   const narrowed = (360 / Math.PI) * Math.atan(height / (2 * distance));
   const projection = fieldOfView === 0 ? { height_mm: round(height, 4) } : { vertical_fov_deg: round(narrowed, 6) };
   return { eye_mm: words(add(at, scale(toEye, distance))), look_at_mm: words(at), up: words(up, 9), ...projection };
@@ -74,8 +75,8 @@ export function zoomedAt(pose, volume, fieldOfView, [width, height], ratio, [x, 
   const nearer = normalized({ ...pose, zoom: pose.zoom * ratio });
   const grown = nearer.zoom / pose.zoom - 1;
   const by = [-(x - 0.5) * (width / height) * grown, -(y - 0.5) * grown];
-  return shifted(nearer, volume, fieldOfView, fitOf([width, height]), by);
+  return shifted(nearer, volume, fieldOfView, fitOf([width, height], volume), by);
 }
 
-/** The server fits a volume to a picture's height: one that is taller than wide has to stand back for it. */
-export const fitOf = ([width, height]) => Math.min(1, width / height);
+/** The server fits a volume to a picture's height: one that is narrower than the volume needs has to stand back for it. */
+export const fitOf = ([width, height], { framing }) => Math.min(1, width / height / framing.narrowest_aspect);

@@ -42,11 +42,30 @@ export function sliceQuery(slice, volume, aspect) {
   };
 }
 
-/** The slice moved by so many voxels along its axis, within the volume. */
+/** Distance of a volume's slices along a patient axis, mm: that of the voxel axis nearest to it. */
+export function sliceStep({ direction, spacing_mm: spacing }, axis) {
+  const along = [0, 1, 2].map((voxel) => Math.abs(direction[3 * axis + voxel]));
+  return spacing[along.indexOf(Math.max(...along))];
+}
+
+/** The number of the slice at a position along a patient axis, from 1, and how many there are. */
+export function sliceNumber(volume, axis, mm) {
+  const [low, high] = volume.bounds_mm.map((bound) => bound[axis]);
+  const step = sliceStep(volume, axis);
+  const count = Math.max(1, Math.round((high - low) / step));
+  return [clamp(Math.floor((mm - low) / step) + 1, 1, count), count];
+}
+
+/** The slice moved by so many slices along its axis, within the volume. */
 export function paged(slice, volume, steps) {
   const { axis } = PLANES[slice.plane];
-  const step = Math.min(...volume.spacing_mm);
-  return placed(slice, volume, (slice.at ?? volume.center_mm)[axis] + steps * step);
+  return placed(slice, volume, (slice.at ?? volume.center_mm)[axis] + steps * sliceStep(volume, axis));
+}
+
+/** The slice with its window changed by a drag, CSS pixels: upwards is brighter, to the right is wider. */
+export function windowed(slice, [dx, dy]) {
+  const center = Math.round(clamp(slice.center + 2 * dy, -1024, 3071));
+  return { ...slice, center, width: Math.round(clamp(slice.width + 4 * dx, 1, 6000)) };
 }
 
 /** The slice at a position along its axis, within the volume. */
@@ -76,12 +95,13 @@ export function zoomed(slice, ratio, volume, aspect, [x, y] = [0.5, 0.5]) {
   return by.some(Boolean) ? dragged(nearer, volume, by, aspect) : nearer;
 }
 
-/** In words: plane, position on its axis as a letter and mm, and the slab. */
+/** In words: plane, number, position on its axis as a letter and mm, and the slab. */
 export function sliceWords({ plane, at, slab, blend }, volume) {
   const { axis } = PLANES[plane];
   const mm = (at ?? volume.center_mm)[axis];
   const letter = ["LR", "PA", "HF"][axis][mm < 0 ? 1 : 0];
-  const words = [plane, `${letter} ${Math.abs(mm).toFixed(1)} mm`];
+  const place = `${sliceNumber(volume, axis, mm).join("/")}, ${letter} ${Math.abs(mm).toFixed(1)} mm`;
+  const words = [plane, place];
   if (slab > 0) words.push(`${blend} of ${slab} mm`);
   return words;
 }
@@ -115,6 +135,9 @@ export function showControls(find, slice, volume) {
   for (const part of document.querySelectorAll("[data-of]")) part.hidden = (part.dataset.of === "slice") !== isSlice;
   if (!isSlice || !volume) return;
   for (const [id, key] of Object.entries(CONTROLS)) find(id).value = slice[key];
+  const known = [...find("slice-window").options].map((option) => option.value);
+  const window = `${slice.center},${slice.width}`;
+  find("slice-window").value = known.includes(window) ? window : "";
   const { axis } = PLANES[slice.plane];
   const place = find("slice-place");
   [place.min, place.max, place.step] = [volume.bounds_mm[0][axis], volume.bounds_mm[1][axis], 0.1];
@@ -125,6 +148,10 @@ export function showControls(find, slice, volume) {
 
 /** Calls back with what a control of the slice changes, as a function of the slice. */
 export function onControls(find, volume, change) {
+  find("slice-window").addEventListener("change", ({ target }) => {
+    const [center, width] = target.value.split(",").map(Number);
+    change((slice) => ({ ...slice, center, width }), false);
+  });
   find("slice-place").addEventListener("input", ({ target }) => {
     change((slice) => placed(slice, volume(), Number(target.value)), true);
   });

@@ -14,6 +14,8 @@ export const state = {
   pose: { ...HOME, shift: null },
   slice: { ...NO_SLICE },
   preset: "bone",
+  /** What the user chose; the rest follows the anatomy of the volume. */
+  own: { preset: false, window: false },
   mode: "composite",
   /** HU of the surface; the server's choice for the preset while null. */
   iso: null,

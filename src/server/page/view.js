@@ -12,7 +12,7 @@ import { sliceQuery } from "./slices.js";
 import { clamp } from "./vectors.js";
 
 /** The view that "reset" returns to. A little closer than "all of it": corners of a volume are mostly air. */
-export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1.4 });
+export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1 });
 
 /** Pixels of a still picture at most: more costs a software renderer seconds. */
 const STILL_PIXELS = 1_000_000;
@@ -57,7 +57,7 @@ function lookQuery(state, aspect, fit, moving = false) {
 
 /** Query of a picture that fills the stage. While moving, it has a budget. */
 export function stageQuery(state, [width, height], layout, { passes, moving = false } = {}) {
-  const look = lookQuery(state, width / height, fitOf([width, height]), moving);
+  const look = lookQuery(state, width / height, fitOf([width, height], state.volume), moving);
   const query = { ...look, ...budget(moving), size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
   return new URLSearchParams(passes === undefined ? query : { ...query, passes });
 }

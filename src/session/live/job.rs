@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::LiveError;
 use super::frame::Echo;
+use super::steady_limits::Activity;
 use crate::volumes::VolumeEntry;
 use relief_display::DisplaySettings;
 use relief_live::Quality;
@@ -26,6 +27,7 @@ pub(super) struct FrameJob {
     pub(super) number: u64,
     pub(super) revision: u64,
     pub(super) is_still: bool,
+    pub(super) activity: Activity,
     pub(super) arrived: Instant,
     pub(super) shows: Vec<(u64, Echo)>,
     pub(super) state: Arc<str>,

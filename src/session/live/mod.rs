@@ -16,6 +16,7 @@ mod presentation;
 mod preview;
 mod preview_search;
 mod render_loop;
+mod steady_limits;
 mod view;
 mod viewer;
 mod views;

@@ -17,10 +17,10 @@ use relief_annotation::{ShownSets, Snap, SnapFeature};
 use relief_display::DisplaySettings;
 use relief_live::{Home, LiveLayout, Quality, Settings, SnapTo, Stage, ViewState};
 use relief_render::{
-    Clip, ClipPlane, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest, RequestError, Scene,
-    SceneFile, depth_limits,
+    Clip, ClipPlane, FramingRule, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest,
+    RequestError, Scene, SceneFile, Subject, depth_limits,
 };
-use relief_volume::{Camera, Orbit, PRESETS};
+use relief_volume::{Camera, Orbit, PRESETS, preset};
 
 /// Most pixels of a live frame. It bounds the memory of frames that wait.
 const MAX_PIXELS: u64 = 1 << 23;
@@ -67,7 +67,7 @@ impl Presentation {
         settings: &Settings,
         author: Option<&str>,
     ) -> Result<Self, LiveError> {
-        let preset = Some(PRESETS[0].name.to_owned());
+        let preset = Some(entry.anatomy.preset().name.to_owned());
         let (patch, display) = (Map::new(), DisplaySettings::default());
         let base = resolve(&entry, &patch, &display, None, preset.as_deref())?;
         let stage = stage_of(&entry, &base)?;
@@ -120,10 +120,7 @@ impl Presentation {
             }
         }
         if let Some(entry) = entry {
-            if entry.id != next.entry.id {
-                next.drawables = Drawables::default();
-            }
-            next.entry = entry;
+            next.take_volume(entry);
         }
         if let Some(patch) = &settings.scene {
             for (key, instead) in ELSEWHERE {
@@ -133,7 +130,7 @@ impl Presentation {
             }
             merge(&mut next.patch, patch);
             match patch.get("transfer") {
-                Some(Value::Null) => next.preset = Some(PRESETS[0].name.to_owned()),
+                Some(Value::Null) => next.preset = Some(next.entry.anatomy.preset().name.to_owned()),
                 Some(_) => next.preset = None,
                 None => {}
             }
@@ -156,10 +153,22 @@ impl Presentation {
         next.size_px = settings.size_px.or(next.size_px);
         next.quality = settings.quality.unwrap_or(next.quality);
         if let Some(name) = &settings.preset {
+            expect_preset(name)?;
             next.preset = Some(name.clone());
             next.patch.remove("transfer");
         }
         next.resolved()
+    }
+
+    fn take_volume(&mut self, entry: Arc<VolumeEntry>) {
+        if entry.id != self.entry.id {
+            self.drawables = Drawables::default();
+        }
+        // A preset that nobody chose follows the volume.
+        if self.preset.as_deref() == Some(self.entry.anatomy.preset().name) {
+            self.preset = Some(entry.anatomy.preset().name.to_owned());
+        }
+        self.entry = entry;
     }
 
     /// The presentation with this preset.
@@ -276,6 +285,16 @@ pub(super) fn shrunk(mut request: RenderRequest, size_px: [u32; 2]) -> RenderReq
     request
 }
 
+/// Refuses an unknown preset by the key that named it.
+fn expect_preset(name: &str) -> Result<(), RequestError> {
+    if preset(name).is_some() {
+        return Ok(());
+    }
+    let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
+    let (path, found) = ("settings.preset".to_owned(), format!("{name:?}"));
+    Err(RequestError { path, found, allowed: names.join(", ") })
+}
+
 fn resolve(
     entry: &VolumeEntry,
     patch: &Map<String, Value>,
@@ -287,7 +306,9 @@ fn resolve(
     file = file.with_display(display.clone());
     file = size_px.map_or(file.clone(), |size_px| file.with_size(size_px));
     file = preset.map_or(file.clone(), |name| file.with_preset(name));
-    let scene = file.resolve_labelled(&entry.grid, &Orbit::default(), entry.labels.as_ref())?;
+    // The camera is the view's own, so this one is not fitted.
+    let subject = Subject { occupancy: None, ..entry.subject() };
+    let scene = file.resolve_for(&subject, &Orbit::default())?;
     scene.expect_size_of_layout()?;
     let pixels = scene.request.size_px.into_iter().map(u64::from).product::<u64>();
     if pixels > MAX_PIXELS {
@@ -301,8 +322,16 @@ fn resolve(
 
 fn stage_of(entry: &VolumeEntry, base: &Scene) -> Result<Stage, LiveError> {
     let presets = PRESETS.iter().map(|preset| preset.name.to_owned()).collect();
-    let home = Home { orbit: Home::ORBIT, preset: Some(PRESETS[0].name.to_owned()) };
-    Ok(Stage::of_grid(&entry.grid, base.request.size_px, presets, home)?)
+    let home = Home { orbit: Home::ORBIT, preset: Some(entry.anatomy.preset().name.to_owned()) };
+    let radius_mm = entry.framing.radius_mm(&Home::ORBIT, 1.0);
+    let stage = Stage::of_grid(&entry.grid, base.request.size_px, presets, home)?;
+    Ok(match base.frame {
+        FramingRule::Volume => stage,
+        // Not what is visible: the view would move with every preset.
+        FramingRule::Visible | FramingRule::Tissue => {
+            stage.framed(entry.framing.center(), radius_mm, entry.framing.narrowest_aspect())
+        }
+    })
 }
 
 /// Applies a JSON merge patch (RFC 7396).

@@ -9,13 +9,13 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::LiveError;
 use super::effect::DrawablesWanted;
 use super::frame::{Encodings, ViewFrame};
 use super::job::{FrameJob, NextStep};
 use super::presentation::shrunk;
 use super::view::View;
 use super::views::Views;
+use super::{LiveError, lock};
 use crate::engine::Engine;
 use crate::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError};
 use relief_live::Quality;
@@ -117,13 +117,14 @@ async fn make(engine: &Engine, view: &View, job: FrameJob, blocked_until: Instan
         let queue = Duration::from_secs_f64(rendered.queue_ms.max(0.0) / 1e3);
         blocked_until.saturating_duration_since(job.arrived) + queue
     };
-    match view_frame(&job, &rendered, rendering, waiting) {
+    match view_frame(view, &job, &rendered, rendering, waiting) {
         Ok(frame) => view.publish(Arc::new(frame)),
         Err(error) => view.fail(revision, error, Instant::now()),
     }
 }
 
 fn view_frame(
+    view: &View,
     job: &FrameJob,
     rendered: &Rendered,
     rendering: Duration,
@@ -132,7 +133,7 @@ fn view_frame(
     let frame = Arc::clone(&rendered.frame);
     Ok(ViewFrame {
         number: job.number,
-        limits: job.display.limits(frame.limits)?,
+        limits: lock(&view.limits).of(job.entry.hash, &job.display, &frame, job.activity)?,
         frame,
         display: job.display.clone(),
         full_px: job.request.size_px,

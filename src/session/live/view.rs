@@ -19,6 +19,7 @@ use super::job::{NextStep, Published};
 use super::motion::{Delays, Failure, Motion};
 use super::presentation::Presentation;
 use super::preview::{Preview, SnapQuery};
+use super::steady_limits::SteadyLimits;
 use super::viewer::Viewer;
 use super::{LiveError, lock};
 use crate::Drawables;
@@ -33,6 +34,8 @@ pub struct View {
     /// The name is a key to the view: it appears in no log and no metric.
     pub name: String,
     inner: Mutex<Inner>,
+    /// Those of the newest frame.
+    pub(super) limits: Mutex<SteadyLimits>,
     /// Wakes the render loop: the state or the capacity of a viewer has changed.
     pub work: Notify,
     /// The newest frame.
@@ -118,6 +121,7 @@ impl View {
         Self {
             name,
             inner: Mutex::new(inner),
+            limits: Mutex::default(),
             work: Notify::new(),
             frames: watch::Sender::new(None),
             failures: watch::Sender::new(None),

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::voxels::{VolumeReader, Voxels};
 use relief_annotation::FrameOfReference;
 use relief_dicom::{SeriesIdentity, SeriesReference};
-use relief_volume::{ContentHash, Grid, LabelMap, Volume};
+use relief_render::{Subject, framing_of_tissue};
+use relief_volume::{Anatomy, ContentHash, Framing, Grid, LabelMap, Occupancy, Volume};
 
 /// A volume as its reader returns it.
 #[derive(Clone, Debug)]
@@ -39,6 +40,14 @@ pub struct VolumeEntry {
     pub grid: Grid,
     /// Content hash of the voxels and the grid.
     pub hash: ContentHash,
+    /// Whether the volume is in memory a second time, without its table.
+    pub(super) has_copy: bool,
+    /// Where the volume has which values, its table left out, also when its voxels are out of memory.
+    pub(super) occupancy: Arc<Occupancy>,
+    /// Which part of a body the volume shows.
+    pub anatomy: Anatomy,
+    /// The sphere that live views are fitted to; see [`framing_of_tissue`].
+    pub framing: Framing,
     /// Shared with earlier entries of the same volume, which had another label map.
     pub(super) voxels: Arc<Voxels>,
     /// Smallest and largest HU.
@@ -59,6 +68,11 @@ impl VolumeEntry {
     pub(super) fn new(loaded: LoadedVolume, owner: Owner, reader: Option<VolumeReader>) -> Arc<Self> {
         let LoadedVolume { volume, warnings, identity, reference, labels } = loaded;
         let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
+        let shown = volume.without_table();
+        let has_copy = shown.content_hash() != hash;
+        let occupancy = Arc::clone(shown.occupancy());
+        let framing = framing_of_tissue(&occupancy, &grid);
+        let anatomy = shown.anatomy();
         let voxels = Arc::new(Voxels::new(volume, reader));
         let id = hash.short();
         let has_own_labels = owner == Owner::Operator && labels.is_some();
@@ -66,6 +80,10 @@ impl VolumeEntry {
             id,
             grid,
             hash,
+            has_copy,
+            occupancy,
+            anatomy,
+            framing,
             voxels,
             range_hu,
             warnings,
@@ -77,6 +95,29 @@ impl VolumeEntry {
         })
     }
 
+    /// The volume as scenes are resolved for it.
+    #[must_use]
+    pub fn subject(&self) -> Subject<'_> {
+        Subject {
+            grid: &self.grid,
+            occupancy: Some(&self.occupancy),
+            tissue: Some(&self.framing),
+            anatomy: Some(self.anatomy),
+            labels: self.labels.as_ref(),
+        }
+    }
+
+    /// What people call it: the body part and the size. Descriptions of series may name patients and are
+    /// left out.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let [nx, ny, nz] = self.grid.dims();
+        let mut part = self.anatomy.part.name().to_owned();
+        part[..1].make_ascii_uppercase();
+        let medium = if self.anatomy.has_contrast { " with contrast medium" } else { "" };
+        format!("{part}{medium}, {nx} × {ny} × {nz}")
+    }
+
     /// The frame of reference of annotations in this volume. It may hold a UID, which leads to a
     /// patient: for the store, not for answers.
     #[must_use]
@@ -85,10 +126,16 @@ impl VolumeEntry {
         FrameOfReference::of(of_series, &self.id)
     }
 
-    /// Bytes of the voxels in memory.
+    /// Bytes of the voxels.
     #[must_use]
     pub fn voxel_bytes(&self) -> u64 {
         (self.grid.voxel_count() * size_of::<i16>()) as u64
+    }
+
+    /// Bytes in memory of the voxels, with and without the table.
+    #[must_use]
+    pub fn memory_bytes(&self) -> u64 {
+        self.voxel_bytes() * if self.has_copy { 2 } else { 1 }
     }
 
     /// Bytes of the label map in memory; 0 where there is none.

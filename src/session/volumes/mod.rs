@@ -93,20 +93,24 @@ impl Volumes {
         inner.loading = inner.loading.saturating_sub(count);
     }
 
-    /// Adds a volume of the operator; `reader` reads its voxels again after an eviction. Without
-    /// one they stay in memory.
+    /// Adds a volume of the operator and returns its entry; `reader` reads its voxels again after an
+    /// eviction. Without one they stay in memory.
     ///
     /// # Errors
     /// When there is no room for its voxels.
-    pub fn add_own(&self, loaded: LoadedVolume, reader: Option<VolumeReader>) -> Result<(), MemoryFull> {
+    pub fn add_own(
+        &self,
+        loaded: LoadedVolume,
+        reader: Option<VolumeReader>,
+    ) -> Result<Arc<VolumeEntry>, MemoryFull> {
         let entry = VolumeEntry::new(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
         let mut inner = self.write();
         inner.entries.retain(|known| known.id != entry.id);
-        self.residents.make_room(&inner.entries, entry.voxel_bytes() + entry.label_bytes())?;
+        self.residents.make_room(&inner.entries, entry.memory_bytes() + entry.label_bytes())?;
         inner.loading = inner.loading.saturating_sub(1);
         self.residents.touch(&entry.voxels);
-        inner.entries.push(entry);
-        Ok(())
+        inner.entries.push(Arc::clone(&entry));
+        Ok(entry)
     }
 
     /// Adds an uploaded volume, or finds an equal one.

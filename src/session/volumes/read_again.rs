@@ -24,10 +24,11 @@ pub(crate) async fn voxels(volumes: &Volumes, entry: &VolumeEntry) -> Result<Vol
         return Ok(volume);
     }
     let reader = entry.voxels.reader.clone().ok_or(ReadError::NoReader)?;
-    volumes.make_room(entry.voxel_bytes())?;
+    volumes.make_room(entry.memory_bytes())?;
     let read = on_blocking_thread(permit, WHAT, move || {
         let volume = reader()?;
-        let _ = volume.content_hash(); // takes as long as reading: not on an async thread
+        // These take as long as reading: not on an async thread.
+        let _ = (volume.content_hash(), volume.without_table());
         Ok(volume)
     });
     let volume = read.await?.map_err(ReadError::Reader)?;

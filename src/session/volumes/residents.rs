@@ -62,7 +62,7 @@ impl Residents {
     /// Evicts the least recently used voxels until `needed` bytes are free.
     pub(super) fn make_room(&self, entries: &[Arc<VolumeEntry>], needed: u64) -> Result<(), MemoryFull> {
         let kept = |entry: &Arc<VolumeEntry>| {
-            entry.label_bytes() + if entry.voxels.can_be_evicted() { 0 } else { entry.voxel_bytes() }
+            entry.label_bytes() + if entry.voxels.can_be_evicted() { 0 } else { entry.memory_bytes() }
         };
         let available = self.limit_bytes.saturating_sub(entries.iter().map(kept).sum());
         if needed > available {
@@ -84,7 +84,7 @@ impl Residents {
 
 fn used(entries: &[Arc<VolumeEntry>]) -> u64 {
     let of_entry = |entry: &Arc<VolumeEntry>| {
-        entry.label_bytes() + if entry.voxels.lock().is_some() { entry.voxel_bytes() } else { 0 }
+        entry.label_bytes() + if entry.voxels.lock().is_some() { entry.memory_bytes() } else { 0 }
     };
     entries.iter().map(of_entry).sum()
 }

@@ -8,16 +8,28 @@ import { colorOf } from "./model.js";
 
 const dialog = () => document.getElementById("dialog");
 
-/** Opens a dialog and gives the value of the button that closed it, with the form's fields; null after Escape. */
+/**
+ * Opens a dialog and gives the value of the button that closed it, with the form's fields; null after Escape.
+ *
+ * The primary button alone submits the form.
+ */
 function ask(title, content, buttons, wide = false) {
   const box = dialog();
   box.classList.toggle("wide", wide);
-  const row = buttons.map(([value, words, primary]) =>
-    element("button", { value, className: primary ? "primary" : "", type: "submit", formNoValidate: value === "" }, words));
+  const row = buttons.map(([value, words, primary]) => (primary
+    ? element("button", { value, className: "primary", type: "submit" }, words)
+    : element("button", { type: "button", value, onclick: () => box.close(value) }, words)));
   const form = element("form", { method: "dialog" }, element("h2", { id: "dialog-title" }, title), ...content, element("p", { className: "dialog-buttons" }, ...row));
+  // Enter in a field confirms, also in a menu, which would open.
+  form.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" || event.isComposing || event.target.closest("button, textarea")) return;
+    event.preventDefault();
+    form.requestSubmit(form.querySelector(".primary"));
+  });
   box.replaceChildren(form);
   box.returnValue = "";
   if (!box.open) box.showModal();
+  if (!form.querySelector("input, select, textarea")) form.querySelector(".primary")?.focus();
   // The focus may be on a button at the end: reading begins at the beginning.
   box.scrollTop = 0;
   return new Promise((resolve) => {

@@ -264,6 +264,7 @@ async function show(volume) {
   model.seq = 0;
   annotations = new Annotations(volume, model.author);
   pageFacts.volume(volume);
+  pageFacts.look(model);
   model.moveCursor(volume.center_mm);
   hand.look(volume.center_mm);
   model.changed("items", "pose");

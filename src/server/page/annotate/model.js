@@ -3,8 +3,8 @@
 
 import { measures, middleOf } from "./geometry.js";
 
-/** The first view of the 3D pane, which is taller than wide: closer than all of the volume, whose corners are mostly air. */
-export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 2 });
+/** The first view of the 3D pane. */
+export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1 });
 
 /** Colours of kinds that have none of their own, display-referred sRGB. */
 const COLORS = {
@@ -53,8 +53,10 @@ export class Model {
   handle = 0;
   tool = "navigate";
   snap = { to: "off", radius_mm: 5, hu: 300 };
-  window = { center: 300, width: 1800 };
+  /** Of the slices, HU; that of the volume's anatomy until the user changes it. */
+  window = { center: 40, width: 400, isOwn: false };
   preset = "bone";
+  hasOwnPreset = false;
   /** The 3D view, angles in degrees. */
   pose = { ...HOME };
   /** The oblique slice is turned as the 3D view is, while it follows. */

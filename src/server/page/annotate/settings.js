@@ -9,6 +9,14 @@ const DOT = " · ";
 const initials = (name) => name.split(/\s+/).map((word) => word[0]).slice(0, 2).join("").toUpperCase();
 
 export const pageFacts = {
+  /** The preset and the window that suit the volume, where the user chose none. */
+  look(model) {
+    const { preset, window_hu: [center, width] } = model.volume.anatomy;
+    if (!model.hasOwnPreset) $("preset").value = model.preset = preset;
+    if (!model.window.isOwn) model.window = { center, width, isOwn: false };
+    model.changed("window");
+  },
+
   volume({ id, dims, spacing_mm: spacing, hu_range: [low, high] }) {
     const size = `${dims.join(" × ")} voxels`;
     const step = `${spacing.map((value) => Number(value.toFixed(3))).join(" × ")} mm`;
@@ -18,7 +26,7 @@ export const pageFacts = {
   },
 
   volumes(volumes, choose) {
-    $("volume").replaceChildren(...volumes.map(({ id, dims }) => new Option(dims.join(" × "), id)));
+    $("volume").replaceChildren(...volumes.map(({ id, name }) => new Option(name, id)));
     $("volume-field").hidden = volumes.length < 2;
     $("volume").addEventListener("change", ({ target }) => choose(volumes[target.selectedIndex]));
   },
@@ -49,17 +57,19 @@ export async function onSettings(model, panes) {
   $("preset").replaceChildren(...presets.map(({ name }) => new Option(name.replaceAll("-", " "), name)));
   $("preset").value = model.preset;
   $("preset").addEventListener("change", ({ target }) => {
-    model.preset = target.value;
+    Object.assign(model, { preset: target.value, hasOwnPreset: true });
     panes[0].refresh();
   });
   $("window").addEventListener("change", ({ target }) => {
     const [center, width] = target.value.split(",").map(Number);
-    model.window = { center, width };
+    model.window = { center, width, isOwn: true };
     model.changed("window");
   });
   model.on("window", () => {
     const value = `${model.window.center},${model.window.width}`;
-    $("window").value = [...$("window").options].some((option) => option.value === value) ? value : "";
+    const known = [...$("window").options];
+    known.at(-1).textContent = `by hand: ${model.window.center} ± ${model.window.width / 2} HU`;
+    $("window").value = known.some((option) => option.value === value) ? value : "";
   });
   $("follows").addEventListener("change", ({ target }) => {
     model.oblique = { ...model.oblique, follows: target.checked };

@@ -1,6 +1,6 @@
 // A slice through the cursor: axial, sagittal, coronal, or an oblique one that follows the 3D view.
 
-import { PLANES, extent } from "/slices.js";
+import { PLANES, extent, sliceNumber, sliceStep, windowed } from "/slices.js";
 import { across, add, clamp, cross, dot, scale, sub, unit } from "./geometry.js";
 import { crossSvg, itemsSvg } from "./overlay.js";
 import { Pane } from "./pane.js";
@@ -10,6 +10,11 @@ export const PLANE_COLORS = { axial: "#ff7d70", sagittal: "#f2cf5b", coronal: "#
 
 const round = (values, digits = 3) => values.map((value) => Number(value.toFixed(digits)));
 const KEYS = "Arrow keys move the cursor, with Ctrl the picture, Page Up and Page Down go through slices, plus and minus zoom, Enter places a point at the cursor.";
+
+/** Number of the slice, and its position as a letter and mm. */
+function placeWords(volume, axis, mm) {
+  return `${sliceNumber(volume, axis, mm).join("/")}, ${["LR", "PA", "HF"][axis][mm < 0 ? 1 : 0]} ${Math.abs(mm).toFixed(1)}`;
+}
 
 /** Directions of a plane's picture: what points right and up. */
 function directions(name, model) {
@@ -74,7 +79,7 @@ export class SlicePane extends Pane {
     this.itemLayer.innerHTML = itemsSvg(model.shown(), sight, this.size, { ...model, draft, moved });
     const { mm } = model.cursor;
     const axis = PLANES[this.name]?.axis;
-    this.at.textContent = axis === undefined ? (model.oblique.follows ? "as 3D" : "") : `${["LR", "PA", "HF"][axis][mm[axis] < 0 ? 1 : 0]} ${Math.abs(mm[axis]).toFixed(1)}`;
+    this.at.textContent = axis === undefined ? (model.oblique.follows ? "as 3D" : "") : placeWords(model.volume, axis, mm[axis]);
     this.hand.structures?.drawSlice(this);
   }
 
@@ -102,15 +107,16 @@ export class SlicePane extends Pane {
   }
 
   #windowBy(dx, dy) {
-    const { center, width } = this.model.window;
-    this.model.window = { center: Math.round(clamp(center - 2 * dy, -1024, 3071)), width: Math.round(clamp(width + 4 * dx, 1, 6000)) };
+    this.model.window = { ...windowed(this.model.window, [dx, dy]), isOwn: true };
     this.model.changed("window");
   }
 
   /** Goes through slices by voxels. */
   page(steps) {
     const { right, up } = directions(this.name, this.model);
-    const step = Math.min(...this.model.volume.spacing_mm);
+    const axis = PLANES[this.name]?.axis;
+    const { volume } = this.model;
+    const step = axis === undefined ? Math.min(...volume.spacing_mm) : sliceStep(volume, axis);
     // Away from the viewer of an axial slice is towards the feet: up is towards the head for all.
     const towards = cross(right, up);
     const sign = Math.sign(towards.find((value) => Math.abs(value) > 0.5) ?? 1);

@@ -21,7 +21,7 @@ export class VolumePane extends Pane {
   order(moving) {
     const { model, pixels: size } = this;
     const layout = moving ? "color" : "rgbd";
-    const orbit = orbitQuery(model.pose, model.volume, FIELD_OF_VIEW, model.pose.zoom * fitOf(size));
+    const orbit = orbitQuery(model.pose, model.volume, FIELD_OF_VIEW, model.pose.zoom * fitOf(size, model.volume));
     const look = { preset: model.preset, ...orbit, size_px: size.join(",") };
     const query = new URLSearchParams({ ...look, layout, profile: "philips-42", ...(moving ? { budget_ms: MOVING_MS } : {}) });
     const accept = moving ? "image/jpeg" : "image/png";
@@ -98,7 +98,7 @@ export class VolumePane extends Pane {
   /** Moves the picture, CSS pixels. */
   pan([dx, dy]) {
     const [, height] = this.size;
-    this.turn(shifted(this.model.pose, this.model.volume, FIELD_OF_VIEW, fitOf(this.size), [dx / height, dy / height]));
+    this.turn(shifted(this.model.pose, this.model.volume, FIELD_OF_VIEW, fitOf(this.size, this.model.volume), [dx / height, dy / height]));
   }
 
   home() {

@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::Inner;
 use crate::live::job::{FrameJob, NextStep};
 use crate::live::motion::Delays;
+use crate::live::steady_limits::Activity;
 use crate::live::viewer::Viewer;
 use relief_live::{Role, ServerMessage, SnappedPlace, StateMessage};
 
@@ -71,6 +72,7 @@ impl Inner {
             number,
             revision: self.revision,
             is_still,
+            activity: Activity::of(is_still, self.state.is_placing()),
             arrived: self.motion.arrived,
             shows,
             state: ServerMessage::State(message).to_text().into(),
