@@ -34,6 +34,7 @@ mod query;
 #[cfg(feature = "cluster")]
 mod queue;
 mod record;
+mod relocate;
 mod report;
 mod run;
 mod sink;

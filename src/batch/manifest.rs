@@ -100,9 +100,12 @@ impl Job {
     #[must_use]
     pub fn new(
         series: SeriesSource,
-        (view, group): (String, String),
-        (scene, orbit): (Value, Orbit),
-        (products, annotations): (Vec<Product>, Option<KeptAnnotations>),
+        view: String,
+        group: String,
+        scene: Value,
+        orbit: Orbit,
+        products: Vec<Product>,
+        annotations: Option<KeptAnnotations>,
     ) -> Self {
         let job = JobKey(String::new());
         let mut job = Self { job, series, view, group, scene, orbit, products, annotations };

@@ -20,6 +20,7 @@ use super::views::{View, ViewSet};
 use relief_annotation::Item;
 use relief_base::sha256_of_file;
 use relief_dicom::{SeriesEntry, Strictness};
+use relief_render::{FramingRule, SceneFile, TableRule};
 use relief_volume::Orbit;
 use relief_volume::Volume;
 
@@ -167,14 +168,27 @@ fn jobs_of(
     let job = |view: View| {
         let mut scene = request.scene.clone();
         scene.extend(view.scene);
+        write_rules(&mut scene);
         let orbit = match view.orbit {
             Some([azimuth_deg, elevation_deg]) => Orbit { azimuth_deg, elevation_deg, ..request.orbit },
             None => request.orbit,
         };
-        let made = (request.products.clone(), kept.clone());
-        Job::new(found.source.clone(), (view.name, view.group), (Value::Object(scene), orbit), made)
+        let (scene, products) = (Value::Object(scene), request.products.clone());
+        Job::new(found.source.clone(), view.name, view.group, scene, orbit, products, kept.clone())
     };
     Ok(Ok(views.into_iter().map(job).collect()))
+}
+
+/// Writes what decides a picture where a scene says nothing, so that a job's key covers it. A view
+/// with a camera of its own, and a slice, are fitted to nothing.
+fn write_rules(scene: &mut Map<String, Value>) {
+    let file = SceneFile::from_value(&Value::Object(scene.clone()));
+    if file.is_ok_and(|file| file.has_camera() || file.is_slice()) {
+        scene.remove("frame");
+    } else {
+        scene.entry("frame").or_insert_with(|| FramingRule::default().name().into());
+    }
+    scene.entry("table").or_insert_with(|| TableRule::default().name().into());
 }
 
 fn own_views(items: &[&Item], volume: Option<&Volume>, request: &Request) -> Vec<View> {

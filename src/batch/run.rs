@@ -19,7 +19,7 @@ use super::record::Record;
 use super::sink::Sink;
 use super::source::{BudgetedVolume, SeriesError, SeriesSource};
 use crate::output_file::OutputFile;
-use relief_render::{GpuError, Overlays, RenderError, Renderer, Scene, SceneError, SceneFile};
+use relief_render::{GpuError, Overlays, RenderError, Renderer, Scene, SceneError, SceneFile, Subject};
 
 /// What to run and how.
 #[derive(Clone, Debug)]
@@ -134,8 +134,8 @@ pub fn run<E>(
     if !pending.is_empty() {
         let mut renderer = open().map_err(RunError::Renderer)?;
         let groups = pending.chunk_by(|a, b| a.series == b.series).map(<[&Job]>::to_vec);
-        let from = (&options.copies, &MemoryBudget::new(options.voxel_bytes));
-        render_groups(&mut renderer, groups, from, &shared);
+        let gate = MemoryBudget::new(options.voxel_bytes);
+        render_groups(&mut renderer, groups, &options.copies, &gate, &shared);
     }
     Ok(shared.into_summary())
 }
@@ -146,7 +146,8 @@ pub fn run<E>(
 pub(super) fn render_groups<J: Borrow<Job> + Send>(
     renderer: &mut Renderer,
     groups: impl Iterator<Item = Vec<J>> + Send,
-    from: (&Copies, &MemoryBudget),
+    copies: &Copies,
+    gate: &MemoryBudget,
     shared: &RunState<'_>,
 ) {
     let writers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(MOST_WRITERS);
@@ -155,7 +156,7 @@ pub(super) fn render_groups<J: Borrow<Job> + Send>(
     let (finished, pictures) = sync_channel(WRITES_WAITING);
     let pictures = &Mutex::new(pictures);
     std::thread::scope(|scope| {
-        scope.spawn(move || load_all(groups, from, &loaded, shared));
+        scope.spawn(move || load_all(groups, copies, gate, &loaded, shared));
         for _ in 0..writers {
             scope.spawn(move || write_all::<J>(pictures, shared));
         }
@@ -206,7 +207,8 @@ impl Last<'_> {
 
 fn load_all<'a, J: Borrow<Job>>(
     groups: impl Iterator<Item = Vec<J>>,
-    (copies, gate): (&Copies, &'a MemoryBudget),
+    copies: &Copies,
+    gate: &'a MemoryBudget,
     loaded: &SyncSender<Series<'a, J>>,
     shared: &RunState<'_>,
 ) {
@@ -300,7 +302,7 @@ fn render(
     let (volume, labels) = (&loaded.volume, loaded.labels.as_ref());
     let permanent = |error: SceneError| SeriesError::permanent(&error);
     let file = SceneFile::from_value(&job.scene).map_err(permanent)?;
-    let scene: Scene = file.resolve_labelled(volume.grid(), &job.orbit, labels).map_err(permanent)?;
+    let scene: Scene = file.resolve_for(&Subject::of(volume, labels), &job.orbit).map_err(permanent)?;
     scene.expect_no_annotations().map_err(permanent)?;
     if job.products.iter().any(|product| product.is_frame()) {
         scene.expect_size_of_layout().map_err(permanent)?;
@@ -402,9 +404,9 @@ mod tests {
             SeriesSource { path, uid: None, name, sha256: "0".repeat(64), labels: None }
         };
         let job = |series: &str, view: &str| {
-            let what = (serde_json::json!({}), Orbit::default());
-            let (view, products) = ((view.to_owned(), String::new()), vec![Product::Color]);
-            vec![Job::new(source(series), view, what, (products, None))]
+            let (scene, orbit) = (serde_json::json!({}), Orbit::default());
+            let (view, group) = (view.to_owned(), String::new());
+            vec![Job::new(source(series), view, group, scene, orbit, vec![Product::Color], None)]
         };
         // Reading it again would give another error, because the folder exists by then.
         let mut groups = vec![job("b", "one"), job("a", "two"), job("a", "one")];
@@ -420,7 +422,7 @@ mod tests {
         let (sink, gate) = (Sink::Folder(folder.path().join("out")), MemoryBudget::new(1 << 20));
         let shared = RunState::new(&sink, &|_| ());
         let (send, series) = sync_channel(3);
-        load_all(groups, (&copies, &gate), &send, &shared);
+        load_all(groups, &copies, &gate, &send, &shared);
         drop(send);
         let reasons: Vec<SeriesError> = series.iter().map(|(_, loaded)| loaded.unwrap_err()).collect();
         assert_eq!(reasons[0], reasons[1]);

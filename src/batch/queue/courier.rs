@@ -99,7 +99,9 @@ impl QueueClient {
     /// Opens the stream and its consumer, which are made where they are not there.
     pub(super) async fn new(
         queue: &Queue,
-        (ack_wait, take, idle_exit): (Duration, usize, Option<Duration>),
+        ack_wait: Duration,
+        take: usize,
+        idle_exit: Option<Duration>,
         words: Receiver<WorkerMessage>,
         stopping: Arc<AtomicBool>,
     ) -> Result<Self, QueueError> {

@@ -88,8 +88,8 @@ pub fn work_queue(
     let (feed, jobs) = channel(1);
     let (words, heard) = channel(WORDS);
     let stopping = Arc::new(AtomicBool::new(false));
-    let how = (options.ack_wait, options.take, options.idle_exit);
-    let courier = QueueClient::new(queue, how, heard, Arc::clone(&stopping));
+    let WorkOptions { ack_wait, take, idle_exit, .. } = *options;
+    let courier = QueueClient::new(queue, ack_wait, take, idle_exit, heard, Arc::clone(&stopping));
     let courier = runtime.block_on(courier)?;
     let courier = runtime.spawn(courier.run(feed, stop));
     let bench = Bench {
@@ -106,7 +106,8 @@ pub fn work_queue(
     let hear = |step: RunEvent<'_>| bench.hear(step);
     let shared = RunState::new(&options.out, &hear);
     let source = Source { jobs, bench: &bench, shared: &shared, is_alone: false };
-    render_groups(renderer, source, (&options.copies, &MemoryBudget::new(options.voxel_bytes)), &shared);
+    let gate = MemoryBudget::new(options.voxel_bytes);
+    render_groups(renderer, source, &options.copies, &gate, &shared);
     let counts = *lock(&bench.counts);
     let summary = shared.into_summary();
     drop(bench); // the courier waits for words no longer
