@@ -40,6 +40,16 @@ pub enum ClientError {
         reason: String,
         /// Whether it may be otherwise in a while.
         passing: bool,
+        /// Whether the server has no volume of the requested id.
+        no_volume: bool,
+    },
+    /// The volume of the session was removed from the server.
+    #[error("the session at {server} has ended: the volume was removed{reason}")]
+    Removed {
+        /// Where.
+        server: ServerAddress,
+        /// What the server said of it, after a colon; may be empty.
+        reason: String,
     },
     /// The session is over, and another connection would not change that.
     #[error("the session at {server} has ended: {reason}")]
@@ -68,8 +78,13 @@ impl ClientError {
             Self::Unreachable { .. } | Self::Lost { .. } => true,
             Self::Refused { passing, .. } => *passing || was_connected,
             Self::NotRelief { .. } | Self::Insecure { .. } => was_connected,
-            Self::Ended { .. } => false,
+            Self::Ended { .. } | Self::Removed { .. } => false,
         }
+    }
+
+    /// Whether the volume of the session does not exist on the server, or no longer.
+    pub(super) const fn has_no_volume(&self) -> bool {
+        matches!(self, Self::Removed { .. } | Self::Refused { no_volume: true, .. })
     }
 }
 

@@ -64,7 +64,9 @@ pub fn journal_head(hello: &Hello) -> String {
 #[must_use]
 pub fn journal_line(t_ns: u64, event: &Event) -> Option<String> {
     let line = match event {
-        Event::State(LinkState::Connecting) | Event::Unreadable(_) => return None,
+        Event::State(LinkState::Connecting | LinkState::Silent | LinkState::Heard) | Event::Unreadable(_) => {
+            return None;
+        }
         Event::State(LinkState::Connected { .. }) => json!({ "t_ns": t_ns, "state": "connected" }),
         Event::State(LinkState::Lost { .. }) => json!({ "t_ns": t_ns, "state": "lost" }),
         Event::Sent(ClientMessage::Ack(_) | ClientMessage::Hello(_)) => return None,

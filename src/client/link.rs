@@ -12,7 +12,7 @@ use bytes::Bytes;
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::Value;
-use tokio::time::timeout;
+use tokio::time::{MissedTickBehavior, timeout};
 use tokio_tungstenite::tungstenite::protocol::CloseFrame;
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::{Error, Message};
@@ -28,7 +28,11 @@ use relief_live::{
     ClientMessage, FrameHeader, Hello, Parts, Role, ServerMessage, Settings, ViewRecord, Welcome,
 };
 
-/// The server pings every 10 s: a longer silence means that the connection is lost.
+/// Interval of the client's pings. A server answers each at once.
+const PING: Duration = Duration::from_millis(1500);
+/// After a silence this long the picture may be out of date: [`LinkState::Silent`].
+const SILENT: Duration = Duration::from_secs(4);
+/// A longer silence means that the connection is lost.
 const SILENCE: Duration = Duration::from_secs(25);
 /// A connection that lived for so long was a good one.
 const GOOD: Duration = Duration::from_secs(2);
@@ -46,7 +50,7 @@ pub struct Options {
     pub access: Access,
     /// What for.
     pub hello: Hello,
-    /// Whether a server that is not there yet is waited for.
+    /// Whether to wait for a server or a volume that is not there yet, and for one that was removed.
     pub wait: bool,
 }
 
@@ -79,6 +83,10 @@ pub enum LinkState {
         /// Name of the view.
         view: String,
     },
+    /// Nothing was received for 4 s, not even an answer to a ping; the connection may still work.
+    Silent,
+    /// The server was heard again after [`LinkState::Silent`].
+    Heard,
     /// Not there.
     Lost {
         /// Why.
@@ -132,8 +140,13 @@ pub async fn run(
         let attempt = session.attempt(&mut was_connected).await;
         handle.outbox().close();
         let Err(error) = attempt else { return Ok(()) };
-        if !(error.is_passing(was_connected) && (was_connected || options.wait)) {
+        let is_removed = matches!(error, ClientError::Removed { .. }) && options.wait;
+        if !is_removed && !(error.is_passing(was_connected) && (was_connected || options.wait)) {
             return Err(error);
+        }
+        if error.has_no_volume() && options.hello.volume.is_none() {
+            // The next attempt takes the server's first volume, from its beginning.
+            *known.lock().unwrap_or_else(PoisonError::into_inner) = SessionState::default();
         }
         if begun.elapsed() > GOOD {
             backoff.reset();
@@ -231,12 +244,9 @@ impl Session<'_> {
     async fn receive_all(&self, mut stream: SplitStream<Socket>, connection: u64) -> ClientError {
         let (mut unreadable, mut said) = (0, None);
         loop {
-            let message = timeout(SILENCE, stream.next()).await;
-            let message = match message {
-                Err(_) => return self.lost(format!("silent for {} s", SILENCE.as_secs())),
-                Ok(None) => return self.lost("closed".to_owned()),
-                Ok(Some(Err(error))) => return self.lost(shown(&error.to_string())),
-                Ok(Some(Ok(message))) => message,
+            let message = match self.next_message(&mut stream).await {
+                Ok(message) => message,
+                Err(error) => return error,
             };
             match message {
                 Message::Binary(bytes) => {
@@ -260,13 +270,41 @@ impl Session<'_> {
         }
     }
 
-    /// Sends whatever there is to send, until that fails.
+    /// The next message of the server; reports a silence that begins or ends.
+    async fn next_message(&self, stream: &mut SplitStream<Socket>) -> Result<Message, ClientError> {
+        let heard = match timeout(SILENT, stream.next()).await {
+            Ok(heard) => heard,
+            Err(_) => {
+                (self.on)(Event::State(LinkState::Silent));
+                let heard = timeout(SILENCE - SILENT, stream.next()).await;
+                let heard = heard.map_err(|_| self.lost(format!("silent for {} s", SILENCE.as_secs())))?;
+                if matches!(heard, Some(Ok(_))) {
+                    (self.on)(Event::State(LinkState::Heard));
+                }
+                heard
+            }
+        };
+        match heard {
+            None => Err(self.lost("closed".to_owned())),
+            Some(Err(error)) => Err(self.lost(shown(&error.to_string()))),
+            Some(Ok(message)) => Ok(message),
+        }
+    }
+
+    /// Sends all messages, and pings, until that fails.
     async fn send_all(&self, sink: &mut SplitSink<Socket, Message>) -> Error {
+        let mut ping = tokio::time::interval(PING);
+        ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            let message = self.handle.next().await;
-            let text = message.to_text();
-            (self.on)(Event::Sent(message));
-            if let Err(error) = sink.send(Message::text(text)).await {
+            let sent = tokio::select! {
+                message = self.handle.next() => {
+                    let text = message.to_text();
+                    (self.on)(Event::Sent(message));
+                    sink.send(Message::text(text)).await
+                }
+                _ = ping.tick() => sink.send(Message::Ping(Bytes::new())).await,
+            };
+            if let Err(error) = sent {
                 return error;
             }
         }

@@ -101,16 +101,16 @@ fn answered(server: &ServerAddress, status: StatusCode, body: &str) -> ClientErr
     match (status, detail) {
         (StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS, detail) => {
             let reason = detail.unwrap_or_else(|| status.to_string());
-            ClientError::Refused { server, reason, passing: true }
+            ClientError::Refused { server, reason, passing: true, no_volume: false }
         }
         (StatusCode::UNAUTHORIZED, _) => {
             let reason = "it asks who you are: give a token of `relief token add` by --token or RELIEF_TOKEN"
                 .to_owned();
-            ClientError::Refused { server, reason, passing: false }
+            ClientError::Refused { server, reason, passing: false, no_volume: false }
         }
         (StatusCode::FORBIDDEN | StatusCode::MISDIRECTED_REQUEST, detail) => {
             let reason = detail.unwrap_or_else(|| status.to_string());
-            ClientError::Refused { server, reason, passing: false }
+            ClientError::Refused { server, reason, passing: false, no_volume: false }
         }
         _ => ClientError::NotRelief { server, reason: format!("HTTP {status} at /v1/session") },
     }
@@ -169,12 +169,15 @@ pub(super) fn closed(
             // A temporary refusal: a volume is being loaded, or all sessions are taken.
             let status = said.and_then(|problem| problem.get("status")).and_then(Value::as_u64);
             let passing = matches!(status, Some(404 | 429 | 503));
-            ClientError::Refused { server, reason: words.trim_start_matches(": ").to_owned(), passing }
+            let kind = said.and_then(|problem| problem.get("type")).and_then(Value::as_str);
+            let no_volume = status == Some(404) && kind.is_some_and(|kind| kind.ends_with("no-such-volume"));
+            let reason = words.trim_start_matches(": ").to_owned();
+            ClientError::Refused { server, reason, passing, no_volume }
         }
         4001 => {
             ClientError::Ended { server, reason: "another connection has resumed this session".to_owned() }
         }
-        4002 => ClientError::Ended { server, reason: format!("the volume was removed{words}") },
+        4002 => ClientError::Removed { server, reason: words },
         _ => ClientError::Lost { server, reason: format!("closed with code {code}{words}") },
     }
 }

@@ -4,14 +4,20 @@
 //! upper left corner, acknowledging it, and mouse and keys as intents. What it is not: a
 //! compositor; where the system scales windows, no header survives, and `show` reports it.
 //!
-//! Marks of state are drawn only into the shown pixels; see [`Marks`].
+//! Marks of state are drawn only into the shown pixels; see [`Marks`]. Without a connection a line of
+//! text takes the picture's place within 5 s: an old picture may be of another patient.
 
+mod freshness;
 mod input;
+mod notice;
 mod screen;
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
+use winit::error::EventLoopError;
 use winit::event_loop::{EventLoop, EventLoopProxy};
+
+pub use notice::{Lettering, LetteringFn};
 
 use super::compose::{Composed, Composer};
 use super::handle::Handle;
@@ -22,7 +28,7 @@ use relief_live::ServerMessage;
 use relief_tracking::TrackingState;
 
 /// How the window is.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct WindowOptions {
     /// All of a monitor, without borders.
     pub fullscreen: bool,
@@ -36,13 +42,22 @@ pub struct WindowOptions {
     pub frame_px: [u32; 2],
     /// Whether mouse and keys move the view.
     pub presents: bool,
+    /// The text in place of a picture that is out of date.
+    pub waiting: String,
+    /// Makes that text.
+    pub lettering: LetteringFn,
 }
 
 /// Why there is no window.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
+    /// The environment names no display.
+    #[error(
+        "no window can be opened: DISPLAY is not set; start the client in the session of the display, or set DISPLAY to it, such as :0; --headless works without a window"
+    )]
+    NoDisplay,
     /// No display of the system can be opened.
-    #[error("no window can be opened: {0}; is DISPLAY set? --headless works without one")]
+    #[error("no window can be opened: {0}; is there a display at DISPLAY? --headless works without one")]
     Open(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The system lost the window.
     #[error("the window was lost: {0}")]
@@ -64,6 +79,8 @@ enum SessionEvent {
     Frame(u64, Box<Composed>),
     /// Marks may have changed.
     Marks(Marks),
+    /// The connection changed.
+    Link(LinkState),
     /// The session is over.
     Stop,
 }
@@ -99,8 +116,12 @@ impl Window {
     /// # Errors
     /// When there is no display.
     pub fn new() -> Result<Self, WindowError> {
+        let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+        if cfg!(target_os = "linux") && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY") {
+            return Err(WindowError::NoDisplay);
+        }
         let events = EventLoop::with_user_event().build();
-        let events = events.map_err(|error| WindowError::Open(error.into()))?;
+        let events = events.map_err(|error| WindowError::Open(reason(&error).into()))?;
         let shared = Arc::new(WindowState { newest: Mutex::default(), changed: Condvar::new() });
         let screen = Screen { shared, wake: events.create_proxy() };
         Ok(Self { events, screen })
@@ -137,6 +158,15 @@ impl Window {
     }
 }
 
+/// The system's reason without the place in the source code of the library that reports it.
+fn reason(error: &EventLoopError) -> String {
+    let text = error.to_string();
+    match text.strip_prefix("os error at ").and_then(|place_and_reason| place_and_reason.split_once(": ")) {
+        Some((_, reason)) => reason.to_owned(),
+        None => text,
+    }
+}
+
 impl Screen {
     fn newest(&self) -> MutexGuard<'_, Newest> {
         self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner)
@@ -149,8 +179,11 @@ impl Screen {
                 self.newest().frame = Some(received.clone());
                 self.shared.changed.notify_all();
             }
-            Event::State(LinkState::Connected { .. }) => self.mark(|marks| marks.offline = false),
-            Event::State(_) => self.mark(|marks| marks.offline = true),
+            Event::State(state) => {
+                let offline = !matches!(state, LinkState::Connected { .. } | LinkState::Heard);
+                self.mark(|marks| marks.offline = offline);
+                let _ = self.wake.send_event(SessionEvent::Link(state.clone())); // fails when the window is gone
+            }
             Event::Message(message) => {
                 if let ServerMessage::Tracking(known) = message.as_ref() {
                     self.tracking(Some(known.state));

@@ -2,18 +2,21 @@
 
 use std::num::NonZeroU32;
 use std::rc::Rc;
+use std::time::Instant;
 
 use softbuffer::{Context, Surface};
 use winit::application::ApplicationHandler;
 use winit::dpi::{PhysicalPosition, PhysicalSize};
 use winit::event::WindowEvent;
-use winit::event_loop::{ActiveEventLoop, OwnedDisplayHandle};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, OwnedDisplayHandle};
 use winit::monitor::MonitorHandle;
 use winit::window::{Fullscreen, Window, WindowId};
 
+use super::freshness::Freshness;
 use super::input::{Input, Meaning};
-use super::{SessionEvent, WindowError, WindowOptions};
+use super::{SessionEvent, WindowError, WindowOptions, notice};
 use crate::handle::Handle;
+use crate::link::LinkState;
 use crate::marks::Marks;
 use crate::place::PicturePlace;
 use relief_display::{Frame, Layout, Pixels};
@@ -28,6 +31,7 @@ pub(super) struct App {
     pane: Option<Pane>,
     input: Input,
     marks: Marks,
+    freshness: Freshness,
     layout: Layout,
     frame: Option<Frame>,
     /// The newest frame's connection and number, until it was shown.
@@ -45,13 +49,15 @@ struct ShownWarnings {
 
 impl App {
     pub(super) fn new(options: WindowOptions, handle: Handle) -> Self {
+        let layout = options.layout;
         Self {
             options,
             handle,
             pane: None,
             input: Input::default(),
             marks: Marks { tracking: None, offline: true },
-            layout: options.layout,
+            freshness: Freshness::new(),
+            layout,
             frame: None,
             unshown: None,
             warned: ShownWarnings::default(),
@@ -141,6 +147,11 @@ impl App {
         pane.resize(width, height).map_err(lost)?;
         pane.window().pre_present_notify();
         let mut buffer = pane.buffer_mut().map_err(lost)?;
+        if self.freshness.is_stale(Instant::now()) {
+            let WindowOptions { waiting, lettering, .. } = &self.options;
+            notice::draw(waiting, *lettering, &mut buffer, [size.width, size.height]);
+            return buffer.present().map_err(lost);
+        }
         let marks = if self.options.clean { Marks::default() } else { self.marks };
         let frame = self.frame.clone().and_then(|frame| marks.draw(self.layout, frame).ok());
         put(frame.as_ref(), &mut buffer, size.width as usize);
@@ -199,6 +210,7 @@ impl ApplicationHandler<SessionEvent> for App {
                     self.layout = layout;
                 }
                 let is_resized = self.frame.as_ref().map(Frame::size_px) != Some(composed.frame.size_px());
+                self.freshness.frame(connection);
                 self.unshown = Some((connection, composed.header.sequence));
                 self.frame = Some(composed.frame);
                 if let Some(frame_px) = self.frame.as_ref().map(Frame::size_px).filter(|_| is_resized) {
@@ -206,9 +218,31 @@ impl ApplicationHandler<SessionEvent> for App {
                 }
             }
             SessionEvent::Marks(marks) => self.marks = marks,
+            SessionEvent::Link(state) => match state {
+                LinkState::Connected { connection, resumed, .. } => {
+                    self.freshness.connected(connection, resumed);
+                }
+                LinkState::Lost { .. } => self.freshness.lost(Instant::now()),
+                LinkState::Silent => self.freshness.silent(),
+                LinkState::Heard => self.freshness.heard(),
+                LinkState::Connecting => {}
+            },
             SessionEvent::Stop => return events.exit(),
         }
         self.request_draw();
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let now = Instant::now();
+        match self.freshness.deadline() {
+            Some(deadline) if deadline > now => events.set_control_flow(ControlFlow::WaitUntil(deadline)),
+            Some(_) => {
+                self.freshness.update(now);
+                events.set_control_flow(ControlFlow::Wait);
+                self.request_draw();
+            }
+            None => events.set_control_flow(ControlFlow::Wait),
+        }
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
